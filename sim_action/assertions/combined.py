@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 from pydantic import Field
 
 from sim_action.assertions import Assertion, shortened_title
-from sim_action.assertions.monitors import Monitor, State, is_cumulative, is_deciding
+from sim_action.assertions.monitors import Monitor, State, is_cumulative, is_deciding, needed_until
 from sim_action.assertions.monitors.goals import joined, joined_by_any
 from sim_action.core.wording import shown
 from sim_action.core.workspace import Workspace
@@ -138,6 +138,13 @@ class Combination:
         alone = State.BROKEN if self.every else State.HOLDS
         pairs = zip(self.monitors, self._decided, strict=True)
         return all(self._decided) or any(decided and monitor.state is alone for monitor, decided in pairs)
+
+    @cached_property
+    def needed_until(self) -> float:
+        """See BoundedMonitor.needed_until."""
+        if self.is_decided:
+            return 0.0
+        return needed_until(*(m for m, decided in zip(self.monitors, self._decided, strict=True) if not decided))
 
     @cached_property
     def _decided(self) -> list[bool]:
@@ -327,6 +334,11 @@ class NegationMonitor:
     def is_decided(self) -> bool:
         """See DecidingMonitor.is_decided."""
         return is_decided(self.monitor, self.began)
+
+    @cached_property
+    def needed_until(self) -> float:
+        """See BoundedMonitor.needed_until."""
+        return 0.0 if self.is_decided else needed_until(self.monitor)
 
     def begin(self, trace: Trace) -> Self:
         """See CumulativeMonitor.begin."""

@@ -54,6 +54,17 @@ class DecidingMonitor(Monitor, Protocol):
         """True if no later step can change the result."""
 
 
+class BoundedMonitor(Monitor, Protocol):
+    """A monitor with a quantity over a finite time. It must see all of that time before a passing verdict is final."""
+
+    @property
+    def needed_until(self) -> float:
+        """The sim time in s up to which the run must go on; 0 before the first step, and when it is decided.
+
+        After the first step it never grows, so a run that may end stays one that may end.
+        """
+
+
 class PlottableMonitor(Monitor, Protocol):
     """A monitor that can return its signals as curves."""
 
@@ -73,6 +84,16 @@ def is_cumulative(monitor: Monitor) -> TypeGuard[CumulativeMonitor]:
 def is_deciding(monitor: Monitor) -> TypeGuard[DecidingMonitor]:
     """Return True if the monitor has `is_decided`."""
     return hasattr(type(monitor), "is_decided")
+
+
+def is_bounded(monitor: Monitor) -> TypeGuard[BoundedMonitor]:
+    """Return True if the monitor has `needed_until`."""
+    return hasattr(type(monitor), "needed_until")
+
+
+def needed_until(*monitors: Monitor) -> float:
+    """Return the latest sim time in s that one of the monitors needs; 0 if none needs any."""
+    return max((monitor.needed_until for monitor in monitors if is_bounded(monitor)), default=0.0)
 
 
 def is_plottable(monitor: Monitor) -> TypeGuard[PlottableMonitor]:

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Self
 
-from sim_action.assertions.monitors import Monitor, State, is_cumulative, is_plottable
+from sim_action.assertions.monitors import Monitor, State, is_cumulative, is_plottable, needed_until
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.state.verdict import Judged, Signal
 
@@ -39,6 +39,11 @@ class Window:
         if not self.over or state is not State.PENDING:
             return state
         return State.BROKEN if self.verdict().status == "failed" else State.HOLDS
+
+    @property
+    def needed_until(self) -> float:
+        """See BoundedMonitor.needed_until. Nothing is needed after the window."""
+        return 0.0 if self.over else min(self.before, needed_until(self.monitor))
 
     def observe(self, trace: Trace) -> Self:
         """See Monitor.observe."""

@@ -96,6 +96,11 @@ class Interval:
     end: float = math.inf
     at: int = field(default=0, compare=False)
 
+    @property
+    def bound(self) -> float:
+        """The greatest finite bound: the end, or the start of an interval without an end."""
+        return self.end if math.isfinite(self.end) else self.start
+
     def __str__(self) -> str:
         if self == ALL_TIME:
             return ""
@@ -255,6 +260,12 @@ def horizon(formula: Formula) -> float:
     """Return the time in s after which the truth of a formula at a step is known; infinite if unbounded."""
     inner = max(map(horizon, parts(formula)), default=0.0)
     return inner + formula.interval.end if isinstance(formula, Always | Eventually | Until) else inner
+
+
+def finite_horizon(formula: Formula) -> float:
+    """Return the time in s that a formula looks ahead at least. An interval without an end counts up to its start."""
+    inner = max(map(finite_horizon, parts(formula)), default=0.0)
+    return inner + formula.interval.bound if isinstance(formula, Always | Eventually | Until) else inner
 
 
 def _exact(value: float) -> str:

@@ -78,6 +78,11 @@ class StlMonitor:
         """See DecidingMonitor.is_decided."""
         return self.part.is_decided
 
+    @property
+    def needed_until(self) -> float:
+        """See BoundedMonitor.needed_until. The largest end of the finite intervals that are not decided yet."""
+        return self.part.needed_until
+
     def observe(self, trace: Trace) -> Self:
         """See Monitor.observe."""
         if not len(trace):
@@ -150,6 +155,11 @@ class BooleanPart:
         known = [part.state for part in self.parts if part.is_decided]
         return alone in known or len(known) == len(self.parts)
 
+    @cached_property
+    def needed_until(self) -> float:
+        """See BoundedMonitor.needed_until."""
+        return 0.0 if self.is_decided else max(part.needed_until for part in self.parts)
+
     def observe(self, samples: Samples) -> BooleanPart:
         """See Part.observe."""
         return replace(self, parts=tuple(part.observe(samples) for part in self.parts))
@@ -175,6 +185,11 @@ class NegatedPart:
     def is_decided(self) -> bool:
         """See DecidingMonitor.is_decided."""
         return self.part.is_decided
+
+    @property
+    def needed_until(self) -> float:
+        """See BoundedMonitor.needed_until."""
+        return self.part.needed_until
 
     def observe(self, samples: Samples) -> NegatedPart:
         """See Part.observe."""

@@ -9,7 +9,7 @@ from typing import Final, Protocol, Self
 import numpy as np
 
 from sim_action.assertions.monitors import State
-from sim_action.assertions.temporal_logic.formula import Formula, Interval, Until, horizon
+from sim_action.assertions.temporal_logic.formula import Formula, Interval, Until, finite_horizon, horizon
 from sim_action.assertions.temporal_logic.robustness import Cause, cause, robustness
 from sim_action.assertions.temporal_logic.samples import Samples
 from sim_action.state.trace import FloatArray
@@ -36,6 +36,10 @@ class Part(Protocol):
     @property
     def is_decided(self) -> bool:
         """See DecidingMonitor.is_decided."""
+
+    @property
+    def needed_until(self) -> float:
+        """See BoundedMonitor.needed_until."""
 
     def observe(self, samples: Samples) -> Part:
         """Return the part after more steps."""
@@ -121,6 +125,13 @@ class Extreme:
     def is_decided(self) -> bool:
         """See DecidingMonitor.is_decided."""
         return self.closed or self._is_settled
+
+    @property
+    def needed_until(self) -> float:
+        """See BoundedMonitor.needed_until."""
+        if self.begin is None or self.is_decided:
+            return 0.0
+        return self.begin + self.interval.bound + finite_horizon(self.formula)
 
     @property
     def _is_settled(self) -> bool:
@@ -213,6 +224,13 @@ class UntilFold:
     def is_decided(self) -> bool:
         """See DecidingMonitor.is_decided."""
         return self.state is not State.PENDING
+
+    @property
+    def needed_until(self) -> float:
+        """See BoundedMonitor.needed_until."""
+        if self.begin is None or self.is_decided:
+            return 0.0
+        return self.begin + finite_horizon(self.formula)
 
     def observe(self, samples: Samples) -> Self:
         """See Part.observe."""

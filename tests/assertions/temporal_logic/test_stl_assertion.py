@@ -14,7 +14,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from sim_action.assertions.monitors import Monitor, State, is_deciding
+from sim_action.assertions.combined import AllOf, Negation
+from sim_action.assertions.monitors import Monitor, State, is_bounded, is_deciding, needed_until
 from sim_action.assertions.monitors.window import Window
 from sim_action.assertions.temporal_logic.formula import Formula
 from sim_action.assertions.temporal_logic.monitor import BooleanPart
@@ -22,6 +23,7 @@ from sim_action.assertions.temporal_logic.operators import Part
 from sim_action.assertions.temporal_logic.robustness import Cause
 from sim_action.assertions.temporal_logic.samples import Samples
 from sim_action.assertions.temporal_logic.stl_assertion import Stl
+from sim_action.assertions.travel import Travel
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Verdict
 from tests.assertions.temporal_logic.formulas import meaning, plain_formulas, walks
@@ -138,6 +140,55 @@ def test_a_roll_and_a_pitch_are_what_urdf_calls_so() -> None:
 )
 def test_when_a_formula_is_decided(text: str, expected: list[State]) -> None:
     assert states(text, FAST) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("always (speed < 2)", [0, 1, 1, 1, 1]),
+        ("speed < 2", [0, 0, 0, 0, 0]),
+        ("always[1 s, 2.5 s] (speed < 2)", [0, 3.5, 3.5, 3.5, 0]),
+        # A broken invariant, and a goal that came true.
+        ("always[0 s, 9 s] (speed < 0.8)", [0, 10, 10, 0, 0]),
+        ("eventually[0 s, 9 s] (speed > 0.8)", [0, 10, 10, 0, 0]),
+        # Nested intervals add up. An interval without an end counts up to its start.
+        ("always[0 s, 3 s] (eventually[1 s, 2 s] (speed < 2))", [0, 6, 6, 6, 6]),
+        ("always[3 s, end] (speed < 2)", [0, 4, 4, 4, 4]),
+        ("always[1 s, end] (eventually[0 s, 2 s] (speed < 2))", [0, 4, 4, 4, 4]),
+        ("always[0 s, 5 s] (eventually (speed > 0))", [0, 6, 6, 6, 6]),
+        ("speed < 2 until[0 s, 2 s] (always[0 s, 3 s] (speed > 3))", [0, 6, 6, 6, 6]),
+        ("speed < 0.5 until[0 s, 9 s] speed > 0.7", [0, 10, 0, 0, 0]),
+        ("not (speed < 2 until[0 s, 9 s] speed > 3)", [0, 10, 10, 10, 10]),
+        # The part that is not decided needs the time.
+        ("(always[0 s, 9 s] (speed < 0.8)) or always[0 s, 3 s] (speed < 2)", [0, 10, 10, 4, 0]),
+        ("(always[0 s, 2 s] (speed < 2)) and always[0 s, 9 s] (speed < 2)", [0, 10, 10, 10, 10]),
+        ("(always[0 s, 1 s] (speed < 2)) or always[0 s, 9 s] (speed < 2)", [0, 10, 0, 0, 0]),
+    ],
+)
+def test_how_long_the_run_must_go_on(text: str, expected: list[float]) -> None:
+    """FAST begins at 1 s."""
+    opened = monitor(stl(text))
+    combined = [monitor(AllOf(parts=(stl(text), Travel(at_most=9.0)))), monitor(Negation(part=stl(text)))]
+    for index, needed in enumerate(expected):
+        assert is_bounded(opened)
+        assert [needed_until(one) for one in (opened, *combined)] == [needed] * 3
+        step = piece(FAST, index, index + 1)
+        opened, combined = opened.observe(step), [one.observe(step) for one in combined]
+
+
+def test_nothing_is_needed_after_the_window() -> None:
+    opened = Window(monitor(stl("always[0 s, 9 s] (speed < 2)")), 2.0, 3.5)
+    assert [opened.observe(FAST.first(count)).needed_until for count in (1, 2, 3, 4)] == [0, 3.5, 3.5, 0]
+    assert Window(monitor(Travel(at_most=9.0))).observe(FAST).needed_until == 0
+
+
+@examples(100)
+@given(plain_formulas, walks)
+def test_the_needed_time_never_grows_and_ends_with_the_decision(formula: Formula, walk: list[tuple[int, int]]) -> None:
+    opened = [folded(formula, walk[:length], []) for length in range(1, len(walk) + 1)]
+    needed = [needed_until(one) for one in opened]
+    assert needed == sorted(needed, reverse=True)
+    assert all(is_deciding(one) and not (one.is_decided and until) for one, until in zip(opened, needed, strict=True))
 
 
 def test_what_is_judged_at_the_end_is_judged() -> None:
@@ -274,6 +325,10 @@ class _Asked(NamedTuple):
     @property
     def is_decided(self) -> bool:
         return self.state is not P
+
+    @property
+    def needed_until(self) -> float:
+        return 0.0
 
     def observe(self, samples: Samples) -> Self:
         return self
