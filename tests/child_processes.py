@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import platform
 import sys
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
@@ -68,6 +69,8 @@ def may_start_processes(item: pytest.Item) -> bool:
 
 def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "process: starts a process; not part of `make check`")
+    # Python starts `uname` at the first call, and keeps the answer.
+    platform.processor()
 
 
 @pytest.hookimpl(wrapper=True)
