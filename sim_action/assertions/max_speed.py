@@ -2,23 +2,32 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
 from sim_action.assertions import Assertion
-from sim_action.assertions.monitors import Monitor
-from sim_action.assertions.monitors.bounds import AllLimits, Bounds, SignalMonitor
+from sim_action.assertions.monitors import Monitor, State
+from sim_action.assertions.monitors.base_motion import BaseMotion
+from sim_action.assertions.monitors.bounds import AllLimits, Bounds
 from sim_action.core import units
 from sim_action.core.field_types import NonNegativeMetresPerSecond, NonNegativeRadiansPerSecond
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
     from sim_action.state.observation import Observation
+    from sim_action.state.trace import FloatArray, Trace
+    from sim_action.state.verdict import Signal, Verdict
 
 
 class MaxSpeed(Assertion):
-    """The speed of the base link's origin never exceeds `linear`, its turn rate never exceeds `angular`."""
+    """The speed of the base link's origin never exceeds `linear`, its turn rate never exceeds `angular`.
+
+    Both are velocities that the engine reports. If the base moves or turns further in one physics step than they
+    explain, it jumped, for example because a script set its pose. The speed is then the length of the jump over the
+    time of the step.
+    """
 
     key: ClassVar[str] = "max_speed"
 
@@ -39,11 +48,63 @@ class MaxSpeed(Assertion):
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor."""
+        motion = BaseMotion.of(scene, start)
         monitors = []
         if self.linear is not None:
-            bounds = Bounds("moved with", "m/s", None, self.linear)
-            monitors.append(SignalMonitor("speed", lambda trace: trace.speed, bounds))
+            monitors.append(SpeedMonitor(Bounds("moved with", "m/s", None, self.linear), motion))
         if self.angular is not None:
-            bounds = Bounds("turned with", "rad/s", None, self.angular)
-            monitors.append(SignalMonitor("turn rate", lambda trace: trace.turn_rate, bounds))
+            monitors.append(SpeedMonitor(Bounds("turned with", "rad/s", None, self.angular), motion, turns=True))
         return AllLimits(tuple(monitors))
+
+
+@dataclass(frozen=True, slots=True)
+class SpeedMonitor:
+    """The fold of the speed of the base, or of its turn rate (`turns`).
+
+    Attributes:
+        jump: the jump that broke the limit, as text; empty if no jump did.
+    """
+
+    is_momentary: ClassVar[bool] = True
+
+    bounds: Bounds
+    motion: BaseMotion
+    turns: bool = False
+    jump: str = ""
+
+    @property
+    def state(self) -> State:
+        """See Monitor.state."""
+        return self.bounds.state
+
+    @property
+    def is_decided(self) -> bool:
+        """See DecidingMonitor.is_decided."""
+        return self.bounds.is_decided
+
+    def begin(self, trace: Trace) -> Self:
+        """See CumulativeMonitor.begin. The step to the first moment of the window counts."""
+        return replace(self, motion=self.motion.after(trace))
+
+    def observe(self, trace: Trace) -> Self:
+        """See Monitor.observe."""
+        values = self._values(self.motion, trace)
+        bounds, jump = self.bounds.observe(trace.time, values), self.jump
+        if bounds.is_decided and not self.is_decided:
+            step = int((trace.time == bounds.invariant.time).argmax())
+            reported = trace.turn_rate if self.turns else trace.speed
+            jump = self.motion.jump(trace, step, turns=self.turns) if values[step] != reported[step] else ""
+        return replace(self, bounds=bounds, motion=self.motion.after(trace), jump=jump)
+
+    def verdict(self) -> Verdict:
+        """See Monitor.verdict."""
+        found = self.bounds.verdict()
+        return replace(found, message=f"{self.jump}: {found.message}") if self.jump else found
+
+    def signals(self, trace: Trace) -> tuple[Signal, ...]:
+        """See PlottableMonitor.signals."""
+        values = self._values(self.motion.of_stored(), trace)
+        return (self.bounds.drawn("turn rate" if self.turns else "speed", trace.time, values),)
+
+    def _values(self, motion: BaseMotion, trace: Trace) -> FloatArray:
+        return motion.turn_rate(trace) if self.turns else motion.speed(trace)

@@ -11,6 +11,7 @@ from pydantic import Field
 
 from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import Monitor, State
+from sim_action.assertions.monitors.base_motion import BaseMotion
 from sim_action.assertions.monitors.goals import HoldTime
 from sim_action.core import units
 from sim_action.core.field_types import PositiveMetresPerSecond, PositiveRadiansPerSecond, PositiveSeconds
@@ -61,7 +62,7 @@ class Settled(AtRest):
         """See Assertion.monitor."""
         counting = scene.bolted if self.joints is None else self.joints
         joints = {joint.name: joint.dimension("velocity").si for joint in scene.model.moving_joints if counting}
-        return SettledMonitor(self, tuple(joints.items()), HoldTime(self.span))
+        return SettledMonitor(self, tuple(joints.items()), HoldTime(self.span), BaseMotion.of(scene, start))
 
 
 class Motion(NamedTuple):
@@ -93,6 +94,7 @@ class SettledMonitor:
     spec: Settled
     joints: tuple[tuple[str, str], ...]
     rest: HoldTime
+    motion: BaseMotion
     end: float | None = None
     last: str = ""
 
@@ -111,6 +113,7 @@ class SettledMonitor:
         return replace(
             self,
             rest=self.rest.observe(trace.time, slow),
+            motion=self.motion.after(trace),
             end=float(trace.time[-1]),
             last="it still was" if slow[-1] else fastest.last,
         )
@@ -127,8 +130,8 @@ class SettledMonitor:
     def _motions(self, trace: Trace) -> Iterator[Motion]:
         """Yield the speeds of the base and the joints."""
         spec = self.spec
-        yield Motion("speed", "the base moved", trace.speed, spec.speed, "m/s")
-        yield Motion("turn rate", "the base turned", trace.turn_rate, spec.turn_rate, "rad/s")
+        yield Motion("speed", "the base moved", self.motion.speed(trace), spec.speed, "m/s")
+        yield Motion("turn rate", "the base turned", self.motion.turn_rate(trace), spec.turn_rate, "rad/s")
         for name, unit in self.joints:
             speed = abs(trace.joint_velocity[:, trace.joint_names.index(name)])
             limit = spec.speed if unit == "m/s" else spec.turn_rate

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 from pydantic import Field, model_validator
 
 from sim_action.assertions.monitors import Monitor, State
+from sim_action.assertions.monitors.base_motion import BaseMotion
 from sim_action.assertions.monitors.bounds import check_interval
 from sim_action.assertions.monitors.goals import HoldTime
 from sim_action.assertions.monitors.proximity import distances, nearest_of
@@ -75,7 +76,7 @@ class StopsBefore(AtRest):
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor."""
-        return StopsBeforeMonitor(self, HoldTime(self.span))
+        return StopsBeforeMonitor(self, HoldTime(self.span), BaseMotion.of(scene, start))
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +84,7 @@ class StopsBeforeMonitor:
     """The fold of the time at rest with an allowed gap, and of the facts for the message.
 
     Attributes:
+        base: the motion of the base, with its jumps.
         touch: the first contact with the body.
         nearest: the least distance.
         gap: gap at the last step in m; None if it is greater than allowed.
@@ -94,6 +96,7 @@ class StopsBeforeMonitor:
 
     spec: StopsBefore
     rest: HoldTime
+    base: BaseMotion
     touch: Contact | None = None
     nearest: Nearness | None = None
     gap: float | None = None
@@ -128,7 +131,15 @@ class StopsBeforeMonitor:
         if met is None and rest.state is State.HOLDS:
             met = float(gaps[int((trace.time == rest.goal.time).argmax())])
         gap = float(gaps[-1]) if np.isfinite(gaps[-1]) else None
-        return replace(self, rest=rest, met=met, gap=gap, motion=self._motion(trace), end=float(trace.time[-1]))
+        return replace(
+            self,
+            rest=rest,
+            base=self.base.after(trace),
+            met=met,
+            gap=gap,
+            motion=self._motion(trace),
+            end=float(trace.time[-1]),
+        )
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         """See PlottableMonitor.signals. Returns the gap and the time at rest with an allowed gap."""
@@ -155,11 +166,11 @@ class StopsBeforeMonitor:
         import numpy as np
 
         lower, upper = self.spec.gap
-        slow = (trace.speed <= self.spec.speed) & (trace.turn_rate <= self.spec.turn_rate)
+        slow = (self.base.speed(trace) <= self.spec.speed) & (self.base.turn_rate(trace) <= self.spec.turn_rate)
         return np.asarray(slow & (gaps >= lower) & (gaps <= upper))
 
     def _motion(self, trace: Trace) -> str:
-        speed, turn_rate = float(trace.speed[-1]), float(trace.turn_rate[-1])
+        speed, turn_rate = float(self.base.speed(trace)[-1]), float(self.base.turn_rate(trace)[-1])
         if speed > self.spec.speed:
             return f"moving with {units.display(speed, 'm/s')}"
         return "at rest" if turn_rate <= self.spec.turn_rate else f"turning with {units.display(turn_rate, 'rad/s')}"

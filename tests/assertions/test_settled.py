@@ -84,3 +84,11 @@ def test_what_cannot_be_rest_is_refused(keys: dict[str, Any]) -> None:
 
 def test_the_title_says_what_is_asked() -> None:
     assert settled(**{"for": "500 ms"}).title == "settled for 0.5 s"
+
+
+def test_a_robot_that_jumps_is_not_at_rest() -> None:
+    """A script that sets the pose of the robot again and again moves it without a velocity."""
+    seen = trace([step / 240 for step in range(241)], x=[float(step // 24) for step in range(241)])
+    verdict = judged(settled(**{"for": 0.5}), seen)
+    assert not verdict.passed
+    assert verdict.measured == pytest.approx(23 / 240)

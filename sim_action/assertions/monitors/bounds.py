@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Self
 
-from sim_action.assertions.monitors import Monitor, State, is_plottable
+from sim_action.assertions.monitors import Monitor, State, is_cumulative, is_plottable
 from sim_action.assertions.monitors.goals import Goal, Invariant, joined
 from sim_action.core import units
 from sim_action.state.verdict import Signal, Verdict
@@ -137,6 +137,11 @@ class AllLimits:
     def is_momentary(self) -> bool:
         """See PlottableMonitor.is_momentary."""
         return all(monitor.is_momentary for monitor in self.monitors if is_plottable(monitor))
+
+    def begin(self, trace: Trace) -> Self:
+        """See CumulativeMonitor.begin."""
+        begun = (monitor.begin(trace) if is_cumulative(monitor) else monitor for monitor in self.monitors)
+        return replace(self, monitors=tuple(begun))
 
     def observe(self, trace: Trace) -> Self:
         """See Monitor.observe."""

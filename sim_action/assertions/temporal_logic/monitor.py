@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple, Self
 import numpy as np
 
 from sim_action.assertions.monitors import State
+from sim_action.assertions.monitors.base_motion import BaseMotion
 from sim_action.assertions.monitors.goals import joined, joined_by_any
 from sim_action.assertions.temporal_logic.formula import (
     Always,
@@ -52,6 +53,7 @@ class StlMonitor:
 
     Attributes:
         units: the SI symbol of the margin of each comparison.
+        motion: the motion of the base so far.
     """
 
     is_momentary: ClassVar[bool] = False
@@ -61,12 +63,19 @@ class StlMonitor:
     sampled: tuple[Signal, ...]
     start_xy: tuple[float, float]
     units: Mapping[Comparison, str]
+    motion: BaseMotion
     seen: bool = False
 
     @classmethod
-    def of(cls, formula: Formula, start_xy: tuple[float, float], comparison_units: Mapping[Comparison, str]) -> Self:
+    def of(
+        cls,
+        formula: Formula,
+        start_xy: tuple[float, float],
+        comparison_units: Mapping[Comparison, str],
+        motion: BaseMotion,
+    ) -> Self:
         """Return the monitor before the first step; `start_xy` in m is the origin of `travel`."""
-        return cls(formula, open_formula(formula), signals_of(formula), start_xy, comparison_units)
+        return cls(formula, open_formula(formula), signals_of(formula), start_xy, comparison_units, motion)
 
     @property
     def state(self) -> State:
@@ -87,10 +96,11 @@ class StlMonitor:
         """See Monitor.observe."""
         if not len(trace):
             return self
-        return replace(self, part=self.part.observe(self._samples(trace)), seen=True)
+        part = self.part.observe(self._samples(trace))
+        return replace(self, part=part, motion=self.motion.after(trace), seen=True)
 
     def _samples(self, trace: Trace) -> Samples:
-        return Samples.of(trace, self.sampled, self.start_xy)
+        return Samples.of(trace, self.sampled, self.start_xy, self.motion)
 
     def signals(self, trace: Trace) -> tuple[Curve, ...]:
         """See PlottableMonitor.signals. Returns the compared quantities and the robustness."""

@@ -8,6 +8,7 @@ from typing import Self
 
 import numpy as np
 
+from sim_action.assertions.monitors.base_motion import BaseMotion
 from sim_action.assertions.temporal_logic.formula import Signal
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.state.trace import FloatArray, Trace
@@ -29,9 +30,9 @@ class Samples:
         return len(self.rows)
 
     @classmethod
-    def of(cls, trace: Trace, signals: tuple[Signal, ...], start_xy: tuple[float, float]) -> Self:
-        """Return the samples of a trace; `start_xy` in m is the origin of `travel`."""
-        columns = [trace.time, *(_column(trace, signal, start_xy) for signal in signals)]
+    def of(cls, trace: Trace, signals: tuple[Signal, ...], start_xy: tuple[float, float], motion: BaseMotion) -> Self:
+        """Return the samples of a trace; `start_xy` in m is the origin of `travel`, `motion` that before the trace."""
+        columns = [trace.time, *(_column(trace, signal, start_xy, motion) for signal in signals)]
         return cls(signals, np.column_stack(columns))
 
     @classmethod
@@ -62,7 +63,7 @@ class Samples:
         return np.asarray(np.searchsorted(self.time, np.asarray(time) + TIME_EPSILON_S), dtype=np.intp)
 
 
-def _column(trace: Trace, signal: Signal, start_xy: tuple[float, float]) -> FloatArray:
+def _column(trace: Trace, signal: Signal, start_xy: tuple[float, float], motion: BaseMotion) -> FloatArray:
     if signal.joint:
         columns: FloatArray = getattr(trace, f"joint_{signal.name}")
         return columns[:, trace.joint_names.index(signal.joint)]
@@ -71,6 +72,8 @@ def _column(trace: Trace, signal: Signal, start_xy: tuple[float, float]) -> Floa
             return trace.base_position_xyz[:, "xyz".index(signal.name)]
         case "travel":
             return trace.planar_distance_to(*start_xy)
+        case "speed" | "turn_rate":
+            return motion.speed(trace) if signal.name == "speed" else motion.turn_rate(trace)
         case "roll" | "pitch":
             return _rolled_or_pitched(trace, signal.name)
         case _:

@@ -11,6 +11,7 @@ from pydantic import Field, model_validator
 
 from sim_action.assertions import Assertion, shortened_title
 from sim_action.assertions.monitors import Monitor
+from sim_action.assertions.monitors.base_motion import BaseMotion
 from sim_action.assertions.temporal_logic.dimensions import dimension_problems, margin_unit
 from sim_action.assertions.temporal_logic.formula import (
     Always,
@@ -93,7 +94,7 @@ class Stl(Assertion):
 
         x, y, _ = start.pose.position_xyz
         units = {comparison: margin_unit(comparison, scene.model) for comparison in comparisons(self.parsed)}
-        return StlMonitor.of(self.parsed, (x, y), units)
+        return StlMonitor.of(self.parsed, (x, y), units, BaseMotion.of(scene, start))
 
 
 def _empty(formula: Formula, rate: float) -> Iterator[tuple[int, str]]:

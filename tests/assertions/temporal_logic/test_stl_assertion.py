@@ -346,3 +346,10 @@ def test_what_is_deep_inside_is_asked_no_more_often_for_it() -> None:
     assert part.state is P
     assert not part.is_decided
     assert innermost.asked["state"] <= 4
+
+
+def test_a_jump_is_a_speed() -> None:
+    seen = trace([step / 240 for step in range(4)], x=[0.0, 0.0, 5.0, 5.0])
+    verdict = judged(stl("always(speed < 1 m/s)"), seen)
+    assert not verdict.passed
+    assert verdict.measured == pytest.approx(1200)
