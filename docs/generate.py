@@ -48,6 +48,7 @@ BLOCKS: dict[str, Callable[..., str]] = {
     "models": lists.models,
     "rules": lists.rules,
     "recordings": lists.recordings,
+    "statuses": lists.statuses,
     "exit-codes": lists.exit_codes,
     "defaults": lists.defaults,
 }

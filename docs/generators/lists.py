@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from typing import get_args
 
 from docs.generators.markdown import table
 from sim_action.app import catalogue
@@ -10,12 +11,14 @@ from sim_action.app.catalogue import Entry, FieldEntry
 from sim_action.cli.pyproject_keys import Defaults
 from sim_action.core.errors import ExitCode
 from sim_action.recording.export import EXPORTS
+from sim_action.reports.statuses import STATUS_DISPLAYS, StatusDisplay
+from sim_action.results.outcome import WORST_FIRST, DisplayStatus, Failure, FailureKind, Outcome, Status
 from sim_action.robot.audit.rules import RULES
 from sim_action.state.readings import READING_COLUMNS, ReadingColumn
 
 EXIT_CODES = {
     ExitCode.PASSED: "all scenarios passed",
-    ExitCode.FAILED: "a scenario failed, is flaky, or has no verdict (crash, limit or script error)",
+    ExitCode.FAILED: "a scenario failed, is flaky, was not exercised, or has no verdict (crash, limit or script error)",
     ExitCode.INVALID: "a scenario or the command line is invalid, or a result is missing",
     ExitCode.INTERNAL: "an internal error of sim-action",
     ExitCode.NO_SCENARIO: "no scenario found",
@@ -48,6 +51,32 @@ def recordings() -> str:
 def exit_codes() -> str:
     """Return the table of exit codes."""
     return table(("code", "meaning"), ((str(code.value), text) for code, text in EXIT_CODES.items()))
+
+
+def statuses() -> str:
+    """Return the table of statuses, the worst first, with their display in each report."""
+    ranked = sorted(WORST_FIRST, key=lambda status: status == "skipped")
+    rows = (_status_row(status, STATUS_DISPLAYS[status]) for status in ranked)
+    return table(("status", "symbol", "meaning", "exit code", "JUnit element", "annotation"), rows)
+
+
+def _status_row(status: DisplayStatus, display: StatusDisplay) -> tuple[str, ...]:
+    # "warned" is a display of "passed": results.json and JUnit have no such status.
+    in_results: Status = "passed" if status == "warned" else status
+    kinds = get_args(FailureKind) if status == "error" else ()
+    outcome = Outcome(name="a", file="a", status=in_results)
+    failures = (Failure(kind=kind, title=kind, message=kind) for kind in kinds)
+    failed = [outcome.model_copy(update={"failures": (failure,)}) for failure in failures]
+    codes = {each.exit_code for each in failed or [outcome]}
+    shown = f"`{in_results}`" if status == in_results else f"`{in_results}` with a warning"
+    element = f"`{display.junit}`" if display.junit else ""
+    symbols = f"`{display.symbol}` {display.icon}"
+    return shown, symbols, display.meaning, _any_of(sorted(codes)), element, display.level or ""
+
+
+def _any_of(codes: Sequence[ExitCode]) -> str:
+    *first, last = (str(code.value) for code in codes)
+    return f"{', '.join(first)} or {last}" if first else last
 
 
 def defaults() -> str:

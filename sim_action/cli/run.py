@@ -123,9 +123,10 @@ def run(
     PATHS are scenario files, globs, or folders. A folder stands for every *.sim.yml and *.sim.yaml in it and below. The
     default is the current folder.
 
-    Exit code: 0 all scenarios passed; 1 a scenario failed, is flaky, or has no verdict (crash, script error, or stopped
-    at its wall, memory or output limit); 2 a scenario or the command line is invalid; 3 internal error of sim-action; 5
-    no scenario found; 130 interrupted. If several apply, the first of 130, 3, 2, 1 is returned.
+    Exit code: 0 all scenarios passed; 1 a scenario failed, is flaky, was not exercised, or has no verdict (crash,
+    script error, or stopped at its wall, memory or output limit); 2 a scenario or the command line is invalid; 3
+    internal error of sim-action; 5 no scenario found; 130 interrupted. If several apply, the first of 130, 3, 2, 1 is
+    returned.
 
     With --shard: a shard that gets no scenario passes if another shard gets one.
     """

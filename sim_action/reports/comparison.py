@@ -13,6 +13,7 @@ from rich.text import Text
 from sim_action.reports.escaping import log_text, markdown_text, shortened
 from sim_action.reports.formatting import measurements, quantity, speed_text
 from sim_action.reports.github.markdown import code, row, table
+from sim_action.reports.statuses import STATUS_DISPLAYS
 from sim_action.reports.terminal import open_console
 from sim_action.results.comparison import Change, ChangeKind, Comparison, SmallerMargin
 from sim_action.results.outcome import ExpectationOutcome, Outcome
@@ -75,7 +76,8 @@ def _rows_of(change: Change) -> Iterator[Row]:
     if look := _LOOKS.get(change.kind):
         yield Row(look, change.kind, change.outcome, _detail(change))
     for missed in change.missed:
-        yield Row("warning", "no longer holds", change.outcome, f"{missed.name}: {missed.verdict.message}")
+        what = "no longer checked" if missed.verdict.status == "not_exercised" else "no longer holds"
+        yield Row("warning", what, change.outcome, f"{missed.name}: {missed.verdict.message}")
     for smaller in change.smaller_margins:
         yield Row("warning", "margin shrinks", change.outcome, _margins_text(smaller))
     elsewhere = "" if change.processors is None else " (different CPUs: before {}, now {})".format(*change.processors)
@@ -91,14 +93,15 @@ def _rows_of(change: Change) -> Iterator[Row]:
 def _detail(change: Change) -> str:
     """Return the reason of the failure now or before, or the former status."""
     if change.kind == "fixed":
-        return f"failed before: {_reason(change.old)}"
+        unjudged = change.old is not None and change.old.status == "not_exercised"
+        return f"{_word(change.old) if unjudged else 'failed'} before: {_reason(change.old)}"
     if change.kind == "not repeated":
         return "was flaky before, passed now in a single run"
     if change.kind in ("removed", "not run"):
-        return "" if change.old is None else f"was: {change.old.status}"
+        return "" if change.old is None else f"was: {_word(change.old)}"
     reason = _reason(change.outcome)
     if change.kind == "fails differently" and change.old:
-        return f"was: {change.old.status}; {reason}"
+        return f"was: {_word(change.old)}; {reason}"
     return f"{reason}{_before(change)}" if change.kind == "newly fails" else reason
 
 
@@ -107,13 +110,18 @@ def _reason(outcome: Outcome | None) -> str:
     if outcome is None:
         return ""
     told = [f"{failure.title}: {failure.message}" for failure in outcome.failures]
-    told += [f"{expected.name}: {expected.verdict.message}" for expected in outcome.causes_first if expected.failed]
+    told += [f"{expected.name}: {expected.verdict.message}" for expected in outcome.causes]
     return told[0] if told else ""
 
 
+def _word(outcome: Outcome | None) -> str:
+    """Return the status of an outcome as a word."""
+    return "" if outcome is None else STATUS_DISPLAYS[outcome.status].word
+
+
 def _before(change: Change) -> str:
-    """Return the measurement from the run in which the failed expectation held; empty without a margin (yes or no)."""
-    failed = next((expected for expected in change.outcome.causes_first if expected.failed), None)
+    """Return the measurement from the run in which the expectation held; empty without a margin (yes or no)."""
+    failed = next(iter(change.outcome.causes), None)
     held = _same(change.old, failed)
     told = measurements(held.verdict) if held and held.verdict.margin else ""
     return f"; before: {told}" if told else ""

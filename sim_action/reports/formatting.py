@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from sim_action.core import units
 from sim_action.core.provenance import Provenance
-from sim_action.results.outcome import Outcome
+from sim_action.core.wording import counted
+from sim_action.reports.statuses import STATUS_DISPLAYS
+from sim_action.results.outcome import Outcome, Status
 from sim_action.results.results_json import Results
 from sim_action.results.shards import Shard
 from sim_action.state.verdict import Verdict
+
+_COUNTED: Final[tuple[Status, ...]] = ("passed", "failed", "flaky", "not_exercised", "error", "skipped")
+"""All statuses of a scenario, in the order of the counts."""
 
 
 def user_output(outcome: Outcome) -> str:
@@ -21,16 +28,9 @@ def counts_text(results: Results) -> str:
     warnings = sum(expected.warned for outcome in results.outcomes for expected in outcome.expectations)
     warnings += sum(len(outcome.warnings) for outcome in results.outcomes)
     warned = f", {warnings} {'warning' if warnings == 1 else 'warnings'}" if warnings else ""
-    errors = results.count("error")
-    named = (
-        (results.count("passed"), "passed"),
-        (results.count("failed"), "failed"),
-        (results.count("flaky"), "flaky"),
-        (results.count("not_exercised"), "not exercised"),
-        (errors, "error" if errors == 1 else "errors"),
-        (results.count("skipped"), "not run"),
-    )
-    return (", ".join(f"{count} {name}" for count, name in named if count) or "no scenarios") + warned
+    counts = ((results.count(status), STATUS_DISPLAYS[status].word) for status in _COUNTED)
+    told = [f"{count} {'errors' if count > 1 and word == 'error' else word}" for count, word in counts if count]
+    return (", ".join(told) or "no scenarios") + warned
 
 
 def repeats_text(outcome: Outcome) -> str:
@@ -81,3 +81,17 @@ def measurements(verdict: Verdict) -> str:
     named = {"measured": verdict.measured, "limit": verdict.limit, "margin": verdict.margin}
     parts = [f"{name} {units.display(value, verdict.unit)}" for name, value in named.items() if value is not None]
     return ", ".join(parts if verdict.time is None else [*parts, f"at {moment(verdict.time)}"])
+
+
+def judged_text(verdict: Verdict) -> str:
+    """Return the moments at which a verdict was judged, such as "judged at 240 moments, 0.00 s to 1.00 s".
+
+    The text is empty if the moments were not counted.
+    """
+    judged = verdict.judged
+    if judged is None:
+        return ""
+    if judged.moments <= 0 or judged.first is None or judged.last is None:
+        return "judged at no moment"
+    several = f"{moment(judged.first)} to {moment(judged.last)}" if judged.moments > 1 else moment(judged.first)
+    return f"judged at {counted(judged.moments, 'moment')}, {several}"

@@ -1,7 +1,8 @@
 """The JUnit XML writer, for Jenkins, GitLab and the reporters on GitHub.
 
-A testsuite is a scenario with all of its variations. A testcase is an expectation, with a failure if it did not hold.
-If a scenario has no verdict, each reason is a testcase with an error. If it was not run, one testcase is skipped.
+A testsuite is a scenario with all of its variations. A testcase is an expectation, with a failure if it did not hold,
+and an error of the type "not_exercised" if it was never judged. If a scenario has no verdict, each reason is a
+testcase with an error. If it was not run, one testcase is skipped.
 """
 
 from __future__ import annotations
@@ -16,9 +17,10 @@ from sim_action.core.errors import Location
 from sim_action.core.files import whole_file
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line, plain_text
-from sim_action.reports.formatting import measurements, user_output
+from sim_action.reports.formatting import judged_text, measurements, user_output
 from sim_action.reports.links import file_and_line, relative_path, stored_trace
 from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios
+from sim_action.reports.statuses import STATUS_DISPLAYS
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
 from sim_action.results.results_json import Results
 
@@ -102,15 +104,13 @@ class _Document:
         message = expected.verdict.message
         if not self._options.junit_strict:
             add_properties(case, _case_properties(expected))
-        if expected.failed:
+        if kind := STATUS_DISPLAYS[expected.status].junit:
             body = self._body(message, expected.name, expected.location)
-            add_child(case, "failure", body, {"type": expected.assertion, "message": message})
-        if expected.status == "not_exercised":
-            body = self._body(message, expected.name, expected.location)
-            add_child(case, "error", body, {"type": "not_exercised", "message": message})
+            add_child(case, kind, body, {"type": _problem_type(expected), "message": message})
         self._attach_trace(case, outcome)
         add_line(case, "system-out", f"warning: {message}" if expected.warned else message)
         add_line(case, "system-out", measurements(expected.verdict))
+        add_line(case, "system-out", judged_text(expected.verdict))
         return case
 
     def _skipped(self, group: ScenarioGroup, outcome: Outcome) -> ET.Element:
@@ -223,8 +223,14 @@ def _java_frame(where: str) -> Iterator[str]:
         yield f"at {folder}.Scenario({PurePosixPath(path).name}:{line})"
 
 
+def _problem_type(expected: ExpectationOutcome) -> str:
+    """Return the type of a failure or an error: the assertion that failed, or the status."""
+    return expected.assertion if expected.failed else expected.status
+
+
 def _case_properties(expected: ExpectationOutcome) -> dict[str, object]:
     verdict = expected.verdict
+    judged = verdict.judged
     return {
         "assertion": expected.assertion,
         "severity": expected.severity,
@@ -233,6 +239,9 @@ def _case_properties(expected: ExpectationOutcome) -> dict[str, object]:
         "margin": verdict.margin,
         "unit": verdict.unit,
         "sim_time_s": verdict.time,
+        "judged_moments": judged and judged.moments,
+        "judged_from_s": judged and judged.first,
+        "judged_to_s": judged and judged.last,
     }
 
 

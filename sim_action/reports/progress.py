@@ -11,6 +11,7 @@ from typing import Final, TextIO
 from sim_action.reports import Verbosity
 from sim_action.reports.escaping import log_text, one_line
 from sim_action.reports.formatting import speed_text
+from sim_action.reports.statuses import STATUS_DISPLAYS
 from sim_action.results.outcome import Outcome
 
 _REDRAW_PERIOD_S: Final = 0.1
@@ -61,7 +62,8 @@ class ProgressListener:
     def _summed_up(self, outcome: Outcome) -> str:
         simulated = f"{outcome.sim_time:.1f} s simulated in " if outcome.sim_time is not None else ""
         counter = f"[{self._done}/{self._total}]"
-        return f"{counter} {outcome.status:<6}  {one_line(outcome.name)}  {simulated}{outcome.wall_time:.1f} s"
+        word = STATUS_DISPLAYS[outcome.status].word
+        return f"{counter} {word:<6}  {one_line(outcome.name)}  {simulated}{outcome.wall_time:.1f} s"
 
     def _rewrite(self, line: str) -> None:
         # One column stays free, because some terminals wrap after a full line.

@@ -35,6 +35,8 @@ class ScenarioGroup:
         if expected is None:
             return self.values(self.worst)
         verdict = expected.verdict
+        if expected.status == "not_exercised":
+            return f"{self.values(self.worst)}, not exercised ({expected.name})"
         known = f"margin {quantity(verdict.margin, verdict.unit)}" if verdict.margin is not None else ""
         text = f"at {moment(verdict.time)}" if verdict.passed and verdict.goal else known
         return f"{self.values(self.worst)}, {text} ({expected.name})" if text else self.values(self.worst)
@@ -103,15 +105,18 @@ def _nearness(outcome: Outcome) -> tuple[float, float]:
 
 
 def _nearest(outcome: Outcome) -> ExpectationOutcome | None:
-    """Return the expectation with the smallest relative margin; failed ones come first. None if nothing was measured.
+    """Return the expectation with the smallest relative margin; None if nothing was measured.
+
+    Failed expectations come first, then those that were never judged.
 
     Among expectations that hold, invariants come before goals, because a goal is always reached exactly at its limit.
     """
     failed = [expected for expected in outcome.expectations if expected.failed]
+    unjudged = [expected for expected in outcome.causes if not expected.failed]
     measured = [expected for expected in outcome.expectations if expected.verdict.margin is not None]
     held = [expected for expected in measured if expected.verdict.passed]
     throughout = [expected for expected in held if not expected.verdict.goal]
-    return min(failed or throughout or held, key=_closeness, default=None)
+    return min(failed or unjudged or throughout or held, key=_closeness, default=None)
 
 
 def _closeness(expected: ExpectationOutcome) -> tuple[float, float]:

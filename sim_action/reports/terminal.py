@@ -17,6 +17,7 @@ from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import log_text, plain_text
 from sim_action.reports.formatting import (
     counts_text,
+    judged_text,
     measurements,
     provenance_rows,
     repeats_text,
@@ -26,37 +27,11 @@ from sim_action.reports.formatting import (
 )
 from sim_action.reports.links import REPORT_FILE, stored_trace
 from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios
+from sim_action.reports.statuses import STATUS_DISPLAYS
 from sim_action.results.outcome import WORST_FIRST, DisplayStatus, ExpectationOutcome, Failure, Outcome
 from sim_action.results.results_json import RESULTS_FILE, Results
 
-_SYMBOLS: Final[dict[DisplayStatus, str]] = {
-    "passed": "✓",
-    "skipped": "-",
-    "warned": "!",
-    "failed": "✗",
-    "flaky": "≠",
-    "not_exercised": "∅",
-    "error": "✗",
-}
-_ASCII_SYMBOLS: Final[dict[DisplayStatus, str]] = {
-    "passed": "+",
-    "skipped": "-",
-    "warned": "!",
-    "failed": "x",
-    "flaky": "?",
-    "not_exercised": "0",
-    "error": "x",
-}
-_NOT_PASSED: Final[tuple[DisplayStatus, ...]] = ("not_exercised", "flaky", "failed", "error")
-_STYLES: Final[dict[DisplayStatus, str]] = {
-    "passed": "green",
-    "skipped": "dim",
-    "warned": "yellow",
-    "failed": "bold red",
-    "flaky": "bold red",
-    "not_exercised": "bold red",
-    "error": "bold red",
-}
+_ALL_SYMBOLS: Final = "".join(display.symbol for display in STATUS_DISPLAYS.values()) + "│"
 _BEST_FIRST: Final = tuple(reversed(WORST_FIRST))
 _MAX_VARIATIONS: Final = 20
 
@@ -67,7 +42,7 @@ def print_results(results: Results, options: ReportOptions, stream: TextIO | Non
     with open_console(stream, options.environment) as shown:
         printer = _Printer(shown, options)
         for group in sorted(grouped_scenarios(results.outcomes), key=lambda group: _BEST_FIRST.index(group.status)):
-            if options.verbosity != "quiet" or group.status in _NOT_PASSED:
+            if options.verbosity != "quiet" or STATUS_DISPLAYS[group.status].level == "error":
                 printer.group(group)
         printer.closing(results)
 
@@ -80,9 +55,8 @@ class _Printer:
         self._options = options
         self._verbosity = options.verbosity
         self._encoding = console.encoding
-        shows_symbols = log_text("✓✗≠│", self._encoding) == "✓✗≠│"
-        self._symbols = _SYMBOLS if shows_symbols else _ASCII_SYMBOLS
-        self._bar = "│" if shows_symbols else "|"
+        self._shows_symbols = log_text(_ALL_SYMBOLS, self._encoding) == _ALL_SYMBOLS
+        self._bar = "│" if self._shows_symbols else "|"
         self._margin = ""
 
     def group(self, group: ScenarioGroup) -> None:
@@ -102,7 +76,12 @@ class _Printer:
         self._line()
 
     def _heading(self, look: DisplayStatus, name: str, file: str, rest: str = "") -> None:
-        self._line("", (f"{self._symbols[look]} ", _STYLES[look]), (name, "bold"), (file, "dim"), (rest, ""))
+        self._line("", self._symbol(look), (name, "bold"), (file, "dim"), (rest, ""))
+
+    def _symbol(self, look: DisplayStatus) -> tuple[str, str]:
+        """Return the symbol of a status, a space, and the style of both."""
+        display = STATUS_DISPLAYS[look]
+        return f"{display.symbol if self._shows_symbols else display.ascii_symbol} ", display.style
 
     def _variations(self, group: ScenarioGroup) -> None:
         verbose = self._verbosity == "verbose"
@@ -126,7 +105,7 @@ class _Printer:
             self._line("  ", (" ".join(outcome.notes), "dim"))
             return
         for expected in outcome.causes_first:
-            if self._verbosity != "quiet" or expected.failed:
+            if self._verbosity != "quiet" or expected.prevents_pass:
                 self._expectation(expected)
         for failure in outcome.failures:
             self._failure(failure)
@@ -138,9 +117,7 @@ class _Printer:
         if self._verbosity == "quiet":
             return
         for warning, runs in group.warnings:
-            self._line(
-                "  ", (f"{self._symbols['warned']} ", _STYLES["warned"]), (group.warning_text(warning, runs), "")
-            )
+            self._line("  ", self._symbol("warned"), (group.warning_text(warning, runs), ""))
             self._line("      ", (str(warning.location), "cyan"))
 
     def closing(self, results: Results) -> None:
@@ -150,19 +127,21 @@ class _Printer:
         worst = max(statuses, key=_BEST_FIRST.index, default=of_nothing)
         fast = f" ({speed_text(results.real_time_factor)})" if results.real_time_factor else ""
         part = f"; {shard_text(results.shard)}" if results.shard else ""
-        self._line("", (counts_text(results), _STYLES[worst]), (f" in {results.wall_time:.1f} s{fast}{part}", ""))
+        took = f" in {results.wall_time:.1f} s{fast}{part}"
+        self._line("", (counts_text(results), STATUS_DISPLAYS[worst].style), (took, ""))
         if self._verbosity != "quiet":
             for name, path in _files(results, self._options):
                 self._line("", (f"{name:<10} {path}", "dim"))
 
     def _expectation(self, expected: ExpectationOutcome) -> None:
-        verdict = expected.verdict
-        look = expected.status
-        self._line("  ", (f"{self._symbols[look]} ", _STYLES[look]), (expected.name, ""), (f": {verdict.message}", ""))
+        verdict, verbose = expected.verdict, self._verbosity == "verbose"
+        self._line("  ", self._symbol(expected.status), (expected.name, ""), (f": {verdict.message}", ""))
         measured = measurements(verdict)
-        if measured and (not verdict.passed or self._verbosity == "verbose"):
+        if measured and (expected.status != "passed" or verbose):
             self._line("      ", (measured, "dim"))
-        if not verdict.passed:
+        if verbose and (judged := judged_text(verdict)):
+            self._line("      ", (judged, "dim"))
+        if expected.status != "passed":
             self._line("      ", (str(expected.location), "cyan"))
 
     def _failure(self, failure: Failure) -> None:

@@ -27,13 +27,13 @@ ChangeKind = Literal[
 ]
 """The change of one scenario between the old and the new run.
 
-- newly fails: it fails now; before, it passed, was skipped or did not exist.
+- newly fails: it fails or is not exercised now; before, it passed, was skipped or did not exist.
 - flaky: its repeated runs differ now.
 - removed: it exists in the old run only.
 - not run: it is skipped now.
 - not repeated: it was flaky, and passed now in a single run.
 - fails differently: it failed before with another status.
-- fixed: it passes now and failed before.
+- fixed: it passes now, and failed or was not exercised before.
 - new: it passes and exists in the new run only.
 """
 
@@ -240,13 +240,13 @@ def _paired_expectations(old: Outcome, new: Outcome) -> Iterator[tuple[Expectati
 
 def _missed(pairs: Iterable[tuple[ExpectationOutcome, ExpectationOutcome]]) -> Iterator[ExpectationOutcome]:
     for old, new in pairs:
-        if old.verdict.passed and not new.verdict.passed and not new.verdict.cut_off:
+        if old.status == "passed" and new.status != "passed" and not new.verdict.cut_off:
             yield new
 
 
 def _smaller_margin(old: ExpectationOutcome, new: ExpectationOutcome, threshold: float) -> SmallerMargin | None:
     before, now = old.verdict, new.verdict
-    if not (before.passed and now.passed) or now.goal or before.unit != now.unit:
+    if not (old.status == new.status == "passed") or now.goal or before.unit != now.unit:
         return None
     if before.margin is None or now.margin is None or now.margin >= threshold * before.margin:
         return None

@@ -110,8 +110,13 @@ class ExpectationOutcome(FrozenModel):
 
     @property
     def failed(self) -> bool:
-        """Return True if this expectation makes the scenario fail."""
+        """Return True if this expectation was judged and makes the scenario fail."""
         return self.status == "failed"
+
+    @property
+    def prevents_pass(self) -> bool:
+        """Return True if the scenario cannot pass because of this expectation: it failed, or was never judged."""
+        return self.status in ("failed", "not_exercised")
 
     @property
     def warned(self) -> bool:
@@ -226,6 +231,17 @@ class Outcome(FrozenModel):
     def causes_first(self) -> tuple[ExpectationOutcome, ...]:
         """All expectations in file order, except that undecided (cut off) ones come last."""
         return tuple(sorted(self.expectations, key=lambda expected: expected.verdict.cut_off))
+
+    @property
+    def not_passed(self) -> tuple[ExpectationOutcome, ...]:
+        """The expectations that did not pass, the worst status first; undecided (cut off) ones come last."""
+        bad = [expected for expected in self.expectations if expected.status != "passed"]
+        return tuple(sorted(bad, key=lambda each: (each.verdict.cut_off, WORST_FIRST.index(each.status))))
+
+    @property
+    def causes(self) -> tuple[ExpectationOutcome, ...]:
+        """The expectations that prevent a pass, in the order of `not_passed`."""
+        return tuple(expected for expected in self.not_passed if expected.prevents_pass)
 
     @property
     def has_verdict(self) -> bool:

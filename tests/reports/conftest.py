@@ -6,6 +6,7 @@ After a wanted change of a report: `pytest tests/reports --update-golden`, then 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -17,7 +18,7 @@ from sim_action.results.outcome import AuditWarning, Diagnostic, ExpectationOutc
 from sim_action.results.results_json import Results
 from sim_action.results.shards import Shard
 from sim_action.scenario.source import Varied
-from sim_action.state.verdict import Verdict
+from sim_action.state.verdict import Judged, Verdict
 
 GOLDEN = Path(__file__).parent / "golden"
 
@@ -140,6 +141,33 @@ FLAKY = PASSED.model_copy(
 )
 
 
+JUDGED_TRAVEL = TRAVEL.model_copy(update={"verdict": replace(TRAVEL.verdict, judged=Judged(240, 0.0, 1.0))})
+NEVER_READ = ExpectationOutcome(
+    name="range stays above 0.2 m",
+    assertion="sensor",
+    severity="error",
+    location=Location(WALL, 17, 5),
+    verdict=Verdict(
+        False, message="never checked: sensor 'lidar' had no reading; lower its rate or run for longer", judged=Judged()
+    ),
+)
+UNREAD = PASSED.model_copy(
+    update={
+        "name": "burger watches the wall",
+        "file": WALL,
+        "status": "not_exercised",
+        "expectations": (JUDGED_TRAVEL, NEVER_READ),
+    }
+)
+
+
+def unread_variation(friction: float) -> Outcome:
+    """Of one scenario, `push`."""
+    return variation(friction, "0 deg", "passed", 0.0).model_copy(
+        update={"status": "not_exercised", "expectations": (TRAVEL, NEVER_READ)}
+    )
+
+
 SAMPLES: dict[str, tuple[Outcome, ...]] = {
     "passed": (PASSED,),
     "flaky": (
@@ -194,6 +222,29 @@ SAMPLES: dict[str, tuple[Outcome, ...]] = {
         PASSED.model_copy(update={"warnings": (NOTHING_TO_TOUCH, ENDLESS)}),
         variation(0.4, "0 deg", "passed", 0.0).model_copy(update={"warnings": (NOTHING_TO_TOUCH,)}),
         variation(0.8, "0 deg", "failed", -0.2).model_copy(update={"warnings": (NOTHING_TO_TOUCH, ENDLESS)}),
+    ),
+    "not-exercised": (
+        UNREAD.model_copy(
+            update={
+                "name": "burger may miss readings",
+                "status": "passed",
+                "expectations": (JUDGED_TRAVEL, NEVER_READ.model_copy(update={"unexercised": "warn"})),
+            }
+        ),
+        PASSED.model_copy(update={"expectations": (JUDGED_TRAVEL,)}),
+        UNREAD,
+        UNREAD.model_copy(
+            update={
+                "name": "burger hits the wall unseen",
+                "status": "failed",
+                "expectations": (NEVER_READ, COLLISION, CUT_OFF),
+                "end": "expectation failed",
+                "sim_time": 3.2,
+            }
+        ),
+        variation(0.2, "0 deg", "passed", 0.0),
+        unread_variation(0.4),
+        unread_variation(0.6),
     ),
     "crash": (
         Outcome(

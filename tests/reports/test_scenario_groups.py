@@ -8,7 +8,7 @@ from sim_action.core.errors import Location
 from sim_action.reports.scenario_groups import grouped_scenarios, relative_margin, worst_first
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, Status
 from sim_action.results.results_json import Results
-from sim_action.state.verdict import Verdict
+from sim_action.state.verdict import Judged, Verdict
 
 
 def expected(margin: float | None = None, limit: float | None = None, *, passed: bool = False) -> ExpectationOutcome:
@@ -45,6 +45,18 @@ def test_variations_of_a_scenario_are_together_and_others_alone() -> None:
     ]
     assert [found[1].values(each) for each in found[1].outcomes] == ["[x=1]", "[x=2]"]
     assert found[0].values(found[0].worst) == ""
+
+
+def test_an_expectation_that_was_never_judged_explains_a_variation_that_did_not_pass() -> None:
+    unjudged = expected().model_copy(update={"verdict": Verdict(False, message="never checked", judged=Judged())})
+    passed = outcome("a[x=1]", expected(0.1, 1.0, passed=True), status="passed")
+    unread = outcome("a[x=2]", expected(0.001, 1.0, passed=True), unjudged, status="not_exercised")
+    (group,) = grouped_scenarios([passed, unread])
+    assert group.status == "not_exercised"
+    assert group.worst_text == "[x=2], not exercised (travel)"
+    broken = outcome("a[x=3]", unjudged, expected(-0.1, 1.0))
+    (group,) = grouped_scenarios([passed, unread, broken])
+    assert group.worst_text == "[x=3], margin -0.1 m (travel)"
 
 
 def test_the_worst_missed_its_limit_by_most_and_what_has_no_verdict_is_worse() -> None:

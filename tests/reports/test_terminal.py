@@ -36,6 +36,18 @@ def test_verbosity(
     golden(f"failed-{verbosity}.txt", printed(samples["failed"], options, verbosity))
 
 
+def test_verbose_output_shows_the_moments_at_which_each_expectation_was_judged(
+    samples: Samples, options: ReportOptions, golden: Callable[[str, str], None]
+) -> None:
+    golden("not-exercised-verbose.txt", printed(samples["not-exercised"], options, "verbose"))
+
+
+def test_quiet_output_shows_what_was_never_judged(samples: Samples, options: ReportOptions) -> None:
+    text = printed(samples["not-exercised"], options, "quiet")
+    assert "∅ range stays above 0.2 m: never checked: sensor 'lidar' had no reading" in text
+    assert "burger may miss readings" not in text
+
+
 def test_golden(kind: str, samples: Samples, options: ReportOptions, golden: Callable[[str, str], None]) -> None:
     golden(f"{kind}.txt", printed(samples[kind], options))
 

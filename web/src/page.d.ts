@@ -190,7 +190,7 @@ interface Colours {
 
 interface ExpectationEntry {
   name: string;
-  status: "passed" | "warned" | "failed";
+  status: "passed" | "warned" | "not_exercised" | "failed";
   time: number | null;
   cutOff: boolean;
 }
@@ -215,7 +215,7 @@ interface Curve {
   least: number;
   times: Float64Array;
   values: Float64Array;
-  status: "free" | "passed" | "warned" | "failed";
+  status: "free" | "passed" | "warned" | "not_exercised" | "failed";
   cutOff: boolean;
   decided: number | null;
   lower: number | null;

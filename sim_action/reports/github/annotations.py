@@ -6,7 +6,7 @@ import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final, Literal
+from typing import Final
 
 from sim_action.core.errors import Location
 from sim_action.core.wording import log_line
@@ -22,6 +22,7 @@ from sim_action.reports.escaping import (
 from sim_action.reports.formatting import moment
 from sim_action.reports.links import relative_path, replay_link
 from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios, relative_margin, worst_first
+from sim_action.reports.statuses import STATUS_DISPLAYS, Level
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
 
@@ -30,8 +31,6 @@ MAX_ANNOTATIONS: Final = 10
 
 MAX_CHARACTERS: Final = 4096
 _MAX_IN_TITLE: Final = 200
-
-Level = Literal["error", "warning"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,9 +99,9 @@ def _annotations(name: str, outcome: Outcome, options: ReportOptions) -> Iterato
         message = failure.message + _replayed(outcome, options, failure.time)
         yield Annotation("error", f"{name}: {failure.title}", message, where), 0.0
     for expected in outcome.causes_first:
-        if expected.verdict.passed:
+        level = STATUS_DISPLAYS[expected.status].level
+        if level is None:
             continue
-        level: Level = "warning" if expected.warned else "error"
         message = expected.verdict.message + _replayed(outcome, options, expected.verdict.time)
         annotation = Annotation(level, f"{name}: {expected.name}", message, expected.location)
         yield annotation, relative_margin(expected)

@@ -27,7 +27,8 @@ from sim_action.reports.github.markdown import code, code_of_link, folded, row, 
 from sim_action.reports.github.mermaid_chart import chart, load_replay, signal_of_verdict
 from sim_action.reports.links import replay_link, rerun_command
 from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios, worst_first
-from sim_action.results.outcome import DisplayStatus, ExpectationOutcome, Failure, Outcome
+from sim_action.reports.statuses import STATUS_DISPLAYS
+from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
 from sim_action.results.results_json import Results
 
 MAX_BYTES: Final = 1 << 20
@@ -121,7 +122,7 @@ def _overview_row(group: ScenarioGroup, options: ReportOptions) -> str:
     file = source_link(options, group.location)
     name = f"**{markdown_text(group.name)}**" + (f"<br><sub>{file}</sub>" if file else "")
     speed = "" if group.varies else speed_text(group.worst.real_time_factor).removesuffix(" real time")
-    return row(ICONS[group.status], name, _group_gist(group), moment(_total_sim_time(group)), speed)
+    return row(STATUS_DISPLAYS[group.status].icon, name, _group_gist(group), moment(_total_sim_time(group)), speed)
 
 
 def _fitting(written: Iterable[str], most_bytes: int) -> list[str]:
@@ -146,16 +147,6 @@ def _unshown_scenarios(count: int) -> str:
     left = f"{counted(count, 'more scenario')} {'is' if count == 1 else 'are'} not shown"
     return f"_{left} because GitHub limits the size; `results.json` contains all of them._"
 
-
-ICONS: Final[dict[DisplayStatus, str]] = {
-    "passed": "✅",
-    "warned": "⚠️",
-    "failed": "❌",
-    "flaky": "🎲",
-    "not_exercised": "⭕",
-    "error": "💥",
-    "skipped": "⏭️",
-}
 
 _MAX_ROWS: Final = 100
 _MAX_FAILURES: Final = 20
@@ -201,7 +192,7 @@ def _varied(group: ScenarioGroup, options: ReportOptions, *, drawn: bool) -> str
     unhappy = [outcome for outcome in ordered if outcome.display_status != "passed"]
     rows = [
         row(
-            ICONS[outcome.display_status],
+            STATUS_DISPLAYS[outcome.display_status].icon,
             markdown_text(group.values(outcome)),
             _gist(outcome),
             moment(outcome.sim_time),
@@ -212,7 +203,7 @@ def _varied(group: ScenarioGroup, options: ReportOptions, *, drawn: bool) -> str
     passed = f"{counted(len(ordered) - len(unhappy), 'variation')} that passed"
     bad, good = rows[: len(unhappy)][:_MAX_ROWS], rows[len(unhappy) :]
     parts = [
-        f"### {ICONS[group.status]} {markdown_text(group.name)}: {_variations_headline(group)}",
+        f"### {STATUS_DISPLAYS[group.status].icon} {markdown_text(group.name)}: {_variations_headline(group)}",
         source_link(options, group.location),
         table(columns, bad) if bad else "",
         folded(passed, table(columns, good)) if good else "",
@@ -224,7 +215,7 @@ def _varied(group: ScenarioGroup, options: ReportOptions, *, drawn: bool) -> str
 
 def _outcome_section(outcome: Outcome, options: ReportOptions, *, drawn: bool) -> str:
     parts = [
-        f"### {ICONS[outcome.display_status]} {markdown_text(outcome.name)}",
+        f"### {STATUS_DISPLAYS[outcome.display_status].icon} {markdown_text(outcome.name)}",
         _subtitle(outcome, options),
         *(_failure_text(failure, options) for failure in outcome.failures[:_MAX_FAILURES]),
         _left_out_note(len(outcome.failures), _MAX_FAILURES, "error"),
@@ -240,7 +231,7 @@ def _outcome_section(outcome: Outcome, options: ReportOptions, *, drawn: bool) -
 def _charts(outcome: Outcome, options: ReportOptions) -> Iterator[str]:
     """Yield charts of expectations that did not hold, beginning with those that make the scenario fail."""
     numbered = sorted(enumerate(outcome.expectations), key=lambda pair: (pair[1].verdict.cut_off, not pair[1].failed))
-    missed = [(number, expected) for number, expected in numbered if not expected.verdict.passed]
+    missed = [(number, expected) for number, expected in numbered if expected.status != "passed"]
     replay = load_replay(outcome, options) if missed else None
     drawings = (_chart(replay, number, expected) for number, expected in missed) if replay else ()
     yield from islice((drawing for drawing in drawings if drawing), _MAX_CHARTS)
@@ -263,7 +254,7 @@ def _gist(outcome: Outcome) -> str:
     if outcome.status == "skipped":
         return _message(" ".join(outcome.notes))
     reasons = [f"{failure.title}: {failure.message}" for failure in outcome.failures]
-    reasons += [expected.verdict.message for expected in outcome.causes_first if expected.failed]
+    reasons += [expected.verdict.message for expected in outcome.causes]
     reasons = reasons or [expected.verdict.message for expected in outcome.causes_first if expected.warned]
     reasons = reasons or [str(warning) for warning in outcome.warnings]
     if reasons:
@@ -294,7 +285,7 @@ def _failure_text(failure: Failure, options: ReportOptions) -> str:
 def _warnings(outcome: Outcome, options: ReportOptions) -> str:
     """Return a list of the warnings of the audit."""
     lines = [
-        f"- {ICONS['warned']} {_message(str(warning))}<br>{source_link(options, warning.location)}"
+        f"- {STATUS_DISPLAYS['warned'].icon} {_message(str(warning))}<br>{source_link(options, warning.location)}"
         for warning in outcome.warnings[:_MAX_ROWS]
     ]
     left_out = _left_out_note(len(outcome.warnings), _MAX_ROWS, "warning")
@@ -303,9 +294,8 @@ def _warnings(outcome: Outcome, options: ReportOptions) -> str:
 
 def _expectations(outcome: Outcome, options: ReportOptions) -> str:
     """Return a table of the expectations that did not hold; the others are folded, or shown if all held."""
-    ordered = sorted(outcome.causes_first, key=lambda expected: not expected.failed)
-    missed = [expected for expected in ordered if not expected.verdict.passed]
-    held = [expected for expected in ordered if expected.verdict.passed]
+    missed = outcome.not_passed
+    held = [expected for expected in outcome.expectations if expected.status == "passed"]
     if not missed or not held:
         return _table(outcome, missed or held, options)
     return "\n\n".join(
@@ -330,9 +320,9 @@ def _table(outcome: Outcome, expectations: Sequence[ExpectationOutcome], options
 
 def _row(outcome: Outcome, expected: ExpectationOutcome, options: ReportOptions) -> str:
     verdict = expected.verdict
-    icon = ICONS[expected.status]
+    icon = STATUS_DISPLAYS[expected.status].icon
     what = f"**{markdown_text(expected.name)}**<br>{_message(verdict.message)}"
-    if not verdict.passed:
+    if expected.status != "passed":
         what += f"<br>{source_link(options, expected.location)}"
         if link := replay_link(outcome, options, verdict.time):
             what += f"<br>replay: {code_of_link(link)}"

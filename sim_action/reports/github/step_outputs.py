@@ -36,6 +36,7 @@ def outputs(results: Results, options: ReportOptions) -> dict[str, str]:
         "passed": str(results.count("passed")),
         "failed": str(results.count("failed")),
         "flaky": str(results.count("flaky")),
+        "not-exercised": str(results.count("not_exercised")),
         "errors": str(results.count("error")),
         "skipped": str(results.count("skipped")),
         "junit-path": str(options.junit.absolute()),
@@ -54,7 +55,7 @@ def _fragment(results: Results, options: ReportOptions) -> str:
     if worst is None or worst.status in ("passed", "skipped"):
         return ""
     times = [failure.time for failure in worst.failures]
-    times += [expected.verdict.time for expected in worst.causes_first if expected.failed]
+    times += [expected.verdict.time for expected in worst.causes]
     link = replay_link(worst, options, next(iter(times), None))
     return link.removeprefix(REPORT_FILE)
 

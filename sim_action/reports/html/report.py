@@ -24,7 +24,7 @@ from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line, shortened
 from sim_action.reports.formatting import counts_text, shard_text, speed_text
 from sim_action.reports.html.document import Html, Page, element, joined
-from sim_action.reports.html.scenario_article import MARKS, article, drawn
+from sim_action.reports.html.scenario_article import article, drawn, status_mark
 from sim_action.reports.links import REPORT_FILE
 from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios, worst_first
 from sim_action.results.artifacts import namesake_number, stored_file
@@ -140,7 +140,8 @@ def page_head(results: Results) -> Html:
     told = [f"{counts_text(results)} in {results.wall_time:.1f} s{speed}"]
     told += [shard_text(results.shard)] if results.shard else []
     told += [f"sim-action {results.sim_action}"]
-    kind = "failed" if results.conclusion != "success" else "passed"
+    worst = next((outcome.status for outcome in results.worst_first()), None)
+    kind = "passed" if results.conclusion == "success" else "not_exercised" if worst == "not_exercised" else "failed"
     return element(
         "header",
         element("h1", page_headline(results), class_=kind),
@@ -180,7 +181,7 @@ def scenario_list(found: list[ScenarioGroup], ids: Mapping[int, str]) -> Html:
 def _gist(outcome: Outcome) -> str:
     """Return the first reason why a scenario did not pass, shortened; empty if it passed."""
     told = [failure.message for failure in outcome.failures]
-    told += [expected.verdict.message for expected in outcome.causes_first if not expected.verdict.passed]
+    told += [expected.verdict.message for expected in outcome.not_passed]
     return shortened(one_line(told[0]), _MAX_IN_GIST) if told else ""
 
 
@@ -191,7 +192,7 @@ def _list_entry(group: ScenarioGroup, ids: Mapping[int, str]) -> Html:
     if not group.varies:
         return _list_item(there[0], there[0].name, ids)
     title = joined(
-        element("span", MARKS[group.status], class_=f"mark {group.status}", role="img", aria_label=group.status),
+        status_mark(group.status),
         element("span", one_line(group.name), element("small", group.passed, class_="faint"), class_="name"),
     )
     items = [_list_item(outcome, group.values(outcome), ids) for outcome in there]
@@ -200,12 +201,12 @@ def _list_entry(group: ScenarioGroup, ids: Mapping[int, str]) -> Html:
 
 
 def _list_item(outcome: Outcome, name: str, ids: Mapping[int, str]) -> Html:
-    kind, why = outcome.display_status, _gist(outcome)
+    why = _gist(outcome)
     return element(
         "li",
         element(
             "a",
-            element("span", MARKS[kind], class_=f"mark {kind}", role="img", aria_label=kind),
+            status_mark(outcome.display_status),
             element("span", one_line(name), element("small", why, class_="faint") if why else "", class_="name"),
             href=f"#{ids[id(outcome)]}",
         ),

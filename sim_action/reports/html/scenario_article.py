@@ -10,6 +10,7 @@ from sim_action.recording.replay.replay_file import Replay
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import (
+    judged_text,
     moment,
     provenance_rows,
     quantity,
@@ -20,29 +21,21 @@ from sim_action.reports.formatting import (
 from sim_action.reports.html.document import Html, element, joined
 from sim_action.reports.html.top_view import drawing
 from sim_action.reports.links import file_and_line, rerun_command, source_url
+from sim_action.reports.statuses import STATUS_DISPLAYS
 from sim_action.results.outcome import AuditWarning, DisplayStatus, ExpectationOutcome, Failure, Outcome
 from sim_action.results.results_json import Results
 from sim_action.state.verdict import Verdict
-
-WORDS: dict[DisplayStatus, str] = {
-    "passed": "Passed",
-    "warned": "Passed, with a warning",
-    "failed": "Failed",
-    "flaky": "Flaky: its runs differ",
-    "not_exercised": "Not exercised: something was never checked",
-    "error": "No verdict",
-    "skipped": "Not run",
-}
 
 
 def article(identity: str, outcome: Outcome, results: Results, options: ReportOptions, still: Html) -> Html:
     """Return the article of a scenario; `identity` is its element id, `still` the drawing shown without scripts."""
     kind = outcome.display_status
+    look = STATUS_DISPLAYS[kind]
     return element(
         "article",
         element(
             "header",
-            element("p", element("span", MARKS[kind], aria_hidden="true"), " ", WORDS[kind], class_=f"status {kind}"),
+            element("p", element("span", look.symbol, aria_hidden="true"), " ", look.headline, class_=f"status {kind}"),
             element("h2", one_line(outcome.name), id=f"{identity}-name"),
             element("p", _origin_line(outcome, options), class_="faint"),
         ),
@@ -80,8 +73,6 @@ def drawn(replay: Replay, outcome: Outcome) -> Html:
     return element("figure", drawing(replay, outcome), element("figcaption", words), class_="still")
 
 
-MARKS = {"passed": "✓", "warned": "!", "failed": "✕", "flaky": "≠", "not_exercised": "∅", "error": "✕", "skipped": "·"}
-
 _NUMBERS = ("Measured", "Limit", "Margin", "Decided")
 _MAX_FAILURES = 20
 _MAX_WARNINGS = 100
@@ -89,13 +80,18 @@ _MAX_WARNINGS = 100
 
 def reasons(outcome: Outcome, options: ReportOptions) -> Html:
     """Return the reasons why a scenario did not pass, with measured value, limit, time and missing margin."""
-    causes = [expected for expected in outcome.causes_first if not expected.verdict.passed]
     told = [_failure_section(failure, options) for failure in outcome.failures[:_MAX_FAILURES]]
-    told += [_missed_section(expected) for expected in causes]
+    told += [_missed_section(expected) for expected in outcome.not_passed]
     told += [_warning_section(warning, options) for warning in outcome.warnings[:_MAX_WARNINGS]]
     left = len(outcome.failures) - _MAX_FAILURES
     more = element("p", f"{left} more errors are in results.json.", class_="faint") if left > 0 else ""
     return element("div", joined(*told, more), class_="reasons") if told else Html("")
+
+
+def status_mark(status: DisplayStatus) -> Html:
+    """Return the symbol of a status; assistive technology reads its word."""
+    display = STATUS_DISPLAYS[status]
+    return element("span", display.symbol, class_=f"mark {status}", role="img", aria_label=display.word)
 
 
 def expectations(outcome: Outcome, options: ReportOptions) -> Html:
@@ -127,7 +123,6 @@ def _failure_section(failure: Failure, options: ReportOptions) -> Html:
 
 def _missed_section(expected: ExpectationOutcome) -> Html:
     verdict = expected.verdict
-    kind = "warned" if expected.warned else "failed"
     cut = "Not decided: the run ended first." if verdict.cut_off else ""
     return element(
         "section",
@@ -135,7 +130,7 @@ def _missed_section(expected: ExpectationOutcome) -> Html:
         element("p", verdict.message or "It did not hold.", class_="what"),
         _figures(verdict),
         element("p", cut, class_="faint") if cut else "",
-        class_=f"reason {'cut' if verdict.cut_off else kind}",
+        class_=f"reason {'cut' if verdict.cut_off else expected.status}",
     )
 
 
@@ -166,15 +161,15 @@ def _named_figures(named: Mapping[str, str]) -> Html:
 
 def _expectation_row(expected: ExpectationOutcome, options: ReportOptions) -> Html:
     verdict = expected.verdict
-    kind = expected.status
     measured, limit = _apart(verdict)
     margin = "" if verdict.margin is None else units.display(verdict.margin, verdict.unit)
     cells = dict(zip(_NUMBERS, (measured, limit, margin, _moment_link(verdict.time)), strict=True))
-    place = element("small", source(expected.location, options), class_="faint")
+    told = [element("span", part) for part in (source(expected.location, options), judged_text(verdict)) if part]
+    about = element("small", Html(" · ".join(told)), class_="faint")
     return element(
         "tr",
-        element("td", element("span", MARKS[kind], class_=f"mark {kind}", role="img", aria_label=kind)),
-        element("th", element("span", expected.name), " ", place, scope="row"),
+        element("td", status_mark(expected.status)),
+        element("th", element("span", expected.name), " ", about, scope="row"),
         *(element("td", told, data_title=title) for title, told in cells.items()),
     )
 

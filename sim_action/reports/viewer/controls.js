@@ -81,8 +81,7 @@ function decisionMarks(clock, expectations) {
  * @returns {{time: number, status: string, name: string}[]} failures first, as on the page
  */
 function moments(expectations) {
-  const rank = (/** @type {ExpectationEntry} */ one) => (one.status === "passed" ? 3 : one.cutOff ? 1 : one.status === "warned" ? 2 : 0);
-  const decided = [...expectations].sort((a, b) => rank(a) - rank(b));
+  const decided = [...expectations].sort((a, b) => badness(a) - badness(b));
   return decided.flatMap(({ time, status, name, cutOff }) =>
     typeof time === "number" ? [{ time, name, status: cutOff ? "cut" : status }] : []);
 }

@@ -7,12 +7,20 @@
  */
 function curvesOf(motion, expectations) {
   const asserted = motion.replay.signals.map((signal) => signalCurve(signal, motion, expectations));
-  const rank = (/** @type {Curve} */ curve) => (curve.status === "failed" ? (curve.cutOff ? 1 : 0) : curve.status === "warned" ? 2 : 3);
-  asserted.sort((a, b) => rank(a) - rank(b));
+  asserted.sort((a, b) => badness(a) - badness(b));
   const named = new Set(asserted.map((curve) => curve.name));
   const always = moves(motion) ? baseCurves(motion) : jointCurves(motion, asserted.length ? 4 : 8);
   const known = (/** @type {string} */ name) => named.has(name) || (name === "distance from start" && named.has("travelled"));
   return [...asserted, ...always.filter((curve) => !known(curve.name))];
+}
+
+/**
+ * Returns a sort key: the worst status comes first, as on the page; among those that did not pass, undecided ones last.
+ * @param {{status: string, cutOff: boolean}} expected
+ */
+function badness({ status, cutOff }) {
+  const rank = ["failed", "not_exercised", "warned"].indexOf(status);
+  return rank < 0 ? 10 : rank + (cutOff ? 5 : 0);
 }
 
 /** @param {Motion} motion */

@@ -43,6 +43,22 @@ def test_a_failure_stands_on_the_line_of_its_assertion(samples: Samples, options
     )
 
 
+def test_what_was_never_judged_is_an_error_on_its_line(samples: Samples, options: ReportOptions) -> None:
+    found = lines(samples["not-exercised"], options)
+    place = "file=scenarios/wall.sim.yml,line=17,col=5"
+    assert (
+        f"::error {place},title=burger watches the wall%3A range stays above 0.2 m"
+        "::never checked: sensor 'lidar' had no reading; lower its rate or run for longer"
+    ) in found
+    (varied,) = (line for line in found if "title=push" in line)
+    assert varied.startswith(f"::error {place},title=push%3A range stays above 0.2 m::2 of 3 variations; the worst, ")
+    (warning,) = (line for line in found if line.startswith("::warning"))
+    assert warning == (
+        f"::warning {place},title=burger may miss readings%3A range stays above 0.2 m"
+        "::never checked: sensor 'lidar' had no reading; lower its rate or run for longer"
+    )
+
+
 def test_what_ended_a_run_comes_before_what_that_cut_off(samples: Samples, options: ReportOptions) -> None:
     cause, cut_off = lines(samples["cut"], options)
     assert "title=burger hits the wall%3A no_collision::base_link touched wall" in cause

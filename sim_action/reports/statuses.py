@@ -1,0 +1,120 @@
+"""The table of all statuses: symbol, words, colour, JUnit element and annotation level, the same in every report."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final, Literal
+
+from sim_action.results.outcome import DisplayStatus
+
+Level = Literal["error", "warning"]
+"""The level of an annotation."""
+
+
+@dataclass(frozen=True, slots=True)
+class StatusDisplay:
+    """The display of one status.
+
+    Attributes:
+        word: the status inside a sentence.
+        headline: the status above a scenario in `report.html`.
+        meaning: one line for the documents.
+        symbol: the character on the terminal and in `report.html`.
+        ascii_symbol: the character on a terminal without Unicode.
+        icon: the emoji in the job summary.
+        style: the colour on the terminal, as rich names it. The style sheet of the page has a class of each status.
+        junit: the element inside a testcase; None: no element, so the testcase passes.
+        level: the level of the annotation; None: no annotation.
+    """
+
+    word: str
+    headline: str
+    meaning: str
+    symbol: str
+    ascii_symbol: str
+    icon: str
+    style: str
+    junit: Literal["error", "failure", "skipped"] | None = None
+    level: Level | None = None
+
+
+STATUS_DISPLAYS: Final[Mapping[DisplayStatus, StatusDisplay]] = MappingProxyType(
+    {
+        "error": StatusDisplay(
+            word="error",
+            headline="No verdict",
+            meaning="there is no verdict: the scenario is invalid, crashed, or reached a limit of the process",
+            symbol="✗",
+            ascii_symbol="x",
+            icon="💥",
+            style="bold red",
+            junit="error",
+            level="error",
+        ),
+        "failed": StatusDisplay(
+            word="failed",
+            headline="Failed",
+            meaning="an expectation was judged and did not hold",
+            symbol="✗",
+            ascii_symbol="x",
+            icon="❌",
+            style="bold red",
+            junit="failure",
+            level="error",
+        ),
+        "flaky": StatusDisplay(
+            word="flaky",
+            headline="Flaky: its runs differ",
+            meaning="repeated runs are not equal bit for bit",
+            symbol="≠",
+            ascii_symbol="?",
+            icon="🎲",
+            style="bold red",
+            junit="error",
+            level="error",
+        ),
+        "not_exercised": StatusDisplay(
+            word="not exercised",
+            headline="Not exercised: something was never checked",
+            meaning="nothing failed, but an expectation was never judged: no moment of the run could check it",
+            symbol="∅",
+            ascii_symbol="0",
+            icon="⭕",
+            style="bold magenta",
+            junit="error",
+            level="error",
+        ),
+        "warned": StatusDisplay(
+            word="warning",
+            headline="Passed, with a warning",
+            meaning="passed, but an expectation did not hold or was never judged, and the scenario accepts that",
+            symbol="!",
+            ascii_symbol="!",
+            icon="⚠️",
+            style="yellow",
+            level="warning",
+        ),
+        "skipped": StatusDisplay(
+            word="not run",
+            headline="Not run",
+            meaning="not run, because another scenario did not pass and `--fail-fast` is set",
+            symbol="·",
+            ascii_symbol="-",
+            icon="⏭️",
+            style="dim",
+            junit="skipped",
+        ),
+        "passed": StatusDisplay(
+            word="passed",
+            headline="Passed",
+            meaning="every expectation was judged at one moment at least, and held",
+            symbol="✓",
+            ascii_symbol="+",
+            icon="✅",
+            style="green",
+        ),
+    }
+)
+"""The display of each status."""
