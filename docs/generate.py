@@ -46,6 +46,7 @@ BLOCKS: dict[str, Callable[..., str]] = {
     "reading-columns": lists.reading_columns,
     "assertions": scenario.assertions,
     "models": lists.models,
+    "claim-rules": lists.claim_rules,
     "rules": lists.rules,
     "recordings": lists.recordings,
     "statuses": lists.statuses,

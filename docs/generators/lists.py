@@ -14,6 +14,7 @@ from sim_action.recording.export import EXPORTS
 from sim_action.reports.statuses import STATUS_DISPLAYS, StatusDisplay
 from sim_action.results.outcome import WORST_FIRST, DisplayStatus, Failure, FailureKind, Outcome, Status
 from sim_action.robot.audit.rules import RULES
+from sim_action.scenario.claim_audit import RULES as CLAIM_RULES
 from sim_action.state.readings import READING_COLUMNS, ReadingColumn
 
 EXIT_CODES = {
@@ -35,6 +36,13 @@ def entries(family: Iterable[Entry], kind: str) -> str:
 def rules() -> str:
     """Return the table of audit rules."""
     rows = ((f"`{name}`", rule.summary, LEVELS[rule.level]) for name, rule in RULES.items())
+    return table(("rule", "finding", "effect"), rows)
+
+
+def claim_rules() -> str:
+    """Return the table of the rules of claims."""
+    effects = {"error": "refused, unless allowed", "warning": "a warning"}
+    rows = ((f"`{name}`", rule.summary, effects[rule.level]) for name, rule in CLAIM_RULES.items())
     return table(("rule", "finding", "effect"), rows)
 
 

@@ -40,6 +40,7 @@ def validate(paths: Sequence[str], allow_outside: bool) -> ExitCode:
     # What several share may be wrong in each of them, and stands in one place.
     messages = [message for scenario in refused for message in _messages(scenario)]
     messages += [f"{loaded.file}: not checked: {remark}" for loaded in valid for remark in loaded.unchecked]
+    messages += [f"{warning.location}: warning: {warning}" for loaded in valid for warning in loaded.warnings]
     for line in (line for message in dict.fromkeys(messages) for line in message.split("\n")):
         click.echo(log_line(line))
     scenarios = len({(loaded.file, loaded.source.group or loaded.scenario.name) for loaded in valid})

@@ -13,7 +13,15 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Final, get_args
 
 from annotated_types import Ge, Gt, Le, Lt
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    ValidationInfo,
+)
 from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
@@ -29,6 +37,9 @@ class FrozenModel(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, defer_build=True)
 
 
+BARE_ANGLE_RULE: Final = "bare angle rule"
+"""The key, in a context of pydantic, of the rule that refuses angles without a unit beyond one turn."""
+
 _JSON_SCHEMA_WORDS: Final = {"gt": "exclusiveMinimum", "ge": "minimum", "lt": "exclusiveMaximum", "le": "maximum"}
 
 
@@ -39,7 +50,7 @@ class Quantity:
     dimensions: tuple[Dimension, ...]
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        return core_schema.no_info_before_validator_function(self._read, handler(source))
+        return core_schema.with_info_before_validator_function(self._read, handler(source))
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         return self._with_unit(handler(schema))
@@ -53,12 +64,15 @@ class Quantity:
         pattern = f"^\\s*[-+]?[0-9.]+([eE][-+]?[0-9]+)?\\s*({'|'.join(re.escape(s) for s in symbols)})?\\s*$"
         return {"anyOf": [number, {"type": "string", "pattern": pattern, "examples": [f"1 {symbols[0]}"]}]}
 
-    def _read(self, value: object) -> object:
+    def _read(self, value: object, info: ValidationInfo) -> object:
         try:
-            return units.parse(value, *self.dimensions)
+            number = units.parse(value, *self.dimensions)
         except units.UnitError as error:
-            # A brace in the text would be a placeholder of pydantic's template.
-            raise PydanticCustomError("quantity", "{reason}", {"reason": str(error)}) from None
+            raise _refused(str(error)) from None
+        rule = info.context.get(BARE_ANGLE_RULE) if info.context else None
+        if rule and self.dimensions == (units.ANGLE,) and (problem := units.beyond_a_turn(value)):
+            raise _refused(f"{problem} [{rule}]")
+        return number
 
 
 @dataclass(frozen=True)
@@ -68,9 +82,14 @@ class Written(Quantity):
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         return self._with_unit({"type": "number"})
 
-    def _read(self, value: object) -> object:
-        super()._read(value)
+    def _read(self, value: object, info: ValidationInfo) -> object:
+        super()._read(value, info)
         return value
+
+
+def _refused(reason: str) -> PydanticCustomError:
+    # A brace in the text would be a placeholder of pydantic's template.
+    return PydanticCustomError("quantity", "{reason}", {"reason": reason})
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,8 @@ from typing import Final
 from sim_action.core.wording import shown
 
 _DEGREE: Final = math.pi / 180
+# One turn, rounded up, because 2 pi may be rounded.
+_MAX_BARE_RAD: Final = 6.29
 _BYTES: Final = ((1e9, "GB"), (1e6, "MB"), (1e3, "kB"))
 # All floats differ with 17 digits; one more, because `display` shows one digit less with an exponent.
 _ALL_DIGITS: Final = 18
@@ -89,6 +91,22 @@ def parse(value: object, *dimensions: Dimension) -> float:
     if not math.isfinite(number):
         raise UnitError(f"expected a finite {_expected(dimensions)}, found {shown(value)}")
     return number
+
+
+def is_bare(value: object) -> bool:
+    """Return True for a number, or the text of one, without a unit."""
+    if isinstance(value, str):
+        match = _QUANTITY.fullmatch(value.strip())
+        return match is not None and match[2] is None
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def beyond_a_turn(value: object) -> str | None:
+    """Return the problem of an angle without a unit that is more than one turn, else None."""
+    if not is_bare(value) or abs(number := float(str(value))) <= _MAX_BARE_RAD:
+        return None
+    meant = f"write '{number:g} deg' if degrees are meant, else '{number:g} rad'"
+    return f"{number:g} without a unit is in rad, and more than one turn; {meant}"
 
 
 def conversion(unit: str, other: str) -> float | None:

@@ -9,7 +9,8 @@ from typing import Final
 
 from sim_action.core.errors import Location
 from sim_action.reports.formatting import moment, quantity
-from sim_action.results.outcome import WORST_FIRST, AuditWarning, DisplayStatus, ExpectationOutcome, Outcome
+from sim_action.results.outcome import WORST_FIRST, DisplayStatus, ExpectationOutcome, Outcome
+from sim_action.scenario.claim_audit import AuditWarning
 
 # The relative margin of a failure without a margin.
 _NO_MARGIN: Final = -1.0

@@ -12,6 +12,7 @@ from sim_action.core.errors import ExitCode, InternalError, InvalidScenario, Loc
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.provenance import Provenance
 from sim_action.core.wording import escaped_line
+from sim_action.scenario.claim_audit import AuditWarning
 from sim_action.scenario.model import Severity, Unexercised
 from sim_action.scenario.source import Refused, Varied
 from sim_action.state.verdict import Verdict
@@ -122,23 +123,6 @@ class ExpectationOutcome(FrozenModel):
     def warned(self) -> bool:
         """Return True if the expectation did not pass but must not make the scenario fail."""
         return self.status == "warned"
-
-
-class AuditWarning(FrozenModel):
-    """A part of the scenario that checked nothing in this run, found by a rule of the audit of claims.
-
-    Attributes:
-        rule: the name of the rule, which `allow` in the scenario accepts.
-        message: what was found, and what to change.
-        location: the place in the scenario file.
-    """
-
-    rule: str
-    message: str
-    location: Location
-
-    def __str__(self) -> str:
-        return f"{self.message} [{self.rule}]"
 
 
 def status_of(expectations: Iterable[ExpectationOutcome]) -> Status:

@@ -18,6 +18,14 @@ from sim_action.robot.loading import ModelLibrary, check_text, load_model
 from sim_action.robot.robot_model import RobotModel
 from sim_action.scenario import checks as scenario_checks
 from sim_action.scenario import world_checks
+from sim_action.scenario.claim_audit import (
+    AuditWarning,
+    ClaimFinding,
+    allowed_rules,
+    audit_scenario,
+    audit_scene,
+    unknown_rules,
+)
 from sim_action.scenario.files import read_only_scenario
 from sim_action.scenario.model import DrivenRobot, LoadedScenario, Scenario
 from sim_action.scenario.part_reader import PartReader
@@ -61,7 +69,7 @@ def checked(
     scenario = loader.load()
     if source.group is not None:
         scenario = scenario.model_copy(update={"name": source.name})
-    return LoadedScenario(scenario, source, loader.model, loader.unchecked, loader.parts)
+    return LoadedScenario(scenario, source, loader.model, loader.unchecked, loader.parts, loader.warnings)
 
 
 def load_all(
@@ -175,6 +183,7 @@ class _Loader:
         self.model: RobotModel | None = None
         self.unchecked: tuple[str, ...] = ()
         self.parts: Mapping[str, tuple[Part, ...]] = {}
+        self.warnings: tuple[AuditWarning, ...] = ()
         self._libraries = libraries
         self._evaluate = evaluate
         self._source = source
@@ -182,7 +191,8 @@ class _Loader:
         self._workspace = source.workspace
         self._permissions = permissions
         self._problems = ProblemList(source.document)
-        self._parts = PartReader(source.document, source.workspace, permissions, self._problems)
+        self._allowed = allowed_rules(self._data) if isinstance(self._data, dict) else frozenset()
+        self._parts = PartReader(source.document, source.workspace, permissions, self._problems, self._allowed)
 
     def load(self) -> Scenario:
         assert isinstance(self._data, dict)  # whoever read the file has looked
@@ -196,6 +206,7 @@ class _Loader:
     def _check(self, scenario: Scenario, *, states_drive: bool) -> None:
         """Check the scenario as a whole."""
         self._problems.note_all((), self._own_problems(scenario))
+        self._take(audit_scenario(scenario, self._parts.expect_paths, self._parts.command_paths))
         self.unchecked = tuple(remark for source in scenario.commands for remark in source.unchecked)
         surroundings = read_surroundings(scenario.world, self._workspace, self._libraries.shapes)
         self.parts = surroundings.parts
@@ -210,6 +221,15 @@ class _Loader:
             scene = _scene(scenario, self.model, self._source, self.parts)
             self._check_scene(scene, scenario, states_drive=states_drive)
 
+    def _take(self, findings: Iterable[ClaimFinding]) -> None:
+        """Note the errors of the audit of claims, and keep its warnings, except those that the scenario allows."""
+        found = [finding for finding in findings if finding.rule not in self._allowed]
+        for finding in found:
+            if finding.is_error:
+                self._problems.note(finding.path, f"{finding.message} [{finding.rule}]")
+        document = self._source.document
+        self.warnings += tuple(finding.warning(document) for finding in found if not finding.is_error)
+
     def _own_problems(self, scenario: Scenario) -> SpecProblems:
         """Yield the problems that are visible without reading other files."""
         parts = self._parts
@@ -218,6 +238,7 @@ class _Loader:
         yield from scenario_checks.trace_problems(scenario, parts.sensor_paths)
         yield from scenario_checks.reading_problems(scenario, parts.expect_paths)
         yield from scenario_checks.rule_problems(scenario)
+        yield from unknown_rules(scenario.allow)
         yield from scenario_checks.name_problems(scenario)
         yield from scenario_checks.engine_problems(scenario)
         yield from scenario_checks.patch_problems(scenario)
@@ -257,3 +278,4 @@ class _Loader:
             self._problems.note_all(path, source.model_problems(scene))
         for path, expectation in zip(self._parts.expect_paths, scenario.expect, strict=True):
             self._problems.note_all((*path, expectation.assertion.key), expectation.assertion.problems(scene))
+        self._take(audit_scene(scene, scenario, self._parts.expect_paths))

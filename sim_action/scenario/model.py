@@ -29,6 +29,7 @@ from sim_action.core.yaml_document import Document
 from sim_action.drives import Drive
 from sim_action.robot.robot_model import RobotModel
 from sim_action.robot.spec import Robot
+from sim_action.scenario.claim_audit import AuditWarning
 from sim_action.scenario.source import Source
 from sim_action.scenario.variation_values import MAX_SEED, Normal, Uniform
 from sim_action.sensors import MountedSensor
@@ -187,6 +188,9 @@ class Scenario(FrozenModel):
     agreement: Annotated[
         Agreement | None, Field(description="runs the scenario on both engines and limits their difference")
     ] = None
+    allow: Annotated[
+        tuple[str, ...], Field(description="rules of the audit of claims whose findings are accepted")
+    ] = ()
     seed: Annotated[int, Field(ge=0, le=MAX_SEED, description="random seed; the same seed gives the same run")] = 0
     trace: TraceSettings = TraceSettings.model_construct()
 
@@ -251,6 +255,7 @@ class LoadedScenario:
         model: the checked robot model; None if only the scenario's own process may read it.
         unchecked: remarks on parts that can only be checked during a run.
         parts: name of a world body -> its parts, for bodies that are read from files.
+        warnings: the findings of the audit of claims that do not refuse it.
     """
 
     scenario: Scenario
@@ -258,6 +263,7 @@ class LoadedScenario:
     model: RobotModel | None = None
     unchecked: tuple[str, ...] = ()
     parts: Mapping[str, tuple[Part, ...]] = field(default_factory=dict)
+    warnings: tuple[AuditWarning, ...] = ()
 
     @property
     def document(self) -> Document:

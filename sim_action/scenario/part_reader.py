@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import replace
 from itertools import count
 from typing import TYPE_CHECKING, Any, Final, TypeGuard, TypeVar
@@ -11,6 +12,7 @@ from pydantic import BaseModel, ValidationError
 
 from sim_action.assertions import ASSERTIONS, Assertion
 from sim_action.commands import COMMANDS, CommandSource
+from sim_action.core.field_types import BARE_ANGLE_RULE
 from sim_action.core.registry import Table
 from sim_action.core.wording import did_you_mean, shown
 from sim_action.core.workspace import Permissions, Workspace
@@ -44,8 +46,14 @@ class PartReader:
     """
 
     def __init__(
-        self, document: Document, workspace: Workspace, permissions: Permissions, problems: ProblemList
+        self,
+        document: Document,
+        workspace: Workspace,
+        permissions: Permissions,
+        problems: ProblemList,
+        allowed: AbstractSet[str] = frozenset(),
     ) -> None:
+        """Start a reader; `allowed`: rules of the audit of claims that the scenario allows."""
         self.command_paths: list[KeyPath] = []
         self.sensor_paths: list[KeyPath] = []
         self.expect_paths: list[KeyPath] = []
@@ -55,6 +63,7 @@ class PartReader:
         self._problems = problems
         self._assertions = 0
         self._files = 0
+        self._context = {} if "bare-angle" in allowed else {BARE_ANGLE_RULE: "bare-angle"}
 
     def with_families(self, data: Mapping[str, Any]) -> dict[str, Any]:
         """Return the document's data with drive, commands, sensors and expectations as objects."""
@@ -229,7 +238,7 @@ class PartReader:
     def validated(self, model: type[Model], data: Any, path: KeyPath) -> Model | None:
         """Return the spec of a part of the document; None if it has a problem, which is noted."""
         try:
-            return model.model_validate(data)
+            return model.model_validate(data, context=self._context)
         except ValidationError as error:
             for location, message in spec_errors(model, data, error):
                 # A refused part is missing from the whole. That is not a second problem.

@@ -181,3 +181,22 @@ def test_no_symbol_is_a_unit_of_two_dimensions() -> None:
     symbols = [symbol for dimension in DIMENSIONS for symbol in dimension.factors if symbol]
     assert len(symbols) == len(set(symbols))
     assert all(units.conversion(symbol, symbol) == 1 for symbol in symbols)
+
+
+@given(st.floats(0.001, 6.28))
+def test_an_angle_needs_a_unit_beyond_a_turn_only(number: float) -> None:
+    assert units.beyond_a_turn(number) is None
+    assert units.beyond_a_turn(f"{number}") is None
+    beyond = -(number + 6.29)
+    problem = units.beyond_a_turn(beyond)
+    assert problem is not None
+    assert problem == units.beyond_a_turn(f" {beyond} ")
+    assert f"'{beyond:g} deg'" in problem
+    assert units.beyond_a_turn(f"{beyond} rad") is None
+    assert units.beyond_a_turn(f"{beyond}deg") is None
+
+
+@pytest.mark.parametrize("value", [True, None, "far", "90 deg", "", [90]])
+def test_only_a_number_is_bare(value: object) -> None:
+    assert not units.is_bare(value)
+    assert units.beyond_a_turn(value) is None

@@ -14,9 +14,10 @@ import pytest
 from sim_action.core.errors import Location
 from sim_action.core.provenance import Provenance
 from sim_action.reports import ReportOptions
-from sim_action.results.outcome import AuditWarning, Diagnostic, ExpectationOutcome, Failure, Outcome, Repeats, Status
+from sim_action.results.outcome import Diagnostic, ExpectationOutcome, Failure, Outcome, Repeats, Status
 from sim_action.results.results_json import Results
 from sim_action.results.shards import Shard
+from sim_action.scenario.claim_audit import AuditWarning
 from sim_action.scenario.source import Varied
 from sim_action.state.verdict import Judged, Verdict
 

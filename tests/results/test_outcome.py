@@ -7,13 +7,13 @@ import pytest
 from sim_action.core.errors import ExitCode, InvalidScenario, Location, Problem
 from sim_action.results.outcome import (
     WORST_FIRST,
-    AuditWarning,
     ExpectationOutcome,
     ExpectationStatus,
     Outcome,
     Status,
     status_of,
 )
+from sim_action.scenario.claim_audit import AuditWarning
 from sim_action.scenario.model import Severity, Unexercised
 from sim_action.state.verdict import Judged, Verdict
 

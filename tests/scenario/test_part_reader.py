@@ -63,8 +63,8 @@ def test_how_they_are_written(entry: str, spec: Assertion, tmp_path: Path) -> No
 
 
 def test_options_stand_beside_the_outermost(tmp_path: Path) -> None:
-    (expected,) = read(
-        tmp_path, "not: {reach: {x: 1, y: 2}}\n    name: away\n    after: 1 s\n    severity: warning"
+    expected, _ = read(
+        tmp_path, "not: {reach: {x: 1, y: 2}}\n    name: away\n    after: 1 s\n    severity: warning", "upright"
     ).expect
     assert (expected.name, expected.after, expected.severity) == ("away", 1.0, "warning")
 

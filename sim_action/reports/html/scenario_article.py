@@ -22,8 +22,9 @@ from sim_action.reports.html.document import Html, element, joined
 from sim_action.reports.html.top_view import drawing
 from sim_action.reports.links import file_and_line, rerun_command, source_url
 from sim_action.reports.statuses import STATUS_DISPLAYS
-from sim_action.results.outcome import AuditWarning, DisplayStatus, ExpectationOutcome, Failure, Outcome
+from sim_action.results.outcome import DisplayStatus, ExpectationOutcome, Failure, Outcome
 from sim_action.results.results_json import Results
+from sim_action.scenario.claim_audit import AuditWarning
 from sim_action.state.verdict import Verdict
 
 

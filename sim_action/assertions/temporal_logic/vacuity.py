@@ -1,0 +1,143 @@
+"""Parts of a formula that check nothing: comparisons that are always true or false, and premises that never hold."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import product
+from typing import Final
+
+from sim_action.assertions.temporal_logic.formula import (
+    Absolute,
+    Always,
+    Comparison,
+    Eventually,
+    Formula,
+    Implies,
+    Interval,
+    Negative,
+    Not,
+    Number,
+    Product,
+    Signal,
+    Sum,
+    Term,
+    Until,
+    comparisons,
+    parts,
+    signals,
+)
+
+Range = tuple[float, float]
+"""The least and the greatest possible value of a term."""
+
+ANYTHING: Final[Range] = (-math.inf, math.inf)
+
+
+@dataclass(frozen=True, slots=True)
+class Constant:
+    """A comparison that has the same result in every run, and its index in the text."""
+
+    comparison: Comparison
+    is_true: bool
+
+    @property
+    def at(self) -> int:
+        """The index in the text at which the comparison begins."""
+        return self.comparison.at
+
+
+def constant_comparisons(formula: Formula, ranges: Mapping[str, Range]) -> Iterator[Constant]:
+    """Yield the comparisons that are always true or always false; `ranges`: signal of the base -> possible values."""
+    for comparison in comparisons(formula):
+        smaller, greater = comparison.left, comparison.right
+        if comparison.relation in (">", ">="):
+            smaller, greater = greater, smaller
+        (low, high), (other_low, other_high) = _range(smaller, ranges), _range(greater, ranges)
+        if high <= other_low:
+            yield Constant(comparison, True)
+        elif low > other_high:
+            yield Constant(comparison, False)
+
+
+def _range(term: Term, ranges: Mapping[str, Range]) -> Range:
+    match term:
+        case Number():
+            return term.value, term.value
+        case Signal():
+            return ANYTHING if term.joint else ranges.get(term.name, ANYTHING)
+        case Negative():
+            low, high = _range(term.term, ranges)
+            return -high, -low
+        case Absolute():
+            low, high = _range(term.term, ranges)
+            return max(0.0, low, -high), max(-low, high)
+        case Sum():
+            each = [_range(part, ranges) for part in term.terms]
+            return sum(low for low, _ in each), sum(high for _, high in each)
+        case Product():
+            low, high = 1.0, 1.0
+            for factor in term.factors:
+                ends = [_times(a, b) for a, b in product((low, high), _range(factor, ranges))]
+                low, high = min(ends), max(ends)
+            return low, high
+
+
+def _times(first: float, second: float) -> float:
+    """Return the product; 0 times a range without an end is 0."""
+    return first * second if first and second else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Beside:
+    """A number without a unit that is compared with signals."""
+
+    number: float
+    signals: tuple[Signal, ...]
+    at: int
+
+
+def bare_numbers(formula: Formula) -> Iterator[Beside]:
+    """Yield each number without a unit that is one side of a comparison, with the signals of the other side."""
+    for comparison in comparisons(formula):
+        for side, other in ((comparison.left, comparison.right), (comparison.right, comparison.left)):
+            number = side.term if isinstance(side, Negative) else side
+            if isinstance(number, Number) and not number.unit:
+                yield Beside(number.value, tuple(signals(other)), side.at)
+
+
+@dataclass(frozen=True, slots=True)
+class Premise:
+    """The premise of an implication, and the times in s after the first step at which it is judged."""
+
+    formula: Formula
+    interval: Interval
+
+
+def premises(formula: Formula) -> tuple[Premise, ...]:
+    """Return the premises that make a formula true if they never hold."""
+    return tuple(_premises(formula, Interval(0.0, 0.0), contrary=False))
+
+
+def _premises(formula: Formula, when: Interval, *, contrary: bool) -> Iterator[Premise]:
+    match formula:
+        case Not():
+            yield from _premises(formula.formula, when, contrary=not contrary)
+        case Implies():
+            if not contrary:
+                yield Premise(formula.premise, when)
+            yield from _premises(formula.premise, when, contrary=not contrary)
+            yield from _premises(formula.conclusion, when, contrary=contrary)
+        case Always() | Eventually():
+            yield from _premises(formula.formula, _later(when, formula.interval), contrary=contrary)
+        case Until():
+            yield from _premises(formula.before, _later(when, Interval(0.0, formula.interval.end)), contrary=contrary)
+            yield from _premises(formula.then, _later(when, formula.interval), contrary=contrary)
+        case _:
+            for part in parts(formula):
+                yield from _premises(part, when, contrary=contrary)
+
+
+def _later(when: Interval, interval: Interval) -> Interval:
+    return Interval(when.start + interval.start, when.end + interval.end)

@@ -1,0 +1,314 @@
+"""The audit of claims: rules against scenarios that pass although nothing was checked.
+
+An error is a claim that cannot fail in any world, and refuses the scenario. A warning is a claim that cannot fail in
+this scenario, and is shown in every report. Each finding carries the name of its rule. The key `allow` of a scenario
+lists rules whose findings are accepted. Findings after a run are in `simulation/run_audit.py`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Final, Literal
+
+from sim_action.core import units
+from sim_action.core.errors import Location
+from sim_action.core.field_types import FrozenModel
+from sim_action.core.wording import did_you_mean
+from sim_action.core.workspace import PathError
+from sim_action.core.yaml_document import Document, KeyPath
+from sim_action.core.yaml_errors import SpecProblems
+from sim_action.robot.robot_model import Joint, RobotModel
+from sim_action.state.golden_trajectory import GoldenError
+from sim_action.world import GROUND, Physics
+from sim_action.world.scene import Scene
+
+if TYPE_CHECKING:
+    from sim_action.assertions import Assertion
+    from sim_action.assertions.temporal_logic.formula import Signal
+    from sim_action.scenario.model import Scenario
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """One rule: the level of its findings, and their summary for the documents.
+
+    Attributes:
+        over_variations: True if a finding counts only if all variations of a scenario have it.
+    """
+
+    level: Literal["error", "warning"]
+    summary: str
+    over_variations: bool = False
+
+
+RULES: Final[Mapping[str, Rule]] = MappingProxyType(
+    {
+        "bare-angle": Rule("error", "an angle without a unit that is more than one turn: probably in degrees"),
+        "unreachable-limit": Rule(
+            "error",
+            "a limit that no run can exceed, such as a tilt of 180 deg, a speed at which the run already counts as "
+            "unstable (`physics.max_speed`), or a comparison that is always true",
+        ),
+        "warnings-only": Rule("error", "a scenario in which every expectation has `severity: warning`"),
+        "single-row-golden": Rule("error", "a golden file with one row: no motion is compared"),
+        "nothing-to-touch": Rule("warning", "`no_collision` in a world without an object that the robot may not touch"),
+        "segment-beyond-run": Rule(
+            "warning", "a command segment or point that is longer or later than the run: probably in milliseconds"
+        ),
+        "premise-never-held": Rule(
+            "warning", "an implication (`a implies b`) whose premise never held, in any variation", over_variations=True
+        ),
+        "drive-never-commanded": Rule("warning", "a drive that no command source and no sensor used"),
+        "never-moved": Rule("warning", "a robot that was commanded to move, and never moved"),
+        "event-never-began": Rule("warning", "a disturbance, a body or a path that is due after the end of the run"),
+    }
+)
+
+
+@dataclass(frozen=True, slots=True)
+class ClaimFinding:
+    """A finding of a rule at the keys `path` of a scenario: what was found, and what to change."""
+
+    rule: str
+    path: KeyPath
+    message: str
+
+    @property
+    def is_error(self) -> bool:
+        """Return True if the finding refuses the scenario."""
+        return RULES[self.rule].level == "error"
+
+    def warning(self, document: Document) -> AuditWarning:
+        """Return the finding as reports show it."""
+        return AuditWarning(rule=self.rule, message=self.message, location=document.location(self.path))
+
+
+class AuditWarning(FrozenModel):
+    """A part of the scenario that checked nothing in this run, found by a rule of the audit of claims.
+
+    Attributes:
+        rule: the name of the rule, which `allow` in the scenario accepts.
+        message: what was found, and what to change.
+        location: the place in the scenario file.
+    """
+
+    rule: str
+    message: str
+    location: Location
+
+    def __str__(self) -> str:
+        return f"{self.message} [{self.rule}]"
+
+
+def allowed_rules(data: Mapping[str, Any]) -> frozenset[str]:
+    """Return the rules that the data of a scenario allows, before it is validated."""
+    stated = data.get("allow")
+    return frozenset(name for name in stated if isinstance(name, str)) if isinstance(stated, tuple) else frozenset()
+
+
+def unknown_rules(allow: Sequence[str]) -> SpecProblems:
+    """Yield the names in `allow` that are no rules."""
+    for index, name in enumerate(allow):
+        if name not in RULES:
+            yield ("allow", index), f"'{name}' is not a rule{did_you_mean(name, RULES)}"
+
+
+def audit_scenario(
+    scenario: Scenario, expect_paths: Sequence[KeyPath], command_paths: Sequence[KeyPath]
+) -> Iterator[ClaimFinding]:
+    """Yield the findings that are visible without the robot model."""
+    yield from _warnings_only(scenario, expect_paths)
+    if scenario.agreement is not None and (yaw := scenario.agreement.yaw) is not None and yaw >= math.pi:
+        yield _beyond(("agreement", "yaw"), yaw, "rad", _HEADING)
+    for path, assertion in _leaves(scenario, expect_paths):
+        yield from _unreachable_limits(path, assertion, scenario.physics)
+        if assertion.key == "no_collision":
+            yield from _nothing_to_touch(path, assertion, scenario)
+    for path, source in zip(command_paths, scenario.commands, strict=True):
+        yield from _late_segments(path, source, scenario.time_limit)
+
+
+def audit_scene(scene: Scene, scenario: Scenario, expect_paths: Sequence[KeyPath]) -> Iterator[ClaimFinding]:
+    """Yield the findings that depend on the robot model and on other files."""
+    for path, assertion in _leaves(scenario, expect_paths):
+        yield from _bare_joint_angles(path, assertion, scene.model)
+        if assertion.key == "matches" and not scene.workspace.updates_golden:
+            yield from _single_row(path, assertion, scene)
+
+
+def _warnings_only(scenario: Scenario, expect_paths: Sequence[KeyPath]) -> Iterator[ClaimFinding]:
+    soft = all(expectation.severity == "warning" for expectation in scenario.expect)
+    if soft and scenario.agreement is None and expect_paths:
+        message = "every expectation has severity: warning, so this scenario cannot fail; remove it from one of them"
+        yield ClaimFinding("warnings-only", (*expect_paths[0], "severity"), message)
+
+
+def _leaves(scenario: Scenario, expect_paths: Sequence[KeyPath]) -> Iterator[tuple[KeyPath, Any]]:
+    """Yield all assertions that judge the robot, with the paths of their values."""
+    for path, expectation in zip(expect_paths, scenario.expect, strict=True):
+        yield from _placed(expectation.assertion, path)
+
+
+def _placed(assertion: Assertion, path: KeyPath) -> Iterator[tuple[KeyPath, Assertion]]:
+    path = (*path, assertion.key)
+    placed_parts = getattr(assertion, "placed_parts", None)
+    if placed_parts is None:
+        yield path, assertion
+        return
+    for place, part in placed_parts:
+        yield from _placed(part, (*path, *place))
+
+
+_HEADING: Final = "two headings are at most 180 deg apart"
+
+# Assertion, field, unit, the value that no run exceeds, and the reason.
+_BOUNDS: Final[tuple[tuple[str, str, str, Callable[[Physics], float], str], ...]] = (
+    ("upright", "max_tilt", "rad", lambda _: math.pi, "a tilt is at most 180 deg"),
+    ("max_speed", "linear", "m/s", lambda physics: physics.max_speed, "a run ends as unstable at physics.max_speed"),
+    (
+        "max_speed",
+        "angular",
+        "rad/s",
+        lambda physics: physics.max_turn_rate,
+        "a run ends as unstable at physics.max_turn_rate",
+    ),
+    ("travel", "at_most", "m", lambda physics: physics.max_distance, "a run ends as unstable at physics.max_distance"),
+    ("final_pose", "yaw_tolerance", "rad", lambda _: math.pi, _HEADING),
+    ("reach", "yaw_tolerance", "rad", lambda _: math.pi, _HEADING),
+    ("matches", "yaw", "rad", lambda _: math.pi, _HEADING),
+    ("odometry_error", "yaw", "rad", lambda _: math.pi, _HEADING),
+)
+
+
+def _unreachable_limits(path: KeyPath, assertion: Any, physics: Physics) -> Iterator[ClaimFinding]:
+    for key, field, unit, most, why in _BOUNDS:
+        value = getattr(assertion, field) if assertion.key == key else None
+        if value is not None and value >= (bound := most(physics)):
+            yield _beyond((*path, field), value, unit, f"{why}" if unit == "rad" else _at(why, bound, unit))
+    if assertion.key == "stl":
+        yield from _constant_comparisons(path, assertion, physics)
+
+
+def _at(why: str, bound: float, unit: str) -> str:
+    return f"{why}, {units.display(bound, unit)}"
+
+
+def _beyond(path: KeyPath, value: float, unit: str, why: str) -> ClaimFinding:
+    message = f"a limit of {units.display(value, unit)} cannot be exceeded, because {why}; give a smaller limit"
+    return ClaimFinding("unreachable-limit", path, message)
+
+
+def _constant_comparisons(path: KeyPath, assertion: Any, physics: Physics) -> Iterator[ClaimFinding]:
+    from sim_action.assertions.temporal_logic.tokens import place
+    from sim_action.assertions.temporal_logic.vacuity import bare_numbers, constant_comparisons
+
+    ranges = {
+        "tilt": (0.0, math.pi),
+        "roll": (-math.pi, math.pi),
+        "pitch": (-math.pi / 2, math.pi / 2),
+        "yaw": (-math.pi, math.pi),
+        "speed": (0.0, physics.max_speed),
+        "turn_rate": (0.0, physics.max_turn_rate),
+        "travel": (0.0, physics.max_distance),
+    }
+    bare = [each for each in bare_numbers(assertion.parsed) if _are_angles(each.signals)]
+    wrong = [(each.at, problem) for each in bare if (problem := units.beyond_a_turn(each.number)) is not None]
+    for at, problem in wrong:
+        yield ClaimFinding("bare-angle", path, f"{problem}; {place(assertion.formula, at)}")
+    if wrong:
+        return
+    for constant in constant_comparisons(assertion.parsed, ranges):
+        always = "always true ('>' and '>=' are the same)" if constant.is_true else "always false"
+        message = f"'{constant.comparison}' is {always}, so it checks nothing; change its limit"
+        yield ClaimFinding("unreachable-limit", path, f"{message}; {place(assertion.formula, constant.at)}")
+
+
+def _are_angles(signals: Iterable[Signal]) -> bool:
+    names = {signal.name for signal in signals}
+    return bool(names) and names <= {"roll", "pitch", "yaw", "tilt"}
+
+
+def _nothing_to_touch(path: KeyPath, assertion: Any, scenario: Scenario) -> Iterator[ClaimFinding]:
+    names = [body.name for body in scenario.world.objects]
+    if all(name in (*assertion.allow, GROUND) for name in names):
+        found = (
+            "allow names every object of the world"
+            if names
+            else "the world has no objects, and the ground never counts"
+        )
+        message = f"{found}, so the robot cannot touch anything; add an object to world.objects, or remove no_collision"
+        yield ClaimFinding("nothing-to-touch", path, message)
+
+
+def _late_segments(path: KeyPath, source: Any, limit: float) -> Iterator[ClaimFinding]:
+    start = 0.0
+    for index, segment in enumerate(getattr(source, "twist", ())):
+        below: KeyPath = (*path, "twist", index)
+        if start >= limit:
+            message = f"this segment begins at {start:g} s, but the run ends at {limit:g} s (time_limit)"
+            yield ClaimFinding("segment-beyond-run", below, f"{message}; shorten the segments before it, or remove it")
+            return
+        if segment.duration is None:
+            return
+        if segment.duration > limit:
+            message = f"this segment lasts {segment.duration:g} s, but the run ends at {limit:g} s (time_limit)"
+            hint = f"; '{segment.duration:g} ms' meant?" if segment.duration >= _MANY_S else ""
+            yield ClaimFinding("segment-beyond-run", (*below, "for"), f"{message}{hint}")
+            return
+        start += segment.duration
+    for index, point in enumerate(getattr(source, "points", ())):
+        at = getattr(point, "at", None)
+        if at is not None and at > limit:
+            message = f"this point is at {at:g} s, but the run ends at {limit:g} s (time_limit)"
+            hint = f"; '{at:g} ms' meant?" if at >= _MANY_S else "; move it, or remove it"
+            yield ClaimFinding("segment-beyond-run", (*path, "joints", index, "at"), f"{message}{hint}")
+
+
+# From this number on, a time in s is probably one in ms.
+_MANY_S: Final = 100.0
+
+
+def _bare_joint_angles(path: KeyPath, assertion: Any, model: RobotModel) -> Iterator[ClaimFinding]:
+    """Yield bare angles of joints that cannot make a full turn; other joints may turn many times."""
+    for names, below, written in _joint_positions(assertion):
+        from sim_action.assertions.joint_selection import chosen
+
+        if any(map(_is_limited, chosen(model, names))) and (problem := units.beyond_a_turn(written)) is not None:
+            yield ClaimFinding("bare-angle", (*path, *below), problem)
+    if assertion.key == "stl":
+        from sim_action.assertions.temporal_logic.vacuity import bare_numbers
+
+        for each in bare_numbers(assertion.parsed):
+            joints = [model.joints_by_name.get(signal.joint) for signal in each.signals if signal.name == "position"]
+            limited = any(joint is not None and _is_limited(joint) for joint in joints)
+            if limited and (problem := units.beyond_a_turn(each.number)) is not None:
+                yield ClaimFinding("bare-angle", path, problem)
+
+
+def _joint_positions(assertion: Any) -> Iterator[tuple[tuple[str, ...], KeyPath, object]]:
+    """Yield the joints, the keys and the written value of each joint position in an assertion."""
+    if assertion.key == "joint" and assertion.reading == "position":
+        for key in ("at_least", "at_most", "near", "tolerance"):
+            yield (assertion.name,), (key,), getattr(assertion, key)
+    elif assertion.key == "joint_within":
+        for name, bounds in assertion.position.items():
+            yield from (((name,), ("position", name, index), bound) for index, bound in enumerate(bounds))
+    elif assertion.key == "matches":
+        yield from (((name,), ("joints", name), tolerance) for name, tolerance in assertion.joints.items())
+
+
+def _is_limited(joint: Joint) -> bool:
+    return joint.type == "revolute" and joint.lower is not None and joint.upper is not None
+
+
+def _single_row(path: KeyPath, assertion: Any, scene: Scene) -> Iterator[ClaimFinding]:
+    try:
+        golden = assertion.golden_in(scene)
+    except (GoldenError, PathError, ValueError):
+        return  # reported by the assertion itself
+    if len(golden.rows) < 2:
+        message = f"{assertion.file_in(scene)} has one row, at {golden.time[0]:g} s, so it compares no motion"
+        yield ClaimFinding("single-row-golden", (*path, "trace"), f"{message}; record a longer run or window")

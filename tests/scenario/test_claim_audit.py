@@ -1,0 +1,205 @@
+"""The audit of claims at load: what cannot fail in any world is refused, what cannot fail here is a warning."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from sim_action.scenario.claim_audit import RULES
+from tests.scenarios import LEAST, load, told
+
+WALL = "world: {objects: [{name: wall, box: [0.1, 2.0, 0.5], pose: {x: 3.0}}]}\n"
+ARM = """\
+<robot name="arm">
+  <link name="base"><inertial>MASS</inertial></link>
+  <link name="hand"><inertial>MASS</inertial></link>
+  <link name="disc"><inertial>MASS</inertial></link>
+  <joint name="elbow" type="revolute"><parent link="base"/><child link="hand"/><axis xyz="0 0 1"/>
+    <limit lower="-2" upper="2" effort="5" velocity="5"/></joint>
+  <joint name="reel" type="continuous"><parent link="base"/><child link="disc"/><axis xyz="0 0 1"/></joint>
+</robot>
+""".replace("MASS", '<mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>')
+
+
+def scenario(expect: str, more: str = "") -> str:
+    return LEAST.replace("  - travel: {at_least: 1.5 m}\n", f"  - {expect}\n") + more
+
+
+def arm(folder: Path, expect: str) -> str:
+    (folder / "arm.urdf").write_text(ARM)
+    return f"name: a\nrobot: {{model: arm.urdf, base: fixed}}\nexpect:\n  - {expect}\ntime_limit: 5 s\n"
+
+
+def errors(folder: Path, text: str) -> list[tuple[str, str]]:
+    """The keys and the rule of each problem."""
+    found = [line.split(" ", 1)[1] for line in told(folder, text)]
+    return [(line.split(": ")[0], line.rpartition("[")[2].rstrip("]")) for line in found]
+
+
+def warnings(folder: Path, text: str) -> list[tuple[int | None, str]]:
+    """The line and the rule of each warning."""
+    return [(warning.location.line, warning.rule) for warning in load(folder, text).warnings]
+
+
+@pytest.mark.parametrize(
+    ("expect", "key", "rule"),
+    [
+        ("upright: {max_tilt: 20}", "upright.max_tilt", "bare-angle"),
+        ("upright: {max_tilt: 20 rad}", "upright.max_tilt", "unreachable-limit"),
+        ("upright: {max_tilt: 180 deg}", "upright.max_tilt", "unreachable-limit"),
+        ("max_speed: {linear: 100 m/s}", "max_speed.linear", "unreachable-limit"),
+        ("max_speed: {linear: 1, angular: 1000}", "max_speed.angular", "unreachable-limit"),
+        ("travel: {at_most: 10 km}", "travel.at_most", "unreachable-limit"),
+        ("reach: {x: 1, y: 0, yaw: 90}", "reach.yaw", "bare-angle"),
+        ("reach: {x: 1, y: 0, yaw: '-90.0'}", "reach.yaw", "bare-angle"),
+        ("reach: {x: 1, y: 0, yaw: 0, yaw_tolerance: 180 deg}", "reach.yaw_tolerance", "unreachable-limit"),
+        ("final_pose: {yaw: 0, yaw_tolerance: 3.2}", "final_pose.yaw_tolerance", "unreachable-limit"),
+        ("stl: always (tilt < 20)", "stl", "bare-angle"),
+        ("stl: always (-30 < pitch)", "stl", "bare-angle"),
+        ("stl: always (tilt < 180 deg)", "stl", "unreachable-limit"),
+        ("stl: always (speed >= 0 m/s)", "stl", "unreachable-limit"),
+        ("stl: always (not (abs(yaw) > 4 rad))", "stl", "unreachable-limit"),
+        ("any_of: [no_collision, {upright: {max_tilt: 30}}]", "any_of.1.upright.max_tilt", "bare-angle"),
+        ("not: {max_speed: {linear: 200}}", "not.max_speed.linear", "unreachable-limit"),
+    ],
+)
+def test_a_claim_that_cannot_fail_in_any_world_is_refused_unless_allowed(
+    expect: str, key: str, rule: str, tmp_path: Path
+) -> None:
+    text = scenario(expect, WALL)
+    assert errors(tmp_path, text) == [(f"expect.0.{key}", rule)]
+    # An angle that is no mistake may still be a limit that cannot be exceeded.
+    assert load(tmp_path, f"{text}allow: [{rule}, unreachable-limit]\n")
+
+
+@pytest.mark.parametrize(
+    "expect",
+    [
+        "upright: {max_tilt: 179 deg}",
+        "max_speed: {linear: 99 m/s, angular: 999}",
+        "reach: {x: 1, y: 0, yaw: 90 deg}",
+        "reach: {x: 1, y: 0, yaw: 6.2832}",
+        "reach: {x: 1, y: 0, yaw: 720 deg}",
+        "reach: {x: 1, y: 0, yaw: 20 rad}",
+        "stl: always (tilt < 20 deg)",
+        "stl: always (speed < 1 and time < 40 s and x > -20)",
+        "stl: always (turn_rate * 0.1 m < 20 m/s)",
+    ],
+)
+def test_a_claim_that_can_fail_is_accepted(expect: str, tmp_path: Path) -> None:
+    assert load(tmp_path, scenario(expect, WALL)).warnings == ()
+
+
+def test_the_watchdog_of_the_scenario_decides_which_speed_cannot_be_exceeded(tmp_path: Path) -> None:
+    slow = "physics: {max_speed: 2 m/s}\n"
+    assert errors(tmp_path, scenario("max_speed: {linear: 3}", slow)) == [
+        ("expect.0.max_speed.linear", "unreachable-limit")
+    ]
+    assert load(tmp_path, scenario("max_speed: {linear: 1.9}", slow))
+
+
+def test_every_angle_of_a_file_needs_a_unit_beyond_a_turn(tmp_path: Path) -> None:
+    text = LEAST.replace("turtlebot3_burger\n", "turtlebot3_burger\n  pose: {yaw: 90}\n")
+    world = "world: {objects: [{name: a, box: [1, 1, 1], pose: {x: 5, roll: -45}}]}\n"
+    found = errors(tmp_path, text + world + "sensors: [{lidar: {rays: 3}, pose: {yaw: 30}}]\n")
+    assert found == [
+        ("robot.pose.yaw", "bare-angle"),
+        ("world.objects.0.pose.roll", "bare-angle"),
+        ("sensors.0.pose.yaw", "bare-angle"),
+    ]
+    (line, *_) = told(tmp_path, text)
+    assert line.endswith(
+        "robot.pose.yaw: 90 without a unit is in rad, and more than one turn; "
+        "write '90 deg' if degrees are meant, else '90 rad' [bare-angle]"
+    )
+
+
+@pytest.mark.parametrize(
+    ("expect", "key"),
+    [
+        ("joint: {name: elbow, at_most: 90}", "joint.at_most"),
+        ("joint: {name: elbow, near: 45, tolerance: 5 deg}", "joint.near"),
+        ("joint_within: {position: {elbow: [-90, 1]}}", "joint_within.position.elbow.0"),
+        ("stl: always (position(elbow) < 90)", "stl"),
+    ],
+)
+def test_a_joint_that_cannot_make_a_turn_needs_a_unit_beyond_one(expect: str, key: str, tmp_path: Path) -> None:
+    assert errors(tmp_path, arm(tmp_path, expect)) == [(f"expect.0.{key}", "bare-angle")]
+    many_turns = expect.replace("elbow", "reel")
+    assert load(tmp_path, arm(tmp_path, many_turns))
+    assert load(tmp_path, arm(tmp_path, expect) + "allow: [bare-angle]\n")
+    if "reading" not in expect:
+        velocity = expect.replace("at_most", "reading: velocity, at_most").replace("position", "velocity")
+        assert "near" in velocity or load(tmp_path, arm(tmp_path, velocity))
+
+
+def test_warnings_alone_are_refused(tmp_path: Path) -> None:
+    soft = "travel: {at_least: 1 m}\n    severity: warning\n  - no_collision\n    severity: warning"
+    text = scenario(soft.replace("no_collision\n   ", "upright: {}\n   "))
+    (line,) = told(tmp_path, text)
+    assert line == (
+        "10:5: expect.0.severity: every expectation has severity: warning, so this scenario cannot fail; "
+        "remove it from one of them [warnings-only]"
+    )
+    assert load(tmp_path, text + "allow: [warnings-only]\n")
+    # The engines may disagree.
+    assert load(tmp_path, text + "agreement: {position: 3 cm}\n")
+    assert load(tmp_path, text.replace("expect:\n", "expect:\n  - max_speed: {linear: 1}\n"))
+
+
+def test_nothing_to_touch(tmp_path: Path) -> None:
+    assert warnings(tmp_path, scenario("no_collision")) == [(9, "nothing-to-touch")]
+    assert warnings(tmp_path, scenario("no_collision", WALL)) == []
+    assert warnings(tmp_path, scenario("no_collision: {allow: [wall]}", WALL)) == [(9, "nothing-to-touch")]
+    assert warnings(tmp_path, scenario("all_of: [no_collision, upright]")) == [(9, "nothing-to-touch")]
+    assert warnings(tmp_path, scenario("no_collision", "allow: [nothing-to-touch]\n")) == []
+
+
+@pytest.mark.parametrize(
+    ("segments", "lines"),
+    [
+        ("{linear: 1, for: 2000}, {linear: 0}", [6]),
+        ("{linear: 1, for: 31 s}", [6]),
+        ("{linear: 1, for: 30 s}", []),
+        ("{linear: 1, for: 30 s}, {linear: 0}", [6]),
+        ("{linear: 1, for: 20 s}, {linear: 0, for: 20 s}, {linear: 2}", [6]),
+        ("{linear: 1, for: 20 s}, {linear: 0, for: 20 s}", []),
+    ],
+)
+def test_a_segment_beyond_the_run(segments: str, lines: list[int], tmp_path: Path) -> None:
+    text = LEAST.replace("  twist:\n    - {linear: 1.0}\n", f"  twist: [{segments}]\n")
+    assert warnings(tmp_path, text) == [(line, "segment-beyond-run") for line in lines]
+
+
+def test_a_segment_in_milliseconds(tmp_path: Path) -> None:
+    text = LEAST.replace("{linear: 1.0}", "{linear: 1.0, for: 2000}")
+    (warning,) = load(tmp_path, text).warnings
+    assert warning.message == "this segment lasts 2000 s, but the run ends at 30 s (time_limit); '2000 ms' meant?"
+    assert (warning.location.line, warning.location.column) == (7, 21)
+
+
+def test_a_joint_point_beyond_the_run(tmp_path: Path) -> None:
+    points = "commands: {joints: [{at: 1 s, position: {elbow: 1}}, {at: 1500, position: {elbow: 0}}]}\n"
+    assert [rule for _, rule in warnings(tmp_path, arm(tmp_path, "upright") + points)] == ["segment-beyond-run"]
+
+
+def test_a_golden_file_of_one_row(tmp_path: Path) -> None:
+    text = scenario("matches: {trace: golden.csv, position: 2 cm}")
+    head = "# sim-action golden trajectory 1: turtlebot3_burger\ntime_s,x_m,y_m,z_m,yaw_rad\n"
+    (tmp_path / "golden.csv").write_text(f"{head}0.004,0.0,0.0,0.0,0.0\n")
+    assert errors(tmp_path, text) == [("expect.0.matches.trace", "single-row-golden")]
+    assert load(tmp_path, text + "allow: [single-row-golden]\n")
+    (tmp_path / "golden.csv").write_text(f"{head}0.004,0.0,0.0,0.0,0.0\n0.1,0.0,0.0,0.0,0.0\n")
+    assert load(tmp_path, text)
+
+
+def test_allow_names_rules(tmp_path: Path) -> None:
+    (line,) = told(tmp_path, LEAST + "allow: [never-move]\n")
+    assert "allow.0: 'never-move' is not a rule; did you mean 'never-moved'? (allowed: bare-angle, " in line
+    assert load(tmp_path, f"{LEAST}allow: [{', '.join(RULES)}]\n").scenario.allow == tuple(RULES)
+
+
+@pytest.mark.parametrize("allow", ["bare-angle", "{bare-angle: true}", "[1, bare-angle]"])
+def test_allow_is_a_list_of_names(allow: str, tmp_path: Path) -> None:
+    assert any(": allow" in line for line in told(tmp_path, f"{LEAST}allow: {allow}\n"))
