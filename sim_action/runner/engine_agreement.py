@@ -18,11 +18,17 @@ from sim_action.results.outcome import ExpectationOutcome, Outcome, status_of
 from sim_action.scenario.model import Agreement, LoadedScenario
 from sim_action.state.trace import FloatArray, Trace
 from sim_action.state.trace_storage import TraceError, load_trace
-from sim_action.state.verdict import Verdict
+from sim_action.state.verdict import Judged, Verdict, VerdictStatus
 
 _KEY: Final = "agreement"
 # In s of sim time: equal moments differ by rounding only.
 _SAME_TIME_S: Final = 1e-9
+_WORDS: Final[dict[VerdictStatus, str]] = {
+    "passed": "passes",
+    "not_exercised": "is not exercised",
+    "failed": "fails",
+}
+"""The statuses of a verdict as verbs, the best first."""
 
 
 def with_agreement(loaded: LoadedScenario, outcomes: tuple[Outcome, ...], folder: Path) -> tuple[Outcome, ...]:
@@ -84,10 +90,9 @@ class _Comparison:
         for difference in apart:
             yield self._expectation(self._name(difference), self._verdict(difference))
         if not apart and self._asked and self.other.has_verdict:
-            message = f"the two runs have no moment in common, so there is no position to compare with {self._engine}"
-            yield self._expectation(
-                f"the same position as {self._engine}", Verdict(False, None, None, None, "", None, message)
-            )
+            message = f"never checked: the run has no moment in common with that of {self._engine}; look at both traces"
+            verdict = Verdict(False, message=message, judged=Judged())
+            yield self._expectation(f"the same position as {self._engine}", verdict)
 
     @property
     def _asked(self) -> Agreement | None:
@@ -111,6 +116,7 @@ class _Comparison:
             severity="warning" if self._asked is None else "error",
             location=self.loaded.document.location((_KEY,)),
             verdict=verdict,
+            unexercised=self.loaded.scenario.unexercised or "error",
         )
 
     def _verdicts(self) -> Verdict:
@@ -123,9 +129,10 @@ class _Comparison:
             yield f"{self._engine} gave no verdict"
             return
         for ours, theirs in zip(self.last.expectations, self.other.expectations, strict=True):
-            if ours.verdict.passed != theirs.verdict.passed:
-                held, failed = (self.last, self.other) if ours.verdict.passed else (self.other, self.last)
-                yield f"'{ours.name}' passes in {held.engine} and fails in {failed.engine}"
+            found = [(ours.verdict.status, self.last.engine), (theirs.verdict.status, self.other.engine)]
+            better, worse = sorted(found, key=lambda each: tuple(_WORDS).index(each[0]))
+            if better[0] != worse[0]:
+                yield f"'{ours.name}' {_WORDS[better[0]]} in {better[1]} and {_WORDS[worse[0]]} in {worse[1]}"
 
     def _apart(self) -> Iterator[_Apart]:
         ours, theirs = self._trace(self.last), self._trace(self.other)
@@ -152,11 +159,13 @@ class _Comparison:
         worst = int(apart.difference.argmax())
         measured, time = float(apart.difference[worst]), float(apart.time[worst])
         margin = None if apart.limit is None else apart.limit - measured
+        judged = Judged(len(apart.time), float(apart.time[0]), float(apart.time[-1]))
         message = f"{apart.what} differs from {self._engine} by at most {units.display(measured, apart.unit)}"
         message += f", at {time:.2f} s"
         if apart.limit is not None:
             message += f"; allowed: {units.display(apart.limit, apart.unit)}"
-        return Verdict(margin is None or margin >= 0, measured, apart.limit, margin, apart.unit, time, message)
+        held = margin is None or margin >= 0
+        return Verdict(held, measured, apart.limit, margin, apart.unit, time, message, judged=judged)
 
 
 def at_the_same_times(first: Trace, second: Trace) -> tuple[Trace, Trace]:

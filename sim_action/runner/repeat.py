@@ -69,8 +69,8 @@ class _Run:
     def ending(self) -> str:
         """The result in words, such as "run 3 failed: travelled 1.2 m of 1.5 m"."""
         reasons = [f"{failure.title}: {failure.message}" for failure in self.outcome.failures]
-        reasons += [expected.verdict.message for expected in self.outcome.causes_first if expected.failed]
-        how = "ended in an error" if self.outcome.status == "error" else self.outcome.status
+        reasons += [expected.verdict.message for expected in self.outcome.causes]
+        how = "ended in an error" if self.outcome.status == "error" else self.outcome.status.replace("_", " ")
         return f"run {self.number} {how}{f' ({reasons[0]})' if reasons else ''}"
 
 
@@ -135,7 +135,7 @@ def _endings(first: _Run, other: _Run) -> Iterator[str]:
 def _judged(verdict: Verdict) -> str:
     """Return a verdict in words, such as "passed: tilted at most 3 deg (measured 0.0523 rad)"."""
     measured = "" if verdict.measured is None else f" (measured {verdict.measured!r} {verdict.unit}".rstrip() + ")"
-    return f"{'passed' if verdict.passed else 'failed'}: {verdict.message}{measured}"
+    return f"{verdict.status.replace('_', ' ')}: {verdict.message}{measured}"
 
 
 def _where(found: Divergence) -> str:

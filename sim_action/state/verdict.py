@@ -66,7 +66,7 @@ class Verdict:
     @property
     def status(self) -> VerdictStatus:
         """The status: an assertion without a moment to judge is neither passed nor failed."""
-        if self.judged is not None and not self.judged.moments:
+        if self.judged is not None and self.judged.moments <= 0:
             return "not_exercised"
         return "passed" if self.passed else "failed"
 

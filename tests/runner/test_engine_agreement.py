@@ -15,6 +15,7 @@ from sim_action.scenario.loading import load_scenario
 from sim_action.scenario.model import LoadedScenario
 from sim_action.state.trace import Trace
 from sim_action.state.trace_storage import save_trace
+from sim_action.state.verdict import Judged, Verdict
 from tests.outcomes import outcome
 from tests.traces import trace
 
@@ -111,6 +112,27 @@ def test_verdicts_that_differ_are_a_warning_unless_agreement_was_asked(
     assert verdicts.verdict.message == "'travel' passes in pybullet 1.0 and fails in mujoco 1.0"
 
 
+@pytest.mark.parametrize(("more", "unexercised"), [("", "error"), (f"{ASKED}\nunexercised: warn", "warn")])
+def test_an_expectation_that_one_engine_never_judged_is_a_different_verdict(
+    more: str, unexercised: str, tmp_path: Path
+) -> None:
+    first, second = ran(tmp_path, "pybullet", FIRST), ran(tmp_path, "mujoco", NEAR)
+    unread = second.expectations[0].model_copy(update={"verdict": Verdict(False, judged=Judged())})
+    second = second.model_copy(update={"status": "not_exercised", "expectations": (unread,)})
+    _, last = with_agreement(loaded(tmp_path, more), (first, second), tmp_path)
+    assert last.expectations[1].verdict.message == (
+        "'travel' passes in pybullet 1.0 and is not exercised in mujoco 1.0"
+    )
+    assert last.status == ("failed" if more else "not_exercised")
+    assert {one.unexercised for one in last.expectations[1:]} == {unexercised}
+
+
+def test_the_moments_that_two_engines_were_compared_at_are_counted(tmp_path: Path) -> None:
+    last, (_, position, yaw) = held_against(tmp_path, NEAR, ASKED)
+    assert position.verdict.judged == yaw.verdict.judged == Judged(4, 0.0, 0.3)
+    assert last.status == "passed"
+
+
 @pytest.mark.parametrize("place", [0, 1])
 def test_an_engine_without_a_verdict_is_told_at_the_one_that_has_one(place: int, tmp_path: Path) -> None:
     failure = Failure(kind="engine", title="engine error", message="gave up")
@@ -159,10 +181,10 @@ def test_a_robot_that_stops_earlier_in_one_engine_is_compared_until_then(tmp_pat
     [replace(NEAR, state=NEAR.state + 1000.0), replace(NEAR, state=NEAR.state * float("nan")), FIRST.rows(slice(0))],
     ids=["other times", "no numbers", "empty"],
 )
-@pytest.mark.parametrize(("more", "status"), [("", "passed"), (ASKED, "failed")])
+@pytest.mark.parametrize(("more", "status"), [("", "passed"), (ASKED, "not_exercised")])
 def test_a_trace_that_cannot_be_compared_agrees_with_none(
     more: str, status: str, forged: Trace, tmp_path: Path
 ) -> None:
     last, added = held_against(tmp_path, forged, more)
     assert last.status == status
-    assert [one.failed for one in added] == [False, *([True] if more else [])]
+    assert [one.status for one in added] == ["passed", *(["not_exercised"] if more else [])]

@@ -13,6 +13,7 @@ from sim_action.runner.child_outcome import interrupted, skipped
 from sim_action.runner.repeat import merge_repeats
 from sim_action.scenario.model import LoadedScenario
 from sim_action.state.trace_storage import save_trace
+from sim_action.state.verdict import Judged, Verdict
 from tests.outcomes import outcome
 from tests.scenarios import LEAST, load
 from tests.traces import trace
@@ -79,6 +80,20 @@ def test_an_error_among_passes_is_flaky_and_told(loaded: LoadedScenario, tmp_pat
     told = merge_repeats(loaded, [ran(), failed("crash"), ran()], tmp_path)
     assert told.status == "flaky"
     assert "run 1 passed, run 2 ended in an error (crash error: at 0.5 s)" in told.failures[0].message
+
+
+def test_a_run_that_never_judged_an_expectation_differs_from_one_that_did(
+    loaded: LoadedScenario, tmp_path: Path
+) -> None:
+    unread = ran().expectations[0].model_copy(update={"verdict": Verdict(False, message="no reading", judged=Judged())})
+    unjudged = ran("b", status="not_exercised", expectations=(unread,))
+    told = merge_repeats(loaded, [ran(), unjudged], tmp_path)
+    assert told.status == "flaky"
+    assert "run 1 passed, run 2 not exercised (no reading)" in told.failures[0].message
+    equal = ran("b", expectations=(unread.model_copy(update={"unexercised": "warn"}),))
+    told = merge_repeats(loaded, [ran("b"), equal], tmp_path)
+    assert "run 1 passed: travelled 1.5 m (measured 1.5 m), run 2 not exercised: no reading" in told.failures[0].message
+    assert merge_repeats(loaded, [unjudged, unjudged], tmp_path).status == "not_exercised"
 
 
 def test_an_interruption_and_a_fault_of_ours_come_first(loaded: LoadedScenario, tmp_path: Path) -> None:

@@ -63,6 +63,7 @@ def test_a_verdict_without_a_moment_is_not_exercised_even_if_it_passed() -> None
     never = Verdict(True).counted(Judged())
     assert (never.passed, never.status) == (False, "not_exercised")
     assert Verdict(False).counted(Judged()).status == "not_exercised"
+    assert Verdict(True, judged=Judged(-1, 0.0, 1.0)).status == "not_exercised"
 
 
 def test_a_verdict_keeps_its_own_moments_and_else_takes_those_of_the_run() -> None:

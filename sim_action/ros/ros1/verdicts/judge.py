@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Any, Final
@@ -12,13 +12,13 @@ from sim_action.core.errors import Location
 from sim_action.core.provenance import Provenance, provenance
 from sim_action.core.wording import escaped_line
 from sim_action.engines import PACKAGES
-from sim_action.results.outcome import ExpectationOutcome, Outcome
+from sim_action.results.outcome import ExpectationOutcome, Outcome, status_of
 from sim_action.ros.ros1.launch_request import LaunchRequest
 from sim_action.ros.ros1.verdicts.failure_causes import cause_of, how_far, time_out
 from sim_action.ros.ros1.verdicts.findings import Findings, Run, TestFindings
 from sim_action.ros.ros1.verdicts.launch_output import deaths, exception_line, output_tail, traceback_location
 from sim_action.ros.ros1.verdicts.rostest_files import Case
-from sim_action.state.verdict import Verdict
+from sim_action.state.verdict import Judged, Verdict
 
 _MAX_CALLBACKS: Final = 3
 
@@ -44,13 +44,13 @@ class Judge:
 
     def _test(self, test: TestFindings, found: Findings) -> Outcome:
         where = Location(self.file, test.tag.line if test.tag else None)
-        expectations = tuple(self._expectations(test, found, where))
+        expectations = _accepting_skips(self._expectations(test, found, where))
         failed = any(expected.failed for expected in expectations)
         printed = "\n".join(filter(None, (test.methods.output if test.methods else "", output_tail(found.text))))
         if not expectations or found.ending == "interrupted" or (failed and _has_failed(test.run)):
             about: dict[str, Any] = {"status": "error", "failures": (cause_of(test, found, where),)}
         else:
-            about = {"status": "failed" if failed else "passed", "expectations": expectations}
+            about = {"status": status_of(expectations), "expectations": expectations}
         return self._outcome(test, {**about, "line": where.line, "output": printed})
 
     def _expectations(self, test: TestFindings, found: Findings, where: Location) -> Iterator[ExpectationOutcome]:
@@ -63,6 +63,8 @@ class Judge:
             yield _expected(test.name, "rostest", _place(test) or where, verdict)
 
     def _expectation(self, case: Case, test: TestFindings, where: Location, late: str | None) -> ExpectationOutcome:
+        if case.problem == "skipped":
+            return _skipped(case, where)
         if case.problem is None:
             return _expected(
                 case.name, "rostest", where, Verdict(passed=True, time=_sim_time(test.run), message="held")
@@ -131,6 +133,21 @@ def _has_failed(run: Run | None) -> bool:
 
 def _sim_time(run: Run | None) -> float | None:
     return run.result.sim_time if run and run.result else None
+
+
+def _skipped(case: Case, where: Location) -> ExpectationOutcome:
+    """Return the expectation of a test case that skipped itself."""
+    reason = case.text.strip()
+    message = f"never checked: the test skipped this case{f' ({reason})' if reason else ''}; let it run, or remove it"
+    return _expected(case.name, "rostest", where, Verdict(False, message=escaped_line(message), judged=Judged()))
+
+
+def _accepting_skips(expectations: Iterable[ExpectationOutcome]) -> tuple[ExpectationOutcome, ...]:
+    """Return the expectations of a test; skipped cases are warnings, unless the test skipped all of them."""
+    found = tuple(expectations)
+    if all(expected.verdict.status == "not_exercised" for expected in found):
+        return found
+    return tuple(expected.model_copy(update={"unexercised": "warn"}) for expected in found)
 
 
 def _expected(name: str, assertion: str, where: Location, verdict: Verdict) -> ExpectationOutcome:

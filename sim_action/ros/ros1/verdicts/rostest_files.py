@@ -37,7 +37,7 @@ class Case:
     """One method of a test, or one test of a file.
 
     Attributes:
-        problem: the tag of a failed case, "failure" or "error"; None: it passed.
+        problem: the tag of a case that did not pass, "failure", "error" or "skipped"; None: it passed.
         type: type of the exception.
         text: the message, then the traceback.
     """
@@ -90,11 +90,12 @@ def _case(element: ET.Element) -> Case:
     name = element.get("name", "")
     for problem in _problems(element):
         return Case(name, problem.tag, problem.get("type", ""), problem.text or problem.get("message") or "")
-    return Case(name)
+    # googletest writes this for a test whose name begins with DISABLED_.
+    return Case(name, "skipped", "", "it is disabled") if element.get("status") == "notrun" else Case(name)
 
 
 def _problems(element: ET.Element) -> Iterator[ET.Element]:
-    return (child for child in element if child.tag in ("error", "failure"))
+    return (child for child in element if child.tag in ("error", "failure", "skipped"))
 
 
 def _plain(text: str) -> str:

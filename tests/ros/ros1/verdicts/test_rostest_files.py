@@ -42,6 +42,17 @@ def test_what_failed_and_how(tmp_path: Path) -> None:
     )
 
 
+def test_a_skipped_case_did_not_pass(tmp_path: Path) -> None:
+    skipped = '<testcase name="test_d"><skipped type="pytest.skip" message="no lidar" /></testcase>'
+    disabled = '<testcase name="DISABLED_e" status="notrun" result="suppressed" time="0" />'
+    found = read(tmp_path, f"{HEAD}<testsuite>{skipped}{disabled}</testsuite>")
+    assert found is not None
+    assert found.cases == (
+        Case("test_d", "skipped", "pytest.skip", "no lidar"),
+        Case("DISABLED_e", "skipped", "", "it is disabled"),
+    )
+
+
 def test_a_head_alone_is_nothing(tmp_path: Path) -> None:
     """What a test leaves that was ended by a limit."""
     assert read(tmp_path, HEAD) is None
