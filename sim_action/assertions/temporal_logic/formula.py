@@ -97,9 +97,14 @@ class Interval:
     at: int = field(default=0, compare=False)
 
     @property
+    def is_finite(self) -> bool:
+        """True if the interval ends before the end of the run."""
+        return math.isfinite(self.end)
+
+    @property
     def bound(self) -> float:
         """The greatest finite bound: the end, or the start of an interval without an end."""
-        return self.end if math.isfinite(self.end) else self.start
+        return self.end if self.is_finite else self.start
 
     def __str__(self) -> str:
         if self == ALL_TIME:

@@ -26,22 +26,21 @@ from sim_action.assertions.temporal_logic.formula import (
     Signal,
     Sum,
     Until,
+    finite_horizon,
     parts,
     signals,
     signals_of,
 )
-from sim_action.assertions.temporal_logic.operators import Extreme, Part, UntilFold, lookahead
+from sim_action.assertions.temporal_logic.operators import Extreme, Outcome, Part, UntilFold, lookahead
 from sim_action.assertions.temporal_logic.robustness import Cause, values
 from sim_action.assertions.temporal_logic.samples import Samples
 from sim_action.core import units
+from sim_action.state.verdict import Judged, Verdict
 from sim_action.state.verdict import Signal as Curve
-from sim_action.state.verdict import Verdict
 
 if TYPE_CHECKING:
     from sim_action.state.trace import Trace
 
-
-_AT_ONCE: Final = Interval(0.0, 0.0)
 
 # A formula that is judged at the end is computed again for each point of the curve.
 _MAX_POINTS: Final = 60
@@ -54,6 +53,7 @@ class StlMonitor:
     Attributes:
         units: the SI symbol of the margin of each comparison.
         motion: the motion of the base so far.
+        first, last: the sim times in s of the first and the last step; None before the first one.
     """
 
     is_momentary: ClassVar[bool] = False
@@ -64,7 +64,8 @@ class StlMonitor:
     start_xy: tuple[float, float]
     units: Mapping[Comparison, str]
     motion: BaseMotion
-    seen: bool = False
+    first: float | None = None
+    last: float | None = None
 
     @classmethod
     def of(
@@ -96,8 +97,9 @@ class StlMonitor:
         """See Monitor.observe."""
         if not len(trace):
             return self
-        part = self.part.observe(self._samples(trace))
-        return replace(self, part=part, motion=self.motion.after(trace), seen=True)
+        part, motion = self.part.observe(self._samples(trace)), self.motion.after(trace)
+        first = float(trace.time[0]) if self.first is None else self.first
+        return replace(self, part=part, motion=motion, first=first, last=float(trace.time[-1]))
 
     def _samples(self, trace: Trace) -> Samples:
         return Samples.of(trace, self.sampled, self.start_xy, self.motion)
@@ -110,14 +112,38 @@ class StlMonitor:
 
     def verdict(self) -> Verdict:
         """Return the verdict: both sides of the deciding comparison, and the robustness as the margin."""
-        value, decisive = self.part.outcome() if self.seen else (-math.inf, None)
-        passed = value >= 0
+        if self.first is None or self.last is None:
+            return Verdict(passed=False, message="no physics step to measure", judged=Judged())
+        value, decisive, judged = self.part.outcome()
+        passed = value >= 0 and judged.moments > 0
         if decisive is None:
-            message = "the run ended before the deciding interval" if self.seen else "no physics step to measure"
-            return Verdict(passed, None, None, None, "", None, message)
+            message = _about_evidence(self.formula, self.first, self.last, judged)
+            return Verdict(passed, message=message, judged=judged)
         unit = self.units[decisive.comparison]
         measured, limit, message = _told(decisive, unit)
-        return Verdict(passed, measured, limit, value + 0.0, unit, decisive.time, message)
+        return Verdict(passed, measured, limit, value + 0.0, unit, decisive.time, message, judged=judged)
+
+
+def _about_evidence(formula: Formula, first: float, last: float, judged: Judged) -> str:
+    """Return the message of a formula that no comparison decides, after steps from `first` to `last` in s."""
+    ended = f"the run ended at {last:.4g} s"
+    ahead = f"the formula looks {finite_horizon(formula):g} s ahead"
+    if judged.moments:
+        return f"the interval of the last steps never began: {ended}, and {ahead}; give the outer interval an end"
+    for interval, at in _starts(formula, first):
+        if at > last:
+            missed = f"{ended}, before the interval {interval} began at {at:.4g} s"
+            return f"never checked: {missed}; run for longer, or move the interval"
+    return f"never checked: {ended}, and {ahead}; run for longer, or shorten its intervals"
+
+
+def _starts(formula: Formula, at: float) -> Iterator[tuple[Interval, float]]:
+    """Yield the intervals of a formula that is judged at a sim time in s, each with its earliest start."""
+    if isinstance(formula, Always | Eventually | Until):
+        at += formula.interval.start
+        yield formula.interval, at
+    for part in parts(formula):
+        yield from _starts(part, at)
 
 
 def open_formula(formula: Formula, *, contrary: bool = False) -> Part:
@@ -138,10 +164,9 @@ def open_formula(formula: Formula, *, contrary: bool = False) -> Part:
             inner = Not(formula.formula) if contrary else formula.formula
             return Extreme.of(inner, formula.interval, greatest=isinstance(formula, Eventually) != contrary)
         case Until() if math.isfinite(lookahead(formula.before, formula.then)):
-            part = UntilFold.of(formula, strict=contrary)
-            return NegatedPart(part) if contrary else part
+            return UntilFold.of(formula, contrary=contrary)
         case _:
-            return Extreme.of(Not(formula) if contrary else formula, _AT_ONCE, greatest=True)
+            return Extreme.at_once(Not(formula) if contrary else formula)
 
 
 @dataclass(frozen=True)
@@ -174,41 +199,17 @@ class BooleanPart:
         """See Part.observe."""
         return replace(self, parts=tuple(part.observe(samples) for part in self.parts))
 
-    def outcome(self) -> tuple[float, Cause | None]:
-        """See Part.outcome."""
+    def outcome(self) -> Outcome:
+        """See Part.outcome. A part without a judged step is neither true nor false, and decides if no other part can.
+
+        A false part decides that not all are true (`every`), and a true part decides that any is.
+        """
         outcomes = [part.outcome() for part in self.parts]
-        return (min if self.every else max)(outcomes, key=lambda outcome: outcome[0])
-
-
-@dataclass(frozen=True, slots=True)
-class NegatedPart:
-    """The negation of a goal: an invariant that breaks when the goal comes true."""
-
-    part: Part
-
-    @property
-    def state(self) -> State:
-        """See Monitor.state."""
-        return State.BROKEN if self.part.state is State.HOLDS else State.HOLDS
-
-    @property
-    def is_decided(self) -> bool:
-        """See DecidingMonitor.is_decided."""
-        return self.part.is_decided
-
-    @property
-    def needed_until(self) -> float:
-        """See BoundedMonitor.needed_until."""
-        return self.part.needed_until
-
-    def observe(self, samples: Samples) -> NegatedPart:
-        """See Part.observe."""
-        return NegatedPart(self.part.observe(samples))
-
-    def outcome(self) -> tuple[float, Cause | None]:
-        """See Part.outcome."""
-        value, decisive = self.part.outcome()
-        return -value, None if decisive is None else replace(decisive, margin=-decisive.margin)
+        judged = [outcome for outcome in outcomes if outcome.judged.moments]
+        decisive = (min if self.every else max)(judged or outcomes, key=lambda outcome: outcome.value)
+        if len(judged) == len(outcomes) or (judged and (decisive.value >= 0) is not self.every):
+            return decisive
+        return next(outcome for outcome in outcomes if not outcome.judged.moments)
 
 
 def _told(decisive: Cause, unit: str) -> tuple[float, float, str]:
@@ -268,7 +269,7 @@ def robustness_so_far(part: Part, samples: Samples, unit: str) -> Curve:
     margins, begin = [], 0
     for end in ends.tolist():
         part = part.observe(samples.between(begin, end))
-        margins.append(part.outcome()[0])
+        margins.append(part.outcome().value)
         begin = end
     margin = np.array(margins)
     finite = np.where(np.isfinite(margin), margin, np.nan)

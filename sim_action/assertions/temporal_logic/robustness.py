@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import reduce
 from typing import Final
 
@@ -31,6 +31,7 @@ from sim_action.assertions.temporal_logic.formula import (
     horizon,
 )
 from sim_action.assertions.temporal_logic.samples import Samples
+from sim_action.core.units import TIME_EPSILON_S
 from sim_action.state.trace import FloatArray
 
 Indices = NDArray[np.intp]
@@ -80,27 +81,77 @@ def until(before: FloatArray, then: FloatArray) -> FloatArray:
     return lower
 
 
-def robustness(formula: Formula, samples: Samples) -> FloatArray:  # noqa: PLR0911 - a line for each kind
-    """Return (T,) margins: positive where the formula holds on the given samples."""
+def robustness(formula: Formula, samples: Samples, *, contrary: bool = False, strong: bool = False) -> FloatArray:  # noqa: PLR0911 - a line for each kind
+    """Return (T,) margins: positive where the formula holds on the given samples, or its negation (`contrary`).
+
+    An operator needs every step of its interval (`always`, and the negation of `eventually` and `until`), or one step
+    (`eventually`, `until`, and the negation of `always`). An interval that reaches beyond the last step is cut there.
+    If `strong`, an operator that needs every step of a finite interval must see it to its end, and gives -inf before.
+    The inner formulas of an operator that needs one step are strong, so only a step with evidence is a witness. The
+    inner formulas of an operator that needs every step up to the end of the run are not.
+    """
     match formula:
         case Comparison(left, relation, right):
             difference = values(left, samples) - values(right, samples)
-            return -difference if relation in ("<", "<=") else difference
+            return -difference if (relation in ("<", "<=")) != contrary else difference
         case Not():
-            return -robustness(formula.formula, samples)
-        case And():
-            return reduce(np.minimum, (robustness(part, samples) for part in formula.formulas))
-        case Or():
-            return reduce(np.maximum, (robustness(part, samples) for part in formula.formulas))
-        case Implies():
-            return np.maximum(-robustness(formula.premise, samples), robustness(formula.conclusion, samples))
-        case Always():
-            return least_of_windows(robustness(formula.formula, samples), *_windows(formula.interval, samples))
-        case Eventually():
-            return greatest_of_windows(robustness(formula.formula, samples), *_windows(formula.interval, samples))
+            return robustness(formula.formula, samples, contrary=not contrary, strong=strong)
+        case And() | Or() | Implies():
+            parts = (robustness(part, samples, contrary=flip, strong=strong) for part, flip in asked(formula, contrary))
+            return reduce(np.minimum if isinstance(formula, And) != contrary else np.maximum, parts)
+        case Always() | Eventually():
+            first, last = windows = _windows(formula.interval, samples)
+            if isinstance(formula, Eventually) != contrary:
+                return greatest_of_windows(
+                    robustness(formula.formula, samples, contrary=contrary, strong=True), *windows
+                )
+            inner = robustness(
+                formula.formula, samples, contrary=contrary, strong=strong and formula.interval.is_finite
+            )
+            least = least_of_windows(inner, first, last)
+            return np.where(_unseen(formula.interval, samples), -np.inf, _with_evidence(least)) if strong else least
         case Until():
-            before, then = robustness(formula.before, samples), robustness(formula.then, samples)
-            return _until(before, then, formula.interval, samples)
+            before, then = until_operands(formula, samples, contrary=contrary, strong=strong)
+            if not contrary:
+                return _until(before, then, formula.interval, samples)
+            held = -_until(-before, -then, formula.interval, samples)
+            return _with_evidence(np.minimum(held, _escape(formula, samples, before))) if strong else held
+
+
+def until_operands(
+    formula: Until, samples: Samples, *, contrary: bool = False, strong: bool = False
+) -> tuple[FloatArray, FloatArray]:
+    """Return (T,) margins of both formulas of an `until`, or of their negations (`contrary`)."""
+    before = robustness(formula.before, samples, contrary=contrary, strong=True)
+    strong = not contrary or (strong and formula.interval.is_finite)
+    return before, robustness(formula.then, samples, contrary=contrary, strong=strong)
+
+
+def asked(formula: And | Or | Implies, contrary: bool) -> tuple[tuple[Formula, bool], ...]:
+    """Return the parts of a formula, and True for those whose negation makes it true, or its negation (`contrary`)."""
+    if isinstance(formula, Implies):
+        return (formula.premise, not contrary), (formula.conclusion, contrary)
+    return tuple((part, contrary) for part in formula.formulas)
+
+
+def _unseen(interval: Interval, samples: Samples) -> NDArray[np.bool_]:
+    """Return (T,) True where a finite interval ends after the last step."""
+    last = samples.time[-1] + TIME_EPSILON_S
+    return np.asarray(interval.is_finite & (samples.time + interval.end > last), dtype=np.bool_)
+
+
+def _with_evidence(margins: FloatArray) -> FloatArray:
+    """Return margins with -inf for +inf: the least of no step is no evidence."""
+    return np.where(margins == NOTHING_LEAST, -np.inf, margins)
+
+
+def _escape(formula: Until, samples: Samples, contrary_before: FloatArray) -> FloatArray:
+    """Return (T,) the margin of the negation of an `until` over steps that were not seen; +inf if all were.
+
+    Such a step counts only if the other formula has failed at a step before it.
+    """
+    failed = np.maximum.accumulate(contrary_before[::-1])[::-1]
+    return np.where(_unseen(formula.interval, samples), failed, np.inf)
 
 
 def values(term: Term, samples: Samples) -> FloatArray:
@@ -158,59 +209,69 @@ class Cause:
     margin: float
 
 
-def cause(formula: Formula, samples: Samples, index: int = 0) -> Cause | None:
-    """Return the comparison that decides a formula at a step; None if its window is empty."""
-    ahead = samples.between(index, _seen_from(formula, samples, index))
+def cause(
+    formula: Formula, samples: Samples, index: int = 0, *, contrary: bool = False, strong: bool = False
+) -> Cause | None:
+    """Return the comparison that decides a formula at a step; None if its window is empty, or not seen to its end.
+
+    `contrary` and `strong` are those of `robustness`.
+    """
+    ahead = samples.between(index, seen_from(formula, samples, index))
     match formula:
         case Comparison():
-            return _compared(formula, ahead)
+            return _compared(formula, ahead, contrary=contrary)
         case Not():
-            found = cause(formula.formula, ahead)
-            return None if found is None else replace(found, margin=-found.margin)
-        case And() | Or():
-            decisive = min if isinstance(formula, And) else max
-            return cause(decisive(formula.formulas, key=lambda part: _first(part, ahead)), ahead)
-        case Implies():
-            return cause(Or((Not(formula.premise), formula.conclusion)), ahead)
+            return cause(formula.formula, ahead, contrary=not contrary, strong=strong)
+        case And() | Or() | Implies():
+            decisive = min if isinstance(formula, And) != contrary else max
+            part, flip = decisive(
+                asked(formula, contrary),
+                key=lambda one: float(robustness(one[0], ahead, contrary=one[1], strong=strong)[0]),
+            )
+            return cause(part, ahead, contrary=flip, strong=strong)
         case Always() | Eventually():
-            return _cause_in_window(formula, ahead)
+            return _cause_in_window(formula, ahead, contrary=contrary, strong=strong)
         case Until():
-            return _cause_of_until(formula, ahead)
+            return _cause_of_until(formula, ahead, contrary=contrary, strong=strong)
 
 
-def _seen_from(formula: Formula, samples: Samples, index: int) -> int:
-    """Return the end index of the samples that a formula at a step depends on."""
+def seen_from(formula: Formula, samples: Samples, index: int) -> int:
+    """Return the end index of the samples that a formula at a step depends on, with the step that ends its windows."""
     if math.isinf(reach := horizon(formula)):
         return len(samples)
-    return max(index + 1, int(samples.after(float(samples.time[index]) + reach)))
+    return min(len(samples), int(samples.at_or_after(float(samples.time[index]) + reach)) + 1)
 
 
-def _first(formula: Formula, samples: Samples) -> float:
-    return float(robustness(formula, samples)[0])
-
-
-def _compared(comparison: Comparison, samples: Samples) -> Cause:
+def _compared(comparison: Comparison, samples: Samples, *, contrary: bool) -> Cause:
     now = samples.between(0, 1)
     left, right = (float(values(term, now)[0]) for term in (comparison.left, comparison.right))
-    return Cause(comparison, float(now.time[0]), left, right, float(robustness(comparison, now)[0]))
+    margin = float(robustness(comparison, now, contrary=contrary)[0])
+    return Cause(comparison, float(now.time[0]), left, right, margin)
 
 
-def _cause_in_window(formula: Always | Eventually, samples: Samples) -> Cause | None:
+def _cause_in_window(formula: Always | Eventually, samples: Samples, *, contrary: bool, strong: bool) -> Cause | None:
     first, last = (int(ends[0]) for ends in _windows(formula.interval, samples))
-    if first == last:
+    greatest = isinstance(formula, Eventually) != contrary
+    if first == last or (strong and not greatest and _unseen(formula.interval, samples)[0]):
         return None
-    inside = robustness(formula.formula, samples)[first:last]
-    index = int(inside.argmin() if isinstance(formula, Always) else inside.argmax())
-    return cause(formula.formula, samples, first + index)
+    strong = greatest or (strong and formula.interval.is_finite)
+    inside = robustness(formula.formula, samples, contrary=contrary, strong=strong)[first:last]
+    index = int(inside.argmax() if greatest else inside.argmin())
+    return cause(formula.formula, samples, first + index, contrary=contrary, strong=strong)
 
 
-def _cause_of_until(formula: Until, samples: Samples) -> Cause | None:
+def _cause_of_until(formula: Until, samples: Samples, *, contrary: bool, strong: bool) -> Cause | None:
     first, last = (int(ends[0]) for ends in _windows(formula.interval, samples))
-    if first == last:
-        return None
-    before, then = robustness(formula.before, samples), robustness(formula.then, samples)
+    operands = until_operands(formula, samples, contrary=contrary, strong=strong)
+    before, then = (-margins for margins in operands) if contrary else operands
     held = np.minimum.accumulate(np.concatenate(([np.inf], before[:-1])))
-    index = first + int(np.minimum(then, held)[first:last].argmax())
+    ways = np.minimum(then, held)[first:last]
+    if contrary and strong and _unseen(formula.interval, samples)[0] and before.min() > ways.max(initial=-np.inf):
+        return cause(formula.before, samples, int(before.argmin()), contrary=True, strong=True)
+    if first == last:
+        return None
+    index = first + int(ways.argmax())
     if then[index] <= held[index]:
-        return cause(formula.then, samples, index)
-    return cause(formula.before, samples, int(before[:index].argmin()))
+        strong = not contrary or (strong and formula.interval.is_finite)
+        return cause(formula.then, samples, index, contrary=contrary, strong=strong)
+    return cause(formula.before, samples, int(before[:index].argmin()), contrary=contrary, strong=True)

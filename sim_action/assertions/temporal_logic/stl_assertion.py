@@ -45,7 +45,15 @@ class Stl(Assertion):
     is judged at the first step, that is, at 0 or `after`.
 
     The margin is the robustness: the change of the signals that would make a true formula false, or a false one true.
-    `<` and `<=` are the same. Intervals that reach beyond the end of the run are cut there.
+    `<` and `<=` are the same.
+
+    The run goes on until the end of every finite interval, unless the formula is decided before. `end` is the end of
+    the run. If the run ends earlier, the formula is judged on the steps so far. An operator that needs all steps of its
+    interval (`always`, or `not eventually`) cuts it there. An operator that needs one step (`eventually`, `until`, or
+    `not always`) counts only steps with evidence: `eventually always[0 s, 2 s] a` needs a step after which `a` was seen
+    to hold for the whole 2 s. Other tools, such as rtamt, cut this interval too, and find such a step at the end of
+    each run in which `a` holds at last. A formula is not exercised if the run ends before any step of its interval
+    could be judged.
 
     `always` is an invariant; `eventually` and `until` are goals; `and`, `or`, `not` and `implies` combine them. A
     formula waits for its inner intervals: `always (a implies eventually[0 s, 2 s] b)` breaks 2 s after an `a` that no

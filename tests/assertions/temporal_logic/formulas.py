@@ -26,6 +26,7 @@ from sim_action.assertions.temporal_logic.formula import (
     Sum,
     Term,
     Until,
+    horizon,
     signals,
 )
 from sim_action.assertions.temporal_logic.samples import Samples
@@ -79,6 +80,18 @@ simple = st.builds(
 plain_formulas: st.SearchStrategy[Formula] = st.recursive(simple, _formulas, max_leaves=6)
 """Without arithmetic."""
 
+every_step_formulas: st.SearchStrategy[Formula] = st.recursive(
+    simple,
+    lambda parts: (
+        st.builds(And, st.lists(parts, min_size=2, max_size=3).map(tuple))
+        | st.builds(Or, st.lists(parts, min_size=2, max_size=3).map(tuple))
+        | st.builds(Always, parts, intervals)
+        | st.builds(lambda part, interval: Not(Eventually(Not(part), interval)), parts, intervals)
+    ),
+    max_leaves=6,
+).map(Always)
+"""Invariants whose inner operators need every step of their interval."""
+
 walks = st.lists(st.tuples(st.integers(-3, 3), st.integers(-3, 3)), min_size=1, max_size=20)
 """x and y at 0 s, 1 s, 2 s, ..."""
 
@@ -88,32 +101,96 @@ def samples_of(walk: list[tuple[int, int]]) -> Samples:
     return Samples((X, Y), rows)
 
 
-def meaning(formula: Formula, walk: list[tuple[int, int]], at: int) -> float:  # noqa: PLR0911 - a line for each kind
-    """The robustness at a moment, a second apart, as the definition has it: no window is shared, nothing is quick."""
+def meaning(  # noqa: PLR0911 - a line for each kind
+    formula: Formula, walk: list[tuple[int, int]], at: int, *, contrary: bool = False, strong: bool = False
+) -> float:
+    """The robustness at a moment, a second apart, as the definition has it: no window is shared, nothing is quick.
+
+    `contrary`: of the negation. `strong`: what needs every moment of a finite interval has seen them all.
+    """
+
+    def of(part: Formula, then: int, *, strong: bool) -> float:
+        return meaning(part, walk, then, contrary=contrary, strong=strong)
+
     match formula:
         case Comparison(left, relation, right):
             first, second = (_value(term, walk[at]) for term in (left, right))
-            return second - first if relation in ("<", "<=") else first - second
+            margin = second - first if relation in ("<", "<=") else first - second
+            return -margin if contrary else margin
         case Not():
-            return -meaning(formula.formula, walk, at)
-        case And():
-            return min(meaning(part, walk, at) for part in formula.formulas)
-        case Or():
-            return max(meaning(part, walk, at) for part in formula.formulas)
+            return meaning(formula.formula, walk, at, contrary=not contrary, strong=strong)
+        case And() | Or():
+            choose = min if isinstance(formula, And) is not contrary else max
+            return choose(of(part, at, strong=strong) for part in formula.formulas)
         case Implies():
-            return max(-meaning(formula.premise, walk, at), meaning(formula.conclusion, walk, at))
-        case Always():
-            later = _later(formula.interval, walk, at)
-            return min((meaning(formula.formula, walk, then) for then in later), default=math.inf)
-        case Eventually():
-            later = _later(formula.interval, walk, at)
-            return max((meaning(formula.formula, walk, then) for then in later), default=-math.inf)
-        case Until():
-            ways = [
-                min([meaning(formula.then, walk, then), *(meaning(formula.before, walk, k) for k in range(at, then))])
-                for then in _later(formula.interval, walk, at)
+            choose = min if contrary else max
+            premise = meaning(formula.premise, walk, at, contrary=not contrary, strong=strong)
+            return choose(premise, of(formula.conclusion, at, strong=strong))
+    later, endless = _later(formula.interval, walk, at), math.isinf(formula.interval.end)
+    if isinstance(formula, Until) and not contrary:
+        return max(ways(formula, walk, at), default=-math.inf)
+    if not isinstance(formula, Until) and isinstance(formula, Eventually) is not contrary:
+        return max((of(formula.formula, then, strong=True) for then in later), default=-math.inf)
+    inner_strong = strong and not endless
+    if isinstance(formula, Until):
+        failed = [of(formula.before, k, strong=True) for k in range(at, len(walk))]
+        found = [max([of(formula.then, then, strong=inner_strong), *failed[: then - at]]) for then in later]
+        beyond = max(failed)
+    else:
+        found = [of(formula.formula, then, strong=inner_strong) for then in later]
+        beyond = -math.inf
+    if strong and not endless and at + formula.interval.end > len(walk) - 1:
+        found.append(beyond)
+    least = min(found, default=math.inf)
+    return -math.inf if strong and least == math.inf else least
+
+
+def ways(formula: Until, walk: list[tuple[int, int]], at: int, *, contrary: bool = False) -> list[float]:
+    """How true an `until` is by each moment of its interval; of its negation: how false."""
+    befores = [meaning(formula.before, walk, k, contrary=contrary, strong=True) for k in range(at, len(walk))]
+    thens = {
+        then: meaning(formula.then, walk, then, contrary=contrary, strong=not contrary)
+        for then in _later(formula.interval, walk, at)
+    }
+    choose = max if contrary else min
+    return [choose([value, *befores[: then - at]]) for then, value in thens.items()]
+
+
+def evidence(formula: Formula, walk: list[tuple[int, int]], *, contrary: bool = False) -> tuple[float, int]:
+    """The robustness of a whole run, and the number of moments at which it was judged.
+
+    Without one, a part is neither true nor false: the whole is known only if another part is enough.
+    """
+    match formula:
+        case Not():
+            return evidence(formula.formula, walk, contrary=not contrary)
+        case And() | Or() | Implies():
+            several = (
+                formula.formulas if not isinstance(formula, Implies) else (Not(formula.premise), formula.conclusion)
+            )
+            found = [evidence(part, walk, contrary=contrary) for part in several]
+            every = isinstance(formula, And) is not contrary
+            known = [one for one in found if one[1]]
+            if known:
+                best = (min if every else max)(known, key=lambda one: one[0])
+                if len(known) == len(found) or (best[0] < 0 if every else best[0] >= 0):
+                    return best
+            return next(one for one in found if not one[1])
+        case Always() | Eventually():
+            strong = isinstance(formula, Eventually) is not contrary
+            margins = [
+                meaning(formula.formula, walk, then, contrary=contrary, strong=strong)
+                for then in _later(formula.interval, walk, 0)
             ]
-            return max(ways, default=-math.inf)
+        case Until() if math.isfinite(max(horizon(formula.before), horizon(formula.then))):
+            margins = ways(formula, walk, 0, contrary=contrary)
+            befores = [meaning(formula.before, walk, k, contrary=contrary, strong=True) for k in range(len(walk))]
+            lost = max(befores) if contrary else min(befores)
+            if not any(map(math.isfinite, margins)) and (lost >= 0 if contrary else lost < 0):
+                return lost, 1
+        case _:
+            margins = [meaning(formula, walk, 0, contrary=contrary)]
+    return meaning(formula, walk, 0, contrary=contrary), sum(map(math.isfinite, margins))
 
 
 def _later(interval: Interval, walk: list[tuple[int, int]], at: int) -> list[int]:

@@ -17,16 +17,22 @@ from pydantic import ValidationError
 from sim_action.assertions.combined import AllOf, Negation
 from sim_action.assertions.monitors import Monitor, State, is_bounded, is_deciding, needed_until
 from sim_action.assertions.monitors.window import Window
-from sim_action.assertions.temporal_logic.formula import Formula
+from sim_action.assertions.temporal_logic.formula import Always, Eventually, Formula, Interval
 from sim_action.assertions.temporal_logic.monitor import BooleanPart
-from sim_action.assertions.temporal_logic.operators import Part
-from sim_action.assertions.temporal_logic.robustness import Cause
+from sim_action.assertions.temporal_logic.operators import Outcome, Part
 from sim_action.assertions.temporal_logic.samples import Samples
 from sim_action.assertions.temporal_logic.stl_assertion import Stl
 from sim_action.assertions.travel import Travel
 from sim_action.state.trace import Trace
-from sim_action.state.verdict import Verdict
-from tests.assertions.temporal_logic.formulas import meaning, plain_formulas, walks
+from sim_action.state.verdict import Judged, Verdict
+from tests.assertions.temporal_logic.formulas import (
+    every_step_formulas,
+    evidence,
+    meaning,
+    plain_formulas,
+    simple,
+    walks,
+)
 from tests.soak import examples
 from tests.traces import judged, monitor, piece, scene, trace
 
@@ -53,12 +59,14 @@ P, H, B = State.PENDING, State.HOLDS, State.BROKEN
 
 def test_an_invariant_that_holds_says_when_it_was_nearest_to_its_limit() -> None:
     verdict = judged(stl("always (speed < 1.25 m/s)"), FAST)
-    assert verdict == Verdict(True, 1.0, 1.25, 0.25, "m/s", 3.0, "speed < 1.25 m/s decides: 1 m/s at 3.00 s")
+    message = "speed < 1.25 m/s decides: 1 m/s at 3.00 s"
+    assert verdict == Verdict(True, 1.0, 1.25, 0.25, "m/s", 3.0, message, judged=Judged(4, 1.0, 4.0))
 
 
 def test_an_invariant_that_is_broken() -> None:
     verdict = judged(stl("always (speed < 0.5 m/s)"), FAST)
-    assert verdict == Verdict(False, 1.0, 0.5, -0.5, "m/s", 3.0, "speed < 0.5 m/s decides: 1 m/s at 3.00 s")
+    message = "speed < 0.5 m/s decides: 1 m/s at 3.00 s"
+    assert verdict == Verdict(False, 1.0, 0.5, -0.5, "m/s", 3.0, message, judged=Judged(4, 1.0, 4.0))
 
 
 def test_a_goal_that_is_not_met_says_how_far_it_got() -> None:
@@ -199,10 +207,84 @@ def test_what_is_judged_at_the_end_is_judged() -> None:
 
 def test_an_interval_that_the_run_never_came_to() -> None:
     always, eventually = (judged(stl(f"{word}[9 s, 10 s] (speed < 1)"), FAST) for word in ("always", "eventually"))
-    assert always.passed
-    assert not eventually.passed
+    assert (always.passed, always.status) == (eventually.passed, eventually.status) == (False, "not_exercised")
     assert {always.margin, eventually.margin} == {None}
-    assert always.message == "the run ended before the deciding interval"
+    missed = "the run ended at 4 s, before the interval [9 s, 10 s] began at 10 s"
+    assert always.message == f"never checked: {missed}; run for longer, or move the interval"
+
+
+@pytest.mark.parametrize(
+    ("text", "status", "moments"),
+    [
+        ("always (speed < 2)", "passed", (4, 1.0, 4.0)),
+        ("speed < 2", "passed", (1, 1.0, 1.0)),
+        ("always[1 s, 2 s] (speed < 2)", "passed", (2, 2.0, 3.0)),
+        ("not (eventually[2 s, 9 s] (speed > 2))", "passed", (2, 3.0, 4.0)),
+        ("speed < 0.9 until[1 s, 9 s] speed > 0.9", "passed", (3, 2.0, 4.0)),
+        # `before` fails before the interval begins: one step decides.
+        ("speed < 0.9 until[3 s, 9 s] speed > 2", "failed", (1, 4.0, 4.0)),
+        ("speed < 0.7 until[7 s, 9 s] speed > 2", "failed", (1, 3.0, 3.0)),
+        ("not (speed < 0.7 until[7 s, 9 s] speed > 2)", "passed", (1, 3.0, 3.0)),
+        ("speed < 2 until[7 s, 9 s] speed > 2", "not_exercised", (0, None, None)),
+        ("not (speed < 2 until[7 s, 9 s] speed > 2)", "not_exercised", (0, None, None)),
+        # A witness has seen the whole inner interval.
+        ("eventually (always[0 s, 2 s] (speed > 0.4))", "passed", (2, 1.0, 2.0)),
+        ("eventually (always[0 s, 2 s] (speed > 0.9))", "failed", (2, 1.0, 2.0)),
+        ("not (always (eventually[0 s, 2 s] (speed < 0.4)))", "passed", (2, 1.0, 2.0)),
+        ("eventually (always[0 s, 4 s] (speed > 0.2))", "not_exercised", (0, None, None)),
+        ("eventually (always (speed > 0.9))", "failed", (4, 1.0, 4.0)),
+        ("eventually (always (always[1 s, 2 s] (speed > 0.9)))", "failed", (3, 1.0, 3.0)),
+        # The intervals of an invariant are cut at the end of the run.
+        ("always (eventually[0 s, 2 s] (speed > 0.7))", "failed", (4, 1.0, 4.0)),
+        ("always (speed < 0.4 implies eventually[0 s, 9 s] (speed > 0.9))", "passed", (4, 1.0, 4.0)),
+        ("always (speed > 0.9 implies always[0 s, 1 s] (speed > 0.4))", "passed", (4, 1.0, 4.0)),
+        ("always (always[1 s, 2 s] (speed > 0.4))", "passed", (3, 1.0, 3.0)),
+        ("always (always[7 s, 9 s] (speed > 0.4))", "not_exercised", (0, None, None)),
+        # A part that was never judged is neither true nor false.
+        ("(always (speed < 2)) and always[7 s, 9 s] (speed < 2)", "not_exercised", (0, None, None)),
+        ("(always (speed < 0.9)) and always[7 s, 9 s] (speed < 2)", "failed", (4, 1.0, 4.0)),
+        ("(always (speed < 2)) or always[7 s, 9 s] (speed < 2)", "passed", (4, 1.0, 4.0)),
+        ("(always (speed < 0.9)) or always[7 s, 9 s] (speed < 2)", "not_exercised", (0, None, None)),
+        ("(eventually (speed > 0.9)) implies eventually[7 s, 9 s] (speed < 2)", "not_exercised", (0, None, None)),
+        ("(eventually (speed > 2)) implies eventually[7 s, 9 s] (speed < 2)", "passed", (4, 1.0, 4.0)),
+    ],
+)
+def test_how_often_a_formula_is_judged(text: str, status: str, moments: tuple[int, float, float]) -> None:
+    verdict = Window(monitor(stl(text))).observe(FAST).verdict()
+    assert (verdict.status, verdict.judged) == (status, Judged(*moments))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            "eventually (always[0 s, 4 s] (speed > 0.2))",
+            "the run ended at 4 s, and the formula looks 4 s ahead; run for longer, or shorten its intervals",
+        ),
+        (
+            "always[1 s, 2 s] (eventually[7 s, end] (speed > 0.2))",
+            "the run ended at 4 s, before the interval [7 s, end] began at 9 s; run for longer, or move the interval",
+        ),
+        (
+            "always (eventually[1 s, 2 s] (speed > 0.2))",
+            "of the last steps never began: the run ended at 4 s, and the formula looks 2 s ahead; give the outer",
+        ),
+    ],
+)
+def test_a_formula_without_evidence_says_what_was_missing(text: str, message: str) -> None:
+    verdict = judged(stl(text), FAST)
+    assert not verdict.passed
+    assert message in verdict.message
+
+
+def test_a_goal_that_is_near_only_at_the_end_of_the_run_has_no_witness() -> None:
+    """The heading comes near at 2.9 s. Whether it would stay there for 2 s was not seen."""
+    time = [step / 10 for step in range(1, 31)]
+    near = trace(time, yaw=[math.radians(40.0 if at >= 2.9 else 0.0) for at in time])
+    verdict = judged(stl("eventually always[0 s, 2 s] abs(yaw - 40 deg) < 2 deg"), near)
+    assert verdict.status == "failed"
+    assert verdict.margin == pytest.approx(math.radians(-38.0))
+    assert verdict.judged == Judged(10, 0.1, 1.0)
 
 
 def test_no_moment_is_no_pass() -> None:
@@ -219,6 +301,8 @@ def test_a_window_begins_it_and_cuts_it() -> None:
     # Pending when the window closes: as the verdict on what was seen is.
     until_then = Window(monitor(stl("eventually[0 s, 9 s] always[0 s, 9 s] speed > 0.2")), 0.0, 3.0)
     assert until_then.observe(FAST.first(2)).state is State.PENDING
+    assert until_then.observe(FAST).verdict().status == "not_exercised"
+    until_then = Window(monitor(stl("eventually[0 s, 9 s] always speed > 0.2")), 0.0, 3.0)
     assert until_then.observe(FAST).state is State.HOLDS
 
 
@@ -226,9 +310,50 @@ def test_a_window_begins_it_and_cuts_it() -> None:
 @given(plain_formulas, walks)
 def test_the_margin_is_the_robustness_at_the_first_moment(formula: Formula, walk: list[tuple[int, int]]) -> None:
     verdict = folded(formula, walk, []).verdict()
-    expected = meaning(formula, walk, 0)
-    assert verdict.passed == (expected >= 0)
+    expected, moments = evidence(formula, walk)
+    assert verdict.passed == (expected >= 0 and moments > 0)
     assert verdict.margin == (None if math.isinf(expected) else expected)
+    assert verdict.judged is not None
+    assert verdict.judged.moments == moments
+
+
+@examples(100)
+@given(plain_formulas, walks, st.integers(0, 5), st.integers(5, 30))
+def test_a_formula_that_passes_was_judged_inside_its_window(
+    formula: Formula, walk: list[tuple[int, int]], after: int, before: int
+) -> None:
+    verdict = Window(folded(formula, [], []), after, before).observe(walked(walk)).verdict()
+    moments = verdict.judged
+    assert moments is not None
+    if verdict.passed:
+        assert moments.moments >= 1
+    if moments.first is not None and moments.last is not None:
+        assert after <= moments.first <= moments.last <= min(before, len(walk) - 1)
+        assert moments.moments <= moments.last - moments.first + 1
+
+
+@examples(100)
+@given(every_step_formulas, walks, st.integers(1, 20))
+def test_a_longer_run_turns_no_failed_invariant_into_a_pass(
+    formula: Formula, walk: list[tuple[int, int]], length: int
+) -> None:
+    early, whole = (folded(formula, seen, []).verdict() for seen in (walk[:length], walk))
+    assert not (early.status == "failed" and whole.status != "failed")
+    if early.margin is not None and whole.margin is not None:
+        assert early.margin >= whole.margin
+
+
+@examples(100)
+@given(simple, walks, st.integers(0, 3), st.integers(0, 4), st.integers(0, 6))
+def test_a_goal_that_passes_has_a_witness_whose_whole_interval_was_seen(
+    inner: Formula, walk: list[tuple[int, int]], start: int, length: int, end: int
+) -> None:
+    formula = Eventually(Always(inner, Interval(start, start + length)), Interval(0.0, end))
+    verdict = folded(formula, walk, []).verdict()
+    holds = [meaning(inner, walk, at) >= 0 for at in range(len(walk))]
+    whole = [holds[at + start : at + start + length + 1] for at in range(end + 1) if at + start + length < len(walk)]
+    assert verdict.passed == any(map(all, whole))
+    assert verdict.status == ("not_exercised" if not whole else "passed" if verdict.passed else "failed")
 
 
 @examples(100)
@@ -254,9 +379,13 @@ def test_pieces_say_what_the_whole_says_and_a_decision_stands(
     assert set(changes) <= {(P, H), (P, B), (H, B)}
 
 
-def folded(formula: Formula, walk: list[tuple[int, int]], at: list[int]) -> Monitor:
+def walked(walk: list[tuple[int, int]]) -> Trace:
     columns = list(zip(*walk, strict=True)) or [(), ()]
-    seen = trace([float(n) for n in range(len(walk))], x=list(columns[0]), y=list(columns[1]))
+    return trace([float(n) for n in range(len(walk))], x=list(columns[0]), y=list(columns[1]))
+
+
+def folded(formula: Formula, walk: list[tuple[int, int]], at: list[int]) -> Monitor:
+    seen = walked(walk)
     opened = monitor(stl(str(formula)), where=SCENE)
     for start, end in pairwise(sorted([0, *(min(cut, len(walk)) for cut in at), len(walk)])):
         opened = opened.observe(piece(seen, start, end))
@@ -333,8 +462,8 @@ class _Asked(NamedTuple):
     def observe(self, samples: Samples) -> Self:
         return self
 
-    def outcome(self) -> tuple[float, Cause | None]:
-        return -math.inf, None
+    def outcome(self) -> Outcome:
+        return Outcome(-math.inf, None, Judged())
 
 
 def test_what_is_deep_inside_is_asked_no_more_often_for_it() -> None:
