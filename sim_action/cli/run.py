@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from sim_action.core.workspace import AllowScripts
     from sim_action.runner.run_plan import PlanRequest
+    from sim_action.scenario.model import Unexercised
     from sim_action.scenario.source import Refused, Source
 
 
@@ -72,6 +73,13 @@ if TYPE_CHECKING:
     help="Run each scenario N times, 1 to 1000. A scenario is flaky, and fails, if its runs are not equal bit for bit.",
 )
 @click.option(
+    "--unexercised",
+    envvar="SIM_ACTION_UNEXERCISED",
+    type=click.Choice(("error", "warn")),
+    help='Effect of an expectation that is never judged, in files without "unexercised:". error: the scenario does not '
+    "pass; warn: it is only reported.  [default: error]",
+)
+@click.option(
     "--update-golden",
     is_flag=True,
     help='Save this run as the golden trajectory of each "matches", instead of comparing with it.',
@@ -111,6 +119,7 @@ def run(
     backend: str | None,
     seed: int | None,
     repeat: int,
+    unexercised: Unexercised | None,
     update_golden: bool,
     jobs: int | None,
     record: tuple[str, ...],
@@ -142,7 +151,7 @@ def run(
             raise UsageError("--update-golden cannot be combined with --repeat")
         permissions = Permissions(allow_outside, scripts_refused(allow_scripts, os.environ), update_golden)
         recordings = wanted_formats(record)
-        plan = PlanRequest(discovered(paths, flags), permissions, shard, backend, seed)
+        plan = PlanRequest(discovered(paths, flags), permissions, shard, backend, seed, unexercised)
         if list_only:
             return _listed(plan)
         request = RunRequest(plan, report_request(flags), jobs or _cores(), fail_fast, recordings, repeat)

@@ -11,7 +11,7 @@ from sim_action.core.yaml_document import KeyPath
 from sim_action.engines import INSTALL_HINTS, chosen, installed
 from sim_action.results.shards import Shard
 from sim_action.scenario.loading import Libraries, load_all, scenarios_of
-from sim_action.scenario.model import LoadedScenario
+from sim_action.scenario.model import LoadedScenario, Unexercised
 from sim_action.scenario.selection import Suite
 from sim_action.scenario.source import Refused, Source
 from sim_action.scenario.variation_values import SEED
@@ -74,13 +74,17 @@ Plan = tuple[LoadedScenario, ...] | Refused
 
 @dataclass(frozen=True, slots=True)
 class PlanRequest:
-    """The request of the command line; `shard`, `backend` and `seed` as typed."""
+    """The request of the command line; `shard`, `backend` and `seed` as typed.
+
+    `unexercised`: for scenarios that do not say it.
+    """
 
     suite: Suite
     permissions: Permissions
     shard: str | None
     backend: str | None
     seed: int | None
+    unexercised: Unexercised | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,7 +146,8 @@ class _Planner:
         if isinstance(scenario, Refused):
             return scenario
         try:
-            return engine_runs(_seeded(scenario, self._request.seed), self._request.backend)
+            seeded = _seeded(scenario, self._request.seed)
+            return engine_runs(_with_unexercised(seeded, self._request.unexercised), self._request.backend)
         except InvalidScenario as error:
             return scenario.source.refused(error)
         except UsageError:
@@ -160,6 +165,13 @@ def _once(planned: Iterable[Plan]) -> Iterator[Plan]:
                 continue
             told.add((plan.file, plan.name))
         yield plan
+
+
+def _with_unexercised(loaded: LoadedScenario, unexercised: Unexercised | None) -> LoadedScenario:
+    """Return the scenario with this value, unless it has one of its own."""
+    if unexercised is None or loaded.scenario.unexercised is not None:
+        return loaded
+    return replace(loaded, scenario=loaded.scenario.model_copy(update={"unexercised": unexercised}))
 
 
 def _seeded(loaded: LoadedScenario, seed: int | None) -> LoadedScenario:

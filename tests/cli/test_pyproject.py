@@ -54,6 +54,11 @@ def test_each_subcommand_gets_what_it_takes(folder: Path) -> None:
     assert stated(folder, table, "schema") == {}
 
 
+def test_expectations_that_are_never_judged_can_be_accepted(folder: Path) -> None:
+    assert stated(folder, 'unexercised = "warn"') == {"unexercised": "warn"}
+    assert stated(folder, 'unexercised = "warn"', "merge") == {}
+
+
 @pytest.mark.parametrize(
     "text",
     [
@@ -123,6 +128,7 @@ def test_nothing_above_the_workspace_counts(tmp_path: Path) -> None:
         ("allow-scripts = true", "5:1: allow-scripts: unknown key"),
         ("allow-outside = true", "5:1: allow-outside: unknown key"),
         ("backend = 'bullet'", "5:1: backend: expected 'pybullet', 'mujoco' or 'all', found 'bullet'"),
+        ("unexercised = 'ignore'", "5:1: unexercised: expected 'error' or 'warn', found 'ignore'"),
         ("jobs = 0", "5:1: jobs: must be at least 1, found 0"),
         ("jobs = '2'", "5:1: jobs: expected a whole number, found '2'"),
         ("paths = 'a'", "5:1: paths: expected a list, found 'a'"),

@@ -16,7 +16,7 @@ from sim_action.core.workspace import Permissions
 from sim_action.engines import ENGINES, chosen, installed
 from sim_action.runner.run_plan import PlanRequest, RunPlan, engine_runs, plan_runs, source_of
 from sim_action.scenario.loading import load_scenario
-from sim_action.scenario.model import LoadedScenario, Scenario
+from sim_action.scenario.model import LoadedScenario, Scenario, Unexercised
 from sim_action.scenario.selection import Suite
 from sim_action.scenario.source import Refused
 from tests.scenarios import LEAST
@@ -201,6 +201,20 @@ def files(tmp_path: Path) -> list[Path]:
 
 def plan(suite: Suite, shard: str | None = None) -> RunPlan:
     return plan_runs(PlanRequest(suite, Permissions(), shard, None, None))
+
+
+@pytest.mark.parametrize(
+    ("typed", "own", "used"),
+    [(None, None, None), ("warn", None, "warn"), ("warn", "error", "error"), ("error", "warn", "warn")],
+)
+def test_the_key_of_a_scenario_wins_over_the_command_line(
+    typed: Unexercised | None, own: Unexercised | None, used: Unexercised | None, tmp_path: Path
+) -> None:
+    path = tmp_path / "a.sim.yml"
+    path.write_text(TEXT.format(more=f"unexercised: {own}" if own else ""))
+    (planned,) = plan_runs(PlanRequest(Suite([path]), Permissions(), None, None, None, typed)).plans
+    assert isinstance(planned, tuple)
+    assert planned[0].scenario.unexercised == used
 
 
 def names(found: RunPlan) -> list[str]:
