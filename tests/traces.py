@@ -107,7 +107,8 @@ def monitor(assertion: Assertion, start: Observation = START, where: Scene | Non
 
 
 def judged(assertion: Assertion, seen: Trace, start: Observation = START) -> Verdict:
-    return monitor(assertion, start).observe(seen).verdict()
+    """The verdict on a trace, without the count of its moments."""
+    return replace(monitor(assertion, start).observe(seen).verdict(), judged=None)
 
 
 def expectation(assertion: Assertion, **options: Any) -> Expectation:

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, ClassVar, Final
 
 from sim_action.assertions.monitors import Monitor
+from sim_action.assertions.monitors.becoming import becoming_true
 from sim_action.assertions.monitors.window import signals_of
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.registry import Table
@@ -47,6 +48,21 @@ class Assertion(FrozenModel):
         return Channels()
 
     @property
+    def truth_channels(self) -> Channels:
+        """The channels that `ConditionMonitor.truth` reads."""
+        return self.channels
+
+    @property
+    def is_goal(self) -> bool:
+        """True if it must come true once. Else it must hold throughout, or it is judged at the end."""
+        return False
+
+    @property
+    def has_truth(self) -> bool:
+        """True if it is true or false at each moment; its monitor is then a ConditionMonitor."""
+        return False
+
+    @property
     @abstractmethod
     def title(self) -> str:
         """The requirement in a few words, such as "travel at least 1.5 m"."""
@@ -56,9 +72,22 @@ class Assertion(FrozenModel):
         """The title as it appears inside the title of another assertion."""
         return self.title
 
+    @property
+    def hold_time(self) -> float | None:
+        """The time in s for which it must hold, if the assertion has a key `for` of its own."""
+        return None
+
     @abstractmethod
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """Open the monitor. `start` is the settled state at t = 0."""
+
+    def opened(self, scene: Scene, start: Observation, span: float | None = None) -> Monitor:
+        """Open the monitor as an expectation uses it: a goal must become true, and hold for `span` in s."""
+        monitor = self.monitor(scene, start)
+        if not (self.is_goal and self.has_truth):
+            return monitor
+        explicit = span is not None or "span" in self.model_fields_set
+        return becoming_true(monitor, scene, start, span, self.hold_time, explicit=explicit)
 
     def signals(
         self, scene: Scene, start: Observation, trace: Trace, after: float = 0.0, before: float = math.inf
@@ -131,6 +160,7 @@ ASSERTIONS: Final = Table[type[Assertion]](
         "stl": "sim_action.assertions.temporal_logic.stl_assertion:Stl",
         "any_of": "sim_action.assertions.combined:AnyOf",
         "all_of": "sim_action.assertions.combined:AllOf",
+        "at_once": "sim_action.assertions.at_once:AtOnce",
         "not": "sim_action.assertions.combined:Negation",
         "assertion": "sim_action.assertions.user_assertion:UserAssertion",
     },

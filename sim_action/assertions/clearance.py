@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
 from sim_action.assertions import Assertion
-from sim_action.assertions.monitors import Monitor, State
+from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.bounds import bounds_title, check_bounds
 from sim_action.assertions.monitors.goals import Goal, Invariant, joined
 from sim_action.assertions.monitors.proximity import least_so_far
+from sim_action.assertions.monitors.window import counted
 from sim_action.core import units
 from sim_action.core.field_types import PositiveMetres
+from sim_action.core.units import TIME_EPSILON_S
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.robot_model import RobotModel
 from sim_action.state.trace_channels import Channels, ClearanceWatch
-from sim_action.state.verdict import Signal, Verdict
+from sim_action.state.verdict import Judged, Signal, Verdict
 from sim_action.world.ground import GROUND
 from sim_action.world.scene import Scene
 
@@ -51,6 +54,11 @@ class Clearance(Assertion):
         return self
 
     @property
+    def has_truth(self) -> bool:
+        """See Assertion.has_truth."""
+        return True
+
+    @property
     def title(self) -> str:
         """See Assertion.title."""
         whose = f" of {', '.join(self.links)}" if self.links else ""
@@ -63,9 +71,25 @@ class Clearance(Assertion):
         return ClearanceWatch(self.links, self.to)
 
     @property
+    def close(self) -> ClearanceWatch:
+        """The distances that are recorded at every step, up to the greatest limit: they say when the limits hold."""
+        limit = self.at_least if self.at_most is None else self.at_most
+        return ClearanceWatch(self.links, self.to, within=limit or 0.0, always=True)
+
+    @property
     def channels(self) -> Channels:
         """See Assertion.channels."""
-        return Channels(clearances=frozenset({self.watch}))
+        return self.truth_channels if self.is_goal else Channels(clearances=frozenset({self.watch}))
+
+    @property
+    def truth_channels(self) -> Channels:
+        """See Assertion.truth_channels."""
+        return Channels(clearances=frozenset({self.watch, self.close}))
+
+    @property
+    def is_goal(self) -> bool:
+        """See Assertion.is_goal."""
+        return self.at_most is not None
 
     def problems(self, scene: Scene) -> SpecProblems:
         """Yield unknown bodies and links, and a world without objects."""
@@ -94,6 +118,7 @@ class ClearanceMonitor:
 
     Attributes:
         at_goal, at_worst: the least distances at the steps of the two folds.
+        steps: the steps since the first distance.
         end: sim time of the last step, in s.
     """
 
@@ -104,6 +129,7 @@ class ClearanceMonitor:
     invariant: Invariant = Invariant()
     at_goal: Nearness | None = None
     at_worst: Nearness | None = None
+    steps: Judged = Judged()
     end: float = 0.0
 
     @property
@@ -120,9 +146,37 @@ class ClearanceMonitor:
         """See Monitor.observe."""
         record = trace.clearances.get(self.spec.watch)
         end = float(trace.time[-1]) if len(trace) else self.end
-        return replace(self, end=end) if record is None else replace(self._measured(record), end=end)
+        later = replace(self, end=end, steps=counted(self.steps, self._known(trace)))
+        return later if record is None else later.measured(record)
 
-    def _measured(self, record: ClearanceRecord) -> Self:
+    def _known(self, trace: Trace) -> Trace:
+        """Return the steps at which there is a distance: all steps after the first one that was recorded."""
+        if self.steps.moments:
+            return trace
+        record = trace.clearances.get(self.spec.watch)
+        found = record is not None and len(record)
+        return trace.between(float(record.time[0]), math.inf) if record is not None and found else trace.rows(slice(0))
+
+    def truth(self, trace: Trace) -> Truth:
+        """See ConditionMonitor.truth. The moments are the steps at which there is a distance."""
+        import numpy as np
+
+        known, record = self._known(trace), trace.clearances.get(self.spec.close)
+        distance = np.full(len(known), math.inf)
+        if record is not None and len(record):
+            # Two computations of the time of a step differ by rounding.
+            index = np.searchsorted(known.time, record.time - TIME_EPSILON_S)
+            inside = index < len(known)
+            distance[index[inside]] = record.distance[inside]
+        holds = np.ones(len(known), dtype=bool)
+        if self.spec.at_most is not None:
+            holds &= distance <= self.spec.at_most
+        if self.spec.at_least is not None:
+            holds &= distance >= self.spec.at_least
+        return Truth(known.time, holds)
+
+    def measured(self, record: ClearanceRecord) -> Self:
+        """Return the fold after these distances."""
         spec, goal, invariant = self.spec, self.goal, self.invariant
         if spec.at_most is not None:
             goal = goal.observe(record.time, spec.at_most - record.distance)
@@ -151,23 +205,29 @@ class ClearanceMonitor:
     def _kept_clear(self) -> Verdict:
         limit, near, passed = self.spec.at_least, self.at_worst, self.invariant.state is State.HOLDS
         if limit is None or near is None:
-            return Verdict(passed, None, limit, None, "m", None, "no physics step to measure")
+            return self._unknown(limit)
         distance, least = units.display_apart(near.distance, limit, "m")
         message = f"{_told(near, distance)} at {near.time:.2f} s"
         message = f"closest approach: {message}" if passed else f"{message}, less than {least}"
-        return Verdict(passed, near.distance, limit, self.invariant.margin, "m", near.time, message)
+        margin = self.invariant.margin
+        return Verdict(passed, near.distance, limit, margin, "m", near.time, message, judged=self.steps)
 
     def _came_near(self, limit: float) -> Verdict:
         near, passed = self.at_goal, self.goal.state is State.HOLDS
         if near is None:
-            return Verdict(False, None, limit, None, "m", None, "no physics step to measure")
+            return self._unknown(limit)
         distance, _ = units.display_apart(near.distance, limit, "m")
         message = (
             f"{_told(near, distance)} at {near.time:.2f} s"
             if passed
             else f"closest approach in {self.end:.1f} s: {_told(near, distance)} at {near.time:.2f} s"
         )
-        return Verdict(passed, near.distance, limit, self.goal.margin, "m", near.time, message)
+        return Verdict(passed, near.distance, limit, self.goal.margin, "m", near.time, message, judged=self.steps)
+
+    def _unknown(self, limit: float | None) -> Verdict:
+        names = ", ".join(self.spec.to) if self.spec.to else "any body"
+        message = f"never measured: no link with a collision shape and {names} were there together"
+        return Verdict(False, None, limit, None, "m", None, message, judged=Judged())
 
 
 def _links_with_shapes(model: RobotModel) -> list[str]:

@@ -7,21 +7,26 @@ from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Self
 
 from pydantic import Field
 
 from sim_action.assertions import Assertion, shortened_title
-from sim_action.assertions.monitors import Monitor, State, is_cumulative, is_deciding, needed_until
+from sim_action.assertions.monitors import Monitor, State, Truth, begun, has_truth, is_deciding, needed_until
 from sim_action.assertions.monitors.goals import joined, joined_by_any
+from sim_action.assertions.monitors.window import counted
+from sim_action.core.units import TIME_EPSILON_S
 from sim_action.core.wording import shown
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.trace_channels import Channels
-from sim_action.state.verdict import Mark, Signal
+from sim_action.state.verdict import Judged, Mark, Signal, VerdictStatus
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from sim_action.state.observation import Observation
     from sim_action.state.trace import Trace
     from sim_action.state.verdict import Verdict
@@ -63,6 +68,16 @@ class Combined(Assertion):
         """See Assertion.channels."""
         return Channels.all_of(part.channels for _, part in self.placed_parts)
 
+    @property
+    def truth_channels(self) -> Channels:
+        """See Assertion.truth_channels."""
+        return Channels.all_of(part.truth_channels for _, part in self.placed_parts)
+
+    @property
+    def is_goal(self) -> bool:
+        """See Assertion.is_goal."""
+        return any(part.is_goal for _, part in self.placed_parts)
+
     def signals(
         self, scene: Scene, start: Observation, trace: Trace, after: float = 0.0, before: float = math.inf
     ) -> tuple[Signal, ...]:
@@ -100,11 +115,6 @@ def is_decided(monitor: Monitor, began: State) -> bool:
     return monitor.state is State.BROKEN or (began is State.PENDING and monitor.state is State.HOLDS)
 
 
-def begun(monitor: Monitor, trace: Trace) -> Monitor:
-    """Return the monitor after the steps before its window, if it is cumulative."""
-    return monitor.begin(trace) if is_cumulative(monitor) else monitor
-
-
 @dataclass(frozen=True)
 class Combination:
     """The monitor of several assertions: all of them must hold (`every`), or at least one.
@@ -113,17 +123,18 @@ class Combination:
 
     Attributes:
         began: the state of each monitor before the first step.
+        steps: the steps so far.
     """
 
     titles: tuple[str, ...]
     monitors: tuple[Monitor, ...]
     began: tuple[State, ...]
     every: bool
+    steps: Judged = Judged()
 
     @classmethod
-    def of(cls, parts: tuple[Assertion, ...], scene: Scene, start: Observation, *, every: bool) -> Self:
+    def of(cls, parts: tuple[Assertion, ...], monitors: tuple[Monitor, ...], *, every: bool) -> Self:
         """Return the monitor before the first step."""
-        monitors = tuple(part.monitor(scene, start) for part in parts)
         return cls(tuple(part.inner_title for part in parts), monitors, tuple(m.state for m in monitors), every)
 
     @cached_property
@@ -156,21 +167,46 @@ class Combination:
 
     def observe(self, trace: Trace) -> Self:
         """See Monitor.observe."""
-        return replace(self, monitors=tuple(monitor.observe(trace) for monitor in self.monitors))
+        monitors = tuple(monitor.observe(trace) for monitor in self.monitors)
+        return replace(self, monitors=monitors, steps=counted(self.steps, trace))
+
+    def truth(self, trace: Trace) -> Truth:
+        """See ConditionMonitor.truth. All parts, or at least one, are true at the same moment."""
+        import numpy as np
+
+        truths = [on_steps(monitor.truth(trace), trace) for monitor in self.monitors if has_truth(monitor)]
+        return Truth(trace.time, (np.all if self.every else np.any)(truths, axis=0))
 
     def verdict(self) -> Verdict:
         """Return the verdict of the deciding part, with a message about all parts."""
-        verdicts = [monitor.verdict() for monitor in self.monitors]
-        good = [verdict.passed for verdict in verdicts]
-        passed = all(good) if self.every else any(good)
-        candidates = [n for n, one in enumerate(good) if one == passed]
-        index = _decisive(verdicts, candidates, least=self.every, last=self.every == passed)
-        message = f"{self._count(sum(good))}; {self.titles[index]}: {verdicts[index].message}"
-        return replace(verdicts[index], passed=passed, message=message)
+        verdicts = [monitor.verdict().counted(self.steps) for monitor in self.monitors]
+        statuses = [verdict.status for verdict in verdicts]
+        order = _WORST_FIRST if self.every else _WORST_FIRST[::-1]
+        status = min(statuses, key=order.index)
+        candidates = [n for n, one in enumerate(statuses) if one == status]
+        index = _decisive(verdicts, candidates, least=self.every, last=self.every == (status == "passed"))
+        message = f"{self._count(statuses.count('passed'))}; {self.titles[index]}: {verdicts[index].message}"
+        return replace(verdicts[index], message=message)
 
     def _count(self, holding: int) -> str:
         total = len(self.monitors)
         return f"all {total} hold" if holding == total else f"{holding or 'none'} of {total} hold"
+
+
+_WORST_FIRST: Final[tuple[VerdictStatus, ...]] = ("failed", "not_exercised", "passed")
+
+
+def on_steps(truth: Truth, trace: Trace, before: bool = False) -> NDArray[np.bool_]:
+    """Return (T,) the truth at the steps of a trace; a moment between steps counts from the following step on.
+
+    `before` is the truth before the first moment.
+    """
+    import numpy as np
+
+    if truth.time is trace.time:
+        return truth.holds
+    last = np.searchsorted(truth.time, trace.time + TIME_EPSILON_S)
+    return np.asarray(np.concatenate(([before], truth.holds))[last], dtype=np.bool_)
 
 
 def _decisive(verdicts: Sequence[Verdict], candidates: Sequence[int], *, least: bool, last: bool) -> int:
@@ -183,7 +219,7 @@ def _decisive(verdicts: Sequence[Verdict], candidates: Sequence[int], *, least: 
 
 
 class Several(Combined):
-    """The base class of `any_of` and `all_of`."""
+    """The base class of `any_of`, `all_of` and `at_once`."""
 
     parts: Annotated[tuple[Assertion, ...], Field(min_length=1, description="the list, which is the whole value")]
 
@@ -220,24 +256,39 @@ class Several(Combined):
         return f"({self.title})"
 
 
-class AllOf(Several):
-    """All assertions of a list hold.
+class Joined(Several):
+    """The base class of `any_of` and `all_of`, which join the results of their parts."""
 
-    `expect` itself asks the same of its entries. `all_of` is useful inside `any_of` and `not`, and to give several
-    assertions one `name`, `after`, `before` and `severity`. It is a goal if one of its parts is a goal. It breaks as
-    soon as one part breaks. Margin, limit and time are those of the deciding part, which the message names. If all
-    parts have the same unit, this is the part with the smallest margin. Otherwise it is the part that came true last,
-    or the first part that does not hold.
-    """
-
-    key: ClassVar[str] = "all_of"
+    every: ClassVar[bool]
+    """True if all parts must hold, False if one is enough."""
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor."""
-        return Combination.of(self.parts, scene, start, every=True)
+        return Combination.of(self.parts, tuple(part.monitor(scene, start) for part in self.parts), every=self.every)
+
+    def opened(self, scene: Scene, start: Observation, span: float | None = None) -> Monitor:
+        """See Assertion.opened. Each part must become true by itself."""
+        if span is not None:
+            return super().opened(scene, start, span)
+        return Combination.of(self.parts, tuple(part.opened(scene, start) for part in self.parts), every=self.every)
 
 
-class AnyOf(Several):
+class AllOf(Joined):
+    """Each assertion of a list holds, not necessarily at the same moment.
+
+    Each goal comes true at some moment, and each invariant holds throughout; for goals that must be true at one moment,
+    see `at_once`. `expect` itself asks the same of its entries. `all_of` is useful inside `any_of` and `not`, and to
+    give several assertions one `name`, `after`, `before` and `severity`. It is a goal if one of its parts is a goal. It
+    breaks as soon as one part breaks. Margin, limit and time are those of the deciding part, which the message names.
+    If all parts have the same unit, this is the part with the smallest margin. Otherwise it is the part that came true
+    last, or the first part that does not hold.
+    """
+
+    key: ClassVar[str] = "all_of"
+    every: ClassVar[bool] = True
+
+
+class AnyOf(Joined):
     """At least one assertion of a list holds.
 
     It is a goal if one of its parts is a goal: the run waits until a goal comes true. If none does, a part that is not
@@ -248,10 +299,12 @@ class AnyOf(Several):
     """
 
     key: ClassVar[str] = "any_of"
+    every: ClassVar[bool] = False
 
-    def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        """See Assertion.monitor."""
-        return Combination.of(self.parts, scene, start, every=False)
+    @property
+    def has_truth(self) -> bool:
+        """See Assertion.has_truth."""
+        return all(part.has_truth for part in self.parts)
 
 
 class Negation(Combined):
@@ -289,6 +342,21 @@ class Negation(Combined):
         return [((), self.part)]
 
     @property
+    def is_goal(self) -> bool:
+        """See Assertion.is_goal. The negation of a goal is an invariant, and the other way round."""
+        return not self.part.is_goal
+
+    @property
+    def has_truth(self) -> bool:
+        """See Assertion.has_truth."""
+        return self.part.has_truth
+
+    @property
+    def channels(self) -> Channels:
+        """See Assertion.channels."""
+        return self.part.channels | self.part.truth_channels
+
+    @property
     def title(self) -> str:
         """See Assertion.title."""
         part = self.part
@@ -314,12 +382,12 @@ class NegationMonitor:
 
     Attributes:
         began: the state of the inner monitor before the first step.
-        seen: True if there was at least one step.
+        steps: the steps so far.
     """
 
     monitor: Monitor
     began: State
-    seen: bool = False
+    steps: Judged = Judged()
 
     @cached_property
     def state(self) -> State:
@@ -346,13 +414,21 @@ class NegationMonitor:
 
     def observe(self, trace: Trace) -> Self:
         """See Monitor.observe."""
-        return replace(self, monitor=self.monitor.observe(trace), seen=self.seen or len(trace) > 0)
+        return replace(self, monitor=self.monitor.observe(trace), steps=counted(self.steps, trace))
+
+    def truth(self, trace: Trace) -> Truth:
+        """See ConditionMonitor.truth."""
+        import numpy as np
+
+        assert has_truth(self.monitor), "the assertion says so"
+        truth = self.monitor.truth(trace)
+        return Truth(truth.time, np.logical_not(truth.holds))
 
     def verdict(self) -> Verdict:
         """Return the verdict of the inner assertion with the opposite result."""
-        verdict = self.monitor.verdict()
-        if not self.seen:
-            return replace(verdict, passed=False, message="no physics step to measure")
+        verdict = self.monitor.verdict().counted(self.steps)
+        if verdict.status == "not_exercised":
+            return verdict
         margin = None if verdict.margin is None else 0.0 - verdict.margin
         message = f"{verdict.message}, but 'not' requires the opposite" if verdict.passed else verdict.message
         return replace(verdict, passed=not verdict.passed, margin=margin, message=message)

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
 from pydantic import Field, model_validator
 
 from sim_action.assertions import Assertion
-from sim_action.assertions.monitors import Monitor, State
+from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.bounds import check_order
 from sim_action.assertions.monitors.goals import Goal, HoldTime, Invariant, joined
-from sim_action.assertions.monitors.proximity import forces, least_so_far, nearest_of, with_zeros
+from sim_action.assertions.monitors.proximity import forces, least_so_far, nearest_of, touching_at, with_zeros
 from sim_action.core import units
 from sim_action.core.field_types import PositiveNewtons, PositiveSeconds
 from sim_action.core.wording import did_you_mean
@@ -76,6 +76,21 @@ class Touch(Assertion):
     def channels(self) -> Channels:
         """See Assertion.channels."""
         return Channels(contacts=True, clearances=frozenset() if self.watch is None else frozenset({self.watch}))
+
+    @property
+    def hold_time(self) -> float | None:
+        """See Assertion.hold_time."""
+        return self.span
+
+    @property
+    def is_goal(self) -> bool:
+        """See Assertion.is_goal."""
+        return True
+
+    @property
+    def has_truth(self) -> bool:
+        """See Assertion.has_truth."""
+        return True
 
     @property
     def title(self) -> str:
@@ -186,6 +201,14 @@ class TouchMonitor:
         # `time` has no steps without contact: insert one before each new contact.
         moments = np.insert(time, begins, time[begins] - self.step)
         return moments, np.insert(np.ones(len(time), dtype=bool), begins, np.zeros(len(begins), dtype=bool))
+
+    def truth(self, trace: Trace) -> Truth:
+        """See ConditionMonitor.truth. It is true at each step with a contact whose force is within the bounds."""
+        time, force = forces(filter(self.spec.is_meant, trace.contacts))
+        strong = force - (self.spec.at_least or 0.0) >= 0
+        if self.spec.at_most is not None:
+            strong &= self.spec.at_most - force >= 0
+        return touching_at(trace, time[strong], self.step)
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         """See PlottableMonitor.signals. Returns duration, force, contact (0 or 1) and least distance."""

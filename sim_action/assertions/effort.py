@@ -58,6 +58,11 @@ class Effort(Assertion):
         return {key: written for key, written in given.items() if written is not None}
 
     @property
+    def has_truth(self) -> bool:
+        """See Assertion.has_truth."""
+        return self.rms_at_most is None
+
+    @property
     def title(self) -> str:
         """See Assertion.title."""
         of = f" of {', '.join(self.joints)}" if self.joints else ""

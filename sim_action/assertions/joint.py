@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from sim_action.assertions import Assertion, shortened_title
 from sim_action.assertions.joint_selection import as_written, chosen, name_problem, reading_of, unit_problem
-from sim_action.assertions.monitors import Monitor, State
+from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.bounds import Bounds, Interval, IntervalsMonitor, SignalMonitor, check_order
 from sim_action.assertions.monitors.goals import ClosestApproach
 from sim_action.core import units
@@ -63,6 +63,16 @@ class JointReading(Assertion):
     def _magnitude(self, written: float | str | None) -> float | None:
         """Return the value in SI units, without checking it against the type of the joint."""
         return None if written is None else units.parse(written, *READINGS[self.reading])
+
+    @property
+    def is_goal(self) -> bool:
+        """See Assertion.is_goal."""
+        return self.at_most is None or self.at_least is not None
+
+    @property
+    def has_truth(self) -> bool:
+        """See Assertion.has_truth."""
+        return True
 
     @property
     def title(self) -> str:
@@ -120,6 +130,10 @@ class NearMonitor:
         """See Monitor.observe."""
         return replace(self, nearest=self.nearest.observe(trace.time, self._distance(trace)))
 
+    def truth(self, trace: Trace) -> Truth:
+        """See ConditionMonitor.truth."""
+        return self.nearest.truth(trace.time, self._distance(trace))
+
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         """See PlottableMonitor.signals."""
         return self.nearest.drawn(f"{self.name} from {self.nearest.place}", trace.time, self._distance(trace))
@@ -175,6 +189,11 @@ class JointWithin(Assertion):
             yield "velocity", name, bounds
         for name, bounds in self.effort.items():
             yield "effort", name, bounds
+
+    @property
+    def has_truth(self) -> bool:
+        """See Assertion.has_truth."""
+        return True
 
     @property
     def title(self) -> str:

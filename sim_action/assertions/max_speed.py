@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 from pydantic import Field, model_validator
 
 from sim_action.assertions import Assertion
-from sim_action.assertions.monitors import Monitor, State
+from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.base_motion import BaseMotion
 from sim_action.assertions.monitors.bounds import AllLimits, Bounds
 from sim_action.core import units
@@ -39,6 +39,11 @@ class MaxSpeed(Assertion):
         if self.linear is None and self.angular is None:
             raise ValueError("give 'linear', 'angular' or both")
         return self
+
+    @property
+    def has_truth(self) -> bool:
+        """See Assertion.has_truth."""
+        return True
 
     @property
     def title(self) -> str:
@@ -95,6 +100,10 @@ class SpeedMonitor:
             reported = trace.turn_rate if self.turns else trace.speed
             jump = self.motion.jump(trace, step, turns=self.turns) if values[step] != reported[step] else ""
         return replace(self, bounds=bounds, motion=self.motion.after(trace), jump=jump)
+
+    def truth(self, trace: Trace) -> Truth:
+        """See ConditionMonitor.truth."""
+        return self.bounds.truth(trace.time, self._values(self.motion, trace))
 
     def verdict(self) -> Verdict:
         """See Monitor.verdict."""

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 from pydantic import Field
 
 from sim_action.assertions import Assertion
-from sim_action.assertions.monitors import Monitor, State
-from sim_action.assertions.monitors.proximity import forces, with_zeros
+from sim_action.assertions.monitors import Monitor, State, Truth
+from sim_action.assertions.monitors.proximity import forces, touching_at, with_zeros
 from sim_action.core import units
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
@@ -38,6 +38,11 @@ class NoCollision(Assertion):
     def channels(self) -> Channels:
         """See Assertion.channels."""
         return Channels(contacts=True)
+
+    @property
+    def has_truth(self) -> bool:
+        """See Assertion.has_truth."""
+        return True
 
     @property
     def title(self) -> str:
@@ -89,6 +94,14 @@ class NoCollisionMonitor:
         points = (other for other in contacts if other.time == first.time)
         force = sum(other.force for other in points if (other.link, other.body) == (first.link, first.body))
         return first._replace(force=force)
+
+    def truth(self, trace: Trace) -> Truth:
+        """See ConditionMonitor.truth."""
+        import numpy as np
+
+        time, _ = forces(filter(self._is_forbidden, trace.contacts))
+        touches = touching_at(trace, time, self.step)
+        return Truth(touches.time, np.logical_not(touches.holds))
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         """See PlottableMonitor.signals. Returns contact (0 or 1) and force at each step."""

@@ -16,7 +16,7 @@ from sim_action.core.field_types import PositiveMetres, PositiveRadians, Positiv
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.trace_channels import Channels
-from sim_action.state.verdict import Signal, Verdict
+from sim_action.state.verdict import Judged, Signal, Verdict
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -111,6 +111,7 @@ class OdometryMonitor:
         folds: the fold of each margin.
         truth: (4,) the last step: sim time in s, x and y in m, yaw in rad.
         way: distance travelled on the ground since t = 0, in m.
+        readings: the readings that were judged.
     """
 
     is_momentary: ClassVar[bool] = False
@@ -120,6 +121,7 @@ class OdometryMonitor:
     folds: tuple[Invariant, ...]
     truth: tuple[float, float, float, float]
     way: float = 0.0
+    readings: Judged = Judged()
 
     @classmethod
     def opened(cls, sensor: str, limits: Mapping[str, float | None], start: Observation) -> Self:
@@ -148,7 +150,9 @@ class OdometryMonitor:
         errors = _errors(record, truths, ways)
         folds = zip(self.folds, self.limits, strict=True)
         return replace(
-            later, folds=tuple(fold.observe(record.time, limit - errors[name]) for fold, (name, limit) in folds)
+            later,
+            folds=tuple(fold.observe(record.time, limit - errors[name]) for fold, (name, limit) in folds),
+            readings=self.readings.followed_by(len(record), float(record.time[0]), float(record.time[-1])),
         )
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
@@ -188,7 +192,8 @@ class OdometryMonitor:
         known = [one for one in read if one[0] is not None and one[1] is not None]
         if not known:
             name, limit = self.limits[0]
-            return Verdict(True, None, limit, None, _UNITS[name], None, f"{self.sensor}: no reading")
+            message = f"{self.sensor} gave no reading in this time; raise its 'rate', or check for longer"
+            return Verdict(False, None, limit, None, _UNITS[name], None, message, judged=Judged())
         broken = [one for one in known if one[2].state is State.BROKEN]
         margin, time, _, name, limit = (
             min(broken, key=lambda one: one[1] or 0.0)
@@ -204,7 +209,8 @@ class OdometryMonitor:
         }[name]
         how = f"more than {allowed}" if broken else f"the largest error; limit {allowed}"
         message = f"{self.sensor} was {what} at {time:.2f} s, {how}"
-        return Verdict(not broken, limit - margin, limit, margin, _UNITS[name], time, message)
+        margins = limit - margin, limit, margin
+        return Verdict(not broken, *margins, _UNITS[name], time, message, judged=self.readings)
 
 
 def _shown(error: float, limit: float, unit: str) -> tuple[str, str]:

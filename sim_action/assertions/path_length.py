@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Self
 
-from sim_action.assertions.monitors import Monitor, State
+from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.bounds import Bounds
 from sim_action.assertions.travel import LengthBounds
 from sim_action.core.geometry import Vector3
@@ -63,6 +63,10 @@ class PathLengthMonitor:
         lengths = trace.arc_length_from(self.position_xyz, self.length)
         bounds = self.bounds.observe(trace.time, lengths)
         return replace(self, bounds=bounds, position_xyz=_last_position(trace), length=float(lengths[-1]))
+
+    def truth(self, trace: Trace) -> Truth:
+        """See ConditionMonitor.truth."""
+        return self.bounds.truth(trace.time, trace.arc_length_from(self.position_xyz, self.length))
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         """See PlottableMonitor.signals."""

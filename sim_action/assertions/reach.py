@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 from pydantic import Field
 
 from sim_action.assertions import Assertion
-from sim_action.assertions.monitors import Monitor, State
+from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.goals import ClosestApproach
 from sim_action.core import units
 from sim_action.core.field_types import Metres, PositiveMetres, PositiveRadians, Radians
@@ -36,6 +36,16 @@ class Reach(Assertion):
     yaw: Annotated[Radians | None, Field(description="default: any heading")] = None
     tolerance: PositiveMetres = 0.05
     yaw_tolerance: PositiveRadians = math.radians(5)
+
+    @property
+    def is_goal(self) -> bool:
+        """See Assertion.is_goal."""
+        return True
+
+    @property
+    def has_truth(self) -> bool:
+        """See Assertion.has_truth."""
+        return True
 
     @property
     def title(self) -> str:
@@ -75,6 +85,10 @@ class ReachMonitor:
     def observe(self, trace: Trace) -> Self:
         """See Monitor.observe."""
         return replace(self, nearest=self.nearest.observe(trace.time, *self._errors(trace)))
+
+    def truth(self, trace: Trace) -> Truth:
+        """See ConditionMonitor.truth."""
+        return self.nearest.truth(trace.time, *self._errors(trace))
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         """See PlottableMonitor.signals."""

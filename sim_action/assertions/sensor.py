@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 
 from sim_action.assertions import Assertion
 from sim_action.assertions.joint_selection import as_written
-from sim_action.assertions.monitors import Monitor, State
+from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.bounds import check_bounds
 from sim_action.assertions.monitors.goals import Goal, Invariant
 from sim_action.core import units
@@ -21,7 +21,7 @@ from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.readings import READING_COLUMNS, ReadingColumn
 from sim_action.state.trace_channels import Channels
-from sim_action.state.verdict import Signal, Verdict
+from sim_action.state.verdict import Judged, Signal, Verdict
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -68,6 +68,16 @@ class SensorReading(Assertion):
 
     def _magnitude(self, written: float | str | None) -> float | None:
         return None if written is None else units.parse(written, *_DIMENSIONS)
+
+    @property
+    def is_goal(self) -> bool:
+        """See Assertion.is_goal."""
+        return self.once
+
+    @property
+    def has_truth(self) -> bool:
+        """See Assertion.has_truth."""
+        return True
 
     @property
     def title(self) -> str:
@@ -133,6 +143,7 @@ class SensorMonitor:
         what: the same as text.
         once: True if one reading within the bounds is enough.
         value: the reading at the deciding time.
+        readings: the readings that were judged.
         unit: SI symbol; empty before the first reading.
     """
 
@@ -148,6 +159,7 @@ class SensorMonitor:
     fold: Goal | Invariant | None = None
     value: float = 0.0
     unit: str = ""
+    readings: Judged = Judged()
 
     @property
     def state(self) -> State:
@@ -165,10 +177,11 @@ class SensorMonitor:
             return self
         values = picked(record.columns[self.reading], self.which)
         fold = self._fold.observe(record.time, self._margin(values))
+        readings = self.readings.followed_by(len(record), float(record.time[0]), float(record.time[-1]))
         if fold is self._fold:
-            return self
+            return replace(self, readings=readings)
         value = float(values[int((record.time == fold.time).argmax())])
-        return replace(self, fold=fold, value=value, unit=self._unit_of(record))
+        return replace(self, fold=fold, value=value, unit=self._unit_of(record), readings=readings)
 
     def _margin(self, values: FloatArray) -> FloatArray:
         import numpy as np
@@ -180,6 +193,15 @@ class SensorMonitor:
         if self.at_most is not None:
             margin = np.minimum(margin, self.at_most - values)
         return margin
+
+    def truth(self, trace: Trace) -> Truth:
+        """See ConditionMonitor.truth. The moments are the readings."""
+        import numpy as np
+
+        record = trace.sensors.get(self.sensor)
+        if record is None or not len(record):
+            return Truth(np.empty(0), np.empty(0, dtype=bool))
+        return Truth(record.time, self._margin(picked(record.columns[self.reading], self.which)) >= 0)
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         """See PlottableMonitor.signals. The curve has the sensor's rate; infinite readings are left out."""
@@ -200,7 +222,8 @@ class SensorMonitor:
         fold, passed = self._fold, self.state is State.HOLDS
         limit, side = self._nearer_bound()
         if fold.time is None or fold.margin is None:
-            return Verdict(passed, None, limit, None, self.unit, None, f"{self.what}: no reading")
+            message = f"{self.sensor} gave no reading in this time; raise its 'rate', or check for longer"
+            return Verdict(False, None, limit, None, self.unit, None, message, judged=Judged())
         value, bound = units.display_apart(self.value, limit, self.unit)
         holds = f"{self.what} was {value} at {fold.time:.2f} s"
         message = {
@@ -210,7 +233,7 @@ class SensorMonitor:
             (False, False): f"{holds}, {'less' if side == 'at least' else 'more'} than {bound}",
         }[self.once, passed]
         measured, margin = (number if math.isfinite(number) else None for number in (self.value, fold.margin))
-        return Verdict(passed, measured, limit, margin, self.unit, fold.time, message)
+        return Verdict(passed, measured, limit, margin, self.unit, fold.time, message, judged=self.readings)
 
     def _nearer_bound(self) -> tuple[float, str]:
         """Return the bound that the value is closer to, or exceeds by more."""

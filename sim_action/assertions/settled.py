@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple, Self
 from pydantic import Field
 
 from sim_action.assertions import Assertion
-from sim_action.assertions.monitors import Monitor, State
+from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.base_motion import BaseMotion
 from sim_action.assertions.monitors.goals import HoldTime
 from sim_action.core import units
@@ -37,6 +37,11 @@ class AtRest(Assertion):
     ] = math.radians(1)
     span: Annotated[PositiveSeconds, Field(alias="for", description="required time at rest")] = 1.0
 
+    @property
+    def hold_time(self) -> float | None:
+        """See Assertion.hold_time."""
+        return self.span
+
 
 class Settled(AtRest):
     """The robot comes to rest and stays at rest for the time `for`.
@@ -52,6 +57,16 @@ class Settled(AtRest):
     joints: Annotated[
         bool | None, Field(description="true: joints must be at rest too; default: only if the base is fixed")
     ] = None
+
+    @property
+    def is_goal(self) -> bool:
+        """See Assertion.is_goal."""
+        return True
+
+    @property
+    def has_truth(self) -> bool:
+        """See Assertion.has_truth."""
+        return True
 
     @property
     def title(self) -> str:
@@ -117,6 +132,10 @@ class SettledMonitor:
             end=float(trace.time[-1]),
             last="it still was" if slow[-1] else fastest.last,
         )
+
+    def truth(self, trace: Trace) -> Truth:
+        """See ConditionMonitor.truth. It is true while the robot is at rest, from the first step on."""
+        return Truth(trace.time, _are_slow(list(self._motions(trace))))
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         """See PlottableMonitor.signals. Returns the time at rest and the speeds with their limits."""

@@ -46,6 +46,11 @@ class StayWithin(Assertion):
         return {axis: interval for axis, interval in given.items() if interval is not None}
 
     @property
+    def has_truth(self) -> bool:
+        """See Assertion.has_truth."""
+        return True
+
+    @property
     def title(self) -> str:
         """See Assertion.title."""
         return "stay_within " + ", ".join(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from sim_action.assertions.monitors import Monitor, State
+from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.base_motion import BaseMotion
 from sim_action.assertions.monitors.bounds import check_interval
 from sim_action.assertions.monitors.goals import HoldTime
@@ -47,6 +47,16 @@ class StopsBefore(AtRest):
     def _is_a_gap(self) -> Self:
         check_interval("gap", *self.gap, "m")
         return self
+
+    @property
+    def is_goal(self) -> bool:
+        """See Assertion.is_goal."""
+        return True
+
+    @property
+    def has_truth(self) -> bool:
+        """See Assertion.has_truth."""
+        return True
 
     @property
     def title(self) -> str:
@@ -140,6 +150,10 @@ class StopsBeforeMonitor:
             motion=self._motion(trace),
             end=float(trace.time[-1]),
         )
+
+    def truth(self, trace: Trace) -> Truth:
+        """See ConditionMonitor.truth. It is true while the robot is at rest with an allowed gap."""
+        return Truth(trace.time, self._rests(trace, self._gaps(trace)))
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         """See PlottableMonitor.signals. Returns the gap and the time at rest with an allowed gap."""

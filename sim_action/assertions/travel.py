@@ -29,6 +29,16 @@ class LengthBounds(Assertion):
         return self
 
     @property
+    def is_goal(self) -> bool:
+        """See Assertion.is_goal."""
+        return self.at_least is not None
+
+    @property
+    def has_truth(self) -> bool:
+        """See Assertion.has_truth."""
+        return True
+
+    @property
     def title(self) -> str:
         """See Assertion.title."""
         return f"{self.key} {bounds_title(self.at_least, self.at_most, 'm')}"

@@ -26,6 +26,11 @@ class Upright(Assertion):
     max_tilt: Annotated[PositiveRadians, Field(description="an invariant: must not be exceeded")] = math.radians(20)
 
     @property
+    def has_truth(self) -> bool:
+        """See Assertion.has_truth."""
+        return True
+
+    @property
     def title(self) -> str:
         """See Assertion.title."""
         return f"upright within {units.display(self.max_tilt, 'rad')}"

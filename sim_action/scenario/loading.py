@@ -173,6 +173,7 @@ def _scene(scenario: Scenario, model: RobotModel, source: Source, parts: Mapping
         ),
         file=source.document.file,
         variation=source.values_in_file_names,
+        acted_on=bool(scenario.commands or scenario.world.disturbances),
     )
 
 

@@ -69,6 +69,10 @@ class ExpectationOptions(FrozenModel):
         PositiveSeconds | None,
         Field(description="deadline in sim time: a goal must come true by then, an invariant is checked until then"),
     ] = None
+    span: Annotated[
+        PositiveSeconds | None,
+        Field(alias="for", description="only for goals: must stay true for this time without interruption"),
+    ] = None
     severity: Annotated[
         Severity, Field(description="error: if it fails, the scenario fails; warning: if it fails, it is only reported")
     ] = "error"
@@ -76,7 +80,12 @@ class ExpectationOptions(FrozenModel):
 
 @dataclass(frozen=True, slots=True)
 class Expectation:
-    """An assertion with its place in the file, its name, its time window and its severity."""
+    """An assertion with its place in the file, its name, its time window and its severity.
+
+    Attributes:
+        after, before: the time window in s of sim time.
+        span: the time in s for which a goal must hold; None if one moment is enough, or if the assertion checks it.
+    """
 
     assertion: Assertion
     location: Location
@@ -84,6 +93,7 @@ class Expectation:
     after: float = 0.0
     before: float = math.inf
     severity: Severity = "error"
+    span: float | None = None
 
     @property
     def channels(self) -> Channels:

@@ -141,6 +141,13 @@ class PartReader:
         if found is None:
             return None
         assertion, options = found
+        span = options.span
+        if span is not None and assertion.hold_time is not None:
+            if "span" in assertion.model_fields_set:
+                self._problems.note((*path, "for"), f"'{assertion.key}' has 'for' already; remove one of the two")
+            assertion, span = assertion.model_copy(update={"span": span}), None
+        if span is not None and (reason := _why_not_for(assertion)) is not None:
+            self._problems.note((*path, "for"), reason)
         if options.before is not None and options.before <= options.after:
             self._problems.note((*path, "before"), f"must be later than 'after' ({options.after:g} s)")
         return Expectation(
@@ -150,6 +157,7 @@ class PartReader:
             after=options.after,
             before=float("inf") if options.before is None else options.before,
             severity=options.severity,
+            span=span,
         )
 
     def _assertion(self, kind: type[Assertion], data: Any, path: KeyPath) -> Assertion | None:
@@ -189,7 +197,7 @@ class PartReader:
     def _part(self, whole: type[Combined], data: Any, path: KeyPath) -> Assertion | None:
         """Return a nested assertion, which has no options of its own."""
         data = {data: None} if isinstance(data, str) else data
-        for option in [key for key in data if key in ExpectationOptions.model_fields] if isinstance(data, dict) else []:
+        for option in [key for key in data if key in _keys_of(ExpectationOptions)] if isinstance(data, dict) else []:
             self._problems.note(
                 (*path, option), f"'{option}' belongs to the outermost assertion, not into '{whole.key}'"
             )
@@ -214,7 +222,7 @@ class PartReader:
         known = [key for key in data if key in table]
         if len(known) == 1 and (beside or len(data) == 1):
             return str(known[0])
-        others = [key for key in data if key not in table and key not in (beside.model_fields if beside else ())]
+        others = [key for key in data if key not in table and key not in (_keys_of(beside) if beside else ())]
         if len(known) > 1:
             self._note_two(path, *known[:2])
         elif others:
@@ -245,6 +253,20 @@ class PartReader:
                 if not self._problems.has_below((*path, *location)):
                     self._problems.note((*path, *location), message)
             return None
+
+
+def _keys_of(model: type[BaseModel]) -> frozenset[str]:
+    """Return the YAML keys of a model's fields."""
+    return frozenset(field.alias or name for name, field in model.model_fields.items())
+
+
+def _why_not_for(assertion: Assertion) -> str | None:
+    """Return the reason why an assertion cannot have `for`, else None."""
+    if not assertion.is_goal:
+        return f"'for' is for goals, and '{assertion.title}' must hold all the time; use 'after' and 'before'"
+    if not assertion.has_truth:
+        return f"'{assertion.key}' is not true or false at a moment, so it cannot hold for a time; see at_once"
+    return None
 
 
 def _is_combined(kind: type[Assertion]) -> TypeGuard[type[Combined]]:

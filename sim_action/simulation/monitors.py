@@ -40,7 +40,7 @@ class Panel:
     def open(cls, scenario: Scenario, scene: Scene, start: Observation) -> Self:
         """Return the panel before the first step."""
         monitors = tuple(
-            Window(expected.assertion.monitor(scene, start), expected.after, expected.before)
+            Window(expected.assertion.opened(scene, start, expected.span), expected.after, expected.before)
             for expected in scenario.expect
         )
         return cls(scenario, monitors, tuple(monitor.state is State.PENDING for monitor in monitors))

@@ -50,6 +50,7 @@ class Scene:
         namesake: number of a command source among those that run the same code; each draws its own random numbers.
         file: path of the scenario, as in reports.
         variation: suffix that distinguishes this variation in file names; or empty.
+        acted_on: True if commands or disturbances act on the robot.
     """
 
     robot: Robot
@@ -65,6 +66,7 @@ class Scene:
     namesake: int = 0
     file: str = ""
     variation: str = ""
+    acted_on: bool = False
 
     @property
     def bolted(self) -> bool:

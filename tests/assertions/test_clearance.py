@@ -13,7 +13,7 @@ from sim_action.assertions.monitors import State
 from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import Channels, ClearanceWatch
 from sim_action.state.trace_records import ClearanceRecord, Nearness
-from sim_action.state.verdict import Verdict
+from sim_action.state.verdict import Judged, Verdict
 from sim_action.world import World
 from tests.traces import judged, monitor, scene, trace
 
@@ -79,7 +79,9 @@ def test_it_reads_its_own_channel_alone() -> None:
     spec = Clearance(at_least=0.5, to=("wall", "ball"), links=("base_scan",))
     watch = ClearanceWatch(("base_scan",), ("wall", "ball"))
     assert spec.channels == Channels(clearances=frozenset({watch}))
-    assert judged(spec, seen()).message == "no physics step to measure"
+    never = monitor(spec).observe(seen()).verdict()
+    assert never.judged == Judged()
+    assert never.message == "never measured: no link with a collision shape and wall, ball were there together"
     assert not judged(spec, seen(watch=watch)).passed
 
 

@@ -13,6 +13,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from sim_action.assertions import ASSERTIONS, Assertion
+from sim_action.assertions.at_once import AtOnce
 from sim_action.assertions.clearance import Clearance
 from sim_action.assertions.combined import AllOf, AnyOf, Negation, is_decided
 from sim_action.assertions.contact import Touch
@@ -35,12 +36,12 @@ from sim_action.assertions.stops_before import StopsBefore
 from sim_action.assertions.temporal_logic.stl_assertion import Stl
 from sim_action.assertions.travel import Travel
 from sim_action.assertions.upright import Upright
-from sim_action.state.observation import Contact
+from sim_action.state.observation import Contact, JointState
 from sim_action.state.trace import FloatArray, Trace
 from sim_action.state.trace_channels import Channels, ClearanceWatch
 from sim_action.state.trace_records import ClearanceRecord, Nearness, SensorRecord
 from tests.soak import examples
-from tests.traces import WHEELS, contact, monitor, piece
+from tests.traces import START, WHEELS, contact, monitor, piece, scene
 
 STEPS = 60
 RATE = 240
@@ -101,9 +102,20 @@ SPECS: list[Assertion] = [
     AnyOf(parts=(Travel(at_least=0.5), Travel(at_most=0.25))),
     AllOf(parts=(PathLength(at_least=1.0, at_most=3.0), MaxSpeed(linear=2.0))),
     Negation(part=AllOf(parts=(Travel(at_least=0.25, at_most=0.75), NoCollision()))),
+    AtOnce(parts=(Reach(x=0.3, y=0.3, tolerance=0.4), MaxSpeed(linear=2.0))),
+    AtOnce(
+        parts=(
+            SensorReading(name="scan", reading="ranges", which="min", at_least=0.1),
+            Clearance(at_least=0.3, at_most=0.5),
+            PathLength(at_least=1.0),
+        )
+    ),
+    AtOnce(parts=(Negation(part=NoCollision()), AnyOf(parts=(Upright(max_tilt=0.6), Travel(at_least=0.5))))),
     Negation(part=NoCollision()),
     Negation(part=Reach(x=0.3, y=0.3, tolerance=0.2)),
 ]
+
+MOVABLE = replace(START, joints=dict.fromkeys(WHEELS, JointState(0.0, 0.0, 0.0)))
 
 WATCHES = sorted(Channels.all_of(spec.channels for spec in SPECS).clearances, key=repr)
 
@@ -202,6 +214,30 @@ def test_a_monitor_says_the_same_of_single_steps_as_of_the_whole(spec: Assertion
 @example(OdometryError(position=1.0), 243353463, [48], 0.0, math.inf)
 def test_windows_do_not_change_that(spec: Assertion, seed: int, at: list[int], after: float, before: float) -> None:
     seen, opened = random_trace(seed), Window(monitor(spec), after, before)
+    whole, pieces = opened.observe(seen), in_pieces(opened, seen, at)
+    assert pieces.state is whole.state
+    assert pieces.verdict() == whole.verdict()
+
+
+GOALS = [spec for spec in SPECS if spec.is_goal and spec.has_truth]
+
+
+@examples(200)
+@given(
+    st.sampled_from(GOALS),
+    st.sampled_from([None, 0.01, 0.1]),
+    st.booleans(),
+    seeds,
+    cuts,
+    moments,
+    moments | st.just(math.inf),
+)
+def test_a_goal_that_must_become_true_says_the_same_of_pieces(  # noqa: PLR0917 - drawn by name
+    spec: Assertion, span: float | None, acted_on: bool, seed: int, at: list[int], after: float, before: float
+) -> None:
+    span = None if spec.hold_time else span
+    opened = Window(spec.opened(replace(scene(), acted_on=acted_on), MOVABLE, span), after, before)
+    seen = random_trace(seed)
     whole, pieces = opened.observe(seen), in_pieces(opened, seen, at)
     assert pieces.state is whole.state
     assert pieces.verdict() == whole.verdict()

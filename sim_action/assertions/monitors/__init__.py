@@ -7,10 +7,13 @@ by block; a stored trace is fed in one piece. The verdict is the same.
 from __future__ import annotations
 
 from enum import Enum
-from typing import TYPE_CHECKING, Protocol, Self, TypeGuard
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, Self, TypeGuard, TypeVar
 
 if TYPE_CHECKING:
-    from sim_action.state.trace import Trace
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from sim_action.state.trace import FloatArray, Trace
     from sim_action.state.verdict import Signal, Verdict
 
 
@@ -76,9 +79,41 @@ class PlottableMonitor(Monitor, Protocol):
         """Return the curves that `observe(trace)` would judge. `trace` is not empty and may be decimated."""
 
 
+class Truth(NamedTuple):
+    """The truth of a condition: at each of (N,) s of sim time, rising, (N,) True or False."""
+
+    time: FloatArray
+    holds: NDArray[np.bool_]
+
+
+class ConditionMonitor(Monitor, Protocol):
+    """A monitor whose assertion is true or false at each moment."""
+
+    def truth(self, trace: Trace) -> Truth:
+        """Return the truth at the moments of `trace`, which follows the steps observed so far.
+
+        The moments are the steps, or the readings of a sensor. Limits that must hold throughout count at each moment.
+        """
+
+
+AnyMonitor = TypeVar("AnyMonitor", bound=Monitor)
+
+
+def has_truth(monitor: Monitor) -> TypeGuard[ConditionMonitor]:
+    """Return True if the monitor has `truth`."""
+    return hasattr(type(monitor), "truth")
+
+
 def is_cumulative(monitor: Monitor) -> TypeGuard[CumulativeMonitor]:
     """Return True if the monitor has `begin`. An isinstance check with the protocol would be much slower."""
     return hasattr(type(monitor), "begin")
+
+
+def begun(monitor: AnyMonitor, trace: Trace) -> AnyMonitor:
+    """Return the monitor after the steps before its window, if it is cumulative."""
+    # A narrowed type would be that of the protocol alone.
+    cumulative: Any = monitor
+    return cumulative.begin(trace) if is_cumulative(monitor) else monitor
 
 
 def is_deciding(monitor: Monitor) -> TypeGuard[DecidingMonitor]:

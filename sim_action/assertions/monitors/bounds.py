@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Self
 
-from sim_action.assertions.monitors import Monitor, State, is_cumulative, is_plottable
+from sim_action.assertions.monitors import Monitor, State, Truth, begun, has_truth, is_plottable
 from sim_action.assertions.monitors.goals import Goal, Invariant, joined
 from sim_action.core import units
 from sim_action.state.verdict import Signal, Verdict
@@ -51,6 +51,17 @@ class Bounds:
         goal = self.goal if self.at_least is None else self.goal.observe(time, signal - self.at_least)
         invariant = self.invariant if self.at_most is None else self.invariant.observe(time, self.at_most - signal)
         return replace(self, goal=goal, invariant=invariant, end=float(time[-1]))
+
+    def truth(self, time: FloatArray, signal: FloatArray) -> Truth:
+        """Return True where the signal, (T,) in `unit`, is within both bounds."""
+        import numpy as np
+
+        holds = np.isfinite(signal)
+        if self.at_least is not None:
+            holds &= signal - self.at_least >= 0
+        if self.at_most is not None:
+            holds &= self.at_most - signal >= 0
+        return Truth(time, holds)
 
     def drawn(self, name: str, time: FloatArray, signal: FloatArray) -> Signal:
         """Return the curve of the signal with its bounds."""
@@ -117,6 +128,10 @@ class SignalMonitor:
         """See Monitor.verdict."""
         return self.bounds.verdict()
 
+    def truth(self, trace: Trace) -> Truth:
+        """See ConditionMonitor.truth."""
+        return self.bounds.truth(trace.time, self.signal(trace))
+
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         """See PlottableMonitor.signals."""
         return (self.bounds.drawn(self.name, trace.time, self.signal(trace)),)
@@ -140,12 +155,15 @@ class AllLimits:
 
     def begin(self, trace: Trace) -> Self:
         """See CumulativeMonitor.begin."""
-        begun = (monitor.begin(trace) if is_cumulative(monitor) else monitor for monitor in self.monitors)
-        return replace(self, monitors=tuple(begun))
+        return replace(self, monitors=tuple(begun(monitor, trace) for monitor in self.monitors))
 
     def observe(self, trace: Trace) -> Self:
         """See Monitor.observe."""
         return replace(self, monitors=tuple(monitor.observe(trace) for monitor in self.monitors))
+
+    def truth(self, trace: Trace) -> Truth:
+        """See ConditionMonitor.truth."""
+        return all_true(trace, [monitor.truth(trace) for monitor in self.monitors if has_truth(monitor)])
 
     def verdict(self) -> Verdict:
         """Return the verdict of the limit that broke first, else of the limit with the smallest relative margin."""
@@ -216,6 +234,13 @@ class IntervalsMonitor:
         """See Monitor.observe."""
         return replace(self, sides=tuple(side.observe(trace) for side in self.sides))
 
+    def truth(self, trace: Trace) -> Truth:
+        """See ConditionMonitor.truth."""
+        import numpy as np
+
+        margins = [side.sign * (side.bound - side.interval.signal(trace)) for side in self.sides]
+        return Truth(trace.time, np.all([margin >= 0 for margin in margins], axis=0))
+
     def verdict(self) -> Verdict:
         """See Monitor.verdict."""
         passed = self.state is State.HOLDS
@@ -240,6 +265,13 @@ class IntervalsMonitor:
         return tuple(
             Signal(one.name, one.unit, trace.time, one.signal(trace), one.lower, one.upper) for one in intervals
         )
+
+
+def all_true(trace: Trace, truths: Sequence[Truth]) -> Truth:
+    """Return True where all conditions are true; each has the steps of `trace`."""
+    import numpy as np
+
+    return Truth(trace.time, np.all([truth.holds for truth in truths], axis=0))
 
 
 def check_bounds(

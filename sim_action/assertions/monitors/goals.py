@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final, Self
 
-from sim_action.assertions.monitors import State
+from sim_action.assertions.monitors import State, Truth
 from sim_action.core import units
 from sim_action.state.verdict import Signal, Verdict
 
@@ -133,6 +133,11 @@ class ClosestApproach:
         best = int((time == later.goal.time).argmax())
         error = None if yaw_error is None else float(yaw_error[best])
         return replace(later, distance=float(distance[best]), yaw_error=error)
+
+    def truth(self, time: FloatArray, distance: FloatArray, yaw_error: FloatArray | None = None) -> Truth:
+        """Return True where both errors are within their tolerances."""
+        near = self.tolerance - distance >= 0
+        return Truth(time, near if yaw_error is None else near & (yaw_error <= self.yaw_tolerance))
 
     def drawn(
         self, name: str, time: FloatArray, distance: FloatArray, yaw_error: FloatArray | None = None

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
+from sim_action.assertions.monitors import Truth
+
 if TYPE_CHECKING:
     from sim_action.state.observation import Contact
     from sim_action.state.trace import FloatArray, Trace
@@ -52,6 +54,15 @@ def forces(contacts: Iterable[Contact]) -> tuple[FloatArray, FloatArray]:
     for contact in contacts:
         summed[contact.time] = summed.get(contact.time, 0.0) + contact.force
     return np.array(list(summed)), np.array(list(summed.values()))
+
+
+def touching_at(trace: Trace, time: FloatArray, step: float) -> Truth:
+    """Return True at each step of a trace at which there is a contact; `time`: (N,) s of the contacts, `step` in s."""
+    import numpy as np
+
+    # Two computations of the time of a step differ by rounding.
+    at = np.searchsorted(time, trace.time - step / 2)
+    return Truth(trace.time, np.append(time, np.inf)[at] <= trace.time + step / 2)
 
 
 def with_zeros(moments: FloatArray, time: FloatArray, values: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:

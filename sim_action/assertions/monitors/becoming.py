@@ -1,0 +1,207 @@
+"""A goal must become true: the rule for conditions that are true before anything happens.
+
+With commands or disturbances, a goal that is true at t = 0 says nothing: the robot has not moved yet. It counts only
+after it has been false once, or when it holds for an explicit time that begins after something moved. Without commands
+and disturbances it must hold for a time from t = 0 on.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Final, Self
+
+from sim_action.assertions.monitors import ConditionMonitor, Monitor, State, begun, has_truth, is_deciding
+from sim_action.assertions.monitors.goals import HoldTime, joined
+from sim_action.core import units
+from sim_action.state.verdict import Verdict
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from sim_action.state.observation import Observation
+    from sim_action.state.trace import Trace
+    from sim_action.world.scene import Scene
+
+HOLD_S: Final = 1.0
+"""The time in s for which a goal that is true from t = 0 on must hold if nothing acts on the robot."""
+
+_MOVED_M: Final = 1e-3
+_MOVED_RAD: Final = math.radians(0.1)
+
+
+@dataclass(frozen=True, eq=False)
+class Rest:
+    """The state at t = 0, to find out when something moved: the base, or a joint, by 1 mm or 0.1 deg.
+
+    Attributes:
+        base_position_xyz: (3,) m.
+        base_orientation_xyzw: (4,) unit quaternion.
+        joint_position: (J,) rad or m, in the order of a trace.
+        joint_limits: (J,) rad or m; a joint that differs by more has moved.
+    """
+
+    base_position_xyz: NDArray[Any]
+    base_orientation_xyzw: NDArray[Any]
+    joint_position: NDArray[Any]
+    joint_limits: NDArray[Any]
+
+    @classmethod
+    def of(cls, scene: Scene, start: Observation) -> Self:
+        """Return the state in `start`."""
+        import numpy as np
+
+        joints = scene.model.joints_by_name
+        units_si = [joints[name].dimension("position").si for name in start.joints]
+        return cls(
+            np.array(start.pose.position_xyz),
+            np.array(start.pose.orientation_xyzw),
+            np.array([reading.position for reading in start.joints.values()]),
+            np.array([_MOVED_M if unit == "m" else _MOVED_RAD for unit in units_si]),
+        )
+
+    def moved(self, trace: Trace) -> NDArray[np.bool_]:
+        """Return (T,) True where the base or a joint is away from its state at t = 0."""
+        import numpy as np
+
+        away = np.linalg.norm(trace.base_position_xyz - self.base_position_xyz, axis=1)
+        # |<p, q>| of unit quaternions is the cosine of half the angle between them.
+        cosine = np.abs(trace.base_orientation_xyzw @ self.base_orientation_xyzw)
+        moved = (away > _MOVED_M) | (cosine < math.cos(_MOVED_RAD / 2))
+        if self.joint_position.size and len(trace.joint_names) == self.joint_position.size:
+            moved |= np.any(np.abs(trace.joint_position - self.joint_position) > self.joint_limits, axis=1)
+        return np.asarray(moved, dtype=np.bool_)
+
+
+@dataclass(frozen=True, slots=True)
+class BecomingTrue:
+    """The monitor of a goal that must become true. The goal sees the run from the moment on at which it may count.
+
+    Attributes:
+        goal: the goal itself.
+        probe: the goal on all steps so far; it gives the truth before the goal may count.
+        rest: the state at t = 0; None if nothing acts on the robot.
+        hold: the fold of the time for which the goal must hold; None if one moment is enough.
+        early: the fold of the time for which it has held since t = 0, if nothing acts on the robot.
+        is_explicit: True if the user gave a time for which the goal must hold.
+        is_open: True if the goal may count.
+        at_start: True if it was true at the first moment; None before the first moment.
+    """
+
+    goal: ConditionMonitor
+    probe: ConditionMonitor
+    rest: Rest | None
+    hold: HoldTime | None
+    early: HoldTime
+    is_explicit: bool = False
+    is_open: bool = False
+    at_start: bool | None = None
+
+    @property
+    def state(self) -> State:
+        """See Monitor.state."""
+        if not self.is_open:
+            limits = State.BROKEN if self.probe.state is State.BROKEN else State.HOLDS
+            return joined(limits, self.early.state)
+        if self.hold is None or self.goal.state is State.BROKEN:
+            return self.goal.state
+        return self.hold.state
+
+    @property
+    def is_decided(self) -> bool:
+        """See DecidingMonitor.is_decided."""
+        judge = self.goal if self.is_open else self.probe
+        has_no_limits = not is_deciding(judge) or judge.is_decided
+        return self.state is State.BROKEN or (self.state is State.HOLDS and has_no_limits)
+
+    def begin(self, trace: Trace) -> Self:
+        """See CumulativeMonitor.begin. A goal that was false before the window has been false once."""
+        if not len(trace):
+            return self
+        later = self if self.is_open else self._watched(trace)[0]
+        return replace(later, goal=begun(later.goal, trace))
+
+    def observe(self, trace: Trace) -> Self:
+        """See Monitor.observe."""
+        if not len(trace):
+            return self
+        later, opening = (self, -math.inf) if self.is_open else self._watched(trace)
+        if not later.is_open:
+            return later
+        seen = trace.between(opening, math.inf)
+        hold = None if later.hold is None else later.hold.observe(*later.goal.truth(seen))
+        return replace(later, goal=later.goal.observe(seen), hold=hold)
+
+    def _watched(self, trace: Trace) -> tuple[Self, float]:
+        """Return the monitor after steps before the goal may count, and the time in s at which it opens."""
+        truth = self.probe.truth(trace)
+        at_start = bool(truth.holds[0]) if self.at_start is None and len(truth.holds) else self.at_start
+        later = replace(self, probe=self.probe.observe(trace), at_start=at_start)
+        ends = truth.time[~truth.holds]
+        opening = float(ends[0]) if len(ends) else math.inf
+        if self.rest is None:
+            until = truth.time < opening
+            later = replace(later, early=self.early.observe(truth.time[until], truth.holds[until]))
+            opening = math.inf if later.early.state is State.HOLDS else opening
+        elif self.is_explicit and (moved := self.rest.moved(trace)).any():
+            opening = min(opening, float(trace.time[moved.argmax()]))
+        return replace(later, is_open=opening < math.inf), opening
+
+    def verdict(self) -> Verdict:
+        """Return the verdict of the goal, or on the time for which it held."""
+        if not self.is_open:
+            return self._unopened(self.probe.verdict())
+        told = self.goal.verdict()
+        if self.hold is not None and told.passed:
+            told = self._held(told, self.hold)
+        if told.passed or not self.at_start:
+            return told
+        return replace(told, message=f"{_ONLY_BEFORE}; {told.message}")
+
+    def _unopened(self, told: Verdict) -> Verdict:
+        """Return the verdict on a goal that was true from the first moment on."""
+        if not self.at_start or not told.passed:
+            return told
+        if self.early.state is State.HOLDS:
+            lasted = units.display(self.early.wanted, "s")
+            return replace(
+                told, time=self.early.goal.time, message=f"{told.message}; it held for {lasted} from the start on"
+            )
+        if self.rest is None:
+            return self._held(told, self.early)
+        return replace(told, passed=False, margin=None, message=f"{_ONLY_BEFORE}; {_HINT}")
+
+    def _held(self, told: Verdict, hold: HoldTime) -> Verdict:
+        """Return the verdict on the time for which the goal held without interruption."""
+        passed = hold.state is State.HOLDS
+        longest, wanted = units.display_apart(hold.longest, hold.wanted, "s")
+        lasted = longest if passed else f"at most {longest} of {wanted}"
+        message = f"held for {lasted}, from {hold.began:.2f} s on; {told.message}"
+        margin = hold.longest - hold.wanted
+        return Verdict(passed, hold.longest, hold.wanted, margin, "s", hold.goal.time, message, judged=told.judged)
+
+
+_ONLY_BEFORE: Final = "was already true at t = 0, and never became true again"
+_HINT: Final = "a goal counts after it was false once, or if it holds for a time 'for' after the robot moved"
+
+
+def becoming_true(
+    goal: Monitor, scene: Scene, start: Observation, span: float | None, own_span: float | None, *, explicit: bool
+) -> BecomingTrue:
+    """Return the monitor of a goal that must become true.
+
+    `span`: the time in s for which the goal must hold; `own_span`: the time in s that the goal checks by itself;
+    `explicit`: True if the user gave one of them.
+    """
+    assert has_truth(goal), "the assertion says so"
+    return BecomingTrue(
+        goal,
+        goal,
+        rest=Rest.of(scene, start) if scene.acted_on else None,
+        hold=None if span is None else HoldTime(span),
+        early=HoldTime(span or HOLD_S),
+        is_explicit=explicit,
+        # A goal with a time of its own already has to hold.
+        is_open=not scene.acted_on and own_span is not None,
+    )

@@ -1,0 +1,210 @@
+"""Goals that must become true."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim_action.assertions import Assertion
+from sim_action.assertions.at_once import AtOnce
+from sim_action.assertions.combined import AllOf, AnyOf, Negation
+from sim_action.assertions.contact import Touch
+from sim_action.assertions.joint import JointReading
+from sim_action.assertions.monitors import Monitor, State
+from sim_action.assertions.monitors.window import Window
+from sim_action.assertions.no_collision import NoCollision
+from sim_action.assertions.reach import Reach
+from sim_action.assertions.settled import Settled
+from sim_action.assertions.travel import Travel
+from sim_action.assertions.upright import Upright
+from sim_action.state.observation import JointState
+from sim_action.state.trace import Trace
+from sim_action.state.verdict import Verdict
+from tests.soak import examples
+from tests.traces import START, WHEELS, contact, scene, trace
+
+HOME = Reach(x=0.0, y=0.0, tolerance=0.1)
+AT_REST = Settled.model_validate({"for": 1.0})
+START_WITH_JOINTS = replace(START, joints=dict.fromkeys(WHEELS, JointState(0.0, 0.0, 0.0)))
+DRIVEN, ALONE = replace(scene(), acted_on=True), replace(scene(), acted_on=False)
+
+
+def way(*x: float, every: float = 0.5) -> Trace:
+    return trace([index * every for index in range(len(x))], x=x)
+
+
+def opened(spec: Assertion, *, driven: bool = True, span: float | None = None) -> Monitor:
+    return spec.opened(DRIVEN if driven else ALONE, START_WITH_JOINTS, span)
+
+
+def verdict(spec: Assertion, seen: Trace, *, driven: bool = True, span: float | None = None) -> Verdict:
+    return opened(spec, driven=driven, span=span).observe(seen).verdict()
+
+
+def test_a_place_where_the_robot_is_already_does_not_count() -> None:
+    monitor = opened(HOME).observe(way(0.0, 0.05, 0.0))
+    assert monitor.state is State.PENDING
+    told = monitor.verdict()
+    assert not told.passed
+    assert told.margin is None
+    assert told.message == (
+        "was already true at t = 0, and never became true again; a goal counts after it was false once, or if it holds "
+        "for a time 'for' after the robot moved"
+    )
+
+
+def test_a_robot_that_leaves_and_does_not_come_back_is_told_so() -> None:
+    told = verdict(HOME, way(0.0, 0.5, 1.0))
+    assert not told.passed
+    assert told.message.startswith("was already true at t = 0, and never became true again; came no closer than 0.5 m")
+
+
+def test_out_and_back_counts_from_the_return_on() -> None:
+    told = verdict(HOME, way(0.0, 0.5, 1.0, 0.5, 0.05, 0.0))
+    assert (told.passed, told.time) == (True, 2.0)
+    assert "already" not in told.message
+
+
+def test_a_goal_that_is_false_at_first_is_judged_as_it_is() -> None:
+    there = Reach(x=1.0, y=0.0, tolerance=0.1)
+    seen = way(0.0, 0.5, 1.0)
+    assert verdict(there, seen) == there.monitor(DRIVEN, START).observe(seen).verdict()
+
+
+def test_leaving_before_the_window_opens_is_enough() -> None:
+    window = Window(opened(HOME), after=1.5).observe(way(0.0, 0.5, 0.05, 0.0, 0.0))
+    assert (window.state, window.verdict().time) == (State.HOLDS, 1.5)
+    window = Window(opened(HOME), after=1.0).observe(way(0.0, 0.0, 0.0, 0.0, 0.0))
+    assert window.state is State.PENDING
+
+
+def test_a_robot_that_rests_before_its_first_command_is_not_settled() -> None:
+    seen = trace([0.0, 0.5, 1.0, 1.5, 2.0], speed=[0.0, 0.0, 0.0, 0.0, 0.0])
+    assert not verdict(Settled(), seen).passed
+    assert verdict(Settled(), seen, driven=False).passed
+    drives = trace([0.0, 0.5, 1.0, 1.5, 2.0, 2.5], speed=[0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    told = verdict(Settled(), drives)
+    assert (told.passed, told.time) == (True, 2.5)
+
+
+def test_an_explicit_time_counts_from_the_first_movement_on() -> None:
+    creeps = trace([0.0, 1.0, 2.0, 3.0, 4.0], x=[0.0, 0.0005, 0.002, 0.003, 0.004], speed=[0.0] * 5)
+    assert not verdict(Settled(), creeps).passed
+    told = verdict(AT_REST, creeps)
+    assert (told.passed, told.time) == (True, 3.0)
+    told = verdict(HOME, creeps, span=1.5)
+    assert (told.passed, told.time) == (True, 4.0)
+    assert not verdict(HOME, creeps, span=2.5).passed
+
+
+@pytest.mark.parametrize(
+    ("x", "yaw", "position", "moves"),
+    [
+        (0.0009, 0.0, 0.0, False),
+        (0.0011, 0.0, 0.0, True),
+        (0.0, math.radians(0.09), 0.0, False),
+        (0.0, math.radians(0.11), 0.0, True),
+        (0.0, 0.0, math.radians(0.09), False),
+        (0.0, 0.0, math.radians(0.11), True),
+    ],
+)
+def test_what_counts_as_movement(x: float, yaw: float, position: float, moves: bool) -> None:
+    seen = trace([0.0, 1.0, 2.0], x=[0.0, x, x], yaw=[0.0, yaw, yaw], position=[0.0, position, position])
+    assert verdict(HOME, seen, span=0.5).passed is moves
+
+
+def test_without_commands_it_must_hold_for_a_second_from_the_start() -> None:
+    short, whole = way(0.0, 0.0), way(0.0, 0.0, 0.0)
+    told = verdict(HOME, short, driven=False)
+    assert not told.passed
+    assert told.message.startswith("held for at most 0.5 s of 1 s, from 0.00 s on; came within 0 m of (0, 0)")
+    told = verdict(HOME, whole, driven=False)
+    assert (told.passed, told.time) == (True, 1.0)
+    assert told.message.endswith("; it held for 1 s from the start on")
+    assert not verdict(HOME, whole, driven=False, span=1.5).passed
+    assert verdict(HOME, way(0.0, 0.0, 0.0, 0.0), driven=False, span=1.5).passed
+
+
+def test_without_commands_a_goal_that_comes_true_later_needs_no_time() -> None:
+    touch = Touch.model_validate({"with": "ball"})
+    falls = trace([0.0, 0.5, 1.0], contacts=(contact(1.0, body="ball"),))
+    assert verdict(touch, falls, driven=False).passed
+
+
+@pytest.mark.parametrize("driven", [True, False])
+def test_for_asks_a_goal_to_hold_without_interruption(driven: bool) -> None:
+    there = Reach(x=1.0, y=0.0, tolerance=0.1)
+    bounces = way(0.0, 1.0, 1.0, 0.0, 1.0, 1.0)
+    monitor = opened(there, driven=driven, span=1.0).observe(bounces)
+    assert monitor.state is State.PENDING
+    told = monitor.verdict()
+    assert (told.passed, told.measured, told.limit, told.margin, told.unit) == (False, 0.5, 1.0, -0.5, "s")
+    assert told.message == "held for at most 0.5 s of 1 s, from 0.50 s on; came within 0 m of (1, 0) in 0.50 s"
+    told = verdict(there, way(0.0, 1.0, 1.0, 1.0), driven=driven, span=1.0)
+    assert (told.passed, told.time) == (True, 1.5)
+    assert told.message == "held for 1 s, from 0.50 s on; came within 0 m of (1, 0) in 0.50 s"
+
+
+def test_a_limit_still_breaks_a_goal_that_may_not_count_yet() -> None:
+    near = JointReading(name=WHEELS[0], at_least=0.0, at_most=1.0)
+    monitor = opened(near).observe(trace([0.0, 1.0], position=[0.5, 2.0]))
+    assert monitor.state is State.BROKEN
+    assert "more than" in monitor.verdict().message
+
+
+def test_each_part_of_all_of_must_become_true_by_itself() -> None:
+    there = Reach(x=1.0, y=0.0, tolerance=0.1)
+    both = AllOf(parts=(there, HOME))
+    assert not verdict(both, way(0.0, 0.5, 1.0)).passed
+    assert verdict(both, way(0.0, 0.5, 1.0, 0.0)).passed
+
+
+def test_the_negation_of_a_goal_breaks_at_once_and_that_of_an_invariant_must_become_true() -> None:
+    assert opened(Negation(part=HOME)).observe(way(0.0, 0.0)).state is State.BROKEN
+    fallen = trace([0.0, 1.0, 2.0], roll=[math.pi, math.pi, math.pi])
+    assert not verdict(Negation(part=Upright()), fallen).passed
+    assert verdict(Negation(part=Upright()), trace([0.0, 1.0, 2.0], roll=[0.0, 0.0, math.pi])).passed
+
+
+def test_any_of_may_hold_for_a_time() -> None:
+    either = AnyOf(parts=(Reach(x=1.0, y=0.0), Reach(x=2.0, y=0.0)))
+    assert verdict(either, way(0.0, 1.0, 2.0, 2.0), span=1.0).passed
+    assert not verdict(either, way(0.0, 1.0, 1.5, 2.0), span=1.0).passed
+
+
+def test_conditions_at_once_must_become_true_too() -> None:
+    both = AtOnce(parts=(HOME, Upright()))
+    assert not verdict(both, way(0.0, 0.0, 0.0)).passed
+    assert verdict(both, way(0.0, 1.0, 0.0)).passed
+
+
+def test_invariants_are_judged_as_they_are() -> None:
+    for spec in (NoCollision(), Travel(at_most=1.0)):
+        assert verdict(spec, way(0.0, 0.5)).passed
+
+
+@examples(200)
+@given(st.lists(st.sampled_from([0.0, 0.05, 1.0]), min_size=1, max_size=20))
+def test_a_goal_with_commands_counts_exactly_after_it_was_false(x: Sequence[float]) -> None:
+    """The oracle: the first place near home after the first place away from it."""
+    away = next((index for index, value in enumerate(x) if value > 0.1), None)
+    back = None if away is None else next((index for index in range(away, len(x)) if x[index] <= 0.1), None)
+    told = verdict(HOME, way(*x))
+    assert told.passed is (back is not None)
+    if back is not None:
+        assert told.time == back * 0.5
+
+
+@examples(200)
+@given(st.lists(st.sampled_from([0.0, 1.0]), min_size=1, max_size=24), st.sampled_from([0.5, 1.0, 2.0]))
+def test_a_goal_holds_for_its_time_exactly_if_it_was_true_so_long(x: Sequence[float], span: float) -> None:
+    """The oracle: a run of steps at the place that lasts at least `span`; the robot begins away from it."""
+    places = [0.0, *x]
+    steps = round(span / 0.5)
+    lasting = any(all(place > 0 for place in places[at : at + steps + 1]) for at in range(len(places) - steps))
+    assert verdict(Reach(x=1.0, y=0.0), way(*places), span=span).passed is lasting
