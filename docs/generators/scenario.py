@@ -61,7 +61,7 @@ ASSERTION_PAGES: Final = {
     ),
     "assertions-contact.md": ("no_collision", "contact", "stops_before", "clearance"),
     "assertions-joints.md": ("joint", "joint_within", "effort", "energy", "sensor", "odometry_error"),
-    "assertions-logic.md": ("any_of", "all_of", "not", "stl", "matches", "assertion"),
+    "assertions-logic.md": ("any_of", "all_of", "at_once", "not", "stl", "matches", "assertion"),
 }
 # What the keys of each assertion are: a goal, an invariant, or judged at the end of the run.
 ASSERTION_KINDS: Final = {
@@ -88,6 +88,7 @@ ASSERTION_KINDS: Final = {
     "stl": "depends on the formula",
     "any_of": "goal if one of its assertions is a goal, else invariant",
     "all_of": "goal if one of its assertions is a goal, else invariant",
+    "at_once": "goal",
     "not": "invariant if its assertion is a goal, and the other way round",
     "assertion": "as the attribute `kind` of the class says",
 }
