@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Self
 
 from sim_action.assertions import Assertion
-from sim_action.assertions.combined import Several, on_steps
+from sim_action.assertions.combined import Several
 from sim_action.assertions.monitors import ConditionMonitor, Monitor, State, Truth, begun, has_truth
+from sim_action.assertions.monitors.combination import on_steps
 from sim_action.assertions.monitors.goals import Goal
 from sim_action.assertions.monitors.window import signals_of
 from sim_action.core.yaml_errors import SpecProblems

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from sim_action.assertions import ASSERTIONS, Assertion
 from sim_action.assertions.at_once import AtOnce
 from sim_action.assertions.clearance import Clearance
-from sim_action.assertions.combined import AllOf, AnyOf, Negation, is_decided
+from sim_action.assertions.combined import AllOf, AnyOf, Negation
 from sim_action.assertions.contact import Touch
 from sim_action.assertions.effort import Effort
 from sim_action.assertions.energy import Energy
@@ -24,6 +24,7 @@ from sim_action.assertions.follow_path import FollowPath, PathEnd, PathPoint
 from sim_action.assertions.joint import JointReading, JointWithin
 from sim_action.assertions.max_speed import MaxSpeed
 from sim_action.assertions.monitors import Monitor, State
+from sim_action.assertions.monitors.combination import is_decided
 from sim_action.assertions.monitors.window import Window
 from sim_action.assertions.no_collision import NoCollision
 from sim_action.assertions.odometry_error import OdometryError

@@ -1,0 +1,189 @@
+"""The monitors of `any_of`, `all_of` and `not`: they judge the monitors of other assertions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Final, Self
+
+from sim_action.assertions.monitors import Monitor, State, Truth, begun, has_truth, is_deciding, needed_until
+from sim_action.assertions.monitors.goals import joined, joined_by_any
+from sim_action.assertions.monitors.window import counted
+from sim_action.core.units import TIME_EPSILON_S
+from sim_action.state.verdict import Judged, VerdictStatus
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from sim_action.state.trace import Trace
+    from sim_action.state.verdict import Verdict
+
+
+def is_decided(monitor: Monitor, began: State) -> bool:
+    """Return True if no later step can change the result of a monitor that began in the state `began`."""
+    if is_deciding(monitor):
+        return monitor.is_decided
+    return monitor.state is State.BROKEN or (began is State.PENDING and monitor.state is State.HOLDS)
+
+
+@dataclass(frozen=True)
+class Combination:
+    """The monitor of several assertions: all of them must hold (`every`), or at least one.
+
+    The state is cached, because each level of nesting would otherwise double the work.
+
+    Attributes:
+        began: the state of each monitor before the first step.
+        steps: the steps so far.
+    """
+
+    titles: tuple[str, ...]
+    monitors: tuple[Monitor, ...]
+    began: tuple[State, ...]
+    every: bool
+    steps: Judged = Judged()
+
+    @classmethod
+    def of(cls, titles: Iterable[str], monitors: tuple[Monitor, ...], *, every: bool) -> Self:
+        """Return the monitor before the first step."""
+        return cls(tuple(titles), monitors, tuple(monitor.state for monitor in monitors), every)
+
+    @cached_property
+    def state(self) -> State:
+        """See Monitor.state."""
+        states = [monitor.state for monitor in self.monitors]
+        return joined(*states) if self.every else joined_by_any(zip(states, self._decided, strict=True))
+
+    @cached_property
+    def is_decided(self) -> bool:
+        """See DecidingMonitor.is_decided."""
+        alone = State.BROKEN if self.every else State.HOLDS
+        pairs = zip(self.monitors, self._decided, strict=True)
+        return all(self._decided) or any(decided and monitor.state is alone for monitor, decided in pairs)
+
+    @cached_property
+    def needed_until(self) -> float:
+        """See BoundedMonitor.needed_until."""
+        if self.is_decided:
+            return 0.0
+        return needed_until(*(m for m, decided in zip(self.monitors, self._decided, strict=True) if not decided))
+
+    @cached_property
+    def _decided(self) -> list[bool]:
+        return [is_decided(monitor, began) for monitor, began in zip(self.monitors, self.began, strict=True)]
+
+    def begin(self, trace: Trace) -> Self:
+        """See CumulativeMonitor.begin."""
+        return replace(self, monitors=tuple(begun(monitor, trace) for monitor in self.monitors))
+
+    def observe(self, trace: Trace) -> Self:
+        """See Monitor.observe."""
+        monitors = tuple(monitor.observe(trace) for monitor in self.monitors)
+        return replace(self, monitors=monitors, steps=counted(self.steps, trace))
+
+    def truth(self, trace: Trace) -> Truth:
+        """See ConditionMonitor.truth. All parts, or at least one, are true at the same moment."""
+        import numpy as np
+
+        truths = [on_steps(monitor.truth(trace), trace) for monitor in self.monitors if has_truth(monitor)]
+        return Truth(trace.time, (np.all if self.every else np.any)(truths, axis=0))
+
+    def verdict(self) -> Verdict:
+        """Return the verdict of the deciding part, with a message about all parts."""
+        verdicts = [monitor.verdict().counted(self.steps) for monitor in self.monitors]
+        statuses = [verdict.status for verdict in verdicts]
+        order = _WORST_FIRST if self.every else _WORST_FIRST[::-1]
+        status = min(statuses, key=order.index)
+        candidates = [n for n, one in enumerate(statuses) if one == status]
+        index = _decisive(verdicts, candidates, least=self.every, last=self.every == (status == "passed"))
+        message = f"{self._count(statuses.count('passed'))}; {self.titles[index]}: {verdicts[index].message}"
+        return replace(verdicts[index], message=message)
+
+    def _count(self, holding: int) -> str:
+        total = len(self.monitors)
+        return f"all {total} hold" if holding == total else f"{holding or 'none'} of {total} hold"
+
+
+_WORST_FIRST: Final[tuple[VerdictStatus, ...]] = ("failed", "not_exercised", "passed")
+
+
+def on_steps(truth: Truth, trace: Trace, before: bool = False) -> NDArray[np.bool_]:
+    """Return (T,) the truth at the steps of a trace; a moment between steps counts from the following step on.
+
+    `before` is the truth before the first moment.
+    """
+    import numpy as np
+
+    if truth.time is trace.time:
+        return truth.holds
+    last = np.searchsorted(truth.time, trace.time + TIME_EPSILON_S)
+    return np.asarray(np.concatenate(([before], truth.holds))[last], dtype=np.bool_)
+
+
+def _decisive(verdicts: Sequence[Verdict], candidates: Sequence[int], *, least: bool, last: bool) -> int:
+    """Return the index of the deciding verdict: by margin if the units agree, else by time."""
+    margins = {n: margin for n in candidates if (margin := verdicts[n].margin) is not None}
+    if len(margins) == len(candidates) and len({verdicts[n].unit for n in candidates}) == 1:
+        return (min if least else max)(margins, key=margins.__getitem__)
+    times = {n: time for n in candidates if (time := verdicts[n].time) is not None}
+    return (max if last else min)(times, key=times.__getitem__) if times else candidates[0]
+
+
+@dataclass(frozen=True)
+class NegationMonitor:
+    """The monitor of the inner assertion with the opposite result. The state is cached, as in Combination.
+
+    Attributes:
+        began: the state of the inner monitor before the first step.
+        steps: the steps so far.
+    """
+
+    monitor: Monitor
+    began: State
+    steps: Judged = Judged()
+
+    @cached_property
+    def state(self) -> State:
+        """See Monitor.state."""
+        if self.monitor.state is State.BROKEN:
+            return State.HOLDS
+        if self.monitor.state is State.HOLDS and self.is_decided:
+            return State.BROKEN
+        return State.HOLDS if self.began is State.PENDING else State.PENDING
+
+    @cached_property
+    def is_decided(self) -> bool:
+        """See DecidingMonitor.is_decided."""
+        return is_decided(self.monitor, self.began)
+
+    @cached_property
+    def needed_until(self) -> float:
+        """See BoundedMonitor.needed_until."""
+        return 0.0 if self.is_decided else needed_until(self.monitor)
+
+    def begin(self, trace: Trace) -> Self:
+        """See CumulativeMonitor.begin."""
+        return replace(self, monitor=begun(self.monitor, trace))
+
+    def observe(self, trace: Trace) -> Self:
+        """See Monitor.observe."""
+        return replace(self, monitor=self.monitor.observe(trace), steps=counted(self.steps, trace))
+
+    def truth(self, trace: Trace) -> Truth:
+        """See ConditionMonitor.truth."""
+        import numpy as np
+
+        assert has_truth(self.monitor), "the assertion says so"
+        truth = self.monitor.truth(trace)
+        return Truth(truth.time, np.logical_not(truth.holds))
+
+    def verdict(self) -> Verdict:
+        """Return the verdict of the inner assertion with the opposite result."""
+        verdict = self.monitor.verdict().counted(self.steps)
+        if verdict.status == "not_exercised":
+            return verdict
+        margin = None if verdict.margin is None else 0.0 - verdict.margin
+        message = f"{verdict.message}, but 'not' requires the opposite" if verdict.passed else verdict.message
+        return replace(verdict, passed=not verdict.passed, margin=margin, message=message)
