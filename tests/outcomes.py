@@ -12,7 +12,7 @@ from sim_action.results.outcome import ExpectationOutcome, Outcome
 from sim_action.results.results_json import Results
 from sim_action.results.shards import Shard
 from sim_action.scenario.source import Source
-from sim_action.state.verdict import Verdict
+from sim_action.state.verdict import Judged, Verdict
 
 
 def outcome(
@@ -69,11 +69,22 @@ def stored(folder: Path, written: Results) -> Path:
     return written.write(folder)
 
 
-def as_former_version(path: Path, end: str = "nobody left") -> None:
-    """Rewrite a results.json in the former version of its format, with the former value of `end`."""
+def unjudged(file: str) -> Outcome:
+    """Of a scenario whose one expectation was never judged."""
+    made = outcome(file)
+    verdict = Verdict(False, message="never checked: sensor 'lidar' had no reading", judged=Judged())
+    expected = made.expectations[0].model_copy(update={"verdict": verdict})
+    return made.model_copy(update={"status": "not_exercised", "expectations": (expected,)})
+
+
+def as_former_version(path: Path, end: str = "nobody left", version: int = 1) -> None:
+    """Rewrite a results.json in a former version of its format; version 1 has the former value of `end`."""
     document = json.loads(path.read_text())
-    document["version"] = 1
-    document["some"] = document.pop("selected")
+    document["version"] = version
+    if version == 1:
+        document["some"] = document.pop("selected")
     for one in document["outcomes"]:
-        one["end"] = end
+        one["end"] = end if version == 1 else one["end"]
+        for expected in one["expectations"]:
+            del expected["unexercised"], expected["verdict"]["judged"]
     path.write_text(json.dumps(document))

@@ -39,7 +39,7 @@ class ScenarioGroup:
         if expected.status == "not_exercised":
             return f"{self.values(self.worst)}, not exercised ({expected.name})"
         known = f"margin {quantity(verdict.margin, verdict.unit)}" if verdict.margin is not None else ""
-        text = f"at {moment(verdict.time)}" if verdict.passed and verdict.goal else known
+        text = f"at {moment(verdict.time)}" if verdict.status == "passed" and verdict.goal else known
         return f"{self.values(self.worst)}, {text} ({expected.name})" if text else self.values(self.worst)
 
     @property
@@ -115,14 +115,14 @@ def _nearest(outcome: Outcome) -> ExpectationOutcome | None:
     failed = [expected for expected in outcome.expectations if expected.failed]
     unjudged = [expected for expected in outcome.causes if not expected.failed]
     measured = [expected for expected in outcome.expectations if expected.verdict.margin is not None]
-    held = [expected for expected in measured if expected.verdict.passed]
+    held = [expected for expected in measured if expected.verdict.status == "passed"]
     throughout = [expected for expected in held if not expected.verdict.goal]
     return min(failed or unjudged or throughout or held, key=_closeness, default=None)
 
 
 def _closeness(expected: ExpectationOutcome) -> tuple[float, float]:
     verdict = expected.verdict
-    late = verdict.time if verdict.passed and verdict.goal and verdict.time is not None else 0.0
+    late = verdict.time if verdict.status == "passed" and verdict.goal and verdict.time is not None else 0.0
     return -late, relative_margin(expected)
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from sim_action.app.compare import CompareRequest, compare_results
 from sim_action.core.errors import ExitCode, UsageError
-from tests.outcomes import as_former_version, outcome, results, stored
+from tests.outcomes import as_former_version, outcome, results, stored, unjudged
 
 
 @pytest.fixture(autouse=True)
@@ -39,6 +39,28 @@ def test_results_of_the_former_version_are_compared() -> None:
     as_former_version(Path("old/results.json"))
     assert compare_results(CompareRequest("old", "new")) is ExitCode.FAILED
     assert compare_results(CompareRequest("new", "old", strict=True)) is ExitCode.PASSED
+
+
+@pytest.mark.parametrize("version", [1, 2, 3])
+def test_a_pass_of_any_version_newly_fails_where_nothing_is_checked_now(
+    version: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if version < 3:
+        as_former_version(Path("old/results.json"), version=version)
+    stored(Path("unread"), results(outcome("a.sim.yml"), unjudged("b.sim.yml")))
+    assert compare_results(CompareRequest("old", "unread")) is ExitCode.FAILED
+    found = capsys.readouterr().out
+    assert "newly fails  b  b.sim.yml  travel: never checked: sensor 'lidar' had no reading\n" in found
+    assert compare_results(CompareRequest("unread", "old", strict=True)) is ExitCode.PASSED
+    assert "fixed  b  b.sim.yml  not exercised before: travel: never checked" in capsys.readouterr().out
+
+
+def test_what_failed_is_not_fixed_by_checking_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+    stored(Path("unread"), results(outcome("a.sim.yml"), unjudged("b.sim.yml")))
+    compare_results(CompareRequest("new", "unread"))
+    assert "fails differently  b  b.sim.yml  was: failed; travel: never checked" in capsys.readouterr().out
+    compare_results(CompareRequest("unread", "unread"))
+    assert "still fails  b  b.sim.yml  travel: never checked" in capsys.readouterr().out
 
 
 def test_shards_are_one_run() -> None:

@@ -15,7 +15,7 @@ from sim_action.reports import ReportRequest
 from sim_action.results.outcome import Failure, Outcome
 from sim_action.results.results_json import Results
 from sim_action.results.shard_results import Listing
-from tests.outcomes import as_former_version, outcome, results, source, stored
+from tests.outcomes import as_former_version, outcome, results, source, stored, unjudged
 from tests.work import work_of
 
 
@@ -66,6 +66,18 @@ def test_results_of_the_former_version_are_merged_into_results_of_this_version()
     assert merge_results(request()) is ExitCode.PASSED
     assert read().version == 3
     assert [made.end for made in read().outcomes] == ["controllers finished", outcome("b").end]
+
+
+def test_what_was_not_exercised_in_a_shard_fails_the_whole() -> None:
+    shard(1, outcome("a"), total=2)
+    as_former_version(Path("shards/1/results.json"), version=2)
+    shard(2, unjudged("b"), total=2)
+    assert merge_results(request()) is ExitCode.FAILED
+    assert [made.status for made in read().outcomes] == ["passed", "not_exercised"]
+    assert read().outcomes[1] == unjudged("b")
+    junit = Path("joined/junit.xml").read_text()
+    assert '<testsuites name="sim-action" tests="2" failures="0" errors="1"' in junit
+    assert '<error type="not_exercised" message="never checked:' in junit
 
 
 def test_replays_come_along_under_the_names_of_their_traces() -> None:

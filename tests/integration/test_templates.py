@@ -165,7 +165,7 @@ def test_reusable_workflow_hands_back_what_came_of_it(run_template: RunTemplate,
     write(repository / "simulation/b.sim.yml", STUCK)
     result = run_template("reusable-caller")
     assert result.conclusion == "failure"
-    assert "simulation ended as failure, 1 failed, 0 without a verdict" in result.jobs["follow-up"].log
+    assert "simulation ended as failure, 1 failed, 0 not exercised, 0 without a verdict" in result.jobs["follow-up"].log
 
 
 @needs_ros

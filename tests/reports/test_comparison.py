@@ -78,6 +78,16 @@ def test_the_worst_is_first_in_markdown_and_last_above_the_prompt(several: Compa
     assert closing == headline(several)
 
 
+def test_an_expectation_that_is_no_longer_judged_is_a_warning(samples: Samples) -> None:
+    accepted = samples["not-exercised"].outcomes[0]
+    travel, unread = accepted.expectations
+    read = unread.model_copy(update={"verdict": replace(travel.verdict, message="at least 0.3 m")})
+    before = accepted.model_copy(update={"expectations": (travel, read)})
+    (row,) = rows(compare_outcomes([before], [accepted]))
+    assert (row.look, row.what) == ("warning", "no longer checked")
+    assert row.detail.startswith("range stays above 0.2 m: never checked: sensor 'lidar' had no reading")
+
+
 def test_a_digest_is_news_where_the_verdict_is_none(samples: Samples) -> None:
     passed, failed = samples["passed"].outcomes[0], samples["failed"].outcomes[2]
     again = passed.model_copy(update={"digest": "f1"})

@@ -74,6 +74,13 @@ def changed(old: Outcome | None, new: Outcome | None, thresholds: Thresholds | N
         (None, "flaky", "flaky"),
         ("flaky", "passed", "not repeated"),
         ("flaky", "failed", "fails differently"),
+        ("passed", "not_exercised", "newly fails"),
+        ("skipped", "not_exercised", "newly fails"),
+        (None, "not_exercised", "newly fails"),
+        ("failed", "not_exercised", "fails differently"),
+        ("not_exercised", "failed", "fails differently"),
+        ("not_exercised", "not_exercised", "still fails"),
+        ("not_exercised", "passed", "fixed"),
     ],
 )
 def test_what_became_of_a_scenario(old: Status | None, new: Status | None, kind: ChangeKind) -> None:
