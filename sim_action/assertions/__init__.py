@@ -77,6 +77,11 @@ class Assertion(FrozenModel):
         """The time in s for which it must hold, if the assertion has a key `for` of its own."""
         return None
 
+    @property
+    def horizon(self) -> float:
+        """The time in s, from the opening of its window, that a verdict on the whole assertion needs at least."""
+        return self.hold_time or 0.0
+
     @abstractmethod
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """Open the monitor. `start` is the settled state at t = 0."""

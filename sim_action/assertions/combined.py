@@ -70,6 +70,11 @@ class Combined(Assertion):
         """See Assertion.is_goal."""
         return any(part.is_goal for _, part in self.placed_parts)
 
+    @property
+    def horizon(self) -> float:
+        """See Assertion.horizon."""
+        return max(part.horizon for _, part in self.placed_parts)
+
     def signals(
         self, scene: Scene, start: Observation, trace: Trace, after: float = 0.0, before: float = math.inf
     ) -> tuple[Signal, ...]:

@@ -14,7 +14,7 @@ from sim_action.drives import recognise
 from sim_action.robot.audit.rules import ALLOWABLE, RULES
 from sim_action.robot.kinematics import beyond_limits
 from sim_action.robot.robot_model import WORLD, RobotModel
-from sim_action.scenario.model import Scenario, rate_divides
+from sim_action.scenario.model import Expectation, Scenario, rate_divides
 from sim_action.sensors import MountedSensor
 from sim_action.world import GROUND
 from sim_action.world.scene import Scene
@@ -41,6 +41,19 @@ def time_problems(scenario: Scenario, expect_paths: Sequence[KeyPath]) -> SpecPr
         first = max(1, scenario.steps(expectation.after)) / scenario.physics.rate
         if expectation.after < expectation.before < first - _TIME_ROUNDING:
             yield (*path, "before"), f"too early: the first physics step in the window is at {first:.4g} s"
+        for below, message in _horizon_problems(expectation, limit):
+            yield (*path, *below), message
+
+
+def _horizon_problems(expectation: Expectation, time_limit: float) -> SpecProblems:
+    """Yield the problem of an expectation that must see more than its window has."""
+    after, key = expectation.after, expectation.assertion.key
+    needed, key = max((expectation.assertion.horizon, key), (expectation.span or 0.0, "for"), key=lambda time: time[0])
+    name, end = min(("before", expectation.before), ("time_limit", time_limit), key=lambda bound: bound[1])
+    if after < end < after + needed - _TIME_ROUNDING:
+        since = f" from 'after' ({after:g} s) on" if after else ""
+        fix = f"raise {name}, or shorten the time that it must see"
+        yield (key,), f"must see {needed:g} s{since}, and {name} is {end:g} s; {fix}"
 
 
 def rate_problems(

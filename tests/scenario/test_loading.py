@@ -198,6 +198,56 @@ def test_windows_that_no_step_can_fall_into_are_refused(options: str, problem: s
     assert found.startswith(problem)
 
 
+@pytest.mark.parametrize(
+    ("assertion", "options", "problem"),
+    [
+        ("stl: always[20 s, 31 s] (speed < 1)", "", "stl: must see 31 s, and time_limit is 30 s; raise time_limit"),
+        ("stl: always[31 s, end] (speed < 1)", "", "stl: must see 31 s, and time_limit is 30 s"),
+        ("stl: eventually always[0 s, 31 s] (speed < 1)", "", "stl: must see 31 s, and time_limit is 30 s"),
+        (
+            "stl: always[0 s, 2 s] (eventually[0 s, 1 s] (speed < 1))",
+            "after: 28 s",
+            "stl: must see 3 s from 'after' (28 s) on, and time_limit is 30 s",
+        ),
+        ("stl: always[0 s, 2 s] (speed < 1)", "before: 1.5 s", "stl: must see 2 s, and before is 1.5 s; raise before"),
+        ("settled: {for: 31 s}", "", "settled: must see 31 s, and time_limit is 30 s"),
+        ("settled:", "after: 29.5 s", "settled: must see 1 s from 'after' (29.5 s) on, and time_limit is 30 s"),
+        (
+            "stops_before: {body: wall, gap: [1 m, 2 m], for: 31 s}",
+            "",
+            "stops_before: must see 31 s, and time_limit is 30 s",
+        ),
+        ("contact: {with: wall, at_least: 1 N, for: 31 s}", "", "contact: must see 31 s, and time_limit is 30 s"),
+        ("travel: {at_least: 1 m}", "for: 31 s", "for: must see 31 s, and time_limit is 30 s"),
+        ("any_of: [{travel: {at_least: 1 m}}, {not: {settled: {for: 31 s}}}]", "", "any_of: must see 31 s"),
+    ],
+)
+def test_a_time_beyond_the_end_of_the_run_is_refused(
+    assertion: str, options: str, problem: str, tmp_path: Path
+) -> None:
+    wall = "world: {objects: [{name: wall, box: [1, 1, 1], pose: {x: 9}}]}\n"
+    text = LEAST.replace("travel: {at_least: 1.5 m}", f"{assertion}\n    {options}".rstrip()) + wall
+    (found,) = told(tmp_path, text)
+    assert f": expect.0.{problem}" in found
+
+
+@pytest.mark.parametrize(
+    ("assertion", "options"),
+    [
+        ("stl: always[20 s, 30 s] (speed < 1)", ""),
+        ("stl: always[30 s, end] (speed < 1)", ""),
+        ("stl: eventually (always[0 s, 2 s] (speed < 1))", "after: 28 s"),
+        ("settled: {for: 30 s}", ""),
+        ("settled:", "{after: 1.1 s, before: 2.1 s}"),
+    ],
+)
+def test_a_time_that_ends_with_the_run_is_not_refused(assertion: str, options: str, tmp_path: Path) -> None:
+    keys = options.strip("{}").replace(", ", "\n    ")
+    text = LEAST.replace("travel: {at_least: 1.5 m}", f"{assertion}\n    {keys}".rstrip())
+    (expected,) = load(tmp_path, text).scenario.expect
+    assert expected.assertion.horizon > 0
+
+
 def test_a_duration_is_within_the_time_limit(tmp_path: Path) -> None:
     assert told(tmp_path, LEAST + "duration: 31 s\n") == ["11:1: duration: must not be longer than time_limit (30 s)"]
 

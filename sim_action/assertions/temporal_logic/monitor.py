@@ -132,7 +132,7 @@ def _about_evidence(formula: Formula, first: float, last: float, judged: Judged)
         return f"the interval of the last steps never began: {ended}, and {ahead}; give the outer interval an end"
     for interval, at in _starts(formula, first):
         if at > last:
-            missed = f"{ended}, before the interval {interval} began at {at:.4g} s"
+            missed = f"{ended}, before the interval {interval} began at {at:.3g} s"
             return f"never checked: {missed}; run for longer, or move the interval"
     return f"never checked: {ended}, and {ahead}; run for longer, or shorten its intervals"
 

@@ -21,6 +21,7 @@ from sim_action.assertions.temporal_logic.formula import (
     Until,
     comparisons,
     everything,
+    finite_horizon,
 )
 from sim_action.assertions.temporal_logic.parser import parse
 from sim_action.assertions.temporal_logic.tokens import place
@@ -84,6 +85,11 @@ class Stl(Assertion):
     def parsed(self) -> Formula:
         """The formula as a syntax tree."""
         return parse(self.formula)
+
+    @property
+    def horizon(self) -> float:
+        """See Assertion.horizon."""
+        return finite_horizon(self.parsed)
 
     @property
     def title(self) -> str:
