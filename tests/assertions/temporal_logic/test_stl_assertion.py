@@ -34,7 +34,7 @@ from tests.assertions.temporal_logic.formulas import (
     walks,
 )
 from tests.soak import examples
-from tests.traces import judged, monitor, piece, scene, trace
+from tests.traces import monitor, piece, scene, trace
 
 SCENE = scene()
 FAST = trace([1.0, 2.0, 3.0, 4.0], x=[0.25, 1.0, 2.0, 2.5], speed=[0.25, 0.75, 1.0, 0.5])
@@ -42,6 +42,10 @@ FAST = trace([1.0, 2.0, 3.0, 4.0], x=[0.25, 1.0, 2.0, 2.5], speed=[0.25, 0.75, 1
 
 def stl(text: str) -> Stl:
     return Stl(formula=text)
+
+
+def judged(assertion: Stl, seen: Trace) -> Verdict:
+    return monitor(assertion).observe(seen).verdict()
 
 
 def states(text: str, seen: Trace) -> list[State]:
