@@ -90,7 +90,7 @@ SUBCOMMANDS: Final = {
         arguments=("rostest",),
         lists={},
         options={**_REPORTS, "backend": "--backend", "seed": "--seed", "sim-time-limit": "--sim-time-limit"},
-        switches=_SWITCHES,
+        switches={**_SWITCHES, "allow-losses": ("--allow-losses",)},
     ),
     "matrix": Subcommand(
         arguments=("scenario",),

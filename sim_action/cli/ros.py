@@ -59,6 +59,12 @@ _OPTIONS: Final = (
         metavar="S",
         help="Stop after S seconds of real time.  [default: enough for all time limits]",
     ),
+    click.option(
+        "--allow-losses",
+        envvar="SIM_ACTION_ALLOW_LOSSES",
+        is_flag=True,
+        help="Warn about parts of the launch that are not simulated.  [default: they are an error]",
+    ),
 )
 
 
@@ -94,7 +100,7 @@ def roslaunch(**flags: Any) -> ExitCode:
     """Run a launch file of ROS 1, with sim-action as simulator instead of Gazebo.
 
     FILE is a .launch file of PACKAGE. An installed ROS 1 is needed. The launch ends at --sim-time-limit. It passes if
-    the robot is spawned and no node dies.
+    the robot is spawned, every node is started and no node dies.
 
     Exit code: as for `run`.
     """
@@ -126,6 +132,7 @@ def _called(program: Program, flags: dict[str, Any]) -> ExitCode:
             flags["rtf"],
             flags["wall_limit"],
             replays=flags["report"],
+            allows_losses=flags["allow_losses"],
         )
         return command.run(request, report_request(flags), interruption)
 

@@ -6,6 +6,7 @@ import os
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Protocol
@@ -86,6 +87,7 @@ class Lockstep:
         self._launcher = ChildProcesses(launcher)
         self._siblings: frozenset[int] = frozenset()
         self._given_up: set[int] = set()
+        self._joined: set[int] = set()
         self._tests: dict[int, Path] = {}
         self._patience = MAX_SETTLE_S
         self.notes: list[str] = []
@@ -129,6 +131,18 @@ class Lockstep:
                 return
             self._wait_for_newcomers()
 
+    def await_leavers(self, within: float) -> None:
+        """Wait until processes that are no longer nodes have ended, for at most `within` s of wall time.
+
+        A node that fails leaves the graph first. Its exit code is known only when its process has ended.
+        """
+        deadline = time.monotonic() + within
+        with suppress(OSError):
+            while (self._launcher.look() & self._joined) - set(self._master.graph().pids.values()):
+                if time.monotonic() > deadline or self._is_shutdown():
+                    return
+                time.sleep(_POLL_S)
+
     def _has_changed(self) -> bool:
         return self._launcher.look() != self._siblings
 
@@ -153,6 +167,7 @@ class Lockstep:
         self._note_tests(siblings)
         graph = self._master.graph()
         nodes = frozenset(graph.pids.values())
+        self._joined |= siblings & nodes
         self._watched.watch({*nodes, graph.master, os.getpid()})
         missing = siblings - nodes - self._given_up - {graph.master}
         return not any(nodes.isdisjoint(descendants(pid)) for pid in missing)

@@ -31,6 +31,7 @@ INPUTS = {
     "record": "tum, csv",
     "rostest": "",
     "sim-time-limit": "",
+    "allow-losses": "false",
     "summary": "true",
     "annotations": "false",
     "fail-on-failure": "true",

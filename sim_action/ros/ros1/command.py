@@ -28,7 +28,7 @@ from sim_action.ros.ros1.launch.overlay import Overlay, build_overlay, scratch_p
 from sim_action.ros.ros1.launch_request import REPLAY_FILE, REQUEST_FILE, TRACE_FILE, LaunchRequest, SimulationRequest
 from sim_action.ros.ros1.verdicts.findings import LOGS, RESULTS, Findings, LaunchFolders, Run, collect_findings
 from sim_action.ros.ros1.verdicts.judge import Judge
-from sim_action.ros.ros1.verdicts.launch_output import shown_path
+from sim_action.ros.ros1.verdicts.launch_tags import LaunchTags
 from sim_action.ros.ros1.verdicts.rostest_files import TestTag, test_tags
 
 # Sim time of a launch without tests and without a limit; wall time of each test in addition to its own limit.
@@ -114,6 +114,7 @@ class LaunchCall:
             sim_time_limit=request.sim_time_limit or limit,
             real_time_factor=request.real_time_factor,
             replay=request.replays,
+            allows_losses=request.allows_losses,
         )
 
     def _invalid(self, message: str) -> InvalidScenario:
@@ -162,7 +163,8 @@ def _outcomes(call: LaunchCall, options: ReportOptions, interruption: Interrupti
         yield Outcome.of_invalid(request.file, error).model_copy(update=known)
         return
     findings = call.launched(file, interruption, partial(make_ready, options))
-    judged = Judge(request, shown_path(file.resolve()), time.monotonic() - started).outcomes(findings)
+    tags = LaunchTags.read(file, call.overlay.packages)
+    judged = Judge(request, tags, time.monotonic() - started).outcomes(findings)
     paths = trace_paths([outcome.name for outcome, _ in judged], results)
     for (outcome, run), path in zip(judged, paths, strict=True):
         yield _stored(outcome, run, path, results)

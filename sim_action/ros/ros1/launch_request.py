@@ -22,6 +22,7 @@ from pydantic import Field, ValidationError
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.files import read_at_most
 from sim_action.results.outcome import Failure
+from sim_action.ros.ros1.losses import OPTION, Loss
 
 FOLDER_VARIABLE: Final = "SIM_ACTION_ROS_RUN"
 """The environment variable that holds the folder of the call."""
@@ -49,6 +50,7 @@ class SimulationRequest(FrozenModel):
         sim_time_limit: s after which the run ends; None: as long as there are nodes.
         real_time_factor: limit of the speed; None: as fast as the nodes can follow.
         replay: True if a replay is written.
+        allows_losses: True if the run goes on without the parts that are not simulated.
     """
 
     modules: str
@@ -58,6 +60,7 @@ class SimulationRequest(FrozenModel):
     sim_time_limit: float | None = None
     real_time_factor: float | None = None
     replay: bool = True
+    allows_losses: bool = False
 
 
 class SimulationResult(FrozenModel):
@@ -73,6 +76,8 @@ class SimulationResult(FrozenModel):
         starting: s of wall time until the clock started.
         messages: topic -> number of messages published or received.
         in_step: True if nodes and clock were in lock-step from beginning to end.
+        losses: parts of the world and of the robot that were not simulated.
+        missing_world: the world file that does not exist, if that is the failure.
     """
 
     end: End
@@ -87,6 +92,8 @@ class SimulationResult(FrozenModel):
     notes: tuple[str, ...] = ()
     messages: dict[str, int] = Field(default_factory=dict)
     in_step: bool = True
+    losses: tuple[Loss, ...] = ()
+    missing_world: str | None = None
 
     def write(self, folder: Path) -> None:
         """Write `run.json` in one step: a reader finds all of it or no file."""
@@ -135,6 +142,7 @@ class LaunchRequest:
         real_time_factor: limit of the speed; None: as fast as the nodes can follow.
         wall_limit: s of wall time for the whole call; None: enough for all tests.
         replays: True if replays are stored.
+        allows_losses: True if parts that are not simulated are warnings instead of errors.
     """
 
     program: Program
@@ -148,6 +156,7 @@ class LaunchRequest:
     real_time_factor: float | None = None
     wall_limit: float | None = None
     replays: bool = True
+    allows_losses: bool = False
 
     @property
     def words(self) -> tuple[str, ...]:
@@ -170,3 +179,5 @@ class LaunchRequest:
         for option, number in numbers.items():
             if number is not None:
                 yield from (option, repr(number).removesuffix(".0"))
+        if self.allows_losses:
+            yield OPTION

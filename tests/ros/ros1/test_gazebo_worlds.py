@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.core.geometry import Pose
-from sim_action.ros.ros1.gazebo_worlds import BadWorld, body_of, model_folders, read_world
+from sim_action.ros.ros1.gazebo_worlds import MissingWorld, find_world, read_world
+from sim_action.ros.ros1.model_bodies import BadWorld
 from sim_action.world import World
 
 WALL = """
@@ -23,7 +23,7 @@ def read(folder: Path, inside: str, *models: Path) -> tuple[World, list[str]]:
     path = folder / "a.world"
     path.write_text(f'<?xml version="1.0"?><sdf version="1.6"><world name="default">{inside}</world></sdf>')
     found = read_world(path, models, {"gazebo_ros_diff_drive"})
-    return found.world, list(found.notes)
+    return found.world, [loss.message for loss in found.losses]
 
 
 def test_a_wall(tmp_path: Path) -> None:
@@ -65,7 +65,7 @@ def test_several_shapes_of_a_model_are_several_bodies_and_what_has_no_shape_of_o
     )
 
     assert [body.name for body in world.objects] == ["m", "m_2"]
-    assert notes == ["a shape of 'm' is neither box, cylinder nor sphere; it is left out"]
+    assert notes == ["the mesh 'model://x/y.dae' of 'm' was not found; it is left out"]
 
 
 def test_a_model_of_several_shapes_is_fixed_and_that_is_told(tmp_path: Path) -> None:
@@ -90,7 +90,8 @@ def test_models_that_are_included(tmp_path: Path) -> None:
 
     (north,) = world.objects
     assert (north.name, north.pose.x, north.pose.y, north.pose.z) == ("north", 2, 5, 0.5)
-    assert notes == [f"model://house was not found in {tmp_path / 'models'}; it is left out"]
+    (note,) = notes
+    assert note.startswith(f"model://house was not found in {tmp_path / 'models'}; models are not downloaded")
 
 
 def test_gravity(tmp_path: Path) -> None:
@@ -123,22 +124,35 @@ def test_a_world_that_is_not_there(tmp_path: Path) -> None:
         read_world(tmp_path / "none.world", (), ())
 
 
-def test_a_body_that_is_spawned_is_where_it_was_asked_for() -> None:
-    body = body_of("wall_1", f'<sdf version="1.6">{WALL}</sdf>', Pose((4.0, 1.0, 0.5)))
+def test_a_world_is_found_by_its_path_or_in_the_folders_of_gazebo(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "worlds/yard.world"
+    path.parent.mkdir()
+    path.touch()
+    monkeypatch.setenv("GAZEBO_RESOURCE_PATH", f":{tmp_path}")
 
-    assert (body.name, body.pose.x, body.pose.y, body.pose.z, body.pose.yaw) == ("wall_1", 4, 1, 0.5, 0)
+    assert find_world(str(path)) == path
+    assert find_world("worlds/yard.world") == path
+    assert find_world("worlds/empty.world") is None
+    assert find_world("/usr/share/gazebo-11/worlds/empty.world") is None
 
 
-@pytest.mark.parametrize("text", ["<sdf/>", "<sdf><model name='m'/></sdf>", "<sdf", WALL.replace("0.1 3 1", "wide")])
-def test_what_cannot_be_spawned_is_refused(text: str) -> None:
-    with pytest.raises(BadWorld):
-        body_of("wall", text, Pose())
-
-
-def test_folders_of_models(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("GAZEBO_MODEL_PATH", "/a::/b")
-
-    assert model_folders() == (Path("/a"), Path("/b"))
+@pytest.mark.parametrize(
+    ("stated", "parts"),
+    [
+        ("{folder}/yrad.world", ["yrad.world' does not exist", "did you mean 'yard.world'?", "add the file"]),
+        ("{folder}/empty.world", ["empty.world' does not exist"]),
+        ("worlds/willowgarage.world", ["has only worlds/empty.world", "$(find PACKAGE)"]),
+    ],
+)
+def test_a_world_that_does_not_exist_is_an_error_with_the_nearest(
+    stated: str, parts: list[str], tmp_path: Path
+) -> None:
+    (tmp_path / "yard.world").touch()
+    with pytest.raises(MissingWorld) as error:
+        find_world(stated.format(folder=tmp_path))
+    assert all(part in str(error.value) for part in parts), str(error.value)
 
 
 ROVER = """
@@ -158,7 +172,7 @@ def test_a_model_with_a_plugin_that_drives_is_the_robot(tmp_path: Path) -> None:
     assert found.robot is not None
     assert (found.robot.name, found.robot.pose.position_xyz, found.robot.file) == ("rover", (1, 0, 0), None)
     assert found.robot.description.startswith('<sdf version="1.7"><model name="rover">')
-    assert found.notes == ()
+    assert found.losses == ()
 
 
 def test_a_robot_that_is_included_keeps_its_file_and_has_the_name_and_the_pose_of_the_include(tmp_path: Path) -> None:
@@ -183,3 +197,79 @@ def test_what_plugins_cannot_do_is_told(tmp_path: Path) -> None:
         "'second' is simulated as a body, not as a robot; its plugins have no effect: gazebo_ros_diff_drive"
     )
     assert notes[-1] == "the plugin sky of the world is not supported and has no effect"
+
+
+def test_a_loss_has_its_place_also_in_an_included_file(tmp_path: Path) -> None:
+    model = tmp_path / "models/pole/model.sdf"
+    model.parent.mkdir(parents=True)
+    model.write_text(
+        '<sdf version="1.6">\n<model name="pole"><link name="l">\n<kinematic>1</kinematic></link></model></sdf>'
+    )
+    path = tmp_path / "a.world"
+    path.write_text(
+        '<sdf version="1.6"><world name="w">\n<actor name="a"/>\n<include><uri>model://pole</uri></include></world></sdf>'
+    )
+
+    losses = read_world(path, (tmp_path / "models",), ()).losses
+
+    assert [(Path(loss.location.file).name, loss.location.line) for loss in losses if loss.location] == [
+        ("a.world", 2),
+        ("model.sdf", 3),
+    ]
+
+
+def test_old_worlds_have_gravity_in_physics(tmp_path: Path) -> None:
+    assert read(tmp_path, "<physics type='ode'><gravity>0 0 -1.6</gravity></physics>")[0].gravity == (0, 0, -1.6)
+
+
+STATE = """
+<state world_name="default"><sim_time>10 0</sim_time><real_time>1 0</real_time><iterations>3</iterations>
+  <model name="wall"><pose>4 1 0.5 0 0 0</pose><scale>1 1 1</scale>
+    <link name="link"><pose>4 1 {z} 0 0 0</pose><velocity>0 0 0 0 -0 0</velocity><wrench>0 0 -9.8 0 0 0</wrench></link>
+  </model><light name="sun"><pose>0 0 10 0 0 0</pose></light>{more}</state>
+"""
+
+
+def test_the_state_of_a_world_places_its_models_and_links(tmp_path: Path) -> None:
+    world, lost = read(tmp_path, WALL + STATE.format(z=0.7, more=""))
+
+    (wall,) = world.objects
+    assert (wall.pose.x, wall.pose.y, wall.pose.z, wall.pose.yaw) == pytest.approx((4, 1, 0.7, 0))
+    assert lost == []
+
+
+def test_a_state_that_moves_or_deletes_is_lost(tmp_path: Path) -> None:
+    text = STATE.format(z=0.5, more="<deletions><name>wall</name></deletions>").replace("0 0 0 0 -0 0", "1 0 0 0 0 0")
+    _, lost = read(tmp_path, WALL + text)
+
+    assert lost == [
+        "<deletions> is not simulated: its models still exist",
+        "<velocity>1 0 0 0 0 0</velocity> is not simulated: the link starts at rest",
+    ]
+
+
+def test_a_model_that_includes_another_has_its_shapes(tmp_path: Path) -> None:
+    (tmp_path / "models/wall").mkdir(parents=True)
+    (tmp_path / "models/wall/model.sdf").write_text(f'<sdf version="1.6">{WALL}</sdf>')
+    include = "<include><uri>model://wall</uri><pose>0 2 0 0 0 0</pose></include>"
+    nested = "<model name='n'><pose>0 0 1 0 0 0</pose><link name='l'><collision name='c'><geometry><sphere><radius>0.1"
+    nested += "</radius></sphere></geometry></collision></link></model>"
+    model = f"<model name='yard'><static>1</static><pose>1 0 0 0 0 0</pose>{include}{nested}</model>"
+    world, lost = read(tmp_path, model, tmp_path / "models")
+
+    assert lost == []
+    assert [(body.name, body.pose.x, body.pose.y, body.pose.z) for body in world.objects] == [
+        ("yard", 1.0, 0.0, 1.0),
+        ("yard_2", 3.0, 2.0, 0.5),
+    ]
+
+
+def test_an_include_can_fix_a_model(tmp_path: Path) -> None:
+    (tmp_path / "models/wall").mkdir(parents=True)
+    moves = WALL.replace("<static>true</static>", "")
+    (tmp_path / "models/wall/model.sdf").write_text(f'<sdf version="1.6">{moves}</sdf>')
+    include = "<include><uri>model://wall</uri><static>{}</static></include>"
+
+    for stated, mass in (("true", None), ("false", 1.0)):
+        world, _ = read(tmp_path, include.format(stated), tmp_path / "models")
+        assert [body.mass for body in world.objects] == [mass]

@@ -122,21 +122,22 @@ def _node_problems(nodes: Sequence[NodeSpec], packages: Packages) -> SpecProblem
             yield ("nodes", index), f"a second node named '{node.called}'; give each node its own 'name'"
         names.add((node.namespace, node.called))
         if (missing_message := packages.missing_message(node.package)) or (
-            missing_message := _program_problem(node, packages)
+            missing_message := program_problem(node.package, node.type, packages)
         ):
             yield ("nodes", index), missing_message
 
 
-def _program_problem(node: NodeSpec, packages: Packages) -> str | None:
-    programs = dict(_programs(node.package, packages))
-    if packages.folder(node.package) is None or programs.get(node.type):
+def program_problem(package: str, name: str, packages: Packages) -> str | None:
+    """Return the reason why a program of a package cannot be a node; None if it can, or cannot be checked."""
+    programs = dict(_programs(package, packages))
+    if packages.folder(package) is None or programs.get(name):
         return None
-    if node.type in programs:
-        path = node.type
-        fix = f"run chmod +x {path} and git update-index --chmod=+x {path}"
-        return f"'{path}' of '{node.package}' is not executable; {fix}"
-    can_run = [name for name, is_executable in programs.items() if is_executable]
-    return f"the package '{node.package}' has no node '{node.type}'{did_you_mean(node.type, can_run)}"
+    if name in programs:
+        fix = f"run chmod +x {name} and git update-index --chmod=+x {name}"
+        return f"'{name}' of '{package}' is not executable; {fix}"
+    can_run = [program for program, is_executable in programs.items() if is_executable]
+    near = did_you_mean(name, can_run) if can_run else ""
+    return f"the package '{package}' has no node '{name}'{near}; add the file, or correct its name"
 
 
 def _programs(package: str, packages: Packages) -> Iterator[tuple[str, bool]]:

@@ -1,13 +1,15 @@
 """Patches of ROS that replace polling by the wall clock: processes of a launch act as soon as they can.
 
 Sim time goes on while all processes sleep. A process that polls by the wall clock then acts at another sim time in
-every run. Three parts of ROS are replaced:
+every run. Three parts of ROS are replaced for that:
 
 - `rospy.wait_for_message` polls every 10 ms of wall time for a message. The patch wakes up with the message.
 - The master notifies subscribers of a new publisher by threads that poll every 100 ms of wall time. The patch wakes
   them up with each notification.
 - TCP may hold a small message back until the one before it is acknowledged, up to 40 ms of wall time (RFC 896, RFC
   1122 in 4.2.3.2), unless the subscriber asks for no delay. The patch asks for no delay everywhere.
+
+rosunit writes a skipped test method as one that passed. The patch writes it as skipped.
 
 Python imports this file as `sitecustomize` at start, in every process of a launch. It imports nothing of this package.
 """
@@ -97,10 +99,34 @@ def _replace_pool(threadpool: dict[str, Any]) -> None:
     threadpool["MarkedThreadPool"] = _awaiting(threadpool["MarkedThreadPool"])
 
 
+def _replace_results(runner: dict[str, Any]) -> None:
+    result, write = runner["_XMLTestResult"], runner["_TestInfo"].xml
+    add, stop = result.addSkip, result.stopTest
+
+    def add_skip(self: Any, test: Any, reason: str) -> None:
+        add(self, test, reason)
+        # A class that is skipped as a whole is no test.
+        if hasattr(test, "_testMethodName"):
+            self.reason_to_skip = reason
+
+    def stop_test(self: Any, test: Any) -> None:
+        stop(self, test)
+        self._tests[-1].reason_to_skip = vars(self).pop("reason_to_skip", None)
+
+    def xml(self: Any) -> Any:
+        case, reason = write(self), vars(self).get("reason_to_skip")
+        if reason is not None:
+            runner["ET"].SubElement(case, "skipped").text = str(reason)
+        return case
+
+    result.addSkip, result.stopTest, runner["_TestInfo"].xml = add_skip, stop_test, xml
+
+
 # Module of ROS -> function that patches its namespace.
 _REPLACED = {
     "rospy.client": _replace_waiting,
     "rospy.impl.tcpros_pubsub": _replace_delays,
+    "rosunit.xmlrunner": _replace_results,
     "rosmaster.threadpool": _replace_pool,
 }
 

@@ -29,7 +29,8 @@ from std_srvs.srv import Empty
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose
-from sim_action.ros.ros1.gazebo_worlds import BadWorld, body_of
+from sim_action.ros.ros1.losses import Loss
+from sim_action.ros.ros1.model_bodies import BadWorld, body_of
 from sim_action.ros.ros1.node.current_state import CurrentState
 from sim_action.ros.ros1.node.messages import header, pose_message, pose_of, twist_message, twist_of
 from sim_action.ros.ros1.node.query_services import WORLD_FRAMES, frame_of, robot_joint, robot_model
@@ -53,6 +54,7 @@ class ModelServices:
     def __init__(self, current: CurrentState, changes: ChangeQueue, paused: Event, efforts: JointEfforts) -> None:
         self._current, self._changes, self._paused, self._efforts = current, changes, paused, efforts
         self._numbers = count(1)
+        self.losses: list[Loss] = []
         for name, kind, answer in (
             ("spawn_urdf_model", SpawnModel, self._spawn),
             ("spawn_sdf_model", SpawnModel, self._spawn),
@@ -89,9 +91,11 @@ class ModelServices:
                 number, space = next(self._numbers), request.robot_namespace
                 return replace(models, robot=SpawnedRobot(name, request.model_xml, pose, space=space, number=number))
             try:
-                return models.with_body(body_of(name, request.model_xml, pose))
+                body, losses = body_of(name, request.model_xml, pose)
             except BadWorld as error:
                 raise ValueError(f"'{name}' cannot be spawned: {error}") from None
+            self.losses += losses
+            return models.with_body(body)
 
         return self._answer(alter, f"'{name}' is spawned")
 

@@ -18,6 +18,7 @@ from sim_action.robot.loading import load_model
 from sim_action.robot.robot_model import RobotModel
 from sim_action.ros.ros1.gazebo_plugins import PLUGINS, base_in_model, plugins_of
 from sim_action.ros.ros1.launch_request import SimulationRequest
+from sim_action.ros.ros1.losses import Loss
 from sim_action.ros.ros1.node.bridge import Bridge, Session
 from sim_action.ros.ros1.node.current_state import ModelFrame
 from sim_action.ros.ros1.node.internal_sensors import states_sensor
@@ -29,6 +30,7 @@ from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.simulation.recorder import RunRecorder
 from sim_action.world import Physics
 from sim_action.world.scene import Scene
+from sim_action.world.shape_files import ShapeLibrary, read_surroundings
 
 _DESCRIPTION_FILE: Final = "robot.urdf"
 # Sim time without a stated limit; a replay of more would have less than 30 frames per second.
@@ -77,7 +79,9 @@ class EpisodeFactory:
         self._session, self._request, self._folder = session, request, folder
         self._opened: tuple[SpawnedRobot, list[Device], RobotCommands] | None = None
         self._closing = ExitStack()
+        self._shapes = ShapeLibrary()
         self.notes: list[str] = []
+        self.losses: list[Loss] = []
 
     def episode(self, *, left: float | None) -> Episode:
         """Return an episode of the current models; `left`: s of sim time that it may take. Raises ModelError."""
@@ -108,7 +112,8 @@ class EpisodeFactory:
             backend=cast(Literal["auto", "pybullet", "mujoco"], self._request.backend),
             seed=self._request.seed,
         )
-        scene = Scene(robot, model, models.world, scenario.physics, workspace, scenario.seed)
+        parts = read_surroundings(models.world, workspace, self._shapes).parts
+        scene = Scene(robot, model, models.world, scenario.physics, workspace, scenario.seed, parts=parts)
         return Episode(scenario, scene, RunRecorder(scenario, filmed=self._request.replay), bridge)
 
     def _wants_links(self, devices: list[Device]) -> bool:
@@ -145,13 +150,17 @@ class EpisodeFactory:
             session.traffic,
             lambda: session.current.started is None,
             self.notes.append,
+            self._lose,
             self._closing,
         )
         for plugin in plugins_of(root, robot.space):
             if plugin.name in PLUGINS:
                 yield from PLUGINS.load(plugin.name)(plugin, wiring)
             else:
-                self.notes.append(f"the plugin {plugin.name} of the robot is not supported and has no effect")
+                self._lose(f"the plugin {plugin.name} of the robot is not supported and has no effect")
+
+    def _lose(self, message: str) -> None:
+        self.losses.append(Loss(message=message))
 
 
 def _driven(described: DrivenRobot, robot: SpawnedRobot, model: RobotModel, frame: ModelFrame) -> DrivenRobot:

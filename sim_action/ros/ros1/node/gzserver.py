@@ -17,9 +17,11 @@ from sim_action.core.errors import BadStart, ControllersFinished, ModelError, Ru
 from sim_action.results.outcome import Failure
 from sim_action.ros.lockstep import Lockstep, TestFinished
 from sim_action.ros.ros1.gazebo_plugins import DRIVE_PLUGINS
-from sim_action.ros.ros1.gazebo_worlds import BadWorld, model_folders, read_world
+from sim_action.ros.ros1.gazebo_worlds import MissingWorld, find_world, read_world
 from sim_action.ros.ros1.launch_request import End, SimulationRequest, SimulationResult
+from sim_action.ros.ros1.losses import TITLE, Loss
 from sim_action.ros.ros1.master import Master
+from sim_action.ros.ros1.model_bodies import BadWorld, model_folders
 from sim_action.ros.ros1.node.bridge import Pace, Session
 from sim_action.ros.ros1.node.change_services import ForceServices, ModelServices
 from sim_action.ros.ros1.node.current_state import CurrentState
@@ -34,8 +36,14 @@ from sim_action.world import World
 NAME: Final = "/gazebo"
 
 _POLL_S: Final = 0.01
+# Wall time for nodes that have left to end, before the launch is judged.
+_MAX_LEAVING_S: Final = 5.0
 
 _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
+
+
+class _Incomplete(Exception):
+    """Parts of the world or of the robot are not simulated, and the request does not allow it."""
 
 
 def serve(folder: Path, request: SimulationRequest) -> None:
@@ -51,6 +59,9 @@ class _Server:
         self._folder, self._request = folder, request
         self._began = time.monotonic()
         self._notes: list[str] = []
+        self._losses: list[Loss] = []
+        self._missing_world: str | None = None
+        self._services: ModelServices | None = None
         self._record = EpisodeRecord()
         self._traffic = Counter[str]()
         self._changes, self._current = ChangeQueue(), CurrentState(WorldModels(World()))
@@ -81,24 +92,27 @@ class _Server:
             self._pressing = ForceServices(self._current, self._changes, session.efforts)
             self._inquiries = QueryServices(self._current, session.paused, self._request.physics_rate)
             end = self._simulate()
+            self._lockstep.await_leavers(_MAX_LEAVING_S)
         except TestFinished:
             end = "test finished"
         except ControllersFinished:
             end = "nodes finished"
+        except MissingWorld as error:
+            failure, self._missing_world = _failure_of(error), str(error.path)
+        except _Incomplete:
+            failure = Failure(kind="invalid", title=TITLE, message="parts of the world or of the robot are missing")
         except (RunError, ModelError, BadWorld, OSError) as error:
             failure = _failure_of(error)
         self._record.store(self._folder)
         return self._told(end, failure)
 
     def _populated(self) -> WorldModels:
-        """Return the models of the world file; an empty world if Gazebo's own file is missing. Raises BadWorld."""
-        named = Path(str(rospy.get_param("/gazebo/world_name", _world_argument())))
-        if not named.is_absolute() or not named.exists():
-            if named.name != "empty.world":
-                self._notes.append(f"the world '{named}' does not exist; the robot is in an empty world")
+        """Return the models of the world file, or of Gazebo's own empty world. Raises BadWorld, MissingWorld."""
+        path = find_world(str(rospy.get_param("/gazebo/world_name", _world_argument())))
+        if path is None:
             return WorldModels(World())
-        read = read_world(named, model_folders(), DRIVE_PLUGINS)
-        self._notes += read.notes
+        read = read_world(path, model_folders(), DRIVE_PLUGINS)
+        self._losses += read.losses
         robot = read.robot
         if robot is None:
             return WorldModels(read.world)
@@ -110,6 +124,8 @@ class _Server:
         self._await_robot()
         while True:
             episode = self._stage.episode(left=self._left())
+            if self._all_losses() and not self._request.allows_losses:
+                raise _Incomplete
             self._run(episode)
             over = episode.bridge.over
             if not isinstance(over, WorldChanged):
@@ -150,6 +166,10 @@ class _Server:
         self._current.began = self._current.time
         self._await_robot()
 
+    def _all_losses(self) -> tuple[Loss, ...]:
+        spawned = self._services.losses if self._services else ()
+        return tuple(dict.fromkeys((*self._losses, *spawned, *self._stage.losses)))
+
     def _told(self, end: End, failure: Failure | None) -> SimulationResult:
         now, record = time.monotonic(), self._record
         started = self._current.started or now
@@ -166,6 +186,8 @@ class _Server:
             notes=tuple(dict.fromkeys((*self._notes, *self._stage.notes, *record.notes, *self._lockstep.notes))),
             messages=dict(sorted(self._traffic.items())),
             in_step=self._lockstep.is_kept,
+            losses=self._all_losses(),
+            missing_world=self._missing_world,
         )
 
 
@@ -183,6 +205,8 @@ def _end_of(over: ControllersFinished | None) -> End:
 def _failure_of(error: Exception) -> Failure:
     if isinstance(error, SimulationUnstable):
         return Failure(kind="unstable", title="simulation unstable", message=str(error))
+    if isinstance(error, MissingWorld):
+        return Failure(kind="invalid", title="no such world", message=str(error))
     if isinstance(error, ModelError | BadStart | BadWorld):
         return Failure(kind="invalid", title="the simulation cannot start", message=str(error))
     return Failure(kind="engine", title="the simulation failed", message=str(error))

@@ -71,6 +71,7 @@ class Wiring:
         traffic: counts messages.
         is_clock_held: returns True before the clock starts; the subscribers are not known then.
         warn: takes notes for the user.
+        lose: takes messages on parts of a plugin that are not simulated.
         closing: closes the topics when the robot is deleted.
     """
 
@@ -81,6 +82,7 @@ class Wiring:
     traffic: Traffic
     is_clock_held: Callable[[], bool]
     warn: Callable[[str], None]
+    lose: Callable[[str], None]
     closing: ExitStack
 
     def publisher(self, topic: str, kind: type[Any]) -> Publisher:

@@ -22,6 +22,9 @@ from sim_action.ros.ros1.verdicts.launch_output import (
     xacro_error,
 )
 
+LAUNCH_ERROR: Final = "launch error"
+"""The title of a failure of roslaunch itself."""
+
 _SIMULATION_NODE: Final = "gazebo"
 _TIME_OUT: Final = re.compile(r"max time \[([\d.]+)s\] allotted for test")
 _NO_NODE: Final = re.compile(r"Test node \[(\S+)/(\S+)\] does not exist or is not executable")
@@ -102,7 +105,7 @@ def _of_file(found: Findings, where: Location | None) -> Iterator[Failure]:
         message = f"the launch file needs the package '{name}', which is neither in the workspace nor in ROS"
         yield _failure("invalid", "no such package", message, where, found)
     if wrong := refusal(found.text):
-        yield _failure("invalid", "launch error", wrong, where, found)
+        yield _failure("invalid", LAUNCH_ERROR, wrong, where, found)
 
 
 def _of_simulation(found: Findings, where: Location | None) -> Iterator[Failure]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import Any, Final
 
 from sim_action import __version__
@@ -12,11 +12,20 @@ from sim_action.core.errors import Location
 from sim_action.core.provenance import Provenance, provenance
 from sim_action.core.wording import escaped_line
 from sim_action.engines import PACKAGES
-from sim_action.results.outcome import ExpectationOutcome, Outcome, status_of
+from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, status_of
 from sim_action.ros.ros1.launch_request import LaunchRequest
-from sim_action.ros.ros1.verdicts.failure_causes import cause_of, how_far, time_out
+from sim_action.ros.ros1.losses import TITLE, Loss, loss_failures, loss_warnings
+from sim_action.ros.ros1.verdicts.absent_nodes import AbsentNodes
+from sim_action.ros.ros1.verdicts.failure_causes import LAUNCH_ERROR, cause_of, how_far, time_out
 from sim_action.ros.ros1.verdicts.findings import Findings, Run, TestFindings
-from sim_action.ros.ros1.verdicts.launch_output import deaths, exception_line, output_tail, traceback_location
+from sim_action.ros.ros1.verdicts.launch_output import (
+    deaths,
+    exception_line,
+    output_tail,
+    shown_path,
+    traceback_location,
+)
+from sim_action.ros.ros1.verdicts.launch_tags import LaunchTags
 from sim_action.ros.ros1.verdicts.rostest_files import Case
 from sim_action.state.verdict import Judged, Verdict
 
@@ -27,28 +36,60 @@ _RESULT_FIELDS: Final = ("end", "sim_time", "real_time_factor", "travelled", "di
 
 @dataclass(frozen=True, slots=True)
 class Judge:
-    """The data that all outcomes of a call share; `file`: the launch file, as reports show it."""
+    """The data that all outcomes of a call share; `tags`: of the launch file."""
 
     request: LaunchRequest
-    file: str
+    tags: LaunchTags
     wall_time: float
+
+    @property
+    def file(self) -> str:
+        """The launch file, as reports show it."""
+        return self.tags.file
 
     def outcomes(self, found: Findings) -> list[tuple[Outcome, Run | None]]:
         """Return the outcome and the run of each test, or of the whole launch if there is no test."""
         if self.request.program == "rostest" and found.tests:
-            return [(self._test(test, found), test.run) for test in found.tests]
-        run = found.runs[-1] if found.runs else None
-        whole = TestFindings(PurePath(self.file).name, run=run, callbacks=found.callbacks)
-        judge = self._launch if self.request.program == "roslaunch" else self._no_test
-        return [(judge(whole, found), whole.run)]
+            judged = [(self._test(test, found), test) for test in found.tests]
+        else:
+            run = found.runs[-1] if found.runs else None
+            whole = TestFindings(PurePath(self.file).name, run=run, callbacks=found.callbacks)
+            judge = self._launch if self.request.program == "roslaunch" else self._no_test
+            judged = [(judge(whole, found), whole)]
+        absent = AbsentNodes.of(found.text, self.tags, self.request.workspace)
+        return [(self._with_losses(outcome, test.run, absent), test.run) for outcome, test in judged]
+
+    def _with_losses(self, outcome: Outcome, run: Run | None, absent: AbsentNodes) -> Outcome:
+        """Return an outcome with everything that was not launched or simulated: errors, or warnings if allowed."""
+        result = run.result if run else None
+        losses = (*absent.losses, *map(_with_shown_place, result.losses if result else ()))
+        refused = (*absent.failures, *(() if self.request.allows_losses else loss_failures(losses)))
+        if refused:
+            # rostest stops at the first node that cannot be started.
+            known = {TITLE, LAUNCH_ERROR} if absent.failures or absent.losses else {TITLE}
+            others = tuple(failure for failure in outcome.failures if failure.title not in known)
+            failures = (*refused, *others)
+            return outcome.model_copy(update={"status": "error", "failures": failures, "expectations": ()})
+        if outcome.status == "error":
+            return outcome
+        return outcome.model_copy(update={"warnings": loss_warnings(losses, Location(self.file))})
 
     def _test(self, test: TestFindings, found: Findings) -> Outcome:
         where = Location(self.file, test.tag.line if test.tag else None)
         expectations = _accepting_skips(self._expectations(test, found, where))
         failed = any(expected.failed for expected in expectations)
         printed = "\n".join(filter(None, (test.methods.output if test.methods else "", output_tail(found.text))))
-        if not expectations or found.ending == "interrupted" or (failed and _has_failed(test.run)):
-            about: dict[str, Any] = {"status": "error", "failures": (cause_of(test, found, where),)}
+        has_written = test.methods is not None and found.ending == "over" and not _has_failed(test.run)
+        if has_written and not expectations:
+            failure = Failure(kind="script", title="no test ran", message=_nothing_ran_message(test), location=where)
+            about: dict[str, Any] = {"status": "error", "failures": (failure,)}
+        elif (
+            not expectations
+            or found.ending == "interrupted"
+            or (failed and _has_failed(test.run))
+            or _is_invalid(test.run)
+        ):
+            about = {"status": "error", "failures": (cause_of(test, found, where),)}
         else:
             about = {"status": status_of(expectations), "expectations": expectations}
         return self._outcome(test, {**about, "line": where.line, "output": printed})
@@ -100,6 +141,11 @@ class Judge:
     def _outcome(self, test: TestFindings, about: dict[str, Any]) -> Outcome:
         result = test.run.result if test.run else None
         measured = {key: getattr(result, key) for key in _RESULT_FIELDS} if result else {}
+        if result and result.missing_world and (told := about.get("failures")):
+            # Only the launch file says where the world is named.
+            path, place = Path(result.missing_world), self.tags.world(result.missing_world)
+            message = told[0].message.replace(str(path), shown_path(path))
+            about["failures"] = (told[0].model_copy(update={"location": place, "message": message}),)
         measured["notes"] = (*measured.get("notes", ()), *map(str, test.callbacks))
         return Outcome(
             name=f"{self.request.package}/{test.name}",
@@ -111,6 +157,15 @@ class Judge:
             **measured,
             **about,
         )
+
+
+def _with_shown_place(loss: Loss) -> Loss:
+    """Return a loss with its file as reports show it; the node runs in another folder."""
+    place = loss.location
+    if place is None:
+        return loss
+    shown = Location(shown_path(Path(place.file).resolve()), place.line, place.column)
+    return loss.model_copy(update={"location": shown})
 
 
 def _with_callbacks(said: str, test: TestFindings) -> str:
@@ -129,6 +184,19 @@ def _provenance(engine: str | None) -> Provenance | None:
 
 def _has_failed(run: Run | None) -> bool:
     return run is not None and (run.result is None or run.result.end == "failed")
+
+
+def _is_invalid(run: Run | None) -> bool:
+    """Return True if the simulation refused its input. A test that passes nevertheless has checked nothing."""
+    failure = run.result.failure if run and run.result else None
+    return failure is not None and failure.kind == "invalid"
+
+
+def _nothing_ran_message(test: TestFindings) -> str:
+    return escaped_line(
+        f"the test '{test.name}' ran no method: the names of its methods must begin with 'test', and its setUpClass "
+        "must not raise"
+    )
 
 
 def _sim_time(run: Run | None) -> float | None:

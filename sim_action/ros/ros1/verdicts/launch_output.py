@@ -34,6 +34,9 @@ _REFUSED: Final = (
     re.compile(r"^ERROR: (cannot launch node of type .+)$", re.MULTILINE),
     re.compile(r"^(?:roslaunch\.\w+\.)?(?:RLException|XmlParseException|LaunchParamException): *(.+)$", re.MULTILINE),
 )
+_NOT_LAUNCHED: Final = re.compile(
+    r"^ERROR: cannot launch node of type \[([^/\]\s]+)/([^\]\s]+)\]: *(.+)$", re.MULTILINE
+)
 _EXCEPTION: Final = re.compile(r"^[A-Za-z_][\w.]*(?:Error|Exception|Interrupt|Exit)(?:: .*)?$", re.MULTILINE)
 _XACRO: Final = re.compile(r"^xacro: (.+)$", re.MULTILINE)
 
@@ -77,6 +80,20 @@ def required_deaths(text: str) -> Iterator[Death]:
 def deaths(text: str) -> Iterator[Death]:
     """Yield the ends of nodes that failed."""
     return (Death(name, int(code), program) for name, code, program in _DEAD.findall(text) if code)
+
+
+@dataclass(frozen=True, slots=True)
+class NotLaunched:
+    """A node that roslaunch could not start; `reason`: in its words."""
+
+    package: str
+    program: str
+    reason: str
+
+
+def nodes_not_launched(text: str) -> tuple[NotLaunched, ...]:
+    """Return the nodes that roslaunch could not start. It goes on without them, also without a required one."""
+    return tuple(NotLaunched(*found) for found in dict.fromkeys(_NOT_LAUNCHED.findall(text)))
 
 
 def missing_package(text: str) -> str | None:

@@ -1,26 +1,114 @@
-"""The outcomes of tests from their findings, without ROS."""
+"""Outcomes of launches and tests from their findings, without ROS."""
 
 from __future__ import annotations
 
-from sim_action.results.outcome import Outcome
-from sim_action.ros.ros1.launch_request import LaunchRequest
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sim_action.core.errors import Location
+from sim_action.results.outcome import Failure, Outcome
+from sim_action.ros.ros1.launch_request import LaunchRequest, Program, SimulationResult
+from sim_action.ros.ros1.losses import Loss
 from sim_action.ros.ros1.verdicts import findings
+from sim_action.ros.ros1.verdicts.findings import Findings, Run
 from sim_action.ros.ros1.verdicts.judge import Judge
+from sim_action.ros.ros1.verdicts.launch_tags import LaunchTag, LaunchTags
 from sim_action.ros.ros1.verdicts.rostest_files import Case, Suite
+
+WORLD = LaunchTag("arg", {"name": "world_name", "value": "$(find p)/no.world"}, Location("a.launch", 2))
+LOSS = Loss(message="<actor> is not simulated", location=Location("a.world", 5))
+ABSENT = "ERROR: cannot launch node of type [nowhere/no.py]: nowhere\n"
+
+
+def judged(
+    program: Program = "roslaunch",
+    *,
+    text: str = "",
+    allows_losses: bool = False,
+    suite: Suite | None = None,
+    **more: Any,
+) -> Outcome:
+    result = SimulationResult.model_validate({"end": "time limit", "sim_time": 1.0, "travelled": 0.5, **more})
+    run = Run(Path("1"), result)
+    tests = (findings.TestFindings("t", methods=suite, run=run),) if program == "rostest" else ()
+    found = Findings("over", 0, tests, (run,), text, 1.0)
+    request = LaunchRequest(program, "p", "a.launch", allows_losses=allows_losses)
+    ((outcome, _),) = Judge(request, LaunchTags("a.launch", (WORLD,)), 1.0).outcomes(found)
+    return outcome
+
+
+HELD = Suite((Case("test_it"),))
+BOTH: list[tuple[Program, Suite | None]] = [("roslaunch", None), ("rostest", HELD)]
+
+
+@pytest.mark.parametrize(("program", "suite"), BOTH)
+def test_a_loss_is_an_error(program: Program, suite: Suite | None) -> None:
+    outcome = judged(program, suite=suite, losses=(LOSS,))
+
+    (failure,) = outcome.failures
+    assert (outcome.status, outcome.exit_code, outcome.expectations) == ("error", 2, ())
+    assert (failure.title, failure.location and failure.location.line) == ("not simulated", 5)
+    assert "--allow-losses" in failure.message
+
+
+@pytest.mark.parametrize(("program", "suite"), BOTH)
+def test_an_allowed_loss_is_a_warning(program: Program, suite: Suite | None) -> None:
+    outcome = judged(program, suite=suite, losses=(LOSS,), allows_losses=True)
+
+    (kept,), (warning,) = outcome.expectations, outcome.warnings
+    assert (outcome.status, outcome.exit_code) == ("passed", 0)
+    assert (kept.verdict.passed, warning.message, warning.location) == (True, LOSS.message, LOSS.location)
+
+
+@pytest.mark.process
+@pytest.mark.parametrize(("program", "suite"), BOTH)
+def test_a_node_that_was_not_started_is_a_loss(program: Program, suite: Suite | None) -> None:
+    assert judged(program, suite=suite, text=ABSENT).status == "error"
+    assert judged(program, suite=suite, text=ABSENT, allows_losses=True).status == "passed"
+
+
+def test_a_run_that_stopped_for_its_losses_names_each_once() -> None:
+    failure = Failure(kind="invalid", title="not simulated", message="parts are missing")
+    outcome = judged(end="failed", failure=failure, losses=(LOSS,))
+
+    assert [each.message.split(";")[0] for each in outcome.failures] == [LOSS.message]
+
+
+def test_a_missing_world_has_the_place_that_names_it() -> None:
+    failure = Failure(kind="invalid", title="no such world", message="the world file '/ws/no.world' does not exist")
+    outcome = judged(end="failed", failure=failure, missing_world="/ws/no.world", travelled=None)
+
+    (found,) = outcome.failures
+    assert (outcome.status, outcome.exit_code) == ("error", 2)
+    assert found.location == Location("a.launch", 2)
+
+
+@pytest.mark.parametrize("suite", [None, Suite(())])
+def test_a_test_without_a_method_does_not_pass(suite: Suite | None) -> None:
+    outcome = judged("rostest", suite=suite, end="test finished")
+
+    assert (outcome.status, outcome.exit_code) == ("error", 1)
+    assert "no" in outcome.failures[0].title
+
+
+def test_a_test_that_passes_without_its_simulation_does_not_pass() -> None:
+    failure = Failure(kind="invalid", title="the simulation cannot start", message="no such link")
+    outcome = judged("rostest", suite=HELD, end="failed", failure=failure)
+
+    assert (outcome.status, outcome.exit_code) == ("error", 2)
+
 
 PASSED, SKIPPED = Case("test_a"), Case("test_b", "skipped", "pytest.skip", "no lidar")
 
 
-def judged(*cases: Case) -> Outcome:
-    test = findings.TestFindings("moves", methods=Suite(cases))
-    judge = Judge(LaunchRequest("rostest", "robot", "moves.test"), "moves.test", wall_time=1.0)
-    found = findings.Findings("over", 0, (test,), (), "", 30.0)
-    ((outcome, _),) = judge.outcomes(found)
-    return outcome
+def judged_cases(*cases: Case) -> Outcome:
+    return judged("rostest", suite=Suite(cases))
 
 
 def test_a_test_that_skips_all_of_its_cases_is_not_exercised() -> None:
-    outcome = judged(SKIPPED)
+    outcome = judged_cases(SKIPPED)
     assert outcome.status == "not_exercised"
     assert outcome.expectations[0].verdict.message == (
         "never checked: the test skipped this case (no lidar); let it run, or remove it"
@@ -28,12 +116,12 @@ def test_a_test_that_skips_all_of_its_cases_is_not_exercised() -> None:
 
 
 def test_a_test_that_skips_one_of_its_cases_passes_with_a_warning() -> None:
-    outcome = judged(PASSED, SKIPPED)
+    outcome = judged_cases(PASSED, SKIPPED)
     assert (outcome.status, outcome.display_status) == ("passed", "warned")
     assert [expected.status for expected in outcome.expectations] == ["passed", "warned"]
 
 
 def test_a_case_that_failed_decides() -> None:
-    outcome = judged(PASSED, SKIPPED, Case("test_c", "failure", "AssertionError", "0 != 1"))
+    outcome = judged_cases(PASSED, SKIPPED, Case("test_c", "failure", "AssertionError", "0 != 1"))
     assert outcome.status == "failed"
-    assert judged(PASSED).display_status == "passed"
+    assert judged_cases(PASSED).display_status == "passed"

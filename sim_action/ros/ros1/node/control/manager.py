@@ -112,7 +112,9 @@ class ControllerManager:
             self._loaded[name] = Loaded(kind, CONTROLLERS.load(kind)(setup))
             return
         hint = did_you_mean(str(kind), CONTROLLERS)
-        self._complain(f"the controller '{name}' has the type {kind}, which is not supported and has no effect{hint}")
+        message = f"the controller '{name}' has the type {kind}, which is not supported and has no effect{hint}"
+        rospy.logerr("controller_manager: %s", message)
+        self.wiring.lose(message)
         self._loaded[name] = Loaded(str(kind), Controller("unknown"))
 
     def _unload(self, name: str) -> None:

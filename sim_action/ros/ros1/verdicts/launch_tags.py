@@ -1,0 +1,98 @@
+"""The tags of a launch file and of the files that it includes, each with its place.
+
+roslaunch reports neither files nor lines. Tags are searched in the text: `$(find PACKAGE)` is replaced, and an include
+that depends on arguments is not followed.
+"""
+
+from __future__ import annotations
+
+import re
+import xml.parsers.expat
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path, PurePath
+from typing import Final
+
+from sim_action.core.errors import Location
+from sim_action.core.files import read_at_most
+from sim_action.ros.ros1.verdicts.launch_output import shown_path
+
+_MAX_LAUNCH_FILE_BYTES: Final = 4_000_000
+_MAX_FILES: Final = 100
+_FIND: Final = re.compile(r"\$\(find\s+([^)\s]+)\)")
+_WORLD: Final = frozenset({"world_name", "world", "world_file", "/gazebo/world_name"})
+
+
+@dataclass(frozen=True, slots=True)
+class LaunchTag:
+    """A tag of a launch file."""
+
+    name: str
+    given: Mapping[str, str]
+    place: Location
+
+
+@dataclass(frozen=True, slots=True)
+class LaunchTags:
+    """The tags of a launch file and of the files that it includes; `file`: the launch file, as reports show it."""
+
+    file: str
+    tags: tuple[LaunchTag, ...] = ()
+
+    @classmethod
+    def read(cls, path: Path, packages: Mapping[str, Path]) -> LaunchTags:
+        """Read a launch file; `packages`: name -> folder of all packages."""
+        return cls(shown_path(path.resolve()), tuple(_tags(path, packages, set())))
+
+    def node(self, package: str, program: str) -> LaunchTag | None:
+        """Return the first tag of a node."""
+        wanted = {"pkg": package, "type": program}
+        return next((tag for tag in self.tags if tag.name == "node" and wanted.items() <= tag.given.items()), None)
+
+    def world(self, path: str) -> Location:
+        """Return the place that names a world file; without one, the launch file."""
+        name = PurePath(path).name
+        return next((tag.place for tag in self.tags if _names_world(tag, name)), Location(self.file))
+
+
+def _names_world(tag: LaunchTag, name: str) -> bool:
+    if tag.name == "node":
+        return any(word.endswith(f"/{name}") or word == name for word in tag.given.get("args", "").split())
+    stated = tag.given.get("value", tag.given.get("default", ""))
+    return tag.given.get("name") in _WORLD and PurePath(stated).name == name
+
+
+def _tags(path: Path, packages: Mapping[str, Path], seen: set[Path]) -> Iterator[LaunchTag]:
+    path = path.resolve()
+    if path in seen or len(seen) == _MAX_FILES:
+        return
+    seen.add(path)
+    for tag in _own_tags(path):
+        yield tag
+        if tag.name == "include" and (file := _found(tag.given.get("file", ""), packages)) is not None:
+            yield from _tags(file, packages, seen)
+
+
+def _own_tags(path: Path) -> list[LaunchTag]:
+    """Return the tags of a file itself; in broken XML, those before the error."""
+    found: list[LaunchTag] = []
+    parser = xml.parsers.expat.ParserCreate()
+    file = shown_path(path)
+
+    def begin(name: str, given: dict[str, str]) -> None:
+        found.append(LaunchTag(name, given, Location(file, parser.CurrentLineNumber)))
+
+    parser.StartElementHandler = begin
+    # roslaunch reports what is wrong with the file.
+    with suppress(OSError, xml.parsers.expat.ExpatError):
+        parser.Parse(read_at_most(path, _MAX_LAUNCH_FILE_BYTES) or b"", True)
+    return found
+
+
+def _found(stated: str, packages: Mapping[str, Path]) -> Path | None:
+    names = _FIND.findall(stated)
+    if any(name not in packages for name in names):
+        return None
+    path = _FIND.sub(lambda found: str(packages[found[1]]), stated)
+    return Path(path) if "$(" not in path and Path(path).is_file() else None

@@ -1,0 +1,248 @@
+"""The table of the tags of Gazebo worlds: those that are read, those without an effect, and those that are lost.
+
+Names are those of sdformat.org/spec. A tag that is not in the table is lost as well.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final, Literal
+from xml.etree.ElementTree import Element
+
+Effect = Literal["read", "none", "lost"]
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One row of a table of tags.
+
+    Attributes:
+        effect: "read": it is simulated; "none": it changes nothing; "lost": it changes something in Gazebo only.
+        reason: of "none" and "lost".
+        neutral: texts with which a lost tag has no effect in Gazebo either.
+        moving: True if it is lost only in a model that moves.
+    """
+
+    effect: Effect
+    reason: str = ""
+    neutral: tuple[str, ...] = ()
+    moving: bool = False
+
+    def is_lost(self, text: str, *, moves: bool) -> bool:
+        """Return True if a tag with this text is lost."""
+        if self.effect != "lost" or (self.moving and not moves):
+            return False
+        return not any(_is_equal(text, neutral) for neutral in self.neutral)
+
+
+READ: Final = Row("read")
+_DRAWN: Final = Row("none", "it is only drawn")
+_SOLVER: Final = Row("none", "it is a parameter of Gazebo's engine")
+_PLUGINS: Final = Row("none", "only plugins use it, and they are reported")
+
+_TAGS: Final[Mapping[str, Mapping[str, Row]]] = MappingProxyType(
+    {
+        "world": {
+            "include": READ,
+            "model": READ,
+            "gravity": READ,
+            "state": READ,
+            "plugin": READ,
+            "physics": _SOLVER,
+            "light": _DRAWN,
+            "scene": _DRAWN,
+            "gui": _DRAWN,
+            "road": _DRAWN,
+            "audio": Row("none", "there is no sound"),
+            "magnetic_field": _PLUGINS,
+            "spherical_coordinates": _PLUGINS,
+            "atmosphere": _PLUGINS,
+            "wind": Row("none", "it acts only on models with <enable_wind>, which are reported"),
+            "frame": Row("none", "poses relative to a frame are reported"),
+            "actor": Row("lost", "nothing can touch or see it"),
+            "population": Row("lost", "its models are missing"),
+            "joint": Row("lost", "the models are not joined"),
+        },
+        "include": {
+            "uri": READ,
+            "name": READ,
+            "pose": READ,
+            "static": READ,
+            "plugin": READ,
+            "placement_frame": Row("lost", "the pose is that of the model itself"),
+            "merge": Row("none", "a body has no names inside"),
+        },
+        "model": {
+            "static": READ,
+            "pose": READ,
+            "link": READ,
+            "model": READ,
+            "include": READ,
+            "plugin": READ,
+            "allow_auto_disable": _SOLVER,
+            "self_collide": Row("none", "a body is one shape"),
+            "frame": Row("none", "poses relative to a frame are reported"),
+            "enable_wind": Row("lost", "there is no wind", ("false",), moving=True),
+            "joint": Row("lost", "a body has no joints", moving=True),
+            "gripper": Row("lost", "a body has no joints", moving=True),
+        },
+        "link": {
+            "pose": READ,
+            "inertial": READ,
+            "collision": READ,
+            "visual": _DRAWN,
+            "light": _DRAWN,
+            "projector": _DRAWN,
+            "particle_emitter": _DRAWN,
+            "sensor": Row("none", "without a plugin it publishes nothing for nodes, and plugins are reported"),
+            "battery": _PLUGINS,
+            "audio_sink": Row("none", "there is no sound"),
+            "audio_source": Row("none", "there is no sound"),
+            "must_be_base_link": _SOLVER,
+            "self_collide": Row("none", "a body is one shape"),
+            "gravity": Row("lost", "the body falls", ("true",), moving=True),
+            "kinematic": Row("lost", "the body obeys forces", ("false",), moving=True),
+            "enable_wind": Row("lost", "there is no wind", ("false",), moving=True),
+            "velocity_decay": READ,
+        },
+        "velocity_decay": {
+            "linear": Row("lost", "the motion is not damped", ("0",), moving=True),
+            "angular": Row("lost", "the motion is not damped", ("0",), moving=True),
+        },
+        "collision": {
+            "pose": READ,
+            "geometry": READ,
+            "surface": READ,
+            "max_contacts": _SOLVER,
+            "laser_retro": Row("lost", "lidars measure no intensity", ("0",)),
+        },
+        "surface": {
+            "friction": READ,
+            "bounce": READ,
+            "contact": READ,
+            "soft_contact": Row("lost", "contacts are hard"),
+        },
+        "friction": {
+            "ode": READ,
+            "bullet": Row("none", "Gazebo's default engine reads the tags of <ode>"),
+            "torsional": READ,
+        },
+        "ode": {
+            "mu": READ,
+            "mu2": READ,
+            "fdir1": Row("none", "it matters only if <mu> and <mu2> differ, which is reported"),
+            "slip1": Row("lost", "contacts do not slip", ("0",)),
+            "slip2": Row("lost", "contacts do not slip", ("0",)),
+        },
+        "torsional": {
+            "coefficient": Row("none", "it acts only with a radius, which is reported"),
+            "use_patch_radius": Row("none", "it acts only with a radius, which is reported"),
+            "patch_radius": Row("lost", "a contact does not resist a turn", ("0",)),
+            "surface_radius": Row("lost", "a contact does not resist a turn", ("0",)),
+            "ode": Row("none", "it acts only with a radius, which is reported"),
+        },
+        "bounce": {
+            "restitution_coefficient": Row("lost", "nothing bounces", ("0",)),
+            "threshold": Row("none", "it acts only with a restitution, which is reported"),
+        },
+        "contact": {
+            "ode": _SOLVER,
+            "bullet": _SOLVER,
+            "poissons_ratio": _SOLVER,
+            "elastic_modulus": _SOLVER,
+            "collide_bitmask": Row("lost", "it collides with everything", ("65535", "0xffff", "0xFFFF")),
+            "category_bitmask": Row("lost", "it collides with everything", ("65535", "0xffff", "0xFFFF")),
+            "collide_without_contact": Row("lost", "it collides like any other shape", ("false",)),
+            "collide_without_contact_bitmask": Row("none", "it acts only with <collide_without_contact>"),
+        },
+        "mesh": {
+            "uri": READ,
+            "scale": READ,
+            "submesh": Row("lost", "the shape cannot be a part of a file"),
+        },
+        "state": {
+            "model": READ,
+            "sim_time": Row("none", "the clock starts at 0"),
+            "real_time": Row("none", "the clock starts at 0"),
+            "wall_time": Row("none", "the clock starts at 0"),
+            "iterations": Row("none", "the clock starts at 0"),
+            "light": _DRAWN,
+            "insertions": Row("lost", "its models are missing"),
+            "deletions": Row("lost", "its models still exist"),
+        },
+        "state/model": {
+            "pose": READ,
+            "link": READ,
+            "scale": Row("lost", "the model has its own size", ("1 1 1",)),
+            "joint": Row("lost", "joints start at home"),
+            "model": Row("lost", "the nested model is at the pose of its own file"),
+        },
+        "state/link": {
+            "pose": READ,
+            "velocity": Row("lost", "the link starts at rest", ("0 0 0 0 0 0",)),
+            "acceleration": Row("none", "it follows from forces"),
+            "wrench": Row("none", "it follows from forces and contacts"),
+            "collision": Row("none", "it repeats the pose of the link"),
+        },
+    }
+)
+
+HARMLESS_WORLD_PLUGINS: Final[Mapping[str, str]] = {
+    "gazebo_ros_api_plugin": "its services and topics are those of sim-action",
+    "gazebo_ros_paths_plugin": "it sets search paths, which sim-action takes from packages",
+}
+"""Plugin of a world -> the reason why its absence is not a loss."""
+
+_ATTRIBUTES: Final[Mapping[str, tuple[str, ...]]] = {
+    "relative_to": ("", "world", "__model__"),
+    "degrees": ("", "false"),
+    "rotation_format": ("", "euler_rpy"),
+    "frame": ("", "world"),
+}
+"""Attribute of a <pose> -> texts with which it has no effect; others are not supported."""
+
+
+def lost_tags(holder: Element, kind: str = "", *, moves: bool = False) -> Iterator[tuple[Element, str]]:
+    """Yield each lost tag below an element, with the message about it; `kind`: its table, if not that of its tag."""
+    rows = _TAGS[kind or holder.tag]
+    for tag in holder:
+        row = rows.get(tag.tag)
+        text = (tag.text or "").strip()
+        if tag.tag == "pose":
+            yield from ((tag, message) for message in _pose_attributes(tag))
+        if row is None:
+            yield tag, f"<{tag.tag}> of <{holder.tag}> is not supported and has no effect"
+        elif row.is_lost(text, moves=moves):
+            yield tag, f"<{tag.tag}>{f'{text}</{tag.tag}>' if text else ''} is not simulated: {row.reason}"
+
+
+def lost_tags_below(holder: Element, *, moves: bool) -> Iterator[tuple[Element, str]]:
+    """Yield the lost tags of an element and of all tags below it that have a table."""
+    yield from lost_tags(holder, moves=moves)
+    rows = _TAGS[holder.tag]
+    for tag in holder:
+        if tag.tag in _TAGS and rows.get(tag.tag) is READ:
+            yield from lost_tags_below(tag, moves=moves)
+
+
+def _pose_attributes(pose: Element) -> Iterator[str]:
+    for name, neutral in _ATTRIBUTES.items():
+        if (text := pose.get(name, "")) not in neutral:
+            yield f'<pose {name}="{text}"> is not supported: the pose counts from the element around it, in radians'
+
+
+def _is_equal(text: str, neutral: str) -> bool:
+    found, wanted = _numbers(text), _numbers(neutral)
+    return found == wanted if found is not None and wanted is not None else text.lower() == neutral.lower()
+
+
+def _numbers(text: str) -> tuple[float, ...] | None:
+    words = {"true": "1", "false": "0"}
+    try:
+        found = tuple(float(words.get(word.lower(), word)) for word in text.split())
+    except ValueError:
+        return None
+    return found if found and all(map(math.isfinite, found)) else None

@@ -1,0 +1,87 @@
+"""The table of the tags of worlds: what is lost, and what has no effect."""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree as ET
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim_action.ros.ros1 import world_tags
+from sim_action.ros.ros1.world_tags import lost_tags, lost_tags_below
+
+
+def lost(text: str, *, moves: bool = False) -> list[str]:
+    return [message for _, message in lost_tags_below(ET.fromstring(text), moves=moves)]
+
+
+def test_every_row_that_is_not_read_has_a_reason() -> None:
+    for holder, rows in world_tags._TAGS.items():
+        for tag, row in rows.items():
+            assert bool(row.reason) == (row.effect != "read"), (holder, tag)
+            assert not row.neutral or row.effect == "lost", (holder, tag)
+
+
+def test_what_is_only_drawn_or_set_for_the_engine_of_gazebo_is_not_lost() -> None:
+    tags = ("light", "scene", "gui", "physics", "road", "magnetic_field", "atmosphere", "spherical_coordinates", "wind")
+    world = "".join(f"<{tag}><inside>1</inside></{tag}>" for tag in tags)
+    assert list(lost_tags(ET.fromstring(f"<world>{world}</world>"))) == []
+
+
+def test_an_unknown_tag_is_lost() -> None:
+    (message,) = lost("<link><gravitty>0</gravitty></link>")
+    assert message == "<gravitty> of <link> is not supported and has no effect"
+
+
+@pytest.mark.parametrize(
+    ("link", "fixed", "moving"),
+    [
+        ("<gravity>0</gravity>", 0, 1),
+        ("<gravity>true</gravity>", 0, 0),
+        ("<kinematic>false</kinematic>", 0, 0),
+        ("<kinematic>1</kinematic>", 0, 1),
+        ("<velocity_decay><linear>0</linear><angular>0.1</angular></velocity_decay>", 0, 1),
+        ("<visual><anything/></visual>", 0, 0),
+        ("<sensor><camera/></sensor>", 0, 0),
+    ],
+)
+def test_a_part_of_the_motion_is_lost_only_where_something_moves(link: str, fixed: int, moving: int) -> None:
+    text = f"<link>{link}</link>"
+    assert (len(lost(text)), len(lost(text, moves=True))) == (fixed, moving)
+
+
+@pytest.mark.parametrize(
+    ("surface", "count"),
+    [
+        ("<contact><ode/></contact><friction><ode/><torsional><ode/></torsional></friction><bounce/>", 0),
+        ("<contact><ode><kp>1e6</kp><kd>1</kd><max_vel>0.1</max_vel></ode></contact>", 0),
+        ("<contact><collide_bitmask>0xffff</collide_bitmask></contact>", 0),
+        ("<contact><collide_bitmask>0x01</collide_bitmask></contact>", 1),
+        ("<contact><collide_without_contact>1</collide_without_contact></contact>", 1),
+        ("<bounce><restitution_coefficient>0.5</restitution_coefficient><threshold>1</threshold></bounce>", 1),
+        ("<bounce><restitution_coefficient>0</restitution_coefficient></bounce>", 0),
+        ("<friction><torsional><patch_radius>0.1</patch_radius></torsional></friction>", 1),
+        ("<soft_contact/>", 1),
+    ],
+)
+def test_properties_of_contacts(surface: str, count: int) -> None:
+    assert len(lost(f"<collision><surface>{surface}</surface></collision>")) == count
+
+
+@pytest.mark.parametrize(
+    ("attributes", "count"),
+    [("", 0), ('relative_to="world"', 0), ('relative_to="other"', 1), ('degrees="true"', 1), ('frame="" ', 0)],
+)
+def test_a_pose_that_is_not_read_as_it_is_meant_is_lost(attributes: str, count: int) -> None:
+    assert len(lost(f"<model><pose {attributes}>1 0 0 0 0 0</pose></model>")) == count
+
+
+@given(st.sampled_from(["0", "0.0", "-0", "0e3", "false", "False"]))
+def test_a_neutral_value_counts_however_it_is_written(text: str) -> None:
+    assert lost(f"<collision><laser_retro>{text}</laser_retro></collision>") == []
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False).filter(bool))
+def test_any_other_value_is_lost(value: float) -> None:
+    assert len(lost(f"<collision><laser_retro>{value!r}</laser_retro></collision>")) == 1
