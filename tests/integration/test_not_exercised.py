@@ -1,0 +1,68 @@
+"""An expectation that is never judged: exit code, reports, and the ways to accept it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import junitparser
+import pytest
+
+from tests.integration.conftest import sim_action
+
+# The first reading comes at 1 s, after the window of the expectation has closed.
+UNREAD = """\
+name: range in front
+robot: {model: turtlebot3_burger}
+sensors: [{lidar: {rays: 10, range: 3.5 m}, name: scan, link: base_scan, rate: 1 Hz}]
+expect:
+  - sensor: {name: scan, reading: ranges, which: min, at_least: 0.2}
+    name: free in front
+    after: 0.2 s
+    before: 0.6 s
+  - upright
+"""
+TIMES = "time_limit: 1 s\n"
+
+
+def test_every_report_shows_that_it_was_not_exercised(tmp_path: Path) -> None:
+    (tmp_path / "a.sim.yml").write_text(UNREAD + TIMES)
+    output = tmp_path / "outputs.txt"
+    run = sim_action(tmp_path, "run", "--verbose", GITHUB_ACTIONS="true", GITHUB_OUTPUT=str(output))
+    assert run.returncode == 1, run.stdout + run.stderr
+    assert "1 not exercised" in run.stdout
+    assert "::error file=a.sim.yml,line=5" in run.stdout
+    assert "not-exercised<<" in output.read_text()
+    (suite,) = junitparser.JUnitXml.fromfile(str(tmp_path / "sim-results/junit.xml"))
+    assert (suite.tests, suite.failures, suite.errors) == (2, 0, 1)
+    ((error,),) = (case.result for case in suite if case.result)
+    assert (type(error), error.type) == (junitparser.Error, "not_exercised")
+    (outcome,) = json.loads((tmp_path / "sim-results/results.json").read_text())["outcomes"]
+    assert outcome["status"] == "not_exercised"
+    unread, upright = (expected["verdict"]["judged"] for expected in outcome["expectations"])
+    assert unread == {"moments": 0, "first": None, "last": None}
+    assert upright["moments"] >= 240
+    assert f"judged at {upright['moments']} moments, 0.00 s to 1.00 s" in run.stdout
+    assert "Not exercised: something was never checked" in (tmp_path / "sim-results/report.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("own", "project", "options", "code"),
+    [
+        ("unexercised: warn\n", "", (), 0),
+        ("", 'unexercised = "warn"', (), 0),
+        ("", "", ("--unexercised", "warn"), 0),
+        ("", 'unexercised = "warn"', ("--unexercised", "error"), 1),
+        ("unexercised: error\n", 'unexercised = "warn"', ("--unexercised", "warn"), 1),
+    ],
+)
+def test_it_can_be_accepted_knowingly(
+    own: str, project: str, options: tuple[str, ...], code: int, tmp_path: Path
+) -> None:
+    (tmp_path / ".git").mkdir()
+    (tmp_path / "a.sim.yml").write_text(UNREAD + own + TIMES)
+    if project:
+        (tmp_path / "pyproject.toml").write_text(f"[tool.sim-action]\n{project}\n")
+    run = sim_action(tmp_path, "run", *options)
+    assert run.returncode == code, run.stdout + run.stderr
+    assert ("1 passed, 1 warning" if code == 0 else "1 not exercised") in run.stdout
