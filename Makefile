@@ -20,7 +20,7 @@ HAS_NODE = $(WITH_NODE) node -e 'process.exit(parseInt(process.versions.node) < 
 # A shell that forbids bytecode would have each of the thousands of processes of a test run compile what it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: viewer screenshots demo check check-tests test soak coverage lint lint-style lint-layers $(TYPES) lint-workflows lint-viewer format docs robots picture bench fuzz lock clean
+.PHONY: viewer screenshots demo check check-tests test soak coverage lint lint-style lint-layers $(TYPES) lint-workflows lint-viewer format docs robots picture bench fuzz mutants lock clean
 
 demo: $(VENV)/.installed ## run the scenario at the top of README.md
 	@$(BIN)/sim-action run examples/turtlebot3/straight_line.sim.yml
@@ -107,6 +107,10 @@ bench: $(VENV)/.dev viewer ## ratios against the raw engine; what cannot be meas
 
 fuzz: $(VENV)/.dev ## a quarter of an hour of robot models that nobody has written
 	$(BIN)/python -m tests.fuzz_urdf
+
+# Arguments: SAMPLE, how many; SEED, which ones.
+mutants: $(VENV)/.dev viewer ## change lines of sim_action at random, and list the changes that no test notices
+	$(BIN)/python -m tests.mutants --sample $(or $(SAMPLE),10) $(if $(SEED),--seed $(SEED))
 
 lock: $(VENV)/.installed ## what the action installs
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check uv

@@ -1,0 +1,267 @@
+"""Changes lines of sim_action at random, and lists the changes that no test notices: `make mutants`.
+
+    python -m tests.mutants --sample 100 --seed 7
+
+Each change, a mutant, is made in a copy of the repository. Tests of the same module run first, then those of its
+folder, and so on. The first that fails ends the search. A test that also fails without the mutant is left out. A mutant
+that means the same as the original is listed with its reason in `equivalent_mutants.toml`, and is not drawn.
+
+mutmut and cosmic-ray are not used: they draw no sample per folder, and mutmut needs tests in one process.
+"""
+
+from __future__ import annotations
+
+import argparse
+import difflib
+import os
+import random
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import tomllib
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from itertools import count
+from pathlib import Path
+from queue import SimpleQueue
+from typing import Final
+
+from tests.mutations import Mutant, mutants
+
+ROOT: Final = Path(__file__).parents[1]
+EQUIVALENT: Final = ROOT / "tests/equivalent_mutants.toml"
+LEAST_SHARE: Final = 0.92
+
+_FAILED: Final = re.compile(r"^(?:FAILED|ERROR) (\S+?::.*?|\S+)(?: - .*)?$", re.MULTILINE)
+_TIMEOUT_S: Final = 900.0
+_WHOLE: Final = ("tests", "-m", "not process", "--ignore", "tests/integration")
+# Files of tests/integration that look at a folder; those of ROS take minutes.
+_INTEGRATION: Final = {
+    "app": "cli suites inspect templates shards watch",
+    "assertions": "temporal_logic signals driven_worlds suites",
+    "cli": "cli suites shards inspect",
+    "commands": "probe saturation joint_trajectories driven_paths faults robots",
+    "core": "cli bad_models execution probe",
+    "drives": "drives driven_backends driven_paths odometry wheel_limits robots",
+    "engines": "backends joint_physics contact_physics physics pybullet clearances rays worlds moving_worlds "
+    "mesh_physics engine_tables motor_work driven_backends driven_worlds first_clashes imu lidar camera contact_sensor "
+    "native_robots",
+    "meshes": "meshes mesh_physics",
+    "recording": "recordings replays replay replayed_links filming report_in_browser",
+    "reports": "cli suites report_in_browser replay",
+    "results": "cli suites shards repeats",
+    "robot": "robots bad_models sdf native_robots meshes inspect allowed templates",
+    "ros": "patches ros1_processes ros1_launches ros1_scenarios ros1",
+    "runner": "execution processes repeats golden_runs agreement killers resource_guards shards inspection_process",
+    "scenario": "cli suites worlds moving_worlds watch",
+    "sensors": "imu lidar camera contact_sensor odometry rays",
+    "simulation": "execution physics faults driven_worlds odometry templates golden_runs",
+    "state": "repeats golden_runs signals agreement recordings",
+    "world": "worlds moving_worlds first_clashes patches meshes",
+}
+
+
+@dataclass(slots=True)
+class Copy:
+    """A copy of the repository, in which one mutant at a time is made."""
+
+    folder: Path
+    _clock: Iterator[int] = field(default_factory=lambda: count(1_000_000_000, 10))
+
+    @classmethod
+    def of_repository(cls, folder: Path) -> Copy:
+        listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, check=True, capture_output=True, text=True).stdout
+        viewer = "sim_action/reports/viewer/viewer3d.json"
+        for name in {*listed.split("\0"), viewer}:
+            if name and (ROOT / name).is_file():
+                (folder / name).parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy(ROOT / name, folder / name)
+        return cls(folder)
+
+    def write(self, file: str, text: str) -> None:
+        """Write a file with a time of its own: Python knows its bytecode by seconds and size."""
+        path = self.folder / file
+        path.write_text(text, encoding="utf-8")
+        os.utime(path, (now := next(self._clock), now))
+
+    def first_failure(self, *arguments: str, timeout_s: float = _TIMEOUT_S) -> str | None:
+        """Run tests up to the first that fails, and return its name; None: none fails."""
+        options = ("-n", "0", "-q", "-x", "-p", "no:cacheprovider", "-rfE", "--tb=no", "--no-header")
+        with tempfile.TemporaryDirectory() as scratch:
+            environment = {**os.environ, "PYTHONPATH": str(self.folder), "TMPDIR": scratch}
+            with subprocess.Popen(
+                [sys.executable, "-m", "pytest", *options, *arguments],
+                cwd=self.folder,
+                env=environment,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                text=True,
+                errors="replace",
+                start_new_session=True,
+            ) as tests:
+                try:
+                    printed, _ = tests.communicate(timeout=timeout_s)
+                except subprocess.TimeoutExpired:
+                    return f"no end within {timeout_s:.0f} s"
+                finally:
+                    _end(tests.pid)
+        if tests.returncode in (0, 5):
+            return None
+        found = _FAILED.search(printed)
+        return found[1] if found else f"exit {tests.returncode}: {printed[-200:].strip()}"
+
+
+def _end(group: int) -> None:
+    try:
+        os.killpg(group, signal.SIGKILL)
+    except ProcessLookupError:
+        return
+
+
+class Hunt:
+    """Looks for a test that notices a mutant; `fails_anyway` fail without any."""
+
+    def __init__(self, clean: Copy) -> None:
+        self._clean = clean
+        self._sound: set[str] = set()
+        self.fails_anyway: set[str] = set()
+
+    def noticed_by(self, mutant: Mutant, copy: Copy) -> str | None:
+        """Return the first test that fails because of a mutant; None: no test fails."""
+        original = (ROOT / mutant.file).read_text(encoding="utf-8")
+        copy.write(mutant.file, mutant.applied(original))
+        try:
+            return next((found for tests in stages(mutant.file) if (found := self._failure(copy, tests))), None)
+        finally:
+            copy.write(mutant.file, original)
+
+    def _failure(self, copy: Copy, tests: Sequence[str]) -> str | None:
+        while True:
+            left_out = [argument for name in sorted(self.fails_anyway) for argument in ("--deselect", name)]
+            failed = copy.first_failure(*tests, *left_out)
+            if failed is None or "::" not in failed or self._passes_otherwise(failed):
+                return failed
+            self.fails_anyway.add(failed)
+
+    def _passes_otherwise(self, test: str) -> bool:
+        if test not in self._sound and self._clean.first_failure(test) is None:
+            self._sound.add(test)
+        return test in self._sound
+
+
+def stages(file: str) -> Iterator[tuple[str, ...]]:
+    """Yield arguments for pytest, from the tests nearest to a module to those far away; none runs twice in vain."""
+    top, *_ = parts = Path(file).relative_to("sim_action").with_suffix("").parts
+    if parts[-1] == "__init__":
+        parts = parts[:-1]
+    module = r"\.".join(("sim_action", *parts))
+    folder, name = "/".join(parts[:-1]), parts[-1] if parts else ""
+    near = {str(path.relative_to(ROOT)) for path in (ROOT / "tests" / folder).glob(f"test_{name}*.py")}
+    imports = re.compile(rf"\b{module}\b(?!\.)|from {module.rpartition(chr(92))[0]} import [^\n]*\b{name}\b")
+    for path in (ROOT / "tests").rglob("test_*.py"):
+        if "integration" not in path.parts and imports.search(path.read_text(encoding="utf-8")):
+            near.add(str(path.relative_to(ROOT)))
+    if near:
+        yield tuple(sorted(near, key=lambda test: (not test.startswith(f"tests/{folder}"), test)))
+    if (ROOT / "tests" / top).is_dir():
+        yield (f"tests/{top}", *(argument for test in sorted(near) for argument in ("--ignore", test)))
+    if integration := [f"tests/integration/test_{name}.py" for name in _INTEGRATION.get(top, "cli").split()]:
+        yield tuple(integration)
+    yield (*_WHOLE, "--ignore", f"tests/{top}")
+
+
+def drawn(sample: int, seed: int, only: str) -> list[Mutant]:
+    """Return mutants of as many lines, spread evenly over the folders; each line is as likely as another."""
+    rng = random.Random(seed)
+    table = equivalent()
+    known = {(entry["file"], entry["line"], entry["becomes"]) for entry in table}
+    files = {entry["file"] for entry in table}
+    lines: list[list[Mutant]] = []
+    for path in sorted((ROOT / "sim_action").rglob("*.py")):
+        file = str(path.relative_to(ROOT))
+        if file.startswith(only):
+            text = path.read_text(encoding="utf-8")
+            by_line: dict[int, list[Mutant]] = {}
+            for mutant in mutants(file, text):
+                if file not in files or (file, *mutant.difference(text)) not in known:
+                    by_line.setdefault(mutant.line, []).append(mutant)
+            lines += by_line.values()
+    # By folder, in a random order within each one: every n-th is an even spread.
+    lines.sort(key=lambda found: (found[0].file.split("/")[1], rng.random()))
+    sample = min(sample, len(lines))
+    first = rng.random()
+    chosen = [lines[int((number + first) * len(lines) / sample)] for number in range(sample)]
+    rng.shuffle(chosen)
+    return [rng.choice(found) for found in chosen]
+
+
+def equivalent() -> list[dict[str, str]]:
+    """Return the table of mutants that mean the same as the original."""
+    table: list[dict[str, str]] = tomllib.loads(EQUIVALENT.read_text(encoding="utf-8")).get("mutant", [])
+    return table
+
+
+def diff(mutant: Mutant) -> str:
+    """Return what a mutant changes, as lines of a diff."""
+    original = (ROOT / mutant.file).read_text(encoding="utf-8")
+    lines = difflib.unified_diff(original.splitlines(), mutant.applied(original).splitlines(), lineterm="", n=0)
+    return "\n".join(f"    {line}" for line in lines if not line.startswith(("---", "+++", "@@")))
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Return 1 if fewer than `LEAST_SHARE` of the sample were noticed."""
+    parser = argparse.ArgumentParser(description="list changes of sim_action that no test notices")
+    parser.add_argument("--sample", type=int, default=10)
+    parser.add_argument("--seed", type=int, default=random.SystemRandom().randrange(1_000_000))
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--only", default="sim_action/", help="beginning of the files' names")
+    parser.add_argument("--list", action="store_true", help="show the sample, and run no test")
+    options = parser.parse_args(arguments)
+    sample = drawn(options.sample, options.seed, options.only)
+    print(f"{len(sample)} mutants, seed {options.seed}", flush=True)
+    if options.list:
+        for mutant in sample:
+            print(f"{mutant.file}:{mutant.line}\n{diff(mutant)}")
+        return 0
+    survivors = hunt(sample, options.jobs)
+    noticed = len(sample) - len(survivors)
+    print(f"\nnoticed: {noticed} of {len(sample)} ({noticed / max(len(sample), 1):.0%}), seed {options.seed}")
+    for mutant in sorted(survivors):
+        print(f"not noticed: {mutant.file}:{mutant.line}\n{diff(mutant)}")
+    return int(noticed < LEAST_SHARE * len(sample))
+
+
+def hunt(sample: Iterable[Mutant], jobs: int) -> list[Mutant]:
+    """Return the mutants that no test notices."""
+    survivors: list[Mutant] = []
+    with tempfile.TemporaryDirectory(prefix="mutants-") as scratch:
+        copies = SimpleQueue[Copy]()
+        for number in range(jobs):
+            copies.put(Copy.of_repository(Path(scratch) / str(number)))
+        found = Hunt(Copy.of_repository(Path(scratch) / "clean"))
+
+        def examine(mutant: Mutant) -> None:
+            copy, start = copies.get(), time.monotonic()
+            try:
+                test = found.noticed_by(mutant, copy)
+            finally:
+                copies.put(copy)
+            if test is None:
+                survivors.append(mutant)
+            told = f"noticed by {test}" if test else f"NOT NOTICED\n{diff(mutant)}"
+            print(f"{mutant.file}:{mutant.line} {time.monotonic() - start:.0f} s: {told}", flush=True)
+
+        with ThreadPoolExecutor(jobs) as pool:
+            list(pool.map(examine, sample))
+        for name in sorted(found.fails_anyway):
+            print(f"left out, because it fails in a copy without any change: {name}")
+    return survivors
+
+
+if __name__ == "__main__":
+    sys.exit(main())
