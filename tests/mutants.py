@@ -3,8 +3,8 @@
     python -m tests.mutants --sample 100 --seed 7
 
 Each change, a mutant, is made in a copy of the repository. Tests of the same module run first, then those of its
-folder, and so on. The first that fails ends the search. A test that also fails without the mutant is left out. A mutant
-that means the same as the original is listed with its reason in `equivalent_mutants.toml`, and is not drawn.
+folder, and so on. The first that fails twice ends the search. A test that also fails without the mutant is left out. A
+mutant that means the same as the original is listed with its reason in `equivalent_mutants.toml`, and is not drawn.
 
 mutmut and cosmic-ray are not used: they draw no sample per folder, and mutmut needs tests in one process.
 """
@@ -141,12 +141,18 @@ class Hunt:
             copy.write(mutant.file, original)
 
     def _failure(self, copy: Copy, tests: Sequence[str]) -> str | None:
+        by_chance: set[str] = set()
         while True:
-            left_out = [argument for name in sorted(self.fails_anyway) for argument in ("--deselect", name)]
+            left_out = [argument for name in {*self.fails_anyway, *by_chance} for argument in ("--deselect", name)]
             failed = copy.first_failure(*tests, *left_out)
-            if failed is None or "::" not in failed or self._passes_otherwise(failed):
+            if failed is None or "::" not in failed:
                 return failed
-            self.fails_anyway.add(failed)
+            if not self._passes_otherwise(failed):
+                self.fails_anyway.add(failed)
+            elif copy.first_failure(failed) is None:
+                by_chance.add(failed)
+            else:
+                return failed
 
     def _passes_otherwise(self, test: str) -> bool:
         if test not in self._sound and self._clean.first_failure(test) is None:
