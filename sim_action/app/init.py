@@ -15,9 +15,9 @@ name: robot drives straight
 robot:
   model: turtlebot3_burger      # a built-in model (sim-action models), or the path of your .urdf, relative to this file
 
-# world:                        # flat ground; to add a wall, remove the # in front of these three lines
-#   objects:
-#     - {name: wall, box: [0.1, 2.0, 0.5], pose: {x: 3.0}}
+world:                          # flat ground, and a wall that the robot must not touch
+  objects:
+    - {name: wall, box: [0.1, 2.0, 0.5], pose: {x: 3.0}}
 
 commands:                       # what drives the robot (sim-action commands lists more)
   rate: 10 Hz

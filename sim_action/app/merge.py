@@ -16,7 +16,7 @@ from sim_action.core.wording import escaped_line, log_line
 from sim_action.reports import ReportRequest, report_options, write_reports
 from sim_action.reports.escaping import shortened
 from sim_action.results.artifacts import RUN_FILE_FOLDERS, StoredFile, stored_files_of, trace_paths, with_copied_files
-from sim_action.results.outcome import Outcome
+from sim_action.results.outcome import Outcome, audited_over_variations
 from sim_action.results.results_json import RESULTS_FILE, Results, ResultsFile, find_all, read_all
 from sim_action.results.shard_results import Entry, Listing, merge_shards
 
@@ -40,7 +40,7 @@ def merge_results(request: MergeRequest) -> ExitCode:
     evidence = [stored_files_of(entry.outcome, entry.origin.parent if entry.origin else None) for entry in entries]
     _refuse_to_overwrite(files, evidence, request.reports)
     options = report_options(request.reports)
-    outcomes = list(_with_evidence(entries, evidence, options.folder))
+    outcomes = audited_over_variations(list(_with_evidence(entries, evidence, options.folder)))
     added = [outcome for outcome, entry in zip(outcomes, entries, strict=True) if entry.origin is None]
     results = _results([file.results for file in files], outcomes)
     write_reports(results, options, annotated=results.model_copy(update={"outcomes": tuple(added)}))

@@ -14,7 +14,7 @@ from sim_action import __version__
 from sim_action.core.process import Interruption
 from sim_action.reports import ReportOptions, ReportRequest, make_ready, report_options, write_reports
 from sim_action.reports.progress import ProgressListener
-from sim_action.results.outcome import Outcome
+from sim_action.results.outcome import Outcome, audited_over_variations
 from sim_action.results.results_json import Results
 from sim_action.runner.child_outcome import skipped
 from sim_action.runner.process_pool import execute
@@ -53,7 +53,7 @@ def run_scenarios(request: RunRequest, interruption: Interruption) -> Results:
         wall_time=time.monotonic() - started,
         shard=found.shard,
         selected=bool(request.plan.suite.numbers),
-        outcomes=(*outcomes, *map(Outcome.of_nothing, found.empty)),
+        outcomes=(*audited_over_variations(outcomes), *map(Outcome.of_nothing, found.empty)),
     )
     write_reports(results, options)
     return results

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Annotated, Final, Literal, Self, get_args
 
@@ -123,6 +123,27 @@ class ExpectationOutcome(FrozenModel):
     def warned(self) -> bool:
         """Return True if the expectation did not pass but must not make the scenario fail."""
         return self.status == "warned"
+
+
+def audited_over_variations(outcomes: Sequence[Outcome]) -> list[Outcome]:
+    """Return the outcomes without the warnings that count only if all variations of a scenario have them.
+
+    A variation without a verdict, or one that a broken expectation ended early, says nothing about the others.
+    """
+    counted: dict[tuple[str, str | None], list[AuditWarning]] = {}
+    for outcome in outcomes:
+        if outcome.group is not None and outcome.has_verdict and outcome.end != "expectation failed":
+            found = [warning for warning in outcome.warnings if warning.is_over_variations]
+            same = counted.setdefault((outcome.file, outcome.group), found)
+            same[:] = [warning for warning in same if warning in found]
+    return [_audited(outcome, counted.get((outcome.file, outcome.group))) for outcome in outcomes]
+
+
+def _audited(outcome: Outcome, shared: Sequence[AuditWarning] | None) -> Outcome:
+    if shared is None or all(warning in shared for warning in outcome.warnings if warning.is_over_variations):
+        return outcome
+    kept = tuple(warning for warning in outcome.warnings if not warning.is_over_variations or warning in shared)
+    return outcome.model_copy(update={"warnings": kept})
 
 
 def status_of(expectations: Iterable[ExpectationOutcome]) -> Status:

@@ -330,7 +330,7 @@ def _judged(job: Job, scenario: Scenario, run: SimulationRun) -> Outcome:
         scenario_seed=job.loaded.source.scenario_seed,
         digest=run.digest,
         engine=run.engine,
-        warnings=job.loaded.warnings,
+        warnings=(*job.loaded.warnings, *(each.warning(job.loaded.document) for each in run.findings)),
         notes=run.notes,
         trace=job.trace_name,
         replay=job.named(job.replay) if job.replay and job.replay.is_file() else None,

@@ -102,6 +102,11 @@ class AuditWarning(FrozenModel):
     def __str__(self) -> str:
         return f"{self.message} [{self.rule}]"
 
+    @property
+    def is_over_variations(self) -> bool:
+        """True if it counts only if all variations of a scenario have it. Other versions may have other rules."""
+        return self.rule in RULES and RULES[self.rule].over_variations
+
 
 def allowed_rules(data: Mapping[str, Any]) -> frozenset[str]:
     """Return the rules that the data of a scenario allows, before it is validated."""

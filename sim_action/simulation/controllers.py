@@ -14,6 +14,7 @@ from sim_action.core.geometry import Twist
 from sim_action.drives import DriveMotion
 from sim_action.scenario.model import Scenario
 from sim_action.sensors import MountedSensor
+from sim_action.simulation.run_audit import CommandLog
 from sim_action.state.command import Command, JointTargets, commands_of
 from sim_action.state.observation import Observation
 from sim_action.world.scene import Scene
@@ -45,12 +46,17 @@ class _Source:
 
 
 class Controls:
-    """The open command sources of a scenario, and the drive that turns their twists into joint targets."""
+    """The open command sources of a scenario, and the drive that turns their twists into joint targets.
+
+    Attributes:
+        log: the facts about their commands so far.
+    """
 
     def __init__(
         self, scenario: Scenario, scene: Scene, motion: DriveMotion | None, told: Told = lambda _time, _twist: None
     ) -> None:
         """Open the sources. Raise ScriptError after closing those that are open."""
+        self.log = CommandLog(scene.joint_positions, motion.joints if motion else frozenset())
         self._rate = scenario.physics.rate
         self._told = told
         self._motion = motion
@@ -139,6 +145,7 @@ class Controls:
 
     def _taken(self, source: _Source, command: Command, targets: JointTargets | None) -> JointTargets | None:
         """Apply a command, and return the joint targets of this tick so far."""
+        self.log.add(command)
         if not isinstance(command, JointTargets):
             self._drive(source)
             self._twist = command

@@ -10,13 +10,16 @@ from typing import Final
 
 import numpy as np
 
+from sim_action.assertions.monitors.becoming import Rest
 from sim_action.core.errors import ControllersFinished, RunError
 from sim_action.drives import Drive, recognise
 from sim_action.engines import ENGINES, Engine, chosen
+from sim_action.scenario.claim_audit import ClaimFinding
 from sim_action.scenario.model import Scenario
 from sim_action.simulation.controllers import Controls, padded
 from sim_action.simulation.monitors import End, Panel
 from sim_action.simulation.recorder import RunRecorder
+from sim_action.simulation.run_audit import Motion, RunFacts, audit_run, unreached_events
 from sim_action.simulation.sensors import Sensing
 from sim_action.simulation.start_checks import Spawns, moved_while_settling, refuse_bad_start
 from sim_action.simulation.watchdog import Watchdog
@@ -24,7 +27,6 @@ from sim_action.state.reproducibility import Digest
 from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Verdict
-from sim_action.world import World
 from sim_action.world.scene import Scene
 
 BOLTED: Final = "the base is fixed: twists turn the wheels, but the robot does not move"
@@ -52,6 +54,7 @@ class SimulationRun:
         travelled: the distance in m between the first and last position of the base, on the ground plane.
         wall_time: the duration of the loop in s, without loading and settling.
         notes: assumptions and observations, for people.
+        findings: of the audit of claims after the run, except those that the scenario allows.
     """
 
     trace: Trace
@@ -62,6 +65,7 @@ class SimulationRun:
     wall_time: float
     engine: str
     notes: tuple[str, ...]
+    findings: tuple[ClaimFinding, ...] = ()
 
     @property
     def sim_time(self) -> float:
@@ -147,6 +151,7 @@ class _Loop:
             self._notes.append(moved)
         panel = Panel.open(self._scenario, self._scene, start)
         digest = Digest()
+        motion = Motion(Rest.of(self._scene, start))
         footage.begin(start)
         started = time.perf_counter()
         while panel.end is None:
@@ -154,6 +159,7 @@ class _Loop:
             if len(trace):
                 panel, seen = panel.observe_until_end(trace)
                 digest.add(seen)
+                motion = motion.after(seen)
                 is_last = panel.end is not None or failure is not None
                 footage.add(self._sensing.stored(seen), judged=seen.sensors, is_last=is_last)
             if isinstance(failure, ControllersFinished):
@@ -164,6 +170,10 @@ class _Loop:
         kept = footage.trace()
         assert kept is not None
         x, y, _ = start.pose.position_xyz
+        findings = self._audited(panel, motion)
+        told = {finding.message for finding in findings}
+        missed = (message for _, message in unreached_events(self._scene.world, panel.time))
+        notes = tuple(message for message in missed if message not in told)
         return SimulationRun(
             trace=kept,
             verdicts=panel.verdicts(),
@@ -172,8 +182,18 @@ class _Loop:
             travelled=float(kept.planar_distance_to(x, y)[-1]),
             wall_time=wall_time,
             engine=self._backend.version,
-            notes=tuple(unreached_events(self._scene.world, panel.time)),
+            notes=notes,
+            findings=findings,
         )
+
+    def _audited(self, panel: Panel, motion: Motion) -> tuple[ClaimFinding, ...]:
+        """Return the findings of the audit; none if a broken expectation ended the run early."""
+        if panel.end == "expectation failed":
+            return ()
+        unmet = [monitor.unmet_premises for monitor in panel.monitors]
+        facts = RunFacts(panel.time, motion, self._controls.log, unmet)
+        found = audit_run(self._scenario, self._scene, facts)
+        return tuple(finding for finding in found if finding.rule not in self._scenario.allow)
 
     def _all_notes(self) -> tuple[str, ...]:
         return (*self._notes, *(self._motion.notes if self._motion else ()), *self._controls.notes)
@@ -222,20 +242,3 @@ class _Loop:
 def _fastest(trace: Trace) -> float:
     last = (trace.speed[-1:], trace.turn_rate[-1:], np.abs(trace.joint_velocity[-1]))
     return float(np.concatenate(last).max())
-
-
-def unreached_events(world: World, end: float) -> Iterator[str]:
-    """Yield a note for each disturbance, spawn and path that is due after the end of a run (`end` in s)."""
-    for what, begins in _events(world):
-        if begins >= end:
-            yield f"{what}: it is due at {begins:g} s, but the run ended at {end:.4g} s"
-
-
-def _events(world: World) -> Iterator[tuple[str, float]]:
-    for body in world.objects:
-        if body.appears is not None:
-            yield f"body '{body.name}' never appeared", body.appears
-        if body.path:
-            yield f"the path of body '{body.name}' never began", body.path[0].at
-    for index, disturbance in enumerate(world.disturbances):
-        yield f"world.disturbances[{index}] never began", disturbance.at

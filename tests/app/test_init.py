@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[2]
 
 def test_the_scenario_is_valid_and_the_schema_is_where_it_says(tmp_path: Path) -> None:
     scenario, schema, workflow = write_scaffold(tmp_path, "{}", force=False)
-    load_scenario(scenario)
+    assert load_scenario(scenario).warnings == ()
     assert scenario.read_text().splitlines()[0].endswith(f"$schema={schema.name}")
     assert workflow == tmp_path / ".github/workflows/simulation.yml"
 

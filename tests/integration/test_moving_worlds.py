@@ -328,7 +328,7 @@ def test_a_run_that_was_over_too_early_says_so(engine: str, tmp_path: Path) -> N
     )
     loaded = load(tmp_path, text)
     ran = simulate(loaded.scenario, build_scene(loaded), lambda _: None)
-    assert [note for note in ran.notes if "never began" in note] == [
+    assert [finding.message for finding in ran.findings] == [
         f"world.disturbances[1] never began: it is due at 3 s, but the run ended at {ran.sim_time:.4g} s"
     ]
 

@@ -151,6 +151,31 @@ def test_samples_share_no_random_numbers_and_are_repeated_by_name(tmp_path: Path
         assert all(outcome["digest"] == digests[outcome["name"]] for outcome in again)
 
 
+CAREFUL = """\
+name: careful
+robot: {model: turtlebot3_burger}
+commands: {twist: [{linear: 0}]}
+variations: {commands.twist.0.linear: [0, 0.3]}
+expect: [{stl: always (speed > 0.1 m/s implies tilt < 10 deg)}]
+duration: 0.5 s
+time_limit: 1 s
+"""
+
+
+def test_a_premise_that_held_in_one_variation_is_no_warning_also_after_a_merge(tmp_path: Path) -> None:
+    (tmp_path / "careful.sim.yml").write_text(CAREFUL)
+    ran = sim_action(tmp_path, "run", "careful.sim.yml")
+    assert [outcome["warnings"] for outcome in outcomes(tmp_path)] == [[], []]
+    assert "2 passed in" in ran.stdout
+    alone = sim_action(tmp_path, "run", "careful.sim.yml", "--shard", "1/2", "--output-dir", "first")
+    assert "the premise 'speed > 0.1 m/s' never held" in alone.stdout
+    assert "careful.sim.yml:5:11" in alone.stdout
+    sim_action(tmp_path, "run", "careful.sim.yml", "--shard", "2/2", "--output-dir", "second")
+    merged = sim_action(tmp_path, "merge", "first", "second")
+    assert merged.returncode == 0
+    assert [outcome["warnings"] for outcome in outcomes(tmp_path)] == [[], []]
+
+
 @pytest.mark.skipif(len(installed()) < 2, reason="there is one engine")
 def test_each_variation_is_compared_on_all_engines(folder: Path) -> None:
     sim_action(folder, "run", "push.sim.yml", "--backend", "all", "--only", "push[friction=0.9*")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from sim_action.core.errors import ExitCode, InvalidScenario, Location, Problem
@@ -11,6 +13,7 @@ from sim_action.results.outcome import (
     ExpectationStatus,
     Outcome,
     Status,
+    audited_over_variations,
     status_of,
 )
 from sim_action.scenario.claim_audit import AuditWarning
@@ -110,3 +113,36 @@ def test_a_warning_of_the_audit_keeps_the_status_and_is_displayed() -> None:
     assert (outcome.display_status, outcome.exit_code) == ("warned", ExitCode.PASSED)
     assert outcome.model_copy(update={"status": "failed"}).display_status == "failed"
     assert str(warning) == "it did not move [never-moved]"
+
+
+NEVER_HELD = AuditWarning(rule="premise-never-held", message="it never held", location=Location("a.sim.yml", 9))
+OTHER = NEVER_HELD.model_copy(update={"location": Location("a.sim.yml", 10)})
+STILL = AuditWarning(rule="never-moved", message="it did not move", location=Location("a.sim.yml", 4))
+UNKNOWN = AuditWarning(rule="of-a-later-version", message="news", location=Location("a.sim.yml", 4))
+
+
+def varied(*warnings: AuditWarning, group: str | None = "push", **changed: Any) -> Outcome:
+    outcome = Outcome(name="push[x=1]", file="a.sim.yml", group=group, status="passed", warnings=warnings)
+    return outcome.model_copy(update=changed)
+
+
+def audited(*outcomes: Outcome) -> list[tuple[AuditWarning, ...]]:
+    return [outcome.warnings for outcome in audited_over_variations(outcomes)]
+
+
+def test_a_premise_counts_only_if_it_held_in_no_variation() -> None:
+    assert audited(varied(NEVER_HELD, STILL, UNKNOWN), varied()) == [(STILL, UNKNOWN), ()]
+    assert audited(varied(), varied(NEVER_HELD)) == [(), ()]
+    assert audited(varied(NEVER_HELD), varied(NEVER_HELD)) == [(NEVER_HELD,)] * 2
+    assert audited(varied(NEVER_HELD, OTHER), varied(OTHER)) == [(OTHER,)] * 2
+    # Other scenarios and scenarios without variations say nothing about it.
+    assert audited(varied(NEVER_HELD), varied(group="pull"), varied(file="b.sim.yml")) == [(NEVER_HELD,), (), ()]
+    assert audited(varied(NEVER_HELD, group=None), varied(group=None)) == [(NEVER_HELD,), ()]
+
+
+@pytest.mark.parametrize(
+    "changed", [{"status": "error"}, {"status": "skipped"}, {"status": "failed", "end": "expectation failed"}]
+)
+def test_a_variation_that_did_not_run_to_its_end_says_nothing_about_the_others(changed: dict[str, Any]) -> None:
+    assert audited(varied(NEVER_HELD), varied(**changed), varied(NEVER_HELD)) == [(NEVER_HELD,), (), (NEVER_HELD,)]
+    assert audited(varied(**changed)) == [()]

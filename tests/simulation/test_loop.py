@@ -14,8 +14,7 @@ from sim_action.core.geometry import Pose
 from sim_action.scenario.loading import build_scene
 from sim_action.scenario.model import LoadedScenario
 from sim_action.sensors import Measure, Mount, MountedSensor, Sensor
-from sim_action.simulation.loop import simulate, unreached_events
-from sim_action.world import World
+from sim_action.simulation.loop import simulate
 from tests.scenarios import LEAST, load
 
 # Answers until its input ends, as programs do.
@@ -75,28 +74,3 @@ def test_what_a_program_says_at_the_end_is_noted(tmp_path: Path) -> None:
     scenario = loaded.scenario.model_copy(update={"time_limit": 0.2})
     notes = simulate(scenario, build_scene(loaded), lambda _: None).notes
     assert "the process './ctl.py' wrote more lines than it received, such as 'farewell'; if " in notes[-1]
-
-
-WORLD = World.model_validate(
-    {
-        "objects": (
-            {"name": "gate", "box": (1, 1, 1), "path": ({"at": 2}, {"at": 4, "x": 1})},
-            {"name": "ball", "sphere": {"radius": 1}, "mass": 1, "appears": 3},
-            {"name": "wall", "box": (1, 1, 1)},
-        ),
-        "disturbances": ({"at": 0.5, "velocity": (1, 0, 0)}, {"at": 5, "for": 1, "force": (1, 0, 0)}),
-    }
-)
-
-
-def test_what_came_in_time_is_not_told() -> None:
-    assert list(unreached_events(WORLD, 5.1)) == []
-    assert list(unreached_events(World(), 0.1)) == []
-
-
-def test_what_never_came_is_told_each_once() -> None:
-    assert list(unreached_events(WORLD, 3.0)) == [
-        "body 'ball' never appeared: it is due at 3 s, but the run ended at 3 s",
-        "world.disturbances[1] never began: it is due at 5 s, but the run ended at 3 s",
-    ]
-    assert len(list(unreached_events(WORLD, 0.5))) == 4

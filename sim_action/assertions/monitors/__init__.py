@@ -68,6 +68,14 @@ class BoundedMonitor(Monitor, Protocol):
         """
 
 
+class ConditionalMonitor(Monitor, Protocol):
+    """A monitor that may hold only because a premise never held."""
+
+    @property
+    def unmet_premises(self) -> tuple[str, ...]:
+        """The premises that never held, as text."""
+
+
 class PlottableMonitor(Monitor, Protocol):
     """A monitor that can return its signals as curves."""
 
@@ -129,6 +137,16 @@ def is_bounded(monitor: Monitor) -> TypeGuard[BoundedMonitor]:
 def needed_until(*monitors: Monitor) -> float:
     """Return the latest sim time in s that one of the monitors needs; 0 if none needs any."""
     return max((monitor.needed_until for monitor in monitors if is_bounded(monitor)), default=0.0)
+
+
+def unmet_premises(*monitors: Monitor) -> tuple[str, ...]:
+    """Return the premises that never held in any of the monitors."""
+    return tuple(premise for monitor in monitors if is_conditional(monitor) for premise in monitor.unmet_premises)
+
+
+def is_conditional(monitor: Monitor) -> TypeGuard[ConditionalMonitor]:
+    """Return True if the monitor has `unmet_premises`."""
+    return hasattr(type(monitor), "unmet_premises")
 
 
 def is_plottable(monitor: Monitor) -> TypeGuard[PlottableMonitor]:

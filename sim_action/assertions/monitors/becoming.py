@@ -63,15 +63,25 @@ class Rest:
 
     def moved(self, trace: Trace) -> NDArray[np.bool_]:
         """Return (T,) True where the base or a joint is away from its state at t = 0."""
+        return self.base_moved(trace) | self.joints_moved(trace)
+
+    def base_moved(self, trace: Trace) -> NDArray[np.bool_]:
+        """Return (T,) True where the base is away from its pose at t = 0."""
         import numpy as np
 
         away = np.linalg.norm(trace.base_position_xyz - self.base_position_xyz, axis=1)
         # |<p, q>| of unit quaternions is the cosine of half the angle between them.
         cosine = np.abs(trace.base_orientation_xyzw @ self.base_orientation_xyzw)
-        moved = (away > _MOVED_M) | (cosine < math.cos(_MOVED_RAD / 2))
-        if self.joint_position.size and len(trace.joint_names) == self.joint_position.size:
-            moved |= np.any(np.abs(trace.joint_position - self.joint_position) > self.joint_limits, axis=1)
-        return np.asarray(moved, dtype=np.bool_)
+        return np.asarray((away > _MOVED_M) | (cosine < math.cos(_MOVED_RAD / 2)), dtype=np.bool_)
+
+    def joints_moved(self, trace: Trace) -> NDArray[np.bool_]:
+        """Return (T,) True where a joint is away from its position at t = 0."""
+        import numpy as np
+
+        if not self.joint_position.size or len(trace.joint_names) != self.joint_position.size:
+            return np.zeros(len(trace), dtype=np.bool_)
+        away = np.abs(trace.joint_position - self.joint_position) > self.joint_limits
+        return np.asarray(np.any(away, axis=1), dtype=np.bool_)
 
 
 @dataclass(frozen=True, slots=True)

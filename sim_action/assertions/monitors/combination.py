@@ -7,7 +7,16 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Final, Self
 
-from sim_action.assertions.monitors import Monitor, State, Truth, begun, has_truth, is_deciding, needed_until
+from sim_action.assertions.monitors import (
+    Monitor,
+    State,
+    Truth,
+    begun,
+    has_truth,
+    is_deciding,
+    needed_until,
+    unmet_premises,
+)
 from sim_action.assertions.monitors.goals import joined, joined_by_any
 from sim_action.assertions.monitors.window import counted
 from sim_action.core.units import TIME_EPSILON_S
@@ -69,6 +78,11 @@ class Combination:
         if self.is_decided:
             return 0.0
         return needed_until(*(m for m, decided in zip(self.monitors, self._decided, strict=True) if not decided))
+
+    @property
+    def unmet_premises(self) -> tuple[str, ...]:
+        """See ConditionalMonitor.unmet_premises."""
+        return unmet_premises(*self.monitors)
 
     @cached_property
     def _decided(self) -> list[bool]:

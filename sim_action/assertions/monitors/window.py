@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Self
 
-from sim_action.assertions.monitors import Monitor, State, is_cumulative, is_plottable, needed_until
+from sim_action.assertions.monitors import Monitor, State, is_cumulative, is_plottable, needed_until, unmet_premises
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.state.verdict import Judged, Signal
 
@@ -44,6 +44,11 @@ class Window:
     def needed_until(self) -> float:
         """See BoundedMonitor.needed_until. Nothing is needed after the window."""
         return 0.0 if self.over else min(self.before, needed_until(self.monitor))
+
+    @property
+    def unmet_premises(self) -> tuple[str, ...]:
+        """See ConditionalMonitor.unmet_premises."""
+        return unmet_premises(self.monitor)
 
     def observe(self, trace: Trace) -> Self:
         """See Monitor.observe."""

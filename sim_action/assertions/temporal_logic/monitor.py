@@ -34,6 +34,7 @@ from sim_action.assertions.temporal_logic.formula import (
 from sim_action.assertions.temporal_logic.operators import Extreme, Outcome, Part, UntilFold, lookahead
 from sim_action.assertions.temporal_logic.robustness import Cause, values
 from sim_action.assertions.temporal_logic.samples import Samples
+from sim_action.assertions.temporal_logic.vacuity import premises
 from sim_action.core import units
 from sim_action.state.verdict import Judged, Verdict
 from sim_action.state.verdict import Signal as Curve
@@ -53,6 +54,7 @@ class StlMonitor:
     Attributes:
         units: the SI symbol of the margin of each comparison.
         motion: the motion of the base so far.
+        premises: each premise of an implication as text, and the search for a moment at which it holds.
         first, last: the sim times in s of the first and the last step; None before the first one.
     """
 
@@ -64,6 +66,7 @@ class StlMonitor:
     start_xy: tuple[float, float]
     units: Mapping[Comparison, str]
     motion: BaseMotion
+    premises: tuple[tuple[str, Extreme], ...] = ()
     first: float | None = None
     last: float | None = None
 
@@ -76,7 +79,11 @@ class StlMonitor:
         motion: BaseMotion,
     ) -> Self:
         """Return the monitor before the first step; `start_xy` in m is the origin of `travel`."""
-        return cls(formula, open_formula(formula), signals_of(formula), start_xy, comparison_units, motion)
+        found = tuple(
+            (premise.text, Extreme.of(premise.formula, premise.interval, greatest=True))
+            for premise in premises(formula)
+        )
+        return cls(formula, open_formula(formula), signals_of(formula), start_xy, comparison_units, motion, found)
 
     @property
     def state(self) -> State:
@@ -97,9 +104,16 @@ class StlMonitor:
         """See Monitor.observe."""
         if not len(trace):
             return self
-        part, motion = self.part.observe(self._samples(trace)), self.motion.after(trace)
+        samples = self._samples(trace)
+        found = tuple((text, each if each.is_decided else each.observe(samples)) for text, each in self.premises)
+        part, motion = self.part.observe(samples), self.motion.after(trace)
         first = float(trace.time[0]) if self.first is None else self.first
-        return replace(self, part=part, motion=motion, first=first, last=float(trace.time[-1]))
+        return replace(self, part=part, motion=motion, premises=found, first=first, last=float(trace.time[-1]))
+
+    @property
+    def unmet_premises(self) -> tuple[str, ...]:
+        """See ConditionalMonitor.unmet_premises."""
+        return tuple(text for text, premise in self.premises if premise.outcome()[0] < 0)
 
     def _samples(self, trace: Trace) -> Samples:
         return Samples.of(trace, self.sampled, self.start_xy, self.motion)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import product
@@ -28,6 +29,9 @@ from sim_action.assertions.temporal_logic.formula import (
     parts,
     signals,
 )
+from sim_action.core import units
+
+_ANGLE: Final = re.compile(r"([0-9][0-9.e+-]*) (rad/s|rad)\b")
 
 Range = tuple[float, float]
 """The least and the greatest possible value of a term."""
@@ -113,6 +117,11 @@ class Premise:
 
     formula: Formula
     interval: Interval
+
+    @property
+    def text(self) -> str:
+        """The formula with angles in degrees."""
+        return _ANGLE.sub(lambda match: units.display(float(match[1]), match[2]), str(self.formula))
 
 
 def premises(formula: Formula) -> tuple[Premise, ...]:

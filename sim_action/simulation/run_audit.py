@@ -1,0 +1,147 @@
+"""The audit of claims after a run: parts of the scenario that checked nothing, because they never came about.
+
+The rules are in `scenario/claim_audit.py`. A run that a broken expectation ended has only notes on
+events that it missed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Final, Self
+
+from sim_action.assertions.monitors.becoming import Rest
+from sim_action.core.geometry import Twist
+from sim_action.core.yaml_document import KeyPath
+from sim_action.scenario.claim_audit import ClaimFinding
+from sim_action.scenario.model import Scenario
+from sim_action.state.command import Command, JointTargets
+from sim_action.state.trace import Trace
+from sim_action.world import World
+from sim_action.world.scene import Scene
+
+# m/s and rad/s: a smaller command is that of a robot at rest.
+_MIN_COMMAND: Final = 1e-6
+# rad and m: a position nearer to the start is no command to move.
+_MIN_TARGET: Final = 2e-3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Motion:
+    """The motion of the robot since t = 0: True for its base, and for its joints, after they moved."""
+
+    rest: Rest
+    base: bool = False
+    joints: bool = False
+
+    def after(self, trace: Trace) -> Self:
+        """Return the motion after the moments of `trace`."""
+        if (self.base and self.joints) or not len(trace):
+            return self
+        base = self.base or bool(self.rest.base_moved(trace).any())
+        return replace(self, base=base, joints=self.joints or bool(self.rest.joints_moved(trace).any()))
+
+
+@dataclass(slots=True)
+class CommandLog:
+    """The commands of a run so far.
+
+    Attributes:
+        positions: joint -> its position at the start, in rad or m.
+        wheels: the joints of the drive.
+        drives: True if a twist or a target for a wheel was given.
+        moves_base: True if a twist was given that is not zero.
+        moves_joints: True if a joint got a velocity that is not zero, or a position away from its start.
+    """
+
+    positions: dict[str, float]
+    wheels: frozenset[str]
+    drives: bool = False
+    moves_base: bool = False
+    moves_joints: bool = False
+
+    def add(self, command: Command) -> None:
+        """Add a command."""
+        if isinstance(command, Twist):
+            self.drives = True
+            self.moves_base = self.moves_base or _is_motion(*command.linear_xyz, *command.angular_xyz)
+            return
+        self.drives = self.drives or not self.wheels.isdisjoint(command.names())
+        self.moves_joints = self.moves_joints or self._moves(command)
+
+    def _moves(self, targets: JointTargets) -> bool:
+        if _is_motion(*targets.velocity.values()):
+            return True
+        return any(abs(at - self.positions.get(name, at)) > _MIN_TARGET for name, at in targets.position.items())
+
+
+def _is_motion(*speeds: float) -> bool:
+    return any(abs(speed) > _MIN_COMMAND for speed in speeds)
+
+
+@dataclass(frozen=True, eq=False)
+class RunFacts:
+    """The facts of a run that the rules need.
+
+    Attributes:
+        end: sim time of the end, in s.
+        unmet: for each expectation, the premises that never held.
+    """
+
+    end: float
+    motion: Motion
+    commands: CommandLog
+    unmet: Sequence[Sequence[str]]
+
+
+def audit_run(scenario: Scenario, scene: Scene, facts: RunFacts) -> Iterator[ClaimFinding]:
+    """Yield the findings of all rules about a run."""
+    for index, (expected, premises) in enumerate(zip(scenario.expect, facts.unmet, strict=True)):
+        for premise in premises:
+            told = f"the premise '{premise}' never held, so the implication checked nothing; drive until it holds"
+            yield ClaimFinding("premise-never-held", ("expect", index, expected.assertion.key), told)
+    yield from _unused_drive(scenario, scene, facts.commands)
+    if (message := _standstill(scene, facts)) is not None:
+        yield ClaimFinding("never-moved", ("commands",), message)
+    for path, message in unreached_events(scene.world, facts.end):
+        yield ClaimFinding("event-never-began", path, message)
+
+
+def _unused_drive(scenario: Scenario, scene: Scene, commands: CommandLog) -> Iterator[ClaimFinding]:
+    if commands.drives or any(mounted.sensor.reads_wheels for mounted in scenario.sensors):
+        return
+    if scenario.robot.drive is not None:
+        message = "no command used the drive; add a command source that gives twists, or remove robot.drive"
+        yield ClaimFinding("drive-never-commanded", ("robot", "drive"), message)
+    elif any(source.gives_twists(scene) for source in scenario.commands):
+        message = "no command source ever gave a twist, so the drive was not used"
+        yield ClaimFinding("drive-never-commanded", ("commands",), message)
+
+
+def _standstill(scene: Scene, facts: RunFacts) -> str | None:
+    """Return the problem of a robot that did not move although it was commanded to, else None."""
+    commands, motion = facts.commands, facts.motion
+    least = "by 1 mm or 0.1 deg"
+    if commands.moves_base and not scene.bolted and not motion.base:
+        return f"the robot was commanded to drive, but its base never moved {least}; check wheels, friction and limits"
+    if (commands.moves_base or commands.moves_joints) and not motion.base and not motion.joints:
+        return f"the robot was commanded to move, but nothing moved {least}; check joints, limits and efforts"
+    return None
+
+
+def unreached_events(world: World, end: float) -> Iterator[tuple[KeyPath, str]]:
+    """Yield the keys and a message of each disturbance, spawn and path that is due after the end of a run (in s)."""
+    for path, what, begins in _events(world):
+        if begins >= end:
+            yield path, f"{what}: it is due at {begins:g} s, but the run ended at {end:.4g} s"
+
+
+def _events(world: World) -> Iterator[tuple[KeyPath, str, float]]:
+    for index, body in enumerate(world.objects):
+        path: KeyPath = ("world", "objects", index)
+        if body.appears is not None:
+            yield (*path, "appears"), f"body '{body.name}' never appeared", body.appears
+        if body.path:
+            yield (*path, "path"), f"the path of body '{body.name}' never began", body.path[0].at
+    for index, disturbance in enumerate(world.disturbances):
+        yield ("world", "disturbances", index), f"world.disturbances[{index}] never began", disturbance.at

@@ -1,0 +1,177 @@
+"""The audit of claims after a run: what never held, never moved, never began."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from sim_action.core.geometry import Twist
+from sim_action.engines import installed
+from sim_action.scenario.loading import build_scene
+from sim_action.simulation.loop import SimulationRun, simulate
+from sim_action.simulation.run_audit import CommandLog, unreached_events
+from sim_action.state.command import JointTargets
+from sim_action.world import World
+from tests.scenarios import load
+
+STANDING = """\
+name: a
+robot: {model: turtlebot3_burger}
+expect: [upright]
+duration: 0.2 s
+time_limit: 1 s
+"""
+
+
+def run(folder: Path, text: str) -> SimulationRun:
+    loaded = load(folder, text)
+    return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+
+
+def rules(folder: Path, text: str) -> list[tuple[str, str]]:
+    """The rule and the dotted keys of each finding."""
+    return [(finding.rule, ".".join(map(str, finding.path))) for finding in run(folder, text).findings]
+
+
+def test_a_standing_robot_without_commands_has_no_finding(tmp_path: Path) -> None:
+    assert rules(tmp_path, STANDING) == []
+
+
+@pytest.mark.parametrize("engine", installed())
+def test_a_robot_that_never_moves_although_it_is_commanded(engine: str, tmp_path: Path) -> None:
+    drives = f"{STANDING}backend: {engine}\ncommands: {{twist: [{{linear: 0.1}}]}}\n"
+    assert rules(tmp_path, drives) == []
+    # Without friction, the wheels turn and the base stays.
+    ice = "world: {ground: {friction: 0.0}}\n"
+    assert rules(tmp_path, drives + ice) == [("never-moved", "commands")]
+    assert rules(tmp_path, f"{drives}{ice}allow: [never-moved]\n") == []
+    assert rules(tmp_path, drives.replace("0.1}", "0}") + ice) == []
+
+
+def test_a_robot_that_only_turns_has_moved(tmp_path: Path) -> None:
+    assert rules(tmp_path, STANDING + "commands: {twist: [{angular: 0.5}]}\n") == []
+
+
+def test_wheels_of_a_fixed_base_move(tmp_path: Path) -> None:
+    fixed = STANDING.replace("burger}", "burger, base: fixed, pose: {z: 1}}")
+    assert rules(tmp_path, fixed + "commands: {twist: [{linear: 0.1}]}\n") == []
+
+
+ARM = """\
+<robot name="arm">
+  <link name="base"><inertial>MASS</inertial></link>
+  <link name="hand"><inertial>MASS</inertial></link>
+  <joint name="elbow" type="revolute"><parent link="base"/><child link="hand"/><axis xyz="0 0 1"/>
+    <limit lower="-2" upper="2" effort="50" velocity="SPEED"/></joint>
+</robot>
+""".replace("MASS", '<mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>')
+HOLDS = """\
+from sim_action import JointTargets
+
+def control(seen):
+    return JointTargets(position={"elbow": AT})
+"""
+
+
+@pytest.mark.parametrize(
+    ("at", "speed", "found"),
+    [(0.0, "5", []), (0.5, "5", []), (0.0, "0.001", []), (0.5, "0.001", [("never-moved", "commands")])],
+)
+def test_a_joint_moves_unless_it_is_commanded_to_its_place(
+    at: float, speed: str, found: list[tuple[str, str]], tmp_path: Path
+) -> None:
+    (tmp_path / "arm.urdf").write_text(ARM.replace("SPEED", speed))
+    (tmp_path / "hold.py").write_text(HOLDS.replace("AT", str(at)))
+    arm = STANDING.replace("turtlebot3_burger}", "arm.urdf, base: fixed}")
+    assert rules(tmp_path, arm + "commands: {script: hold.py}\n") == found
+
+
+def test_a_drive_that_is_never_commanded(tmp_path: Path) -> None:
+    drive = "drive: {diff: {left: [wheel_left_joint], right: [wheel_right_joint]}}"
+    stated = STANDING.replace("burger}", f"burger, {drive}}}")
+    assert rules(tmp_path, stated) == [("drive-never-commanded", "robot.drive")]
+    assert rules(tmp_path, stated + "sensors: [odometry]\n") == []
+    assert rules(tmp_path, stated + "commands: {twist: [{linear: 0}]}\n") == []
+    assert rules(tmp_path, stated + "commands: {twist: [{linear: 0.1}]}\n") == []
+    turns = "commands: {joints: [{at: 0.1 s, velocity: {wheel_left_joint: 3, wheel_right_joint: 3}}]}\n"
+    assert rules(tmp_path, stated + turns) == []
+
+
+@pytest.mark.parametrize(
+    ("formula", "premises"),
+    [
+        ("always (tilt > 30 deg implies eventually[0 s, 0.1 s] (tilt < 5 deg))", ["tilt > 30 deg"]),
+        ("always (tilt < 30 deg implies speed < 1 m/s)", []),
+        ("always[0.1 s, 0.2 s] (time < 0.05 s implies speed < 1 m/s)", ["time < 0.05 s"]),
+        ("always (time > 0.15 s implies speed < 1 m/s)", []),
+        # It is judged at the first step only.
+        ("time > 0.15 s implies speed < 1 m/s", ["time > 0.15 s"]),
+        ("not (tilt > 30 deg implies speed < 1 m/s) or speed < 1 m/s", []),
+    ],
+)
+def test_a_premise_that_never_held(formula: str, premises: list[str], tmp_path: Path) -> None:
+    for expect in (f"{{stl: '{formula}'}}", f"{{all_of: [upright, {{stl: '{formula}'}}]}}"):
+        findings = run(tmp_path, STANDING.replace("[upright]", f"[{expect}]")).findings
+        assert [finding.message.split("'")[1] for finding in findings] == premises
+        assert {finding.rule for finding in findings} <= {"premise-never-held"}
+
+
+def test_a_run_that_a_broken_expectation_ended_has_notes_alone(tmp_path: Path) -> None:
+    late = "world: {disturbances: [{at: 0.5 s, velocity: [1, 0, 0]}]}\n"
+    ran = run(tmp_path, STANDING + late)
+    assert [(finding.rule, finding.path) for finding in ran.findings] == [
+        ("event-never-began", ("world", "disturbances", 0))
+    ]
+    assert not any("never began" in note for note in ran.notes)
+    for text in (
+        STANDING.replace("[upright]", "[stl: 'always (time < 0.1 s)']") + late,
+        STANDING + late + "allow: [event-never-began]\n",
+    ):
+        ran = run(tmp_path, text)
+        assert ran.findings == ()
+        assert any("never began" in note for note in ran.notes)
+
+
+def test_a_log_of_commands() -> None:
+    log = CommandLog({"elbow": 1.0}, frozenset({"wheel"}))
+    log.add(JointTargets(position={"elbow": 1.0005}, velocity={"elbow": 0.0}))
+    assert (log.drives, log.moves_base, log.moves_joints) == (False, False, False)
+    log.add(Twist())
+    assert (log.drives, log.moves_base) == (True, False)
+    log.add(Twist.planar(0.0, -0.1))
+    log.add(Twist())
+    log.add(JointTargets(position={"elbow": 1.01}))
+    log.add(JointTargets())
+    assert (log.drives, log.moves_base, log.moves_joints) == (True, True, True)
+    other = CommandLog({}, frozenset({"wheel"}))
+    other.add(JointTargets(velocity={"wheel": -1.0}))
+    assert (other.drives, other.moves_base, other.moves_joints) == (True, False, True)
+
+
+WORLD = World.model_validate(
+    {
+        "objects": (
+            {"name": "gate", "box": (1, 1, 1), "path": ({"at": 2}, {"at": 4, "x": 1})},
+            {"name": "ball", "sphere": {"radius": 1}, "mass": 1, "appears": 3},
+            {"name": "wall", "box": (1, 1, 1)},
+        ),
+        "disturbances": ({"at": 0.5, "velocity": (1, 0, 0)}, {"at": 5, "for": 1, "force": (1, 0, 0)}),
+    }
+)
+
+
+def test_what_came_in_time_is_not_told() -> None:
+    assert list(unreached_events(WORLD, 5.1)) == []
+    assert list(unreached_events(World(), 0.1)) == []
+
+
+def test_what_never_came_is_told_each_once() -> None:
+    assert list(unreached_events(WORLD, 3.0)) == [
+        (("world", "objects", 1, "appears"), "body 'ball' never appeared: it is due at 3 s, but the run ended at 3 s"),
+        (
+            ("world", "disturbances", 1),
+            "world.disturbances[1] never began: it is due at 5 s, but the run ended at 3 s",
+        ),
+    ]
+    assert len(list(unreached_events(WORLD, 0.5))) == 4
