@@ -23,10 +23,16 @@ from sim_action.simulation.run_audit import Motion, RunFacts, audit_run, unreach
 from sim_action.simulation.sensors import Sensing
 from sim_action.simulation.start_checks import Spawns, moved_while_settling, refuse_bad_start
 from sim_action.simulation.watchdog import Watchdog
+from sim_action.state.observation import Observation
 from sim_action.state.reproducibility import Digest
 from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Verdict
+<<<<<<< HEAD
+=======
+from sim_action.world import World
+from sim_action.world.ground import GROUND
+>>>>>>> 506d651 (Judge from t = 0, and until finite bounds have closed)
 from sim_action.world.scene import Scene
 
 BOLTED: Final = "the base is fixed: twists turn the wheels, but the robot does not move"
@@ -125,6 +131,7 @@ class _Loop:
         self._scene = scene
         self._backend = backend
         self._placed = backend.observe(0, contacts=False)
+        self._judges_contacts = channels.contacts
         self._watchdog = Watchdog.of(scene, self._placed)
         self._notes = [*map(str, scene.model.findings), *_about_drive(scenario, scene, drive)]
         self._motion = drive.open(scene.model, scenario.physics.rate, scene.world.weight) if drive else None
@@ -146,7 +153,8 @@ class _Loop:
     def _run(self, progress: Progress) -> SimulationRun:
         footage = self._footage
         self._settle()
-        start = self._backend.observe(0, contacts=False)
+        start = self._backend.observe(0, contacts=self._judges_contacts)
+        opening: tuple[Trace, ...] = (_first_moment(start),)
         if (moved := moved_while_settling(self._scene, self._placed.pose, start.pose)) is not None:
             self._notes.append(moved)
         panel = Panel.open(self._scenario, self._scene, start)
@@ -157,11 +165,14 @@ class _Loop:
         while panel.end is None:
             trace, failure = self._advance(_PERIOD_S if panel.is_pending else _PERIOD_WITHOUT_GOALS_S, progress)
             if len(trace):
-                panel, seen = panel.observe_until_end(trace)
+                panel, seen = panel.observe_until_end(Trace.concatenate((*opening, trace)))
+                # The recorder has the moment at t = 0 already.
+                seen, opening = seen.rows(slice(len(opening), None)), ()
                 digest.add(seen)
                 motion = motion.after(seen)
                 is_last = panel.end is not None or failure is not None
-                footage.add(self._sensing.stored(seen), judged=seen.sensors, is_last=is_last)
+                if len(seen):
+                    footage.add(self._sensing.stored(seen), judged=seen.sensors, is_last=is_last)
             if isinstance(failure, ControllersFinished):
                 break
             if failure is not None and panel.end is None:
@@ -237,6 +248,12 @@ class _Loop:
         told = replace(self._backend.collect(), sensors=self._sensing.collect())
         trace, unstable = self._watchdog.watch(told)
         return trace, unstable or failure
+
+
+def _first_moment(start: Observation) -> Trace:
+    """Return the moment at t = 0 as monitors see it: invariants are judged from there on."""
+    contacts = tuple(contact for contact in start.contacts if contact.body != GROUND)
+    return replace(Trace.of_observation(start), contacts=contacts)
 
 
 def _fastest(trace: Trace) -> float:

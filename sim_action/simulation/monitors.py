@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal, Self
 
-from sim_action.assertions.monitors import Monitor, State
+from sim_action.assertions.monitors import Monitor, State, needed_until
 from sim_action.assertions.monitors.window import Window
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.scenario.model import Scenario
@@ -40,7 +40,7 @@ class Panel:
     def open(cls, scenario: Scenario, scene: Scene, start: Observation) -> Self:
         """Return the panel before the first step."""
         monitors = tuple(
-            Window(expected.assertion.opened(scene, start, expected.span), expected.after, expected.before)
+            Window.of(expected.assertion.opened(scene, start, expected.span), expected.after, expected.before)
             for expected in scenario.expect
         )
         return cls(scenario, monitors, tuple(monitor.state is State.PENDING for monitor in monitors))
@@ -62,9 +62,11 @@ class Panel:
         if any(m.state is State.BROKEN for m in self._decisive()):
             return "expectation failed"
         duration = self.scenario.duration
-        if self.has_goals and not self.is_pending and self._reached(duration or 0.0) and self._all_opened():
-            return "goals met"
-        if not self.has_goals and duration is not None and self._reached(duration) and self._all_opened():
+        if self.has_goals:
+            is_over = self.time > 0 and not self.is_pending and self._reached(duration or 0.0)
+            if is_over and self._all_closed():
+                return "goals met"
+        elif duration is not None and self._reached(duration) and self._all_closed():
             return "duration"
         return "time limit" if self._reached(self.scenario.time_limit) else None
 
@@ -98,9 +100,9 @@ class Panel:
         """True if a goal has not come true yet."""
         return any(monitor.state is State.PENDING for monitor in self.monitors)
 
-    def _all_opened(self) -> bool:
-        """Return False while an expectation waits for its `after`: it would pass without an observation."""
-        return all(self._reached(expected.after) for expected in self.scenario.expect)
+    def _all_closed(self) -> bool:
+        """Return False while a verdict that passes now needs more of the run, such as up to its `after` or `before`."""
+        return self._reached(needed_until(*self.monitors))
 
     def _reached(self, time: float) -> bool:
         """Return True if the first physics step at or after a sim time has been seen."""

@@ -9,8 +9,7 @@ import pytest
 from pydantic import ValidationError
 
 from sim_action.assertions.contact import Touch
-from sim_action.assertions.monitors import State
-from sim_action.assertions.monitors.combination import is_decided
+from sim_action.assertions.monitors import State, is_decided
 from sim_action.state.observation import Contact
 from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import Channels, ClearanceWatch

@@ -23,8 +23,7 @@ from sim_action.assertions.final_pose import FinalPose
 from sim_action.assertions.follow_path import FollowPath, PathEnd, PathPoint
 from sim_action.assertions.joint import JointReading, JointWithin
 from sim_action.assertions.max_speed import MaxSpeed
-from sim_action.assertions.monitors import Monitor, State
-from sim_action.assertions.monitors.combination import is_decided
+from sim_action.assertions.monitors import Monitor, State, is_decided
 from sim_action.assertions.monitors.window import Window
 from sim_action.assertions.no_collision import NoCollision
 from sim_action.assertions.odometry_error import OdometryError

@@ -129,6 +129,13 @@ def is_deciding(monitor: Monitor) -> TypeGuard[DecidingMonitor]:
     return hasattr(type(monitor), "is_decided")
 
 
+def is_decided(monitor: Monitor, began: State) -> bool:
+    """Return True if no later step can change the result of a monitor that began in the state `began`."""
+    if is_deciding(monitor):
+        return monitor.is_decided
+    return monitor.state is State.BROKEN or (began is State.PENDING and monitor.state is State.HOLDS)
+
+
 def is_bounded(monitor: Monitor) -> TypeGuard[BoundedMonitor]:
     """Return True if the monitor has `needed_until`."""
     return hasattr(type(monitor), "needed_until")

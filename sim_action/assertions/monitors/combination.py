@@ -13,7 +13,7 @@ from sim_action.assertions.monitors import (
     Truth,
     begun,
     has_truth,
-    is_deciding,
+    is_decided,
     needed_until,
     unmet_premises,
 )
@@ -28,13 +28,6 @@ if TYPE_CHECKING:
 
     from sim_action.state.trace import Trace
     from sim_action.state.verdict import Verdict
-
-
-def is_decided(monitor: Monitor, began: State) -> bool:
-    """Return True if no later step can change the result of a monitor that began in the state `began`."""
-    if is_deciding(monitor):
-        return monitor.is_decided
-    return monitor.state is State.BROKEN or (began is State.PENDING and monitor.state is State.HOLDS)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,15 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Self
 
-from sim_action.assertions.monitors import Monitor, State, is_cumulative, is_plottable, needed_until, unmet_premises
+from sim_action.assertions.monitors import (
+    Monitor,
+    State,
+    is_cumulative,
+    is_decided,
+    is_plottable,
+    needed_until,
+    unmet_premises,
+)
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.state.verdict import Judged, Signal
 
@@ -23,6 +31,7 @@ class Window:
         after: begin of the window, in s of sim time.
         before: end of the window, in s of sim time; infinite if there is none.
         over: True if the window has closed.
+        began: the state of the monitor before the first step.
         steps: the steps that were passed on.
     """
 
@@ -30,7 +39,13 @@ class Window:
     after: float = 0.0
     before: float = math.inf
     over: bool = False
+    began: State = State.HOLDS
     steps: Judged = Judged()
+
+    @classmethod
+    def of(cls, monitor: Monitor, after: float, before: float) -> Self:
+        """Return the window around a monitor that has seen no step."""
+        return cls(monitor, after, before, began=monitor.state)
 
     @property
     def state(self) -> State:
@@ -42,8 +57,10 @@ class Window:
 
     @property
     def needed_until(self) -> float:
-        """See BoundedMonitor.needed_until. Nothing is needed after the window."""
-        return 0.0 if self.over else min(self.before, needed_until(self.monitor))
+        """See BoundedMonitor.needed_until. Nothing is needed after the window, or if no later step can matter."""
+        if self.over or is_decided(self.monitor, self.began):
+            return self.after
+        return self.before if math.isfinite(self.before) else max(self.after, needed_until(self.monitor))
 
     @property
     def unmet_premises(self) -> tuple[str, ...]:
@@ -58,12 +75,9 @@ class Window:
         if is_cumulative(monitor):
             monitor = monitor.begin(trace.between(-math.inf, self.after))
         seen = trace.between(self.after, self.before)
-        return replace(
-            self,
-            monitor=monitor.observe(seen),
-            over=bool(trace.time[-1] >= self.before - TIME_EPSILON_S),
-            steps=counted(self.steps, seen),
-        )
+        over = bool(trace.time[-1] >= self.before - TIME_EPSILON_S)
+        # `replace` would take longer than many a monitor.
+        return type(self)(monitor.observe(seen), self.after, self.before, over, self.began, counted(self.steps, seen))
 
     def verdict(self) -> Verdict:
         """Return the verdict of the monitor with the moments at which it was judged."""
@@ -76,7 +90,11 @@ class Window:
 
 def counted(steps: Judged, trace: Trace) -> Judged:
     """Return the steps so far and those of `trace`."""
-    return steps.followed_by(len(trace), float(trace.time[0]), float(trace.time[-1])) if len(trace) else steps
+    time = trace.time
+    if not len(time):
+        return steps
+    first = float(time[0]) if steps.first is None else steps.first
+    return Judged(steps.moments + len(time), first, float(time[-1]))
 
 
 def signals_of(monitor: Monitor, trace: Trace, after: float, before: float) -> tuple[Signal, ...]:

@@ -190,8 +190,15 @@ def test_how_long_the_run_must_go_on(text: str, expected: list[float]) -> None:
 
 def test_nothing_is_needed_after_the_window() -> None:
     opened = Window(monitor(stl("always[0 s, 9 s] (speed < 2)")), 2.0, 3.5)
-    assert [opened.observe(FAST.first(count)).needed_until for count in (1, 2, 3, 4)] == [0, 3.5, 3.5, 0]
+    assert [opened.observe(FAST.first(count)).needed_until for count in (1, 2, 3, 4)] == [3.5, 3.5, 3.5, 2.0]
     assert Window(monitor(Travel(at_most=9.0))).observe(FAST).needed_until == 0
+
+
+def test_a_window_with_an_end_is_watched_until_it_closes_unless_all_is_decided() -> None:
+    limit = Window.of(monitor(Travel(at_most=9.0)), 0.0, 3.5)
+    assert [limit.observe(FAST.first(count)).needed_until for count in (1, 4)] == [3.5, 0.0]
+    goal = Window.of(monitor(Travel(at_least=1.0)), 0.0, 3.5)
+    assert goal.observe(trace([0.0, 1.0], x=[0.0, 1.0])).needed_until == 0.0
 
 
 @examples(100)
