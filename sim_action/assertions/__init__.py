@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, ClassVar, Final
 
 from sim_action.assertions.monitors import Monitor
-from sim_action.assertions.monitors.becoming import becoming_true
+from sim_action.assertions.monitors.becoming import BecomingTrue, becoming_true
 from sim_action.assertions.monitors.window import signals_of
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.registry import Table
@@ -88,11 +88,13 @@ class Assertion(FrozenModel):
 
     def opened(self, scene: Scene, start: Observation, span: float | None = None) -> Monitor:
         """Open the monitor as an expectation uses it: a goal must become true, and hold for `span` in s."""
-        monitor = self.monitor(scene, start)
         if not (self.is_goal and self.has_truth):
-            return monitor
+            return self.monitor(scene, start)
+        return self._becoming(scene, start, span)
+
+    def _becoming(self, scene: Scene, start: Observation, span: float | None) -> BecomingTrue:
         explicit = span is not None or "span" in self.model_fields_set
-        return becoming_true(monitor, scene, start, span, self.hold_time, explicit=explicit)
+        return becoming_true(self.monitor(scene, start), scene, start, span, self.hold_time, explicit=explicit)
 
     def signals(
         self, scene: Scene, start: Observation, trace: Trace, after: float = 0.0, before: float = math.inf
@@ -102,6 +104,17 @@ class Assertion(FrozenModel):
         `trace` is the whole run and may be decimated. `after` and `before`, in s of sim time, bound the time window.
         """
         return signals_of(self.monitor(scene, start), trace, after, before)
+
+    def held(
+        self, scene: Scene, start: Observation, trace: Trace, window: tuple[float, float], span: float | None
+    ) -> tuple[Signal, ...]:
+        """Return the curve of the time for which a goal holds, if it must hold for `span` or from t = 0 on.
+
+        `window`: begin and end of the time window, in s of sim time.
+        """
+        if not (self.is_goal and self.has_truth):
+            return ()
+        return signals_of(self._becoming(scene, start, span), trace, *window)
 
     def marks(self, scene: Scene, start: Observation) -> tuple[Mark, ...]:
         """Return the places in the world that belong to the assertion, for the 3-D view."""

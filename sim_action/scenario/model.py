@@ -105,7 +105,8 @@ class Expectation:
 
         The trace may be decimated.
         """
-        return self.assertion.signals(scene, start, trace, self.after, self.before)
+        held = self.assertion.held(scene, start, trace, (self.after, self.before), self.span)
+        return (*held, *self.assertion.signals(scene, start, trace, self.after, self.before))
 
     def marks(self, scene: Scene, start: Observation) -> tuple[Mark, ...]:
         """Return the places in the world that the assertion is about."""

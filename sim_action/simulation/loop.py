@@ -28,11 +28,7 @@ from sim_action.state.reproducibility import Digest
 from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Verdict
-<<<<<<< HEAD
-=======
-from sim_action.world import World
 from sim_action.world.ground import GROUND
->>>>>>> 506d651 (Judge from t = 0, and until finite bounds have closed)
 from sim_action.world.scene import Scene
 
 BOLTED: Final = "the base is fixed: twists turn the wheels, but the robot does not move"

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Final, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Self
 
 from sim_action.assertions.monitors import ConditionMonitor, Monitor, State, begun, has_truth, is_deciding
 from sim_action.assertions.monitors.goals import HoldTime, joined
 from sim_action.core import units
-from sim_action.state.verdict import Verdict
+from sim_action.state.verdict import Signal, Verdict
 
 if TYPE_CHECKING:
     import numpy as np
@@ -99,6 +99,8 @@ class BecomingTrue:
         at_start: True if it was true at the first moment; None before the first moment.
     """
 
+    is_momentary: ClassVar[bool] = False
+
     goal: ConditionMonitor
     probe: ConditionMonitor
     rest: Rest | None
@@ -157,6 +159,14 @@ class BecomingTrue:
         elif self.is_explicit and (moved := self.rest.moved(trace)).any():
             opening = min(opening, float(trace.time[moved.argmax()]))
         return replace(later, is_open=opening < math.inf), opening
+
+    def signals(self, trace: Trace) -> tuple[Signal, ...]:
+        """See PlottableMonitor.signals. Returns the time for which the goal has held, if it must hold for a time."""
+        truth = self.goal.truth(trace)
+        hold = self.early if self.hold is None and self.rest is None and truth.holds[:1].any() else self.hold
+        if hold is None or not len(truth.time):
+            return ()
+        return (Signal("time for which it holds", "s", truth.time, hold.lasting(*truth), lower=hold.wanted),)
 
     def verdict(self) -> Verdict:
         """Return the verdict of the goal, or on the time for which it held."""
