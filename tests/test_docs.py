@@ -108,7 +108,7 @@ def test_yaml_in_pages_is_read_and_scenarios_load(name: str, tmp_path: Path) -> 
         if re.search("^time_limit:", text, re.MULTILINE):
             path = tmp_path / "page.sim.yml"
             path.write_text(text)
-            load_scenario(path)
+            assert load_scenario(path).warnings == ()
 
 
 @functools.cache

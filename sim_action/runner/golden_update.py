@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from sim_action.assertions.matches import Matches
 from sim_action.core.errors import InvalidScenario, Problem
 from sim_action.core.workspace import PathError
+from sim_action.scenario.claim_audit import SINGLE_ROW, single_row
 from sim_action.scenario.model import Expectation, LoadedScenario
 from sim_action.scenario.source import Refused
 from sim_action.state.golden_trajectory import Golden, GoldenError
@@ -39,7 +40,8 @@ def write_goldens(loaded: LoadedScenario, scene: Scene, trace: Trace) -> tuple[s
 
     `trace`: the trace of every physics step.
     """
-    return tuple(_written(scene, trace, expected, matches) for _, expected, matches in _goldens(loaded))
+    allow = loaded.scenario.allow
+    return tuple(_written(scene, trace, expected, matches, allow) for _, expected, matches in _goldens(loaded))
 
 
 def _goldens(loaded: LoadedScenario) -> Iterator[tuple[Path, Expectation, Matches]]:
@@ -78,12 +80,14 @@ def _planned(plan: Plan, writers: Mapping[Path, list[str]]) -> Plan:
     return tuple(run.traced_at_every_step() for run in plan) if goldens else plan
 
 
-def _written(scene: Scene, trace: Trace, expected: Expectation, matches: Matches) -> str:
+def _written(scene: Scene, trace: Trace, expected: Expectation, matches: Matches, allow: Sequence[str]) -> str:
     name = matches.file_in(scene)
     seen = trace.between(expected.after, expected.before)
     try:
         path = scene.workspace.new_file(name)
         golden = Golden.of_trace(matches.form_in(scene), seen, matches.rate)
+        if len(golden.rows) < 2 and SINGLE_ROW not in allow:
+            raise _refusal(expected, f"{name} is not written: {single_row(name, golden)} [{SINGLE_ROW}]")
         is_new = golden.write(path)
     except OSError as error:
         raise _refusal(expected, f"{name} cannot be written: {error.strerror}") from None

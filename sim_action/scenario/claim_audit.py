@@ -21,7 +21,7 @@ from sim_action.core.workspace import PathError
 from sim_action.core.yaml_document import Document, KeyPath
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.robot_model import Joint, RobotModel
-from sim_action.state.golden_trajectory import GoldenError
+from sim_action.state.golden_trajectory import Golden, GoldenError
 from sim_action.world import GROUND, Physics
 from sim_action.world.scene import Scene
 
@@ -44,6 +44,9 @@ class Rule:
     over_variations: bool = False
 
 
+SINGLE_ROW: Final = "single-row-golden"
+"""The rule against golden files without a motion."""
+
 RULES: Final[Mapping[str, Rule]] = MappingProxyType(
     {
         "bare-angle": Rule("error", "an angle without a unit that is more than one turn: probably in degrees"),
@@ -53,7 +56,7 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
             "unstable (`physics.max_speed`), or a comparison that is always true",
         ),
         "warnings-only": Rule("error", "a scenario in which every expectation has `severity: warning`"),
-        "single-row-golden": Rule("error", "a golden file with one row: no motion is compared"),
+        SINGLE_ROW: Rule("error", "a golden file with one row: no motion is compared"),
         "nothing-to-touch": Rule("warning", "`no_collision` in a world without an object that the robot may not touch"),
         "segment-beyond-run": Rule(
             "warning", "a command segment or point that is longer or later than the run: probably in milliseconds"
@@ -315,5 +318,10 @@ def _single_row(path: KeyPath, assertion: Any, scene: Scene) -> Iterator[ClaimFi
     except (GoldenError, PathError, ValueError):
         return  # reported by the assertion itself
     if len(golden.rows) < 2:
-        message = f"{assertion.file_in(scene)} has one row, at {golden.time[0]:g} s, so it compares no motion"
-        yield ClaimFinding("single-row-golden", (*path, "trace"), f"{message}; record a longer run or window")
+        yield ClaimFinding(SINGLE_ROW, (*path, "trace"), single_row(assertion.file_in(scene), golden))
+
+
+def single_row(name: str, golden: Golden) -> str:
+    """Return the problem of a golden file with one row."""
+    when = f"at {golden.time[0]:g} s"
+    return f"{name} has one row, {when}, so it compares no motion; record a longer run or window"

@@ -119,6 +119,17 @@ def test_the_file_holds_the_window_of_its_expectation(folder: Path) -> None:
     ran(folder)
 
 
+def test_a_window_of_one_row_is_not_written_unless_allowed(folder: Path) -> None:
+    changed(folder, ("20 deg}}", "20 deg}}\n    after: 0.5 s\n    before: 502 ms"))
+    refused = ran(folder, "--update-golden", code=2).stdout
+    assert "golden/corner.csv has one row, at 0.5 s, so it compares no motion" in refused
+    assert "[single-row-golden]" in refused
+    assert not (folder / "golden/corner.csv").exists()
+    changed(folder, ("time_limit", "allow: [single-row-golden]\ntime_limit"))
+    ran(folder, "--update-golden")
+    ran(folder)
+
+
 def test_two_runs_do_not_write_the_same_file(folder: Path) -> None:
     varied = ("time_limit", "variations: {seed: [1, 2]}\ntime_limit")
     changed(folder, varied)
