@@ -89,7 +89,8 @@ STATUS_DISPLAYS: Final[Mapping[DisplayStatus, StatusDisplay]] = MappingProxyType
         "warned": StatusDisplay(
             word="warning",
             headline="Passed, with a warning",
-            meaning="passed, but an expectation did not hold or was never judged, and the scenario accepts that",
+            meaning="passed, but an expectation did not hold or was never judged and the scenario accepts that, or the "
+            "audit of claims found a part that checked nothing",
             symbol="!",
             ascii_symbol="!",
             icon="⚠️",
