@@ -13,6 +13,7 @@ from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
 from tests.integration.test_ros1_launches import BURGER, DIES, TEST, WAITS
 from tests.ros.ros1.launches import ROOT, needs_ros, package
+from tests.ros.ros1.robotis import lay_out
 
 pytestmark = needs_ros
 
@@ -120,6 +121,43 @@ def test_what_a_world_and_a_robot_lose_is_an_error_unless_it_is_allowed(program:
     assert [str(warning.location) for warning in outcome.warnings] == [place for place, _ in lost]
     assert all(message in printed for _, message in lost)
     assert "--allow-losses" in outcome.call
+
+
+RATES = """\
+#!/usr/bin/env python
+import unittest, rospy, rostest
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import JointState
+class Rates(unittest.TestCase):
+    def test_rates(self):
+        rospy.init_node("rates")
+        odometry, joints = [], []
+        rospy.Subscriber("/odom", Odometry, odometry.append, queue_size=100)
+        rospy.Subscriber("/joint_states", JointState, joints.append, queue_size=100)
+        rospy.sleep(0.5)
+        start = rospy.get_time()
+        rospy.sleep(3.0)
+        stamps = [message.header.stamp.to_sec() for message in odometry]
+        self.assertEqual(len([stamp for stamp in stamps if start < stamp <= start + 3.0]), 90)
+        self.assertEqual(joints[0].name, ["wheel_left_joint", "wheel_right_joint"])
+        self.assertEqual(len(joints[0].position), 2)
+        diagonal = odometry[0].pose.covariance[::7]
+        self.assertEqual([round(value, 6) for value in diagonal], [1e-5, 1e-5, 1e12, 1e12, 1e12, 1e-3])
+rostest.rosrun("parts", "rates", Rates)
+"""
+
+
+def test_the_plugins_of_robotis_have_their_rates_wheel_positions_and_covariances(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TURTLEBOT3_MODEL", "burger")
+    lay_out(tmp_path)
+    test = '<test test-name="rates" pkg="parts" type="rates.py" time-limit="60"/>'
+    package(tmp_path, "parts", {"a.test": f"<launch>{BURGER}{test}</launch>", "rates.py": RATES})
+
+    code, outcome, printed = called(tmp_path, "rostest", "a.test")
+
+    assert (code, outcome.status, outcome.warnings) == (0, "passed", ()), printed
 
 
 def test_a_test_that_runs_no_method_or_skips_all_does_not_pass(tmp_path: Path) -> None:

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Final
 
 from geometry_msgs.msg import Transform, TransformStamped, Vector3
 from geometry_msgs.msg import Twist as TwistMessage
 from nav_msgs.msg import Odometry
+from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
 from sim_action.core.geometry import Twist
 from sim_action.ros.ros1.gazebo_plugins import Plugin
-from sim_action.ros.ros1.node.messages import header, in_frame_of, pose_message, twist_message, twist_of
-from sim_action.ros.ros1.node.plugins import Device, Wiring, period_of
+from sim_action.ros.ros1.node.messages import diagonal, header, in_frame_of, pose_message, twist_message, twist_of
+from sim_action.ros.ros1.node.plugins import Device, Wiring, schedule_of
 from sim_action.ros.ros1.node.topics import Subscription
 from sim_action.state.observation import Observation
+
+_UNKNOWN: Final = 1e12
 
 
 def open_drive(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
@@ -22,29 +26,58 @@ def open_drive(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
     subscription = wiring.subscribe(plugin.topic("commandTopic", default="cmd_vel"), TwistMessage, twist_of)
     wiring.add_mover(lambda _seconds, _seen: subscription.value)
     yield odometry_device(plugin, wiring, child=wiring.model.root, rate=0.0)
+    if plugin.own.flag("publishWheelJointState", default=False):
+        yield _wheel_states(plugin, wiring)
+
+
+def _wheel_states(plugin: Plugin, wiring: Wiring) -> Device:
+    """Return the publisher of the positions of the wheels."""
+    publisher = wiring.publisher(f"{plugin.space}/joint_states", JointState)
+    moving = {joint.name for joint in wiring.model.moving_joints}
+    names = [name for tag in ("leftJoint", "rightJoint") for name in plugin.own.texts(tag) if name in moving]
+
+    def publish(seconds: float, seen: Observation) -> None:
+        positions = [seen.joints[name].position for name in names]
+        publisher.send(JointState(header=header(seconds, ""), name=names, position=positions))
+
+    return Device(schedule_of(plugin.own.number("updateRate", default=0.0)), (publisher,), publish)
+
+
+def _variances(plugin: Plugin) -> tuple[float, ...]:
+    """Return the variances of odometry, as the plugins of Gazebo state them: x, y and yaw are known."""
+    if plugin.name == "gazebo_ros_skid_steer_drive":
+        x, y = (plugin.own.number(f"covariance_{axis}", default=1e-4) for axis in "xy")
+        yaw = plugin.own.number("covariance_yaw", default=0.01)
+    else:
+        x, y, yaw = 1e-5, 1e-5, 1e-3
+    return x, y, _UNKNOWN, _UNKNOWN, _UNKNOWN, yaw
 
 
 def odometry_device(plugin: Plugin, wiring: Wiring, *, child: str, rate: float) -> Device:
     """Return the publisher of odometry and of its frame; `child`, `rate`: defaults of the plugin."""
     own = plugin.own
+    covariance = diagonal(_variances(plugin))
     odometry = wiring.publisher(plugin.topic("odometryTopic", default="odom"), Odometry)
     frame, base = own.text("odometryFrame", default="odom"), own.text("robotBaseFrame", default=child)
     publishes_tf = own.flag("publishTf", "publishOdomTF", "broadcastTF", default=True)
     frames = wiring.publisher("/tf", TFMessage) if publishes_tf else None
-    period = period_of(own.number("updateRate", "odometryRate", default=rate))
+    schedule = schedule_of(own.number("updateRate", "odometryRate", default=rate))
 
     def publish(seconds: float, seen: Observation) -> None:
         message = Odometry(header=header(seconds, frame), child_frame_id=base)
         pose, twist = wiring.frame.pose(seen.pose), wiring.frame.twist(seen.pose, seen.twist)
         message.pose.pose = pose_message(pose)
         message.twist.twist = twist_message(in_frame_of(pose, twist))
+        message.pose.covariance = covariance
+        if plugin.name == "gazebo_ros_skid_steer_drive":
+            message.twist.covariance = covariance
         odometry.send(message)
         if frames is not None:
             at = message.pose.pose
             moved = Transform(Vector3(at.position.x, at.position.y, at.position.z), at.orientation)
             frames.send(TFMessage([TransformStamped(message.header, base, moved)]))
 
-    return Device(period, (odometry, *([frames] if frames else [])), publish)
+    return Device(schedule, (odometry, *([frames] if frames else [])), publish)
 
 
 def open_planar_move(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:

@@ -12,6 +12,7 @@ from xml.etree import ElementTree as ET
 from pydantic import PrivateAttr
 
 from sim_action.commands import ClosedLoop, CommandSource, Controller
+from sim_action.core.errors import Location
 from sim_action.core.workspace import Workspace
 from sim_action.drives import recognise
 from sim_action.robot.loading import load_model
@@ -25,6 +26,7 @@ from sim_action.ros.ros1.node.internal_sensors import states_sensor
 from sim_action.ros.ros1.node.planar_move import PlanarMove
 from sim_action.ros.ros1.node.plugins import TICKS, Device, RobotCommands, Wiring
 from sim_action.ros.ros1.node.world_models import SpawnedRobot, to_placement
+from sim_action.ros.ros1.plugin_tags import LOST_FINDINGS, lost_plugin_tags, lost_robot_tags
 from sim_action.scenario.model import DrivenRobot, Scenario
 from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.simulation.recorder import RunRecorder
@@ -153,14 +155,22 @@ class EpisodeFactory:
             self._lose,
             self._closing,
         )
+        for message in lost_robot_tags(root) if root.tag == "robot" else ():
+            self._lose(message)
+        for finding in model.findings:
+            if finding.rule in LOST_FINDINGS:
+                # Other descriptions are copies.
+                self._lose(finding.message, finding.location if robot.file else None)
         for plugin in plugins_of(root, robot.space):
             if plugin.name in PLUGINS:
+                for message in lost_plugin_tags(plugin):
+                    self._lose(message)
                 yield from PLUGINS.load(plugin.name)(plugin, wiring)
             else:
                 self._lose(f"the plugin {plugin.name} of the robot is not supported and has no effect")
 
-    def _lose(self, message: str) -> None:
-        self.losses.append(Loss(message=message))
+    def _lose(self, message: str, location: Location | None = None) -> None:
+        self.losses.append(Loss(message=message, location=location))
 
 
 def _driven(described: DrivenRobot, robot: SpawnedRobot, model: RobotModel, frame: ModelFrame) -> DrivenRobot:

@@ -99,23 +99,30 @@ class OnDemandSensor(Sensor):
     key: ClassVar[str] = "heard"
 
     _inner: Sensor = PrivateAttr()
-    _is_wanted: Callable[[], bool] = PrivateAttr()
+    _is_wanted: Callable[[float], bool] = PrivateAttr()
+    _keeps_first: bool = PrivateAttr()
 
     @classmethod
-    def of(cls, inner: Sensor, is_wanted: Callable[[], bool]) -> OnDemandSensor:
-        """Return the sensor; `is_wanted`: asked at each of its ticks."""
+    def of(cls, inner: Sensor, is_wanted: Callable[[float], bool], *, keeps_first: bool = False) -> OnDemandSensor:
+        """Return the sensor.
+
+        Args:
+            inner: the sensor that measures.
+            is_wanted: called at each of its ticks, with the sim time in s.
+            keeps_first: True if a reading does not depend on the one before.
+        """
         sensor = cls()
-        sensor._inner, sensor._is_wanted = inner, is_wanted
+        sensor._inner, sensor._is_wanted, sensor._keeps_first = inner, is_wanted, keeps_first
         return sensor
 
     def open(self, mount: Mount) -> Measure:
-        """See Sensor.open. The first reading after a pause is dropped: it may cover the whole pause."""
+        """See Sensor.open. The first reading after a pause may be dropped: it may cover the whole pause."""
         measure = self._inner.open(mount)
         is_fresh = True
 
         def measure_on_demand(sight: Sight) -> Reading:
             nonlocal is_fresh
-            was_fresh, is_fresh = is_fresh, self._is_wanted()
+            was_fresh, is_fresh = is_fresh or self._keeps_first, self._is_wanted(sight.time)
             reading = measure(sight) if is_fresh else NotMeasured(sight.time)
             return reading if was_fresh else NotMeasured(sight.time)
 

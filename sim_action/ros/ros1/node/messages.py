@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from geometry_msgs.msg import Point, Pose, Quaternion, Twist, Vector3
 from rospy import Time
 from sensor_msgs.msg import Image, Imu, LaserScan
@@ -53,6 +55,12 @@ def in_frame_of(pose: geometry.Pose, twist: geometry.Twist) -> geometry.Twist:
     return geometry.Twist(geometry.rotate(back, twist.linear_xyz), geometry.rotate(back, twist.angular_xyz))
 
 
+def diagonal(variances: Sequence[float]) -> tuple[float, ...]:
+    """Return a square covariance matrix, row by row, with these variances on its diagonal."""
+    size = len(variances)
+    return tuple(float(variances[row]) if row == column else 0.0 for row in range(size) for column in range(size))
+
+
 def scan_message(reading: LidarScan, head: Header, period: float) -> LaserScan:
     """Return a scan as message; `period`: s between two scans."""
     return LaserScan(
@@ -67,13 +75,17 @@ def scan_message(reading: LidarScan, head: Header, period: float) -> LaserScan:
     )
 
 
-def imu_message(reading: ImuReading, head: Header) -> Imu:
-    """Return a reading of an IMU as message."""
+def imu_message(reading: ImuReading, head: Header, deviation: float = 0.0) -> Imu:
+    """Return a reading of an IMU as message; `deviation`: of its noise, for the covariances."""
+    covariance = diagonal((deviation**2,) * 3)
     return Imu(
         header=head,
         orientation=Quaternion(*reading.orientation_xyzw),
+        orientation_covariance=covariance,
         angular_velocity=Vector3(*reading.angular_velocity_xyz),
+        angular_velocity_covariance=covariance,
         linear_acceleration=Vector3(*reading.linear_acceleration_xyz),
+        linear_acceleration_covariance=covariance,
     )
 
 

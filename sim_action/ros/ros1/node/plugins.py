@@ -12,6 +12,7 @@ from sim_action.robot.robot_model import RobotModel
 from sim_action.ros.ros1.gazebo_plugins import Plugin
 from sim_action.ros.ros1.node.current_state import ModelFrame
 from sim_action.ros.ros1.node.internal_sensors import OnDemandSensor
+from sim_action.ros.ros1.node.schedule import Schedule
 from sim_action.ros.ros1.node.topics import Publisher, Subscription, Traffic
 from sim_action.sensors import MountedSensor, Sensor
 from sim_action.state.command import Answer, commands_of
@@ -107,7 +108,26 @@ class Wiring:
 
     def on_demand(self, sensor: Sensor, publisher: Publisher) -> Sensor:
         """Return a sensor that measures only for the subscribers of a publisher."""
-        return OnDemandSensor.of(sensor, lambda: publisher.has_subscribers or self.is_clock_held())
+        return OnDemandSensor.of(sensor, lambda _: publisher.has_subscribers or self.is_clock_held())
+
+    def on_schedule(self, sensor: Sensor, publisher: Publisher, schedule: Schedule) -> Sensor:
+        """Return a sensor that measures only for subscribers, and at each tick only if it is due.
+
+        A reading must not depend on the one before.
+        """
+        return OnDemandSensor.of(
+            sensor,
+            lambda seconds: (
+                schedule.is_due(round(seconds * TICKS)) and (publisher.has_subscribers or self.is_clock_held())
+            ),
+            keeps_first=True,
+        )
+
+    def controller_schedule(self, name: str, rate: float) -> Schedule:
+        """Return the ticks of messages of a controller, and report a rate that is not reached."""
+        if rate > TICKS:
+            self.lose(f"{name}/publish_rate is {rate:g}: messages are published {TICKS} times per second at most")
+        return schedule_of(rate)
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,14 +135,14 @@ class Device:
     """A plugin, or a part of it, that publishes.
 
     Attributes:
-        period: ticks between two calls of `publish`.
+        schedule: the ticks at which `publish` is called.
         publishers: its topics.
         publish: publishes a moment, at a sim time in s; called if a node subscribes.
         sensor: its sensor; the observation has the readings.
         reads_links: True if it reads the states of links.
     """
 
-    period: int
+    schedule: Schedule
     publishers: tuple[Publisher, ...]
     publish: Callable[[float, Observation], None]
     sensor: MountedSensor | None = None
@@ -130,7 +150,7 @@ class Device:
 
     def publish_if_due(self, tick: int, seconds: float, seen: Observation) -> bool:
         """Publish if it is due; return True if a node subscribes."""
-        if tick % self.period or not any(publisher.has_subscribers for publisher in self.publishers):
+        if not self.schedule.is_due(tick) or not any(publisher.has_subscribers for publisher in self.publishers):
             return False
         self.publish(seconds, seen)
         return True
@@ -143,6 +163,6 @@ class Opener(Protocol):
         """Open the topics of a plugin."""
 
 
-def period_of(rate: float) -> int:
-    """Return the ticks between two messages, for a rate in Hz; a rate of 0 means every tick."""
-    return max(1, round(TICKS / rate)) if rate > 0 else 1
+def schedule_of(rate: float) -> Schedule:
+    """Return the ticks of messages, for a rate in Hz; a rate of 0 means every tick."""
+    return Schedule.of(rate, TICKS)

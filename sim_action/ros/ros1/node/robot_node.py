@@ -36,6 +36,7 @@ from sim_action.ros.ros1.node.messages import (
     twist_message,
     twist_of,
 )
+from sim_action.ros.ros1.node.schedule import Schedule
 from sim_action.ros.ros1.node.topics import GazeboTopics, Publisher, Subscription, Traffic
 from sim_action.state.command import Answer
 from sim_action.state.observation import Observation
@@ -178,10 +179,10 @@ def open_publishers(
     model: RobotModel, sensors: Sequence[Fitting], topics: Mapping[str, str], rate: float, traffic: Traffic
 ) -> list[TopicPublisher]:
     """Return the publishers of a robot; `topics`: key -> topic; `rate`: ticks per second."""
-    period = max(1, round(rate / _STATES_RATE_HZ))
-    found: list[TopicPublisher] = [_Joints(Publisher(topics[JOINTS], JointState, traffic), model, period)]
+    schedule = Schedule.of(_STATES_RATE_HZ, rate)
+    found: list[TopicPublisher] = [_Joints(Publisher(topics[JOINTS], JointState, traffic), model, schedule)]
     if ODOMETRY in topics:
-        found.append(_Truth(_Odometry(topics[ODOMETRY], model.root, traffic), period))
+        found.append(_Truth(_Odometry(topics[ODOMETRY], model.root, traffic), schedule))
     return [*found, *_sensors(sensors, topics, model.root, traffic)]
 
 
@@ -202,13 +203,13 @@ def _sensors(
 class _Joints:
     """Publishes joint states."""
 
-    def __init__(self, publisher: Publisher, model: RobotModel, period: int) -> None:
-        self._publisher, self._period = publisher, period
+    def __init__(self, publisher: Publisher, model: RobotModel, schedule: Schedule) -> None:
+        self._publisher, self._schedule = publisher, schedule
         self._names = [joint.name for joint in model.moving_joints]
 
     def publish_if_due(self, tick: int, seen: Observation) -> bool:
         """See TopicPublisher.publish_if_due."""
-        if tick % self._period or not self._publisher.has_subscribers or not self._names:
+        if not self._schedule.is_due(tick) or not self._publisher.has_subscribers or not self._names:
             return False
         positions, velocities, efforts = zip(*(seen.joints[name] for name in self._names), strict=True)
         self._publisher.send(JointState(header(seen.time, ""), self._names, positions, velocities, efforts))
@@ -248,12 +249,12 @@ class _Odometry:
 class _Truth:
     """Publishes the true motion as odometry."""
 
-    def __init__(self, odometry: _Odometry, period: int) -> None:
-        self._odometry, self._period = odometry, period
+    def __init__(self, odometry: _Odometry, schedule: Schedule) -> None:
+        self._odometry, self._schedule = odometry, schedule
 
     def publish_if_due(self, tick: int, seen: Observation) -> bool:
         """See TopicPublisher.publish_if_due."""
-        if tick % self._period:
+        if not self._schedule.is_due(tick):
             return False
         return self._odometry.publish(seen.time, seen.pose, in_frame_of(seen.pose, seen.twist))
 

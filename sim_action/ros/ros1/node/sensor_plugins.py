@@ -13,7 +13,7 @@ from sim_action.core.geometry import Pose, quaternion_from_rpy
 from sim_action.ros.ros1.gazebo_plugins import Plugin
 from sim_action.ros.ros1.node.internal_sensors import states_in
 from sim_action.ros.ros1.node.messages import header, imu_message, pose_message, scan_message, twist_message
-from sim_action.ros.ros1.node.plugins import TICKS, Device, Wiring, period_of
+from sim_action.ros.ros1.node.plugins import TICKS, Device, Wiring, schedule_of
 from sim_action.sensors import MountedSensor
 from sim_action.sensors.imu import Imu
 from sim_action.sensors.lidar import Lidar
@@ -26,17 +26,18 @@ def open_laser(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
     sensor, name = plugin.sensor, f"laser {plugin.topic('topicName', default='scan')}"
     publisher = wiring.publisher(plugin.topic("topicName", default="scan"), LaserScan)
     frame = plugin.own.text("frameName", default=plugin.link)
-    period = period_of(sensor.number("update_rate", default=0.0))
+    schedule = schedule_of(sensor.number("update_rate", default=0.0))
 
     def publish(seconds: float, seen: Observation) -> None:
         scan = seen.sensors[name]
         if not isinstance(scan, LidarScan):
             return
-        publisher.send(scan_message(scan, header(seconds, frame), period / TICKS))
+        publisher.send(scan_message(scan, header(seconds, frame), 1 / schedule.rate))
 
-    lidar = wiring.on_demand(_lidar(plugin), publisher)
-    mounted = MountedSensor(lidar, name, plugin.link, _pose(plugin), TICKS / period, trace=False)
-    yield Device(period, (publisher,), publish, mounted)
+    lidar = wiring.on_schedule(_lidar(plugin), publisher, schedule)
+    rate = schedule.rate if schedule.is_even else TICKS
+    mounted = MountedSensor(lidar, name, plugin.link, _pose(plugin), rate, trace=False)
+    yield Device(schedule, (publisher,), publish, mounted)
 
 
 def _lidar(plugin: Plugin) -> Lidar:
@@ -64,14 +65,14 @@ def open_imu(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
     link = plugin.own.text("bodyName", default=plugin.link or wiring.model.root)
     frame = plugin.own.text("frameName", default=link)
     rate = plugin.own.number("updateRate", "updateRateHZ", default=plugin.sensor.number("update_rate", default=0.0))
-    publisher, period = wiring.publisher(topic, ImuMessage), period_of(rate)
+    publisher, schedule = wiring.publisher(topic, ImuMessage), schedule_of(rate)
     noise = plugin.own.number("gaussianNoise", default=0.0)
     sensor = MountedSensor(
         wiring.on_demand(Imu(gyro_noise=noise, accelerometer_noise=noise), publisher),
         f"imu {topic}",
         link,
         Pose(),
-        TICKS / period,
+        schedule.rate if schedule.is_even else TICKS,
         trace=False,
     )
 
@@ -79,9 +80,9 @@ def open_imu(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
         reading = seen.sensors[sensor.name]
         if not isinstance(reading, ImuReading):
             return
-        publisher.send(imu_message(reading, header(seconds, frame)))
+        publisher.send(imu_message(reading, header(seconds, frame), noise))
 
-    yield Device(period, (publisher,), publish, sensor)
+    yield Device(schedule, (publisher,), publish, sensor)
 
 
 def open_ground_truth(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
@@ -95,7 +96,7 @@ def open_ground_truth(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
         message.pose.pose, message.twist.twist = pose_message(pose), twist_message(twist)
         publisher.send(message)
 
-    yield Device(period_of(plugin.own.number("updateRate", default=0.0)), (publisher,), publish, reads_links=True)
+    yield Device(schedule_of(plugin.own.number("updateRate", default=0.0)), (publisher,), publish, reads_links=True)
 
 
 def open_joint_states(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
@@ -108,4 +109,4 @@ def open_joint_states(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
         positions, velocities, efforts = zip(*(seen.joints[name] for name in names), strict=True)
         publisher.send(JointState(header(seconds, ""), names, positions, velocities, efforts))
 
-    yield Device(period_of(plugin.own.number("updateRate", default=0.0)), (publisher,), publish)
+    yield Device(schedule_of(plugin.own.number("updateRate", default=0.0)), (publisher,), publish)

@@ -39,10 +39,9 @@ class Stopwatch(Sensor):
         return measure
 
 
-def read(is_wanted: Callable[[float], bool], times: list[float]) -> list[float | None]:
+def read(is_wanted: Callable[[float], bool], times: list[float], *, keeps_first: bool = False) -> list[float | None]:
     """What was told at some times; None: silence."""
-    now = 0.0
-    measure = OnDemandSensor.of(Stopwatch(), lambda: is_wanted(now)).open(cast(Mount, None))
+    measure = OnDemandSensor.of(Stopwatch(), is_wanted, keeps_first=keeps_first).open(cast(Mount, None))
     told: list[float | None] = []
     for now in times:
         reading: Any = measure(Sight(now, cast(Any, None), cast(Any, None)))
@@ -62,3 +61,7 @@ def test_a_sensor_that_nobody_hears_is_not_read() -> None:
 def test_what_was_not_heard_is_not_told_later() -> None:
     """The reading at 4 s would be about 3 s of silence."""
     assert read(lambda now: now < 2 or now >= 4, [0, 1, 2, 3, 4, 5, 6]) == [0, 1, None, None, None, 1, 1]
+
+
+def test_a_reading_that_does_not_depend_on_the_one_before_is_kept_after_a_pause() -> None:
+    assert read(lambda now: now in (0, 2), [0, 1, 2, 3], keeps_first=True) == [0, None, 2, None]

@@ -14,8 +14,8 @@ from sim_action.core import geometry
 from sim_action.core.geometry import Pose
 from sim_action.drives.wheels import wheel
 from sim_action.ros.ros1.node.control import BadController, Controller, ControllerSetup, Parameters
-from sim_action.ros.ros1.node.messages import header, in_frame_of, pose_message, twist_message
-from sim_action.ros.ros1.node.plugins import TICKS, Device, period_of
+from sim_action.ros.ros1.node.messages import diagonal, header, in_frame_of, pose_message, twist_message
+from sim_action.ros.ros1.node.plugins import TICKS, Device
 from sim_action.ros.ros1.node.topics import Subscription
 from sim_action.ros.ros1.ros_control import INTERFACES
 from sim_action.state.command import JointTargets
@@ -133,16 +133,19 @@ def _odometry(setup: ControllerSetup, drive: DiffDriveWheels) -> Device:
     base = str(parameters.get("base_frame_id", default="base_link"))
     odometry = wiring.publisher(setup.topic("odom"), Odometry)
     frames = wiring.publisher("/tf", TFMessage) if parameters.get("enable_odom_tf", default=True) else None
+    stated = (parameters.get(f"{name}_covariance_diagonal", default=(0.0,) * 6) for name in ("pose", "twist"))
+    covariances = tuple(map(diagonal, stated))
 
     def publish(seconds: float, seen: Observation) -> None:
         pose = geometry.compose(geometry.inverse(drive.start or seen.pose), seen.pose)
         message = Odometry(header=header(seconds, frame), child_frame_id=base)
         message.pose.pose = pose_message(pose)
         message.twist.twist = twist_message(in_frame_of(seen.pose, seen.twist))
+        message.pose.covariance, message.twist.covariance = covariances
         odometry.send(message)
         if frames is not None:
             moved = Transform(Vector3(*pose.position_xyz), message.pose.pose.orientation)
             frames.send(TFMessage([TransformStamped(message.header, base, moved)]))
 
-    period = period_of(parameters.number("publish_rate", 50.0))
-    return Device(period, (odometry, *([frames] if frames else [])), publish)
+    schedule = wiring.controller_schedule(parameters.space, parameters.number("publish_rate", 50.0))
+    return Device(schedule, (odometry, *([frames] if frames else [])), publish)

@@ -12,7 +12,7 @@ from std_msgs.msg import Float64, Float64MultiArray
 from sim_action.robot.robot_model import Joint, Reading
 from sim_action.ros.ros1.node.control import Controller, ControllerSetup
 from sim_action.ros.ros1.node.messages import header
-from sim_action.ros.ros1.node.plugins import Device, period_of
+from sim_action.ros.ros1.node.plugins import Device
 from sim_action.ros.ros1.node.topics import Subscription
 from sim_action.ros.ros1.ros_control import INTERFACES
 from sim_action.state.command import JointTargets
@@ -122,5 +122,5 @@ def open_joint_states(setup: ControllerSetup) -> Controller:
             positions, velocities, efforts = zip(*(seen.joints[name] for name in names), strict=True)
             publisher.send(JointState(header(seconds, ""), names, positions, velocities, efforts))
 
-    period = period_of(setup.parameters.number("publish_rate", 50.0))
-    return Controller("hardware_interface/JointStateInterface", device=Device(period, (publisher,), publish))
+    schedule = setup.wiring.controller_schedule(setup.parameters.space, setup.parameters.number("publish_rate", 50.0))
+    return Controller("hardware_interface/JointStateInterface", device=Device(schedule, (publisher,), publish))

@@ -22,7 +22,7 @@ from controller_manager_msgs.srv import (
 from sim_action.core.wording import did_you_mean
 from sim_action.ros.ros1.gazebo_plugins import Plugin
 from sim_action.ros.ros1.node.control import BadController, Controller, ControllerSetup, Parameters
-from sim_action.ros.ros1.node.plugins import Device, Wiring
+from sim_action.ros.ros1.node.plugins import Device, Wiring, schedule_of
 from sim_action.ros.ros1.ros_control import CONTROLLERS, Transmissions, transmissions_of
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import Observation
@@ -207,7 +207,7 @@ def open_control(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
     manager = ControllerManager(space, wiring, transmissions_of(_description(plugin, wiring.description)))
     wiring.add_mover(manager.move)
     manager.offer()
-    yield Managed(1, (), lambda _seconds, _seen: None, publish_managed=manager.publish_if_due)
+    yield Managed(schedule_of(0.0), (), lambda _seconds, _seen: None, publish_managed=manager.publish_if_due)
 
 
 def _description(plugin: Plugin, spawned: Element) -> Element:
