@@ -21,7 +21,6 @@ from sim_action.core.workspace import PathError
 from sim_action.core.yaml_document import Document, KeyPath
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.robot_model import Joint, RobotModel
-from sim_action.state.golden_trajectory import Golden, GoldenError
 from sim_action.world import GROUND, Physics
 from sim_action.world.scene import Scene
 
@@ -29,6 +28,7 @@ if TYPE_CHECKING:
     from sim_action.assertions import Assertion
     from sim_action.assertions.temporal_logic.formula import Signal
     from sim_action.scenario.model import Scenario
+    from sim_action.state.golden_trajectory import Golden
 
 
 @dataclass(frozen=True, slots=True)
@@ -313,6 +313,8 @@ def _is_limited(joint: Joint) -> bool:
 
 
 def _single_row(path: KeyPath, assertion: Any, scene: Scene) -> Iterator[ClaimFinding]:
+    from sim_action.state.golden_trajectory import GoldenError
+
     try:
         golden = assertion.golden_in(scene)
     except (GoldenError, PathError, ValueError):

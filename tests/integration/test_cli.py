@@ -104,6 +104,16 @@ def test_the_valid_ones_ran_all_the_same(bad_run: tuple[Path, subprocess.Complet
     assert sorted(passed) == ["good-1", "good-2"]
 
 
+def test_validate_prints_the_warnings_of_the_audit(tmp_path: Path) -> None:
+    text = VALID.format(name="a").replace("expect: [", "expect: [no_collision, ")
+    (tmp_path / "a.sim.yml").write_text(f"{text}variations: {{robot.pose.x: [0, 1]}}\n")
+    checked = sim_action(tmp_path, "validate", "a.sim.yml")
+    assert checked.returncode == 0
+    (line, count) = checked.stdout.splitlines()
+    assert re.fullmatch(r"a\.sim\.yml:\d+:10: warning: the world has no objects, .* \[nothing-to-touch\]", line)
+    assert count == "1 valid, 0 invalid (2 runs with all variations)"
+
+
 def test_validate_says_the_same_with_lines_and_columns(bad_run: tuple[Path, subprocess.CompletedProcess[str]]) -> None:
     folder, _ = bad_run
     checked = sim_action(folder, "validate", ".")
@@ -320,7 +330,7 @@ def test_a_run_without_a_report_imports_nothing_of_replays(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(
-    ("arguments", "most"), [(("--help",), 20), (("validate", "a.sim.yml"), 92), (("run", TUTORIAL), 162)]
+    ("arguments", "most"), [(("--help",), 20), (("validate", "a.sim.yml"), 92), (("run", TUTORIAL), 163)]
 )
 def test_few_modules_are_imported(tmp_path: Path, arguments: tuple[str, ...], most: int) -> None:
     # Each one takes about 1 ms before anything runs. If you need one more in every run, raise the number.
