@@ -131,34 +131,40 @@ class BecomingTrue:
         """See CumulativeMonitor.begin. A goal that was false before the window has been false once."""
         if not len(trace):
             return self
-        later = self if self.is_open else self._watched(trace)[0]
+        later = self if self.is_open else replace(self._opened(trace)[0], probe=begun(self.probe, trace))
         return replace(later, goal=begun(later.goal, trace))
 
     def observe(self, trace: Trace) -> Self:
         """See Monitor.observe."""
         if not len(trace):
             return self
-        later, opening = (self, -math.inf) if self.is_open else self._watched(trace)
-        if not later.is_open:
-            return later
-        seen = trace.between(opening, math.inf)
-        hold = None if later.hold is None else later.hold.observe(*later.goal.truth(seen))
-        return replace(later, goal=later.goal.observe(seen), hold=hold)
-
-    def _watched(self, trace: Trace) -> tuple[Self, float]:
-        """Return the monitor after steps before the goal may count, and the time in s at which it opens."""
-        truth = self.probe.truth(trace)
-        at_start = bool(truth.holds[0]) if self.at_start is None and len(truth.holds) else self.at_start
-        later = replace(self, probe=self.probe.observe(trace), at_start=at_start)
-        ends = truth.time[~truth.holds]
-        opening = float(ends[0]) if len(ends) else math.inf
+        if self.is_open:
+            return self._judged(trace)
+        later, opening = self._opened(trace)
         if self.rest is None:
+            truth = self.probe.truth(trace)
             until = truth.time < opening
             later = replace(later, early=self.early.observe(truth.time[until], truth.holds[until]))
-            opening = math.inf if later.early.state is State.HOLDS else opening
-        elif self.is_explicit and (moved := self.rest.moved(trace)).any():
+            if later.early.state is State.HOLDS:
+                later = replace(later, is_open=False)
+        if later.is_open:
+            return later._judged(trace.between(opening, math.inf))  # noqa: SLF001 - its own successor
+        return replace(later, probe=self.probe.observe(trace))
+
+    def _judged(self, trace: Trace) -> Self:
+        """Return the monitor after steps at which the goal counts."""
+        hold = None if self.hold is None else self.hold.observe(*self.goal.truth(trace))
+        return replace(self, goal=self.goal.observe(trace), hold=hold)
+
+    def _opened(self, trace: Trace) -> tuple[Self, float]:
+        """Return the monitor with the goal open if it may count, and the time in s from which on; else infinity."""
+        truth = self.probe.truth(trace)
+        at_start = bool(truth.holds[0]) if self.at_start is None and len(truth.holds) else self.at_start
+        ends = truth.time[~truth.holds]
+        opening = float(ends[0]) if len(ends) else math.inf
+        if self.rest is not None and self.is_explicit and (moved := self.rest.moved(trace)).any():
             opening = min(opening, float(trace.time[moved.argmax()]))
-        return replace(later, is_open=opening < math.inf), opening
+        return replace(self, at_start=at_start, is_open=opening < math.inf), opening
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         """See PlottableMonitor.signals. Returns the time for which the goal has held, if it must hold for a time."""

@@ -208,3 +208,19 @@ def test_a_goal_holds_for_its_time_exactly_if_it_was_true_so_long(x: Sequence[fl
     steps = round(span / 0.5)
     lasting = any(all(place > 0 for place in places[at : at + steps + 1]) for at in range(len(places) - steps))
     assert verdict(Reach(x=1.0, y=0.0), way(*places), span=span).passed is lasting
+
+
+def test_without_commands_the_time_before_the_window_does_not_count() -> None:
+    """It stood there for a second, but was away when the window opened."""
+    seen = way(0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0)
+    window = Window.of(opened(HOME, driven=False), 2.0, math.inf).observe(seen)
+    assert (window.state, window.verdict().passed) == (State.PENDING, False)
+    stays = Window.of(opened(HOME, driven=False), 2.0, math.inf).observe(way(*[0.0] * 7))
+    assert (stays.verdict().passed, stays.verdict().time) == (True, 3.0)
+
+
+def test_a_limit_does_not_count_before_the_window() -> None:
+    near = JointReading(name=WHEELS[0], at_least=0.0, at_most=1.0)
+    seen = trace([0.0, 1.0, 2.0, 3.0], position=[2.0, 2.0, 0.5, 0.5])
+    window = Window.of(opened(near), 2.0, math.inf).observe(seen)
+    assert (window.state, window.verdict().passed) == (State.HOLDS, True)
