@@ -20,7 +20,7 @@ from sim_action.core.wording import did_you_mean, escaped_line, shown, with_arti
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.trace_channels import Channels
-from sim_action.state.verdict import Signal, Verdict
+from sim_action.state.verdict import Judged, Signal, Verdict, VerdictStatus
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -42,8 +42,9 @@ class UserAssertion(Assertion):
     The class is created with the settings below `with`. Its only method, `judge(self, trace)`, receives a
     `sim_action.Trace` of every physics step so far, as read-only numpy columns (`time`, `base_position_xyz`, `speed`,
     `tilt`, `joint_position`, `contacts`, ...). It returns a `sim_action.Verdict(passed, measured, limit, margin, unit,
-    time, message)`; only `passed` is required. The method may be called for any length of the same run, in any order.
-    So it must depend only on the trace and the settings.
+    time, message)`; only `passed` is required. It returns None if the trace has nothing to judge yet; if it always does
+    so, the assertion is not exercised. The method may be called for any length of the same run, in any order. So it
+    must depend only on the trace and the settings.
 
     The class attribute `kind` sets when `judge` is called. "end", the default: once, at the end of the run.
     "invariant": also every 0.5 s of sim time, and the run ends when the verdict has not passed. "goal": also every 0.5
@@ -169,7 +170,8 @@ class UserMonitor:
         if self.judge.kind == "end":
             return later
         verdict = later.verdict()
-        return replace(later, decided=verdict) if verdict.passed == (self.judge.kind == "goal") else later
+        decisive: VerdictStatus = "passed" if self.judge.kind == "goal" else "failed"
+        return replace(later, decided=verdict) if verdict.status == decisive else later
 
     def verdict(self) -> Verdict:
         """See Monitor.verdict."""
@@ -209,6 +211,9 @@ class Judge:
         """Return the verdict of the class on a trace. Raises ScriptError."""
         with script_errors_at(self.path, f"{self.name}.judge()"):
             answer = self.made.judge(trace)
+        if answer is None:
+            silent = f"{self.name}.judge() returned None: it judged nothing; return a sim_action.Verdict"
+            return Verdict(False, message=silent, judged=Judged())
         try:
             return _plain(answer)
         except TypeError as error:
@@ -225,7 +230,7 @@ def _plain(answer: object) -> Verdict:
     import numpy as np
 
     if not isinstance(answer, Verdict):
-        raise TypeError(f"{with_article(type(answer).__name__)}; it returns a sim_action.Verdict")
+        raise TypeError(f"{with_article(type(answer).__name__)}; it returns a sim_action.Verdict or None")
     if not isinstance(answer.passed, bool | np.bool_):
         raise TypeError(f"a Verdict whose 'passed' is {answer.passed!r}; it is True or False")
     if not isinstance(answer.unit, str) or not isinstance(answer.message, str):

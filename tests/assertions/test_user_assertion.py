@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from sim_action.assertions.monitors import Monitor, State
+from sim_action.assertions.monitors.window import Window
 from sim_action.assertions.user_assertion import History, UserAssertion
 from sim_action.core.errors import ScriptError
 from sim_action.core.workspace import Workspace
@@ -134,6 +135,24 @@ def test_no_moment_is_no_pass(tmp_path: Path) -> None:
     assert (verdict.passed, verdict.message) == (False, "no physics step to measure")
 
 
+@pytest.mark.parametrize("kind", ["end", "invariant", "goal"])
+def test_what_never_judged_is_not_exercised(tmp_path: Path, kind: str) -> None:
+    text = judging("pass").replace("def judge", f"kind = {kind!r}\n\n    def judge")
+    told = Window(opened(tmp_path, text)).observe(ride())
+    assert told.state is (State.PENDING if kind == "goal" else State.HOLDS)
+    assert told.verdict().status == "not_exercised"
+    assert told.verdict().message == "Slow.judge() returned None: it judged nothing; return a sim_action.Verdict"
+
+
+def test_what_has_nothing_to_judge_at_first_is_judged_later(tmp_path: Path) -> None:
+    text = judging("return sim.Verdict(True) if len(trace) > 2 else None").replace(
+        "def judge", "kind = 'goal'\n\n    def judge"
+    )
+    waiting = opened(tmp_path, text).observe(ride().first(2))
+    assert waiting.state is State.PENDING
+    assert waiting.observe(ride().rows(slice(2, None))).state is State.HOLDS
+
+
 def test_a_verdict_needs_no_more_than_whether_it_passed(tmp_path: Path) -> None:
     text = judging("return sim.Verdict(bool(trace.time[-1] > 3))")
     assert opened(tmp_path, text).observe(ride()).verdict() == Verdict(passed=True, message="holds")
@@ -149,8 +168,7 @@ def test_a_message_is_one_printable_line(tmp_path: Path) -> None:
     [
         ("return 1 / 0", "Slow.judge() raised ZeroDivisionError: division by zero", 6),
         ("raise SystemExit", "Slow.judge() raised SystemExit", 6),
-        ("pass", "Slow.judge() returned a NoneType; it returns a sim_action.Verdict", 5),
-        ("return True", "Slow.judge() returned a bool; it returns a sim_action.Verdict", 5),
+        ("return True", "Slow.judge() returned a bool; it returns a sim_action.Verdict or None", 5),
         ("return sim.Verdict('yes')", "a Verdict whose 'passed' is 'yes'; it is True or False", 5),
         ("return sim.Verdict(True, float('nan'))", "a Verdict whose 'measured' is nan; it is a finite number", 5),
         ("return sim.Verdict(True, margin=np.inf)", "a Verdict whose 'margin' is inf; it is a finite number", 5),
