@@ -13,6 +13,7 @@
         ├── BadStart                   the robot cannot start where the scenario puts it
         ├── BadSource             2    the files of a command source do not fit the scenario
         ├── SimulationUnstable         the simulated state is no longer physically possible
+        ├── MissedContact              a body passed through another between two physics steps
         ├── ControllersFinished        all controllers have finished: the run ends and is judged
         └── ScriptError                user code raised an exception, or returned an invalid value
 
@@ -187,6 +188,10 @@ class BadSource(RunError):
 
 class SimulationUnstable(RunError):
     """The simulated state is no longer physically possible."""
+
+
+class MissedContact(RunError):
+    """A body passed through another within one physics step, so that the engine saw no contact."""
 
 
 class ScriptError(RunError):

@@ -20,7 +20,7 @@ from sim_action.world.scene import Scene
 if TYPE_CHECKING:
     from sim_action.state.command import JointTargets
     from sim_action.state.observation import Clash, Observation, Overlap
-    from sim_action.state.trace import Trace
+    from sim_action.state.trace import FloatArray, Trace
 
 
 NO_CHANNELS: Final = Channels()
@@ -38,6 +38,9 @@ class Engine(EngineQueries, Protocol):
     version: str
     """Name and version of the engine, such as "pybullet 3.2.7"."""
 
+    solid_terrain: bool
+    """True if heightfields are solid below their surface."""
+
     def advance(self, first_step: int, targets: Sequence[JointTargets | None]) -> None:
         """Step the scene once for each entry of `targets`, after passing that entry to the motors.
 
@@ -49,6 +52,12 @@ class Engine(EngineQueries, Protocol):
 
     def collect(self) -> Trace:
         """Return the states after each step since the last call, with the requested contacts and clearances."""
+
+    def collect_bodies(self) -> FloatArray:
+        """Return the poses (T, M, 7) of the bodies with a mass after each step since the last call.
+
+        They have the order of the world: position, and unit quaternion x, y, z, w.
+        """
 
     def observe(self, step: int, *, contacts: bool) -> Observation:
         """Return the present state as that of step `step`; contacts, if requested, include the ground."""

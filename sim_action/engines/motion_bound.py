@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -120,10 +121,10 @@ def _reach(model: RobotModel, joint: Joint, extent: float) -> float:
     shapes = model.links_by_name[joint.child].collisions
     if not shapes or any(other.parent == joint.child for other in model.joints):
         return extent
-    return min(extent, max(_wobble(shape, joint.axis_xyz) for shape in shapes))
+    return min(extent, max(swing_per_turn(shape, joint.axis_xyz) for shape in shapes))
 
 
-def _wobble(shape: Shape, axis_xyz: Vector3) -> float:
+def swing_per_turn(shape: Shape, axis_xyz: Vector3) -> float:
     """Return by how many m per rad a shape's surface moves when it turns about an axis; 0 if it is round about it."""
     if shape.kind not in ("cylinder", "sphere"):
         return math.inf
@@ -146,3 +147,46 @@ def _chains(model: RobotModel, extents: Mapping[str, float]) -> list[list[tuple[
             chains[joint.child] = chains[name] + moves
             inner.add(name)
     return [chain for name, chain in chains.items() if chain and name not in inner]
+
+
+# A surface that moves less per rad of its own joint is round about it.
+_ROUND_M = 1e-6
+_FAR_M = 1e6
+
+
+class MotionFactors(NamedTuple):
+    """The factors (2 + J,) of the base's speed and turn rate and of the joint speeds.
+
+    Attributes:
+        ways: their product with these is an upper bound in m/s on the speed of any point of a link.
+        turns: the same in rad/s on its turn rate. The spin of a round link about its axis does not count.
+    """
+
+    ways: FloatArray
+    turns: FloatArray
+
+
+def motion_factors(model: RobotModel, reaches: Mapping[str, float]) -> dict[str, MotionFactors]:
+    """Return the factors of each link; `reaches`: link -> greatest distance in m of its shapes from its frame."""
+    numbers = {joint.name: number for number, joint in enumerate(model.moving_joints)}
+    above = {joint.child: joint for joint in model.joints}
+    found = {}
+    for link, least in reaches.items():
+        ways, turns, name, reach = np.zeros(2 + len(numbers)), np.zeros(2 + len(numbers)), link, least
+        while name in above:
+            joint = above[name]
+            anchor = math.hypot(*joint.anchor_xyz)
+            if joint.name in numbers:
+                column = 2 + numbers[joint.name]
+                ways[column] = 1.0 if joint.type == "prismatic" else reach + anchor
+                turns[column] = 0.0 if joint.type == "prismatic" else 1.0
+                if name == link and joint.type != "prismatic" and not anchor:
+                    swings = [swing_per_turn(shape, joint.axis_xyz) for shape in model.links_by_name[link].collisions]
+                    ways[column] = min(reach, max(swings, default=reach))
+                    turns[column] = float(ways[column] > _ROUND_M)
+            reach += math.hypot(*joint.origin.position_xyz) + 2 * anchor + _stroke(joint)
+            name = joint.parent
+        ways[0], ways[1], turns[1] = 1.0, reach, 1.0
+        # The product of infinity and 0 would be NaN.
+        found[link] = MotionFactors(np.minimum(ways, _FAR_M), turns)
+    return found

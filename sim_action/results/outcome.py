@@ -41,6 +41,7 @@ FailureKind = Literal[
     "invalid",
     "engine",
     "unstable",
+    "missed contact",
     "script",
     "crash",
     "wall limit",

@@ -24,6 +24,7 @@ from sim_action.core.errors import (
     InternalError,
     InvalidScenario,
     Location,
+    MissedContact,
     ModelError,
     Problem,
     RefusedModel,
@@ -290,6 +291,7 @@ _OUT_OF_MEMORY: Final[tuple[FailureKind, str]] = ("memory", "out of memory")
 _KINDS: Final[dict[type[Exception], tuple[FailureKind, str]]] = {
     EngineError: ("engine", "engine error"),
     SimulationUnstable: ("unstable", "simulation unstable"),
+    MissedContact: ("missed contact", "missed contact"),
     ScriptError: ("script", "script error"),
     ModelError: ("invalid", "invalid model"),
     RefusedModel: ("invalid", "invalid model"),

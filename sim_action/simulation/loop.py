@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from sim_action.simulation.recorder import RunRecorder
 from sim_action.simulation.run_audit import Motion, RunFacts, audit_run, unreached_events
 from sim_action.simulation.sensors import Sensing
 from sim_action.simulation.start_checks import Spawns, moved_while_settling, refuse_bad_start
+from sim_action.simulation.tunnelling import Tunnelling
 from sim_action.simulation.watchdog import Watchdog
 from sim_action.state.observation import Observation
 from sim_action.state.reproducibility import Digest
@@ -30,6 +31,9 @@ from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Verdict
 from sim_action.world.ground import GROUND
 from sim_action.world.scene import Scene
+
+if TYPE_CHECKING:
+    from sim_action.state.observation import Observation
 
 BOLTED: Final = "the base is fixed: twists turn the wheels, but the robot does not move"
 
@@ -129,6 +133,7 @@ class _Loop:
         self._placed = backend.observe(0, contacts=False)
         self._judges_contacts = channels.contacts
         self._watchdog = Watchdog.of(scene, self._placed)
+        self._tunnelling: Tunnelling | None = None
         self._notes = [*map(str, scene.model.findings), *_about_drive(scenario, scene, drive)]
         self._motion = drive.open(scene.model, scenario.physics.rate, scene.world.weight) if drive else None
         self._arrivals = Spawns.of(scenario)
@@ -151,6 +156,7 @@ class _Loop:
         self._settle()
         start = self._backend.observe(0, contacts=self._judges_contacts)
         opening: tuple[Trace, ...] = (_first_moment(start),)
+        self._tunnelling = self._tunnelling_from(start)
         if (moved := moved_while_settling(self._scene, self._placed.pose, start.pose)) is not None:
             self._notes.append(moved)
         panel = Panel.open(self._scenario, self._scene, start)
@@ -216,6 +222,7 @@ class _Loop:
             self._backend.advance(-remaining, padded(brake, steps))
             remaining -= steps
             trace, failure = self._watchdog.watch(self._backend.collect())
+            self._backend.collect_bodies()
             if failure is not None:
                 raise failure
             speed = _fastest(trace)
@@ -243,7 +250,19 @@ class _Loop:
             failure = error
         told = replace(self._backend.collect(), sensors=self._sensing.collect())
         trace, unstable = self._watchdog.watch(told)
-        return trace, unstable or failure
+        missed = None
+        if self._tunnelling is not None:
+            trace, missed = self._tunnelling.watch(trace, self._backend.collect_bodies())
+        return trace, missed or unstable or failure
+
+    def _tunnelling_from(self, start: Observation) -> Tunnelling | None:
+        """Return the watch for bodies that pass through others; None without bodies."""
+        bodies = self._scene.world.objects
+        if not bodies:
+            return None
+        poses = [self._backend.body_pose(body.name) for body in bodies if body.mass is not None]
+        numbers = np.array([(*pose.position_xyz, *pose.orientation_xyzw) for pose in poses]).reshape(-1, 7)
+        return Tunnelling(self._scene, start, numbers, solid_terrain=self._backend.solid_terrain)
 
 
 def _first_moment(start: Observation) -> Trace:

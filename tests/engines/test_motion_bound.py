@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Vector3
-from sim_action.engines.motion_bound import BodyMotionBound, RobotMotionBound, _wobble
+from sim_action.engines.motion_bound import BodyMotionBound, RobotMotionBound, swing_per_turn
 from sim_action.robot.robot_model import Joint, Shape
 from tests.traces import WHEELS, burger
 
@@ -85,12 +85,12 @@ def test_a_wheel_that_is_round_about_its_axle_stays_where_it_is() -> None:
 
 
 @given(poses, st.tuples(angles, angles), directions, st.floats(0.01, 1), st.floats(0.01, 1))
-def test_no_point_of_a_wheel_that_wobbles_comes_farther_away(
+def test_no_point_of_a_wheel_thatswing_per_turns_comes_farther_away(
     mounted: Pose, turns: tuple[float, float], axis: Vector3, radius: float, half: float
 ) -> None:
     length = math.hypot(*axis)
     unit = (axis[0] / length, axis[1] / length, axis[2] / length)
-    bound = _wobble(Shape("cylinder", mounted, radius, upper_xyz=(radius, radius, half)), unit)
+    bound = swing_per_turn(Shape("cylinder", mounted, radius, upper_xyz=(radius, radius, half)), unit)
 
     def turned(angle: float) -> Pose:
         x, y, z = (part * math.sin(angle / 2) for part in unit)

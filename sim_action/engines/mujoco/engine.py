@@ -32,7 +32,7 @@ from sim_action.engines.observers import BodyRecorder, LazyContacts
 from sim_action.engines.world_events import WorldEvents
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import Clash, Contact, Observation, Overlap
-from sim_action.state.trace import Trace
+from sim_action.state.trace import FloatArray, Trace
 from sim_action.state.trace_channels import Channels
 from sim_action.world.scene import Scene
 
@@ -57,6 +57,7 @@ class MuJoCoEngine:
     """A MuJoCo model and its state."""
 
     version = f"mujoco {version('mujoco-core')}"
+    solid_terrain = True
 
     def __init__(self, scene: Scene, channels: Channels = NO_CHANNELS) -> None:
         try:
@@ -82,6 +83,9 @@ class MuJoCoEngine:
         self._body_recorder = BodyRecorder(tracked, self._rate, self._objects.pose_reader(tracked))
         # Clearances to static bodies are measured afterwards, from the recorded states.
         self._looks_back = not self._clearances.is_idle and self._clearances.bodies_are_static
+        # A live view of the bodies' part, which comes last.
+        self._objects_qpos = compiled.data.qpos[compiled.robot_qpos :]
+        self._body_poses: list[bytes] = []
         self._watchers = list(self._watching(channels))
         # A live view of the number of warnings by kind.
         self._warned = memoryview(compiled.data.warning.number)
@@ -109,6 +113,13 @@ class MuJoCoEngine:
         touches, self._touches = tuple(self._touches), []
         clearances, bodies = self._clearances.collect(), self._body_recorder.collect()
         return Trace(self._joint_names, states.trace_rows(rows), touches, clearances=clearances, bodies=bodies)
+
+    def collect_bodies(self) -> FloatArray:
+        """See Engine.collect_bodies. Rows after a divergence are missing."""
+        kept, self._body_poses = self._body_poses, []
+        poses = np.frombuffer(b"".join(kept)).reshape(len(kept), -1, 7) if kept else np.empty((0, 0, 7))
+        # MuJoCo orders quaternions as w, x, y, z.
+        return poses[:, :, [0, 1, 2, 4, 5, 6, 3]]
 
     def observe(self, step: int, *, contacts: bool) -> Observation:
         """See Engine.observe."""
@@ -147,12 +158,17 @@ class MuJoCoEngine:
 
     def _watching(self, channels: Channels) -> Iterator[Callable[[int], None]]:
         """Yield the functions that observe the state after each step, given its number."""
+        if self._objects_qpos.size:
+            yield self._record_bodies
         if channels.contacts and self._scene.world.objects:
             yield self._record_contacts
         if not self._body_recorder.is_idle:
             yield self._body_recorder.record
         if not self._clearances.is_idle and not self._looks_back:
             yield self._record_clearances
+
+    def _record_bodies(self, _: int) -> None:
+        self._body_poses.append(self._objects_qpos.tobytes())
 
     def _record_contacts(self, step: int) -> None:
         if self._contacts.may_matter():

@@ -59,6 +59,7 @@ class PyBulletEngine:
     """A DIRECT connection to PyBullet that holds one scene."""
 
     version = f"pybullet {version('pybullet')}"
+    solid_terrain = False
     warm_up = staticmethod(connect_ahead)
 
     def __init__(self, scene: Scene, channels: Channels = NO_CHANNELS) -> None:
@@ -91,6 +92,10 @@ class PyBulletEngine:
         tracked = [body.name for body in scene.world.objects if body.name in channels.bodies]
         look = pose_reader(self._client, [self._objects[name][0] for name in tracked])
         self._body_recorder = BodyRecorder(tracked, self._rate, look)
+        heavy = [self._objects[body.name][0] for body in scene.world.objects if body.mass is not None]
+        self._read_bodies = pose_reader(self._client, heavy) if heavy else None
+        self._body_poses: list[Sequence[float] | NDArray[np.float64]] = []
+        self._watches_bodies = bool(heavy) or not self._body_recorder.is_idle
         self._held_efforts: dict[int, float] = {}
         self._base_push: BasePush | None = None
         self._rows: list[tuple[float, ...]] = []
@@ -116,11 +121,17 @@ class PyBulletEngine:
             self._rows.append(self._row(step))
             if self._watches_contacts:
                 self._touches += self._contacts(step, ground=False)
-            if not self._body_recorder.is_idle:
-                self._body_recorder.record(step)
+            if self._watches_bodies:
+                self._record_bodies(step)
             if not self._clearances.is_idle:
                 row = self._rows[-1]
                 self._clearances.record(step, row[1:8], row[14 : 14 + len(self._indices)])
+
+    def _record_bodies(self, step: int) -> None:
+        if self._read_bodies is not None:
+            self._body_poses.append(self._read_bodies())
+        if not self._body_recorder.is_idle:
+            self._body_recorder.record(step)
 
     def collect(self) -> Trace:
         """See Engine.collect."""
@@ -132,6 +143,11 @@ class PyBulletEngine:
         trace = Trace(self._joint_names, state, tuple(self._touches), clearances=clearances, bodies=bodies)
         self._rows, self._touches = [], []
         return trace
+
+    def collect_bodies(self) -> NDArray[np.float64]:
+        """See Engine.collect_bodies."""
+        kept, self._body_poses = self._body_poses, []
+        return np.array(kept, dtype=np.float64).reshape(len(kept), -1, 7) if kept else np.empty((0, 0, 7))
 
     def observe(self, step: int, *, contacts: bool) -> Observation:
         """See Engine.observe."""

@@ -13,7 +13,14 @@ from typing import Final
 
 import rospy
 
-from sim_action.core.errors import BadStart, ControllersFinished, ModelError, RunError, SimulationUnstable
+from sim_action.core.errors import (
+    BadStart,
+    ControllersFinished,
+    MissedContact,
+    ModelError,
+    RunError,
+    SimulationUnstable,
+)
 from sim_action.results.outcome import Failure
 from sim_action.ros.lockstep import Lockstep, TestFinished
 from sim_action.ros.ros1.gazebo_plugins import DRIVE_PLUGINS
@@ -207,6 +214,8 @@ def _failure_of(error: Exception) -> Failure:
         return Failure(kind="unstable", title="simulation unstable", message=str(error))
     if isinstance(error, MissingWorld):
         return Failure(kind="invalid", title="no such world", message=str(error))
+    if isinstance(error, MissedContact):
+        return Failure(kind="missed contact", title="missed contact", message=str(error))
     if isinstance(error, ModelError | BadStart | BadWorld):
         return Failure(kind="invalid", title="the simulation cannot start", message=str(error))
     return Failure(kind="engine", title="the simulation failed", message=str(error))

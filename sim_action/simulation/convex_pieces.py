@@ -1,0 +1,247 @@
+"""The collision shapes of links and bodies as convex pieces: the hull of points, rounded by a radius.
+
+A sphere is one point, a capsule two. Cylinders and ellipsoids are hulls of points on their surface. Pieces that are
+too many for objects of their own, the triangles of surfaces and terrain, are kept in arrays.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Final, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_action.core import geometry
+from sim_action.core.geometry import Pose
+from sim_action.meshes.hull_file import read_hull_points
+from sim_action.robot.robot_model import Shape
+from sim_action.state.trace import FloatArray
+from sim_action.world.parts import (
+    BoxPart,
+    CylinderPart,
+    GridPart,
+    HullPart,
+    Part,
+    SpherePart,
+    SurfacePart,
+    grid_surface,
+)
+
+_SOLIDS: Final = ("box", "sphere", "cylinder", "capsule", "ellipsoid")
+_SIDES: Final = 32
+_SIGNS: Final = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+
+
+def _directions(count: int) -> FloatArray:
+    """Return unit vectors (count, 3) that are evenly spread over half a sphere."""
+    z = (np.arange(count) + 0.5) / count
+    around = np.arange(count) * math.pi * (3 - math.sqrt(5))
+    return np.column_stack((np.sqrt(1 - z * z) * np.cos(around), np.sqrt(1 - z * z) * np.sin(around), z))
+
+
+_DIRECTIONS: Final = np.vstack((np.eye(3), _directions(64)))
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A convex piece in the frame of its link or body, in m.
+
+    Attributes:
+        points: (P, 3).
+        radius: the rounding.
+        width: its least extent in any direction.
+        centre: (3,) the middle of the points.
+        reach: the greatest distance of its surface from `centre`.
+        is_ball: True if turning it about `centre` changes nothing.
+    """
+
+    points: FloatArray
+    radius: float
+    width: float
+    centre: FloatArray
+    reach: float
+
+    @classmethod
+    def of(cls, points: FloatArray, pose: Pose, radius: float = 0.0, width: float | None = None) -> Self:
+        """Return the piece of points in a frame at `pose`; `width`: without the rounding, if it is known."""
+        if width is None:
+            axes = np.linalg.eigh(np.cov(points.T))[1].T if len(points) > 3 else np.eye(3)
+            width = float(np.ptp(points @ np.vstack((axes, _DIRECTIONS)).T, axis=0).min())
+        placed = turned(points, pose.orientation_xyzw) + pose.position_xyz
+        centre = (placed.min(axis=0) + placed.max(axis=0)) / 2
+        reach = float(np.sqrt(np.square(placed - centre).sum(axis=1)).max()) + radius
+        return cls(placed, radius, width + 2 * radius, centre, reach)
+
+    @property
+    def is_ball(self) -> bool:
+        """See the attributes."""
+        return len(self.points) == 1
+
+    def extents(self, directions: FloatArray) -> FloatArray:
+        """Return its extents (N,) in m along unit vectors (N, 3)."""
+        found: FloatArray = np.ptp(self.points @ directions.T, axis=0) + 2 * self.radius
+        return found
+
+
+def turned(points: FloatArray, orientation: geometry.Quaternion) -> FloatArray:
+    """Return points (P, 3), rotated."""
+    columns: Any = tuple(points.T)
+    x, y, z = geometry.rotate(orientation, columns)
+    return np.column_stack((x, y, z))
+
+
+def link_pieces(shapes: Sequence[Shape]) -> Iterator[Piece]:
+    """Yield the pieces of a link; meshes without a file of hulls have none."""
+    for shape in shapes:
+        if shape.hulls:
+            for points in read_hull_points(Path(shape.hulls)):
+                yield Piece.of(points, shape.pose)
+        elif shape.kind in _SOLIDS:
+            middle, half = (
+                np.add(shape.upper_xyz, shape.lower_xyz) / 2,
+                np.subtract(shape.upper_xyz, shape.lower_xyz) / 2,
+            )
+            yield _solid(shape.kind, half, geometry.compose(shape.pose, Pose(tuple(middle.tolist()))))
+
+
+def _solid(kind: str, half: FloatArray, pose: Pose) -> Piece:
+    """Return a primitive with these half extents (3,) along its own axes."""
+    x, _, z = half.tolist()
+    if kind == "sphere":
+        return Piece.of(np.zeros((1, 3)), pose, x, 0.0)
+    if kind == "capsule":
+        straight = max(z - x, 0.0)
+        return Piece.of(np.array([[0.0, 0.0, -straight], [0.0, 0.0, straight]]), pose, x, 0.0)
+    if kind == "cylinder":
+        angles = np.arange(_SIDES) * 2 * math.pi / _SIDES
+        rim = np.column_stack((x * np.cos(angles), x * np.sin(angles), np.full(_SIDES, z)))
+        return Piece.of(np.vstack((rim, rim * (1, 1, -1))), pose, 0.0, 2 * min(x, z))
+    if kind == "ellipsoid":
+        return Piece.of(np.vstack((_DIRECTIONS, -_DIRECTIONS)) * half, pose, 0.0, 2 * float(half.min()))
+    return Piece.of(_SIGNS * half, pose, 0.0, 2 * float(half.min()))
+
+
+@dataclass(frozen=True, eq=False)
+class Soup:
+    """Convex pieces of the same number of corners, (N, P, 3) in m; `groups`: (N,), alike for neighbours."""
+
+    corners: FloatArray
+    groups: NDArray[np.int64]
+
+
+def part_pieces(parts: Sequence[Part]) -> Iterator[Piece]:
+    """Yield the convex pieces of a body of the world, but for its surfaces."""
+    for part in parts:
+        if isinstance(part, BoxPart):
+            yield _solid("box", np.array(part.size_xyz) / 2, part.pose)
+        elif isinstance(part, CylinderPart):
+            yield _solid("cylinder", np.array((part.radius, part.radius, part.height / 2)), Pose())
+        elif isinstance(part, SpherePart):
+            yield _solid("sphere", np.full(3, part.radius), Pose())
+        elif isinstance(part, HullPart):
+            yield Piece.of(np.array(part.points_xyz), Pose())
+
+
+def part_soups(parts: Sequence[Part], *, is_solid: bool) -> Iterator[Soup]:
+    """Yield the triangles of the surfaces of a body; those of terrain reach down to its bottom if it `is_solid`."""
+    for part in parts:
+        if isinstance(part, SurfacePart):
+            corners = part.points_xyz[part.triangles]
+            normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+            steepest = np.abs(normals).argmax(axis=1)
+            faces = np.take_along_axis(normals, steepest[:, None], axis=1)[:, 0]
+            # One group for each of the six sides to which a triangle can face: a floor is no wall.
+            yield Soup(corners, steepest + 3 * (faces > 0))
+        elif isinstance(part, GridPart):
+            surface = grid_surface(part)
+            corners = surface.points_xyz[surface.triangles]
+            if is_solid:
+                below = corners.copy()
+                below[:, :, 2] = part.heights.min() - _TERRAIN_DEPTH_M
+                corners = np.concatenate((corners, below), axis=1)
+            yield Soup(corners, np.zeros(len(corners), dtype=np.int64))
+
+
+# MuJoCo's terrain ends this far below its lowest sample.
+_TERRAIN_DEPTH_M: Final = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Obstacle:
+    """The N pieces of one or more bodies in one frame.
+
+    Attributes:
+        names: of the bodies.
+        lower, upper: (N, 3) m, their bounding boxes.
+        thickness, radius: (N,) m.
+        groups: (N,); a contact with a piece is a contact with all of its group.
+        bodies: (N,) the index into `names`.
+        appears: (N,) the step from which the piece is there.
+        blocks: the corners of the pieces in their order, (M, P, 3) of each M pieces.
+        starts: the number of the first piece of each block.
+    """
+
+    names: tuple[str, ...]
+    lower: FloatArray
+    upper: FloatArray
+    thickness: FloatArray
+    radius: FloatArray
+    groups: NDArray[np.int64]
+    bodies: NDArray[np.int64]
+    appears: NDArray[np.int64]
+    blocks: tuple[FloatArray, ...]
+    starts: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, several: Sequence[tuple[str, int, Pose, Sequence[Piece], Sequence[Soup]]]) -> Self:
+        """Return the obstacle of at least one body: name, first step, pose, pieces and soups of each."""
+        blocks, columns = list[FloatArray](), list[tuple[int, float, float, int, int]]()
+        for number, (_, first, pose, pieces, soups) in enumerate(several):
+            for piece in pieces:
+                blocks.append((turned(piece.points, pose.orientation_xyzw) + pose.position_xyz)[None])
+                columns.append((1, piece.width, piece.radius, number, first))
+            for soup in soups:
+                for group in np.unique(soup.groups).tolist():
+                    corners = soup.corners[soup.groups == group]
+                    placed = turned(corners.reshape(-1, 3), pose.orientation_xyzw) + pose.position_xyz
+                    blocks.append(placed.reshape(corners.shape))
+                    columns.append((len(corners), 0.0, 0.0, number, first))
+        counts = [count for count, *_ in columns]
+        _, thickness, radius, bodies, appears = (np.repeat(column, counts) for column in zip(*columns, strict=True))
+        lower = np.concatenate([block.min(axis=1) for block in blocks]) - radius[:, None]
+        upper = np.concatenate([block.max(axis=1) for block in blocks]) + radius[:, None]
+        return cls(
+            tuple(name for name, *_ in several),
+            lower,
+            upper,
+            thickness,
+            radius,
+            np.repeat(np.arange(len(blocks)), counts),
+            bodies,
+            appears,
+            tuple(blocks),
+            np.cumsum([0, *counts[:-1]]),
+        )
+
+    def corners(self, index: int) -> FloatArray:
+        """Return the corners (P, 3) of a piece."""
+        block = int(self.groups[index])
+        found: FloatArray = self.blocks[block][index - int(self.starts[block])]
+        return found
+
+    @cached_property
+    def least_thickness(self) -> float:
+        """The thickness in m of its thinnest piece."""
+        return float(self.thickness.min())
+
+    def near(self, lower: FloatArray, upper: FloatArray, step: int) -> list[int]:
+        """Return the pieces that overlap a box (3,), (3,) and are there at a step."""
+        inside = (self.lower <= upper).all(axis=1) & (self.upper >= lower).all(axis=1) & (self.appears <= step)
+        found: list[int] = np.flatnonzero(inside).tolist()
+        return found

@@ -1,0 +1,279 @@
+"""The search for a step in which a convex piece passed through another one.
+
+A piece passed through another if they touch at neither end of the step, but the hull of both ends overlaps the other
+piece. Only few runs are fast enough to need this module.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_action.assertions.monitors.base_motion import BaseMotion
+from sim_action.core import geometry
+from sim_action.core.convex import hull_distance
+from sim_action.core.geometry import Pose
+from sim_action.core.units import first_step
+from sim_action.robot.robot_model import Joint, RobotModel
+from sim_action.simulation.convex_pieces import Obstacle, Piece, link_pieces, part_pieces, part_soups, turned
+from sim_action.simulation.tunnelling import FIXED, Block, Miss, Parts
+from sim_action.state.trace import FloatArray
+from sim_action.world import MAX_SPEED, placed
+
+# A piece that only grazes another, with less than this share of its size, does not pass through it.
+_GRAZE: Final = 0.02
+# The hull of both ends of a turn by this angle differs from the way by at most 0.5 % of the piece.
+_TURN_RAD: Final = 0.2
+_MAX_TURNS: Final = 32
+# Below this share of the width, turning does not matter for the extent along the way.
+_SMALL_SWING: Final = 0.1
+# Nearer hulls touch.
+_TOUCH_M: Final = 1e-7
+
+_Known = NDArray[np.bool_]
+
+Frames = Pose
+"""A pose whose numbers are columns (T,): the poses of one frame at T moments."""
+
+
+def frames_of(positions_xyz: FloatArray, orientations_xyzw: FloatArray) -> Frames:
+    """Return the poses of positions (T, 3) and unit quaternions (T, 4)."""
+    position: Any = tuple(positions_xyz.T)
+    orientation: Any = tuple(orientations_xyzw.T)
+    return Pose(position, orientation)
+
+
+def link_frames(model: RobotModel, base: Frames, joints: FloatArray) -> dict[str, Frames]:
+    """Return the frames of all links; `joints`: the positions (T, J) of the moving joints in rad or m."""
+    columns = {joint.name: joints[:, number] for number, joint in enumerate(model.moving_joints)}
+    frames, waiting = {model.root: base}, [model.root]
+    for parent in waiting:
+        for joint in (joint for joint in model.joints if joint.parent == parent):
+            socket = geometry.compose(frames[parent], joint.origin)
+            motion = _motion(joint, columns[joint.name]) if joint.name in columns else Pose()
+            frames[joint.child] = geometry.compose(socket, motion)
+            waiting.append(joint.child)
+    return frames
+
+
+def _motion(joint: Joint, position: Any) -> Frames:
+    x, y, z = joint.axis_xyz
+    if joint.type == "prismatic":
+        return Pose((position * x, position * y, position * z))
+    sine = np.sin(position / 2)
+    turned = Pose(orientation_xyzw=(sine * x, sine * y, sine * z, np.cos(position / 2)))
+    ax, ay, az = joint.anchor_xyz
+    return geometry.compose(Pose(joint.anchor_xyz), geometry.compose(turned, Pose((-ax, -ay, -az))))
+
+
+@dataclass(frozen=True, eq=False)
+class _Motion:
+    """The motion of a link or body in a block of T steps.
+
+    Attributes:
+        name: of the link or body, as in messages.
+        frames: its frame at T + 1 moments.
+        turning: (T,) an upper bound in rad on its rotation in each step.
+        known: (T,) False for steps in which something set it to another place.
+    """
+
+    name: str
+    pieces: Sequence[Piece]
+    frames: Frames
+    turning: FloatArray
+    known: _Known
+
+    def seen_from(self, other: _Motion) -> _Motion:
+        """Return the same motion in the frame of another body."""
+        frames = geometry.compose(geometry.inverse(other.frames), self.frames)
+        return replace(self, frames=frames, turning=self.turning + other.turning, known=self.known & other.known)
+
+
+class SweptSearch:
+    """Searches blocks of steps; it keeps the convex pieces of links and bodies."""
+
+    def __init__(self, parts: Parts) -> None:
+        self._parts, self._scene = parts, parts.scene
+        self._rate = parts.scene.physics.rate
+        self._pieces: dict[int, tuple[Piece, ...]] = {}
+        self._obstacles: dict[int, Obstacle] = {}
+
+    def first_miss(self, block: Block, pairs: Iterable[tuple[int, int]]) -> Miss | None:
+        """Return the first missed contact of some pairs of a part and an obstacle."""
+        best, end = None, len(block.trace)
+        first = round(float(block.trace.time[0]) * self._rate)
+        frames = self._link_frames(block)
+        for part, other in pairs:
+            motion = self._motion(block, frames, part)
+            if other != FIXED:
+                motion = motion.seen_from(self._motion(block, frames, len(self._parts.links) + other))
+            miss = _Search(motion, self._obstacle(other), first).first_miss(end)
+            if miss is not None:
+                best, end = miss, miss.row
+        return best
+
+    def _motion(self, block: Block, frames: Mapping[str, Frames], part: int) -> _Motion:
+        """Return the motion of a link or mover."""
+        links = self._parts.links
+        if part < len(links):
+            trace, joints = block.trace, len(block.trace.joint_names)
+            turned_joints = np.abs(trace.state[:, 14 + joints : 14 + 2 * joints])
+            speeds = np.column_stack((trace.speed, trace.turn_rate, turned_joints))
+            turning = speeds @ self._parts.turns[part] / self._rate
+            name = f"link '{links[part]}'"
+            return _Motion(name, self._pieces_of(part), frames[links[part]], turning, _is_driven(block))
+        number = part - len(links)
+        mover = self._parts.movers[number]
+        name, pieces = f"body '{mover.body.name}'", self._pieces_of(part)
+        if mover.path is None:
+            poses = frames_of(block.poses[:, number, :3], block.poses[:, number, 3:])
+            # Something else than the engine set it to another place, for example when it appeared.
+            was_set = block.moved[:, number] > MAX_SPEED / self._rate
+            return _Motion(name, pieces, poses, block.turned[:, number], ~was_set)
+        times = np.append(block.before[0], block.trace.time).tolist()
+        path = [mover.path.pose(time) for time in times]
+        places = np.array([pose.position_xyz for pose in path])
+        turns = np.array([pose.orientation_xyzw for pose in path])
+        turning = np.full(len(block.trace), mover.turns / self._rate)
+        return _Motion(name, pieces, frames_of(places, turns), turning, np.full(len(turning), fill_value=True))
+
+    def _link_frames(self, block: Block) -> Mapping[str, Frames]:
+        """Return the frames of all links at T + 1 moments."""
+        rows = np.vstack((block.before, block.trace.state))
+        joints = len(block.trace.joint_names)
+        return link_frames(self._scene.model, frames_of(rows[:, 1:4], rows[:, 4:8]), rows[:, 14 : 14 + joints])
+
+    def _pieces_of(self, part: int) -> tuple[Piece, ...]:
+        """Return the convex pieces of a link or mover, without the surfaces of a mover."""
+        if part not in self._pieces:
+            links = self._parts.links
+            if part < len(links):
+                made = link_pieces(self._scene.model.links_by_name[links[part]].collisions)
+            else:
+                made = part_pieces(self._scene.parts_of(self._parts.movers[part - len(links)].body))
+            self._pieces[part] = tuple(made)
+        return self._pieces[part]
+
+    def _obstacle(self, number: int) -> Obstacle:
+        """Return a mover in its own frame, or all fixed bodies in the world frame."""
+        if number not in self._obstacles:
+            bodies = self._parts.fixed if number == FIXED else (self._parts.movers[number].body,)
+            found = []
+            for body in bodies:
+                parts = self._scene.parts_of(body)
+                pose = placed(body, parts) if number == FIXED else Pose()
+                appears = body.appears if number == FIXED else None
+                first = 0 if appears is None else first_step(appears, self._rate)
+                soups = part_soups(parts, is_solid=self._parts.solid_terrain)
+                found.append((body.name, first, pose, tuple(part_pieces(parts)), tuple(soups)))
+            self._obstacles[number] = Obstacle.of(found)
+        return self._obstacles[number]
+
+
+def _is_driven(block: Block) -> _Known:
+    """Return (T,) False for steps in which the base jumped: a script has set its pose."""
+    motion, trace = BaseMotion(math.inf, (tuple(block.before[:14].tolist()),)), block.trace
+    return np.asarray((motion.speed(trace) == trace.speed) & (motion.turn_rate(trace) == trace.turn_rate))
+
+
+class _Search:
+    """The search for steps in which a piece passes through an obstacle; `first`: number of the state after the first.
+
+    It works in the frame of the obstacle.
+    """
+
+    def __init__(self, motion: _Motion, obstacle: Obstacle, first: int) -> None:
+        self._motion, self._obstacle, self._first = motion, obstacle, first
+        (x, y, z), turns = motion.frames.position_xyz, motion.frames.orientation_xyzw
+        count = len(motion.turning) + 1
+        self._places = np.column_stack([np.broadcast_to(column, count) for column in (x, y, z)])
+        self._turns = np.column_stack([np.broadcast_to(column, count) for column in turns])
+
+    def first_miss(self, end: int) -> Miss | None:
+        """Return the first missed contact before the step with the index `end`."""
+        best = None
+        for piece in self._motion.pieces:
+            for row, way, extent in self._fast_steps(piece, end):
+                body = self._passed(piece, row)
+                if body is not None:
+                    name, thickness = body
+                    best, end = Miss(row, self._motion.name, f"body '{name}'", way, extent, thickness), row
+                    break
+        return best
+
+    def _fast_steps(self, piece: Piece, end: int) -> list[tuple[int, float, float]]:
+        """Return the steps in which a piece moves further than its extent and the least thickness of the obstacle.
+
+        Each comes with the motion and the extent in m.
+        """
+        motion, thickness = self._motion, self._obstacle.least_thickness
+        orientation: Any = tuple(self._turns.T)
+        x, y, z = geometry.rotate(orientation, tuple(piece.centre.tolist()))
+        ways = np.diff(self._places + np.column_stack((x, y, z)), axis=0)[:end]
+        lengths = np.sqrt(np.square(ways).sum(axis=1))
+        swings = np.zeros(len(ways)) if piece.is_ball else motion.turning[:end] * piece.reach
+        fast = (lengths + swings > piece.width + thickness) & motion.known[:end]
+        rows = np.flatnonzero(fast)
+        if not len(rows):
+            return []
+        back: Any = tuple((self._turns[rows] * (-1, -1, -1, 1)).T)
+        along: Any = tuple((ways[rows] / np.maximum(lengths[rows], 1e-12)[:, None]).T)
+        extents = piece.extents(np.column_stack(geometry.rotate(back, along)))
+        swinging = swings[rows] > _SMALL_SWING * piece.width
+        moved = np.where(swinging, lengths[rows] + swings[rows], lengths[rows])
+        extents = np.where(swinging, piece.width, extents)
+        found = moved > extents + thickness
+        return list(zip(rows[found].tolist(), moved[found].tolist(), extents[found].tolist(), strict=True))
+
+    def _passed(self, piece: Piece, row: int) -> tuple[str, float] | None:
+        """Return the name and the thickness in m of a body that a piece passes through in a step."""
+        obstacle = self._obstacle
+        poses = list(self._poses(piece, row))
+        ends = [turned(piece.points - piece.centre, turns) + place for place, turns in (poses[0], poses[-1])]
+        middles = np.array([place for place, _ in poses])
+        lower, upper = middles.min(axis=0) - piece.reach, middles.max(axis=0) + piece.reach
+        near = obstacle.near(lower, upper, self._first + row)
+        if not near:
+            return None
+        own = (piece.points - piece.centre) * (1 - _GRAZE)
+        hulls = [turned(own, turns) + place for place, turns in poses]
+        sweeps = [np.vstack(pair) for pair in pairwise(hulls)]
+        for index in near:
+            other, reach = obstacle.corners(index), float(obstacle.radius[index])
+            limit = piece.radius * (1 - _GRAZE) + reach
+            if any(_overlap(sweep, other, limit) for sweep in sweeps) and not self._touches(piece, ends, near, index):
+                return obstacle.names[int(obstacle.bodies[index])], float(obstacle.thickness[index])
+        return None
+
+    def _touches(self, piece: Piece, ends: Sequence[FloatArray], near: Sequence[int], index: int) -> bool:
+        """Return True if a piece touches the group of another piece at an end of a step."""
+        obstacle = self._obstacle
+        group = [other for other in near if obstacle.groups[other] == obstacle.groups[index]]
+        limits = (piece.radius + float(obstacle.radius[other]) for other in group)
+        return any(
+            _overlap(end, obstacle.corners(other), limit)
+            for other, limit in zip(group, limits, strict=True)
+            for end in ends
+        )
+
+    def _poses(self, piece: Piece, row: int) -> Iterator[tuple[FloatArray, geometry.Quaternion]]:
+        """Yield places (3,) of the centre and orientations of a piece during a step, with small turns between them."""
+        before, after = self._turns[row], self._turns[row + 1]
+        after = after if before @ after >= 0 else -after
+        count = 1 if piece.is_ball else math.ceil(min(self._motion.turning[row] / _TURN_RAD, _MAX_TURNS - 1)) or 1
+        for share in np.linspace(0.0, 1.0, count + 1).tolist():
+            between = before + (after - before) * share
+            x, y, z, w = (between / math.sqrt(between @ between)).tolist()
+            place = self._places[row] + (self._places[row + 1] - self._places[row]) * share
+            yield place + turned(piece.centre[None], (x, y, z, w))[0], (x, y, z, w)
+
+
+def _overlap(one: FloatArray, other: FloatArray, limit: float) -> bool:
+    """Return True if two hulls (P, 3) and (Q, 3) are nearer than a limit in m, or overlap."""
+    return hull_distance(one, other, limit) <= max(limit, _TOUCH_M)

@@ -1,0 +1,267 @@
+"""Find bodies that pass through others within one physics step, so that the engine sees no contact.
+
+An engine looks for contacts at the poses of each step only. A ball of 4 cm that moves 25 cm in a step can be in front
+of a thin wall at one step and behind it at the next. Such a run would pass `no_collision`, so it has no verdict.
+
+Few runs are that fast. The speeds of each block of steps give an upper bound on the motion of each link and body in a
+step. Only if it exceeds the width of the link or body and of what it may meet, `swept_search` looks at each step.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+from sim_action.core import units
+from sim_action.core.errors import MissedContact
+from sim_action.engines.motion_bound import motion_factors
+from sim_action.robot.robot_model import Shape
+from sim_action.state.observation import Observation
+from sim_action.state.trace import FloatArray, Trace
+from sim_action.world import MAX_PHYSICS_RATE_HZ, MAX_SPEED, Body, placed
+from sim_action.world.body_path import PosePath
+from sim_action.world.parts import BoxPart, CylinderPart, GridPart, Part, SpherePart, grid_points
+from sim_action.world.scene import Scene
+
+if TYPE_CHECKING:
+    from sim_action.simulation.swept_search import SweptSearch
+
+FIXED: Final = -1
+"""The number of the obstacle that is all fixed bodies."""
+
+# A contact is seen early enough to push a body back if the body is not further inside than half of its size.
+_STEPS_WITHIN: Final = 2
+# A mesh is several hulls, each thinner than the mesh, and its bounding box may be skew.
+_HULL_SHARE: Final = 0.1
+_LEAST_SIZE_M: Final = 1e-6
+
+
+class Miss(NamedTuple):
+    """A piece that passed through another.
+
+    Attributes:
+        row: the index of the step in its block.
+        mover, body: the moved piece's link or body, and that of the other piece, as in messages.
+        way: the motion in the step in m, relative to the other piece.
+        extent: of the piece along the way, in m.
+        thickness: of the other piece, in m.
+    """
+
+    row: int
+    mover: str
+    body: str
+    way: float
+    extent: float
+    thickness: float
+
+
+class Mover(NamedTuple):
+    """A body that can move: it has a mass or a path.
+
+    Attributes:
+        width: a lower bound in m on the width of its pieces.
+        reach: an upper bound in m on the distance of its surface from its origin.
+        path: its path; None for a body with a mass.
+        fastest, turns: upper bounds in m/s and rad/s on the speed of any of its points and its turn rate on the path.
+    """
+
+    body: Body
+    width: float
+    reach: float
+    path: PosePath | None = None
+    fastest: float = 0.0
+    turns: float = 0.0
+
+    @classmethod
+    def of(cls, body: Body, parts: Sequence[Part]) -> Mover:
+        """Return a body with these parts."""
+        width, reach = _least_thickness(parts), max(map(_part_reach, parts))
+        if not body.path:
+            return cls(body, width, reach)
+        at = body.pose.model_copy(update={"z": placed(body, parts).position_xyz[2]})
+        path = PosePath.of(at, body.path, loops=body.loop)
+        rates = np.diff(np.array(path.points), axis=0) / np.diff(path.times)[:, None]
+        turns = float(np.abs(rates[:, 3:]).sum(axis=1).max())
+        fastest = float(np.sqrt(np.square(rates[:, :3]).sum(axis=1)).max()) + turns * reach
+        return cls(body, width, reach, path, fastest, turns)
+
+
+class Parts:
+    """Everything that can pass through something: first the links with shapes, then the movers.
+
+    Attributes:
+        links: the names of the L links.
+        turns: (L, 2 + J) as in `MotionFactors`.
+        fixed: the bodies without a mass or a path.
+        movers: the others; the `heavy` ones, with a mass, come first.
+    """
+
+    def __init__(self, scene: Scene, *, solid_terrain: bool) -> None:
+        self.scene, self.solid_terrain = scene, solid_terrain
+        links = [link for link in scene.model.links if link.collisions]
+        factors = motion_factors(scene.model, {link.name: max(map(_shape_reach, link.collisions)) for link in links})
+        columns, bolted = 2 + len(scene.model.moving_joints), scene.bolted_links
+        self.links = tuple(link.name for link in links)
+        self.turns = np.array([factors[name].turns for name in self.links]).reshape(-1, columns)
+        self._ways = np.array([factors[name].ways for name in self.links]).reshape(-1, columns)
+        self._widths = np.array([min(map(_least_width, link.collisions)) for link in links], dtype=np.float64)
+        # Fixed links do not touch what has no mass.
+        self._free = np.array([link.name not in bolted for link in links], dtype=np.bool_)
+        bodies = scene.world.objects
+        self.fixed = tuple(body for body in bodies if body.mass is None and not body.path)
+        heavy = [body for body in bodies if body.mass is not None]
+        moving = (*heavy, *(body for body in bodies if body.path))
+        self.movers, self.heavy = tuple(Mover.of(body, scene.parts_of(body)) for body in moving), len(heavy)
+        self._thickness = min((_least_thickness(scene.parts_of(body)) for body in self.fixed), default=math.inf)
+        self._mover_widths = np.array([mover.width for mover in self.movers], dtype=np.float64)
+        self._paths = np.array([mover.fastest for mover in self.movers]) / scene.physics.rate
+        self._reaches = np.array([mover.reach for mover in self.movers[: self.heavy]])
+
+    def fast_pairs(self, block: Block) -> list[tuple[int, int]]:
+        """Return the pairs of a part and an obstacle, `FIXED` or a mover, that may pass through each other."""
+        peaks = np.abs(block.trace.state[:, 8:]).max(axis=0).tolist()
+        joints = (len(peaks) - 6) // 3
+        speeds = (math.hypot(*peaks[:3]), math.hypot(*peaks[3:6]), *peaks[6 + joints : 6 + 2 * joints])
+        # Width minus motion; the sum of two that meet is negative if one may pass through the other.
+        spare = self._widths - self._ways @ speeds / self.scene.physics.rate
+        found = [(link, FIXED) for link in np.flatnonzero((spare < -self._thickness) & self._free).tolist()]
+        if not self.movers:
+            return found
+        first = len(self.links)
+        spares = self._mover_widths - self._mover_ways(block)
+        heavy = spares[: self.heavy]
+        found += [(first + mover, FIXED) for mover in np.flatnonzero(heavy < -self._thickness).tolist()]
+        for number, mover in enumerate(self.movers):
+            met = spare < -spares[number]
+            found += [(link, number) for link in np.flatnonzero(met & self._free if mover.path else met).tolist()]
+            found += [(first + other, number) for other in np.flatnonzero(heavy[:number] < -spares[number]).tolist()]
+        return found
+
+    def _mover_ways(self, block: Block) -> FloatArray:
+        """Return upper bounds (M,) in m on the motion of any point of each mover in a step."""
+        ways = self._paths
+        if self.heavy:
+            ways = ways.copy()
+            moved = block.moved + block.turned * self._reaches
+            ways[: self.heavy] = np.where(block.moved > MAX_SPEED / self.scene.physics.rate, 0.0, moved).max(axis=0)
+        return ways
+
+
+class Block:
+    """A block of T steps.
+
+    Attributes:
+        before: the row of `Trace.state` before the first step.
+        poses: (T + 1, M, 7) of the bodies with a mass, from that moment on.
+        moved, turned: (T, M) m and rad, their motion in each step.
+    """
+
+    def __init__(self, before: FloatArray, trace: Trace, poses: FloatArray) -> None:
+        self.before, self.trace, self.poses = before, trace, poses
+        if poses.shape[1]:
+            self.moved = np.sqrt(np.square(np.diff(poses[:, :, :3], axis=0)).sum(axis=2))
+            alike = np.abs((poses[1:, :, 3:] * poses[:-1, :, 3:]).sum(axis=2))
+            self.turned = 2 * np.arccos(np.minimum(alike, 1.0))
+
+
+class Tunnelling:
+    """Watches a run for bodies that pass through others within one step. It gets every block of steps in order."""
+
+    def __init__(self, scene: Scene, start: Observation, bodies: FloatArray, *, solid_terrain: bool) -> None:
+        """Begin at t = 0.
+
+        :param bodies: the poses (M, 7) of the bodies with a mass at t = 0, in the order of the world.
+        :param solid_terrain: True if the engine fills heightfields below their surface.
+        """
+        self._rate = scene.physics.rate
+        self._last, self._last_bodies = Trace.of_observation(start).state[0], bodies
+        self._parts = Parts(scene, solid_terrain=solid_terrain)
+        self._search: SweptSearch | None = None
+
+    def watch(self, trace: Trace, bodies: FloatArray) -> tuple[Trace, MissedContact | None]:
+        """Return the moments before the first missed contact, and its error.
+
+        :param bodies: the poses (T, M, 7) of the bodies with a mass; rows beyond the end of `trace` are ignored.
+        """
+        count = len(trace)
+        if not count:
+            return trace, None
+        poses = np.concatenate((self._last_bodies[None], bodies[:count]))
+        block = Block(self._last, trace, poses)
+        self._last, self._last_bodies = trace.state[-1], poses[-1]
+        pairs = self._parts.fast_pairs(block)
+        if not pairs:
+            return trace, None
+        miss = self._searcher().first_miss(block, pairs)
+        if miss is None:
+            return trace, None
+        error = self._error(miss, float(trace.time[miss.row]))
+        return trace.first(miss.row) if miss.row else trace.rows(slice(0)), error
+
+    def _searcher(self) -> SweptSearch:
+        """Return the search, which few runs need."""
+        if self._search is None:
+            from sim_action.simulation.swept_search import SweptSearch
+
+            self._search = SweptSearch(self._parts)
+        return self._search
+
+    def _error(self, miss: Miss, time: float) -> MissedContact:
+        way, extent, thickness = (units.display(length, "m", 3) for length in (miss.way, miss.extent, miss.thickness))
+        speed = units.display(miss.way * self._rate, "m/s", 3)
+        # A multiple of the present rate suits all ticks that suit it.
+        size = max(miss.extent + miss.thickness, _LEAST_SIZE_M)
+        wanted = math.ceil(_STEPS_WITHIN * miss.way / size) * self._rate
+        remedy = (
+            f"set physics.rate to {wanted:.10g} Hz or more"
+            if wanted <= MAX_PHYSICS_RATE_HZ
+            else f"no physics.rate up to {MAX_PHYSICS_RATE_HZ:,.0f} Hz would see it: make it slower or thicker"
+        )
+        return MissedContact(
+            f"{miss.mover} passed through {miss.body} without a contact, in the step that ends at {time:.4f} s: it "
+            f"moved {way} ({speed} at {self._rate:g} Hz), but it is only {extent} long in that direction, and "
+            f"{miss.body} is {thickness} thick; {remedy}",
+            keys=("physics", "rate"),
+        )
+
+
+def _least_width(shape: Shape) -> float:
+    """Return a lower bound in m on the width of the pieces of a shape, without reading its mesh."""
+    extents = np.subtract(shape.upper_xyz, shape.lower_xyz)
+    return float(extents.min()) * (_HULL_SHARE if shape.kind == "mesh" else 1.0)
+
+
+def _least_thickness(parts: Sequence[Part]) -> float:
+    """Return a lower bound in m on the thickness of the parts of a body, cheap enough for every run."""
+    found = math.inf
+    for part in parts:
+        if isinstance(part, BoxPart):
+            found = min(found, *part.size_xyz)
+        elif isinstance(part, CylinderPart):
+            found = min(found, 2 * part.radius, part.height)
+        elif isinstance(part, SpherePart):
+            found = min(found, 2 * part.radius)
+        else:
+            return 0.0
+    return found
+
+
+def _shape_reach(shape: Shape) -> float:
+    """Return an upper bound in m on the distance of a shape of a link from the frame of the link."""
+    corner = np.maximum(np.abs(shape.lower_xyz), np.abs(shape.upper_xyz))
+    return math.hypot(*shape.pose.position_xyz) + math.hypot(*corner.tolist())
+
+
+def _part_reach(part: Part) -> float:
+    """Return an upper bound in m on the distance of a part of a body from the origin of the body."""
+    if isinstance(part, BoxPart):
+        return math.hypot(*part.pose.position_xyz) + math.hypot(*part.size_xyz) / 2
+    if isinstance(part, CylinderPart):
+        return math.hypot(part.radius, part.height / 2)
+    if isinstance(part, SpherePart):
+        return part.radius
+    points = grid_points(part) if isinstance(part, GridPart) else np.asarray(part.points_xyz)
+    return float(np.sqrt(np.square(points).sum(axis=1)).max())

@@ -1,0 +1,199 @@
+"""A body never passes through another unseen: a contact is seen, or the run is an error, or it flies past."""
+
+from __future__ import annotations
+
+import json
+import re
+import tempfile
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim_action.core.errors import MissedContact, SimulationUnstable
+from sim_action.core.geometry import quaternion_from_rpy, rotate
+from sim_action.core.workspace import Permissions
+from sim_action.scenario.loading import build_scene, load_scenario
+from sim_action.simulation.loop import SimulationRun, simulate
+from sim_action.simulation.tunnelling import Tunnelling
+from sim_action.state.trace import FloatArray
+from sim_action.world import World
+from tests.integration.engines import at, on_every_engine, running, scene_of
+from tests.soak import examples
+
+BALL = """
+<robot name="ball"><link name="ball">
+  <inertial><mass value="0.5"/><inertia ixx="1e-4" iyy="1e-4" izz="1e-4" ixy="0" ixz="0" iyz="0"/></inertial>
+  <collision><geometry><sphere radius="{radius}"/></geometry></collision>
+</link></robot>
+"""
+HEIGHT = 2.0
+
+
+class Shot(NamedTuple):
+    """A ball that flies along x at a wall of 1 m x 1 m at the origin, without gravity; lengths in m."""
+
+    radius: float = 0.02
+    speed: float = 60.0
+    thickness: float = 0.002
+    rate: float = 240.0
+    start: float = -0.6
+    aside: float = 0.0
+    yaw: float = 0.0
+
+    @property
+    def seconds(self) -> float:
+        """Long enough to fly past the wall."""
+        return 1.4 / self.speed + 2 / self.rate
+
+    def wall(self, **keys: Any) -> dict[str, Any]:
+        """The wall as an object of the world."""
+        return {"name": "wall", "box": (self.thickness, 1.0, 1.0), "pose": {"z": HEIGHT, "yaw": self.yaw}, **keys}
+
+    def world(self, *objects: dict[str, Any], **push: Any) -> dict[str, Any]:
+        """A world in which something is pushed at t = 0."""
+        push = {"at": 0.0, "velocity": (self.speed, 0.0, 0.0), **push}
+        return {"gravity": 0, "objects": objects, "disturbances": (push,)}
+
+    def depths(self, places: FloatArray) -> FloatArray:
+        """How deep (N,) in m balls at places (N, 3) are in the wall; negative outside."""
+        back = quaternion_from_rpy(0.0, 0.0, -self.yaw)
+        local = np.array([rotate(back, (x, y, z - HEIGHT)) for x, y, z in places.tolist()])
+        outside = np.maximum(np.abs(local) - np.array([self.thickness, 1.0, 1.0]) / 2, 0.0)
+        found: FloatArray = self.radius - np.sqrt(np.square(outside).sum(axis=1))
+        return found
+
+    def deepest_between(self, places: FloatArray) -> float:
+        """How deep in m the straight ways between places (N, 3) lead into the wall."""
+        shares = np.linspace(0, 1, 400)[:, None, None]
+        ways = places[:-1] + (places[1:] - places[:-1]) * shares
+        return float(self.depths(ways.reshape(-1, 3)).max())
+
+
+def run(folder: Path, engine: str, **keys: Any) -> SimulationRun:
+    pytest.importorskip(engine, reason=f"{engine} is not installed")
+    scenario = {"name": "s", "backend": engine, "expect": ["no_collision"], "time_limit": 1, **keys}
+    path = folder / "s.sim.yml"
+    path.write_text(json.dumps(scenario))
+    loaded = load_scenario(path, Permissions())
+    return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+
+
+def robot_shot(folder: Path, engine: str, shot: Shot, **wall: Any) -> SimulationRun:
+    """Shoots the robot itself."""
+    (folder / "ball.urdf").write_text(BALL.format(radius=shot.radius))
+    return run(
+        folder,
+        engine,
+        robot={"model": "ball.urdf", "pose": {"x": shot.start, "y": shot.aside, "z": HEIGHT}},
+        world=shot.world(shot.wall(**wall)),
+        physics={"rate": shot.rate, "settle": 0, "max_speed": 10_000, "max_turn_rate": 10_000},
+        duration=round(shot.seconds * shot.rate) / shot.rate,
+        trace={"rate": shot.rate},
+    )
+
+
+def body_shot(folder: Path, engine: str, shot: Shot, **wall: Any) -> tuple[FloatArray, MissedContact | None]:
+    """Shoots a body of the world; its places (T + 1, 3) at each step, and the error."""
+    ball = {"name": "shot", "sphere": {"radius": shot.radius}, "mass": 0.5}
+    ball |= {"pose": {"x": shot.start, "y": shot.aside, "z": HEIGHT}}
+    made = World.model_validate(shot.world(ball, shot.wall(**wall), body="shot"))
+    scene = scene_of(folder, BALL.format(radius=0.02), at(x=-9, z=1), made, rate=shot.rate)
+    with running(engine, scene) as backend:
+        poses = [backend.body_pose(body.name) for body in made.objects if body.mass is not None]
+        first = np.array([(*pose.position_xyz, *pose.orientation_xyzw) for pose in poses])
+        start = backend.observe(0, contacts=False)
+        watch = Tunnelling(scene, start, first, solid_terrain=backend.solid_terrain)
+        error, places = None, [first[:1, :3]]
+        for block in range(0, round(shot.seconds * shot.rate) + 1, 7):
+            backend.advance(block, [None] * 7)
+            trace, bodies = backend.collect(), backend.collect_bodies()
+            assert bodies.shape == (7, len(poses), 7)
+            _, missed = watch.watch(trace, bodies)
+            places.append(bodies[:, 0, :3])
+            error = error or missed
+    return np.concatenate(places), error
+
+
+shots = st.builds(
+    Shot,
+    radius=st.floats(0.005, 0.1),
+    speed=st.floats(5, 300),
+    thickness=st.floats(0.0005, 0.05),
+    rate=st.sampled_from([60.0, 240.0, 500.0]),
+    start=st.floats(-0.9, -0.3),
+    aside=st.one_of(st.just(0.0), st.floats(-0.7, 0.7)),
+    yaw=st.one_of(st.just(0.0), st.floats(-1.2, 1.2)),
+).filter(lambda shot: shot.depths(np.array([[shot.start, shot.aside, HEIGHT]]))[0] < -0.05)
+
+
+def check(shot: Shot, places: FloatArray, *, missed: bool) -> None:
+    """A way that leads through the wall has a pose in the wall, or is an error; an error is nothing else."""
+    deepest, touches = shot.deepest_between(places), bool((shot.depths(places) > -1e-6).any())
+    if missed:
+        assert deepest > 0
+        assert not touches
+    elif np.abs(np.diff(places[1:, 0])).max() > 2 * shot.radius + shot.thickness:
+        # Slower balls cannot miss it, but for an edge.
+        assert touches or deepest < 0.05 * shot.radius
+
+
+@on_every_engine
+@examples(40)
+@given(shot=shots)
+def test_a_body_never_passes_a_wall_unseen(engine: str, shot: Shot) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        places, error = body_shot(Path(folder), engine, shot)
+    check(shot, places, missed=error is not None)
+
+
+@on_every_engine
+@examples(20)
+@given(shot=shots)
+def test_a_robot_never_passes_a_wall_unseen(engine: str, shot: Shot) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            ran = robot_shot(Path(folder), engine, shot)
+            passed, depth = ran.verdicts[0].passed, shot.deepest_between(ran.trace.base_position_xyz)
+        except (MissedContact, SimulationUnstable):
+            passed, depth = False, 0.0
+    assert not passed or depth < 0.05 * shot.radius
+
+
+def rate_in(error: MissedContact) -> float:
+    """The rate that a message asks for."""
+    found = re.search(r"set physics\.rate to ([0-9.e+]+) Hz", str(error))
+    assert found is not None, str(error)
+    return float(found.group(1))
+
+
+# The cases of the issue that named them, and starts from which none of the steps ends in the wall.
+CASES = [
+    Shot(radius=0.02, speed=60, thickness=0.002, start=-0.62),
+    Shot(radius=0.05, speed=90, thickness=0.002, start=-0.56),
+    Shot(radius=0.02, speed=60, thickness=0.002, start=-0.62, yaw=0.5),
+]
+
+
+@on_every_engine
+@pytest.mark.parametrize("shot", CASES)
+def test_the_rate_that_the_error_names_sees_the_contact(engine: str, shot: Shot, tmp_path: Path) -> None:
+    with pytest.raises(MissedContact) as raised:
+        robot_shot(tmp_path, engine, shot)
+    assert str(raised.value).startswith("link 'ball' passed through body 'wall' without a contact, in the step that ")
+    assert f"({shot.speed:g} m/s at 240 Hz)" in str(raised.value)
+    assert raised.value.keys == ("physics", "rate")
+    again = shot._replace(rate=rate_in(raised.value))
+    (verdict,) = robot_shot(tmp_path, engine, again).verdicts
+    assert not verdict.passed
+    assert "touched wall" in verdict.message
+    places, error = body_shot(tmp_path, engine, shot)
+    assert places[-1, 0] > 0.1
+    assert error is not None
+    assert str(error).startswith("body 'shot' passed through body 'wall'")
+    places, error = body_shot(tmp_path, engine, again)
+    assert error is None
+    assert (again.depths(places) > -1e-6).any()
