@@ -50,6 +50,7 @@ class ClosedLoop:
         sensors: sensors that it adds to those of the scenario.
         close: called once, after the run.
         notes: notes for the user, complete after `close`.
+        losses: parts of its files that were not run, as the scenario allows.
     """
 
     command: Callable[[Observation], Answer]
@@ -57,6 +58,7 @@ class ClosedLoop:
     sensors: tuple[MountedSensor, ...] = ()
     close: Callable[[], None] = _nothing
     notes: Sequence[str] = ()
+    losses: Sequence[str] = ()
 
 
 Controller = OpenLoop | ClosedLoop

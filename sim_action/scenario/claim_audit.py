@@ -47,6 +47,9 @@ class Rule:
 SINGLE_ROW: Final = "single-row-golden"
 """The rule against golden files without a motion."""
 
+NOT_SIMULATED: Final = "not-simulated"
+"""The rule about parts of launch files that are not simulated."""
+
 RULES: Final[Mapping[str, Rule]] = MappingProxyType(
     {
         "bare-angle": Rule("error", "an angle without a unit that is more than one turn: probably in degrees"),
@@ -66,6 +69,7 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         ),
         "drive-never-commanded": Rule("warning", "a drive that no command source and no sensor used"),
         "never-moved": Rule("warning", "a robot that was commanded to move, and never moved"),
+        NOT_SIMULATED: Rule("warning", "a part of a launch file that is not simulated, where `allow_losses` is true"),
         "event-never-began": Rule("warning", "a disturbance, a body or a path that is due after the end of the run"),
     }
 )

@@ -101,6 +101,12 @@ class Controls:
         """The notes of the controllers for people, after the run."""
         return tuple(note for source in self._sources for note in source.controller.notes)
 
+    @property
+    def losses(self) -> tuple[str, ...]:
+        """The parts of files that controllers did not run, as the scenario allows."""
+        controllers = [source.controller for source in self._sources]
+        return tuple(loss for live in controllers if isinstance(live, ClosedLoop) for loss in live.losses)
+
     def close(self) -> None:
         """Close the sources after the run, and end the programs that they started."""
         self._closing.close()

@@ -14,7 +14,7 @@ from sim_action.assertions.monitors.becoming import Rest
 from sim_action.core.errors import ControllersFinished, RunError
 from sim_action.drives import Drive, recognise
 from sim_action.engines import ENGINES, Engine, chosen
-from sim_action.scenario.claim_audit import ClaimFinding
+from sim_action.scenario.claim_audit import NOT_SIMULATED, ClaimFinding
 from sim_action.scenario.model import Scenario
 from sim_action.simulation.controllers import Controls, padded
 from sim_action.simulation.monitors import End, Panel
@@ -183,7 +183,8 @@ class _Loop:
         kept = footage.trace()
         assert kept is not None
         x, y, _ = start.pose.position_xyz
-        findings = self._audited(panel, motion)
+        losses = (ClaimFinding(NOT_SIMULATED, ("commands",), loss) for loss in self._controls.losses)
+        findings = (*self._audited(panel, motion), *losses)
         told = {finding.message for finding in findings}
         missed = (message for _, message in unreached_events(self._scene.world, panel.time))
         notes = tuple(message for message in missed if message not in told)

@@ -170,6 +170,7 @@ def test_a_launch_file_with_commands_is_launched_where_paths_have_blanks(tmp_pat
   <arg name="speed" default="0"/>
   <param name="robot_description" command="$(find xacro)/xacro $(find nodes)/robot.xacro"/>
   <node pkg="gazebo_ros" type="spawn_model" name="spawn" args="-urdf -model r -param robot_description"/>
+  <param name="joints/type" value="joint_state_controller/JointStateController"/>
   <node pkg="controller_manager" type="spawner" name="controllers" args="joints"/>
   <node pkg="nodes" type="mover.py" name="mover"><param name="speed" value="$(arg speed)"/></node>
 </launch>
@@ -182,6 +183,35 @@ def test_a_launch_file_with_commands_is_launched_where_paths_have_blanks(tmp_pat
     assert (code, outcome["status"]) == (0, "passed"), outcome
     left_out = "gazebo_ros/spawn_model, controller_manager/spawner"
     assert [note for note in outcome["notes"] if note.endswith(left_out)]
+
+
+def test_parts_of_a_launch_file_that_a_scenario_does_not_replace_are_an_error_unless_allowed(tmp_path: Path) -> None:
+    scenario(tmp_path, "{launch: [nodes, drive.launch]}")
+    text = """\
+<launch>
+  <include file="$(find gazebo_ros)/launch/empty_world.launch"><arg name="world_name" value="/a/yard.world"/></include>
+  <node pkg="gazebo_ros" type="spawn_model" name="spawn" args="-urdf -model r -param robot_description"/>
+  <node pkg="gazebo_ros" type="spawn_model" name="box" args="-sdf -model box -file box.sdf"/>
+  <param name="arm/type" value="position_controllers/JointTrajectoryController"/>
+  <node pkg="controller_manager" type="spawner" name="controllers" args="arm"/>
+  <node pkg="nodes" type="mover.py" name="mover"/>
+</launch>
+"""
+    package(tmp_path / "ws", "nodes", {"drive.launch": text})
+    lost = ["the world 'yard.world'", "the model 'box'", "the controller 'arm' (position_controllers/Joint"]
+
+    code, outcome = ran(tmp_path)
+
+    (failure,) = outcome["failures"]
+    assert (code, outcome["status"], failure["location"]["line"]) == (2, "error", 4)
+    assert all(each in failure["message"] for each in [*lost, "allow_losses: true"]), failure
+
+    path = tmp_path / "ws/s.sim.yml"
+    path.write_text(path.read_text().replace("drive.launch]", "drive.launch], allow_losses: true"))
+    code, outcome = ran(tmp_path)
+    assert (code, outcome["status"]) == (0, "passed"), outcome
+    told = [warning["message"] for warning in outcome["warnings"] if warning["rule"] == "not-simulated"]
+    assert [message.startswith(each) for message, each in zip(told, lost, strict=True)] == [True] * 3
 
 
 def test_a_process_that_does_not_become_a_node_is_not_waited_for_for_ever(tmp_path: Path) -> None:

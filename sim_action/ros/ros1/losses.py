@@ -14,14 +14,12 @@ from sim_action.core.errors import Location
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.wording import counted, escaped_line
 from sim_action.results.outcome import Failure
-from sim_action.scenario.claim_audit import AuditWarning
+from sim_action.scenario.claim_audit import NOT_SIMULATED, AuditWarning
 
 OPTION: Final = "--allow-losses"
 
 TITLE: Final = "not simulated"
 """The title of failures."""
-
-_RULE: Final = "not-simulated"
 
 _MAX_REPORTED: Final = 20
 
@@ -44,7 +42,9 @@ def loss_failures(losses: Iterable[Loss]) -> tuple[Failure, ...]:
 def loss_warnings(losses: Iterable[Loss], otherwise: Location) -> tuple[AuditWarning, ...]:
     """Return a warning for each of the first losses, and one that counts the rest; `otherwise`: for unknown places."""
     found = _first(losses)
-    return tuple(AuditWarning(rule=_RULE, message=loss.message, location=loss.location or otherwise) for loss in found)
+    return tuple(
+        AuditWarning(rule=NOT_SIMULATED, message=loss.message, location=loss.location or otherwise) for loss in found
+    )
 
 
 def _first(losses: Iterable[Loss]) -> Iterator[Loss]:

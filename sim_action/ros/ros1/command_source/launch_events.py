@@ -10,6 +10,7 @@ from sim_action.commands.stderr_tail import StderrTail
 from sim_action.core.errors import ScriptError
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.wording import did_you_mean, escaped_line
+from sim_action.ros.ros1.command_source.replaced_nodes import ReplacedNode, lost_nodes
 from sim_action.ros.ros1.launch.overlay import Overlay
 from sim_action.ros.ros1.verdicts.launch_output import (
     Death,
@@ -31,6 +32,9 @@ class Event(FrozenModel):
 
     Attributes:
         left_out: nodes of Gazebo as package/type, once the launch file is read.
+        left_out_args: their arguments.
+        world: the world that the launch file names; empty if it names none.
+        types: NAME=TYPE of each controller that has parameters.
         pid: of the launcher, when all nodes are started; of a node that has ended.
         core: ids of the processes of ROS itself, which hold no results.
         exit_code: negative for a signal; None: unknown.
@@ -40,6 +44,9 @@ class Event(FrozenModel):
 
     event: Literal["read", "started", "refused", "died"]
     left_out: tuple[str, ...] = ()
+    left_out_args: tuple[str, ...] = ()
+    world: str = ""
+    types: tuple[str, ...] = ()
     pid: int = 0
     core: tuple[int, ...] = ()
     node: str = ""
@@ -48,6 +55,14 @@ class Event(FrozenModel):
     required: bool = False
     kind: str = ""
     message: str = ""
+
+    @property
+    def losses(self) -> tuple[str, ...]:
+        """The parts of the launch file that the scenario does not replace."""
+        pairs = zip(self.left_out, self.left_out_args, strict=True)
+        nodes = [ReplacedNode(program=program, args=args) for program, args in pairs]
+        types = dict(text.split("=", 1) for text in self.types)
+        return tuple(lost_nodes(nodes, self.world, types))
 
     @property
     def death(self) -> Death:

@@ -59,6 +59,7 @@ class LaunchSpec:
         arguments: NAME:=VALUE.
         port: of the master.
         description: the robot's URDF.
+        allows_losses: True if parts of the launch file that are not simulated are warnings instead of errors.
     """
 
     ros: Ros
@@ -67,6 +68,7 @@ class LaunchSpec:
     arguments: Sequence[str]
     port: int
     description: str
+    allows_losses: bool = False
 
 
 class LaunchedNodes:
@@ -89,7 +91,9 @@ class LaunchedNodes:
         self._exited: set[int] = set()
         self.launcher = 0
         self._core = frozenset[int]()
+        self._allows_losses = asked.allows_losses
         self.notes: list[str] = []
+        self.losses: list[str] = []
 
     @property
     def _logs(self) -> Path:
@@ -175,9 +179,13 @@ class LaunchedNodes:
             self._exited.add(event.pid)
         elif event.event == "started":
             self.launcher, self._core = event.pid, frozenset(event.core)
-        elif event.left_out:
-            left = ", ".join(dict.fromkeys(event.left_out))
-            self.notes.append(f"not launched, because sim-action is the simulator: {left}")
+        elif event.event == "read":
+            if event.left_out:
+                left = ", ".join(dict.fromkeys(event.left_out))
+                self.notes.append(f"not launched, because sim-action is the simulator: {left}")
+            if event.losses and not self._allows_losses:
+                raise SourceProblem(f"{'; '.join(event.losses)}; to run without it, set allow_losses: true", _KEY)
+            self.losses += event.losses
 
 
 def _made(folder: Path) -> Path:
@@ -198,9 +206,9 @@ def open_nodes(source: RosCommands, scene: Scene) -> ClosedLoop:
         raise SourceProblem(why, _KEY)
     spec, ros, port = source.ros1, find_ros(), free_port()
     workspace = workspace_of(spec.workspace, scene.workspace)
-    launching = LaunchSpec(
-        ros, workspace, _file_of(spec, workspace), spec.launch[2:] if spec.launch else (), port, scene.model.urdf
-    )
+    arguments = spec.launch[2:] if spec.launch else ()
+    file = _file_of(spec, workspace)
+    launching = LaunchSpec(ros, workspace, file, arguments, port, scene.model.urdf, spec.allow_losses)
     try:
         nodes = LaunchedNodes(launching)
     except UsageError as error:
@@ -211,7 +219,7 @@ def open_nodes(source: RosCommands, scene: Scene) -> ClosedLoop:
     except BaseException:
         nodes.close()
         raise
-    return ClosedLoop(node.tick, sensors=node.sensors, close=node.close, notes=node.notes)
+    return ClosedLoop(node.tick, sensors=node.sensors, close=node.close, notes=node.notes, losses=nodes.losses)
 
 
 def _file_of(spec: RosNodes, workspace: Path) -> Callable[[Overlay, Path], Path]:

@@ -63,7 +63,15 @@ def _config(task: dict[str, Any], events: _Events) -> Any:
             config.add_param(roslaunch.core.Param(key, value), verbose=False)
     for key, value in task["params"].items():
         config.add_param(roslaunch.core.Param(key, value), verbose=False)
-    events.tell("read", left_out=[f"{node.package}/{node.type}" for node in left_out])
+    world = config.params.get("/gazebo/world_name")
+    events.tell(
+        "read",
+        left_out=[f"{node.package}/{node.type}" for node in left_out],
+        left_out_args=[node.args or "" for node in left_out],
+        world=str(world.value) if world else "",
+        # Controllers have a parameter NAME/type.
+        types=[f"{key.split('/')[-2]}={param.value}" for key, param in config.params.items() if key.endswith("/type")],
+    )
     return config
 
 

@@ -83,6 +83,9 @@ class RosNodes(FrozenModel):
         tuple[NodeSpec, ...] | None,
         Field(min_length=1, description="list of nodes, instead of a launch file; each is a map or package/type"),
     ] = None
+    allow_losses: Annotated[
+        bool, Field(description="run without parts of the launch file that are not simulated; they are warnings then")
+    ] = False
     workspace: Annotated[
         str | None,
         NamesFile(),
@@ -119,7 +122,9 @@ class RosCommands(CommandSource):
 
     `/robot_description` is the URDF of the robot, unless a launch file sets it. A launch file that starts Gazebo can
     stay as it is: nodes of `gazebo_ros` and `controller_manager` are not launched, because the scenario defines the
-    robot and the world. The services of Gazebo are not available.
+    robot and the world. The services of Gazebo are not available. Parts that the scenario does not replace are an
+    error, unless `allow_losses` is true: a world that is not empty, models besides the robot, and controllers other
+    than those of a differential drive and of joint states.
 
     Sim time starts at 0 when all nodes are up and connected to each other. A process that does not become a node within
     `start_within` is no longer waited for, and a note says so. After the start, sim time goes on only when every node
