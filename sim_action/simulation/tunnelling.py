@@ -210,7 +210,8 @@ class Tunnelling:
         return self._search
 
     def _error(self, miss: Miss, time: float) -> MissedContact:
-        way, extent, thickness = (units.display(length, "m", 3) for length in (miss.way, miss.extent, miss.thickness))
+        way, extent = (units.display(length, "m", 3) for length in (miss.way, miss.extent))
+        thick = f"{units.display(miss.thickness, 'm', 3)} thick" if miss.thickness else "a surface without thickness"
         speed = units.display(miss.way * self._rate, "m/s", 3)
         # A multiple of the present rate suits all ticks that suit it.
         size = max(miss.extent + miss.thickness, _LEAST_SIZE_M)
@@ -223,7 +224,7 @@ class Tunnelling:
         return MissedContact(
             f"{miss.mover} passed through {miss.body} without a contact, in the step that ends at {time:.4f} s: it "
             f"moved {way} ({speed} at {self._rate:g} Hz), but it is only {extent} long in that direction, and "
-            f"{miss.body} is {thickness} thick; {remedy}",
+            f"{miss.body} is {thick}; {remedy}",
             keys=("physics", "rate"),
         )
 

@@ -30,7 +30,7 @@ def control(seen):
 JUMP = "pybullet.resetBasePositionAndOrientation(body, [{x}, 0, 0.05], [0, 0, {qz}, {qw}], physicsClientId=client)"
 
 
-def verdicts(folder: Path, jump: str, time: float, *expected: Any) -> list[dict[str, Any]]:
+def verdicts(folder: Path, jump: str, time: float, *expected: Any, **keys: Any) -> list[dict[str, Any]]:
     (folder / "teleport.py").write_text(SCRIPT.format(time=time, jump=jump))
     scenario = {
         "name": "teleport",
@@ -40,6 +40,7 @@ def verdicts(folder: Path, jump: str, time: float, *expected: Any) -> list[dict[
         "time_limit": 2,
         "duration": 2,
         "backend": "pybullet",
+        **keys,
     }
     (folder / "teleport.sim.yml").write_text(json.dumps(scenario))
     ran = sim_action(folder, "run", "teleport.sim.yml")
@@ -62,3 +63,11 @@ def test_a_turn_at_once_breaks_a_limit_of_the_turn_rate(tmp_path: Path) -> None:
     jump = JUMP.format(x=0, qz=1, qw=0)
     (verdict,) = verdicts(tmp_path, jump, 0.5, {"max_speed": {"angular": 1}})
     assert verdict["message"].startswith("jumped by 180 deg")
+
+
+def test_a_teleport_past_a_wall_is_a_jump_and_no_missed_contact(tmp_path: Path) -> None:
+    """No rate of the physics would see it."""
+    wall = {"name": "wall", "box": [0.002, 2, 2], "pose": {"x": 2}}
+    jump = JUMP.format(x=5, qz=0, qw=1)
+    (verdict,) = verdicts(tmp_path, jump, 0.5, {"max_speed": {"linear": 1}}, world={"objects": [wall]})
+    assert verdict["message"].startswith("jumped 5.0")

@@ -197,3 +197,115 @@ def test_the_rate_that_the_error_names_sees_the_contact(engine: str, shot: Shot,
     places, error = body_shot(tmp_path, engine, again)
     assert error is None
     assert (again.depths(places) > -1e-6).any()
+
+
+class Ended(NamedTuple):
+    """The message of a missed contact, or else if `no_collision` passed."""
+
+    message: str
+    passed: bool
+
+
+def ended(folder: Path, engine: str, **keys: Any) -> Ended:
+    (folder / "ball.urdf").write_text(BALL.format(radius=0.02))
+    keys = {"physics": {"settle": 0, "max_speed": 1000}, **keys}
+    try:
+        return Ended("", run(folder, engine, **keys).verdicts[0].passed)
+    except MissedContact as error:
+        return Ended(str(error), passed=False)
+
+
+def faulted(folder: Path, engine: str, **keys: Any) -> str:
+    """The message of the missed contact of a run; empty without one."""
+    return ended(folder, engine, **keys).message
+
+
+def ball_at(x: float, z: float = HEIGHT) -> dict[str, Any]:
+    return {"model": "ball.urdf", "pose": {"x": x, "z": z}}
+
+
+@on_every_engine
+def test_a_body_on_a_path_passes_no_robot_unseen(engine: str, tmp_path: Path) -> None:
+    path = [{"at": 0, "x": -3.05}, {"at": 0.1, "x": 2.95}]
+    shot = {"name": "shot", "sphere": {"radius": 0.02}, "pose": {"z": HEIGHT}, "path": path}
+    message = faulted(tmp_path, engine, robot=ball_at(0.07), world={"gravity": 0, "objects": [shot]}, time_limit=0.2)
+    assert message.startswith("link 'ball' passed through body 'shot'")
+    assert "(60 m/s at 240 Hz)" in message
+    # It flies past.
+    message = faulted(
+        tmp_path, engine, robot=ball_at(0.07, HEIGHT + 0.05), world={"gravity": 0, "objects": [shot]}, time_limit=0.2
+    )
+    assert not message
+
+
+@on_every_engine
+def test_a_body_passes_no_movable_plate_unseen(engine: str, tmp_path: Path) -> None:
+    shot = Shot(start=-0.62)
+    objects = [shot.wall(mass=1.0), {"name": "shot", "sphere": {"radius": 0.02}, "mass": 0.5}]
+    objects[1]["pose"] = {"x": shot.start, "z": HEIGHT}
+    message = faulted(tmp_path, engine, robot=ball_at(-9), world=shot.world(*objects, body="shot"), time_limit=0.2)
+    assert "passed through body" in message
+    assert "'wall'" in message
+    assert "'shot'" in message
+
+
+@on_every_engine
+def test_a_wall_that_has_not_appeared_is_not_in_the_way(engine: str, tmp_path: Path) -> None:
+    shot = Shot(start=-0.62)
+    keys = {"robot": ball_at(shot.start), "time_limit": 0.3}
+    assert not faulted(tmp_path, engine, world=shot.world(shot.wall(appears=0.2)), **keys)
+    assert faulted(tmp_path, engine, world=shot.world(shot.wall(appears=0.004)), **keys)
+
+
+ARM = """
+<robot name="arm">
+  <link name="base"><inertial><mass value="1"/>
+    <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="rod"><inertial><origin xyz="0.5 0 0"/><mass value="1"/>
+    <inertia ixx="0.001" iyy="0.08" izz="0.08" ixy="0" ixz="0" iyz="0"/></inertial>
+    <collision><origin xyz="0.5 0 0"/><geometry><box size="1 0.01 0.01"/></geometry></collision></link>
+  <joint name="swing" type="continuous"><parent link="base"/><child link="rod"/><origin xyz="0 0 1"/>
+    <axis xyz="0 0 1"/><limit effort="1000" velocity="100"/></joint>
+</robot>
+"""
+
+
+@on_every_engine
+def test_an_arm_swings_through_no_pole_unseen(engine: str, tmp_path: Path) -> None:
+    """At 30 rad/s, the end of the rod moves 12 cm in a step; at 0.3 rad/s it touches the pole."""
+    (tmp_path / "arm.urdf").write_text(ARM)
+    pole = {"name": "pole", "cylinder": {"radius": 0.004, "height": 2}, "pose": {"x": 0, "y": 0.9}}
+    keys: dict[str, Any] = {
+        "robot": {"model": "arm.urdf", "base": "fixed", "pose": {"z": 0}},
+        "world": {"gravity": 0, "objects": [pole]},
+    }
+
+    def swung(speed: float, seconds: float) -> str:
+        turning = [{"at": 0, "velocity": {"swing": speed}}]
+        return faulted(tmp_path, engine, **keys, commands={"rate": 240, "joints": turning}, time_limit=seconds)
+
+    found = [swung(speed, 1.0) for speed in (29.0, 31.0, 33.0)]
+    assert any(message.startswith("link 'rod' passed through body 'pole'") for message in found), found
+    assert not swung(1.0, 2.0)
+
+
+TERRAIN = {"heightfield": {"heights": [[0.2, 0.2, 0.2], [0.2, 0.25, 0.2], [0.2, 0.2, 0.2]], "size": [2, 2]}}
+
+
+@on_every_engine
+def test_a_ball_falls_through_no_terrain_unseen(engine: str, tmp_path: Path) -> None:
+    """MuJoCo's terrain is solid down to 10 cm below its lowest sample: a ball in it touches it."""
+    terrain = {"name": "hills", **TERRAIN, "pose": {"z": 0.5}}
+    push = {"at": 0.0, "velocity": [0, 0, -60]}
+    world = {"gravity": 0, "objects": [terrain], "disturbances": [push]}
+    heights = [0.83, 0.87, 0.92]
+    found = [ended(tmp_path, engine, robot=_hovering(z), world=world, time_limit=0.05) for z in heights]
+    assert not any(each.passed for each in found)
+    missed = [each.message for each in found if each.message]
+    assert all("passed through body 'hills' without" in message for message in missed)
+    assert all("body 'hills' is a surface without thickness; set" in message for message in missed)
+    assert bool(found[2].message) == (engine == "pybullet")
+
+
+def _hovering(z: float) -> dict[str, Any]:
+    return {"model": "ball.urdf", "pose": {"x": 0.3, "y": 0.2, "z": z}}
