@@ -154,3 +154,9 @@ def test_words_of_a_rostest_are_arguments_and_never_options() -> None:
 def test_one_use_of_the_action_is_one_rostest() -> None:
     with pytest.raises(InputError, match="one line, PACKAGE FILE"):
         words_of({**INPUTS, "rostest": "a a.test\nb b.test"})
+
+
+def test_losses_are_allowed_only_if_the_input_says_so() -> None:
+    for stated in ("true", "false"):
+        inputs = words_of({**INPUTS, "rostest": "a a.test", "allow-losses": stated})
+        assert ("--allow-losses" in SUBCOMMANDS["rostest"].command_line(inputs)) == (stated == "true")
