@@ -72,7 +72,7 @@ class Window:
         if self.over or not len(trace):
             return self
         monitor = self.monitor
-        if is_cumulative(monitor):
+        if trace.time[0] <= self.after + TIME_EPSILON_S and is_cumulative(monitor):
             monitor = monitor.begin(trace.between(-math.inf, self.after))
         seen = trace.between(self.after, self.before)
         over = bool(trace.time[-1] >= self.before - TIME_EPSILON_S)
