@@ -120,6 +120,23 @@ class Parts:
         self._paths = np.array([mover.fastest for mover in self.movers]) / scene.physics.rate
         self._reaches = np.array([mover.reach for mover in self.movers[: self.heavy]])
 
+    def calm_state(self) -> FloatArray:
+        """Return bounds (6 + 2 J,) on a row of `Trace.state` from its velocities to those of the joints.
+
+        Within them nothing is fast. They are stricter than `fast_pairs`, but cheaper to check.
+        """
+        joints = self._ways.shape[1] - 2
+        ways = self._paths - self._mover_widths
+        widest = np.array([np.append(ways, -self._thickness if free else -math.inf).max() for free in self._free])
+        budgets = (self._widths - widest) * self.scene.physics.rate
+        if self.heavy or (budgets <= 0).any():
+            return np.full(6 + 2 * joints, -1.0)
+        with np.errstate(divide="ignore"):
+            most = (budgets[:, None] / self._ways).min(axis=0, initial=math.inf)
+        # The speed, the turn rate and all joints together get a third of each budget.
+        third, each = math.sqrt(3) * 3, 3 * max(joints, 1)
+        return np.concatenate(([most[0] / third] * 3, [most[1] / third] * 3, [math.inf] * joints, most[2:] / each))
+
     def fast_pairs(self, block: Block) -> list[tuple[int, int]]:
         """Return the pairs of a part and an obstacle, `FIXED` or a mover, that may pass through each other."""
         peaks = np.abs(block.trace.state[:, 8:]).max(axis=0).tolist()
@@ -179,6 +196,7 @@ class Tunnelling:
         self._rate = scene.physics.rate
         self._last, self._last_bodies = Trace.of_observation(start).state[0], bodies
         self._parts = Parts(scene, solid_terrain=solid_terrain)
+        self._calm = self._parts.calm_state()
         self._search: SweptSearch | None = None
 
     def watch(self, trace: Trace, bodies: FloatArray) -> tuple[Trace, MissedContact | None]:
@@ -188,6 +206,9 @@ class Tunnelling:
         """
         count = len(trace)
         if not count:
+            return trace, None
+        if (np.abs(trace.state[:, 8 : 8 + len(self._calm)]) <= self._calm).all():
+            self._last = trace.state[-1]
             return trace, None
         poses = np.concatenate((self._last_bodies[None], bodies[:count]))
         block = Block(self._last, trace, poses)
