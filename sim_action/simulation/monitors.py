@@ -113,5 +113,6 @@ def _undecided(monitor: Window, verdict: Verdict) -> Verdict:
     """Return the verdict after another expectation ended the run; it is marked if it was still undecided."""
     if verdict.passed or monitor.over or monitor.state is State.BROKEN:
         return verdict
-    told = ", when the run ended" if monitor.state is State.PENDING else ""
+    is_cut_short = monitor.state is State.PENDING and verdict.status == "failed"
+    told = ", when the run ended" if is_cut_short else ""
     return replace(verdict, message=f"{verdict.message}{told}", cut_off=True)
