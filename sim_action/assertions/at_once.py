@@ -12,6 +12,7 @@ from sim_action.assertions.monitors import ConditionMonitor, Monitor, State, Tru
 from sim_action.assertions.monitors.combination import on_steps
 from sim_action.assertions.monitors.goals import Goal
 from sim_action.assertions.monitors.window import signals_of
+from sim_action.core.units import TIME_EPSILON_S
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Signal, Verdict
@@ -67,7 +68,7 @@ class AtOnce(Several):
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor."""
         monitors = tuple(_condition(part, scene, start) for part in self.parts)
-        return AtOnceMonitor(tuple(part.inner_title for part in self.parts), monitors, (False,) * len(monitors))
+        return AtOnceMonitor(tuple(part.inner_title for part in self.parts), monitors, (None,) * len(monitors))
 
 
 def _condition(part: Assertion, scene: Scene, start: Observation) -> ConditionMonitor:
@@ -81,7 +82,7 @@ class AtOnceMonitor:
     """The fold of the number of parts that are true at the same moment.
 
     Attributes:
-        before: the truth of each part at the last step.
+        before: the truth of each part at the last step; None if it is not known yet, as before a first reading.
         best: the fold of the number of true parts minus the number of parts.
         missing: the titles of the parts that were not true at the best step.
         end: sim time of the last step, in s.
@@ -91,7 +92,7 @@ class AtOnceMonitor:
 
     titles: tuple[str, ...]
     monitors: tuple[ConditionMonitor, ...]
-    before: tuple[bool, ...]
+    before: tuple[bool | None, ...]
     best: Goal = Goal()
     missing: tuple[str, ...] = ()
     end: float = 0.0
@@ -105,7 +106,7 @@ class AtOnceMonitor:
         """See CumulativeMonitor.begin."""
         if not len(trace):
             return self
-        before = tuple(bool(part[-1]) for part in self._truths(trace))
+        before = self._known_truths(trace)[1]
         monitors = tuple(begun(monitor, trace) for monitor in self.monitors)
         return replace(self, before=before, monitors=monitors)
 
@@ -113,7 +114,7 @@ class AtOnceMonitor:
         """See Monitor.observe."""
         if not len(trace):
             return self
-        truths = self._truths(trace)
+        truths, before, _ = self._known_truths(trace)
         best = self.best.observe(trace.time, (truths.sum(axis=0) - len(truths)).astype(float))
         missing = self.missing
         if best is not self.best:
@@ -122,29 +123,47 @@ class AtOnceMonitor:
         return replace(
             self,
             monitors=tuple(monitor.observe(trace) for monitor in self.monitors),
-            before=tuple(truths[:, -1].tolist()),
+            before=before,
             best=best,
             missing=missing,
             end=float(trace.time[-1]),
         )
 
     def truth(self, trace: Trace) -> Truth:
-        """See ConditionMonitor.truth."""
+        """See ConditionMonitor.truth. The moments are the steps at which the truth of each part is known."""
         import numpy as np
 
-        return Truth(trace.time, np.asarray(self._truths(trace).all(axis=0)))
+        if not len(trace):
+            return Truth(trace.time, np.empty(0, dtype=np.bool_))
+        truths, _, known = self._known_truths(trace)
+        return Truth(trace.time[known:], np.asarray(truths[:, known:].all(axis=0)))
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         """See PlottableMonitor.signals. Returns the number of true conditions at each step."""
-        count = self._truths(trace).sum(axis=0).astype(float)
+        count = self._known_truths(trace)[0].sum(axis=0).astype(float)
         return (Signal("conditions that are true", "", trace.time, count, lower=float(len(self.monitors))),)
 
-    def _truths(self, trace: Trace) -> NDArray[np.bool_]:
-        """Return (P, T) the truth of each part at each step."""
+    def _known_truths(self, trace: Trace) -> tuple[NDArray[np.bool_], tuple[bool | None, ...], int]:
+        """Return (P, T) the truth of each part at each step, that at the last step, and the first known step.
+
+        A truth that is not known counts as false. At the first known step, and later, all truths are known. `trace` is
+        not empty.
+        """
         import numpy as np
 
-        pairs = zip(self.monitors, self.before, strict=True)
-        return np.array([on_steps(monitor.truth(trace), trace, before) for monitor, before in pairs])
+        rows: list[NDArray[np.bool_]] = []
+        last: list[bool | None] = []
+        known = 0
+        for monitor, before in zip(self.monitors, self.before, strict=True):
+            truth = monitor.truth(trace)
+            rows.append(on_steps(truth, trace, bool(before)))
+            first = 0
+            if before is None:
+                time = float(truth.time[0]) if len(truth.time) else math.inf
+                first = int(np.searchsorted(trace.time, time - TIME_EPSILON_S))
+            last.append(bool(rows[-1][-1]) if first < len(trace) else None)
+            known = max(known, first)
+        return np.array(rows), tuple(last), known
 
     def verdict(self) -> Verdict:
         """Return the verdict. `measured` is the greatest number of parts that were true at one moment."""

@@ -15,6 +15,7 @@ from sim_action.assertions.monitors.proximity import distances, nearest_of
 from sim_action.assertions.settled import AtRest
 from sim_action.core import units
 from sim_action.core.field_types import NonNegativeMetres
+from sim_action.core.units import TIME_EPSILON_S
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.trace_channels import Channels, ClearanceWatch
@@ -152,8 +153,21 @@ class StopsBeforeMonitor:
         )
 
     def truth(self, trace: Trace) -> Truth:
-        """See ConditionMonitor.truth. It is true while the robot is at rest with an allowed gap."""
-        return Truth(trace.time, self._rests(trace, self._gaps(trace)))
+        """See ConditionMonitor.truth. It is true while the robot is at rest with an allowed gap.
+
+        The moments are the steps from the first one on at which there is a distance.
+        """
+        rests, known = self._rests(trace, self._gaps(trace)), self._first_known(trace)
+        return Truth(trace.time[known:], rests[known:])
+
+    def _first_known(self, trace: Trace) -> int:
+        """Return the index of the first step at which there is a distance, or the number of steps."""
+        import numpy as np
+
+        if self.nearest is not None:
+            return 0
+        time, _ = distances(trace, self.spec.near, self.spec.far)
+        return int(np.searchsorted(trace.time, time[0] - TIME_EPSILON_S)) if len(time) else len(trace)
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         """See PlottableMonitor.signals. Returns the gap and the time at rest with an allowed gap."""

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -19,14 +20,17 @@ from sim_action.assertions.monitors import Monitor, State
 from sim_action.assertions.monitors.window import Window
 from sim_action.assertions.no_collision import NoCollision
 from sim_action.assertions.reach import Reach
+from sim_action.assertions.sensor import SensorReading
 from sim_action.assertions.settled import Settled
+from sim_action.assertions.stops_before import StopsBefore
 from sim_action.assertions.travel import Travel
 from sim_action.assertions.upright import Upright
 from sim_action.state.observation import JointState
 from sim_action.state.trace import Trace
+from sim_action.state.trace_records import ClearanceRecord, Nearness, SensorRecord
 from sim_action.state.verdict import Verdict
 from tests.soak import examples
-from tests.traces import START, WHEELS, contact, scene, trace
+from tests.traces import START, WHEELS, contact, piece, scene, trace
 
 HOME = Reach(x=0.0, y=0.0, tolerance=0.1)
 AT_REST = Settled.model_validate({"for": 1.0})
@@ -90,6 +94,30 @@ def test_a_robot_that_rests_before_its_first_command_is_not_settled() -> None:
     drives = trace([0.0, 0.5, 1.0, 1.5, 2.0, 2.5], speed=[0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
     told = verdict(Settled(), drives)
     assert (told.passed, told.time) == (True, 2.5)
+
+
+def test_a_distance_that_is_known_from_the_first_step_on_does_not_make_a_stop_false_before() -> None:
+    spec = StopsBefore.model_validate({"body": "wall", "gap": (0.25, 4.0)})
+    times = [0.5, 1.0, 1.5, 2.0, 2.5, 3.0]
+    moments = [Nearness(time, 3.0, "base_scan", "wall") for time in times]
+    clearances = {spec.near: ClearanceRecord.of(moments), spec.far: ClearanceRecord.of(moments[:1])}
+    drives_off = replace(trace([0.0, *times], speed=[0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0]), clearances=clearances)
+    monitor = opened(spec)
+    for start, end in ((0, 1), (1, 3), (3, 7)):
+        monitor = monitor.observe(piece(drives_off, start, end))
+    assert monitor.state is State.PENDING
+    assert monitor.verdict().message.startswith("was already true at t = 0, and never became true again")
+    assert monitor.verdict() == verdict(spec, drives_off)
+
+
+def test_a_reading_that_is_known_after_the_first_step_does_not_make_conditions_false_before() -> None:
+    near = SensorReading(name="scan", reading="ranges", which="min", at_most=3.5)
+    readings = SensorRecord("lidar", np.array([0.2, 0.7]), {"ranges": np.array([[3.0], [3.0]])})
+    monitor = opened(AtOnce(parts=(near, Upright())))
+    for seen in (way(0.0), replace(trace([0.5, 1.0]), sensors={"scan": readings})):
+        monitor = monitor.observe(seen)
+    assert monitor.state is State.PENDING
+    assert monitor.verdict().message.startswith("was already true at t = 0")
 
 
 def test_an_explicit_time_counts_from_the_first_movement_on() -> None:
