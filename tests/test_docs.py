@@ -16,6 +16,7 @@ import yaml
 from docs.generate import pages
 from docs.generators.actions import MOST_USED
 from docs.generators.scenario import ASSERTION_KINDS, ASSERTION_PAGES, FAMILIES, example
+from docs.generators.verdicts import VERDICTS
 from docs.robots import without_figures
 from sim_action.assertions import ASSERTIONS
 from sim_action.cli import SUBCOMMANDS
@@ -161,6 +162,11 @@ def test_examples_check_what_their_names_say(name: Path) -> None:
 def test_each_assertion_has_a_page() -> None:
     assert sorted(name for names in ASSERTION_PAGES.values() for name in names) == sorted(ASSERTIONS)
     assert sorted(ASSERTION_KINDS) == sorted(ASSERTIONS)
+
+
+def test_the_reference_says_when_each_assertion_passes_fails_and_is_not_exercised() -> None:
+    assert sorted(VERDICTS) == sorted(ASSERTIONS)
+    assert all(verdicts.shown() in REFERENCE for verdicts in VERDICTS.values())
 
 
 def test_the_first_scenario_of_the_reference_loads(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from typing import Any, Final, get_args
 from pydantic import BaseModel
 
 from docs.generators.markdown import fenced, table
+from docs.generators.verdicts import VERDICTS
 from sim_action.app import catalogue
 from sim_action.app.init import files
 from sim_action.assertions import ASSERTIONS
@@ -176,6 +177,8 @@ def _section(family: str, name: str, model: type[BaseModel]) -> str:
     parts = [f"## `{name}`\n", f"{inspect.getdoc(model)}\n"]
     if rows := list(keys(model)):
         parts.append(table(KEYS, rows))
+    if family == "assertions":
+        parts.append(VERDICTS[name].shown())
     return "\n".join([*parts, _shown(example(family, name))])
 
 

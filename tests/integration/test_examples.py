@@ -81,6 +81,41 @@ def test_every_assertion_can_fail_on_every_engine(engine: str, tmp_path: Path) -
     assert found == expected
 
 
+NOT_EXERCISED_WITH = "# not exercised with: "
+
+
+def in_unexercised_form(text: str) -> str:
+    """An example with an expectation that is never judged.
+
+    What `not exercised with` says is in place of the line above if that has the same key, else on a line of its own.
+    """
+    lines: list[str] = []
+    for line in text.splitlines():
+        inner = line.replace(NOT_EXERCISED_WITH, "")
+        if inner != line:
+            above = next((n for n in range(len(lines))[::-1] if not lines[n].lstrip().startswith("#")), 0)
+            if lines[above].startswith(f"{inner.partition(': ')[0]}: "):
+                del lines[above:]
+        lines.append(inner)
+    return "\n".join(lines) + "\n"
+
+
+def test_every_assertion_can_be_left_unexercised(tmp_path: Path) -> None:
+    shutil.copytree(ROOT / "examples", tmp_path / "examples")
+    expected = {f"examples/assertions/{key}.sim.yml": key for key in ASSERTIONS}
+    for name in expected:
+        path = tmp_path / name
+        text = path.read_text()
+        assert NOT_EXERCISED_WITH in text, name
+        path.write_text(in_unexercised_form(text))
+    ran = sim_action(tmp_path, "run", "--no-report", *expected)
+    assert ran.returncode == 1, ran.stdout + ran.stderr
+    for outcome in outcomes(tmp_path):
+        judged = [(told["assertion"], told["verdict"]["judged"]["moments"]) for told in outcome["expectations"]]
+        assert (expected.pop(outcome["file"]), 0) in judged, outcome
+    assert not expected
+
+
 def test_the_tutorials_robot_that_stands_still_fails_with_how_far_it_got(tmp_path: Path) -> None:
     text = (ROOT / "examples/turtlebot3/straight_line.sim.yml").read_text()
     (tmp_path / "still.sim.yml").write_text(text.replace("linear: 1.0", "linear: 0.0"))
