@@ -185,9 +185,7 @@ def test_that_the_run_was_over_is_told_once() -> None:
 def test_a_goal_whose_window_never_opened_says_once_that_the_run_was_over() -> None:
     panel, _ = seen_by(scenario(expectation(Travel(at_least=100.0), after=9.0), BREAKS), ride())
     unopened, _ = panel.verdicts()
-    assert unopened.message == (
-        "never checked: the run ended before 9 s (after); run for longer, or lower 'after'"
-    )
+    assert unopened.message == ("never checked: the run ended before 9 s (after); run for longer, or lower 'after'")
     assert (unopened.status, unopened.cut_off) == ("not_exercised", True)
 
 
