@@ -83,7 +83,7 @@ class BaseMotion:
                 f"jumped by {way}, from roll, pitch, yaw {ends[0]} to {ends[1]} {when}, while it turned with {fastest}"
             )
         way = units.display(math.dist(before[1:4], there[1:4]), "m")
-        ends = [f"({', '.join(f'{round(number, 4):g}' for number in row[1:4])})" for row in (before, there)]
+        ends = [f"({', '.join(f'{round(number, 4) + 0.0:g}' for number in row[1:4])})" for row in (before, there)]
         fastest = units.display(max(math.hypot(*row[8:11]) for row in (before, there)), "m/s")
         return f"jumped {way}, from {ends[0]} to {ends[1]} {when}, while it moved with {fastest}"
 
