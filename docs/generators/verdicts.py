@@ -139,7 +139,7 @@ VERDICTS: Final = {
     "assertion": Verdicts(
         "`judge` returned a verdict that has passed. The class decides if anything was checked.",
         "`judge` returned a verdict that has not passed.",
-        "The run ended before `after`, so `judge` was never called.",
+        "`judge` never returned a verdict, or it was never called because the run ended before `after`.",
     ),
 }
 """The conditions for the verdicts on each assertion, by its key."""

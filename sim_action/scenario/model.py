@@ -64,14 +64,16 @@ class ExpectationOptions(FrozenModel):
     """The keys that every assertion can have besides its own."""
 
     name: Annotated[Name | None, Field(description="the name in reports; default: the assertion in words")] = None
-    after: Annotated[NonNegativeSeconds, Field(description="sim time from which it is checked")] = 0.0
+    after: Annotated[
+        NonNegativeSeconds, Field(description="sim time from which it is checked; the run goes on until then")
+    ] = 0.0
     before: Annotated[
         PositiveSeconds | None,
-        Field(description="deadline in sim time: a goal must come true by then, an invariant is checked until then"),
+        Field(description="deadline in sim time: a goal must become true by then, an invariant is checked until then"),
     ] = None
     span: Annotated[
         PositiveSeconds | None,
-        Field(alias="for", description="only for goals: must stay true for this time without interruption"),
+        Field(alias="for", description="only for goals: time for which it must be true without interruption"),
     ] = None
     severity: Annotated[
         Severity, Field(description="error: if it fails, the scenario fails; warning: if it fails, it is only reported")

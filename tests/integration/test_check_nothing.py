@@ -42,7 +42,7 @@ class Way:
         folder.mkdir()
         scenario = {**yaml.safe_load(BASE), **yaml.safe_load(self.fragment), "name": self.name}
         (folder / "way.sim.yml").write_text(json.dumps(scenario))
-        for language, suffix in (("python", "py"), ("csv", "csv")):
+        for language, suffix in (("python", "py"), ("text", "csv")):
             for name in re.findall(rf"\w+\.{suffix}\b", self.fragment):
                 (folder / name).write_text(self._block(language))
 
