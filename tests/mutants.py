@@ -25,6 +25,7 @@ import time
 import tomllib
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
@@ -38,7 +39,9 @@ EQUIVALENT: Final = ROOT / "tests/equivalent_mutants.toml"
 LEAST_SHARE: Final = 0.92
 
 _FAILED: Final = re.compile(r"^(?:FAILED|ERROR) (\S+?::.*?|\S+)(?: - .*)?$", re.MULTILINE)
-_TIMEOUT_S: Final = 900.0
+# No test is that long, on a busy machine either.
+_SILENCE_S: Final = 300.0
+_LOOK_EVERY_S: Final = 0.1
 _WHOLE: Final = ("tests", "-m", "not process", "--ignore", "tests/integration")
 # Files of tests/integration that look at a folder; those of ROS take minutes.
 _INTEGRATION: Final = {
@@ -89,38 +92,46 @@ class Copy:
         path.write_text(text, encoding="utf-8")
         os.utime(path, (now := next(self._clock), now))
 
-    def first_failure(self, *arguments: str, timeout_s: float = _TIMEOUT_S) -> str | None:
+    def first_failure(self, *arguments: str) -> str | None:
         """Run tests up to the first that fails, and return its name; None: none fails."""
         options = ("-n", "0", "-q", "-x", "-p", "no:cacheprovider", "-rfE", "--tb=no", "--no-header")
-        with tempfile.TemporaryDirectory() as scratch:
+        with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as scratch:
             environment = {**os.environ, "PYTHONPATH": str(self.folder), "TMPDIR": scratch}
-            with subprocess.Popen(
-                [sys.executable, "-m", "pytest", *options, *arguments],
-                cwd=self.folder,
-                env=environment,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.STDOUT,
-                text=True,
-                errors="replace",
-                start_new_session=True,
-            ) as tests:
-                try:
-                    printed, _ = tests.communicate(timeout=timeout_s)
-                except subprocess.TimeoutExpired:
-                    return f"no end within {timeout_s:.0f} s"
-                finally:
-                    _end(tests.pid)
-        if tests.returncode in (0, 5):
+            output = Path(scratch) / "output.txt"
+            with output.open("wb") as words:
+                tests = subprocess.Popen(
+                    [sys.executable, "-u", "-m", "pytest", *options, *arguments],
+                    cwd=self.folder,
+                    env=environment,
+                    stdout=words,
+                    stderr=subprocess.STDOUT,
+                    start_new_session=True,
+                )
+            code = _exit_code(tests, output)
+            printed = output.read_text(encoding="utf-8", errors="replace")
+        if code is None:
+            return f"no test ended for {_SILENCE_S:.0f} s"
+        if code in (0, 5):
             return None
         found = _FAILED.search(printed)
-        return found[1] if found else f"exit {tests.returncode}: {printed[-200:].strip()}"
+        return found[1] if found else f"exit {code}: {printed[-200:].strip()}"
 
 
-def _end(group: int) -> None:
+def _exit_code(tests: subprocess.Popen[bytes], output: Path) -> int | None:
+    """Wait for tests, and end what they leave behind; None if they were silent for too long."""
+    size, since = 0, time.monotonic()
     try:
-        os.killpg(group, signal.SIGKILL)
-    except ProcessLookupError:
-        return
+        while tests.poll() is None:
+            time.sleep(_LOOK_EVERY_S)
+            if (now := output.stat().st_size) != size:
+                size, since = now, time.monotonic()
+            if time.monotonic() - since > _SILENCE_S:
+                return None
+        return tests.returncode
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(tests.pid, signal.SIGKILL)
+        tests.wait()
 
 
 class Hunt:
