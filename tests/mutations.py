@@ -35,6 +35,7 @@ _OPERATORS: Final[dict[type[ast.operator], tuple[str, str]]] = {
     ast.LShift: ("<<", ">>"),
     ast.RShift: (">>", "<<"),
 }
+_LARGE: Final = 50
 _Span = tuple[int, int]
 _Change = tuple[_Span, str]
 
@@ -81,7 +82,8 @@ class _Finder:
                 for (start, end), text in changes(node):
                     yield Mutant(self._file, bisect_right(self._lines, start), start, end, text)
         for child in _run(node):
-            yield from self.found(child)
+            if not _is_choice(child):
+                yield from self.found(child)
 
     def _other_signs(self, node: ast.expr | ast.stmt) -> Iterator[_Change]:
         match node:
@@ -144,6 +146,16 @@ class _Finder:
         assert node.end_lineno is not None
         assert node.end_col_offset is not None
         return self._lines[node.lineno - 1] + node.col_offset, self._lines[node.end_lineno - 1] + node.end_col_offset
+
+
+def _is_choice(node: ast.AST) -> bool:
+    """Return True for a named constant that might as well be a bit more: a large number, or a time to wait."""
+    match node:
+        case ast.AnnAssign(ast.Name(name), value=ast.Constant(value)) if name.isupper():
+            is_large = isinstance(value, int) and value >= _LARGE
+            return is_large or name.endswith(("_WAIT_S", "_TIMEOUT_S", "_POLL_S", "_EVERY_S"))
+        case _:
+            return False
 
 
 def _is_type(node: ast.BinOp) -> bool:

@@ -65,6 +65,8 @@ def test_a_source_is_changed_in_one_place_at_a_time(source: str, others: list[st
         "A = B | C\na = d(a, int | e.F)\ng = h | None",
         "def f(): return\ndef g(): return None",
         "a # <\\\n",
+        "MAX_A: Final = 200",
+        "_MAX_WAIT_S: Final = 0.5",
         "b = cast(A[1], c)",
     ],
 )

@@ -176,7 +176,7 @@ def _draw(model: type[Draw], stated: dict[str, object]) -> Draw:
         return model.model_validate(stated)
     except ValidationError as error:
         path, message = next(spec_errors(model, stated, error))
-        raise ValuesError(message, path[:2]) from None
+        raise ValuesError(message, path) from None
 
 
 def sample_seed(seed: int, sample: int) -> int:

@@ -112,6 +112,19 @@ def test_scripts_alone_look_at_sensors(tmp_path: Path) -> None:
     assert not controls(tmp_path, "{waypoints: [{x: 1, y: 0}]}").are_watching
 
 
+def test_sources_of_one_tick_look_once_and_at_the_next_tick_again(tmp_path: Path) -> None:
+    looked = list[int]()
+
+    def counted(step: int) -> Observation:
+        looked.append(step)
+        return START
+
+    found = controls(tmp_path, script("left"), script("right"), script("nothing"))
+    for step in (0, 24, 48):
+        found.plan(step, 240, counted)
+    assert looked == [0, 24, 48]
+
+
 def test_sources_that_move_different_joints_act_at_the_same_time(tmp_path: Path) -> None:
     target = first(controls(tmp_path, script("left"), script("right")))
     assert target.velocity == {"wheel_left_joint": 1.0, "wheel_right_joint": 2.0}

@@ -148,3 +148,16 @@ def test_a_master_that_has_gone_is_an_error(master: Ros, asking: Master) -> None
 
     with pytest.raises(OSError, match="does not answer"):
         asking.graph()
+
+
+def sockets() -> int:
+    links = (str(entry.readlink()) for entry in Path("/proc/self/fd").iterdir() if entry.is_symlink())
+    return sum(link.startswith("socket:") for link in links)
+
+
+def test_a_connection_ends_when_it_is_closed(master: Ros, asking: Master) -> None:
+    other, before = Master(master.uri, "/other"), sockets()
+    other.graph()
+    assert sockets() == before + 1
+    other.close()
+    assert sockets() == before
