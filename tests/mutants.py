@@ -27,9 +27,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field
-from itertools import count
+from itertools import count, islice
 from pathlib import Path
 from queue import SimpleQueue
+from threading import Event
 from typing import Final
 
 from tests.mutations import Mutant, mutants
@@ -42,6 +43,7 @@ _FAILED: Final = re.compile(r"^(?:FAILED|ERROR) (\S+?::.*?|\S+)(?: - .*)?$", re.
 # No test is that long, on a busy machine either.
 _SILENCE_S: Final = 300.0
 _LOOK_EVERY_S: Final = 0.1
+_stopped: Final = Event()
 _WHOLE: Final = ("tests", "-m", "not process", "--ignore", "tests/integration")
 # Files of tests/integration that look at a folder; those of ROS take minutes.
 _INTEGRATION: Final = {
@@ -125,7 +127,7 @@ def _exit_code(tests: subprocess.Popen[bytes], output: Path) -> int | None:
             time.sleep(_LOOK_EVERY_S)
             if (now := output.stat().st_size) != size:
                 size, since = now, time.monotonic()
-            if time.monotonic() - since > _SILENCE_S:
+            if _stopped.is_set() or time.monotonic() - since > _SILENCE_S:
                 return None
         return tests.returncode
     finally:
@@ -137,8 +139,9 @@ def _exit_code(tests: subprocess.Popen[bytes], output: Path) -> int | None:
 class Hunt:
     """Looks for a test that notices a mutant; `fails_anyway` fail without any."""
 
-    def __init__(self, clean: Copy) -> None:
+    def __init__(self, clean: Copy, most_stages: int = 4) -> None:
         self._clean = clean
+        self._most_stages = most_stages
         self._sound: set[str] = set()
         self.fails_anyway: set[str] = set()
 
@@ -147,7 +150,8 @@ class Hunt:
         original = (ROOT / mutant.file).read_text(encoding="utf-8")
         copy.write(mutant.file, mutant.applied(original))
         try:
-            return next((found for tests in stages(mutant.file) if (found := self._failure(copy, tests))), None)
+            near = islice(stages(mutant.file), self._most_stages)
+            return next((found for tests in near if (found := self._failure(copy, tests))), None)
         finally:
             copy.write(mutant.file, original)
 
@@ -236,16 +240,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--sample", type=int, default=10)
     parser.add_argument("--seed", type=int, default=random.SystemRandom().randrange(1_000_000))
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--stages", type=int, default=4, help="1: only the tests of the module itself, and so on")
     parser.add_argument("--only", default="sim_action/", help="beginning of the files' names")
     parser.add_argument("--list", action="store_true", help="show the sample, and run no test")
     options = parser.parse_args(arguments)
+    # As Ctrl-C: no test goes on without this process.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     sample = drawn(options.sample, options.seed, options.only)
     print(f"{len(sample)} mutants, seed {options.seed}", flush=True)
     if options.list:
         for mutant in sample:
             print(f"{mutant.file}:{mutant.line}\n{diff(mutant)}")
         return 0
-    survivors = hunt(sample, options.jobs)
+    survivors = hunt(sample, options.jobs, options.stages)
     noticed = len(sample) - len(survivors)
     print(f"\nnoticed: {noticed} of {len(sample)} ({noticed / max(len(sample), 1):.0%}), seed {options.seed}")
     for mutant in sorted(survivors):
@@ -253,14 +260,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return int(noticed < LEAST_SHARE * len(sample))
 
 
-def hunt(sample: Iterable[Mutant], jobs: int) -> list[Mutant]:
+def hunt(sample: Iterable[Mutant], jobs: int, most_stages: int) -> list[Mutant]:
     """Return the mutants that no test notices."""
     survivors: list[Mutant] = []
     with tempfile.TemporaryDirectory(prefix="mutants-") as scratch:
         copies = SimpleQueue[Copy]()
         for number in range(jobs):
             copies.put(Copy.of_repository(Path(scratch) / str(number)))
-        found = Hunt(Copy.of_repository(Path(scratch) / "clean"))
+        found = Hunt(Copy.of_repository(Path(scratch) / "clean"), most_stages)
 
         def examine(mutant: Mutant) -> None:
             copy, start = copies.get(), time.monotonic()
@@ -274,7 +281,13 @@ def hunt(sample: Iterable[Mutant], jobs: int) -> list[Mutant]:
             print(f"{mutant.file}:{mutant.line} {time.monotonic() - start:.0f} s: {told}", flush=True)
 
         with ThreadPoolExecutor(jobs) as pool:
-            list(pool.map(examine, sample))
+            try:
+                list(pool.map(examine, sample))
+            except BaseException:
+                signal.signal(signal.SIGTERM, signal.SIG_IGN)
+                _stopped.set()
+                pool.shutdown(cancel_futures=True)
+                raise
         for name in sorted(found.fails_anyway):
             print(f"left out, because it fails in a copy without any change: {name}")
     return survivors
