@@ -147,13 +147,12 @@ class Hunt:
 
     def noticed_by(self, mutant: Mutant, copy: Copy) -> str | None:
         """Return the first test that fails because of a mutant; None: no test fails."""
-        original = (ROOT / mutant.file).read_text(encoding="utf-8")
-        copy.write(mutant.file, mutant.applied(original))
+        copy.write(mutant.file, mutant.applied())
         try:
             near = islice(stages(mutant.file), self._most_stages)
             return next((found for tests in near if (found := self._failure(copy, tests))), None)
         finally:
-            copy.write(mutant.file, original)
+            copy.write(mutant.file, mutant.source)
 
     def _failure(self, copy: Copy, tests: Sequence[str]) -> str | None:
         by_chance: set[str] = set()
@@ -209,7 +208,7 @@ def drawn(sample: int, seed: int, only: str) -> list[Mutant]:
             text = path.read_text(encoding="utf-8")
             by_line: dict[int, list[Mutant]] = {}
             for mutant in mutants(file, text):
-                if file not in files or (file, *mutant.difference(text)) not in known:
+                if file not in files or (file, *mutant.difference()) not in known:
                     by_line.setdefault(mutant.line, []).append(mutant)
             lines += by_line.values()
     # By folder, in a random order within each one: every n-th is an even spread.
@@ -229,8 +228,7 @@ def equivalent() -> list[dict[str, str]]:
 
 def diff(mutant: Mutant) -> str:
     """Return what a mutant changes, as lines of a diff."""
-    original = (ROOT / mutant.file).read_text(encoding="utf-8")
-    lines = difflib.unified_diff(original.splitlines(), mutant.applied(original).splitlines(), lineterm="", n=0)
+    lines = difflib.unified_diff(mutant.source.splitlines(), mutant.applied().splitlines(), lineterm="", n=0)
     return "\n".join(f"    {line}" for line in lines if not line.startswith(("---", "+++", "@@")))
 
 

@@ -6,7 +6,7 @@ import ast
 import re
 from bisect import bisect_right
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Final
 
@@ -42,21 +42,22 @@ _Change = tuple[_Span, str]
 
 @dataclass(frozen=True, slots=True, order=True)
 class Mutant:
-    """A change of one place: the bytes from `start` to `end` of a file become `text`."""
+    """A change of one place: the bytes from `start` to `end` of a file's `source` become `text`."""
 
     file: str
     line: int
     start: int
     end: int
     text: str
+    source: str = field(repr=False, compare=False)
 
-    def applied(self, source: str) -> str:
-        data = source.encode()
+    def applied(self) -> str:
+        data = self.source.encode()
         return (data[: self.start] + self.text.encode() + data[self.end :]).decode()
 
-    def difference(self, source: str) -> tuple[str, str]:
+    def difference(self) -> tuple[str, str]:
         """Return the lines that change, before and after, without the spaces around them."""
-        data = source.encode()
+        data = self.source.encode()
         start = data.rfind(b"\n", 0, self.start) + 1
         end = data.find(b"\n", self.end)
         end = len(data) if end < 0 else end
@@ -72,7 +73,7 @@ def mutants(file: str, source: str) -> list[Mutant]:
 class _Finder:
     def __init__(self, file: str, source: str) -> None:
         self._file = file
-        self._data = source.encode()
+        self._source, self._data = source, source.encode()
         self._lines = [0, *(match.end() for match in re.finditer(b"\n", self._data))]
 
     def found(self, node: ast.AST) -> Iterator[Mutant]:
@@ -80,7 +81,7 @@ class _Finder:
         if isinstance(node, ast.expr | ast.stmt):
             for changes in (self._other_signs, self._other_values, self._other_ways):
                 for (start, end), text in changes(node):
-                    yield Mutant(self._file, bisect_right(self._lines, start), start, end, text)
+                    yield Mutant(self._file, bisect_right(self._lines, start), start, end, text, self._source)
         for child in _run(node):
             if not _is_choice(child):
                 yield from self.found(child)

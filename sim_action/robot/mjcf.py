@@ -127,8 +127,6 @@ def _embed_meshes(spec: Any, path: Path, packages: Packages) -> None:
             parsed = parsed_mesh(file)
         except MeshError as error:
             raise ModelError(f"mesh '{mesh.file}': {error} [{error.rule}]", where) from None
-        # MuJoCo's default name comes from the file, which is removed.
-        mesh.name = mesh.name or file.stem
         mesh.file = ""
         mesh.uservert = parsed.points_xyz.ravel().tolist()
         mesh.userface = [int(row) for part in parsed.parts for row in part.ravel()]

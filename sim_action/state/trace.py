@@ -37,7 +37,6 @@ COLUMNS: Final = (
 """The columns of a state, and the arrays of a stored trace."""
 
 _WIDTHS: Final = {
-    "time": 1,
     "base_position_xyz": 3,
     "base_orientation_xyzw": 4,
     "base_linear_xyz": 3,
@@ -75,8 +74,8 @@ class Trace:
         """Return a trace from its columns; raise ValueError if a column is missing or has another length or width."""
         rows, joints = len(columns["time"]), len(joint_names)
         for name, column in columns.items():
-            width = _WIDTHS.get(name, joints)
-            if column.shape != ((rows,) if name == "time" else (rows, width)) or column.dtype != np.float64:
+            shape = (rows,) if name == "time" else (rows, _WIDTHS.get(name, joints))
+            if column.shape != shape or column.dtype != np.float64:
                 raise ValueError(f"'{name}' has the shape {column.shape} of {column.dtype}")
         return cls(joint_names, np.column_stack([columns[name] for name in COLUMNS]), contacts)
 

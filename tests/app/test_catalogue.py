@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import click
+
 from sim_action.app import catalogue
 from sim_action.assertions import ASSERTIONS
 from sim_action.commands import COMMANDS
@@ -25,3 +27,10 @@ def test_nested_keys_and_lists_are_spelled_out() -> None:
 
 def test_models_are_those_that_can_be_named() -> None:
     assert [entry.name for entry in catalogue.models()] == ["turtlebot3_burger"]
+
+
+def test_a_listing_names_each_entry_in_bold_above_its_summary() -> None:
+    entries = catalogue.commands()
+    lines = catalogue.listing(entries).splitlines()
+    for entry in entries:
+        assert lines[lines.index(click.style(entry.name, bold=True)) + 1] == f"  {entry.summary}"

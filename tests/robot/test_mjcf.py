@@ -123,11 +123,12 @@ def test_included_files_and_meshes_become_part_of_the_text(tmp_path: Path) -> No
     assert [shape.kind for link in model.links for shape in link.collisions] == ["mesh"]
 
 
-def test_meshes_are_found_below_the_folder_that_the_file_names(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("name", "used"), [("", "box"), ('name="crate"', "crate")])
+def test_meshes_are_found_below_the_folder_that_the_file_names(name: str, used: str, tmp_path: Path) -> None:
     (tmp_path / "parts").mkdir()
     (tmp_path / "parts/box.stl").write_bytes(stl())
-    text = """<mujoco><compiler meshdir="parts"/><asset><mesh file="box.stl" scale="2 1 1"/></asset>
-      <worldbody><body><freejoint/><geom type="mesh" mesh="box" density="1000"/></body></worldbody></mujoco>"""
+    text = f"""<mujoco><compiler meshdir="parts"/><asset><mesh {name} file="box.stl" scale="2 1 1"/></asset>
+      <worldbody><body><freejoint/><geom type="mesh" mesh="{used}" density="1000"/></body></worldbody></mujoco>"""
     assert read(tmp_path, text).mass == pytest.approx(2000 * 0.2 * 0.4 * 0.6, rel=1e-5)
 
 

@@ -224,6 +224,12 @@ def test_a_huge_file_is_refused_unread(tmp_path: Path) -> None:
         read_urdf(tmp_path / "robot.urdf")
 
 
+def test_a_visual_without_a_shape_hides_no_other(tmp_path: Path) -> None:
+    visuals = '<visual><geometry/></visual><visual><geometry><sphere radius="2"/></geometry></visual>'
+    model = read(tmp_path, ARM.replace("</link>", f"{visuals}</link>", 1))
+    assert [visual.kind for visual in model.links_by_name["base"].visuals] == ["sphere"]
+
+
 def test_very_many_problems_are_told_in_few_lines(tmp_path: Path) -> None:
     told = str(refusal(tmp_path, "<robot>\n" + "<link/>\n" * 1000 + "</robot>")).splitlines()
     assert len(told) == 101

@@ -32,3 +32,19 @@ def test_contacts_are_seen_however_many_there_are() -> None:
             found.add(matters)
     assert len(counts) > 3
     assert found == {True, False}
+
+
+def test_pairs_that_did_not_matter_are_remembered() -> None:
+    pytest.importorskip("mujoco", reason="mujoco is not installed")
+    from sim_action.engines.mujoco.engine import MuJoCoEngine
+
+    with running("mujoco", replace(traces.scene(), world=World())) as backend:
+        assert isinstance(backend, MuJoCoEngine)
+        contacts, data = backend._contacts, backend._motors._data
+        backend.advance(0, [None])
+        assert data.ncon
+        assert not contacts.may_matter()
+        contacts._matters = set(data.contact.geom.ravel().tolist())
+        assert not contacts.may_matter()
+        contacts._harmless.clear()
+        assert contacts.may_matter()
