@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, ClassVar, Self
 from sim_action.assertions import Assertion
 from sim_action.assertions.combined import Several
 from sim_action.assertions.monitors import ConditionMonitor, Monitor, State, Truth, begun, has_truth
-from sim_action.assertions.monitors.combination import on_steps
+from sim_action.assertions.monitors.combination import UNKNOWN, on_steps
 from sim_action.assertions.monitors.goals import Goal
 from sim_action.assertions.monitors.window import signals_of
-from sim_action.core.units import TIME_EPSILON_S
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Signal, Verdict
@@ -68,7 +67,7 @@ class AtOnce(Several):
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor."""
         monitors = tuple(_condition(part, scene, start) for part in self.parts)
-        return AtOnceMonitor(tuple(part.inner_title for part in self.parts), monitors, (None,) * len(monitors))
+        return AtOnceMonitor(tuple(part.inner_title for part in self.parts), monitors, (UNKNOWN,) * len(monitors))
 
 
 def _condition(part: Assertion, scene: Scene, start: Observation) -> ConditionMonitor:
@@ -82,7 +81,7 @@ class AtOnceMonitor:
     """The fold of the number of parts that are true at the same moment.
 
     Attributes:
-        before: the truth of each part at the last step; None if it is not known yet, as before a first reading.
+        before: the truth of each part at the last step: 1, 0 or UNKNOWN.
         best: the fold of the number of true parts minus the number of parts.
         missing: the titles of the parts that were not true at the best step.
         end: sim time of the last step, in s.
@@ -92,7 +91,7 @@ class AtOnceMonitor:
 
     titles: tuple[str, ...]
     monitors: tuple[ConditionMonitor, ...]
-    before: tuple[bool | None, ...]
+    before: tuple[int, ...]
     best: Goal = Goal()
     missing: tuple[str, ...] = ()
     end: float = 0.0
@@ -106,7 +105,7 @@ class AtOnceMonitor:
         """See CumulativeMonitor.begin."""
         if not len(trace):
             return self
-        before = self._known_truths(trace)[1]
+        before = tuple(self._truths(trace)[:, -1].tolist())
         monitors = tuple(begun(monitor, trace) for monitor in self.monitors)
         return replace(self, before=before, monitors=monitors)
 
@@ -114,7 +113,8 @@ class AtOnceMonitor:
         """See Monitor.observe."""
         if not len(trace):
             return self
-        truths, before, _ = self._known_truths(trace)
+        states = self._truths(trace)
+        truths = states > 0
         best = self.best.observe(trace.time, (truths.sum(axis=0) - len(truths)).astype(float))
         missing = self.missing
         if best is not self.best:
@@ -123,47 +123,31 @@ class AtOnceMonitor:
         return replace(
             self,
             monitors=tuple(monitor.observe(trace) for monitor in self.monitors),
-            before=before,
+            before=tuple(states[:, -1].tolist()),
             best=best,
             missing=missing,
             end=float(trace.time[-1]),
         )
 
     def truth(self, trace: Trace) -> Truth:
-        """See ConditionMonitor.truth. The moments are the steps at which the truth of each part is known."""
+        """See ConditionMonitor.truth."""
         import numpy as np
 
-        if not len(trace):
-            return Truth(trace.time, np.empty(0, dtype=np.bool_))
-        truths, _, known = self._known_truths(trace)
-        return Truth(trace.time[known:], np.asarray(truths[:, known:].all(axis=0)))
+        truths = self._truths(trace)
+        known = (truths != UNKNOWN).all(axis=0)
+        return Truth(trace.time[known], np.asarray((truths > 0).all(axis=0))[known])
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         """See PlottableMonitor.signals. Returns the number of true conditions at each step."""
-        count = self._known_truths(trace)[0].sum(axis=0).astype(float)
+        count = (self._truths(trace) > 0).sum(axis=0).astype(float)
         return (Signal("conditions that are true", "", trace.time, count, lower=float(len(self.monitors))),)
 
-    def _known_truths(self, trace: Trace) -> tuple[NDArray[np.bool_], tuple[bool | None, ...], int]:
-        """Return (P, T) the truth of each part at each step, that at the last step, and the first known step.
-
-        A truth that is not known counts as false. At the first known step, and later, all truths are known. `trace` is
-        not empty.
-        """
+    def _truths(self, trace: Trace) -> NDArray[np.int8]:
+        """Return (P, T) the truth of each part at each step: 1, 0 or UNKNOWN."""
         import numpy as np
 
-        rows: list[NDArray[np.bool_]] = []
-        last: list[bool | None] = []
-        known = 0
-        for monitor, before in zip(self.monitors, self.before, strict=True):
-            truth = monitor.truth(trace)
-            rows.append(on_steps(truth, trace, bool(before)))
-            first = 0
-            if before is None:
-                time = float(truth.time[0]) if len(truth.time) else math.inf
-                first = int(np.searchsorted(trace.time, time - TIME_EPSILON_S))
-            last.append(bool(rows[-1][-1]) if first < len(trace) else None)
-            known = max(known, first)
-        return np.array(rows), tuple(last), known
+        pairs = zip(self.monitors, self.before, strict=True)
+        return np.array([on_steps(monitor.truth(trace), trace, before) for monitor, before in pairs])
 
     def verdict(self) -> Verdict:
         """Return the verdict. `measured` is the greatest number of parts that were true at one moment."""

@@ -12,7 +12,7 @@ from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.bounds import bounds_title, check_bounds
 from sim_action.assertions.monitors.goals import Goal, Invariant, joined
-from sim_action.assertions.monitors.proximity import least_so_far
+from sim_action.assertions.monitors.proximity import distances_known, least_so_far
 from sim_action.assertions.monitors.window import counted
 from sim_action.core import units
 from sim_action.core.field_types import PositiveMetres
@@ -150,12 +150,8 @@ class ClearanceMonitor:
         return later if record is None else later.measured(record)
 
     def _known(self, trace: Trace) -> Trace:
-        """Return the steps at which there is a distance: all steps after the first one that was recorded."""
-        if self.steps.moments:
-            return trace
-        record = trace.clearances.get(self.spec.watch)
-        found = record is not None and len(record)
-        return trace.between(float(record.time[0]), math.inf) if record is not None and found else trace.rows(slice(0))
+        """Return the steps at which there is a distance."""
+        return distances_known(trace, self.spec.watch, self.steps.moments > 0)
 
     def truth(self, trace: Trace) -> Truth:
         """See ConditionMonitor.truth. The moments are the steps at which there is a distance."""

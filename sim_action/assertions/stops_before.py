@@ -11,11 +11,10 @@ from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.base_motion import BaseMotion
 from sim_action.assertions.monitors.bounds import check_interval
 from sim_action.assertions.monitors.goals import HoldTime
-from sim_action.assertions.monitors.proximity import distances, nearest_of
+from sim_action.assertions.monitors.proximity import distances, distances_known, nearest_of
 from sim_action.assertions.settled import AtRest
 from sim_action.core import units
 from sim_action.core.field_types import NonNegativeMetres
-from sim_action.core.units import TIME_EPSILON_S
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.trace_channels import Channels, ClearanceWatch
@@ -157,17 +156,8 @@ class StopsBeforeMonitor:
 
         The moments are the steps from the first one on at which there is a distance.
         """
-        rests, known = self._rests(trace, self._gaps(trace)), self._first_known(trace)
-        return Truth(trace.time[known:], rests[known:])
-
-    def _first_known(self, trace: Trace) -> int:
-        """Return the index of the first step at which there is a distance, or the number of steps."""
-        import numpy as np
-
-        if self.nearest is not None:
-            return 0
-        time, _ = distances(trace, self.spec.near, self.spec.far)
-        return int(np.searchsorted(trace.time, time[0] - TIME_EPSILON_S)) if len(time) else len(trace)
+        known = distances_known(trace, self.spec.far, self.nearest is not None)
+        return Truth(known.time, self._rests(known, self._gaps(known)))
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         """See PlottableMonitor.signals. Returns the gap and the time at rest with an allowed gap."""

@@ -94,8 +94,10 @@ class Combination:
         """See ConditionMonitor.truth. All parts, or at least one, are true at the same moment."""
         import numpy as np
 
-        truths = [on_steps(monitor.truth(trace), trace) for monitor in self.monitors if has_truth(monitor)]
-        return Truth(trace.time, (np.all if self.every else np.any)(truths, axis=0))
+        truths = np.array([on_steps(monitor.truth(trace), trace) for monitor in self.monitors if has_truth(monitor)])
+        known = (truths != UNKNOWN).all(axis=0)
+        holds = np.asarray((truths > 0).all(axis=0) if self.every else (truths > 0).any(axis=0))
+        return Truth(trace.time[known], holds[known])
 
     def verdict(self) -> Verdict:
         """Return the verdict of the deciding part, with a message about all parts."""
@@ -116,17 +118,19 @@ class Combination:
 _WORST_FIRST: Final[tuple[VerdictStatus, ...]] = ("failed", "not_exercised", "passed")
 
 
-def on_steps(truth: Truth, trace: Trace, before: bool = False) -> NDArray[np.bool_]:
-    """Return (T,) the truth at the steps of a trace; a moment between steps counts from the following step on.
+UNKNOWN: Final = -1
+"""The truth of a condition before its first moment, where 1 is true and 0 is false."""
 
-    `before` is the truth before the first moment.
+
+def on_steps(truth: Truth, trace: Trace, before: int = UNKNOWN) -> NDArray[np.int8]:
+    """Return (T,) the truth at the steps of a trace: 1, 0 or UNKNOWN.
+
+    A moment between steps counts from the following step on. `before` is the truth before the first moment.
     """
     import numpy as np
 
-    if truth.time is trace.time:
-        return truth.holds
     last = np.searchsorted(truth.time, trace.time + TIME_EPSILON_S)
-    return np.asarray(np.concatenate(([before], truth.holds))[last], dtype=np.bool_)
+    return np.concatenate(([before], truth.holds)).astype(np.int8)[last]
 
 
 def _decisive(verdicts: Sequence[Verdict], candidates: Sequence[int], *, least: bool, last: bool) -> int:

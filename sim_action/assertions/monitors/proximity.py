@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
@@ -21,6 +22,16 @@ def nearest_of(trace: Trace, watch: ClearanceWatch | None, before: Nearness | No
         return before
     nearest = record.at(int(record.distance.argmin()))
     return nearest if before is None or nearest.distance < before.distance else before
+
+
+def distances_known(trace: Trace, watch: ClearanceWatch, known: bool) -> Trace:
+    """Return the steps at which there is a distance: all if it is `known` before, else from the first record on."""
+    if known:
+        return trace
+    record = trace.clearances.get(watch)
+    if record is None or not len(record):
+        return trace.rows(slice(0))
+    return trace.between(float(record.time[0]), math.inf)
 
 
 def distances(trace: Trace, *watches: ClearanceWatch) -> tuple[FloatArray, FloatArray]:
@@ -57,12 +68,16 @@ def forces(contacts: Iterable[Contact]) -> tuple[FloatArray, FloatArray]:
 
 
 def touching_at(trace: Trace, time: FloatArray, step: float) -> Truth:
-    """Return True at each step of a trace at which there is a contact; `time`: (N,) s of the contacts, `step` in s."""
+    """Return True at each step of a trace at which there is a contact; `time`: (N,) s of the contacts, `step` in s.
+
+    The first moment is the first step: an engine that has not settled knows no contacts at t = 0.
+    """
     import numpy as np
 
+    steps = trace.time[trace.time > step / 2]
     # Two computations of the time of a step differ by rounding.
-    at = np.searchsorted(time, trace.time - step / 2)
-    return Truth(trace.time, np.append(time, np.inf)[at] <= trace.time + step / 2)
+    at = np.searchsorted(time, steps - step / 2)
+    return Truth(steps, np.append(time, np.inf)[at] <= steps + step / 2)
 
 
 def with_zeros(moments: FloatArray, time: FloatArray, values: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:

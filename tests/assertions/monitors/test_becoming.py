@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from sim_action.assertions import Assertion
 from sim_action.assertions.at_once import AtOnce
+from sim_action.assertions.clearance import Clearance
 from sim_action.assertions.combined import AllOf, AnyOf, Negation
 from sim_action.assertions.contact import Touch
 from sim_action.assertions.joint import JointReading
@@ -252,3 +253,23 @@ def test_a_limit_does_not_count_before_the_window() -> None:
     seen = trace([0.0, 1.0, 2.0, 3.0], position=[2.0, 2.0, 0.5, 0.5])
     window = Window.of(opened(near), 2.0, math.inf).observe(seen)
     assert (window.state, window.verdict().passed) == (State.HOLDS, True)
+
+
+def test_contacts_and_distances_are_not_known_at_t_0() -> None:
+    """So a robot that touches, or stands before the wall, from the first step on was there from the start."""
+    touch = Touch.model_validate({"with": "wall"})
+    touches = trace([0.0, 0.5, 1.0], contacts=(contact(0.5), contact(1.0)))
+    assert not verdict(touch, touches).passed
+    assert not verdict(AtOnce(parts=(touch, Upright())), touches).passed
+    assert not verdict(AnyOf(parts=(touch, Travel(at_least=1.0))), touches, span=0.5).passed
+    stops = StopsBefore.model_validate({"body": "wall", "gap": (0.1, 0.5)})
+    near = {stops.far: ClearanceRecord.of([AT_WALL[0]]), stops.near: ClearanceRecord.of(AT_WALL)}
+    stands = replace(trace([0.0, 0.5, 1.0, 1.5], speed=[0.0] * 4), clearances=near)
+    assert not verdict(stops, stands).passed
+    assert verdict(stops, stands, driven=False).passed
+    close = Clearance(at_most=0.5)
+    seen = {close.watch: ClearanceRecord.of([AT_WALL[0]]), close.close: ClearanceRecord.of(AT_WALL)}
+    assert not verdict(close, replace(stands, clearances=seen)).passed
+
+
+AT_WALL = [Nearness(at, 0.3, "base_scan", "wall") for at in (0.5, 1.0, 1.5)]
