@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar, Self
 from sim_action.assertions import Assertion
 from sim_action.assertions.combined import Several
 from sim_action.assertions.monitors import ConditionMonitor, Monitor, State, Truth, begun, has_truth
-from sim_action.assertions.monitors.combination import UNKNOWN, on_steps
+from sim_action.assertions.monitors.combination import UNKNOWN, truths
 from sim_action.assertions.monitors.goals import Goal
 from sim_action.assertions.monitors.window import signals_of
 from sim_action.core.yaml_errors import SpecProblems
@@ -114,11 +114,11 @@ class AtOnceMonitor:
         if not len(trace):
             return self
         states = self._truths(trace)
-        truths = states > 0
-        best = self.best.observe(trace.time, (truths.sum(axis=0) - len(truths)).astype(float))
+        holds = states > 0
+        best = self.best.observe(trace.time, (holds.sum(axis=0) - len(holds)).astype(float))
         missing = self.missing
         if best is not self.best:
-            at_best = truths[:, int((trace.time == best.time).argmax())]
+            at_best = holds[:, int((trace.time == best.time).argmax())]
             missing = tuple(title for title, holds in zip(self.titles, at_best, strict=True) if not holds)
         return replace(
             self,
@@ -133,9 +133,9 @@ class AtOnceMonitor:
         """See ConditionMonitor.truth."""
         import numpy as np
 
-        truths = self._truths(trace)
-        known = (truths != UNKNOWN).all(axis=0)
-        return Truth(trace.time[known], np.asarray((truths > 0).all(axis=0))[known])
+        states = self._truths(trace)
+        known = (states != UNKNOWN).all(axis=0)
+        return Truth(trace.time[known], np.asarray((states > 0).all(axis=0))[known])
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         """See PlottableMonitor.signals. Returns the number of true conditions at each step."""
@@ -144,10 +144,7 @@ class AtOnceMonitor:
 
     def _truths(self, trace: Trace) -> NDArray[np.int8]:
         """Return (P, T) the truth of each part at each step: 1, 0 or UNKNOWN."""
-        import numpy as np
-
-        pairs = zip(self.monitors, self.before, strict=True)
-        return np.array([on_steps(monitor.truth(trace), trace, before) for monitor, before in pairs])
+        return truths(self.monitors, trace, self.before)
 
     def verdict(self) -> Verdict:
         """Return the verdict. `measured` is the greatest number of parts that were true at one moment."""

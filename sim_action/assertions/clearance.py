@@ -12,7 +12,7 @@ from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.bounds import bounds_title, check_bounds
 from sim_action.assertions.monitors.goals import Goal, Invariant, joined
-from sim_action.assertions.monitors.proximity import distances_known, least_so_far
+from sim_action.assertions.monitors.proximity import distances_known, least_so_far, recorded
 from sim_action.assertions.monitors.window import counted
 from sim_action.core import units
 from sim_action.core.field_types import PositiveMetres
@@ -119,6 +119,7 @@ class ClearanceMonitor:
     Attributes:
         at_goal, at_worst: the least distances at the steps of the two folds.
         steps: the steps since the first distance.
+        is_known: True if a distance was recorded before them.
         end: sim time of the last step, in s.
     """
 
@@ -130,6 +131,7 @@ class ClearanceMonitor:
     at_goal: Nearness | None = None
     at_worst: Nearness | None = None
     steps: Judged = Judged()
+    is_known: bool = False
     end: float = 0.0
 
     @property
@@ -142,34 +144,40 @@ class ClearanceMonitor:
         """See DecidingMonitor.is_decided. A distance below `at_most` decides if there is no `at_least`."""
         return self.state is State.BROKEN or (self.spec.at_least is None and self.state is State.HOLDS)
 
+    def begin(self, trace: Trace) -> Self:
+        """See CumulativeMonitor.begin. Distances before the window do not count, but there are some."""
+        return replace(self, is_known=self.is_known or len(self._recorded(trace)) > 0)
+
     def observe(self, trace: Trace) -> Self:
         """See Monitor.observe."""
-        record = trace.clearances.get(self.spec.watch)
+        record = self._recorded(trace)
+        known = distances_known(trace, record, self.is_known or self.steps.moments > 0)
         end = float(trace.time[-1]) if len(trace) else self.end
-        later = replace(self, end=end, steps=counted(self.steps, self._known(trace)))
-        return later if record is None else later.measured(record)
+        later = replace(self, end=end, steps=counted(self.steps, known))
+        return later.measured(record) if len(record) else later
 
-    def _known(self, trace: Trace) -> Trace:
-        """Return the steps at which there is a distance."""
-        return distances_known(trace, self.spec.watch, self.steps.moments > 0)
+    def _recorded(self, trace: Trace) -> ClearanceRecord:
+        """Return all recorded distances: each one less than all before, and for a goal each one within its limit."""
+        watches = (self.spec.watch, self.spec.close) if self.spec.is_goal else (self.spec.watch,)
+        return recorded(trace, *watches)
 
     def truth(self, trace: Trace) -> Truth:
-        """See ConditionMonitor.truth. The moments are the steps at which there is a distance."""
+        """See ConditionMonitor.truth. The moments are the steps: distances are not known at t = 0."""
         import numpy as np
 
-        known, record = self._known(trace), trace.clearances.get(self.spec.close)
-        distance = np.full(len(known), math.inf)
+        time, record = trace.time[trace.time > TIME_EPSILON_S], trace.clearances.get(self.spec.close)
+        distance = np.full(len(time), math.inf)
         if record is not None and len(record):
             # Two computations of the time of a step differ by rounding.
-            index = np.searchsorted(known.time, record.time - TIME_EPSILON_S)
-            inside = index < len(known)
+            index = np.searchsorted(time, record.time - TIME_EPSILON_S)
+            inside = index < len(time)
             distance[index[inside]] = record.distance[inside]
-        holds = np.ones(len(known), dtype=bool)
+        holds = np.ones(len(time), dtype=bool)
         if self.spec.at_most is not None:
             holds &= distance <= self.spec.at_most
         if self.spec.at_least is not None:
             holds &= distance >= self.spec.at_least
-        return Truth(known.time, holds)
+        return Truth(time, holds)
 
     def measured(self, record: ClearanceRecord) -> Self:
         """Return the fold after these distances."""
@@ -210,6 +218,10 @@ class ClearanceMonitor:
 
     def _came_near(self, limit: float) -> Verdict:
         near, passed = self.at_goal, self.goal.state is State.HOLDS
+        if near is None and self.steps.moments:
+            # Only distances that are less than all before are recorded, or within the limit.
+            message = f"never within {units.display(limit, 'm')} in {self.end:.1f} s"
+            return Verdict(False, None, limit, None, "m", None, message, judged=self.steps)
         if near is None:
             return self._unknown(limit)
         distance, _ = units.display_apart(near.distance, limit, "m")

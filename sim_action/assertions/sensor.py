@@ -148,6 +148,7 @@ class SensorMonitor:
     """
 
     is_momentary: ClassVar[bool] = True
+    is_sampled: ClassVar[bool] = True
 
     sensor: str
     reading: str

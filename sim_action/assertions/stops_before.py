@@ -11,10 +11,11 @@ from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.base_motion import BaseMotion
 from sim_action.assertions.monitors.bounds import check_interval
 from sim_action.assertions.monitors.goals import HoldTime
-from sim_action.assertions.monitors.proximity import distances, distances_known, nearest_of
+from sim_action.assertions.monitors.proximity import distances, nearest_of, touching_at
 from sim_action.assertions.settled import AtRest
 from sim_action.core import units
 from sim_action.core.field_types import NonNegativeMetres
+from sim_action.core.units import TIME_EPSILON_S
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.trace_channels import Channels, ClearanceWatch
@@ -152,12 +153,16 @@ class StopsBeforeMonitor:
         )
 
     def truth(self, trace: Trace) -> Truth:
-        """See ConditionMonitor.truth. It is true while the robot is at rest with an allowed gap.
+        """See ConditionMonitor.truth. It is true while the robot is at rest with an allowed gap, and without a touch.
 
-        The moments are the steps from the first one on at which there is a distance.
+        The moments are the steps: gaps are not known at t = 0.
         """
-        known = distances_known(trace, self.spec.far, self.nearest is not None)
-        return Truth(known.time, self._rests(known, self._gaps(known)))
+        import numpy as np
+
+        times = np.unique([contact.time for contact in trace.contacts if contact.body == self.spec.body])
+        touching = touching_at(trace, times, 2 * TIME_EPSILON_S)
+        rests = self._rests(trace, self._gaps(trace))[len(trace) - len(touching.time) :]
+        return Truth(touching.time, rests & ~touching.holds)
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         """See PlottableMonitor.signals. Returns the gap and the time at rest with an allowed gap."""

@@ -120,7 +120,10 @@ class ClearanceRecord:
     def between(self, start: float, end: float) -> Self:
         """Return the moments with start <= time <= end."""
         first, last = np.searchsorted(self.time, (start - TIME_EPSILON_S, end + TIME_EPSILON_S))
-        wanted = slice(int(first), int(last))
+        return self.rows(slice(int(first), int(last)))
+
+    def rows(self, wanted: slice | NDArray[np.intp]) -> Self:
+        """Return some of the moments."""
         return type(self)(self.pairs, self.time[wanted], self.distance[wanted], self.pair[wanted])
 
     @property

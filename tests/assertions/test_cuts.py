@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise
@@ -47,6 +48,8 @@ STEPS = 60
 RATE = 240
 
 EIGHT = tuple(PathPoint(x=x, y=y) for x, y in [(0, 0), (0.3, 0.3), (0.6, 0), (0.3, -0.3), (0, 0.1)])
+
+READING = SensorReading(name="scan", reading="ranges", which="mean", at_most=0.5, once=True)
 
 SPECS: list[Assertion] = [
     Travel(at_least=0.5),
@@ -100,7 +103,9 @@ SPECS: list[Assertion] = [
     Stl(formula="(tilt < 1 until[20 ms, 100 ms] x > 0.2) or always (eventually (y > 0.4))"),
     AnyOf(parts=(Reach(x=0.3, y=0.3, tolerance=0.2), NoCollision())),
     AnyOf(parts=(Travel(at_least=0.5), Travel(at_most=0.25))),
+    AnyOf(parts=(READING, Reach(x=0.3, y=0.3, tolerance=0.1))),
     AllOf(parts=(PathLength(at_least=1.0, at_most=3.0), MaxSpeed(linear=2.0))),
+    AllOf(parts=(READING, FinalPose(x=0.3, y=0.3, tolerance=0.5))),
     Negation(part=AllOf(parts=(Travel(at_least=0.25, at_most=0.75), NoCollision()))),
     AtOnce(parts=(Reach(x=0.3, y=0.3, tolerance=0.4), MaxSpeed(linear=2.0))),
     AtOnce(
@@ -241,6 +246,14 @@ def test_a_goal_that_must_become_true_says_the_same_of_pieces(  # noqa: PLR0917 
     whole, pieces = opened.observe(seen), in_pieces(opened, seen, at)
     assert pieces.state is whole.state
     assert pieces.verdict() == whole.verdict()
+
+
+@pytest.mark.parametrize("at", [range(STEPS), range(0, STEPS, 7)])
+def test_a_reading_counts_until_the_next_one_across_blocks(at: Sequence[int]) -> None:
+    either = AnyOf(parts=(READING, Reach(x=9.0, y=9.0)))
+    seen, opened = random_trace(1), either.opened(scene(), MOVABLE, 0.05)
+    assert opened.observe(seen).verdict().measured == pytest.approx(0.05)
+    assert in_pieces(opened, seen, list(at)).verdict() == opened.observe(seen).verdict()
 
 
 @examples(20)

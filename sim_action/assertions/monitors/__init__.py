@@ -104,12 +104,25 @@ class ConditionMonitor(Monitor, Protocol):
         """
 
 
+class SampledMonitor(ConditionMonitor, Protocol):
+    """A condition with moments between the steps: those of a sensor. The last one counts until the next one."""
+
+    @property
+    def is_sampled(self) -> bool:
+        """True if it has such moments."""
+
+
 AnyMonitor = TypeVar("AnyMonitor", bound=Monitor)
 
 
 def has_truth(monitor: Monitor) -> TypeGuard[ConditionMonitor]:
     """Return True if the monitor has `truth`."""
     return hasattr(type(monitor), "truth")
+
+
+def is_sampled(monitor: Monitor) -> bool:
+    """Return True if the truth of the monitor has moments between the steps."""
+    return bool(getattr(monitor, "is_sampled", False))
 
 
 def is_cumulative(monitor: Monitor) -> TypeGuard[CumulativeMonitor]:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final, Self
 from sim_action.assertions.monitors import ConditionMonitor, Monitor, State, begun, has_truth, is_deciding
 from sim_action.assertions.monitors.goals import HoldTime, joined
 from sim_action.core import units
+from sim_action.core.units import TIME_EPSILON_S
 from sim_action.state.verdict import Signal, Verdict
 
 if TYPE_CHECKING:
@@ -148,8 +149,10 @@ class BecomingTrue:
             if later.early.state is State.HOLDS:
                 later = replace(later, is_open=False)
         if later.is_open:
+            before = trace.between(-math.inf, opening - 2 * TIME_EPSILON_S)
+            later = replace(later, goal=begun(self.goal, before))
             return later._judged(trace.between(opening, math.inf))  # noqa: SLF001 - its own successor
-        return replace(later, probe=self.probe.observe(trace))
+        return replace(later, goal=begun(self.goal, trace), probe=self.probe.observe(trace))
 
     def _judged(self, trace: Trace) -> Self:
         """Return the monitor after steps at which the goal counts."""
@@ -181,7 +184,7 @@ class BecomingTrue:
         told = self.goal.verdict()
         if self.hold is not None and told.passed:
             told = self._held(told, self.hold)
-        if told.passed or not self.at_start:
+        if told.passed or not self.at_start or self.goal.state is State.BROKEN:
             return told
         return replace(told, message=f"{_ONLY_BEFORE}; {told.message}")
 

@@ -8,12 +8,14 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Final, Self
 
 from sim_action.assertions.monitors import (
+    ConditionMonitor,
     Monitor,
     State,
     Truth,
     begun,
     has_truth,
     is_decided,
+    is_sampled,
     needed_until,
     unmet_premises,
 )
@@ -39,6 +41,7 @@ class Combination:
     Attributes:
         began: the state of each monitor before the first step.
         steps: the steps so far.
+        before: the truth of each monitor at the last step, 1, 0 or UNKNOWN, if there is a sensor among them.
     """
 
     titles: tuple[str, ...]
@@ -46,11 +49,13 @@ class Combination:
     began: tuple[State, ...]
     every: bool
     steps: Judged = Judged()
+    before: tuple[int, ...] = ()
 
     @classmethod
     def of(cls, titles: Iterable[str], monitors: tuple[Monitor, ...], *, every: bool) -> Self:
         """Return the monitor before the first step."""
-        return cls(tuple(titles), monitors, tuple(monitor.state for monitor in monitors), every)
+        began = tuple(monitor.state for monitor in monitors)
+        return cls(tuple(titles), monitors, began, every, before=(UNKNOWN,) * len(monitors))
 
     @cached_property
     def state(self) -> State:
@@ -83,20 +88,33 @@ class Combination:
 
     def begin(self, trace: Trace) -> Self:
         """See CumulativeMonitor.begin."""
-        return replace(self, monitors=tuple(begun(monitor, trace) for monitor in self.monitors))
+        monitors = tuple(begun(monitor, trace) for monitor in self.monitors)
+        return replace(self, monitors=monitors, before=self._last_truths(trace))
 
     def observe(self, trace: Trace) -> Self:
         """See Monitor.observe."""
         monitors = tuple(monitor.observe(trace) for monitor in self.monitors)
-        return replace(self, monitors=monitors, steps=counted(self.steps, trace))
+        return replace(self, monitors=monitors, steps=counted(self.steps, trace), before=self._last_truths(trace))
+
+    @cached_property
+    def _remembers(self) -> bool:
+        return all(map(has_truth, self.monitors)) and any(map(is_sampled, self.monitors))
+
+    def _last_truths(self, trace: Trace) -> tuple[int, ...]:
+        if not self._remembers or not len(trace):
+            return self.before
+        return tuple(self._truths(trace)[:, -1].tolist())
+
+    def _truths(self, trace: Trace) -> NDArray[np.int8]:
+        return truths([monitor for monitor in self.monitors if has_truth(monitor)], trace, self.before)
 
     def truth(self, trace: Trace) -> Truth:
         """See ConditionMonitor.truth. All parts, or at least one, are true at the same moment."""
         import numpy as np
 
-        truths = np.array([on_steps(monitor.truth(trace), trace) for monitor in self.monitors if has_truth(monitor)])
-        known = (truths != UNKNOWN).all(axis=0)
-        holds = np.asarray((truths > 0).all(axis=0) if self.every else (truths > 0).any(axis=0))
+        each = self._truths(trace)
+        known = (each != UNKNOWN).all(axis=0)
+        holds = np.asarray((each > 0).all(axis=0) if self.every else (each > 0).any(axis=0))
         return Truth(trace.time[known], holds[known])
 
     def verdict(self) -> Verdict:
@@ -122,15 +140,20 @@ UNKNOWN: Final = -1
 """The truth of a condition before its first moment, where 1 is true and 0 is false."""
 
 
-def on_steps(truth: Truth, trace: Trace, before: int = UNKNOWN) -> NDArray[np.int8]:
-    """Return (T,) the truth at the steps of a trace: 1, 0 or UNKNOWN.
+def truths(monitors: Sequence[ConditionMonitor], trace: Trace, before: Sequence[int]) -> NDArray[np.int8]:
+    """Return (P, T) the truth of each of P conditions at the steps of a trace: 1, 0 or UNKNOWN.
 
-    A moment between steps counts from the following step on. `before` is the truth before the first moment.
+    `before`: (P,) the truth at the step before them. A reading of a sensor counts from the step after it on.
     """
     import numpy as np
 
-    last = np.searchsorted(truth.time, trace.time + TIME_EPSILON_S)
-    return np.concatenate(([before], truth.holds)).astype(np.int8)[last]
+    rows = []
+    for monitor, last in zip(monitors, before, strict=True):
+        truth = monitor.truth(trace)
+        # A sensor is read at a step, before the robot moves on: the reading comes with the steps after it.
+        until = trace.time + (-TIME_EPSILON_S if is_sampled(monitor) else TIME_EPSILON_S)
+        rows.append(np.concatenate(([last], truth.holds)).astype(np.int8)[np.searchsorted(truth.time, until)])
+    return np.array(rows)
 
 
 def _decisive(verdicts: Sequence[Verdict], candidates: Sequence[int], *, least: bool, last: bool) -> int:
@@ -168,6 +191,11 @@ class NegationMonitor:
     def is_decided(self) -> bool:
         """See DecidingMonitor.is_decided."""
         return is_decided(self.monitor, self.began)
+
+    @property
+    def is_sampled(self) -> bool:
+        """See SampledMonitor.is_sampled."""
+        return is_sampled(self.monitor)
 
     @cached_property
     def needed_until(self) -> float:

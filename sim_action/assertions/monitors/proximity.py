@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from sim_action.state.observation import Contact
     from sim_action.state.trace import FloatArray, Trace
     from sim_action.state.trace_channels import ClearanceWatch
-    from sim_action.state.trace_records import Nearness
+    from sim_action.state.trace_records import ClearanceRecord, Nearness
 
 
 def nearest_of(trace: Trace, watch: ClearanceWatch | None, before: Nearness | None) -> Nearness | None:
@@ -24,14 +24,24 @@ def nearest_of(trace: Trace, watch: ClearanceWatch | None, before: Nearness | No
     return nearest if before is None or nearest.distance < before.distance else before
 
 
-def distances_known(trace: Trace, watch: ClearanceWatch, known: bool) -> Trace:
+def recorded(trace: Trace, *watches: ClearanceWatch) -> ClearanceRecord:
+    """Return all moments that several watches of the same bodies recorded."""
+    import numpy as np
+
+    from sim_action.state.trace_records import ClearanceRecord
+
+    records = [trace.clearances[watch] for watch in watches if len(trace.clearances.get(watch, ()))]
+    if len(records) < 2:
+        return records[0] if records else ClearanceRecord.of(())
+    joined = ClearanceRecord.concatenate(records)
+    return joined.rows(np.unique(joined.time, return_index=True)[1])
+
+
+def distances_known(trace: Trace, record: ClearanceRecord, known: bool) -> Trace:
     """Return the steps at which there is a distance: all if it is `known` before, else from the first record on."""
     if known:
         return trace
-    record = trace.clearances.get(watch)
-    if record is None or not len(record):
-        return trace.rows(slice(0))
-    return trace.between(float(record.time[0]), math.inf)
+    return trace.between(float(record.time[0]), math.inf) if len(record) else trace.rows(slice(0))
 
 
 def distances(trace: Trace, *watches: ClearanceWatch) -> tuple[FloatArray, FloatArray]:

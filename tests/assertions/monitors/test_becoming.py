@@ -29,7 +29,7 @@ from sim_action.assertions.upright import Upright
 from sim_action.state.observation import JointState
 from sim_action.state.trace import Trace
 from sim_action.state.trace_records import ClearanceRecord, Nearness, SensorRecord
-from sim_action.state.verdict import Verdict
+from sim_action.state.verdict import Judged, Verdict
 from tests.soak import examples
 from tests.traces import START, WHEELS, contact, piece, scene, trace
 
@@ -210,6 +210,63 @@ def test_conditions_at_once_must_become_true_too() -> None:
     both = AtOnce(parts=(HOME, Upright()))
     assert not verdict(both, way(0.0, 0.0, 0.0)).passed
     assert verdict(both, way(0.0, 1.0, 0.0)).passed
+
+
+NEAR_WALL = Clearance(at_most=0.5, to=("wall",))
+BEFORE_WALL = StopsBefore.model_validate({"body": "wall", "gap": (0.0, 0.5), "for": 1.0})
+ALL_WATCHES = {*NEAR_WALL.channels.clearances, *BEFORE_WALL.channels.clearances}
+
+
+def near(*gaps: float, touches: Sequence[float] = ()) -> Trace:
+    """Distances to the wall every 0.5 s, as an engine records them: none at t = 0."""
+    time = [index * 0.5 for index in range(len(gaps) + 1)]
+    moments = [Nearness(at, gap, "base_scan", "wall") for at, gap in zip(time[1:], gaps, strict=True)]
+    least = [moment for index, moment in enumerate(moments) if moment.distance < min([9.0, *gaps[:index]])]
+    small = [moment for moment in moments if moment.distance <= 0.5]
+    records = {watch: ClearanceRecord.of(small if watch.always else least) for watch in ALL_WATCHES}
+    return replace(trace(time, contacts=[contact(at) for at in touches]), clearances=records)
+
+
+@pytest.mark.parametrize(
+    "spec",
+    [
+        NEAR_WALL,
+        BEFORE_WALL,
+        AtOnce(parts=(NEAR_WALL, Upright())),
+        AtOnce(parts=(BEFORE_WALL, Upright())),
+        AtOnce(parts=(AnyOf(parts=(NEAR_WALL, Reach(x=9.0, y=0.0))), Upright())),
+        AnyOf(parts=(AtOnce(parts=(NEAR_WALL, Upright())), Reach(x=9.0, y=0.0))),
+    ],
+    ids=lambda spec: spec.title,
+)
+def test_a_distance_that_is_not_measured_at_the_start_was_not_false_then(spec: Assertion) -> None:
+    stays, leaves = near(0.3, 0.3, 0.3, 0.3), near(0.3, 0.9, 0.4, 0.4, 0.4)
+    assert not verdict(spec, stays).passed
+    assert verdict(spec, stays).message.count("was already true at t = 0") == 1
+    assert verdict(spec, stays, driven=False).passed
+    assert verdict(spec, leaves).passed
+
+
+def test_a_body_that_is_left_for_good_was_measured_all_the_same() -> None:
+    told = verdict(NEAR_WALL, near(0.3, 0.9, 1.0, 1.1))
+    assert told.counted(Judged()).status == "failed"
+    assert told.message.startswith("was already true at t = 0, and never became true again")
+
+
+def test_the_least_distance_of_all_is_not_needed_a_second_time() -> None:
+    told = verdict(NEAR_WALL, near(0.3, 0.9, 0.9, 0.45))
+    assert (told.passed, told.time, told.measured) == (True, 2.0, 0.45)
+
+
+def test_a_body_that_appears_beside_the_robot_was_not_near_before() -> None:
+    assert verdict(NEAR_WALL, near(9.9, 9.9, 0.4)).passed
+
+
+def test_a_touch_before_the_goal_counts_breaks_it_for_good() -> None:
+    seen = near(0.1, 0.0, 0.0, 0.1, 0.1, 0.1, touches=[1.0, 1.5])
+    monitor = opened(BEFORE_WALL).observe(seen)
+    assert monitor.state is State.BROKEN
+    assert monitor.verdict().message == "base_footprint touched wall at 1.00 s"
 
 
 def test_invariants_are_judged_as_they_are() -> None:
