@@ -206,6 +206,23 @@ def test_any_of_may_hold_for_a_time() -> None:
     assert not verdict(either, way(0.0, 1.0, 1.5, 2.0), span=1.0).passed
 
 
+@pytest.mark.parametrize("blocks", [(8,), (1, 2, 5), (1,) * 8])
+def test_any_of_with_a_sensor_holds_from_one_reading_to_the_next(blocks: tuple[int, ...]) -> None:
+    near = SensorReading(name="scan", reading="ranges", which="min", at_most=2.5, once=True)
+    readings = {0.2: 3.0, 1.2: 2.0, 3.2: 2.0}
+    monitor = opened(AnyOf(parts=(near, Reach(x=9.0, y=9.0))), span=1.0)
+    start = 0
+    for length in blocks:
+        time = [step / 2 for step in range(start, start + length)]
+        seen = [when for when in readings if time[0] - 0.5 < when <= time[-1]]
+        ranges = {"ranges": np.array([[readings[when]] for when in seen]).reshape(-1, 1)}
+        record = {"scan": SensorRecord("lidar", np.array(seen), ranges)} if seen else {}
+        monitor = monitor.observe(replace(trace(time), sensors=record))
+        start += length
+    told = monitor.verdict()
+    assert (told.passed, told.time) == (True, 2.5)
+
+
 def test_conditions_at_once_must_become_true_too() -> None:
     both = AtOnce(parts=(HOME, Upright()))
     assert not verdict(both, way(0.0, 0.0, 0.0)).passed
