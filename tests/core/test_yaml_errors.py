@@ -125,3 +125,27 @@ def test_all_findings_are_told() -> None:
 def test_long_values_are_cut() -> None:
     ((_, message),) = findings(kind="x" * 10_000)
     assert len(message) < 120
+
+
+class Deep(FrozenModel):
+    angle: Annotated[PositiveRadians, Field(le=math.radians(170))] = 1.0
+    some: tuple[str, ...] = ()
+
+
+class Outer(FrozenModel):
+    deep: Deep
+
+
+@pytest.mark.parametrize(
+    ("data", "path", "message"),
+    [
+        ({"angle": "180 deg"}, ("deep", "angle"), "must be at most 170 deg, found '180 deg'"),
+        ({"some": "a"}, ("deep", "some"), "expected a list, found 'a'; write [a]"),
+    ],
+)
+def test_units_and_hints_are_those_of_the_innermost_key(
+    data: dict[str, Any], path: tuple[str, ...], message: str
+) -> None:
+    with pytest.raises(ValidationError) as raised:
+        Outer.model_validate({"deep": data})
+    assert list(spec_errors(Outer, {"deep": data}, raised.value)) == [(path, message)]

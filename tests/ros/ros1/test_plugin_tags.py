@@ -71,6 +71,8 @@ def test_a_tag_of_a_drive_that_is_not_simulated_is_lost(tags: str, message: str)
     [
         "<odometrySource>world</odometrySource><odometrySource>1</odometrySource>",
         "<publishWheelTF>0</publishWheelTF><publishWheelJointState>true</publishWheelJointState>",
+        "<updateRate>100</updateRate>",
+        "<updateRate>often</updateRate>",
         "<updateRate>30</updateRate><rosDebugLevel>na</rosDebugLevel><alwaysOn>1</alwaysOn>",
     ],
 )
