@@ -188,5 +188,8 @@ def _run(node: ast.AST) -> Iterator[ast.AST]:
             return
         case ast.Call(ast.Name("cast" | "TypeVar")):
             return
+        case ast.Call(ast.Name("zip")):
+            # `strict` guards against mistakes of our own.
+            yield from node.args
         case _:
             yield from ast.iter_child_nodes(node)
