@@ -19,6 +19,13 @@ def test_a_box_weighs_as_in_the_books() -> None:
     assert found.inertia == pytest.approx(expected, abs=1e-9)
 
 
+def test_a_box_weighs_the_same_with_more_points_on_one_side() -> None:
+    more = np.array([(0.0, y, z) for y in (0.25, 0.5) for z in (0.125, 0.25, 0.375)])
+    found, expected = mass_properties(np.concatenate((BOX, more))), mass_properties(BOX)
+    assert found.centre_xyz == pytest.approx(expected.centre_xyz)
+    assert found.inertia == pytest.approx(expected.inertia, abs=1e-9)
+
+
 def test_a_tetrahedron_weighs_where_its_corners_have_their_mean() -> None:
     corners = np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])
     found = mass_properties(corners)

@@ -9,7 +9,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.results.artifacts import copy_stored, namesake_number, replay_path, stored_file, trace_paths
+from sim_action.results.artifacts import (
+    StoredFile,
+    copy_stored,
+    namesake_number,
+    replay_path,
+    stored_file,
+    stored_files_of,
+    trace_paths,
+    with_copied_files,
+)
+from sim_action.results.outcome import Outcome
 from tests.work import work_of
 
 
@@ -103,3 +113,45 @@ def test_nothing_is_left_of_a_copy_that_failed(results_folder: Path, tmp_path: P
     with pytest.raises(OSError, match="link"):
         copy_stored(results_folder / "link.npz", tmp_path / "out" / "b.npz")
     assert list((tmp_path / "out").iterdir()) == []
+
+
+RUN = Outcome(name="a", file="a.sim.yml", status="passed", trace="traces/a.npz")
+WHOLE = RUN.model_copy(update={"replay": "replays/a.json.gz", "recordings": ("recordings/a.mcap", "recordings/a.csv")})
+
+
+def test_files_that_an_outcome_names_are_copied_under_the_name_of_the_new_trace(tmp_path: Path) -> None:
+    shard, merged = tmp_path / "shard", tmp_path / "merged"
+    names = ["traces/a.npz", "replays/a.json.gz", "recordings/a.mcap", "recordings/a.csv"]
+    for name in names:
+        (shard / name).parent.mkdir(parents=True, exist_ok=True)
+        (shard / name).write_text(name)
+    files = stored_files_of(WHOLE, shard)
+    assert files == [
+        StoredFile("trace", names[0], shard / names[0]),
+        StoredFile("replay", names[1], shard / names[1]),
+        StoredFile("recording", names[2], shard / names[2]),
+        StoredFile("recording", names[3], shard / names[3]),
+    ]
+    merged.mkdir()
+    found = with_copied_files(WHOLE, files, merged / "traces/a-2.npz", merged)
+    new = [found.trace, found.replay, *found.recordings]
+    assert new == ["traces/a-2.npz", "replays/a-2.json.gz", "recordings/a-2.mcap", "recordings/a-2.csv"]
+    assert [(merged / str(name)).read_text() for name in new] == names
+    assert found.notes == ()
+
+
+def test_what_an_outcome_does_not_name_is_not_missed(tmp_path: Path) -> None:
+    assert [file.kind for file in stored_files_of(RUN, tmp_path)] == ["trace"]
+    assert stored_files_of(RUN.model_copy(update={"trace": None}), tmp_path) == []
+
+
+def test_a_file_that_is_not_there_is_noted(tmp_path: Path) -> None:
+    other = WHOLE.model_copy(update={"recordings": ("recordings/a.exe",)})
+    for folder in (tmp_path, None):
+        found = with_copied_files(other, stored_files_of(other, folder), tmp_path / "traces/a.npz", tmp_path)
+        assert (found.trace, found.replay, found.recordings) == (None, None, ())
+        assert found.notes == (
+            "its trace traces/a.npz was not found next to the results of its shard",
+            "its replay replays/a.json.gz was not found next to the results of its shard",
+            "its recording recordings/a.exe was not found next to the results of its shard",
+        )
