@@ -1,0 +1,138 @@
+"""Scenarios that pass and were checked: the rule that goals must become true must not refuse them.
+
+All run in one call. None has a warning, and each verdict says at how many moments it was judged.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Final
+
+import pytest
+
+from sim_action.engines import installed
+from tests.integration.conftest import sim_action
+from tests.integration.test_checked_nothing import BURGER, WALL, run
+
+ARM_URDF: Final = """\
+<robot name="arm">
+  <link name="base">
+    <inertial><mass value="5"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>
+    <collision><geometry><box size="0.2 0.2 0.2"/></geometry></collision>
+  </link>
+  <link name="upper">
+    <inertial>
+      <origin xyz="0.2 0 0"/><mass value="1"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/>
+    </inertial>
+    <collision><origin xyz="0.2 0 0"/><geometry><box size="0.3 0.04 0.04"/></geometry></collision>
+  </link>
+  <link name="hand">
+    <inertial><mass value="0.2"/><inertia ixx="0.001" ixy="0" ixz="0" iyy="0.001" iyz="0" izz="0.001"/></inertial>
+    <collision><geometry><box size="0.05 0.05 0.05"/></geometry></collision>
+  </link>
+  <joint name="shoulder" type="revolute">
+    <parent link="base"/><child link="upper"/><origin xyz="0 0 0.3"/><axis xyz="0 1 0"/>
+    <limit lower="-1.5" upper="1.5" effort="50" velocity="3"/>
+  </joint>
+  <joint name="wrist" type="revolute">
+    <parent link="upper"/><child link="hand"/><origin xyz="0.4 0 0"/><axis xyz="1 0 0"/>
+    <limit lower="-1.5" upper="1.5" effort="5" velocity="3"/>
+  </joint>
+</robot>
+"""
+ARM: Final = "robot: {model: arm.urdf, base: fixed, pose: {z: 0.5}}\n"
+RAISED: Final = "robot: {model: arm.urdf, base: fixed, pose: {z: 0.5}, joints: {shoulder: 0.5}}\n"
+OUT_AND_BACK: Final = "commands: {twist: [{linear: 0.5, for: 1 s}, {linear: -0.5, for: 1.5 s}, {linear: 0}]}\n"
+PERSON: Final = (
+    "world: {objects: [{name: person, cylinder: {radius: 0.2, height: 1.7}, pose: {x: 0.6},\n"
+    "  path: [{at: 0.3 s, x: 0.6, y: 0}, {at: 1.3 s, x: 0.6, y: 1.5}]}]}\n"
+)
+
+GREEN: Final[Mapping[str, str]] = {
+    "stands": BURGER + WALL + "expect: [upright, no_collision, stay_within: {x: [-1 cm, 1 cm], y: [-1 cm, 1 cm]}]\n"
+    "time_limit: 0.5 s\n",
+    "is at rest without commands": BURGER + "expect: [settled]\ntime_limit: 1.5 s\n",
+    "is at its place without commands": BURGER + "expect: [{reach: {x: 0, y: 0}, for: 0.5 s}]\ntime_limit: 1 s\n",
+    "falls and comes to rest": "robot: {model: turtlebot3_burger, pose: {z: 0.2}}\nphysics: {settle: 0 s}\n"
+    "expect: [settled, upright]\ntime_limit: 3 s\n",
+    "holds its place": BURGER + "commands: {twist: [{linear: 0}]}\nexpect:\n"
+    "  - stay_within: {x: [-1 cm, 1 cm], y: [-1 cm, 1 cm]}\n"
+    "  - max_speed: {linear: 1 cm/s, angular: 1 deg/s}\n"
+    "  - not: {travel: {at_least: 1 cm}}\n"
+    "time_limit: 1 s\n",
+    "refuses to drive at a wall": BURGER + WALL + "commands: {twist: [{linear: 0}]}\n"
+    "expect: [{clearance: {at_least: 20 cm}}, {travel: {at_most: 1 cm}}]\ntime_limit: 1 s\n",
+    "raises a joint and holds it": ARM + "commands: {joints: [{at: 0 s, position: {shoulder: 0.5}}]}\n"
+    "expect: [{joint: {name: shoulder, near: 0.5, tolerance: 1 deg}, for: 0.5 s}]\ntime_limit: 2 s\n",
+    "holds a joint at its place": RAISED + "commands: {joints: [{at: 0 s, position: {shoulder: 0.5}}]}\n"
+    "expect: [{joint_within: {position: {shoulder: [28 deg, 29 deg]}}}]\ntime_limit: 1 s\n",
+    "holds a joint while another one moves": RAISED
+    + "commands: {joints: [{at: 0.5 s, position: {wrist: 1, shoulder: 0.5}}]}\n"
+    "expect: [{joint: {name: shoulder, near: 0.5, tolerance: 1 deg}, for: 0.5 s}]\ntime_limit: 2 s\n",
+    "moves a joint away and back": ARM
+    + "commands: {joints: [{at: 0.5 s, position: {shoulder: 0.5}}, {at: 1 s, position: {shoulder: 0}}]}\n"
+    "expect:\n"
+    "  - {joint: {name: shoulder, near: 0, tolerance: 1 deg}}\n"
+    "  - {joint: {name: shoulder, near: 0, tolerance: 1 deg}, after: 1.2 s, for: 0.3 s}\n"
+    "time_limit: 2 s\n",
+    "drives out and back": BURGER
+    + OUT_AND_BACK
+    + "expect: [{reach: {x: 0.35, y: 0}, before: 2 s}, {reach: {x: 0, y: 0}, after: 1 s}, {reach: {x: 0, y: 0}}]\n"
+    "time_limit: 4 s\n",
+    "comes near a wall again": "robot: {model: turtlebot3_burger, pose: {yaw: 180 deg}}\n"
+    + WALL
+    + OUT_AND_BACK
+    + "expect: [{clearance: {at_most: 66 cm, to: [wall]}}]\ntime_limit: 4 s\n",
+    "waits, then drives a circle": BURGER
+    + "commands: {twist: [{linear: 0, for: 0.5 s}, {linear: 0.2, angular: 3, for: 2.4 s}, {linear: 0}]}\n"
+    "expect: [{reach: {x: 0, y: 0}}, settled: {for: 0.5 s}]\ntime_limit: 6 s\n",
+    "parks": BURGER + "commands: {twist: [{linear: 0.4, for: 0.5 s}, {linear: 0}]}\n"
+    "expect: [{settled: {for: 0.5 s}, after: 1.2 s}, {at_once: [settled, {travel: {at_least: 15 cm}}], for: 0.3 s}]\n"
+    "time_limit: 4 s\n",
+    "stands again after a push": "robot: {model: arm.urdf}\n"
+    "world: {disturbances: [{at: 0.3 s, velocity: [0.3, 0, 0]}]}\n"
+    "expect: [settled, upright, {stl: 'always[1 s, end] (speed < 0.02)'}]\ntime_limit: 3 s\n",
+    "resists a push": "robot: {model: arm.urdf}\n"
+    "world: {disturbances: [{at: 0.3 s, for: 0.1 s, force: [5, 0, 0]}]}\n"
+    "expect: [upright, {max_speed: {linear: 5 cm/s}}, {stay_within: {x: [-1 cm, 1 cm]}}]\ntime_limit: 1 s\n",
+    "waits for a person": BURGER + PERSON + "commands: {twist: [{linear: 0, for: 1.2 s}, {linear: 0.4}]}\n"
+    "expect: [{reach: {x: 0.6, y: 0}}, no_collision, {clearance: {at_least: 5 cm}}]\ntime_limit: 4 s\n",
+    "reads gravity": BURGER
+    + "sensors: [{imu: {}, name: imu, link: base_footprint, rate: 20 Hz}]\ncommands: {twist: [{linear: 0.2}]}\n"
+    "expect: [{sensor: {name: imu, reading: linear_acceleration_xyz, which: z, at_least: 5, at_most: 15}}]\n"
+    "time_limit: 0.5 s\n",
+}
+
+
+@pytest.mark.parametrize("engine", installed())
+def test_scenarios_that_are_right_pass(engine: str, tmp_path: Path) -> None:
+    (tmp_path / "arm.urdf").write_text(ARM_URDF)
+    code, outcomes = run(tmp_path, GREEN, engine)
+    problems = {
+        name: [(one.name, one.verdict.message) for one in outcome.expectations] + [*outcome.failures]
+        for name, outcome in outcomes.items()
+        if outcome.status != "passed" or outcome.warnings
+    }
+    assert not problems
+    assert (code, set(outcomes)) == (0, set(GREEN))
+    judged = [expectation.verdict.judged for outcome in outcomes.values() for expectation in outcome.expectations]
+    assert all(each is not None and each.moments > 0 for each in judged)
+
+
+GOLDEN: Final = f"""\
+name: golden
+{BURGER}commands: {{twist: [{{linear: 0.3, for: 0.5 s}}, {{linear: 0.3, angular: 1}}]}}
+expect: [{{matches: {{trace: golden.csv, position: 1 cm, yaw: 2 deg}}}}]
+time_limit: 1 s
+"""
+
+
+def test_a_golden_run_passes_and_another_one_fails(tmp_path: Path) -> None:
+    (tmp_path / ".git").mkdir()
+    (tmp_path / "golden.sim.yml").write_text(GOLDEN)
+    assert sim_action(tmp_path, "run", "--no-report", "--update-golden").returncode == 0
+    again = sim_action(tmp_path, "run", "--no-report")
+    assert (again.returncode, "1 passed" in again.stdout) == (0, True), again.stdout
+    (tmp_path / "golden.sim.yml").write_text(GOLDEN.replace("angular: 1", "angular: -1"))
+    assert sim_action(tmp_path, "run", "--no-report").returncode == 1
