@@ -237,6 +237,8 @@ def _plain(answer: object) -> Verdict:
         raise TypeError("a Verdict whose 'unit' or 'message' is not a string")
     names = ("measured", "limit", "margin", "time")
     measured, limit, margin, time = (_number(name, getattr(answer, name)) for name in names)
+    if answer.passed and margin is not None and margin < 0:
+        raise TypeError(f"a Verdict that passed with the margin {margin:g}; a margin below 0 means that it failed")
     message = escaped_line(answer.message) or ("holds" if answer.passed else "does not hold")
     return Verdict(bool(answer.passed), measured, limit, margin, escaped_line(answer.unit), time, message)
 

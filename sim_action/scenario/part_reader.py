@@ -262,10 +262,13 @@ def _keys_of(model: type[BaseModel]) -> frozenset[str]:
 
 def _why_not_for(assertion: Assertion) -> str | None:
     """Return the reason why an assertion cannot have `for`, else None."""
+    if not assertion.has_truth:
+        return (
+            f"'{assertion.key}' is not true or false at a moment, so it cannot hold for a time; use at_once, or an stl "
+            "formula such as eventually always[0 s, 2 s] (...)"
+        )
     if not assertion.is_goal:
         return f"'for' is for goals, and '{assertion.title}' must hold all the time; use 'after' and 'before'"
-    if not assertion.has_truth:
-        return f"'{assertion.key}' is not true or false at a moment, so it cannot hold for a time; see at_once"
     return None
 
 

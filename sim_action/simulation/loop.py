@@ -18,7 +18,7 @@ from sim_action.scenario.claim_audit import NOT_SIMULATED, ClaimFinding
 from sim_action.scenario.model import Scenario
 from sim_action.simulation.controllers import Controls, padded
 from sim_action.simulation.monitors import End, Panel
-from sim_action.simulation.recorder import RunRecorder
+from sim_action.simulation.recorder import RunRecorder, moving_bodies
 from sim_action.simulation.run_audit import Motion, RunFacts, audit_run, unreached_events
 from sim_action.simulation.sensors import Sensing
 from sim_action.simulation.start_checks import Spawns, moved_while_settling, refuse_bad_start
@@ -87,7 +87,7 @@ def simulate(scenario: Scenario, scene: Scene, progress: Progress, footage: RunR
     footage = footage or RunRecorder(scenario)
     drive = _drive_of(scenario, scene)
     scene = drive.prepared(scene) if drive else scene
-    channels = Channels.all_of(expected.channels for expected in scenario.expect)
+    channels = _judged_channels(scenario)
     watched = channels | footage.channels(scene.world)
     backend = ENGINES.load(chosen(scenario.backend))(scene, watched)
     try:
@@ -96,6 +96,15 @@ def simulate(scenario: Scenario, scene: Scene, progress: Progress, footage: RunR
         return _Loop(scenario, scene, drive, backend, channels, footage=footage).run(progress)
     finally:
         backend.close()
+
+
+def _judged_channels(scenario: Scenario) -> Channels:
+    """Return the channels of all assertions. A class of the user's may read any body, and any sensor but cameras."""
+    channels = Channels.all_of(expected.channels for expected in scenario.expect)
+    if not any(assertion.runs_user_code for assertion in scenario.assertions):
+        return channels
+    sensors = (mounted.name for mounted in scenario.sensors if mounted.sensor.key != "camera")
+    return channels | Channels(bodies=frozenset(moving_bodies(scenario.world)), sensors=frozenset(sensors))
 
 
 def _drive_of(scenario: Scenario, scene: Scene) -> Drive | None:

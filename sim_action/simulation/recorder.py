@@ -43,8 +43,7 @@ class RunRecorder:
         """Return the channels that only a replay needs."""
         if not self._filmed:
             return Channels()
-        moving = (body.name for body in world.objects if body.mass is not None or body.path)
-        return Channels(contacts=True, bodies=frozenset(moving))
+        return Channels(contacts=True, bodies=frozenset(moving_bodies(world)))
 
     def begin(self, start: Observation) -> None:
         """Record the moment at t = 0."""
@@ -95,6 +94,11 @@ class RunRecorder:
         rows = np.arange(-first_step % stride, len(seen), stride)
         # numpy's own union imports masked arrays, which takes longer than most replays.
         return np.append(rows, last) if is_last and last not in rows[-1:] else rows
+
+
+def moving_bodies(world: World) -> list[str]:
+    """Return the names of the bodies that can move."""
+    return [body.name for body in world.objects if body.mass is not None or body.path]
 
 
 def _stride(rate: float, wanted: float) -> int:

@@ -174,6 +174,7 @@ def test_a_message_is_one_printable_line(tmp_path: Path) -> None:
         ("return sim.Verdict(True, margin=np.inf)", "a Verdict whose 'margin' is inf; it is a finite number", 5),
         ("return sim.Verdict(True, time='1 s')", "a Verdict whose 'time' is '1 s'; it is a finite number", 5),
         ("return sim.Verdict(True, limit=True)", "a Verdict whose 'limit' is true; it is a finite number", 5),
+        ("return sim.Verdict(True, 5.0, 1.0, -4.0)", "a Verdict that passed with the margin -4; a margin below 0", 5),
         ("return sim.Verdict(True, 10**400)", "Slow.judge() returned a Verdict whose 'measured' is 1000", 5),
         ("return sim.Verdict(True, 10**5000)", "what Slow.judge() returned raised ValueError: Exceeds", None),
         ("return sim.Verdict(True, message=Sly('x'))", "what Slow.judge() returned raised RuntimeError: sly", 10),

@@ -174,12 +174,12 @@ def mutations(draw: st.DrawFn) -> tuple[str, bytes]:
     """A good file, mostly with some bytes cut, repeated, or written over."""
     name = draw(st.sampled_from(sorted(GOOD)))
     data = bytearray(GOOD[name])
-    for _ in range(draw(st.sampled_from((0, 1, 2, 4)))):
+    for _ in range(draw(st.sampled_from((0, 0, 1, 1, 2, 4)))):
         start = draw(st.integers(0, len(data)))
         end = draw(st.integers(start, min(len(data), start + 40)))
         pieces = (st.just(b""), st.just(bytes(data[start:end]) * 3), st.binary(max_size=8), st.sampled_from(NASTY))
         data[start:end] = draw(st.one_of(*pieces))
-    return draw(st.sampled_from([name, name, name, "a.stl", "a.obj", "a.dae"])), bytes(data)
+    return draw(st.sampled_from([*[name] * 6, "a.stl", "a.obj", "a.dae"])), bytes(data)
 
 
 NASTY = [

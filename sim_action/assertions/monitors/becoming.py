@@ -1,8 +1,8 @@
 """A goal must become true: the rule for conditions that are true before anything happens.
 
 With commands or disturbances, a goal that is true at t = 0 says nothing: the robot has not moved yet. It counts only
-after it has been false once, or when it holds for an explicit time that begins after something moved. Without commands
-and disturbances it must hold for a time from t = 0 on.
+after it has been false once, or when it holds for an explicit time that begins after something moved, or after a
+disturbance began. Without commands and disturbances it must hold for a time from t = 0 on.
 """
 
 from __future__ import annotations
@@ -30,11 +30,15 @@ HOLD_S: Final = 1.0
 
 _MOVED_M: Final = 1e-3
 _MOVED_RAD: Final = math.radians(0.1)
+# In PyBullet, braked wheels creep by 0.15 deg/s.
+_TURNED_RAD: Final = math.radians(5)
 
 
 @dataclass(frozen=True, eq=False)
 class Rest:
     """The state at t = 0, to find out when something moved: the base, or a joint, by 1 mm or 0.1 deg.
+
+    A wheel, that is a continuous joint of a robot with a free base, counts from 5 deg on.
 
     Attributes:
         base_position_xyz: (3,) m.
@@ -53,13 +57,11 @@ class Rest:
         """Return the state in `start`."""
         import numpy as np
 
-        joints = scene.model.joints_by_name
-        units_si = [joints[name].dimension("position").si for name in start.joints]
         return cls(
             np.array(start.pose.position_xyz),
             np.array(start.pose.orientation_xyzw),
             np.array([reading.position for reading in start.joints.values()]),
-            np.array([_MOVED_M if unit == "m" else _MOVED_RAD for unit in units_si]),
+            np.array([_least_motion(scene, name) for name in start.joints]),
         )
 
     def moved(self, trace: Trace) -> NDArray[np.bool_]:
@@ -85,6 +87,14 @@ class Rest:
         return np.asarray(np.any(away, axis=1), dtype=np.bool_)
 
 
+def _least_motion(scene: Scene, name: str) -> float:
+    """Return the motion in rad or m from which on a joint has moved."""
+    joint = scene.model.joints_by_name[name]
+    if joint.type == "continuous" and not scene.bolted:
+        return _TURNED_RAD
+    return _MOVED_M if joint.dimension("position").si == "m" else _MOVED_RAD
+
+
 @dataclass(frozen=True, slots=True)
 class BecomingTrue:
     """The monitor of a goal that must become true. The goal sees the run from the moment on at which it may count.
@@ -93,6 +103,7 @@ class BecomingTrue:
         goal: the goal itself.
         probe: the goal on all steps so far; it gives the truth before the goal may count.
         rest: the state at t = 0; None if nothing acts on the robot.
+        disturbed: sim time in s of the first disturbance; infinite if there is none.
         hold: the fold of the time for which the goal must hold; None if one moment is enough.
         early: the fold of the time for which it has held since t = 0, if nothing acts on the robot.
         is_explicit: True if the user gave a time for which the goal must hold.
@@ -107,6 +118,7 @@ class BecomingTrue:
     rest: Rest | None
     hold: HoldTime | None
     early: HoldTime
+    disturbed: float = math.inf
     is_explicit: bool = False
     is_open: bool = False
     at_start: bool | None = None
@@ -165,8 +177,9 @@ class BecomingTrue:
         at_start = bool(truth.holds[0]) if self.at_start is None and len(truth.holds) else self.at_start
         ends = truth.time[~truth.holds]
         opening = float(ends[0]) if len(ends) else math.inf
-        if self.rest is not None and self.is_explicit and (moved := self.rest.moved(trace)).any():
-            opening = min(opening, float(trace.time[moved.argmax()]))
+        if self.rest is not None and self.is_explicit:
+            acted = self.rest.moved(trace) | (trace.time >= self.disturbed)
+            opening = min(opening, float(trace.time[acted.argmax()])) if acted.any() else opening
         return replace(self, at_start=at_start, is_open=opening < math.inf), opening
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
@@ -193,10 +206,8 @@ class BecomingTrue:
         if not self.at_start or not told.passed:
             return told
         if self.early.state is State.HOLDS:
-            lasted = units.display(self.early.wanted, "s")
-            return replace(
-                told, time=self.early.goal.time, message=f"{told.message}; it held for {lasted} from the start on"
-            )
+            message = f"{told.message}; it held for {units.display(self.early.wanted, 's')}"
+            return replace(told, time=self.early.goal.time, message=f"{message}, from {self.early.began:.2f} s on")
         if self.rest is None:
             return self._held(told, self.early)
         return replace(told, passed=False, margin=None, message=f"{_ONLY_BEFORE}; {_HINT}")
@@ -212,7 +223,10 @@ class BecomingTrue:
 
 
 _ONLY_BEFORE: Final = "was already true at t = 0, and never became true again"
-_HINT: Final = "a goal counts after it was false once, or if it holds for a time 'for' after the robot moved"
+_HINT: Final = (
+    "a goal counts after it was false once, or if it holds for a time 'for' after the base or a joint moved (by 1 mm "
+    "or 0.1 deg) or a disturbance began; for a robot that must stay as it is, use stay_within or joint_within"
+)
 
 
 def becoming_true(
@@ -230,6 +244,7 @@ def becoming_true(
         rest=Rest.of(scene, start) if scene.acted_on else None,
         hold=None if span is None else HoldTime(span),
         early=HoldTime(span or HOLD_S),
+        disturbed=min((disturbance.at for disturbance in scene.world.disturbances), default=math.inf),
         is_explicit=explicit,
         # A goal with a time of its own already has to hold.
         is_open=not scene.acted_on and own_span is not None,
