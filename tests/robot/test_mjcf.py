@@ -10,9 +10,10 @@ import pytest
 from sim_action.core.errors import ModelError
 from sim_action.core.workspace import Workspace
 from sim_action.robot.loading import load_model
+from sim_action.robot.mjcf import surfaces_of_text
 from sim_action.robot.robot_model import RobotModel
 from sim_action.robot.spec import Robot
-from tests.mesh_files import stl
+from tests.mesh_files import CORNERS, obj, stl
 
 pytest.importorskip("mujoco", reason="MJCF is read by MuJoCo, which is not installed")
 
@@ -130,6 +131,28 @@ def test_meshes_are_found_below_the_folder_that_the_file_names(name: str, used: 
     text = f"""<mujoco><compiler meshdir="parts"/><asset><mesh {name} file="box.stl" scale="2 1 1"/></asset>
       <worldbody><body><freejoint/><geom type="mesh" mesh="{used}" density="1000"/></body></worldbody></mujoco>"""
     assert read(tmp_path, text).mass == pytest.approx(2000 * 0.2 * 0.4 * 0.6, rel=1e-5)
+
+
+def test_the_surfaces_of_all_meshes_are_there_to_be_seen(tmp_path: Path) -> None:
+    (tmp_path / "box.stl").write_bytes(stl())
+    (tmp_path / "wedge.obj").write_bytes(
+        obj(CORNERS[:6], [(0, 1, 3), (0, 3, 2), (0, 4, 5), (0, 5, 1), (2, 3, 5), (2, 5, 4)])
+    )
+    text = """<mujoco>
+      <asset><mesh name="box" file="box.stl"/><mesh name="wedge" file="wedge.obj" inertia="shell"/></asset>
+      <worldbody><body><freejoint/><geom type="mesh" mesh="box"/><geom type="mesh" mesh="wedge"/></body></worldbody>
+      </mujoco>"""
+    found = surfaces_of_text(read(tmp_path, text).mjcf)
+    assert {name: (len(points), len(faces)) for name, (points, faces) in found.items()} == {
+        "box": (8, 12),
+        "wedge": (6, 6),
+    }
+    for name, corners in (("box", CORNERS), ("wedge", CORNERS[:6])):
+        points, faces = found[name]
+        assert sorted({*faces.ravel().tolist()}) == list(range(len(corners)))
+        # MuJoCo moves and turns a mesh, and keeps its size.
+        apart = [math.dist(one, other) for one in points for other in points]
+        assert sorted(apart) == pytest.approx(sorted(math.dist(one, other) for one in corners for other in corners))
 
 
 BODY = "<worldbody><body><freejoint/><geom size='1'/></body></worldbody>"

@@ -7,7 +7,8 @@ from typing import Self
 
 import pytest
 
-from sim_action.runner.child_outcome import outcome_of
+from sim_action.core.errors import Location
+from sim_action.runner.child_outcome import Ending, outcome_of
 from sim_action.runner.isolation.child_process import ChildProcess
 from sim_action.runner.job import Job
 from sim_action.scenario.loading import load_scenario
@@ -59,3 +60,87 @@ def test_memory_that_is_not_limited_is_not_said_to_be(tmp_path: Path) -> None:
     (failure,) = outcome_of(Gone.start(job), -6).failures
     assert failure.kind == "memory"
     assert "it needs more memory than this machine has" in failure.message
+
+
+SCRIPT = "def stand(observation):\n    return None\n"
+BY_SCRIPT = SCENARIO.replace("expect:", "commands: {script: ctl.py, function: stand, rate: 10 Hz}\nexpect:")
+
+
+def child(folder: Path, text: str = SCENARIO) -> Gone:
+    (folder / "ctl.py").write_text(SCRIPT)
+    (folder / "a.sim.yml").write_text(text)
+    return Gone.start(Job(load_scenario(folder / "a.sim.yml"), folder / "t.npz", folder, folder))
+
+
+@pytest.mark.parametrize(
+    ("text", "why", "line"),
+    [
+        (SCENARIO, "a limit that is too low", 4),
+        (f"wall_limit: 7 s\n{SCENARIO}", "a limit that is too low", 1),
+        (BY_SCRIPT, "a stuck controller or a limit that is too low", 5),
+    ],
+)
+def test_a_wall_limit_names_what_may_be_stuck_and_the_key_to_change(
+    tmp_path: Path, text: str, why: str, line: int
+) -> None:
+    stuck = child(tmp_path, text)
+    (failure,) = outcome_of(stuck, "wall limit").failures
+    seconds = stuck.job.loaded.scenario.wall_seconds
+    assert (failure.kind, failure.title) == ("wall limit", "wall limit")
+    assert failure.message == (
+        f"no verdict after {seconds:g} s of wall time (wall_limit): {why}; its last report was at 0.00 s of sim time"
+    )
+    assert failure.location is not None
+    assert failure.location.line == line
+
+
+def test_a_line_that_did_not_return_is_named(tmp_path: Path) -> None:
+    stuck = child(tmp_path, BY_SCRIPT)
+    stuck.job.stack_dump_file.write_text(f'Stack:\n  File "{tmp_path}/ctl.py", line 2 in stand\n')
+    (failure,) = outcome_of(stuck, "wall limit").failures
+    assert f"{tmp_path}/ctl.py:2 did not return or a limit that is too low;" in failure.message
+    assert "a stuck controller" not in failure.message
+    assert failure.location == Location(f"{tmp_path}/ctl.py", 2)
+
+
+@pytest.mark.parametrize(
+    ("ending", "kind", "title", "message"),
+    [
+        (
+            "output limit",
+            "crash",
+            "output limit",
+            "were printed (output_limit): does a controller print at every step?",
+        ),
+        (3, "crash", "exit 3", "ended by itself, with exit code 3 and no verdict; did its script call os._exit()?"),
+        (-11, "crash", "SIGSEGV", "was ended by SIGSEGV: native code crashed, in the engine or in a library of the"),
+        (-9, "crash", "SIGKILL", "was ended by SIGKILL: it killed itself, or the machine ran out of memory"),
+        (-15, "crash", "SIGTERM", "the process of this scenario was ended by SIGTERM; its last report"),
+        (-99, "crash", "signal 99", "was ended by signal 99"),
+    ],
+)
+def test_an_end_without_a_verdict_has_a_cause(
+    tmp_path: Path, ending: Ending, kind: str, title: str, message: str
+) -> None:
+    (failure,) = outcome_of(child(tmp_path, BY_SCRIPT), ending).failures
+    assert (failure.kind, failure.title, failure.location) == (kind, title, None)
+    assert message in failure.message
+
+
+@pytest.mark.parametrize(("ending", "short", "kind"), [(-6, 0, "memory"), (-6, 1, "crash"), (-9, 0, "crash")])
+def test_a_crash_with_full_memory_is_for_want_of_memory(tmp_path: Path, ending: int, short: int, kind: str) -> None:
+    crashed = child(tmp_path)
+    # Libraries reserve a quarter of a GiB.
+    crashed.peak_memory = crashed.job.loaded.scenario.memory_bytes - (256 << 20) - short
+    (failure,) = outcome_of(crashed, ending).failures
+    assert failure.kind == kind
+
+
+@pytest.mark.parametrize(
+    ("left", "told"), [(1, "ended a process that its script left behind"), (3, "ended 3 processes that")]
+)
+def test_processes_that_were_left_behind_are_counted(tmp_path: Path, left: int, told: str) -> None:
+    gone = child(tmp_path)
+    gone.left = left
+    (failure,) = outcome_of(gone, 3).failures
+    assert told in failure.message

@@ -17,6 +17,8 @@ from sim_action.core.workspace import Workspace
 from sim_action.recording.export.mcap_log import McapLog
 from sim_action.robot.loading import load_model
 from sim_action.robot.spec import Robot
+from sim_action.world import Body
+from sim_action.world.shapes import Cylinder, Ramp
 from tests.recording.export.logs import read
 from tests.recording.export.runs import MOMENTS, TIME, run, sensing_run
 
@@ -134,6 +136,22 @@ def test_the_world_is_there_to_be_seen() -> None:
     assert (ball.header.frame_id, ball.type, ball.scale.z) == ("ball", 2, 0.2)
     assert wall.frame_locked
     assert wall.lifetime.sec == 0
+
+
+def test_a_cylinder_and_a_ramp_are_there_to_be_seen() -> None:
+    made = run()
+    post = Body(name="post", cylinder=Cylinder(radius=0.25, height=2.0))
+    ramp = Body(name="ramp", ramp=Ramp(length=2.0, width=1.0, height=0.5))
+    scene = replace(made.scene, world=made.scene.world.model_copy(update={"objects": (post, ramp)}))
+    (told,) = read(replace(made, scene=scene, trace=replace(made.trace, contacts=(), bodies={})))["/world"]
+    first, second = told.message.markers
+    assert (first.header.frame_id, first.type) == ("post", 3)
+    assert (first.scale.x, first.scale.y, first.scale.z) == (0.5, 0.5, 2.0)
+    assert (second.header.frame_id, second.type, first.points) == ("ramp", 11, [])
+    # A prism has two triangles and three rectangles.
+    assert len(second.points) == 3 * (2 + 2 * 3)
+    corners = [(point.x, point.y, point.z) for point in second.points]
+    assert [max(axis) - min(axis) for axis in zip(*corners, strict=True)] == pytest.approx([2.0, 1.0, 0.5])
 
 
 def test_the_description_of_the_robot_can_be_loaded(tmp_path: Path) -> None:
