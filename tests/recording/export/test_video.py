@@ -134,3 +134,33 @@ def test_the_time_stands_in_the_corner() -> None:
     texts = ["0.0 s", "86400.0 s x1440", "123456789.0 s"]
     for text in texts:
         write_text(np.zeros((HEIGHT, WIDTH, 3), dtype=np.uint8), text)
+
+
+# Of a digit of seven segments: top, upper left, upper right, middle, lower left, lower right, bottom.
+SEGMENTS = {
+    "0": "1110111",
+    "2": "1011101",
+    "3": "1011011",
+    "4": "0111010",
+    "5": "1101011",
+    "6": "1101111",
+    "7": "1010010",
+    "8": "1111111",
+    "9": "1111011",
+}
+
+
+@pytest.mark.parametrize("digit", SEGMENTS)
+def test_digits_are_made_of_seven_segments(digit: str) -> None:
+    picture = np.zeros((60, 200, 3), dtype=np.uint8)
+    write_text(picture, digit)
+    top, upper_left, upper_right, middle, lower_left, lower_right, bottom = (one == "1" for one in SEGMENTS[digit])
+    drawn = np.zeros((5, 3), dtype=bool)
+    drawn[0] |= top
+    drawn[2] |= middle
+    drawn[4] |= bottom
+    drawn[:3, 0] |= upper_left
+    drawn[:3, 2] |= upper_right
+    drawn[2:, 0] |= lower_left
+    drawn[2:, 2] |= lower_right
+    assert (picture[7:22:3, 7:16:3, 0] == 255).tolist() == drawn.tolist()

@@ -13,7 +13,8 @@ from sim_action.ros.ros1.launch_request import LaunchRequest, Program, Simulatio
 from sim_action.ros.ros1.losses import Loss
 from sim_action.ros.ros1.verdicts import findings
 from sim_action.ros.ros1.verdicts.findings import Findings, Run
-from sim_action.ros.ros1.verdicts.judge import Judge
+from sim_action.ros.ros1.verdicts.judge import Judge, _with_callbacks
+from sim_action.ros.ros1.verdicts.launch_output import CallbackError
 from sim_action.ros.ros1.verdicts.launch_tags import LaunchTag, LaunchTags
 from sim_action.ros.ros1.verdicts.rostest_files import Case, Suite
 
@@ -125,3 +126,9 @@ def test_a_case_that_failed_decides() -> None:
     outcome = judged_cases(PASSED, SKIPPED, Case("test_c", "failure", "AssertionError", "0 != 1"))
     assert outcome.status == "failed"
     assert judged_cases(PASSED).display_status == "passed"
+
+
+def test_a_failure_names_three_callbacks_that_raised() -> None:
+    raised = tuple(CallbackError("/node", f"Error: {number}", None, 1) for number in range(4))
+    said = _with_callbacks("0 != 1", findings.TestFindings("t", callbacks=raised))
+    assert said == "; ".join(("0 != 1", *map(str, raised[:3])))
