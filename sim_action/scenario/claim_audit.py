@@ -60,6 +60,14 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         ),
         "warnings-only": Rule("error", "a scenario in which every expectation has `severity: warning`"),
         SINGLE_ROW: Rule("error", "a golden file with one row: no motion is compared"),
+        "no-collision-shape": Rule(
+            "error",
+            "`no_collision`, `clearance`, `contact` or `stops_before` on a robot without a collision shape: "
+            "the engine sees no contact and no distance",
+        ),
+        "shapeless-links": Rule(
+            "warning", "such an assertion where moving links have a visual shape but no collision shape"
+        ),
         "nothing-to-touch": Rule("warning", "`no_collision` in a world without an object that the robot may not touch"),
         "segment-beyond-run": Rule(
             "warning", "a command segment or point that is longer or later than the run: probably in milliseconds"
@@ -135,7 +143,7 @@ def audit_scenario(
     yield from _warnings_only(scenario, expect_paths)
     if scenario.agreement is not None and (yaw := scenario.agreement.yaw) is not None and yaw >= math.pi:
         yield _beyond(("agreement", "yaw"), yaw, "rad", _HEADING)
-    for path, assertion in _leaves(scenario, expect_paths):
+    for path, assertion in placed_leaves(scenario, expect_paths):
         yield from _unreachable_limits(path, assertion, scenario.physics)
         if assertion.key == "no_collision":
             yield from _nothing_to_touch(path, assertion, scenario)
@@ -145,7 +153,7 @@ def audit_scenario(
 
 def audit_scene(scene: Scene, scenario: Scenario, expect_paths: Sequence[KeyPath]) -> Iterator[ClaimFinding]:
     """Yield the findings that depend on the robot model and on other files."""
-    for path, assertion in _leaves(scenario, expect_paths):
+    for path, assertion in placed_leaves(scenario, expect_paths):
         yield from _bare_joint_angles(path, assertion, scene.model)
         if assertion.key == "matches" and not scene.workspace.updates_golden:
             yield from _single_row(path, assertion, scene)
@@ -158,7 +166,7 @@ def _warnings_only(scenario: Scenario, expect_paths: Sequence[KeyPath]) -> Itera
         yield ClaimFinding("warnings-only", (*expect_paths[0], "severity"), message)
 
 
-def _leaves(scenario: Scenario, expect_paths: Sequence[KeyPath]) -> Iterator[tuple[KeyPath, Any]]:
+def placed_leaves(scenario: Scenario, expect_paths: Sequence[KeyPath]) -> Iterator[tuple[KeyPath, Any]]:
     """Yield all assertions that judge the robot, with the paths of their values."""
     for path, expectation in zip(expect_paths, scenario.expect, strict=True):
         yield from _placed(expectation.assertion, path)

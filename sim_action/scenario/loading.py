@@ -29,6 +29,7 @@ from sim_action.scenario.claim_audit import (
 from sim_action.scenario.files import read_only_scenario
 from sim_action.scenario.model import DrivenRobot, LoadedScenario, Scenario
 from sim_action.scenario.part_reader import PartReader
+from sim_action.scenario.robot_claims import audit_robot
 from sim_action.scenario.source import Refused, Source
 from sim_action.world.scene import Fitting, Scene
 from sim_action.world.shape_files import ShapeLibrary, read_surroundings
@@ -280,3 +281,4 @@ class _Loader:
         for path, expectation in zip(self._parts.expect_paths, scenario.expect, strict=True):
             self._problems.note_all((*path, expectation.assertion.key), expectation.assertion.problems(scene))
         self._take(audit_scene(scene, scenario, self._parts.expect_paths))
+        self._take(audit_robot(scene, scenario, self._parts.expect_paths))

@@ -1,0 +1,69 @@
+"""The rules of the audit of claims that need the robot model. They judge single assertions; see `claim_audit.py`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import islice
+from typing import Any, Final
+
+from sim_action.core.yaml_document import KeyPath
+from sim_action.robot.robot_model import Link, RobotModel
+from sim_action.scenario.claim_audit import ClaimFinding, placed_leaves
+from sim_action.scenario.model import Scenario
+from sim_action.world.scene import Scene
+
+_OF_CONTACTS: Final = frozenset({"no_collision", "clearance", "contact", "stops_before"})
+_MAX_LINKS: Final = 5
+
+
+def audit_robot(scene: Scene, scenario: Scenario, expect_paths: Sequence[KeyPath]) -> Iterator[ClaimFinding]:
+    """Yield the findings about assertions that do not fit the robot."""
+    leaves = list(placed_leaves(scenario, expect_paths))
+    yield from _shapes(leaves, scene)
+
+
+def _shapes(leaves: Sequence[tuple[KeyPath, Any]], scene: Scene) -> Iterator[ClaimFinding]:
+    """Yield assertions about contacts of a robot without collision shapes, or with links that lack them.
+
+    Only the engine knows the shapes of an MJCF model.
+    """
+    model = scene.model
+    judged = [(path, assertion) for path, assertion in leaves if assertion.key in _OF_CONTACTS]
+    if not judged or model.mjcf:
+        return
+    if not any(link.collisions for link in model.links):
+        drawn = [link.name for link in model.links if link.visuals] or [model.root]
+        for path, assertion in judged:
+            message = f"no link of the robot has a collision shape; add <collision> to {_quoted(drawn)}"
+            yield ClaimFinding("no-collision-shape", path, f"{assertion.key} checks nothing: {message}")
+        return
+    # An assertion that names links judges only those.
+    all_links = [path for path, each in judged if not (getattr(each, "links", None) or getattr(each, "link", None))]
+    if all_links and (unseen := [link.name for link in _shapeless(scene)]):
+        has = "links have" if len(unseen) > 1 else "link has"
+        message = f"contacts of {_quoted(unseen)} are not seen: the {has} a visual shape, but no collision shape"
+        yield ClaimFinding("shapeless-links", all_links[0], f"{message}; add <collision>")
+
+
+def _shapeless(scene: Scene) -> list[Link]:
+    """Return the links with a visual shape in moving bodies without any collision shape."""
+    bodies = [body for body in _rigid_bodies(scene.model) if scene.bolted_links.isdisjoint(link.name for link in body)]
+    return [link for body in bodies if not any(each.collisions for each in body) for link in body if link.visuals]
+
+
+def _rigid_bodies(model: RobotModel) -> list[list[Link]]:
+    """Return the links in groups that fixed joints hold together."""
+    holders = {joint.child: joint.parent for joint in model.joints if not joint.moves}
+    bodies: dict[str, list[Link]] = {}
+    for link in model.links:
+        holder = link.name
+        while holder in holders:
+            holder = holders[holder]
+        bodies.setdefault(holder, []).append(link)
+    return list(bodies.values())
+
+
+def _quoted(names: Sequence[str]) -> str:
+    """Return the first few names as text."""
+    more = len(names) - _MAX_LINKS
+    return ", ".join(f"'{name}'" for name in islice(names, _MAX_LINKS)) + (f" and {more} more" if more > 0 else "")

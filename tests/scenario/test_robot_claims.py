@@ -1,0 +1,88 @@
+"""The audit of claims that do not fit the robot: no shapes to touch, a base that cannot move, motors that clip."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from sim_action.core.errors import Problem
+from tests.scenarios import load, problems
+
+INERTIAL = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+SHAPE = '<geometry><box size="0.2 0.2 0.2"/></geometry>'
+COLLISION = f"<collision>{SHAPE}</collision>"
+VISUAL = f"<visual>{SHAPE}</visual>"
+
+
+def robot(folder: Path, base: str = "", decor: str = "", arm: str = "", hand: str = "") -> None:
+    """Write a base with a fixed decoration, and an arm with a fixed hand."""
+
+    def link(name: str, shapes: str) -> str:
+        return f'<link name="{name}">{INERTIAL}{shapes}</link>\n'
+
+    def joint(child: str, parent: str, kind: str) -> str:
+        ends = f'<parent link="{parent}"/><child link="{child}"/>'
+        limit = '<axis xyz="0 0 1"/><limit lower="-2" upper="2" effort="5" velocity="5"/>' if kind != "fixed" else ""
+        return f'<joint name="{child}_joint" type="{kind}">{ends}{limit}</joint>\n'
+
+    links = link("base", base) + link("decor", decor) + link("arm", arm) + link("hand", hand)
+    joints = joint("decor", "base", "fixed") + joint("arm", "base", "revolute") + joint("hand", "arm", "fixed")
+    (folder / "robot.urdf").write_text(f'<robot name="r">\n{links}{joints}</robot>\n')
+
+
+def scenario(expect: str, more: str = "", base: str = "free") -> str:
+    wall = "world: {objects: [{name: wall, box: [0.1, 2.0, 0.5], pose: {x: 3.0}}]}\n"
+    head = f"name: a\nrobot: {{model: robot.urdf, base: {base}, pose: {{z: 1}}}}\n{wall}expect:\n  - {expect}\n"
+    return f"{head}time_limit: 5 s\n{more}"
+
+
+def found(folder: Path, text: str, rule: str) -> list[Problem]:
+    return [problem for problem in problems(folder, text) if problem.message.endswith(f"[{rule}]")]
+
+
+def warned(folder: Path, text: str) -> list[str]:
+    return [str(warning) for warning in load(folder, text).warnings]
+
+
+@pytest.mark.parametrize(
+    "expect",
+    [
+        "no_collision",
+        "clearance: {at_least: 1 m}",
+        "contact: {with: wall}",
+        "stops_before: {body: wall, gap: [0.1, 0.5]}",
+        "not: no_collision",
+    ],
+)
+def test_a_robot_without_collision_shapes_touches_nothing(expect: str, tmp_path: Path) -> None:
+    robot(tmp_path, arm=VISUAL)
+    (problem,) = problems(tmp_path, scenario(expect))
+    assert problem.message.endswith(
+        " checks nothing: no link of the robot has a collision shape; add <collision> to 'arm' [no-collision-shape]"
+    )
+    assert load(tmp_path, scenario(expect, "allow: [no-collision-shape]\n")).warnings == ()
+    assert load(tmp_path, scenario("upright")).warnings == ()
+    robot(tmp_path, base=COLLISION)
+    assert load(tmp_path, scenario(expect)).warnings == ()
+
+
+def test_moving_links_that_are_only_visual_are_named(tmp_path: Path) -> None:
+    expect = "all_of: [no_collision, {clearance: {at_least: 1 m}}]"
+    robot(tmp_path, base=COLLISION, decor=VISUAL, arm=VISUAL, hand=VISUAL)
+    (warning,) = warned(tmp_path, scenario(expect))
+    assert warning == (
+        "contacts of 'arm', 'hand' are not seen: the links have a visual shape, but no collision shape; "
+        "add <collision> [shapeless-links]"
+    )
+    assert warned(tmp_path, scenario(expect, "allow: [shapeless-links]\n")) == []
+    assert warned(tmp_path, scenario("clearance: {at_least: 1 m, links: [base]}")) == []
+    assert warned(tmp_path, scenario("upright")) == []
+
+
+def test_parts_of_a_body_with_a_shape_and_a_base_that_cannot_move_need_none(tmp_path: Path) -> None:
+    robot(tmp_path, base=COLLISION, decor=VISUAL, arm=VISUAL, hand=COLLISION)
+    assert warned(tmp_path, scenario("no_collision")) == []
+    robot(tmp_path, base=VISUAL, decor=VISUAL, hand=COLLISION)
+    assert warned(tmp_path, scenario("no_collision", base="fixed")) == []
+    assert len(warned(tmp_path, scenario("no_collision"))) == 1
