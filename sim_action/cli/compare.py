@@ -41,7 +41,7 @@ from sim_action.core.errors import ExitCode
 def compare(
     old: str, new: str, *, margin: float, slower: float, strict: bool, markdown: str | None, summary: bool
 ) -> ExitCode:
-    """Compare two runs: new failures, fixed scenarios, smaller margins.
+    """Compare two runs: new failures, fixed scenarios, weaker checks, smaller margins.
 
     OLD and NEW are results.json files, or folders. A folder contains one results.json, or the results.json files of all
     shards.

@@ -10,6 +10,7 @@ from typing import Final, Literal, TextIO
 from rich.console import Console
 from rich.text import Text
 
+from sim_action.core import units
 from sim_action.reports.escaping import log_text, markdown_text, shortened
 from sim_action.reports.formatting import measurements, quantity, speed_text
 from sim_action.reports.github.markdown import code, row, table
@@ -17,6 +18,7 @@ from sim_action.reports.statuses import STATUS_DISPLAYS
 from sim_action.reports.terminal import open_console
 from sim_action.results.comparison import Change, ChangeKind, Comparison, SmallerMargin
 from sim_action.results.outcome import ExpectationOutcome, Outcome
+from sim_action.results.weaker_checks import WeakerCheck, WeakerKind
 
 Look = Literal["bad", "warning", "note", "good"]
 
@@ -30,6 +32,12 @@ _LOOKS: Final[dict[ChangeKind, Look]] = {
     "still fails": "note",
     "fixed": "good",
     "new": "good",
+}
+_WEAKER: Final[dict[WeakerKind, str]] = {
+    "removed": "no longer checked",
+    "severity": "only a warning now",
+    "unexercised": "only a warning now",
+    "limit": "weaker limit",
 }
 _ORDER: Final[tuple[Look, ...]] = ("bad", "warning", "note", "good")
 
@@ -78,12 +86,16 @@ def _rows_of(change: Change) -> Iterator[Row]:
     for missed in change.missed:
         what = "no longer checked" if missed.verdict.status == "not_exercised" else "no longer holds"
         yield Row("warning", what, change.outcome, f"{missed.name}: {missed.verdict.message}")
+    for weaker in change.weaker:
+        yield Row("warning", _WEAKER[weaker.kind], change.outcome, _weaker_text(weaker))
     for smaller in change.smaller_margins:
         yield Row("warning", "margin shrinks", change.outcome, _margins_text(smaller))
     elsewhere = "" if change.processors is None else " (different CPUs: before {}, now {})".format(*change.processors)
     if slower := change.slower:
         told = f"{speed_text(slower.old)}, now {speed_text(slower.new)}{elsewhere}"
         yield Row("note" if elsewhere else "warning", "slower", change.outcome, told)
+    for old, new in change.renamed:
+        yield Row("note", "check renamed", change.outcome, f"{new}; was: {old}")
     # If the verdict changed, a different motion is expected.
     if change.moves_differently and change.kind in ("still passes", "still fails"):
         detail = f"different digest with the same seed on the same engine{elsewhere}"
@@ -131,6 +143,22 @@ def _same(outcome: Outcome | None, failed: ExpectationOutcome | None) -> Expecta
     if outcome is None or failed is None:
         return None
     return next((each for each in outcome.expectations if each.name == failed.name), None)
+
+
+def _weaker_text(weaker: WeakerCheck) -> str:
+    """Return a text such as "clearance: limit 0.1 m, was 0.3 m"."""
+    old, new = weaker.old, weaker.new
+    if new is None:
+        return f"{old.name}: removed from the scenario"
+    if weaker.kind == "severity":
+        return f"{new.name}: severity {new.severity}, was {old.severity}"
+    if weaker.kind == "unexercised":
+        return f"{new.name}: unexercised {new.unexercised}, was {old.unexercised}"
+    before, now = old.verdict, new.verdict
+    assert before.limit is not None, "the limit allows more"
+    assert now.limit is not None, "the limit allows more"
+    limit, was = units.display_apart(now.limit, before.limit, now.unit)
+    return f"{new.name}: limit {limit}, was {was}"
 
 
 def _margins_text(smaller: SmallerMargin) -> str:

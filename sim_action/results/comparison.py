@@ -1,4 +1,4 @@
-"""Compare the results of two runs of the same scenarios: new failures, fixed scenarios, smaller margins, slower runs.
+"""Compare the results of two runs of the same scenarios: new failures, weaker checks, smaller margins, slower runs.
 
 Two scenarios are the same if their files and names are equal. If a file was moved, an unambiguous name is enough.
 """
@@ -12,6 +12,7 @@ from typing import Final, Literal
 
 from sim_action.core.errors import ExitCode
 from sim_action.results.outcome import ExpectationOutcome, Outcome
+from sim_action.results.weaker_checks import Pair, WeakerCheck, has_same_limit, paired_expectations, weaker_checks
 
 ChangeKind = Literal[
     "newly fails",
@@ -91,6 +92,8 @@ class Change:
     Attributes:
         old, new: the outcomes; one of them is None if only one run has the scenario.
         missed: expectations that held before and do not hold now, unless the scenario newly fails because of them.
+        weaker: expectations that were removed, that only warn now, or whose limit allows more.
+        renamed: the old and new names of expectations with another name; their limits do not allow more.
         moves_differently: True if the digests differ with the same seed on the same engine build.
         processors: the CPU models of both runs if they differ; the speeds cannot be compared then.
     """
@@ -101,6 +104,8 @@ class Change:
     missed: tuple[ExpectationOutcome, ...] = ()
     smaller_margins: tuple[SmallerMargin, ...] = ()
     slower: Slower | None = None
+    weaker: tuple[WeakerCheck, ...] = ()
+    renamed: tuple[tuple[str, str], ...] = ()
     moves_differently: bool = False
     processors: tuple[str, str] | None = None
 
@@ -120,7 +125,7 @@ class Change:
     def warnings(self) -> int:
         """The number of warnings; a new failure is not one of them."""
         slower = self.slower is not None and self.processors is None
-        return (self.kind in _WARNINGS) + len(self.missed) + len(self.smaller_margins) + slower
+        return (self.kind in _WARNINGS) + sum(map(len, (self.missed, self.weaker, self.smaller_margins))) + slower
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,7 +194,9 @@ def _change(old: Outcome | None, new: Outcome | None, thresholds: Thresholds) ->
     kind = _change_kind(old, new)
     if old is None or new is None:
         return Change(kind, old, new)
-    pairs = list(_paired_expectations(old, new))
+    pairs = paired_expectations(old, new)
+    weaker = tuple(weaker_checks(old, new, pairs))
+    looser = {id(each.new) for each in weaker if each.kind == "limit"}
     return Change(
         kind,
         old,
@@ -197,6 +204,8 @@ def _change(old: Outcome | None, new: Outcome | None, thresholds: Thresholds) ->
         missed=() if kind in _FAILURES else tuple(_missed(pairs)),
         smaller_margins=tuple(smaller for pair in pairs if (smaller := _smaller_margin(*pair, thresholds.margin))),
         slower=_slower(old, new, thresholds.speed),
+        weaker=weaker,
+        renamed=tuple((one.name, now.name) for one, now in pairs if one.name != now.name and id(now) not in looser),
         moves_differently=_moves_differently(old, new),
         processors=_processors(old, new),
     )
@@ -228,17 +237,7 @@ def _is_bad(outcome: Outcome) -> bool:
     return outcome.status not in ("passed", "skipped")
 
 
-def _paired_expectations(old: Outcome, new: Outcome) -> Iterator[tuple[ExpectationOutcome, ExpectationOutcome]]:
-    """Pair the expectations with equal assertion and name; duplicates are paired in their order."""
-    waiting: dict[tuple[str, str], list[ExpectationOutcome]] = {}
-    for expected in old.expectations:
-        waiting.setdefault((expected.assertion, expected.name), []).append(expected)
-    for expected in new.expectations:
-        if before := waiting.get((expected.assertion, expected.name)):
-            yield before.pop(0), expected
-
-
-def _missed(pairs: Iterable[tuple[ExpectationOutcome, ExpectationOutcome]]) -> Iterator[ExpectationOutcome]:
+def _missed(pairs: Iterable[Pair]) -> Iterator[ExpectationOutcome]:
     for old, new in pairs:
         if old.status == "passed" and new.status != "passed" and not new.verdict.cut_off:
             yield new
@@ -247,6 +246,9 @@ def _missed(pairs: Iterable[tuple[ExpectationOutcome, ExpectationOutcome]]) -> I
 def _smaller_margin(old: ExpectationOutcome, new: ExpectationOutcome, threshold: float) -> SmallerMargin | None:
     before, now = old.verdict, new.verdict
     if not (old.status == new.status == "passed") or now.goal or before.unit != now.unit:
+        return None
+    # The margin to a new limit is another quantity, unless the user keeps the name.
+    if old.name != new.name and not has_same_limit(before, now):
         return None
     if before.margin is None or now.margin is None or now.margin >= threshold * before.margin:
         return None

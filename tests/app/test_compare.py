@@ -125,3 +125,16 @@ def test_no_summary_where_none_is_wanted(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setenv("GITHUB_STEP_SUMMARY", "summary.md")
     compare_results(CompareRequest("old", "new", summary=False))
     assert not Path("summary.md").exists()
+
+
+def test_a_scenario_that_checks_less_is_a_warning(capsys: pytest.CaptureFixture[str]) -> None:
+    strict, weak = outcome("a.sim.yml"), outcome("a.sim.yml")
+    (travel,) = strict.expectations
+    more = (travel, travel.model_copy(update={"name": "stay upright", "assertion": "upright"}))
+    stored(Path("strict"), results(strict.model_copy(update={"expectations": more})))
+    stored(Path("weak"), results(weak))
+    assert compare_results(CompareRequest("strict", "weak", markdown="comment.md")) is ExitCode.PASSED
+    assert "no longer checked  a  a.sim.yml  stay upright: removed from the scenario" in capsys.readouterr().out
+    assert "| no longer checked |" in Path("comment.md").read_text(encoding="utf-8")
+    assert compare_results(CompareRequest("strict", "weak", strict=True)) is ExitCode.FAILED
+    assert compare_results(CompareRequest("weak", "strict", strict=True)) is ExitCode.PASSED

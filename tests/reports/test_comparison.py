@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import pytest
 from markdown_it import MarkdownIt
@@ -12,7 +13,7 @@ from markdown_it import MarkdownIt
 from sim_action.core.provenance import Provenance
 from sim_action.reports.comparison import MAX_CHARACTERS, comparison_markdown, headline, print_comparison, rows
 from sim_action.results.comparison import Comparison, compare_outcomes
-from sim_action.results.outcome import Failure, Outcome
+from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
 from sim_action.results.results_json import Results
 
 Samples = dict[str, Results]
@@ -39,7 +40,23 @@ def several(samples: Samples) -> Comparison:
     )
     old += [_named("shaky", passed), _named("once", flaky)]
     new += [_named("shaky", flaky), _named("once", passed)]
+    travel = passed.expectations[0]
+    strict = _with(passed, travel, travel.model_copy(update={"name": "stay upright", "assertion": "upright"}))
+    looser = replace(travel.verdict, limit=1.0, margin=0.5012)
+    old += [_named("weaker", strict)]
+    loose = _renamed(travel, "travel at least 1 m", verdict=looser, severity="warning")
+    new += [_named("weaker", _with(passed, loose))]
+    old += [_named("renamed", passed)]
+    new += [_named("renamed", _with(passed, _renamed(travel, "come home", unexercised="warn")))]
     return compare_outcomes(old, new)
+
+
+def _with(outcome: Outcome, *expectations: ExpectationOutcome) -> Outcome:
+    return outcome.model_copy(update={"expectations": expectations})
+
+
+def _renamed(expected: ExpectationOutcome, name: str, **fields: Any) -> ExpectationOutcome:
+    return expected.model_copy(update={"name": name, **fields})
 
 
 def _made_on(cpu: str) -> Provenance:

@@ -20,7 +20,7 @@ from sim_action.results.comparison import (
     compare_outcomes,
 )
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, Repeats, Status
-from sim_action.state.verdict import Verdict
+from sim_action.state.verdict import Judged, Verdict
 
 STATUSES: tuple[Status, ...] = ("passed", "failed", "flaky", "error", "skipped")
 
@@ -39,6 +39,9 @@ def outcome(name: str = "a", status: Status = "passed", *, file: str = "a.sim.ym
         fields["failures"] = (Failure(kind="crash", title="SIGSEGV", message="it crashed"),)
     if status == "failed":
         fields.setdefault("expectations", (expected(passed=False, margin=-0.1),))
+    if status in ("passed", "not_exercised"):
+        judged = Judged(0 if status == "not_exercised" else 240)
+        fields.setdefault("expectations", (expected(judged=judged),))
     return Outcome(name=name, file=file, status=status, **fields)
 
 

@@ -1,0 +1,111 @@
+"""Compare the expectations of one scenario in two runs: removed ones, softened ones, and limits that allow more."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from sim_action.results.outcome import ExpectationOutcome, Outcome
+from sim_action.state.verdict import Verdict
+
+WeakerKind = Literal["removed", "severity", "unexercised", "limit"]
+"""The way in which a scenario checks less than before.
+
+- removed: the new run does not have the expectation.
+- severity: it was an error if the expectation failed, and is a warning now.
+- unexercised: it was an error if the expectation was never judged, and is a warning now.
+- limit: the new limit allows more.
+"""
+
+Pair = tuple[ExpectationOutcome, ExpectationOutcome]
+"""One expectation in the old and in the new run."""
+
+# They report one of several limits, or a limit that is itself measured: it can differ although the file did not change.
+_CHANGING_LIMITS: Final = frozenset({"all_of", "any_of", "not", "stl", "matches", "follow_path", "assertion"})
+
+# Results of different versions may round a converted limit differently.
+_SAME_LIMIT: Final = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class WeakerCheck:
+    """An expectation that checks less than before; `new` is None if it was removed."""
+
+    kind: WeakerKind
+    old: ExpectationOutcome
+    new: ExpectationOutcome | None = None
+
+
+def paired_expectations(old: Outcome, new: Outcome) -> list[Pair]:
+    """Pair the expectations with equal assertion and name, in the order of the new run; duplicates in their order.
+
+    Of the others, two of one assertion are a pair if each run has exactly one of them: its name has changed, as the
+    default name does with the limit.
+    """
+    before: dict[tuple[str, str], list[ExpectationOutcome]] = {}
+    for expected in old.expectations:
+        before.setdefault((expected.assertion, expected.name), []).append(expected)
+    partners: list[ExpectationOutcome | None] = []
+    for expected in new.expectations:
+        same = before.get((expected.assertion, expected.name))
+        partners.append(same.pop(0) if same else None)
+    left = _only_ones(expected for same in before.values() for expected in same)
+    added = _only_ones(expected for expected, one in zip(new.expectations, partners, strict=True) if one is None)
+    paired = ((one or _renamed(now, added, left), now) for one, now in zip(partners, new.expectations, strict=True))
+    return [(one, now) for one, now in paired if one is not None]
+
+
+def weaker_checks(old: Outcome, new: Outcome, pairs: Sequence[Pair]) -> Iterator[WeakerCheck]:
+    """Yield the expectations that check less in the new run, if it has verdicts; `pairs`: those of both runs."""
+    if not new.has_verdict:
+        return
+    kept = {id(one) for one, _ in pairs}
+    yield from (WeakerCheck("removed", one) for one in old.expectations if id(one) not in kept)
+    alike = old.digest is not None and old.digest == new.digest
+    for one, now in pairs:
+        if (one.severity, now.severity) == ("error", "warning"):
+            yield WeakerCheck("severity", one, now)
+        if (one.unexercised, now.unexercised) == ("error", "warn"):
+            yield WeakerCheck("unexercised", one, now)
+        fixed = alike or one.name != now.name or now.assertion not in _CHANGING_LIMITS
+        if fixed and _allows_more(one.verdict, now.verdict):
+            yield WeakerCheck("limit", one, now)
+
+
+def has_same_limit(old: Verdict, new: Verdict) -> bool:
+    """Return True if two verdicts have equal limits, or both none."""
+    if old.limit is None or new.limit is None:
+        return old.limit is new.limit
+    return old.unit == new.unit and math.isclose(old.limit, new.limit, rel_tol=_SAME_LIMIT)
+
+
+def _only_ones(expectations: Iterable[ExpectationOutcome]) -> dict[str, ExpectationOutcome]:
+    """Return assertion -> expectation for assertions that occur exactly once."""
+    every = list(expectations)
+    counts = Counter(expected.assertion for expected in every)
+    return {expected.assertion: expected for expected in every if counts[expected.assertion] == 1}
+
+
+def _renamed(
+    now: ExpectationOutcome, added: dict[str, ExpectationOutcome], left: dict[str, ExpectationOutcome]
+) -> ExpectationOutcome | None:
+    return left.get(now.assertion) if added.get(now.assertion) is now else None
+
+
+def _allows_more(old: Verdict, new: Verdict) -> bool:
+    """Return True if the limit has moved to the permissive side; False if that side is not known."""
+    if old.unit != new.unit or old.limit is None or new.limit is None or has_same_limit(old, new):
+        return False
+    sides = {side for verdict in (old, new) if (side := _side(verdict))}
+    return sides == ({-1} if new.limit > old.limit else {1})
+
+
+def _side(verdict: Verdict) -> int:
+    """Return 1 for a lower limit, -1 for an upper one; 0 if the verdict does not show it."""
+    if verdict.measured is None or verdict.limit is None or not verdict.margin:
+        return 0
+    above = verdict.measured - verdict.limit
+    return 0 if not above else 1 if (above > 0) == (verdict.margin > 0) else -1

@@ -1,0 +1,194 @@
+"""A scenario that checks less than before."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim_action.core.errors import ExitCode, Location
+from sim_action.results.comparison import Change, compare_outcomes
+from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, status_of
+from sim_action.results.weaker_checks import weaker_checks
+from sim_action.state.verdict import Judged, Verdict
+
+
+def expected(name: str = "clear", assertion: str = "clearance", **fields: Any) -> ExpectationOutcome:
+    """The clearance is 0.5 m, and the limit 0.3 m."""
+    kept = {key: fields.pop(key) for key in ("severity", "unexercised") if key in fields}
+    told = {"passed": True, "measured": 0.5, "limit": 0.3, "margin": 0.2, "unit": "m", **fields}
+    return ExpectationOutcome(
+        name=name,
+        assertion=assertion,
+        location=Location("a.sim.yml", 8, 5),
+        verdict=Verdict(**told),
+        **{"severity": "error", **kept},
+    )
+
+
+def at_least(limit: float, measured: float = 0.5, **fields: Any) -> ExpectationOutcome:
+    return expected(measured=measured, limit=limit, margin=measured - limit, passed=measured >= limit, **fields)
+
+
+def at_most(limit: float, measured: float = 0.5, **fields: Any) -> ExpectationOutcome:
+    return expected(measured=measured, limit=limit, margin=limit - measured, passed=measured <= limit, **fields)
+
+
+def outcome(*expectations: ExpectationOutcome, **fields: Any) -> Outcome:
+    return Outcome(
+        name="a", file="a.sim.yml", **{"status": status_of(expectations), "expectations": expectations, **fields}
+    )
+
+
+def changed(old: Outcome, new: Outcome) -> Change:
+    comparison = compare_outcomes([old], [new])
+    (change,) = comparison.changes
+    if not change.failed:
+        assert comparison.exit_code() is ExitCode.PASSED
+        assert comparison.exit_code(strict=True) is (ExitCode.FAILED if change.warnings else ExitCode.PASSED)
+    return change
+
+
+def weaker(old: Outcome, new: Outcome) -> list[tuple[str, str]]:
+    return [(each.kind, (each.new or each.old).name) for each in changed(old, new).weaker]
+
+
+def test_an_expectation_that_was_removed_is_a_warning() -> None:
+    change = changed(outcome(expected(), expected("tilt", "upright")), outcome(expected()))
+    assert [(each.kind, each.old.name, each.new) for each in change.weaker] == [("removed", "tilt", None)]
+    assert (change.kind, change.warnings) == ("still passes", 1)
+    assert not changed(outcome(expected()), outcome(expected(), expected("tilt", "upright"))).warnings
+
+
+def test_a_failed_expectation_that_was_removed_fixes_nothing() -> None:
+    change = changed(outcome(expected(), at_least(0.8, name="far")), outcome(expected()))
+    assert (change.kind, change.warnings) == ("fixed", 1)
+    change = changed(outcome(expected(), expected("tilt", "upright")), outcome(at_least(0.8)))
+    assert (change.kind, [each.kind for each in change.weaker]) == ("newly fails", ["removed"])
+
+
+def test_one_of_two_with_the_same_name_was_removed() -> None:
+    assert weaker(outcome(expected(), expected()), outcome(expected())) == [("removed", "clear")]
+
+
+@pytest.mark.parametrize("status", ["error", "flaky", "skipped"])
+def test_a_run_without_verdicts_removes_nothing(status: str) -> None:
+    failures = () if status == "skipped" else (Failure(kind="crash", title="SIGSEGV", message="it crashed"),)
+    assert not weaker(outcome(expected()), outcome(status=status, failures=failures))
+
+
+@pytest.mark.parametrize("holds", [True, False])
+def test_an_error_that_is_only_a_warning_now(holds: bool) -> None:
+    soft = expected(severity="warning", passed=holds, margin=0.2 if holds else -0.2, measured=0.5 if holds else 0.1)
+    assert weaker(outcome(expected()), outcome(soft)) == [("severity", "clear")]
+    assert weaker(outcome(soft), outcome(soft)) == []
+    assert weaker(outcome(soft), outcome(expected())) == []
+
+
+def test_an_expectation_that_may_be_left_unjudged_now() -> None:
+    accepted = expected(unexercised="warn")
+    assert weaker(outcome(expected()), outcome(accepted)) == [("unexercised", "clear")]
+    assert weaker(outcome(accepted), outcome(accepted)) == []
+    assert weaker(outcome(accepted), outcome(expected())) == []
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "found"),
+    [
+        (at_least(0.3), at_least(0.1), True),
+        (at_least(0.1), at_least(0.3), False),
+        (at_least(0.3), at_least(0.3, measured=0.9), False),
+        (at_least(0.3), at_least(0.3 * (1 - 1e-9)), False),
+        (at_most(0.6), at_most(0.9), True),
+        (at_most(0.9), at_most(0.6), False),
+        (at_least(0.5), at_least(0.4), True),
+        (at_most(0.5), at_most(0.4), False),
+        (at_least(0.8), at_least(0.4), True),
+        (at_most(0.4), at_most(0.8), True),
+        (at_least(0.3), at_most(0.6), False),
+        (at_least(0.3), at_least(0.1, unit="rad"), False),
+        (at_least(0.3), expected(limit=0.1, measured=None, margin=None, passed=False, judged=Judged()), True),
+        (expected(margin=None), expected(margin=None, limit=0.1), False),
+        (at_least(0.3), expected(limit=None, margin=None), False),
+    ],
+    ids=[
+        *("lower limit down", "lower limit up", "same limit", "rounded otherwise", "upper limit up"),
+        *("upper limit down", "old on its limit", "upper limit down to what was on it", "failed before"),
+        *("failed before, upper", "another side", "another unit", "never judged now", "side unknown", "no limit"),
+    ],
+)
+def test_limits_that_allow_more(old: ExpectationOutcome, new: ExpectationOutcome, found: bool) -> None:
+    change = changed(outcome(old), outcome(new))
+    assert [each.kind for each in change.weaker] == ["limit"] * found
+
+
+@given(st.sampled_from([at_least, at_most]), *[st.floats(0.0, 1.0)] * 4)
+def test_a_weaker_limit_accepts_more_values(
+    side: Any, limit: float, other: float, measured: float, again: float
+) -> None:
+    old, new = side(limit, measured), side(other, again)
+    found = list(weaker_checks(outcome(old), outcome(new), [(old, new)]))
+    if found:
+        assert other < limit if side is at_least else other > limit
+        assert not list(weaker_checks(outcome(new), outcome(old), [(new, old)]))
+
+
+def test_a_default_name_that_changes_with_its_limit_is_the_same_expectation() -> None:
+    old = outcome(expected("tilt", "upright"), at_least(0.3, name="at least 0.3 m"))
+    change = changed(old, outcome(at_least(0.1, name="at least 0.1 m"), expected("tilt", "upright")))
+    assert [(each.kind, each.old.name, each.new and each.new.name) for each in change.weaker] == [
+        ("limit", "at least 0.3 m", "at least 0.1 m")
+    ]
+    assert change.renamed == ()
+    tighter = changed(old, outcome(expected("tilt", "upright"), at_least(0.45, name="at least 0.45 m")))
+    assert (tighter.renamed, tighter.warnings) == ((("at least 0.3 m", "at least 0.45 m"),), 0)
+
+
+def test_a_name_that_the_user_changed_is_the_same_expectation() -> None:
+    change = changed(outcome(expected("a")), outcome(expected("b")))
+    assert (change.renamed, change.warnings) == ((("a", "b"),), 0)
+    softer = changed(outcome(expected("a")), outcome(expected("b", severity="warning")))
+    assert [each.kind for each in softer.weaker] == ["severity"]
+    smaller = changed(outcome(expected("a")), outcome(expected("b", margin=0.01, measured=0.31)))
+    assert [each.expectation for each in smaller.smaller_margins] == ["b"]
+
+
+def test_of_several_other_names_no_pair_is_known() -> None:
+    old = outcome(expected("a"), expected("b"), expected("same"))
+    change = changed(old, outcome(expected("c"), expected("d"), expected("same")))
+    assert [(each.kind, each.old.name) for each in change.weaker] == [("removed", "a"), ("removed", "b")]
+    assert weaker(old, outcome(expected("same"), expected("c"))) == [("removed", "a"), ("removed", "b")]
+    assert weaker(outcome(expected("a")), outcome(expected("a", "upright"))) == [("removed", "a")]
+
+
+def test_a_limit_that_is_measured_may_change_with_the_motion() -> None:
+    """The right side of an `stl` formula can be a signal, and `all_of` reports one of several limits."""
+    old, new = (at_least(limit, assertion="stl") for limit in (0.3, 0.1))
+    assert weaker(outcome(old), outcome(new)) == []
+    assert weaker(outcome(old, digest="f0"), outcome(new, digest="f1")) == []
+    assert weaker(outcome(old, digest="f0"), outcome(new, digest="f0")) == [("limit", "clear")]
+    other = new.model_copy(update={"name": "another formula"})
+    assert weaker(outcome(old), outcome(other)) == [("limit", "another formula")]
+
+
+expectations = st.lists(
+    st.builds(
+        at_least,
+        st.sampled_from([0.1, 0.3]),
+        name=st.sampled_from("ab"),
+        assertion=st.sampled_from(["clearance", "stl"]),
+        severity=st.sampled_from(["error", "warning"]),
+    ),
+    min_size=1,
+    max_size=5,
+)
+
+
+@given(expectations, expectations)
+def test_every_expectation_is_paired_or_reported(old: list[ExpectationOutcome], new: list[ExpectationOutcome]) -> None:
+    found = changed(outcome(*old), outcome(*new)).weaker
+    removed = [each.old for each in found if each.kind == "removed"]
+    assert len(old) - len(removed) <= len(new)
+    assert not changed(outcome(*old), outcome(*old)).weaker
