@@ -57,6 +57,8 @@ class KnownRobot:
             "expect": [{"upright": {"max_tilt": "5 deg"}}, {"travel": {"at_most": "2 cm"}}],
             "duration": seconds,
             "time_limit": seconds,
+            # A fixed base does rest.
+            "allow": ["fixed-base"],
         }
         path = folder / f"{self.name}.sim.yml"
         path.write_text(json.dumps(scenario))

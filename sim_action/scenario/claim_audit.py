@@ -65,6 +65,10 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
             "`no_collision`, `clearance`, `contact` or `stops_before` on a robot without a collision shape: "
             "the engine sees no contact and no distance",
         ),
+        "fixed-base": Rule(
+            "error",
+            "an assertion about the motion of a fixed base, such as `travel`, or `matches` without `joints`",
+        ),
         "shapeless-links": Rule(
             "warning", "such an assertion where moving links have a visual shape but no collision shape"
         ),

@@ -13,6 +13,9 @@ from sim_action.scenario.model import Scenario
 from sim_action.world.scene import Scene
 
 _OF_CONTACTS: Final = frozenset({"no_collision", "clearance", "contact", "stops_before"})
+_OF_BASE: Final = frozenset(
+    {"travel", "path_length", "reach", "stay_within", "upright", "max_speed", "final_pose", "follow_path"}
+)
 _MAX_LINKS: Final = 5
 
 
@@ -20,6 +23,8 @@ def audit_robot(scene: Scene, scenario: Scenario, expect_paths: Sequence[KeyPath
     """Yield the findings about assertions that do not fit the robot."""
     leaves = list(placed_leaves(scenario, expect_paths))
     yield from _shapes(leaves, scene)
+    if scene.bolted:
+        yield from _fixed_base(leaves)
 
 
 def _shapes(leaves: Sequence[tuple[KeyPath, Any]], scene: Scene) -> Iterator[ClaimFinding]:
@@ -43,6 +48,21 @@ def _shapes(leaves: Sequence[tuple[KeyPath, Any]], scene: Scene) -> Iterator[Cla
         has = "links have" if len(unseen) > 1 else "link has"
         message = f"contacts of {_quoted(unseen)} are not seen: the {has} a visual shape, but no collision shape"
         yield ClaimFinding("shapeless-links", all_links[0], f"{message}; add <collision>")
+
+
+def _fixed_base(leaves: Sequence[tuple[KeyPath, Any]]) -> Iterator[ClaimFinding]:
+    """Yield assertions about the motion of a base that cannot move."""
+    use = "judge its joints with joint, joint_within or matches: {joints: ...}, or free the base"
+    for path, assertion in leaves:
+        if assertion.key in _OF_BASE:
+            message = f"{assertion.key} judges the base of the robot, but it is fixed and never moves; {use}"
+            yield ClaimFinding("fixed-base", path, message)
+        elif assertion.key == "settled" and assertion.joints is False:
+            message = "only the base must come to rest, but it is fixed and never moves; remove 'joints: false'"
+            yield ClaimFinding("fixed-base", (*path, "joints"), message)
+        elif assertion.key == "matches" and not assertion.joints:
+            message = "only the base is compared, but it is fixed and never moves; add tolerances in 'joints'"
+            yield ClaimFinding("fixed-base", path, message)
 
 
 def _shapeless(scene: Scene) -> list[Link]:

@@ -272,7 +272,7 @@ def scenario(folder: Path, points: str, others: str = "", robot: str = "") -> st
     shutil.copy(EXAMPLES / "arm.urdf", folder)
     return (
         f"name: arm\nrobot: {{model: arm.urdf, base: fixed{robot}}}\ncommands:\n  joints: {points}\n{others}"
-        "expect: [upright]\ntime_limit: 9 s\n"
+        "expect: [settled]\ntime_limit: 9 s\n"
     )
 
 
@@ -384,7 +384,7 @@ robot: {model: arm.urdf, base: fixed}
 commands:
   - joints: [{at: 1, position: {elbow: 1}}]
   - joints: [{at: 1, velocity: {elbow: 1, shoulder: 1}}]
-expect: [upright]
+expect: [settled]
 time_limit: 9 s
 """,
     )

@@ -99,7 +99,13 @@ def inspected(folder: Path, model: str, *options: str) -> tuple[str, dict[str, A
 
 
 def run(folder: Path, block: str, **rest: object) -> dict[str, Any]:
-    spec = {"name": "pasted", "time_limit": "2 s", "expect": [{"upright": {"max_tilt": "10 deg"}}], **rest}
+    spec = {
+        "name": "pasted",
+        "allow": ["fixed-base"],
+        "time_limit": "2 s",
+        "expect": [{"upright": {"max_tilt": "10 deg"}}],
+        **rest,
+    }
     (folder / "pasted.sim.yml").write_text(block + yaml.safe_dump(spec))
     ran = sim_action(folder, "run", "--allow-outside", "pasted.sim.yml")
     assert ran.returncode == 0, ran.stdout + ran.stderr

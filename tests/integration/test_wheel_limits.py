@@ -65,7 +65,7 @@ def test_a_twist_beyond_the_limits_is_the_fastest_within_them_on_the_same_curve(
 def test_a_twist_for_a_robot_that_is_bolted_down_is_noted(engine: str, tmp_path: Path) -> None:
     (tmp_path / "robot.urdf").write_bytes((DRIVES / "rover.urdf").read_bytes())
     text = SCENARIO.format(drive=", base: fixed", linear=0.1, angular=0, engine=engine)
-    text = text.replace("[{travel: {at_least: 1 mm}}]", "[upright]").replace("4 s", "0.2 s")
+    text = text.replace("[{travel: {at_least: 1 mm}}]", "[upright]").replace("4 s", "0.2 s") + "allow: [fixed-base]\n"
     loaded = load(tmp_path, text)
     bolted = simulate(loaded.scenario, build_scene(loaded), lambda _: None)
     assert BOLTED in bolted.notes

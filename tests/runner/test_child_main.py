@@ -15,7 +15,9 @@ from tests.robot.bad_models import GOOD
 pytestmark = pytest.mark.process
 
 ROOT: Final = Path(__file__).parents[2]
-SCENARIO: Final = "name: n\nrobot: {{model: {}, base: fixed}}\nexpect: [upright]\ntime_limit: 0.1 s\n"
+SCENARIO: Final = (
+    "name: n\nrobot: {{model: {}, base: fixed}}\nexpect: [upright]\ntime_limit: 0.1 s\nallow: [fixed-base]\n"
+)
 
 # Runs the scenario here, and prints how often its model is opened: while it is loaded, and while it runs.
 COUNT: Final = """

@@ -22,7 +22,7 @@ ARM = """\
 def arm(folder: Path, robot: str = "", inertial: str = INERTIAL, limits: str = 'lower="-1" upper="1.5707963"') -> str:
     """A scenario with an arm in it, and with keys of `robot`."""
     (folder / "arm.urdf").write_text(ARM.format(inertial=inertial, limits=limits))
-    return f"name: arm\nrobot: {{model: arm.urdf{robot}}}\nexpect: [upright]\ntime_limit: 1 s\n"
+    return f"name: arm\nrobot: {{model: arm.urdf{robot}}}\nexpect: [upright]\ntime_limit: 1 s\nallow: [fixed-base]\n"
 
 
 def test_a_free_base_without_mass_would_stand_still(tmp_path: Path) -> None:

@@ -181,7 +181,7 @@ def test_a_segment_in_milliseconds(tmp_path: Path) -> None:
 
 def test_a_joint_point_beyond_the_run(tmp_path: Path) -> None:
     points = "commands: {joints: [{at: 1 s, position: {elbow: 1}}, {at: 1500, position: {elbow: 0}}]}\n"
-    assert [rule for _, rule in warnings(tmp_path, arm(tmp_path, "upright") + points)] == ["segment-beyond-run"]
+    assert [rule for _, rule in warnings(tmp_path, arm(tmp_path, "settled") + points)] == ["segment-beyond-run"]
 
 
 def test_a_golden_file_of_one_row(tmp_path: Path) -> None:

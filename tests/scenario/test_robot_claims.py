@@ -86,3 +86,41 @@ def test_parts_of_a_body_with_a_shape_and_a_base_that_cannot_move_need_none(tmp_
     robot(tmp_path, base=VISUAL, decor=VISUAL, hand=COLLISION)
     assert warned(tmp_path, scenario("no_collision", base="fixed")) == []
     assert len(warned(tmp_path, scenario("no_collision"))) == 1
+
+
+@pytest.mark.parametrize(
+    ("expect", "key"),
+    [
+        ("travel: {at_least: 1 m}", "travel"),
+        ("path_length: {at_most: 1 m}", "path_length"),
+        ("reach: {x: 0, y: 0}", "reach"),
+        ("stay_within: {x: [-1, 1]}", "stay_within"),
+        ("upright", "upright"),
+        ("max_speed: {linear: 1}", "max_speed"),
+        ("final_pose: {x: 0}", "final_pose"),
+        ("follow_path: {path: [{x: 0, y: 0}, {x: 1, y: 0}], max_error: 0.1}", "follow_path"),
+        ("settled: {joints: false}", "settled.joints"),
+        ("not: {upright: {}}", "not.upright"),
+    ],
+)
+def test_a_fixed_base_cannot_move(expect: str, key: str, tmp_path: Path) -> None:
+    robot(tmp_path, base=COLLISION)
+    (problem,) = found(tmp_path, scenario(expect, base="fixed"), "fixed-base")
+    assert f"expect.0.{key}: " in problem.message
+    assert load(tmp_path, scenario(expect, "allow: [fixed-base]\n", base="fixed"))
+    assert load(tmp_path, scenario(expect))
+
+
+def test_joints_of_a_robot_with_a_fixed_base_can_be_judged(tmp_path: Path) -> None:
+    robot(tmp_path, base=COLLISION)
+    golden = "# sim-action golden trajectory 1: r\ntime_s,x_m,y_m,z_m,yaw_rad,arm_joint_rad\n"
+    (tmp_path / "golden.csv").write_text(f"{golden}0.0,0.0,0.0,1.0,0.0,0.0\n0.1,0.0,0.0,1.0,0.0,0.0\n")
+    for expect in (
+        "settled",
+        "joint: {name: arm_joint, at_most: 1}",
+        "matches: {trace: golden.csv, joints: {'*': 0.1}}",
+    ):
+        assert load(tmp_path, scenario(expect, base="fixed"))
+    (tmp_path / "golden.csv").unlink()
+    (problem,) = found(tmp_path, scenario("matches: {trace: golden.csv, position: 1 cm}", base="fixed"), "fixed-base")
+    assert "add tolerances in 'joints' [fixed-base]" in problem.message

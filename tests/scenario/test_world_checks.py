@@ -142,6 +142,7 @@ def test_disturbances_that_cannot_be(keys: str, problem: str, tmp_path: Path) ->
 
 def test_nothing_moves_what_is_bolted(tmp_path: Path) -> None:
     text = disturbed("at: 1, for: 1, force: [1, 0, 0]").replace("burger}", "burger, base: fixed}")
+    text += "allow: [fixed-base]\n"
     (found,) = told(tmp_path, text)
     assert found.endswith("link 'base_footprint' is fixed to the world, so nothing moves it")
     wheel = text.replace("for: 1,", "for: 1, link: wheel_left_link,")

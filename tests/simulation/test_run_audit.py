@@ -54,7 +54,7 @@ def test_a_robot_that_only_turns_has_moved(tmp_path: Path) -> None:
 
 
 def test_wheels_of_a_fixed_base_move(tmp_path: Path) -> None:
-    fixed = STANDING.replace("burger}", "burger, base: fixed, pose: {z: 1}}")
+    fixed = STANDING.replace("burger}", "burger, base: fixed, pose: {z: 1}}") + "allow: [fixed-base]\n"
     assert rules(tmp_path, fixed + "commands: {twist: [{linear: 0.1}]}\n") == []
 
 
@@ -83,7 +83,7 @@ def test_a_joint_moves_unless_it_is_commanded_to_its_place(
 ) -> None:
     (tmp_path / "arm.urdf").write_text(ARM.replace("SPEED", speed))
     (tmp_path / "hold.py").write_text(HOLDS.replace("AT", str(at)))
-    arm = STANDING.replace("turtlebot3_burger}", "arm.urdf, base: fixed}")
+    arm = STANDING.replace("turtlebot3_burger}", "arm.urdf, base: fixed}") + "allow: [fixed-base]\n"
     assert rules(tmp_path, arm + "commands: {script: hold.py}\n") == found
 
 
