@@ -140,7 +140,7 @@ def _rerun(
     request: RunRequest, touched: Sequence[Path], outcomes: Mapping[str, list[Outcome]], interruption: Interruption
 ) -> dict[str, list[Outcome]]:
     """Return the new outcomes of these files and print the differences."""
-    suite = replace(request.plan.suite, files=tuple(touched), empty=())
+    suite = replace(request.plan.suite, files=tuple(touched), empty=(), complete=False)
     try:
         results = run_scenarios(replace(request, plan=replace(request.plan, suite=suite)), interruption)
     except UsageError as error:

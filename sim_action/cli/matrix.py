@@ -61,11 +61,19 @@ def matrix(paths: Sequence[str], shards: int, durations: str | None, **flags: An
 
 
 def _files(suite: Suite) -> list[FileOfScenarios]:
-    """Return the files of which at least one scenario is selected."""
+    """Return the files of which at least one scenario is selected.
+
+    With several patterns or tags, a shard need not have a scenario for each. Numbers make its run accept that.
+    """
     from sim_action.app.matrix import FileOfScenarios
     from sim_action.core.discovery import file_name
     from sim_action.core.workspace import Permissions
 
     read = suite.read(Permissions()).items()
     numbers = {path: [each.number for each in scenarios if suite.numbered(each)] for path, scenarios in read}
-    return [FileOfScenarios(path, some, file_name(path) not in suite.numbers) for path, some in numbers.items() if some]
+    several = max(len(suite.selection.only), len(suite.selection.tags)) > 1
+    return [
+        FileOfScenarios(path, some, not several and file_name(path) not in suite.numbers)
+        for path, some in numbers.items()
+        if some
+    ]

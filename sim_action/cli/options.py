@@ -67,7 +67,7 @@ def discovered(paths: Sequence[str], flags: dict[str, Any] | None = None) -> Sui
     for pattern in empty.values():
         # If other scenarios were found, the reports also show this as an error.
         (note if files else complain)(f"no scenario found at '{pattern}'")
-    return Suite(files, tuple(empty.values()), numbers, selection)
+    return Suite(files, tuple(empty.values()), numbers, selection, warn=warn)
 
 
 def named_paths(paths: Sequence[str]) -> Sequence[str]:
@@ -98,6 +98,11 @@ def note(message: str) -> None:
     from sim_action.core.wording import log_line
 
     click.echo(log_line(f"sim-action: {message}"), err=True)
+
+
+def warn(message: str) -> None:
+    """Print a warning on standard error."""
+    note(f"warning: {message}")
 
 
 def complain(message: str) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
@@ -88,13 +88,38 @@ class Selection:
         return not has & set(self.exclude_tags) and (not self.tags or bool(has & set(self.tags)))
 
 
-def selected(files: Sequence[Scenarios], selection: Selection) -> list[Scenarios]:
-    """Return the selected scenarios of each file. Raises UsageError if nothing is selected."""
+def selected(files: Sequence[Scenarios], selection: Selection, *, complete: bool = True) -> list[Scenarios]:
+    """Return the selected scenarios of each file.
+
+    Raises UsageError if nothing is selected, or if a pattern of `only` or a tag of `tags` matches no scenario although
+    `files` is the complete list.
+    """
     names = {name for scenarios in files for scenario in scenarios for name in _names(scenario)}
     chosen = [tuple(scenario for scenario in scenarios if selection.takes(scenario, names)) for scenarios in files]
-    if files and not any(chosen):
-        raise UsageError("\n".join(escaped_line(line) for line in _nothing(files, selection)))
+    if not files:
+        return chosen
+    every = [scenario for scenarios in files for scenario in scenarios]
+    problems = list(_unknown_names("--only", selection.only, every))
+    if not (any(chosen) and _has_unreadable(every)):
+        problems += _unknown_tags("--tag", selection.tags, every)
+    if not any(chosen):
+        problems.append(f"of {counted(len(every), 'scenario')}, none is selected")
+    elif not complete:
+        return chosen
+    if problems:
+        # The scenario that is meant may be in a file that cannot be read.
+        refused = (each for each in every if isinstance(each, Refused) and not selection.takes(each, names))
+        problems += [str(each.problems[0]) for each in refused]
+        raise UsageError("\n".join(map(escaped_line, problems)))
     return chosen
+
+
+def unmatched_exclusions(files: Iterable[Scenarios], selection: Selection) -> Iterator[str]:
+    """Yield a message for each pattern of `exclude` and each tag of `exclude_tags` that matches no scenario."""
+    every = [scenario for scenarios in files for scenario in scenarios]
+    yield from map(escaped_line, _unknown_names("--exclude", selection.exclude, every))
+    if not _has_unreadable(every):
+        yield from map(escaped_line, _unknown_tags("--exclude-tag", selection.exclude_tags, every))
 
 
 def listing(scenarios: Iterable[Source | Refused]) -> Iterator[str]:
@@ -120,24 +145,34 @@ def _is_called(scenario: Source | Refused, pattern: str, names: AbstractSet[str]
     return any(fnmatchcase(name, pattern.replace("[", "[[]")) for name in _names(scenario))
 
 
-def _nothing(files: Sequence[Scenarios], selection: Selection) -> Iterator[str]:
-    """Yield the reasons why nothing is selected."""
-    every = [scenario for scenarios in files for scenario in scenarios]
+def _unknown_names(option: str, patterns: Sequence[str], every: Sequence[Source | Refused]) -> Iterator[str]:
+    """Yield a message for each pattern that matches the name of no scenario."""
+    if not patterns:
+        return
+    called = {name for each in every for name in _names(each)}
     varied = {each.name: each.group for each in every if isinstance(each, Source) and each.group}
     names = {each.name for each in every} - set(varied) | set(varied.values())
+    for pattern in dict.fromkeys(patterns):
+        if not any(_is_called(each, pattern, called) for each in every):
+            near = did_you_mean(pattern, varied if "[" in pattern and varied else names)
+            yield f"{option}: no scenario is named '{pattern}'{near}"
+
+
+def _unknown_tags(option: str, wanted: Sequence[str], every: Sequence[Source | Refused]) -> Iterator[str]:
+    """Yield a message for each tag that no readable scenario has."""
     tags = {tag for scenario in every if isinstance(scenario, Source) for tag in scenario.tags}
-    called = {name for each in every for name in _names(each)}
-    unknown = [pattern for pattern in selection.only if not any(_is_called(each, pattern, called) for each in every)]
-    for pattern in unknown:
-        near = did_you_mean(pattern, varied if "[" in pattern and varied else names)
-        yield f"--only: no scenario is named '{pattern}'{near}"
-    for tag in selection.tags:
+    for tag in dict.fromkeys(wanted):
         if tag not in tags:
-            yield f"--tag: no scenario has the tag '{tag}'{did_you_mean(tag, tags)}"
-    yield f"of {counted(len(every), 'scenario')}, none is selected"
-    for scenario in every:
-        if isinstance(scenario, Refused) and not selection.takes(scenario, called):
-            yield str(scenario.problems[0])
+            yield f"{option}: no scenario has the tag '{tag}'{did_you_mean(tag, tags)}"
+
+
+def _has_unreadable(every: Iterable[Source | Refused]) -> bool:
+    """Return True if a scenario is unreadable; it may have any tag."""
+    return any(isinstance(each, Refused) for each in every)
+
+
+def _ignore(_: str) -> None:
+    """Take a message and do nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,12 +184,16 @@ class Suite:
         empty: paths without a scenario.
         numbers: file name -> selected numbers, for files of which only some scenarios are selected.
         selection: by names and tags.
+        complete: False if the list lacks files of the call, in which scenarios may be that the selection names.
+        warn: takes a message for each exclusion that matches no scenario.
     """
 
     files: Sequence[Path]
     empty: Sequence[str] = ()
     numbers: Mapping[str, frozenset[int]] = field(default_factory=dict)
     selection: Selection = field(default_factory=Selection)
+    complete: bool = True
+    warn: Callable[[str], None] = _ignore
 
     def read(self, permissions: Permissions, seed: int | None = None) -> dict[Path, Scenarios]:
         """Return the selected scenarios of each file, whatever their number; files without one are left out.
@@ -162,7 +201,11 @@ class Suite:
         `seed` draws the variations; None takes the seed of each scenario. Raises UsageError.
         """
         every = [self._scenarios(path, permissions, seed) for path in self.files]
-        chosen = zip(self.files, selected(every, self.selection), strict=True)
+        # A shard of `matrix` gets some scenarios of the list, which `matrix` has checked.
+        complete = self.complete and not self.numbers
+        chosen = zip(self.files, selected(every, self.selection, complete=complete), strict=True)
+        for message in unmatched_exclusions(every, self.selection) if complete else ():
+            self.warn(message)
         return {path: scenarios for path, scenarios in chosen if scenarios}
 
     def numbered(self, scenario: Source | Refused) -> bool:

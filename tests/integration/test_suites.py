@@ -241,6 +241,35 @@ def test_a_matrix_deals_scenarios_of_a_file(folder: Path) -> None:
     assert [status for _, status in told(folder)] == ["passed", "failed", "error", "passed", "passed"]
 
 
+def test_each_pattern_of_a_selection_must_match(folder: Path) -> None:
+    for flags, told in (
+        (("--only", "one", "--only", "pus"), "--only: no scenario is named 'pus'; did you mean 'push'?"),
+        (("--tag", "dry", "--tag", "wat"), "--tag: no scenario has the tag 'wat'; did you mean 'wet'?"),
+    ):
+        for command in (("run", "--list"), ("run", "--shard", "1/2", "--list"), ("matrix", "--shards", "2")):
+            refused = sim_action(folder, *command, *flags)
+            assert (refused.returncode, refused.stdout) == (2, "")
+            assert told in refused.stderr
+    excluded = sim_action(folder, "run", "--list", "--exclude", "push", "--exclude", "tree", "--exclude-tag", "dri")
+    assert excluded.returncode == 0
+    assert len(excluded.stdout.splitlines()) == 3
+    assert "sim-action: warning: --exclude: no scenario is named 'tree'; did you mean 'three'?" in excluded.stderr
+    assert "sim-action: warning: --exclude-tag: no scenario has the tag 'dri'; did you mean 'dry'?" in excluded.stderr
+
+
+def test_a_shard_of_a_matrix_need_not_have_a_scenario_for_each_pattern(folder: Path) -> None:
+    flags = ("--only", "one", "--only", "push")
+    dealt = sim_action(folder, "matrix", "--shards", "2", *flags, ".")
+    entries = [shard["scenario"].splitlines() for shard in json.loads(dealt.stdout)["include"]]
+    listed = [sim_action(folder, "run", "--list", *entry, *flags) for entry in entries]
+    assert [shard.returncode for shard in listed] == [0, 0]
+    names = [line.partition("[")[0].partition("\t")[0] for shard in listed for line in shard.stdout.splitlines()]
+    assert sorted(names) == ["one", "push", "push", "push", "push"]
+    alone = sim_action(folder, "matrix", "--shards", "1", *flags, ".")
+    (shard,) = json.loads(alone.stdout)["include"]
+    assert shard["scenario"] == "many.sim.yml::1\npush.sim.yml::1-4"
+
+
 def test_what_stops_all_variations_is_told_by_one_part(folder: Path) -> None:
     path = folder / "push.sim.yml"
     path.write_text(path.read_text().replace("[0.001, 0.9]", "[0.001, fast]"))

@@ -12,7 +12,17 @@ from sim_action.core.discovery import file_name
 from sim_action.core.errors import InvalidScenario, Location, Problem, UsageError
 from sim_action.core.workspace import Permissions, Workspace
 from sim_action.core.yaml_document import Document
-from sim_action.scenario.selection import Scenarios, Selection, Suite, listing, numbered, ranges_text, selected, split
+from sim_action.scenario.selection import (
+    Scenarios,
+    Selection,
+    Suite,
+    listing,
+    numbered,
+    ranges_text,
+    selected,
+    split,
+    unmatched_exclusions,
+)
 from sim_action.scenario.source import Refused, Source
 from tests.scenarios import LEAST
 
@@ -172,6 +182,79 @@ def test_nothing_is_an_error_with_the_nearest_names(asked: dict[str, tuple[str, 
     with pytest.raises(UsageError) as refused:
         meant(FILES, Selection(**asked))
     assert told in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("asked", "told"),
+    [
+        ({"only": ("drive", "psh", "psh")}, ["--only: no scenario is named 'psh'; did you mean 'push'?"]),
+        ({"only": ("psh", "drive*", "dri")}, ["named 'psh'; did you mean 'push'?", "named 'dri'; did you mean"]),
+        ({"only": ("drive", "push[friction=0.5]")}, ["named 'push[friction=0.5]'; did you mean 'push[friction="]),
+        ({"only": ("drive", "q*")}, ["--only: no scenario is named 'q*'"]),
+        ({"tags": ("nightly", "am")}, ["--tag: no scenario has the tag 'am'; did you mean 'arm'?"]),
+        ({"only": ("drive", "psh"), "tags": ("nightly", "am")}, ["named 'psh'", "tag 'am'"]),
+    ],
+)
+def test_each_pattern_must_match_something(asked: dict[str, tuple[str, ...]], told: list[str]) -> None:
+    with pytest.raises(UsageError) as refused:
+        meant(FILES, Selection(**asked))
+    lines = str(refused.value).splitlines()
+    assert len(lines) == len(told)
+    assert all(part in line for part, line in zip(told, lines, strict=True))
+    some = selected(FILES, Selection(**asked), complete=False)
+    assert next(scenario.name for scenarios in some for scenario in scenarios) == "drive"
+
+
+def test_a_pattern_that_another_option_leaves_nothing_of_has_matched() -> None:
+    assert names(only=("drive", "push"), exclude=("push",)) == ["drive"]
+    assert names(only=("drive", "push"), tags=("nightly",)) == ["drive"]
+    assert names(tags=("nightly", "arm"), only=("drive",)) == ["drive"]
+
+
+def test_an_unknown_pattern_may_be_for_a_file_that_cannot_be_read() -> None:
+    with pytest.raises(UsageError, match=r"(?s)named 'circle'.*b\.sim\.yml:2:1: no YAML"):
+        names([*FILES, (BROKEN,)], only=("drive", "circle"))
+    assert names([*FILES, (BROKEN,)], tags=("nightly", "round")) == ["drive", "b.sim.yml"]
+
+
+@pytest.mark.parametrize(
+    ("asked", "told"),
+    [
+        ({"exclude": ("drive", "drive *", "push")}, []),
+        ({"exclude": ("psh", "drive")}, ["--exclude: no scenario is named 'psh'; did you mean 'push'?"]),
+        ({"exclude_tags": ("arm", "nigtly")}, ["--exclude-tag: no scenario has the tag 'nigtly'; did you mean"]),
+        ({"exclude": ("\x1b",)}, [r"named '\x1b'"]),
+    ],
+)
+def test_exclusions_that_match_nothing_are_told(asked: dict[str, tuple[str, ...]], told: list[str]) -> None:
+    lines = list(unmatched_exclusions(FILES, Selection(**asked)))
+    assert len(lines) == len(told)
+    assert all(part in line for part, line in zip(told, lines, strict=True))
+
+
+def test_what_cannot_be_read_may_have_the_excluded_tag() -> None:
+    assert not list(unmatched_exclusions([*FILES, (BROKEN,)], Selection(exclude_tags=("round",))))
+
+
+def test_an_exclusion_that_matches_nothing_is_a_warning(many: Path) -> None:
+    told: list[str] = []
+    suite = Suite([many], selection=Selection(exclude=("too", "one")), warn=told.append)
+    assert [name for name, _ in found(suite)] == ["push[x=0]", "push[x=1]", "push[x=2]", "two"]
+    assert told == ["--exclude: no scenario is named 'too'; did you mean 'two'? (allowed: one, push, two)"]
+
+
+def test_a_part_of_the_list_may_lack_what_a_pattern_names(many: Path) -> None:
+    """A shard of `matrix` names its scenarios by number; `--watch` runs the changed files again."""
+    asked = Selection(only=("one", "elsewhere"), exclude=("far away",))
+    told: list[str] = []
+    some = {file_name(many): frozenset({1})}
+    assert found(Suite([many], numbers=some, selection=asked, warn=told.append)) == [("one", 1)]
+    assert found(Suite([many], selection=asked, complete=False, warn=told.append)) == [("one", 1)]
+    assert told == []
+    with pytest.raises(UsageError, match="no scenario is named 'elsewhere'"):
+        found(Suite([many], selection=asked))
+    with pytest.raises(UsageError, match="of 5 scenarios, none is selected"):
+        found(Suite([many], numbers=some, selection=Selection(only=("elsewhere",))))
 
 
 def test_nothing_may_be_for_a_file_that_cannot_be_read() -> None:
