@@ -74,6 +74,9 @@ class CommandSource(FrozenModel):
     needs_drive: ClassVar[bool] = False
     """True if all its commands are twists, independent of its files."""
 
+    is_written: ClassVar[bool] = False
+    """True if its commands are written in the scenario; else a controller gives them."""
+
     rate: Annotated[PositiveHertz, Field(description="rate of the ticks at which commands are given")] = 10.0
 
     @property

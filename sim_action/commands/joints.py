@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import pairwise
 from types import MappingProxyType
-from typing import Annotated, Final, Literal, Self
+from typing import Annotated, ClassVar, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -91,6 +91,8 @@ class JointCommands(CommandSource):
     Positions, speeds and efforts beyond the limits of the model are errors before the run. A command holds until the
     next tick: a higher `rate` gives smoother curves.
     """
+
+    is_written: ClassVar[bool] = True
 
     points: Annotated[
         tuple[JointPoint, ...], Field(alias="joints", min_length=1, description="points in the order of time")

@@ -42,6 +42,7 @@ class TwistCommands(CommandSource):
     """Commands twists of the base, one after the other. If the last one has a duration, the base then stops."""
 
     needs_drive: ClassVar[bool] = True
+    is_written: ClassVar[bool] = True
 
     twist: Annotated[tuple[TwistSegment, ...], Field(min_length=1)]
 

@@ -53,6 +53,7 @@ class WaypointCommands(CommandSource):
     """
 
     needs_drive: ClassVar[bool] = True
+    is_written: ClassVar[bool] = True
 
     waypoints: Annotated[
         tuple[Waypoint, ...], Field(min_length=1, description="points in the order in which they are passed")

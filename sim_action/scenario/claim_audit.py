@@ -80,6 +80,9 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
             "warning", "an implication (`a implies b`) whose premise never held, in any variation", over_variations=True
         ),
         "drive-never-commanded": Rule("warning", "a drive that no command source and no sensor used"),
+        "silent-controller": Rule(
+            "warning", "a controller (script, process, replay, ROS nodes) that gave no command other than zero"
+        ),
         "never-moved": Rule("warning", "a robot that was commanded to move, and never moved"),
         NOT_SIMULATED: Rule("warning", "a part of a launch file that is not simulated, where `allow_losses` is true"),
         "event-never-began": Rule("warning", "a disturbance, a body or a path that is due after the end of the run"),

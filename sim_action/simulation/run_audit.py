@@ -20,7 +20,7 @@ from sim_action.state.trace import Trace
 from sim_action.world import World
 from sim_action.world.scene import Scene
 
-# m/s and rad/s: a smaller command is that of a robot at rest.
+# m/s, rad/s, N and N m: a smaller command is that of a robot at rest.
 _MIN_COMMAND: Final = 1e-6
 # rad and m: a position nearer to the start is no command to move.
 _MIN_TARGET: Final = 2e-3
@@ -52,6 +52,7 @@ class CommandLog:
         drives: True if a twist or a target for a wheel was given.
         moves_base: True if a twist was given that is not zero.
         moves_joints: True if a joint got a velocity that is not zero, or a position away from its start.
+        gives_efforts: True if a joint got an effort that is not zero.
     """
 
     positions: dict[str, float]
@@ -59,6 +60,12 @@ class CommandLog:
     drives: bool = False
     moves_base: bool = False
     moves_joints: bool = False
+    gives_efforts: bool = False
+
+    @property
+    def are_zero(self) -> bool:
+        """True if no command was other than zero."""
+        return not (self.moves_base or self.moves_joints or self.gives_efforts)
 
     def add(self, command: Command) -> None:
         """Add a command."""
@@ -68,6 +75,7 @@ class CommandLog:
             return
         self.drives = self.drives or not self.wheels.isdisjoint(command.names())
         self.moves_joints = self.moves_joints or self._moves(command)
+        self.gives_efforts = self.gives_efforts or _is_motion(*command.effort.values())
 
     def _moves(self, targets: JointTargets) -> bool:
         if _is_motion(*targets.velocity.values()):
@@ -75,8 +83,8 @@ class CommandLog:
         return any(abs(at - self.positions.get(name, at)) > _MIN_TARGET for name, at in targets.position.items())
 
 
-def _is_motion(*speeds: float) -> bool:
-    return any(abs(speed) > _MIN_COMMAND for speed in speeds)
+def _is_motion(*values: float) -> bool:
+    return any(abs(value) > _MIN_COMMAND for value in values)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +108,10 @@ def audit_run(scenario: Scenario, scene: Scene, facts: RunFacts) -> Iterator[Cla
         for premise in premises:
             told = f"the premise '{premise}' never held, so the implication checked nothing; drive until it holds"
             yield ClaimFinding("premise-never-held", ("expect", index, expected.assertion.key), told)
-    yield from _unused_drive(scenario, scene, facts.commands)
+    unused = list(_unused_drive(scenario, scene, facts.commands))
+    yield from unused
+    if not unused and facts.commands.are_zero:
+        yield from _silent_controllers(scenario)
     if (message := _standstill(scene, facts)) is not None:
         yield ClaimFinding("never-moved", ("commands",), message)
     for path, message in unreached_events(scene.world, facts.end):
@@ -116,6 +127,14 @@ def _unused_drive(scenario: Scenario, scene: Scene, commands: CommandLog) -> Ite
     elif any(source.gives_twists(scene) for source in scenario.commands):
         message = "no command source ever gave a twist, so the drive was not used"
         yield ClaimFinding("drive-never-commanded", ("commands",), message)
+
+
+def _silent_controllers(scenario: Scenario) -> Iterator[ClaimFinding]:
+    controllers = [source for source in scenario.commands if not source.is_written]
+    if controllers:
+        who = "the controller" if len(controllers) == 1 else "the controllers"
+        message = f"{who} gave no command other than zero in the whole run; check that it started, or run for longer"
+        yield ClaimFinding("silent-controller", ("commands",), message)
 
 
 def _standstill(scene: Scene, facts: RunFacts) -> str | None:

@@ -76,7 +76,12 @@ def control(seen):
 
 @pytest.mark.parametrize(
     ("at", "speed", "found"),
-    [(0.0, "5", []), (0.5, "5", []), (0.0, "0.001", []), (0.5, "0.001", [("never-moved", "commands")])],
+    [
+        (0.0, "5", [("silent-controller", "commands")]),
+        (0.5, "5", []),
+        (0.0, "0.001", [("silent-controller", "commands")]),
+        (0.5, "0.001", [("never-moved", "commands")]),
+    ],
 )
 def test_a_joint_moves_unless_it_is_commanded_to_its_place(
     at: float, speed: str, found: list[tuple[str, str]], tmp_path: Path
@@ -85,6 +90,27 @@ def test_a_joint_moves_unless_it_is_commanded_to_its_place(
     (tmp_path / "hold.py").write_text(HOLDS.replace("AT", str(at)))
     arm = STANDING.replace("turtlebot3_burger}", "arm.urdf, base: fixed}") + "allow: [fixed-base]\n"
     assert rules(tmp_path, arm + "commands: {script: hold.py}\n") == found
+
+
+@pytest.mark.parametrize(
+    ("answer", "is_silent"),
+    [
+        ("None", True),
+        ("Twist()", True),
+        ("JointTargets(effort={'wheel_left_joint': 0.0})", True),
+        ("JointTargets(effort={'wheel_left_joint': 0.1})", False),
+        ("Twist.planar(0.1, 0.0) if seen.time > 0.04 else None", False),
+    ],
+)
+def test_a_controller_that_commands_nothing(answer: str, is_silent: bool, tmp_path: Path) -> None:
+    source = f"from sim_action import JointTargets, Twist\n\ndef control(seen):\n    return {answer}\n"
+    (tmp_path / "drive.py").write_text(source)
+    text = STANDING + "commands: {script: drive.py, rate: 20 Hz}\n"
+    assert rules(tmp_path, text) == [("silent-controller", "commands")] * is_silent
+    if is_silent:
+        (finding,) = run(tmp_path, text).findings
+        assert finding.message.startswith("the controller gave no command other than zero in the whole run")
+        assert rules(tmp_path, text + "allow: [silent-controller]\n") == []
 
 
 def test_a_drive_that_is_never_commanded(tmp_path: Path) -> None:
@@ -144,6 +170,11 @@ def test_a_log_of_commands() -> None:
     log.add(JointTargets(position={"elbow": 1.01}))
     log.add(JointTargets())
     assert (log.drives, log.moves_base, log.moves_joints) == (True, True, True)
+    efforts = CommandLog({}, frozenset())
+    efforts.add(JointTargets(effort={"elbow": 0.0}))
+    assert efforts.are_zero
+    efforts.add(JointTargets(effort={"elbow": -0.1}))
+    assert not efforts.are_zero
     other = CommandLog({}, frozenset({"wheel"}))
     other.add(JointTargets(velocity={"wheel": -1.0}))
     assert (other.drives, other.moves_base, other.moves_joints) == (True, False, True)
