@@ -40,8 +40,9 @@ _UNITS: Final = {"position": "m", "yaw": "rad", "drift": ""}
 class OdometryError(Assertion):
     """The errors of the odometry sensor against the true pose never exceed `position`, `yaw` and `drift`.
 
-    Each reading is compared with the true pose at the same time. The sensor is read even if no controller uses it.
-    `drift` is the position error divided by the distance travelled since t = 0; the first metre counts as a full metre.
+    Each reading after t = 0 is compared with the true pose at the same time. The sensor is read even if no controller
+    uses it. `drift` is the position error divided by the distance travelled since t = 0; the first metre counts as a
+    full metre.
     """
 
     key: ClassVar[str] = "odometry_error"
@@ -111,7 +112,7 @@ class OdometryMonitor:
         folds: the fold of each margin.
         truth: (4,) the last step: sim time in s, x and y in m, yaw in rad.
         way: distance travelled on the ground since t = 0, in m.
-        readings: the readings that were judged.
+        readings: the readings that were judged; the one at t = 0 has no error by definition.
     """
 
     is_momentary: ClassVar[bool] = False
@@ -148,11 +149,18 @@ class OdometryMonitor:
         if record is None or not len(record):
             return later
         errors = _errors(record, truths, ways)
+        # The odometry starts at the true pose: its error at t = 0 says nothing.
+        counted = record.time[record.time > _SAME_TIME_S]
+        readings = (
+            self.readings.followed_by(len(counted), float(counted[0]), float(counted[-1]))
+            if len(counted)
+            else self.readings
+        )
         folds = zip(self.folds, self.limits, strict=True)
         return replace(
             later,
             folds=tuple(fold.observe(record.time, limit - errors[name]) for fold, (name, limit) in folds),
-            readings=self.readings.followed_by(len(record), float(record.time[0]), float(record.time[-1])),
+            readings=readings,
         )
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
@@ -190,9 +198,10 @@ class OdometryMonitor:
         told = [(fold, name, limit) for fold, (name, limit) in zip(self.folds, self.limits, strict=True)]
         read = [(fold.margin, fold.time, fold, name, limit) for fold, name, limit in told]
         known = [one for one in read if one[0] is not None and one[1] is not None]
-        if not known:
+        if not known or not self.readings.moments:
             name, limit = self.limits[0]
-            message = f"{self.sensor} gave no reading in this time; raise its 'rate', or check for longer"
+            after = " after t = 0" if known else ""
+            message = f"{self.sensor} gave no reading{after} in this time; raise its 'rate', or check for longer"
             return Verdict(False, None, limit, None, _UNITS[name], None, message, judged=Judged())
         broken = [one for one in known if one[2].state is State.BROKEN]
         margin, time, _, name, limit = (

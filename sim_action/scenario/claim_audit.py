@@ -80,6 +80,7 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
             "warning", "an implication (`a implies b`) whose premise never held, in any variation", over_variations=True
         ),
         "drive-never-commanded": Rule("warning", "a drive that no command source and no sensor used"),
+        "judged-once": Rule("warning", "an invariant that was judged at one moment, although the run has more"),
         "silent-controller": Rule(
             "warning", "a controller (script, process, replay, ROS nodes) that gave no command other than zero"
         ),

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, Self
 
+from sim_action.assertions import Assertion
 from sim_action.assertions.monitors.becoming import Rest
 from sim_action.core.geometry import Twist
 from sim_action.core.yaml_document import KeyPath
@@ -17,6 +18,7 @@ from sim_action.scenario.claim_audit import ClaimFinding
 from sim_action.scenario.model import Scenario
 from sim_action.state.command import Command, JointTargets
 from sim_action.state.trace import Trace
+from sim_action.state.verdict import Verdict
 from sim_action.world import World
 from sim_action.world.scene import Scene
 
@@ -24,6 +26,9 @@ from sim_action.world.scene import Scene
 _MIN_COMMAND: Final = 1e-6
 # rad and m: a position nearer to the start is no command to move.
 _MIN_TARGET: Final = 2e-3
+# A formula without "always" is about one moment; the others are judged at the end.
+_JUDGED_BY_NATURE: Final = frozenset({"stl", "final_pose", "assertion"})
+_OF_SENSORS: Final = frozenset({"sensor", "odometry_error"})
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,12 +99,14 @@ class RunFacts:
     Attributes:
         end: sim time of the end, in s.
         unmet: for each expectation, the premises that never held.
+        verdicts: one verdict for each expectation.
     """
 
     end: float
     motion: Motion
     commands: CommandLog
     unmet: Sequence[Sequence[str]]
+    verdicts: Sequence[Verdict]
 
 
 def audit_run(scenario: Scenario, scene: Scene, facts: RunFacts) -> Iterator[ClaimFinding]:
@@ -108,6 +115,8 @@ def audit_run(scenario: Scenario, scene: Scene, facts: RunFacts) -> Iterator[Cla
         for premise in premises:
             told = f"the premise '{premise}' never held, so the implication checked nothing; drive until it holds"
             yield ClaimFinding("premise-never-held", ("expect", index, expected.assertion.key), told)
+    for index, verdict in enumerate(facts.verdicts):
+        yield from _judged_once(scenario, index, verdict, facts.end)
     unused = list(_unused_drive(scenario, scene, facts.commands))
     yield from unused
     if not unused and facts.commands.are_zero:
@@ -116,6 +125,28 @@ def audit_run(scenario: Scenario, scene: Scene, facts: RunFacts) -> Iterator[Cla
         yield ClaimFinding("never-moved", ("commands",), message)
     for path, message in unreached_events(scene.world, facts.end):
         yield ClaimFinding("event-never-began", path, message)
+
+
+def _judged_once(scenario: Scenario, index: int, verdict: Verdict, end: float) -> Iterator[ClaimFinding]:
+    """Yield an invariant that was judged at one moment, although its window and the run have more."""
+    expected = scenario.expect[index]
+    key, judged = expected.assertion.key, verdict.judged
+    if verdict.goal or expected.severity != "error" or key in _JUDGED_BY_NATURE or _is_at_end(expected.assertion):
+        return
+    step = 1 / scenario.physics.rate
+    if judged is None or judged.moments != 1 or min(expected.before, end) < 2 * step:
+        return
+    if expected.before - expected.after >= 2 * step:
+        remedy = "raise the sensor's rate, or run for longer" if key in _OF_SENSORS else "run for longer"
+        message = f"was judged at one moment only, at {judged.first or 0.0:.2f} s; {remedy}"
+        yield ClaimFinding("judged-once", ("expect", index, key), message)
+
+
+def _is_at_end(assertion: Assertion) -> bool:
+    """Return True for a root mean square alone: it is judged at the end."""
+    if assertion.key == "effort":
+        return getattr(assertion, "at_most", None) is None
+    return assertion.key == "follow_path" and getattr(assertion, "max_error", None) is None
 
 
 def _unused_drive(scenario: Scenario, scene: Scene, commands: CommandLog) -> Iterator[ClaimFinding]:

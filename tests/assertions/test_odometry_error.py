@@ -112,6 +112,14 @@ def test_what_was_not_read_is_not_exercised() -> None:
     assert opened.verdict().message == ("odometry gave no reading in this time; raise its 'rate', or check for longer")
 
 
+def test_the_reading_at_the_start_is_no_evidence() -> None:
+    """Its error is 0 by definition."""
+    first = monitor(OdometryError(position=0.1)).observe(driven(told([0.0], [0.0]))).verdict()
+    assert (first.status, first.judged) == ("not_exercised", Judged())
+    assert first.message.startswith("odometry gave no reading after t = 0 in this time; raise its 'rate'")
+    assert monitor(OdometryError(position=0.75)).observe(AHEAD).verdict().judged == Judged(3, 1.0, 3.0)
+
+
 def test_it_asks_for_its_sensor() -> None:
     assert OdometryError(yaw=0.1, name="wheels").channels == Channels(sensors=frozenset({"wheels"}))
 

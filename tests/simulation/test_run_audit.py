@@ -92,6 +92,31 @@ def test_a_joint_moves_unless_it_is_commanded_to_its_place(
     assert rules(tmp_path, arm + "commands: {script: hold.py}\n") == found
 
 
+SCANS = STANDING.replace("0.2 s", "0.5 s") + "sensors: [{lidar: {rays: 3}, name: scan, rate: RATE}]\n"
+CLEAR = "sensor: {name: scan, reading: ranges, which: min, at_least: 0.01}"
+
+
+@pytest.mark.parametrize(
+    ("expect", "rate", "found"),
+    [
+        (CLEAR, "1 Hz", "expect.0.sensor"),
+        (CLEAR, "10 Hz", None),
+        (f"{CLEAR}, severity: warning}}, {{upright: {{}}", "1 Hz", None),
+        (CLEAR.replace("}", ", once: true}"), "1 Hz", None),
+        ("upright: {}, after: 0.5 s", "1 Hz", "expect.0.upright"),
+        ("upright: {}, after: 0.4 s", "1 Hz", None),
+        ("final_pose: {x: 0, y: 0}, after: 0.5 s", "1 Hz", None),
+        ("effort: {rms_at_most: 1}, after: 0.5 s", "1 Hz", None),
+    ],
+)
+def test_an_invariant_that_was_judged_once(expect: str, rate: str, found: str | None, tmp_path: Path) -> None:
+    text = SCANS.replace("RATE", rate).replace("[upright]", f"[{{{expect}}}]")
+    assert rules(tmp_path, text) == [("judged-once", found)] * (found is not None)
+    if found == "expect.0.sensor":
+        (finding,) = run(tmp_path, text).findings
+        assert finding.message == "was judged at one moment only, at 0.00 s; raise the sensor's rate, or run for longer"
+
+
 @pytest.mark.parametrize(
     ("answer", "is_silent"),
     [
