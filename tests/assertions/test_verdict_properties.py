@@ -29,6 +29,7 @@ from sim_action.assertions.follow_path import FollowPath, PathEnd
 from sim_action.assertions.joint import JointReading, JointWithin
 from sim_action.assertions.matches import Matches
 from sim_action.assertions.max_speed import MaxSpeed
+from sim_action.assertions.monitors import State
 from sim_action.assertions.monitors.window import Window
 from sim_action.assertions.no_collision import NoCollision
 from sim_action.assertions.odometry_error import OdometryError
@@ -49,7 +50,7 @@ from sim_action.state.trace_records import ClearanceRecord, SensorRecord
 from sim_action.state.verdict import Verdict
 from tests.assertions.test_cuts import EIGHT, MOVABLE, RATE, SPECS, STEPS, random_trace
 from tests.soak import examples
-from tests.traces import WHEELS, scene
+from tests.traces import WHEELS, monitor, scene
 
 SCENE: Final = scene()
 LEFT: Final = WHEELS[0]
@@ -346,6 +347,8 @@ MAY_RECOVER: Final[tuple[type[Assertion], ...]] = (FinalPose,)
 
 def may_recover(spec: Assertion) -> bool:
     """Return True for an assertion that is judged at the end, as the root mean square of an error."""
+    if isinstance(spec, Negation) and isinstance(spec.part, AllOf):
+        return True  # of a goal and an invariant: the invariant may break later
     if isinstance(spec, AnyOf | AllOf | Negation):
         return any(may_recover(part) for _, part in spec.placed_parts)
     rms = getattr(spec, "rms", None) or getattr(spec, "rms_at_most", None)
@@ -354,7 +357,7 @@ def may_recover(spec: Assertion) -> bool:
 
 
 INVARIANTS: Final[list[Assertion]] = [
-    *(spec for spec in SPECS if not spec.is_goal and not may_recover(spec)),
+    *(spec for spec in SPECS if monitor(spec).state is State.HOLDS and not may_recover(spec)),
     Stl(formula="always (speed < 1.5)"),
     Stl(formula="always[20 ms, 150 ms] (tilt < 1 or travel < 20 cm)"),
 ]
@@ -397,5 +400,7 @@ def test_a_tolerance_below_the_largest_error_breaks_a_golden_trajectory(tmp_path
     told = judged(loose, random_trace(seed), **where)
     assert told.passed
     assert told.measured is not None
+    # Rows of a golden file are rounded, so smaller tolerances are refused.
+    assume(told.measured > 3e-4)
     tight = Matches.model_validate({"trace": "x.csv", "position": beyond(told.measured, up=False)})
     assert judged(tight, random_trace(seed), **where).status == "failed"
