@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 from pydantic import Field, model_validator
 
 from sim_action.assertions import Assertion, shortened_title
-from sim_action.assertions.joint_selection import as_written, choice_problems, chosen, reading_of, unit_problem
+from sim_action.assertions.joint_selection import (
+    as_written,
+    choice_problems,
+    chosen,
+    motor_problems,
+    reading_of,
+    unit_problem,
+)
 from sim_action.assertions.monitors import Monitor, State
 from sim_action.assertions.monitors.bounds import AllLimits, Bounds, SignalMonitor
 from sim_action.core import units
@@ -75,6 +82,7 @@ class Effort(Assertion):
     def problems(self, scene: Scene) -> SpecProblems:
         """Yield unknown joints, and limits whose unit does not fit the joint."""
         yield from choice_problems(scene.model, self.joints)
+        yield from motor_problems(scene.model, self.joints)
         for key, written in self._limits().items():
             for joint in chosen(scene.model, self.joints):
                 if (misfit := unit_problem(joint, "effort", written)) is not None:

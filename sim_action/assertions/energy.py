@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self
 from pydantic import Field
 
 from sim_action.assertions import Assertion, shortened_title
-from sim_action.assertions.joint_selection import choice_problems, chosen
+from sim_action.assertions.joint_selection import choice_problems, chosen, motor_problems
 from sim_action.assertions.monitors import Monitor, State
 from sim_action.assertions.monitors.bounds import Bounds
 from sim_action.core import units
@@ -51,6 +51,7 @@ class Energy(Assertion):
     def problems(self, scene: Scene) -> SpecProblems:
         """Yield unknown joints."""
         yield from choice_problems(scene.model, self.joints)
+        yield from motor_problems(scene.model, self.joints)
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor."""

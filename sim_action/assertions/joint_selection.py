@@ -53,6 +53,15 @@ def choice_problems(model: RobotModel, names: tuple[str, ...]) -> SpecProblems:
         yield (), "the model has no moving joint"
 
 
+def motor_problems(model: RobotModel, names: tuple[str, ...]) -> SpecProblems:
+    """Yield names in `joints` that select only joints without a motor of their own, because they mimic others."""
+    for index, name in enumerate(names):
+        followed = [joint.mimic for joint in chosen(model, (name,))]
+        if followed and (first := followed[0]) is not None and None not in followed:
+            message = f"joint '{name}' mimics '{first.joint}' and has no motor of its own; name '{first.joint}'"
+            yield ("joints", index), message
+
+
 def as_written(quantity: float | str) -> str:
     """Return a joint quantity for a title, where it is unknown if the joint rotates or slides."""
     return quantity if isinstance(quantity, str) else f"{quantity:.4g}"

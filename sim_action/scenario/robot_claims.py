@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from itertools import islice
 from typing import Any, Final
 
+from sim_action.core import units
 from sim_action.core.yaml_document import KeyPath
 from sim_action.robot.robot_model import Link, RobotModel
 from sim_action.scenario.claim_audit import ClaimFinding, placed_leaves
@@ -25,6 +26,9 @@ def audit_robot(scene: Scene, scenario: Scenario, expect_paths: Sequence[KeyPath
     yield from _shapes(leaves, scene)
     if scene.bolted:
         yield from _fixed_base(leaves)
+    for path, assertion in leaves:
+        if assertion.key == "effort":
+            yield from _clipped_efforts(path, assertion, scene.model)
 
 
 def _shapes(leaves: Sequence[tuple[KeyPath, Any]], scene: Scene) -> Iterator[ClaimFinding]:
@@ -48,6 +52,27 @@ def _shapes(leaves: Sequence[tuple[KeyPath, Any]], scene: Scene) -> Iterator[Cla
         has = "links have" if len(unseen) > 1 else "link has"
         message = f"contacts of {_quoted(unseen)} are not seen: the {has} a visual shape, but no collision shape"
         yield ClaimFinding("shapeless-links", all_links[0], f"{message}; add <collision>")
+
+
+def _clipped_efforts(path: KeyPath, assertion: Any, model: RobotModel) -> Iterator[ClaimFinding]:
+    """Yield limits of efforts that the motors of all selected joints cannot exceed."""
+    from sim_action.assertions.joint_selection import chosen
+
+    motors = [joint for joint in chosen(model, assertion.joints) if joint.mimic is None]
+    # Without a limit in the model, or with a limit of 0, the effort is not limited.
+    if not motors or not all(joint.max_effort for joint in motors):
+        return
+    for field in ("at_most", "rms_at_most"):
+        written = getattr(assertion, field)
+        try:
+            limits = [] if written is None else [units.parse(written, joint.dimension("effort")) for joint in motors]
+        except units.UnitError:
+            continue  # reported by the assertion itself
+        if limits and all(limit >= (joint.max_effort or 0.0) for limit, joint in zip(limits, motors, strict=True)):
+            most = max(motors, key=lambda joint: joint.max_effort or 0.0)
+            motor = f"{units.display(most.max_effort or 0.0, most.dimension('effort').si)} ('{most.name}')"
+            message = f"this limit cannot be exceeded: the motors give at most {motor}; give a smaller limit"
+            yield ClaimFinding("unreachable-limit", (*path, field), message)
 
 
 def _fixed_base(leaves: Sequence[tuple[KeyPath, Any]]) -> Iterator[ClaimFinding]:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
+from typing import Final
 
 import pytest
 
 from sim_action.core.errors import Problem
 from tests.scenarios import load, problems
 
+EXAMPLES: Final = Path(__file__).parents[2] / "examples"
 INERTIAL = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
 SHAPE = '<geometry><box size="0.2 0.2 0.2"/></geometry>'
 COLLISION = f"<collision>{SHAPE}</collision>"
@@ -124,3 +127,41 @@ def test_joints_of_a_robot_with_a_fixed_base_can_be_judged(tmp_path: Path) -> No
     (tmp_path / "golden.csv").unlink()
     (problem,) = found(tmp_path, scenario("matches: {trace: golden.csv, position: 1 cm}", base="fixed"), "fixed-base")
     assert "add tolerances in 'joints' [fixed-base]" in problem.message
+
+
+@pytest.mark.parametrize(
+    ("limit", "key"),
+    [
+        ("at_most: 5", "at_most"),
+        ("at_most: 5.001 N m", "at_most"),
+        ("at_most: 4, rms_at_most: 6", "rms_at_most"),
+        ("at_most: 4.9", None),
+        ("rms_at_most: 4.9", None),
+    ],
+)
+def test_motors_that_cannot_exceed_a_limit(limit: str, key: str | None, tmp_path: Path) -> None:
+    robot(tmp_path, base=COLLISION)
+    text = scenario(f"effort: {{{limit}}}", base="fixed")
+    if key is None:
+        assert load(tmp_path, text).warnings == ()
+        return
+    (problem,) = problems(tmp_path, text)
+    assert f"expect.0.effort.{key}: this limit cannot be exceeded: the motors give at most 5 N m ('arm_joint')" in (
+        problem.message
+    )
+    assert problem.message.endswith("[unreachable-limit]")
+    assert load(tmp_path, text + "allow: [unreachable-limit]\n")
+    file = tmp_path / "robot.urdf"
+    file.write_text(file.read_text().replace('effort="5"', 'effort="0"'))
+    assert load(tmp_path, text)
+
+
+@pytest.mark.parametrize("key", ["effort: {at_most: 1 N, joints: [JOINT]}", "energy: {at_most: 1, joints: [JOINT]}"])
+def test_a_joint_that_mimics_another_has_no_motor(key: str, tmp_path: Path) -> None:
+    shutil.copy(EXAMPLES / "commands/arm.urdf", tmp_path / "robot.urdf")
+    (problem,) = problems(tmp_path, scenario(key.replace("JOINT", "right_finger_joint"), base="fixed"))
+    assert problem.message.endswith(
+        "joints.0: joint 'right_finger_joint' mimics 'left_finger_joint' and has no motor of its own; "
+        "name 'left_finger_joint'"
+    )
+    assert load(tmp_path, scenario(key.replace("JOINT", '"*_finger_joint"'), base="fixed"))
