@@ -62,6 +62,23 @@ def test_a_fine_scale_tells_two_thousand_steps_apart(values: FloatArray) -> None
     assert not span > 1e-200 or span / fine_scale(values) >= 2_000 * (1 - 1e-9)
 
 
+@pytest.mark.parametrize(
+    ("values", "scale"),
+    [
+        ([0.0, 1.0], 1e-4),
+        ([5.0, 7.0], 1e-3),
+        ([-3.0, -3.0], 1e-3),
+        ([np.nan, 0.0, 1.0, np.inf], 1e-4),
+        ([0.0, 0.0], 1e-6),
+        ([np.nan], 1e-6),
+        ([0.0, 1e-250], 1e-6),
+        ([0.0, 1e250], 1e-6),
+    ],
+)
+def test_a_fine_scale_is_a_power_of_ten(values: list[float], scale: float) -> None:
+    assert fine_scale(np.array(values)) == pytest.approx(scale)
+
+
 def test_a_column_fits_its_own_number_of_moments_alone() -> None:
     column = Column(scale=1.0, first=0, deltas=(1, 2), gaps=((1, 2),))
 
