@@ -125,6 +125,8 @@ class _Finder:
                 yield self._span(node), "break"
             case ast.Break():
                 yield self._span(node), "continue"
+            case ast.Expr(ast.Call(ast.Attribute(ast.Name("time"), "sleep"))):
+                return
             case ast.Expr(ast.Call()):
                 yield self._span(node), "pass"
 

@@ -69,6 +69,7 @@ def test_a_source_is_changed_in_one_place_at_a_time(source: str, others: list[st
         "_MAX_WAIT_S: Final = 0.5",
         "b = cast(A[1], c)",
         "b = zip(a, c, strict=True)",
+        "time.sleep(a)",
     ],
 )
 def test_what_no_test_could_notice_is_left_alone(source: str) -> None:
