@@ -11,7 +11,7 @@ import pytest
 from sim_action.state.readings import ContactReading
 from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import ClearanceWatch
-from sim_action.state.trace_records import ClearanceRecord, Nearness, SensorRecord
+from sim_action.state.trace_records import BodyRecord, ClearanceRecord, Nearness, SensorRecord
 from sim_action.state.trace_storage import TraceError, load_trace, save_trace
 from tests.traces import trace
 
@@ -87,3 +87,22 @@ def test_a_record_in_pieces_is_the_record() -> None:
     joined = SensorRecord.concatenate(pieces)
     assert joined.time.tolist() == record.time.tolist()
     assert joined.columns["force"].tolist() == record.columns["force"].tolist()
+
+
+TIME = np.array([0.1, 0.2, 0.3, 0.4])
+RECORDS = (
+    BodyRecord(TIME, np.zeros((4, 3)), np.tile([0.0, 0.0, 0.0, 1.0], (4, 1))),
+    RECORD,
+    SensorRecord("contact", TIME, {"touching": np.zeros(4)}),
+)
+
+
+@pytest.mark.parametrize("record", RECORDS, ids=lambda record: type(record).__name__)
+@pytest.mark.parametrize(
+    ("start", "end", "kept"),
+    [(0.2, 0.3, [0.2, 0.3]), (0.1 + 0.2, 0.4, [0.3, 0.4]), (0.11, 0.19, []), (0.0, 0.1, [0.1]), (0.35, 9.0, [0.4])],
+)
+def test_records_between_two_times_keep_both_ends_in_spite_of_rounding(
+    record: BodyRecord | ClearanceRecord | SensorRecord, start: float, end: float, kept: list[float]
+) -> None:
+    assert record.between(start, end).time.tolist() == kept
