@@ -73,6 +73,7 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
             "warning", "such an assertion where moving links have a visual shape but no collision shape"
         ),
         "nothing-to-touch": Rule("warning", "`no_collision` in a world without an object that the robot may not touch"),
+        "limit-beyond-range": Rule("warning", "a minimum distance of `sensor` that is greater than its sensor's range"),
         "segment-beyond-run": Rule(
             "warning", "a command segment or point that is longer or later than the run: probably in milliseconds"
         ),
@@ -81,6 +82,7 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         ),
         "drive-never-commanded": Rule("warning", "a drive that no command source and no sensor used"),
         "judged-once": Rule("warning", "an invariant that was judged at one moment, although the run has more"),
+        "nothing-in-range": Rule("warning", "an invariant of `sensor` whose ranges or depths were all infinite"),
         "silent-controller": Rule(
             "warning", "a controller (script, process, replay, ROS nodes) that gave no command other than zero"
         ),
@@ -155,6 +157,8 @@ def audit_scenario(
         yield from _unreachable_limits(path, assertion, scenario.physics)
         if assertion.key == "no_collision":
             yield from _nothing_to_touch(path, assertion, scenario)
+        elif assertion.key == "sensor":
+            yield from _beyond_range(path, assertion, scenario)
     for path, source in zip(command_paths, scenario.commands, strict=True):
         yield from _late_segments(path, source, scenario.time_limit)
 
@@ -269,6 +273,19 @@ def _nothing_to_touch(path: KeyPath, assertion: Any, scenario: Scenario) -> Iter
         )
         message = f"{found}, so the robot cannot touch anything; add an object to world.objects, or remove no_collision"
         yield ClaimFinding("nothing-to-touch", path, message)
+
+
+def _beyond_range(path: KeyPath, assertion: Any, scenario: Scenario) -> Iterator[ClaimFinding]:
+    """Yield a minimum distance that is greater than the range of its sensor."""
+    sensors = [mounted.sensor for mounted in scenario.sensors if mounted.name == assertion.name]
+    field = {"ranges": "range", "depth": "far"}.get(assertion.reading)
+    if not sensors or field is None or assertion.at_least is None or assertion.once or assertion.which == "max":
+        return
+    far, least = getattr(sensors[0], field, math.inf), units.parse(assertion.at_least, units.LENGTH)
+    if least > far:
+        sees, wanted = units.display(far, "m"), units.display(least, "m")
+        message = f"{assertion.name} sees {sees} far, so nothing between {sees} and {wanted} is noticed"
+        yield ClaimFinding("limit-beyond-range", (*path, "at_least"), f"{message}; raise its '{field}'")
 
 
 def _late_segments(path: KeyPath, source: Any, limit: float) -> Iterator[ClaimFinding]:

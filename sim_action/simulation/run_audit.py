@@ -12,6 +12,7 @@ from typing import Final, Self
 
 from sim_action.assertions import Assertion
 from sim_action.assertions.monitors.becoming import Rest
+from sim_action.assertions.sensor import SensorReading
 from sim_action.core.geometry import Twist
 from sim_action.core.yaml_document import KeyPath
 from sim_action.scenario.claim_audit import ClaimFinding
@@ -28,6 +29,9 @@ _MIN_COMMAND: Final = 1e-6
 _MIN_TARGET: Final = 2e-3
 # A formula without "always" is about one moment; the others are judged at the end.
 _JUDGED_BY_NATURE: Final = frozenset({"stl", "final_pose", "assertion"})
+# s: a robot may not have moved yet when a shorter run ends.
+_SHORT_S: Final = 0.5
+_DISTANCES: Final = frozenset({"ranges", "depth"})
 _OF_SENSORS: Final = frozenset({"sensor", "odometry_error"})
 
 
@@ -117,6 +121,7 @@ def audit_run(scenario: Scenario, scene: Scene, facts: RunFacts) -> Iterator[Cla
             yield ClaimFinding("premise-never-held", ("expect", index, expected.assertion.key), told)
     for index, verdict in enumerate(facts.verdicts):
         yield from _judged_once(scenario, index, verdict, facts.end)
+        yield from _nothing_in_range(scenario.expect[index].assertion, index, verdict)
     unused = list(_unused_drive(scenario, scene, facts.commands))
     yield from unused
     if not unused and facts.commands.are_zero:
@@ -140,6 +145,16 @@ def _judged_once(scenario: Scenario, index: int, verdict: Verdict, end: float) -
         remedy = "raise the sensor's rate, or run for longer" if key in _OF_SENSORS else "run for longer"
         message = f"was judged at one moment only, at {judged.first or 0.0:.2f} s; {remedy}"
         yield ClaimFinding("judged-once", ("expect", index, key), message)
+
+
+def _nothing_in_range(assertion: Assertion, index: int, verdict: Verdict) -> Iterator[ClaimFinding]:
+    """Yield a minimum distance that every reading met because it was infinite: the verdict has the least reading."""
+    if not isinstance(assertion, SensorReading) or assertion.reading not in _DISTANCES or assertion.which == "max":
+        return
+    if verdict.status == "passed" and not verdict.goal and verdict.measured is None:
+        message = f"{assertion.name} saw nothing in range in the whole run, so no distance was compared"
+        told = f"{message}; let the robot come near an object, or raise the range of the sensor"
+        yield ClaimFinding("nothing-in-range", ("expect", index, assertion.key), told)
 
 
 def _is_at_end(assertion: Assertion) -> bool:
@@ -173,10 +188,17 @@ def _standstill(scene: Scene, facts: RunFacts) -> str | None:
     commands, motion = facts.commands, facts.motion
     least = "by 1 mm or 0.1 deg"
     if commands.moves_base and not scene.bolted and not motion.base:
-        return f"the robot was commanded to drive, but its base never moved {least}; check wheels, friction and limits"
-    if (commands.moves_base or commands.moves_joints) and not motion.base and not motion.joints:
-        return f"the robot was commanded to move, but nothing moved {least}; check joints, limits and efforts"
-    return None
+        message = (
+            f"the robot was commanded to drive, but its base never moved {least}; check wheels, friction and limits"
+        )
+    elif (commands.moves_base or commands.moves_joints) and not motion.base and not motion.joints:
+        message = f"the robot was commanded to move, but nothing moved {least}; check joints, limits and efforts"
+    else:
+        return None
+    if facts.end >= _SHORT_S:
+        return message
+    met = ": its goals were met at once" if any(verdict.goal for verdict in facts.verdicts) else ""
+    return f"the run ended at {facts.end:.2f} s, before the robot could move{met}; run for longer"
 
 
 def unreached_events(world: World, end: float) -> Iterator[tuple[KeyPath, str]]:

@@ -157,6 +157,30 @@ def test_nothing_to_touch(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("keys", "found"),
+    [
+        ("which: min, at_least: 0.8", [9]),
+        ("which: mean, at_least: 31 cm", [9]),
+        ("which: min, at_least: 0.3", []),
+        ("which: max, at_least: 0.8", []),
+        ("which: min, at_least: 0.8, once: true", []),
+        ("which: min, at_most: 0.8", []),
+    ],
+)
+def test_a_distance_beyond_the_range_of_its_sensor(keys: str, found: list[int], tmp_path: Path) -> None:
+    lidar = "sensors: [{lidar: {rays: 3, range: 0.3}, name: scan}]\n"
+    text = scenario(f"sensor: {{name: scan, reading: ranges, {keys}}}", lidar)
+    assert warnings(tmp_path, text) == [(line, "limit-beyond-range") for line in found]
+    if "0.8" in keys and found:
+        (warning,) = load(tmp_path, text).warnings
+        assert (
+            warning.message == "scan sees 0.3 m far, so nothing between 0.3 m and 0.8 m is noticed; raise its 'range'"
+        )
+    camera = "sensors: [{camera: {far: 0.3}, name: scan, link: base_scan}]\n"
+    assert warnings(tmp_path, text.replace(lidar, camera).replace("ranges", "depth")) == warnings(tmp_path, text)
+
+
+@pytest.mark.parametrize(
     ("segments", "lines"),
     [
         ("{linear: 1, for: 2000}, {linear: 0}", [6]),

@@ -46,6 +46,10 @@ def test_a_robot_that_never_moves_although_it_is_commanded(engine: str, tmp_path
     ice = "world: {ground: {friction: 0.0}}\n"
     assert rules(tmp_path, drives + ice) == [("never-moved", "commands")]
     assert rules(tmp_path, f"{drives}{ice}allow: [never-moved]\n") == []
+    (finding,) = run(tmp_path, drives + ice).findings
+    assert finding.message == "the run ended at 0.20 s, before the robot could move; run for longer"
+    (finding,) = run(tmp_path, (drives + ice).replace("duration: 0.2 s", "duration: 0.6 s")).findings
+    assert finding.message.endswith("its base never moved by 1 mm or 0.1 deg; check wheels, friction and limits")
     assert rules(tmp_path, drives.replace("0.1}", "0}") + ice) == []
 
 
@@ -92,7 +96,8 @@ def test_a_joint_moves_unless_it_is_commanded_to_its_place(
     assert rules(tmp_path, arm + "commands: {script: hold.py}\n") == found
 
 
-SCANS = STANDING.replace("0.2 s", "0.5 s") + "sensors: [{lidar: {rays: 3}, name: scan, rate: RATE}]\n"
+WALL = "world: {objects: [{name: wall, box: [0.1, 9, 1], pose: {x: 1}}]}\n"
+SCANS = STANDING.replace("0.2 s", "0.5 s") + "sensors: [{lidar: {rays: 3}, name: scan, link: base_scan, rate: RATE}]\n"
 CLEAR = "sensor: {name: scan, reading: ranges, which: min, at_least: 0.01}"
 
 
@@ -110,7 +115,7 @@ CLEAR = "sensor: {name: scan, reading: ranges, which: min, at_least: 0.01}"
     ],
 )
 def test_an_invariant_that_was_judged_once(expect: str, rate: str, found: str | None, tmp_path: Path) -> None:
-    text = SCANS.replace("RATE", rate).replace("[upright]", f"[{{{expect}}}]")
+    text = WALL + SCANS.replace("RATE", rate).replace("[upright]", f"[{{{expect}}}]")
     assert rules(tmp_path, text) == [("judged-once", found)] * (found is not None)
     if found == "expect.0.sensor":
         (finding,) = run(tmp_path, text).findings
@@ -136,6 +141,24 @@ def test_a_controller_that_commands_nothing(answer: str, is_silent: bool, tmp_pa
         (finding,) = run(tmp_path, text).findings
         assert finding.message.startswith("the controller gave no command other than zero in the whole run")
         assert rules(tmp_path, text + "allow: [silent-controller]\n") == []
+
+
+def test_goals_that_are_met_before_the_robot_moves(tmp_path: Path) -> None:
+    goal = "settled: {speed: 9 m/s, turn_rate: 9 rad/s, for: 4 ms}"
+    text = STANDING.replace("upright", f"{{{goal}}}").replace("duration: 0.2 s\n", "")
+    ice = "world: {ground: {friction: 0.0}}\n"
+    (finding,) = run(tmp_path, text + ice + "commands: {twist: [{linear: 0.1}]}\n").findings
+    assert finding.rule == "never-moved"
+    assert "before the robot could move: its goals were met at once; run for longer" in finding.message
+
+
+@pytest.mark.parametrize(
+    ("which", "wall", "found"),
+    [("min", "", True), ("mean", "", True), ("max", "", False), ("min", WALL, False)],
+)
+def test_a_sensor_that_sees_nothing_in_range(which: str, wall: str, found: bool, tmp_path: Path) -> None:
+    text = SCANS.replace("RATE", "10 Hz").replace("[upright]", f"[{{{CLEAR.replace('min', which)}}}]")
+    assert rules(tmp_path, text + wall) == [("nothing-in-range", "expect.0.sensor")] * found
 
 
 def test_a_drive_that_is_never_commanded(tmp_path: Path) -> None:
