@@ -72,7 +72,9 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         "shapeless-links": Rule(
             "warning", "such an assertion where moving links have a visual shape but no collision shape"
         ),
-        "nothing-to-touch": Rule("warning", "`no_collision` in a world without an object that the robot may not touch"),
+        "nothing-to-touch": Rule(
+            "warning", "`no_collision` where there is nothing that the robot may not touch during the check"
+        ),
         "limit-beyond-range": Rule("warning", "a minimum distance of `sensor` that is greater than its sensor's range"),
         "segment-beyond-run": Rule(
             "warning", "a command segment or point that is longer or later than the run: probably in milliseconds"
@@ -156,7 +158,10 @@ def audit_scenario(
     for path, assertion in placed_leaves(scenario, expect_paths):
         yield from _unreachable_limits(path, assertion, scenario.physics)
         if assertion.key == "no_collision":
-            yield from _nothing_to_touch(path, assertion, scenario)
+            ends = [
+                each.before for at, each in zip(expect_paths, scenario.expect, strict=True) if path[: len(at)] == at
+            ]
+            yield from _nothing_to_touch(path, assertion, scenario, min(scenario.time_limit, *ends))
         elif assertion.key == "sensor":
             yield from _beyond_range(path, assertion, scenario)
     for path, source in zip(command_paths, scenario.commands, strict=True):
@@ -263,12 +268,15 @@ def _are_angles(signals: Iterable[Signal]) -> bool:
     return bool(names) and names <= {"roll", "pitch", "yaw", "tilt"}
 
 
-def _nothing_to_touch(path: KeyPath, assertion: Any, scenario: Scenario) -> Iterator[ClaimFinding]:
-    names = [body.name for body in scenario.world.objects]
-    if all(name in (*assertion.allow, GROUND) for name in names):
+def _nothing_to_touch(path: KeyPath, assertion: Any, scenario: Scenario, end: float) -> Iterator[ClaimFinding]:
+    bodies = scenario.world.objects
+    touchable = [body for body in bodies if body.name not in (*assertion.allow, GROUND)]
+    if all(body.appears is not None and body.appears >= end for body in touchable):
         found = (
-            "allow names every object of the world"
-            if names
+            f"every object that may not be touched appears only after the check, which ends at {end:g} s"
+            if touchable
+            else "allow names every object of the world"
+            if bodies
             else "the world has no objects, and the ground never counts"
         )
         message = f"{found}, so the robot cannot touch anything; add an object to world.objects, or remove no_collision"

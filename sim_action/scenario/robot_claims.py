@@ -46,6 +46,11 @@ def _shapes(leaves: Sequence[tuple[KeyPath, Any]], scene: Scene) -> Iterator[Cla
             message = f"no link of the robot has a collision shape; add <collision> to {_quoted(drawn)}"
             yield ClaimFinding("no-collision-shape", path, f"{assertion.key} checks nothing: {message}")
         return
+    shaped = {link.name for link in model.links if link.collisions}
+    for path, assertion in judged:
+        if assertion.key == "no_collision" and shaped <= set(assertion.allow):
+            message = "allow names every link with a collision shape, so no touch counts; remove links from allow"
+            yield ClaimFinding("nothing-to-touch", path, message)
     # An assertion that names links judges only those.
     all_links = [path for path, each in judged if not (getattr(each, "links", None) or getattr(each, "link", None))]
     if all_links and (unseen := [link.name for link in _shapeless(scene)]):

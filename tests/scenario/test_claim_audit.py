@@ -157,6 +157,21 @@ def test_nothing_to_touch(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("before", "appears", "found"),
+    [
+        ("", "2 s", False),
+        ("before: 2 s", "2 s", True),
+        ("before: 2 s", "1.9 s", False),
+    ],
+)
+def test_an_object_that_appears_too_late_to_be_touched(before: str, appears: str, found: bool, tmp_path: Path) -> None:
+    ball = f"{{name: ball, sphere: {{radius: 1}}, mass: 1, pose: {{x: 9, z: 3}}, appears: {appears}}}"
+    late = f"world: {{objects: [{ball}]}}\n"
+    text = scenario(f"no_collision: {{}}\n    {before}", late)
+    assert warnings(tmp_path, text) == [(9, "nothing-to-touch")] * found
+
+
+@pytest.mark.parametrize(
     ("keys", "found"),
     [
         ("which: min, at_least: 0.8", [9]),

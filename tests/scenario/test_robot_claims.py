@@ -83,6 +83,14 @@ def test_moving_links_that_are_only_visual_are_named(tmp_path: Path) -> None:
     assert warned(tmp_path, scenario("upright")) == []
 
 
+def test_all_links_may_touch(tmp_path: Path) -> None:
+    robot(tmp_path, base=COLLISION, hand=COLLISION)
+    assert warned(tmp_path, scenario("no_collision: {allow: [base]}")) == []
+    assert warned(tmp_path, scenario("no_collision: {allow: [base, hand]}")) == [
+        "allow names every link with a collision shape, so no touch counts; remove links from allow [nothing-to-touch]"
+    ]
+
+
 def test_parts_of_a_body_with_a_shape_and_a_base_that_cannot_move_need_none(tmp_path: Path) -> None:
     robot(tmp_path, base=COLLISION, decor=VISUAL, arm=VISUAL, hand=COLLISION)
     assert warned(tmp_path, scenario("no_collision")) == []
