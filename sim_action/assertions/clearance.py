@@ -145,7 +145,7 @@ class ClearanceMonitor:
         return self.state is State.BROKEN or (self.spec.at_least is None and self.state is State.HOLDS)
 
     def begin(self, trace: Trace) -> Self:
-        """See CumulativeMonitor.begin. Distances before the window do not count, but there are some."""
+        """See CumulativeMonitor.begin. Distances before the window do not count, but show that there are distances."""
         return replace(self, is_known=self.is_known or len(self._recorded(trace)) > 0)
 
     def observe(self, trace: Trace) -> Self:
@@ -234,7 +234,9 @@ class ClearanceMonitor:
 
     def _unknown(self, limit: float | None) -> Verdict:
         names = ", ".join(self.spec.to) if self.spec.to else "any body"
-        message = f"never measured: no link with a collision shape and {names} were there together"
+        message = (
+            f"no distance to {names} was measured: it never appeared, or no link of the robot has a collision shape"
+        )
         return Verdict(False, None, limit, None, "m", None, message, judged=Judged())
 
 

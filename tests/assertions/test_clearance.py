@@ -81,7 +81,9 @@ def test_it_reads_its_own_channel_alone() -> None:
     assert spec.channels == Channels(clearances=frozenset({watch}))
     never = monitor(spec).observe(seen()).verdict()
     assert never.judged == Judged()
-    assert never.message == "never measured: no link with a collision shape and wall, ball were there together"
+    assert never.message == (
+        "no distance to wall, ball was measured: it never appeared, or no link of the robot has a collision shape"
+    )
     assert not judged(spec, seen(watch=watch)).passed
 
 

@@ -90,7 +90,7 @@ class BaseMotion:
     def _with_jumps(
         self, trace: Trace, reported: FloatArray, velocity: slice, ways: _Ways, correction: float
     ) -> FloatArray:
-        """Return the reported values (T,); where the step to a state was a jump, the way over the time."""
+        """Return the reported values (T,), with the mean value of the step in place of each jump."""
         import numpy as np
 
         if not len(trace):

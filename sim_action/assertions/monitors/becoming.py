@@ -88,7 +88,7 @@ class Rest:
 
 
 def _least_motion(scene: Scene, name: str) -> float:
-    """Return the motion in rad or m from which on a joint has moved."""
+    """Return the smallest motion in rad or m that counts as a movement of the joint."""
     joint = scene.model.joints_by_name[name]
     if joint.type == "continuous" and not scene.bolted:
         return _TURNED_RAD
@@ -152,7 +152,7 @@ class BecomingTrue:
         if not len(trace):
             return self
         if self.is_open:
-            return self._judged(trace)
+            return self.judged_on(trace)
         later, opening = self._opened(trace)
         if self.rest is None:
             truth = self.probe.truth(trace)
@@ -163,16 +163,16 @@ class BecomingTrue:
         if later.is_open:
             before = trace.between(-math.inf, opening - 2 * TIME_EPSILON_S)
             later = replace(later, goal=begun(self.goal, before))
-            return later._judged(trace.between(opening, math.inf))  # noqa: SLF001 - its own successor
+            return later.judged_on(trace.between(opening, math.inf))
         return replace(later, goal=begun(self.goal, trace), probe=self.probe.observe(trace))
 
-    def _judged(self, trace: Trace) -> Self:
+    def judged_on(self, trace: Trace) -> Self:
         """Return the monitor after steps at which the goal counts."""
         hold = None if self.hold is None else self.hold.observe(*self.goal.truth(trace))
         return replace(self, goal=self.goal.observe(trace), hold=hold)
 
     def _opened(self, trace: Trace) -> tuple[Self, float]:
-        """Return the monitor with the goal open if it may count, and the time in s from which on; else infinity."""
+        """Return the monitor, open if the goal may count, and the sim time in s from which it counts; else infinity."""
         truth = self.probe.truth(trace)
         at_start = bool(truth.holds[0]) if self.at_start is None and len(truth.holds) else self.at_start
         ends = truth.time[~truth.holds]

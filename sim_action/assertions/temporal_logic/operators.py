@@ -196,7 +196,7 @@ class Extreme:
         known = float(rows.time[-1]) - self.reach
         end = int(rows.after(known))
         return replace(
-            later._after(rows, end),  # noqa: SLF001 - its own
+            later.folded(rows, end),
             open=SampleChain(rows.between(end, len(rows))) if end < len(rows) else None,
             closed=begin + self.interval.end <= known + TIME_ROUNDING_S,
         )
@@ -206,12 +206,12 @@ class Extreme:
         last = self
         if self.open is not None and not self.closed:
             rows = self.open.whole()
-            last = self._after(rows, len(rows))
+            last = self.folded(rows, len(rows))
         if last.found is None:
             return Outcome(-math.inf if self.greatest else math.inf, None, last.judged)
         return Outcome(last.found.value, last.found.cause, last.judged)
 
-    def _after(self, rows: Samples, end: int) -> Self:
+    def folded(self, rows: Samples, end: int) -> Self:
         """Return the fold after the rows before `end`."""
         assert self.begin is not None
         first = int(rows.at_or_after(self.begin + self.interval.start))
@@ -271,7 +271,7 @@ class UntilFold:
         return self.found is not None and self._is_enough(self.found.value)
 
     @property
-    def _is_lost(self) -> bool:
+    def is_lost(self) -> bool:
         """True if `before` failed, so that no later step can make the `until` true."""
         return self.held is not None and not self._is_enough(self.held.value)
 
@@ -282,7 +282,7 @@ class UntilFold:
     @property
     def is_decided(self) -> bool:
         """See DecidingMonitor.is_decided."""
-        return self._came_true or self.closed or self._is_lost
+        return self._came_true or self.closed or self.is_lost
 
     @property
     def needed_until(self) -> float:
@@ -299,7 +299,7 @@ class UntilFold:
         rows = samples if self.open is None else Samples.concatenate((self.open.samples, samples))
         known = float(rows.time[-1]) - self.reach
         end = int(rows.after(known))
-        later = replace(self, begin=begin)._after(rows, end)  # noqa: SLF001 - its own
+        later = replace(self, begin=begin).folded(rows, end)
         waiting = SampleChain(rows.between(end, len(rows))) if end < len(rows) else None
         return replace(later, open=waiting, closed=begin + self.formula.interval.end <= known + TIME_ROUNDING_S)
 
@@ -307,14 +307,14 @@ class UntilFold:
         """See Part.outcome. A `before` that fails before the interval decides, at one step."""
         last = self
         if self.open is not None and not self.closed:
-            last = self._after(self.open.samples, len(self.open.samples))
+            last = self.folded(self.open.samples, len(self.open.samples))
         best, judged = last.found, last.judged
-        if not judged.moments and last.held is not None and last._is_lost:  # noqa: SLF001 - its own
+        if not judged.moments and last.held is not None and last.is_lost:
             best, judged = last.held, Judged(1, last.held.time, last.held.time)
         value = -math.inf if best is None else best.value
         return Outcome(-value if self.contrary else value, None if best is None else best.cause, judged)
 
-    def _after(self, rows: Samples, end: int) -> Self:
+    def folded(self, rows: Samples, end: int) -> Self:
         """Return the fold after the rows before `end`."""
         assert self.begin is not None
         if end == 0:

@@ -337,7 +337,7 @@ def body_of(name: str, description: str, pose: Pose) -> tuple[Body, tuple[Loss, 
     """Return a body and its losses, from the SDF of a model with one shape. Raises BadWorld."""
     sources = Sources(model_folders())
     try:
-        root = ET.fromstring(description)  # noqa: S314 - of what is simulated
+        root = ET.fromstring(description)  # noqa: S314 - the model that is simulated
         model = root if root.tag == "model" else root.find("model")
         if model is None:
             raise BadWorld("it has no <model>")
