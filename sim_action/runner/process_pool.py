@@ -165,8 +165,11 @@ class _Scheduler:
         try:
             self._start()
             meanwhile()
-            while (self._waiting or self._running) and not self._interruption.happened:
+            while not self._interruption.happened:
                 self._start()
+                # An interruption inside `_start` leaves nothing to wait for.
+                if not self._running:
+                    break
                 self._wait()
                 self._collect()
         finally:

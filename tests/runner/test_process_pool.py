@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+from itertools import count
 from pathlib import Path
 from typing import ClassVar, Self
 
@@ -82,3 +83,40 @@ def test_each_child_is_looked_at_while_those_before_it_still_run(
     assert Waiting.ended == ["2", "1", "0"]
     assert [told for told in listener.told if told.endswith("done")] == ["2 is done", "1 is done", "0 is done"]
     assert listener.told[:3] == ["0 goes on", "1 goes on", "2 is done"]
+
+
+class InterruptedAtLook(Interruption):
+    """An interruption that happens right before the pool looks for it the n-th time."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self._looks, self._number = count(1), number
+
+    @property
+    def happened(self) -> bool:
+        return next(self._looks) >= self._number
+
+    @happened.setter
+    def happened(self, value: bool) -> None:
+        assert not value, "no signal arrives in these tests"
+
+
+class Ended(Waiting):
+    """A child that has ended when the pool first looks."""
+
+    def poll(self) -> int | None:
+        return 0
+
+
+@pytest.mark.parametrize("number", range(1, 12))
+def test_an_interruption_at_any_moment_leaves_an_outcome_for_each_scenario(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int
+) -> None:
+    monkeypatch.setattr(Waiting, "ended", [])
+    loaded = []
+    for name in ("a", "b", "c"):
+        (tmp_path / f"{name}.sim.yml").write_text(SCENARIO.format(name=name))
+        loaded.append(load_scenario(tmp_path / f"{name}.sim.yml"))
+    with InterruptedAtLook(number) as interruption:
+        outcomes = execute(loaded, tmp_path, 1, Listener(), interruption, child_type=Ended)
+    assert [outcome.name for outcome in outcomes] == ["a", "b", "c"]
