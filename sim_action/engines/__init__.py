@@ -41,6 +41,9 @@ class Engine(EngineQueries, Protocol):
     solid_terrain: bool
     """True if heightfields are solid below their surface."""
 
+    notes: tuple[str, ...]
+    """The properties of the model that the engine had to change."""
+
     def advance(self, first_step: int, targets: Sequence[JointTargets | None]) -> None:
         """Step the scene once for each entry of `targets`, after passing that entry to the motors.
 

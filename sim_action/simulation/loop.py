@@ -143,7 +143,7 @@ class _Loop:
         self._judges_contacts = channels.contacts
         self._watchdog = Watchdog.of(scene, self._placed)
         self._tunnelling: Tunnelling | None = None
-        self._notes = [*map(str, scene.model.findings), *_about_drive(scenario, scene, drive)]
+        self._notes = [*map(str, scene.model.findings), *backend.notes, *_about_drive(scenario, scene, drive)]
         self._motion = drive.open(scene.model, scenario.physics.rate, scene.world.weight) if drive else None
         self._arrivals = Spawns.of(scenario)
         self._last_step = scenario.steps(scenario.time_limit)

@@ -58,6 +58,7 @@ class MuJoCoEngine:
 
     version = f"mujoco {version('mujoco-core')}"
     solid_terrain = True
+    notes: tuple[str, ...] = ()
 
     def __init__(self, scene: Scene, channels: Channels = NO_CHANNELS) -> None:
         try:

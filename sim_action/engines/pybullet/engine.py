@@ -22,6 +22,7 @@ from sim_action.engines.body_control import base_wrench
 from sim_action.engines.clearances import ClearanceRecorder
 from sim_action.engines.observers import BodyRecorder, LazyContacts
 from sim_action.engines.pybullet.body_control import PyBulletBodyControl, apply_wrench, robot_inertia
+from sim_action.engines.pybullet.joint_damping import calm
 from sim_action.engines.pybullet.queries import (
     Distances,
     cast_rays,
@@ -83,6 +84,7 @@ class PyBulletEngine:
         self._rate = scene.physics.rate
         self._watches_contacts = channels.contacts and bool(self._objects)
         self._read_joints(scene)
+        self.notes = calm(self._client, self._robot, scene.physics.rate, bolted=scene.bolted)
         self._place_robot(scene)
         self._events = WorldEvents.of(scene, PyBulletBodyControl(self._client, self._robot, self._links, self._objects))
         distances = Distances(self._client, self._robot, self._link_names, self._body_names)

@@ -1,0 +1,102 @@
+"""Joint damping that stops a joint within one physics step, as in models of arms: it must not add energy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from sim_action.robot.spec import Robot
+from sim_action.state.command import JointTargets
+from tests.integration.engines import advance, at, on_every_engine, running, scene_of
+
+pytestmark = on_every_engine
+
+G = 9.80665
+
+
+def link(name: str, mass: float = 0.1, moment: float = 1e-4, com: str = "0 0 0") -> str:
+    inertia = f'<inertia ixx="{moment}" iyy="{moment}" izz="{moment}" ixy="0" ixz="0" iyz="0"/>'
+    return f'<link name="{name}"><inertial><origin xyz="{com}"/><mass value="{mass}"/>{inertia}</inertial></link>'
+
+
+def joint(name: str, ends: str, axis: str, damping: float, *, origin: str = "0 0 0", kind: str = "") -> str:
+    parent, child = ends.split(">")
+    ends = f'<parent link="{parent}"/><child link="{child}"/><origin xyz="{origin}"/><axis xyz="{axis}"/>'
+    limit = '<limit lower="-9" upper="9" effort="90" velocity="90"/>'
+    return f'<joint name="{name}" type="{kind or "continuous"}">{ends}{limit}<dynamics damping="{damping}"/></joint>'
+
+
+def robot(*parts: str) -> str:
+    return f'<robot name="it">{"".join(parts)}</robot>'
+
+
+FIXED = Robot(model="robot.urdf", base="fixed")
+
+
+@pytest.mark.parametrize("damping", [0.1, 0.5, 5.0, 50.0])
+@pytest.mark.parametrize("axis", ["0 1 0", "0 0.6 0.8"])
+def test_an_arm_sinks_at_the_speed_at_which_its_damping_carries_its_weight(
+    engine: str, damping: float, axis: str, tmp_path: Path
+) -> None:
+    # Through the damping, about a level axis or a slanted one, a tip at 0.1 m sinks slowly.
+    urdf = robot(link("base", 1.0, 1.0), link("arm", com="0.1 0 0"), joint("j", "base>arm", axis, damping))
+    with running(engine, scene_of(tmp_path, urdf, FIXED)) as backend:
+        trace = advance(backend, 0, 12)
+    share = float(axis.split()[1])
+    if damping >= 5:
+        assert trace.joint_velocity[-1, 0] == pytest.approx(share * 0.1 * G * 0.1 / damping, rel=0.02)
+    assert 0 < trace.joint_velocity[-1, 0] < 1.0 / damping
+
+
+def rolls(damping: float) -> str:
+    """A forearm of light links that roll about one axis and a wrist, with a weight at the end."""
+    return robot(
+        link("base", 5.0, 1.0),
+        link("upper", 0.5, 1e-3, "0.1 0 0"),
+        link("fore", 0.3, 1e-4, "0.05 0 0"),
+        link("wrist", 0.1, 1e-5),
+        link("hand", 0.2, 1e-4, "0.05 0.03 0"),
+        joint("upper_roll", "base>upper", "1 0 0", damping),
+        joint("fore_roll", "upper>fore", "1 0 0", damping, origin="0.2 0 0"),
+        joint("wrist_bend", "fore>wrist", "0 1 0", damping / 5, origin="0.1 0 0"),
+        joint("wrist_roll", "wrist>hand", "1 0 0", damping),
+    )
+
+
+@pytest.mark.parametrize("damping", [0.2, 5.0])
+def test_a_chain_of_damped_joints_moves_as_with_small_steps(engine: str, damping: float, tmp_path: Path) -> None:
+    ends = []
+    for rate in (240.0, 9600.0):
+        with running(engine, scene_of(tmp_path, rolls(damping), FIXED, rate=rate)) as backend:
+            ends.append(advance(backend, 0, round(rate)).joint_position[-1])
+    assert ends[0] == pytest.approx(ends[1], abs=0.01)
+
+
+def test_damping_calms_a_joint_of_a_light_base_too(engine: str, tmp_path: Path) -> None:
+    urdf = robot(link("base"), link("arm", com="0.1 0 0"), joint("j", "base>arm", "0 1 0", 5.0))
+    with running(engine, scene_of(tmp_path, urdf, at(5.0))) as backend:
+        trace = advance(backend, 0, 120, JointTargets(effort={"j": 1.0}))
+    # Both parts fall alike, so the effort alone turns the joint.
+    assert trace.joint_velocity[-1, 0] == pytest.approx(0.2, rel=0.02)
+    assert abs(trace.turn_rate[-1]) < 1.0
+
+
+def test_a_slider_whose_damping_is_too_fast_for_the_steps_is_slowed_and_noted(engine: str, tmp_path: Path) -> None:
+    urdf = robot(link("base", 1.0), link("car"), joint("j", "base>car", "1 0 0", 100.0, kind="prismatic"))
+    with running(engine, scene_of(tmp_path, urdf, FIXED)) as backend:
+        trace, notes = advance(backend, 0, 240, JointTargets(effort={"j": 1.0})), backend.notes
+    if engine == "pybullet":
+        # Half of 0.1 kg in a step of 1/240 s.
+        assert trace.joint_velocity[-1, 0] == pytest.approx(1 / 12, rel=0.02)
+        assert list(notes) == [
+            (
+                "joint 'j' has a damping of 100 N s/m, but at 240 Hz pybullet can simulate only 12 N s/m; "
+                "set physics.rate to 2000 Hz for all of it"
+            )
+        ]
+    else:
+        assert trace.joint_velocity[-1, 0] == pytest.approx(0.01, rel=0.02)
+        assert notes == ()
+    with running(engine, scene_of(tmp_path, urdf, FIXED, rate=2000.0)) as backend:
+        assert backend.notes == ()
