@@ -106,7 +106,7 @@ def _shape(chance: Chance) -> str:
 
 def _contact(chance: Chance) -> str:
     tags = {"lateral_friction": 0.9, "rolling_friction": 0.01, "spinning_friction": 0.01, "contact_cfm": 0.0}
-    tags |= {"contact_erp": 1.0, "stiffness": 1e4, "damping": 10.0, "restitution": 0.5, "inertia_scaling": 3.0}
+    tags |= {"contact_erp": 1.0, "stiffness": 1e4, "damping": 10.0, "restitution": 0.0, "inertia_scaling": 3.0}
     tag = chance.choice(list(tags))
     return f'<contact><{tag} value="{spelled(chance, tags[tag])}"/></contact>'
 

@@ -106,7 +106,7 @@ def _model(document: ModelDocument, path: Path, packages: Packages, allow: Itera
         # MuJoCo takes 0.1 s to import.
         from sim_action.robot.mjcf import read_mjcf
 
-        return read_mjcf(path, packages)
+        return read_mjcf(path, packages, allow)
     if document.root.tag != "sdf":
         return model_of(document, path, packages, allow)
     from sim_action.robot.sdf.conversion import urdf_of_sdf

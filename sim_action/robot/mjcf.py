@@ -9,15 +9,30 @@ mujoco and numpy are imported inside functions, because MuJoCo is optional and s
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from sim_action.core.errors import Location, ModelError
 from sim_action.core.geometry import Pose
+from sim_action.robot.audit.elements import no_bounce
+from sim_action.robot.audit.rules import finding, refuse_errors
 from sim_action.robot.packages import PackageError, Packages
-from sim_action.robot.robot_model import WORLD, Joint, JointType, Link, Mimic, RobotModel, Shape, Surface, Visual
+from sim_action.robot.robot_model import (
+    WORLD,
+    Finding,
+    Joint,
+    JointType,
+    Link,
+    Mimic,
+    RobotModel,
+    Shape,
+    Surface,
+    Visual,
+)
 from sim_action.robot.xml_document import ModelDocument, read_document, shown_file
 
 if TYPE_CHECKING:
@@ -39,9 +54,15 @@ _UNBOUNDED: Final = ("plane", "hfield", "sdf")
 
 _MAX_VISIBLE_GROUP: Final = 2
 
+_MAX_RESTITUTION: Final = 0.1
+"""Contacts with a smaller restitution are soft, but do not visibly bounce."""
 
-def read_mjcf(path: Path, packages: Packages) -> RobotModel:
-    """Read a file and its includes. Raises ModelError."""
+
+def read_mjcf(path: Path, packages: Packages, allow: Iterable[str] = ()) -> RobotModel:
+    """Read a file and its includes. Raises ModelError.
+
+    :param allow: rules of the audit whose errors are accepted.
+    """
     mujoco = _engine(path)
     documents = list(_documents(path, path, packages, []))
     warnings: list[str] = []
@@ -57,7 +78,9 @@ def read_mjcf(path: Path, packages: Packages) -> RobotModel:
     numberless = next((warning for warning in warnings if "NaN" in warning), None)
     if numberless:
         raise ModelError(f"MuJoCo warns: {numberless}", Location(shown_file(path)))
-    return model
+    findings = tuple(_bounces(model.mjcf, Location(shown_file(path))))
+    refuse_errors(findings, allow)
+    return replace(model, findings=findings)
 
 
 def _read(mujoco: Any, path: Path, documents: list[tuple[Path, ModelDocument]], packages: Packages) -> RobotModel:
@@ -190,6 +213,28 @@ def model_of_text(text: str, path: Path, limits: Mapping[str, float]) -> RobotMo
     if any(joint.parent == WORLD for joint in joints):
         links = (Link(WORLD, None), *links)
     return RobotModel(spec.modelname, str(path), links, joints, urdf="", mjcf=text)
+
+
+def _bounces(text: str, place: Location) -> Iterator[Finding]:
+    """Yield the geoms that bounce in MuJoCo: their contacts are springs with too little damping."""
+    import mujoco
+
+    model = mujoco.MjSpec.from_string(text).compile()
+    for geom in range(model.ngeom):
+        first, second = map(float, model.geom_solref[geom])
+        restitution = _restitution(first, second)
+        if restitution > _MAX_RESTITUTION and (model.geom_contype[geom] or model.geom_conaffinity[geom]):
+            found = f"geom '{model.geom(geom).name}' has solref=\"{first:g} {second:g}\", a restitution of about"
+            yield finding("restitution", no_bounce(f"{found} {restitution:.2g}"), place)
+
+
+def _restitution(first: float, second: float) -> float:
+    """Return the share of its speed with which a body leaves a contact with these parameters `solref`.
+
+    They are a time constant and a damping ratio, or, if they are not positive, minus stiffness and minus damping.
+    """
+    ratio = second if first > 0 else -second / (2 * math.sqrt(-first)) if first < 0 else 1.0
+    return 0.0 if ratio >= 1 else math.exp(-math.pi * ratio / math.sqrt(1 - ratio**2))
 
 
 def _link(model: Any, body: int) -> Link:

@@ -82,6 +82,10 @@ def _chain(count: int, kind: str = "fixed") -> str:
     return f"{links}{joints}{_END}"
 
 
+_BOUNCE = (
+    "<collision><surface><bounce><restitution_coefficient>0.2</restitution_coefficient></bounce></surface></collision>"
+)
+
 BAD_MODELS = [
     _bad("bad-xml", 23, _END, ""),
     _bad("bad-xml", 22, _END, f"{_END}\0"),
@@ -115,6 +119,8 @@ BAD_MODELS = [
     _bad("missing-part", 14, '    <child link="upper"/>\n', "", "no child"),
     _bad("missing-part", 15, '<parent link="base"/>', "<parent/>"),
     _bad("bad-number", 5, 'value="2"', 'value="nan"'),
+    _bad("restitution", 12, "  </link>", '  <contact><restitution value="0.9"/></contact></link>', "a ball"),
+    _bad("restitution", 22, _END, f"<gazebo reference='base'>{_BOUNCE}</gazebo>{_END}", "bounces in Gazebo"),
     _bad("bad-number", 5, 'value="2"', 'value="inf"'),
     _bad("bad-number", 5, 'value="2"', 'value="1e999"'),
     _bad("bad-number", 5, 'value="2"', 'value="2 kg"'),

@@ -200,3 +200,36 @@ def test_what_cannot_be_read_is_refused_in_words(
     assert message in str(refused.value)
     assert str(refused.value).isprintable()
     assert [path.name for path in folder.iterdir()] == ["robot.xml"]
+
+
+@pytest.mark.parametrize(
+    ("solref", "restitution"),
+    [
+        ("-1000 0", "1"),
+        ("-1000 -6.32456", "0.73"),
+        ("-1000 -63.2456", None),
+        ("0.02 0.3", "0.37"),
+        ("0.02 0.7", None),
+        ("0.02 1", None),
+        ("0.004 1", None),
+    ],
+)
+def test_contacts_that_bounce_are_refused_unless_they_are_allowed(
+    solref: str, restitution: str | None, tmp_path: Path
+) -> None:
+    text = ROVER.replace('name="caster"', f'name="caster" solref="{solref}"')
+    assert text != ROVER
+    if restitution is None:
+        assert read(tmp_path, text).findings == ()
+        return
+    with pytest.raises(ModelError, match=f"a restitution of about {restitution}, but nothing bounces"):
+        read(tmp_path, text)
+    (found,) = load_model(Robot(model="robot.xml", allow=("restitution",)), Workspace(tmp_path, tmp_path)).findings
+    assert found.rule == "restitution"
+    assert str(found.location).endswith("robot.xml")
+
+
+def test_what_is_only_looked_at_may_bounce(tmp_path: Path) -> None:
+    visual = '<geom type="sphere" solref="-1000 0" contype="0" conaffinity="0" size="0.01"/>'
+    text = ROVER.replace('<geom name="caster"', f'{visual}<geom name="caster"')
+    assert read(tmp_path, text).findings == ()

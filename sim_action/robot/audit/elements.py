@@ -238,6 +238,25 @@ def gazebo_numbers(document: ModelDocument) -> Iterator[Finding]:
                 yield document.finding("bad-number", tag, message)
 
 
+def restitutions(document: ModelDocument) -> Iterator[Finding]:
+    """Yield restitutions above 0 in Bullet's <contact>, and anywhere in <gazebo>. Nothing bounces in the simulation."""
+    for part in document.elements("link/contact/restitution", "link/collision/contact/restitution"):
+        yield from _bounce(document, part, part.get("value", ""))
+    for tag in document.elements("gazebo"):
+        for part in tag.iter("restitution_coefficient"):
+            yield from _bounce(document, part, part.get("value", part.text or "").strip())
+
+
+def _bounce(document: ModelDocument, part: Element, text: str) -> Iterator[Finding]:
+    if is_numbers(text, 1) and float(text) > 0:
+        yield document.finding("restitution", part, no_bounce(f"<{part.tag}> is {float(text):g}"))
+
+
+def no_bounce(found: str) -> str:
+    """Return the message of the rule `restitution`; `found`: the stated value and its place."""
+    return f"{found}, but nothing bounces in the simulation: set it to 0, or ignore it by robot.allow"
+
+
 def gazebo_references(document: ModelDocument) -> Iterator[Finding]:
     """Yield <gazebo> tags that refer to an unknown link or joint."""
     names = {element.attrib["name"] for element in document.elements("link", "joint")}

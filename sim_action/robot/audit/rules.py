@@ -90,6 +90,9 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         "absurd-size": Rule(
             "error", "a part that is larger than a robot can be: probably in millimetres instead of metres"
         ),
+        "restitution": Rule(
+            "error", "a contact that bounces: nothing bounces in the simulation; if allowed, the restitution is ignored"
+        ),
         "unsupported-part": Rule("error", "a part of SDF that is not supported; if allowed, it is ignored"),
         "xacro-warning": Rule("warning", "a warning that xacro itself printed"),
         "locked-joint": Rule("warning", "a joint that cannot move because its limits are equal, often 0 on a wheel"),

@@ -39,6 +39,7 @@ STAGES: Final[tuple[tuple[Check, ...], ...]] = (
         inertia.presence,
         elements.gazebo_references,
         elements.gazebo_frictions,
+        elements.restitutions,
         shapes.angles,
         joints.limit_units,
         elements.misspelled_tags,

@@ -11,6 +11,7 @@ from types import MappingProxyType
 from typing import Final
 from xml.etree.ElementTree import Element
 
+from sim_action.robot.audit.elements import no_bounce
 from sim_action.robot.sdf.elements import Notes, SdfProblem, flag_of, number_of, text_of
 
 Default = bool | float | None
@@ -29,7 +30,6 @@ _PARTS: Final[Mapping[str, Mapping[str, Default]]] = MappingProxyType(
             "inertial/fluid_added_mass": None,
         },
         "collision": {
-            "surface/bounce/restitution_coefficient": 0.0,
             "surface/friction/torsional/coefficient": 0.0,
             "surface/friction/ode/slip1": 0.0,
             "surface/friction/ode/slip2": 0.0,
@@ -45,6 +45,7 @@ _PARTS: Final[Mapping[str, Mapping[str, Default]]] = MappingProxyType(
     }
 )
 _FRICTION: Final = "surface/friction"
+_BOUNCE: Final = "surface/bounce/restitution_coefficient"
 _CONTACT: Final = "surface/contact"
 # The mask of the ground and of objects, which have none.
 _EVERYTHING: Final = 0xFFFF
@@ -66,6 +67,9 @@ def note_contact(notes: Notes, collision: Element, owner: str) -> None:
     bullet = collision.find(f"{_FRICTION}/bullet/friction")
     if bullet is not None and number_of(collision, f"{_FRICTION}/bullet/friction", 1.0) != _friction(collision):
         _add(notes, bullet, owner)
+    bounce = collision.find(_BOUNCE)
+    if bounce is not None and (restitution := number_of(collision, _BOUNCE, 0.0)) > 0:
+        notes.add("restitution", bounce, no_bounce(f"<{bounce.tag}> of {owner} is {restitution:g}"))
     contact = collision.find(_CONTACT)
     if contact is None:
         return

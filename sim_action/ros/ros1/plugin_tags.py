@@ -177,6 +177,7 @@ GAZEBO_TAGS: Final[Mapping[str, Row]] = MappingProxyType(
 """Tags of `<gazebo>` in URDF."""
 
 LOST_FINDINGS: Final[Mapping[str, str]] = {
+    "restitution": "nothing bounces",
     "passed-over": "a property in SDF is ignored",
     "two-frictions": "one coefficient of friction is used for all directions",
 }

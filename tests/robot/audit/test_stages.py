@@ -99,6 +99,19 @@ def test_every_rule_has_a_model_that_breaks_it() -> None:
     assert {bad.rule for bad in BAD_MODELS} == set(RULES) - elsewhere
 
 
+@pytest.mark.parametrize(
+    "part",
+    [
+        '<contact><restitution value="0"/></contact>',
+        '<contact><restitution value="0.0"/><lateral_friction value="0.8"/></contact>',
+    ],
+)
+def test_a_restitution_of_zero_is_no_finding(part: str, tmp_path: Path) -> None:
+    assert findings(tmp_path, GOOD.replace("</link>", f"{part}</link>", 1)) == []
+    text = "<gazebo reference='base'><restitution_coefficient>0</restitution_coefficient></gazebo></robot>"
+    assert findings(tmp_path, GOOD.replace("</robot>", text)) == []
+
+
 @pytest.mark.parametrize("rule", sorted({*ALLOWABLE} - {"unsupported-part"}))
 def test_an_error_can_be_let_go_and_is_told_all_the_same(rule: str, tmp_path: Path) -> None:
     bad = next(bad for bad in BAD_MODELS if bad.rule == rule)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from sim_action.core.errors import RefusedModel
 from tests.robot.sdf.models import INERTIAL, joint, link, load, rules, sdf
 from tests.ros_workspace import written
 
@@ -39,7 +40,6 @@ def test_what_a_link_is_and_is_not_simulated_as(odd: str, usual: str, tmp_path: 
 @pytest.mark.parametrize(
     ("odd", "usual"),
     [
-        ("<bounce><restitution_coefficient>0.9</restitution_coefficient></bounce>", "<bounce/>"),
         (
             "<friction><torsional><coefficient>1</coefficient></torsional></friction>",
             "<friction/>",
@@ -62,6 +62,23 @@ def test_how_a_collision_touches_and_is_not_simulated_to(odd: str, usual: str, t
     assert (finding.rule, finding.location.line) == ("passed-over", 4)
     assert "collision 'c' of link 'a'" in finding.message
     assert load(tmp_path, collision(usual)).findings == ()
+
+
+def test_a_restitution_is_refused_unless_it_is_allowed(tmp_path: Path) -> None:
+    def bouncing(restitution: str) -> str:
+        return collision(f"<bounce><restitution_coefficient>{restitution}</restitution_coefficient></bounce>")
+
+    with pytest.raises(RefusedModel) as refused:
+        load(tmp_path, bouncing("0.9"))
+    (problem,) = refused.value.problems
+    assert problem.location.line == 4
+    assert problem.message == (
+        "<restitution_coefficient> of collision 'c' of link 'a' is 0.9, but nothing bounces in the simulation: "
+        "set it to 0, or ignore it by robot.allow [restitution]"
+    )
+    assert rules(load(tmp_path, bouncing("0.9"), ("restitution",))) == ["restitution"]
+    assert load(tmp_path, bouncing("0")).findings == ()
+    assert load(tmp_path, collision("<bounce/>")).findings == ()
 
 
 @pytest.mark.parametrize(

@@ -35,6 +35,8 @@ from sim_action.world.scene import Scene
 from sim_action.world.shape_files import ShapeLibrary, read_surroundings
 
 _DESCRIPTION_FILE: Final = "robot.urdf"
+# Such findings are losses of the launch, not errors of the model.
+_REPORTED: Final = ("restitution",)
 # Sim time without a stated limit; a replay of more would have less than 30 frames per second.
 _MAX_SIM_TIME_S: Final = 6_600.0
 
@@ -127,9 +129,9 @@ class EpisodeFactory:
     def _described(self, robot: SpawnedRobot) -> DrivenRobot:
         """Return the robot, with only its description."""
         if robot.file is not None:
-            return DrivenRobot(model=robot.file)
+            return DrivenRobot(model=robot.file, allow=_REPORTED)
         (self._folder / _DESCRIPTION_FILE).write_text(robot.description, encoding="utf-8")
-        return DrivenRobot(model=_DESCRIPTION_FILE)
+        return DrivenRobot(model=_DESCRIPTION_FILE, allow=_REPORTED)
 
     def _devices(self, robot: SpawnedRobot, model: RobotModel, frame: ModelFrame) -> tuple[list[Device], RobotCommands]:
         if self._opened is None or not robot.is_same_as(self._opened[0]):
