@@ -1,0 +1,197 @@
+"""The records of the zoo: a setup to run, its run on one engine, and a case with its oracle and tolerance."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Final, Literal
+
+from sim_action.core.workspace import Permissions
+from sim_action.scenario.loading import build_scene, load_scenario
+from sim_action.simulation.loop import simulate
+from sim_action.simulation.recorder import RunRecorder
+from sim_action.state.trace import Trace
+from sim_action.state.trace_records import BodyRecord
+
+RATE: Final = 240.0
+"""Physics steps per second at which cases are judged unless they name another rate."""
+FINE_RATE: Final = 1920.0
+"""Physics steps per second of a converged reference."""
+
+HELD_OUT_PERCENT: Final = 30
+BETWEEN: Final = "both"
+"""The name that stands for an engine where a case compares both."""
+
+Kind = Literal["analytic", "integrated", "bound", "converged", "spread"]
+"""The kind of an oracle.
+
+analytic: a closed formula. integrated: `oracles.py` integrates the equations of motion itself. bound: the quantity may
+not exceed the value. converged: the same engine at `FINE_RATE`. spread: several runs, or both engines, may not differ
+by more than the tolerance; their true difference is 0.
+"""
+
+
+@dataclass(frozen=True)
+class Setup:
+    """One simulation.
+
+    Attributes:
+        model: URDF text, or the name of a built-in model, or a path.
+        keys: of the scenario file, without the model.
+        seconds: of sim time.
+        files: name -> text of files that the scenario names.
+    """
+
+    model: str
+    seconds: float
+    keys: Mapping[str, object] = field(default_factory=dict)
+    robot: Mapping[str, object] = field(default_factory=dict)
+    rate: float = RATE
+    settle: float = 2.0
+
+    def at(self, rate: float) -> Setup:
+        """The same at another rate of physics steps."""
+        return replace(self, rate=rate)
+
+    def text(self, engine: str) -> str:
+        """The scenario file, which runs to its end whatever happens."""
+        is_text = self.model.lstrip().startswith("<")
+        return json.dumps(
+            {
+                "name": "zoo",
+                "robot": {"model": "robot.urdf" if is_text else self.model, **self.robot},
+                "backend": engine,
+                "physics": {"rate": self.rate, "settle": self.settle},
+                "expect": [{"path_length": {"at_most": 1e6}}],
+                "duration": self.seconds,
+                "time_limit": self.seconds,
+                "trace": {"rate": self.rate},
+                **self.keys,
+            }
+        )
+
+
+@dataclass(frozen=True)
+class Run:
+    """What one engine made of a setup.
+
+    Attributes:
+        trace: every step, from t = 0, after the robot has settled.
+        bodies: body of the world -> its poses, 30 a second.
+        contacts: with bodies of the world, not with the ground; in `trace`.
+        mass: of the robot in kg.
+    """
+
+    setup: Setup
+    trace: Trace
+    bodies: Mapping[str, BodyRecord]
+    mass: float
+
+    def between(self, start: float, end: float) -> Trace:
+        return self.trace.between(start, end)
+
+    def row(self, time: float) -> int:
+        """The number of the row at a time."""
+        return round(time * self.setup.rate)
+
+
+@lru_cache(maxsize=64)
+def _run(text: str, model: str, setup: _Hashed) -> Run:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "zoo.sim.yml")
+        path.write_text(text, encoding="utf-8")
+        if model.lstrip().startswith("<"):
+            Path(folder, "robot.urdf").write_text(model, encoding="utf-8")
+        loaded = load_scenario(path, Permissions(outside=True))
+        scene = build_scene(loaded)
+        footage = RunRecorder(loaded.scenario, filmed=True)
+        run = simulate(loaded.scenario, scene, lambda _: None, footage)
+        film = footage.film()
+        assert film is not None
+        trace = replace(run.trace, contacts=film.contacts)
+        return Run(setup.setup, trace, film.bodies, scene.model.mass)
+
+
+@dataclass(frozen=True)
+class _Hashed:
+    """A setup that a cache leaves out of its key: the text and the model hold all of it."""
+
+    setup: Setup = field(hash=False, compare=False)
+
+
+def run_on(engine: str, setup: Setup) -> Run:
+    """The run of a setup; one that has been asked for before is not run again."""
+    return _run(setup.text(engine), setup.model, _Hashed(setup))
+
+
+@dataclass(frozen=True)
+class Case:
+    """One quantity of one or several runs, and its true value.
+
+    Attributes:
+        measure: takes the runs of all setups, in their order; between engines, those of PyBullet first.
+        truth: None if it is converged.
+        tolerance: how far the quantity may be off, in its unit: what the product has to hold.
+        family: cases of one family are held out together; default: the name.
+        limit: of a verdict about the quantity, for comparisons between rates; default: the truth less two tolerances,
+            which is a margin of two tolerances if the engine is right.
+        between: True if the runs of both engines are compared.
+        bundled: True if the model comes with PyBullet.
+        quick: True if `make test` runs it.
+    """
+
+    name: str
+    group: str
+    setups: tuple[Setup, ...]
+    measure: Callable[..., float]
+    unit: str
+    kind: Kind
+    truth: float | None
+    tolerance: float
+    family: str = ""
+    limit: float | None = None
+    between: bool = False
+    bundled: bool = False
+    quick: bool = False
+
+    @property
+    def held_out(self) -> bool:
+        """True if the case may not be used to tune an engine: about 30 of 100 families, by a hash of their name."""
+        digest = hashlib.sha256((self.family or self.name).encode()).digest()
+        return int.from_bytes(digest[:4], "big") % 100 < HELD_OUT_PERCENT
+
+    @property
+    def engines(self) -> tuple[str, ...]:
+        return (BETWEEN,) if self.between else ("pybullet", "mujoco")
+
+    def measured(self, engine: str, rate: float | None = None) -> float:
+        """The quantity on an engine; `rate`: of the physics steps, in place of the setups' own."""
+        return self.measure(*(run_on(name, setup) for name in _names(engine) for setup in self._at(rate)))
+
+    def reference(self, engine: str) -> float:
+        """The value that is right."""
+        return self.measured(engine, FINE_RATE) if self.truth is None else self.truth
+
+    def error(self, measured: float, reference: float) -> float:
+        """How far a measured value is off; 0 if it keeps a bound."""
+        return max(0.0, measured - reference) if self.kind in ("bound", "spread") else abs(measured - reference)
+
+    @property
+    def verdict_limit(self) -> float:
+        """See `limit`."""
+        if self.limit is not None:
+            return self.limit
+        assert self.truth is not None
+        return self.truth + (1 if self.kind in ("bound", "spread") else -2) * self.tolerance
+
+    def _at(self, rate: float | None) -> Sequence[Setup]:
+        return self.setups if rate is None else [setup.at(rate) for setup in self.setups]
+
+
+def _names(engine: str) -> tuple[str, ...]:
+    return ("pybullet", "mujoco") if engine == BETWEEN else (engine,)

@@ -1,0 +1,197 @@
+"""The quantities of the zoo: functions that take a run, or several, and return one number."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from sim_action.core.geometry import Vector3
+from sim_action.state.trace import FloatArray
+from tests.physics.case import Run
+
+Measure = Callable[[Run], float]
+GRAVITY = 9.80665
+
+
+def yaw(run: Run) -> FloatArray:
+    """The heading at all moments in rad, without jumps by whole turns."""
+    return np.unwrap(run.trace.yaw)
+
+
+def steady_speed(start: float, end: float) -> Measure:
+    """The mean speed on the ground plane between two times, in m/s."""
+
+    def measure(run: Run) -> float:
+        first, last = (run.trace.base_position_xyz[run.row(time), :2] for time in (start, end))
+        return float(np.linalg.norm(last - first)) / (end - start)
+
+    return measure
+
+
+def steady_turn(start: float, end: float) -> Measure:
+    """The mean turn rate between two times, in rad/s."""
+
+    def measure(run: Run) -> float:
+        turned = yaw(run)
+        return float(turned[run.row(end)] - turned[run.row(start)]) / (end - start)
+
+    return measure
+
+
+def turned(run: Run) -> float:
+    return float(yaw(run)[-1] - run.trace.yaw[0])
+
+
+def travelled(run: Run) -> float:
+    """The distance on the ground plane between the first and the last position."""
+    first, last = run.trace.base_position_xyz[[0, -1], :2]
+    return float(np.linalg.norm(last - first))
+
+
+def path_length(run: Run) -> float:
+    return float(np.linalg.norm(np.diff(run.trace.base_position_xyz[:, :2], axis=0), axis=1).sum())
+
+
+def radius(start: float, end: float) -> Measure:
+    """The radius of the curve between two times, in m: the length of the path over the turning."""
+
+    def measure(run: Run) -> float:
+        rows = slice(run.row(start), run.row(end) + 1)
+        steps = np.diff(run.trace.base_position_xyz[rows, :2], axis=0)
+        turning = yaw(run)[rows]
+        return float(np.linalg.norm(steps, axis=1).sum()) / abs(float(turning[-1] - turning[0]))
+
+    return measure
+
+
+def final_speed(run: Run) -> float:
+    return float(run.trace.speed[-1])
+
+
+def acceleration_between(start: float, end: float) -> Measure:
+    """The mean acceleration along x between two times, in m/s^2."""
+
+    def measure(run: Run) -> float:
+        first, last = (float(run.trace.base_linear_xyz[run.row(time), 0]) for time in (start, end))
+        return (last - first) / (end - start)
+
+    return measure
+
+
+def final_height(run: Run) -> float:
+    return float(run.trace.base_position_xyz[-1, 2])
+
+
+def highest_rise(run: Run) -> float:
+    """How far the base rises above its height at t = 0, in m."""
+    heights = run.trace.base_position_xyz[:, 2]
+    return float(heights.max() - heights[0])
+
+
+def energy_gain(mass: float, inertia: Vector3) -> Callable[..., Measure]:
+    """The energy that a loose body gains, of a body whose link frame is its centre of mass."""
+
+    def after(time: float) -> Measure:
+        def measure(run: Run) -> float:
+            """The highest energy after a moment, less that of the moment, over its kinetic energy."""
+            trace = run.trace
+            kinetic = mass * trace.speed**2 / 2 + _turning(run, inertia)
+            total = kinetic + mass * GRAVITY * trace.base_position_xyz[:, 2]
+            first = run.row(time)
+            return float((total[first:].max() - total[first]) / kinetic[first])
+
+        return measure
+
+    return after
+
+
+def _turning(run: Run, inertia: Vector3) -> FloatArray:
+    """The energy of rotation, for any attitude."""
+    x, y, z, w = run.trace.base_orientation_xyzw.T
+    own_x = (1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w))
+    own_y = (2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w))
+    own_z = (2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y))
+    rates = run.trace.base_angular_xyz.T
+    return np.asarray(
+        sum(
+            moment * sum(part * rate for part, rate in zip(axis, rates, strict=True)) ** 2 / 2
+            for moment, axis in zip(inertia, (own_x, own_y, own_z), strict=True)
+        )
+    )
+
+
+def first_time_below(height: float) -> Measure:
+    """The first time at which the base is at or below a height, between steps by a straight line."""
+
+    def measure(run: Run) -> float:
+        heights, times = run.trace.base_position_xyz[:, 2], run.trace.time
+        below = int(np.argmax(heights <= height))
+        if below == 0:
+            return math.inf
+        share = (heights[below - 1] - height) / (heights[below - 1] - heights[below])
+        return float(times[below - 1] + share * (times[below] - times[below - 1]))
+
+    return measure
+
+
+def rebound(run: Run) -> float:
+    """The greatest height after the lowest one of the first second, less that at the end."""
+    heights = run.trace.base_position_xyz[:, 2]
+    lowest = int(np.argmax(heights <= heights[-1] + 5e-4))
+    return float(heights[lowest:].max() - heights[-1])
+
+
+def impulse(start: float, end: float) -> Measure:
+    """The sum of normal forces with bodies of the world between two times, times the step, in N s."""
+
+    def measure(run: Run) -> float:
+        return sum(contact.force for contact in run.trace.contacts if start < contact.time <= end) / run.setup.rate
+
+    return measure
+
+
+def body_rise(name: str) -> Measure:
+    """How far a body of the world rises above its first height, in m; seen 30 times a second."""
+
+    def measure(run: Run) -> float:
+        heights = run.bodies[name].position_xyz[:, 2]
+        return float(heights.max() - heights[0])
+
+    return measure
+
+
+def body_travel(name: str) -> Measure:
+    """The distance on the ground plane between the first and last position of a body of the world."""
+
+    def measure(run: Run) -> float:
+        first, last = run.bodies[name].position_xyz[[0, -1], :2]
+        return float(np.linalg.norm(last - first))
+
+    return measure
+
+
+def spread(measure: Measure) -> Callable[..., float]:
+    """The range of a quantity over several runs, as a share of its mean."""
+
+    def over(*runs: Run) -> float:
+        values = [measure(run) for run in runs]
+        return (max(values) - min(values)) / abs(math.fsum(values) / len(values))
+
+    return over
+
+
+def apart(one: Run, other: Run) -> float:
+    """The distance between the final positions of two runs, in m."""
+    return float(np.linalg.norm(one.trace.base_position_xyz[-1] - other.trace.base_position_xyz[-1]))
+
+
+def ratio(measure: Measure) -> Callable[[Run, Run], float]:
+    """How far a quantity of two runs differs, as a share of the first's."""
+
+    def between(one: Run, other: Run) -> float:
+        first, second = measure(one), measure(other)
+        return abs(second - first) / abs(first)
+
+    return between

@@ -1,0 +1,189 @@
+"""The robots and bodies of the zoo as URDF texts: homogeneous shapes, so that every mass and inertia is a formula."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any, Final
+
+from sim_action.core.geometry import Vector3
+
+ORIGIN: Final = (0.0, 0.0, 0.0)
+# About x by a quarter turn: the axis of a cylinder becomes the y axis of its link.
+_SIDEWAYS: Final = (math.pi / 2, 0.0, 0.0)
+_NO_FRICTION: Final = 0.0
+
+CASTER_SIDE_KG: Final = 6.0
+"""The mass of the caster robot whose wheels have a radius of 7.5 cm; others are scaled at constant density."""
+WHEEL_LOAD: Final = 0.7
+"""The share of a caster robot's weight on its two wheels. The rest is on the caster, 5/6 of the separation behind."""
+
+
+def triple(values: Iterable[float]) -> str:
+    return " ".join(f"{value:.9g}" for value in values)
+
+
+def diagonal(inertia: Vector3) -> str:
+    xx, yy, zz = inertia
+    return f'<inertia ixx="{xx:.9g}" iyy="{yy:.9g}" izz="{zz:.9g}" ixy="0" ixz="0" iyz="0"/>'
+
+
+def inertial(mass: float, inertia: Vector3, at: Vector3 = ORIGIN) -> str:
+    return f'<inertial><origin xyz="{triple(at)}"/><mass value="{mass:.9g}"/>{diagonal(inertia)}</inertial>'
+
+
+def collision(shape: str, at: Vector3 = ORIGIN, rpy: Vector3 = ORIGIN) -> str:
+    return f'<collision><origin xyz="{triple(at)}" rpy="{triple(rpy)}"/><geometry>{shape}</geometry></collision>'
+
+
+def box_shape(size: Vector3) -> str:
+    return f'<box size="{triple(size)}"/>'
+
+
+def sphere_shape(radius: float) -> str:
+    return f'<sphere radius="{radius:.9g}"/>'
+
+
+def cylinder_shape(radius: float, length: float) -> str:
+    return f'<cylinder radius="{radius:.9g}" length="{length:.9g}"/>'
+
+
+def box_inertia(mass: float, size: Vector3) -> Vector3:
+    x, y, z = (side**2 * mass / 12 for side in size)
+    return y + z, x + z, x + y
+
+
+def ball_inertia(mass: float, radius: float, shape: float = 0.4) -> Vector3:
+    """`shape`: 2/5 for a solid sphere, 2/3 for a shell."""
+    moment = shape * mass * radius**2
+    return moment, moment, moment
+
+
+def wheel_inertia(mass: float, radius: float, width: float) -> Vector3:
+    """About the axis y."""
+    across = mass * (3 * radius**2 + width**2) / 12
+    return across, mass * radius**2 / 2, across
+
+
+def link(name: str, inside: str, friction: float | None = None) -> str:
+    rubs = "" if friction is None else f'<contact><lateral_friction value="{friction:.9g}"/></contact>'
+    return f'<link name="{name}">{inside}{rubs}</link>\n'
+
+
+def joint(
+    name: str,
+    kind: str,
+    parent: str,
+    child: str,
+    at: Vector3 = ORIGIN,
+    *,
+    axis: Vector3 = (0.0, 1.0, 0.0),
+    limit: str = "",
+) -> str:
+    ends = f'<parent link="{parent}"/><child link="{child}"/><origin xyz="{triple(at)}"/><axis xyz="{triple(axis)}"/>'
+    return f'<joint name="{name}" type="{kind}">{ends}{f"<limit {limit}/>" if limit else ""}</joint>\n'
+
+
+def robot(*parts: str) -> str:
+    return f'<?xml version="1.0"?>\n<robot name="zoo">\n{"".join(parts)}</robot>\n'
+
+
+def wheel(
+    name: str,
+    at: Vector3,
+    *,
+    radius: float,
+    width: float,
+    mass: float,
+    effort: float,
+    friction: float = 1.0,
+    parent: str = "base_link",
+) -> str:
+    """A wheel and its joint `{name}_joint`."""
+    shape = collision(cylinder_shape(radius, width), rpy=_SIDEWAYS)
+    body = inertial(mass, wheel_inertia(mass, radius, width)) + shape
+    limit = f'effort="{effort:.9g}" velocity="100"'
+    return link(name, body, friction) + joint(f"{name}_joint", "continuous", parent, name, at, limit=limit)
+
+
+def caster_robot(mass: float, friction: float, *, wheels_width: float = 0.03) -> str:
+    """Two driven wheels and a fixed sphere behind them that slides. The base link is on the ground, between the wheels.
+
+    With a mass of `CASTER_SIDE_KG`, lengths are: wheels 7.5 cm, separation 30 cm, caster 25 cm behind.
+    """
+    scale = (mass / CASTER_SIDE_KG) ** (1 / 3)
+    radius, half_separation, behind = 0.075 * scale, 0.15 * scale, 0.25 * scale
+    ball, width, size = 0.025 * scale, wheels_width * scale, (0.34 * scale, 0.24 * scale, 0.10 * scale)
+    wheel_mass, ball_mass = mass * 0.06, mass * 0.02
+    chassis = mass - 2 * wheel_mass - ball_mass
+    # The centre of mass of the whole puts WHEEL_LOAD of the weight on the wheels.
+    centre = -((1 - WHEEL_LOAD) * behind * mass - ball_mass * behind) / chassis
+    at = (centre, 0.0, 0.10 * scale)
+    base = inertial(chassis, box_inertia(chassis, size), at) + collision(box_shape(size), at)
+    effort = 3 * mass * radius * 9.81
+    figures: dict[str, Any] = {"radius": radius, "width": width, "mass": wheel_mass, "effort": effort}
+    foot = inertial(ball_mass, ball_inertia(ball_mass, ball)) + collision(sphere_shape(ball))
+    return robot(
+        link("base_link", base),
+        wheel("left_wheel", (0.0, half_separation, radius), **figures),
+        wheel("right_wheel", (0.0, -half_separation, radius), **figures),
+        link("caster", foot, friction),
+        joint("caster_mount", "fixed", "base_link", "caster", (-behind, 0.0, ball)),
+    )
+
+
+def delivery_robot() -> str:
+    """5.9 kg, wheels of 15 cm ahead, a fixed sphere of 5 cm behind with the default friction of 0.5."""
+    size, at = (0.36, 0.28, 0.1), (0.0, 0.0, 0.1)
+    figures: dict[str, Any] = {"radius": 0.075, "width": 0.03, "mass": 0.4, "effort": 5.0}
+    foot = inertial(0.1, ball_inertia(0.1, 0.025)) + collision(sphere_shape(0.025))
+    return robot(
+        link("base_link", inertial(5.0, box_inertia(5.0, size), at) + collision(box_shape(size), at)),
+        wheel("left_wheel", (0.1, 0.17, 0.075), friction=0.5, **figures),
+        wheel("right_wheel", (0.1, -0.17, 0.075), friction=0.5, **figures),
+        link("caster", foot, 0.5),
+        joint("caster_mount", "fixed", "base_link", "caster", (-0.15, 0.0, 0.025)),
+    )
+
+
+def rover(wheelbase: float, separation: float, mass: float = 8.0, *, width: float = 0.04, forward: float = 0.0) -> str:
+    """Four wheels of 10 cm that cannot be steered; the centre of mass is `forward` m ahead of their middle."""
+    size = (wheelbase + 0.1, separation - 0.05, 0.12)
+    at = (forward, 0.0, 0.16)
+    base = inertial(mass, box_inertia(mass, size), at) + collision(box_shape(size), at)
+    corners = [
+        wheel(
+            f"{end}_{side}_wheel",
+            (ahead * wheelbase / 2, left * separation / 2, 0.1),
+            radius=0.1,
+            width=width,
+            mass=0.5,
+            effort=20.0,
+        )
+        for end, ahead in (("front", 1), ("rear", -1))
+        for side, left in (("left", 1), ("right", -1))
+    ]
+    return robot(link("base_link", base), *corners)
+
+
+ROVER_SIDES: Final = {side: [f"{end}_{side}_wheel_joint" for end in ("front", "rear")] for side in ("left", "right")}
+
+
+def box(size: Vector3, mass: float = 1.0, friction: float = 1.0) -> str:
+    """A loose box; its link frame is at its centre."""
+    return robot(link("base", inertial(mass, box_inertia(mass, size)) + collision(box_shape(size)), friction))
+
+
+def ball(radius: float, mass: float = 1.0, friction: float = 1.0, shape: float = 0.4) -> str:
+    """A loose ball; `shape` as in `ball_inertia`."""
+    inside = inertial(mass, ball_inertia(mass, radius, shape)) + collision(sphere_shape(radius))
+    return robot(link("base", inside, friction))
+
+
+def table(half_length: float, half_width: float, mass: float, friction: float) -> str:
+    """A flat plate on four small spheres at its corners: four point contacts that carry the same load."""
+    size, radius = (2 * half_length, 2 * half_width, 0.01), 0.01
+    feet = "".join(
+        collision(sphere_shape(radius), (x * half_length, y * half_width, 0.0)) for x in (1, -1) for y in (1, -1)
+    )
+    return robot(link("base", inertial(mass, box_inertia(mass, size)) + feet, friction))

@@ -1,0 +1,117 @@
+"""Skid-steered robots: the turn that is asked for, from any start yaw and at any rate, in both engines.
+
+A twist asks for a turn rate. The drive knows the slip of isotropic friction, so the robot turns at that rate; it may
+not matter in which direction the robot starts, nor how long a physics step is. The turn is measured after the ramps of
+the wheels have ended.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+from bench.robots import ROBOTS
+from tests.physics.case import Case, Setup
+from tests.physics.caster import driven
+from tests.physics.measures import ratio, spread, steady_turn
+from tests.physics.robots import ROVER_SIDES, rover
+
+GROUP: Final = "skid"
+YAWS_DEG: Final = (0, 1, 5, 20, 45)
+RATES: Final = (240.0, 480.0, 1000.0)
+_START, _END = 3.0, 6.0
+
+
+@dataclass(frozen=True)
+class _Skid:
+    """A robot and its manoeuvres: name -> twist."""
+
+    name: str
+    model: str
+    robot: Mapping[str, object]
+    twists: Mapping[str, Mapping[str, float]]
+    bundled: bool = False
+
+
+_CURVE_AND_SPIN: Final = {"curve": {"linear": 0.5, "angular": 0.5}, "spin": {"linear": 0.0, "angular": 0.8}}
+_ROVER_DRIVE: Final = {"drive": {"skid": dict(ROVER_SIDES)}}
+_KNOWN: Final = {known.name: known for known in ROBOTS}
+_R2D2S: Final = {side: [f"{side}_front_wheel_joint", f"{side}_back_wheel_joint"] for side in ("left", "right")}
+
+ROVERS: Final = (
+    _Skid("rover long", rover(0.50, 0.30), _ROVER_DRIVE, _CURVE_AND_SPIN),
+    _Skid("rover square", rover(0.40, 0.35), _ROVER_DRIVE, _CURVE_AND_SPIN),
+    _Skid("rover wide", rover(0.25, 0.45), _ROVER_DRIVE, _CURVE_AND_SPIN),
+    _Skid("husky", _KNOWN["husky"].path, _KNOWN["husky"].keys, _CURVE_AND_SPIN, bundled=True),
+    _Skid(
+        "r2d2",
+        _KNOWN["r2d2"].path,
+        # At 1 m/s^2, wheels with the inertia of flywheels would lift its front off the ground.
+        {"drive": {"skid": {**_R2D2S, "acceleration": 0.2}}},
+        {"curve": {"linear": 0.3, "angular": 0.3}, "spin": {"linear": 0.0, "angular": 0.3}},
+        bundled=True,
+    ),
+)
+
+
+def _setup(skid: _Skid, twist: Mapping[str, float], yaw_deg: float, rate: float) -> Setup:
+    setup = driven(skid.model, dict(twist), _END, pose={"yaw": math.radians(yaw_deg)}, **skid.robot)
+    return replace(setup, rate=rate)
+
+
+def _cases(skid: _Skid, manoeuvre: str) -> list[Case]:
+    family = f"{skid.name} {manoeuvre}"
+    twist, turn = skid.twists[manoeuvre], steady_turn(_START, _END)
+    asked = twist["angular"]
+    figures: dict[str, Any] = {"group": GROUP, "family": family, "bundled": skid.bundled}
+    yaws = tuple(_setup(skid, twist, yaw, RATES[0]) for yaw in YAWS_DEG)
+    rates = tuple(_setup(skid, twist, 0, rate) for rate in RATES)
+    turned_rates = tuple(_setup(skid, twist, 5, rate) for rate in RATES)
+    quick = skid.name == "rover square" and manoeuvre == "curve"
+    cases = [
+        Case(
+            f"{family} from {yaw} deg",
+            setups=(setup,),
+            measure=turn,
+            unit="rad/s",
+            kind="analytic",
+            truth=asked,
+            tolerance=0.05 * asked,
+            quick=quick and yaw in (0, 1),
+            **figures,
+        )
+        for yaw, setup in zip(YAWS_DEG, yaws, strict=True)
+    ]
+    cases += [
+        Case(
+            f"{family} over {over}",
+            setups=setups,
+            measure=spread(turn),
+            unit="of the turn",
+            kind="spread",
+            truth=0.0,
+            tolerance=0.02,
+            **figures,
+        )
+        for over, setups in (("start yaws", yaws), ("rates", rates), ("rates from 5 deg", turned_rates))
+    ]
+    cases.append(
+        Case(
+            f"{family} engines",
+            setups=yaws[:1],
+            measure=ratio(turn),
+            unit="of the turn",
+            kind="spread",
+            truth=0.0,
+            tolerance=0.05,
+            between=True,
+            quick=quick,
+            **figures,
+        )
+    )
+    return cases
+
+
+CASES: Final = tuple(case for skid in ROVERS for manoeuvre in skid.twists for case in _cases(skid, manoeuvre))

@@ -1,0 +1,60 @@
+"""Verdicts at 240 Hz are those at 1920 Hz, unless the quantity is too near to its limit.
+
+A verdict is the comparison of a case's quantity with `Case.verdict_limit`. The converged difference of a case on an
+engine is |q(960 Hz) - q(1920 Hz)|. Where the margin at 1920 Hz, |q(1920 Hz) - limit|, is more than three times that
+difference, q(240 Hz) must be on the same side of the limit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+import pytest
+
+from tests.physics.case import BETWEEN, FINE_RATE, RATE, Case
+from tests.physics.zoo import ZOO
+
+SURE_MARGIN: Final = 3.0
+"""Converged differences that a margin needs for the verdict to be judged."""
+
+MISSED: Final[Mapping[tuple[str, str], str]] = {}
+"""(engine, case) -> the reason why its verdict at 240 Hz is another one."""
+
+QUICK: Final = (
+    "caster 6 kg friction 0.1 line",
+    "box shoved at 1 m/s on friction 0.2: distance",
+    "box slides down 35 deg at friction 0.5",
+)
+
+
+def entries() -> list[Any]:
+    """Cases whose runs are all at the usual rate, on one engine each."""
+    found = []
+    for case in ZOO:
+        if case.between or any(setup.rate != RATE for setup in case.setups):
+            continue
+        for engine in case.engines:
+            marks = [] if case.name in QUICK else [pytest.mark.soak]
+            if case.bundled:
+                marks.append(pytest.mark.pybullet)
+            if reason := MISSED.get((engine, case.name)):
+                marks.append(pytest.mark.xfail(strict=True, reason=reason))
+            found.append(pytest.param(engine, case, marks=marks, id=f"{engine}-{case.name}"))
+    return found
+
+
+@pytest.mark.parametrize(("engine", "case"), entries())
+def test_a_clear_verdict_does_not_depend_on_the_step(engine: str, case: Case) -> None:
+    assert engine != BETWEEN
+    pytest.importorskip(engine, reason=f"{engine} is not installed")
+    coarse, fine, finest = (case.measured(engine, rate) for rate in (RATE, FINE_RATE / 2, FINE_RATE))
+    limit = case.verdict_limit
+    if abs(finest - limit) > SURE_MARGIN * abs(fine - finest):
+        assert (coarse > limit) == (finest > limit), (
+            f"{coarse:.6g} at 240 Hz, {finest:.6g} at 1920 Hz, limit {limit:.6g}"
+        )
+
+
+def test_the_sample_is_of_the_zoo() -> None:
+    assert set(QUICK) <= {case.name for case in ZOO}

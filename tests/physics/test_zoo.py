@@ -1,0 +1,70 @@
+"""Every case of the zoo on both engines, against its oracle.
+
+Cases that are not within their tolerance are in `known.KNOWN`. A case that comes to be must be removed from there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from typing import Any
+
+import pytest
+
+from tests.physics.case import BETWEEN, HELD_OUT_PERCENT, Case
+from tests.physics.known import KNOWN
+from tests.physics.zoo import GROUPS, ZOO
+
+
+def entries() -> list[Any]:
+    """Every case on every engine, slow ones for `--soak`."""
+    found = []
+    for case in ZOO:
+        for engine in case.engines:
+            marks = [] if case.quick else [pytest.mark.soak]
+            if case.bundled or engine == BETWEEN:
+                marks.append(pytest.mark.pybullet)
+            if reason := KNOWN.get((engine, case.name)):
+                marks.append(pytest.mark.xfail(strict=True, reason=reason))
+            found.append(pytest.param(engine, case, marks=marks, id=f"{engine}-{case.name}"))
+    return found
+
+
+@pytest.mark.parametrize(("engine", "case"), entries())
+def test_a_case_is_within_its_tolerance(engine: str, case: Case) -> None:
+    for name in ("pybullet", "mujoco") if engine == BETWEEN else (engine,):
+        pytest.importorskip(name, reason=f"{name} is not installed")
+    measured, truth = case.measured(engine), case.reference(engine)
+    assert case.error(measured, truth) <= case.tolerance, (
+        f"{case.name}: {measured:.6g} {case.unit} in place of {truth:.6g}, tolerance {case.tolerance:.3g}"
+    )
+
+
+def test_names_are_unique() -> None:
+    assert [name for name, count in Counter(case.name for case in ZOO).items() if count > 1] == []
+
+
+def test_known_failures_are_of_cases() -> None:
+    assert set(KNOWN) <= {(engine, case.name) for case in ZOO for engine in case.engines}
+
+
+def test_about_a_third_of_all_families_is_held_out() -> None:
+    families = {case.family or case.name: case.held_out for case in ZOO}
+    assert 100 * sum(families.values()) / len(families) == pytest.approx(HELD_OUT_PERCENT, abs=10)
+
+
+def test_cases_of_a_family_are_held_out_together() -> None:
+    together = {(case.family or case.name, case.held_out) for case in ZOO}
+    assert len(together) == len({family for family, _ in together})
+
+
+def test_every_case_asks_for_something() -> None:
+    for case in ZOO:
+        assert case.tolerance > 0
+        assert case.truth is None or math.isfinite(case.truth)
+        assert case.setups
+
+
+@pytest.mark.parametrize("group", GROUPS)
+def test_every_group_has_a_quick_case(group: str) -> None:
+    assert any(case.quick for case in ZOO if case.group == group)
