@@ -9,8 +9,7 @@ from pydantic import Field
 
 from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import Monitor, State, Truth
-from sim_action.assertions.monitors.proximity import forces, touching_at, with_zeros
-from sim_action.core import units
+from sim_action.assertions.monitors.proximity import forces, strength, touching_at, with_zeros
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.trace_channels import Channels
@@ -126,6 +125,6 @@ class NoCollisionMonitor:
         x, y, z = self.first.position_xyz
         message = (
             f"{self.first.link} touched {self.first.body} at {self.first.time:.2f} s, "
-            f"at ({x:.2f}, {y:.2f}, {z:.2f}) m, with {units.display(self.first.force, 'N')}"
+            f"at ({x:.2f}, {y:.2f}, {z:.2f}) m, {strength(self.first)}"
         )
         return Verdict(False, 1.0, 0.0, -1.0, "contacts", self.first.time, message)

@@ -102,6 +102,7 @@ def _contact(contact: Contact) -> Json:
         "body": contact.body,
         "position_xyz": list(contact.position_xyz),
         "force": contact.force,
+        "has_force": contact.has_force,
     }
 
 

@@ -21,9 +21,9 @@ from sim_action.engines.motion_bound import motion_factors
 from sim_action.robot.robot_model import Shape
 from sim_action.state.observation import Observation
 from sim_action.state.trace import FloatArray, Trace
-from sim_action.world import MAX_PHYSICS_RATE_HZ, MAX_SPEED, Body, placed
+from sim_action.world import MAX_PHYSICS_RATE_HZ, MAX_SPEED, Body, path_of
 from sim_action.world.body_path import PosePath
-from sim_action.world.parts import BoxPart, CylinderPart, GridPart, Part, SpherePart, grid_points
+from sim_action.world.parts import BoxPart, CylinderPart, Part, SpherePart, reach
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -78,15 +78,12 @@ class Mover(NamedTuple):
     @classmethod
     def of(cls, body: Body, parts: Sequence[Part]) -> Mover:
         """Return a body with these parts."""
-        width, reach = _least_thickness(parts), max(map(_part_reach, parts))
+        width, far = _least_thickness(parts), max(map(reach, parts))
         if not body.path:
-            return cls(body, width, reach)
-        at = body.pose.model_copy(update={"z": placed(body, parts).position_xyz[2]})
-        path = PosePath.of(at, body.path, loops=body.loop)
-        rates = np.diff(np.array(path.points), axis=0) / np.diff(path.times)[:, None]
-        turns = float(np.abs(rates[:, 3:]).sum(axis=1).max())
-        fastest = float(np.sqrt(np.square(rates[:, :3]).sum(axis=1)).max()) + turns * reach
-        return cls(body, width, reach, path, fastest, turns)
+            return cls(body, width, far)
+        path = path_of(body, parts)
+        fastest, turns = path.fastest(far)
+        return cls(body, width, far, path, fastest, turns)
 
 
 class Parts:
@@ -108,7 +105,7 @@ class Parts:
         self.turns = np.array([factors[name].turns for name in self.links]).reshape(-1, columns)
         self._ways = np.array([factors[name].ways for name in self.links]).reshape(-1, columns)
         self._widths = np.array([min(map(_least_width, link.collisions)) for link in links], dtype=np.float64)
-        # Fixed links do not touch what has no mass.
+        # Fixed links do not touch fixed bodies.
         self._free = np.array([link.name not in bolted for link in links], dtype=np.bool_)
         bodies = scene.world.objects
         self.fixed = tuple(body for body in bodies if body.mass is None and not body.path)
@@ -151,9 +148,8 @@ class Parts:
         spares = self._mover_widths - self._mover_ways(block)
         heavy = spares[: self.heavy]
         found += [(first + mover, FIXED) for mover in np.flatnonzero(heavy < -self._thickness).tolist()]
-        for number, mover in enumerate(self.movers):
-            met = spare < -spares[number]
-            found += [(link, number) for link in np.flatnonzero(met & self._free if mover.path else met).tolist()]
+        for number in range(len(self.movers)):
+            found += [(link, number) for link in np.flatnonzero(spare < -spares[number]).tolist()]
             found += [(first + other, number) for other in np.flatnonzero(heavy[:number] < -spares[number]).tolist()]
         return found
 
@@ -275,15 +271,3 @@ def _shape_reach(shape: Shape) -> float:
     """Return an upper bound in m on the distance of a shape of a link from the frame of the link."""
     corner = np.maximum(np.abs(shape.lower_xyz), np.abs(shape.upper_xyz))
     return math.hypot(*shape.pose.position_xyz) + math.hypot(*corner.tolist())
-
-
-def _part_reach(part: Part) -> float:
-    """Return an upper bound in m on the distance of a part of a body from the origin of the body."""
-    if isinstance(part, BoxPart):
-        return math.hypot(*part.pose.position_xyz) + math.hypot(*part.size_xyz) / 2
-    if isinstance(part, CylinderPart):
-        return math.hypot(part.radius, part.height / 2)
-    if isinstance(part, SpherePart):
-        return part.radius
-    points = grid_points(part) if isinstance(part, GridPart) else np.asarray(part.points_xyz)
-    return float(np.sqrt(np.square(points).sum(axis=1)).max())

@@ -38,7 +38,9 @@ class Contact(NamedTuple):
         link: name of the robot's link.
         body: name of the other body; the ground is "ground".
         position_xyz: the place in m, world frame.
-        force: normal force in N.
+        force: normal force in N; 0 if it is not known.
+        has_force: False if neither the link nor the body can give way, so that engines compute no force between them: a
+            body on a path that is inside a fixed base.
     """
 
     time: float
@@ -46,6 +48,7 @@ class Contact(NamedTuple):
     body: str
     position_xyz: Vector3
     force: float
+    has_force: bool = True
 
 
 class Overlap(NamedTuple):

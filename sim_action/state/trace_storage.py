@@ -17,6 +17,8 @@ from sim_action.state.trace_records import BodyRecord, ClearanceRecord, SensorRe
 
 _BODY_COLUMNS: Final = ("time", "position_xyz", "orientation_xyzw")
 _CLEARANCE_COLUMNS: Final = ("time", "distance", "pair")
+# Traces from before there were contacts without a force lack it.
+_HAS_FORCE: Final = "has_force"
 _MAX_BYTES: Final = 2_000_000_000
 
 
@@ -45,7 +47,8 @@ def load_trace(path: Path) -> Trace:
             _refuse_too_large(stored)
             names = tuple(stored["joint_names"].tolist())
             columns = {name: stored[name] for name in COLUMNS}
-            contacts = zip(*(stored[f"contact_{field}"].tolist() for field in Contact._fields), strict=True)
+            fields = (field for field in Contact._fields if field != _HAS_FORCE or f"contact_{field}" in stored)
+            contacts = zip(*(stored[f"contact_{field}"].tolist() for field in fields), strict=True)
             trace = Trace.of_columns(names, tuple(_contact(*row) for row in contacts), **columns)
             sensors, clearances = _sensor_records(stored), _clearance_records(stored)
             return replace(trace, sensors=sensors, clearances=clearances, bodies=_body_records(stored))
@@ -68,12 +71,13 @@ def _contact_arrays(trace: Trace) -> dict[str, Any]:
         "contact_body": np.array([c.body for c in contacts], dtype=np.str_),
         "contact_position_xyz": np.array([c.position_xyz for c in contacts], dtype=np.float64).reshape(-1, 3),
         "contact_force": np.array([c.force for c in contacts], dtype=np.float64),
+        f"contact_{_HAS_FORCE}": np.array([c.has_force for c in contacts], dtype=np.bool_),
     }
 
 
-def _contact(time: float, link: str, body: str, position_xyz: list[float], force: float) -> Contact:
+def _contact(time: float, link: str, body: str, position_xyz: list[float], *strength: Any) -> Contact:
     x, y, z = position_xyz
-    return Contact(time, link, body, (x, y, z), force)
+    return Contact(time, link, body, (x, y, z), *strength)
 
 
 def _sensor_arrays(sensors: Mapping[str, SensorRecord]) -> dict[str, Any]:

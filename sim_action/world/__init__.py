@@ -12,7 +12,7 @@ from pydantic import Field
 
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.geometry import Vector3
-from sim_action.world.body import Body, placed
+from sim_action.world.body import Body, path_of, placed
 from sim_action.world.body_path import PathPoint
 from sim_action.world.disturbance import Disturbance
 from sim_action.world.ground import GROUND, Ground, Patch
@@ -38,6 +38,7 @@ __all__ = [
     "Sphere",
     "Stairs",
     "World",
+    "path_of",
     "placed",
 ]
 

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from sim_action.core.field_types import FrozenModel, Name, Placement, PositiveKilograms, PositiveSeconds
 from sim_action.core.geometry import Pose
-from sim_action.world.body_path import PathPoint, placements
+from sim_action.world.body_path import PathPoint, PosePath, placements
 from sim_action.world.ground import Friction
 from sim_action.world.shapes import Cylinder, Heightfield, MeshFile, OccupancyMap, Ramp, Size, Sphere, Stairs
 
@@ -124,6 +124,12 @@ def placed(body: Body, parts: Sequence[Part]) -> Pose:
     at = body.beginning
     z = -lowest(parts, at.orientation_xyzw) if at.z is None else at.z
     return Pose((at.x, at.y, z), at.orientation_xyzw)
+
+
+def path_of(body: Body, parts: Sequence[Part]) -> PosePath:
+    """Return the path of a body with these parts; without a z it stands on the ground."""
+    at = body.pose.model_copy(update={"z": placed(body, parts).position_xyz[2]})
+    return PosePath.of(at, body.path, loops=body.loop)
 
 
 def _refuse_impossible_path(body: Body) -> None:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Annotated, Self
 
 from pydantic import Field
@@ -83,3 +85,11 @@ class PosePath:
         """Return the pose at a time in s, world frame."""
         x, y, z, roll, pitch, yaw = self.numbers(time)
         return Pose((x, y, z), quaternion_from_rpy(roll, pitch, yaw))
+
+    def fastest(self, reach: float) -> tuple[float, float]:
+        """Return upper bounds in m/s and rad/s on the speed of points up to `reach` m from the origin, and on turns."""
+        speed = turn = 0.0
+        for (begins, one), (ends, other) in pairwise(zip(self.times, self.points, strict=True)):
+            ways = [abs(after - before) / (ends - begins) for before, after in zip(one, other, strict=True)]
+            speed, turn = max(speed, math.hypot(*ways[:3])), max(turn, sum(ways[3:]))
+        return speed + turn * reach, turn

@@ -94,6 +94,20 @@ def _lowest(part: Part, orientation: Quaternion) -> float:
     return float((points[:, 0] * x + points[:, 1] * y + points[:, 2] * z).min())
 
 
+def reach(part: Part) -> float:
+    """Return an upper bound in m on the distance of a part of a body from the origin of the body."""
+    if isinstance(part, BoxPart):
+        return math.hypot(*part.pose.position_xyz) + math.hypot(*part.size_xyz) / 2
+    if isinstance(part, CylinderPart):
+        return math.hypot(part.radius, part.height / 2)
+    if isinstance(part, SpherePart):
+        return part.radius
+    import numpy as np
+
+    points = grid_points(part) if isinstance(part, GridPart) else np.asarray(part.points_xyz)
+    return float(np.sqrt(np.square(points).sum(axis=1)).max())
+
+
 def grid_points(grid: GridPart) -> NDArray[np.float64]:
     """Return the samples (R * C, 3) of a grid, row by row."""
     import numpy as np

@@ -76,8 +76,8 @@ class Scene:
 
     @property
     def bolted_links(self) -> frozenset[str]:
-        """The links that cannot move: a fixed base and all links fixed to it."""
-        if not self.bolted:
+        """The links that cannot move: a fixed base, or one with a mass of 0, and all links fixed to it."""
+        if not self.bolted and self.model.links_by_name[self.model.root].mass != 0:
             return frozenset()
         bolted = {self.model.root}
         waiting = [self.model.root]

@@ -48,7 +48,9 @@ def test_everything_that_python_sees_is_there() -> None:
         },
         "twist": {"linear_xyz": [0.1, 0.0, -0.0], "angular_xyz": [0.0, 0.0, 2.0]},
         "joints": {"wheel": {"position": 1.0, "velocity": 2.0, "effort": 3.0}},
-        "contacts": [{"link": "base", "body": "ground", "position_xyz": [0.1, 0.2, 0.3], "force": 9.81}],
+        "contacts": [
+            {"link": "base", "body": "ground", "position_xyz": [0.1, 0.2, 0.3], "force": 9.81, "has_force": True}
+        ],
         "sensors": {"bumper": {"time": 0.25, "touching": True, "force": 1.5, "bodies": ["wall"]}},
     }
 

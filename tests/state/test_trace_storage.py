@@ -35,6 +35,17 @@ def test_names_of_any_language_are_stored(tmp_path: Path) -> None:
     assert load_trace(tmp_path / "trace.npz").contacts == seen.contacts
 
 
+def test_contacts_without_a_force_are_stored(tmp_path: Path) -> None:
+    seen = trace([0.1], contacts=[contact(0.1), contact(0.1, force=0.0)._replace(has_force=False)])
+    save_trace(seen, tmp_path / "trace.npz")
+    assert load_trace(tmp_path / "trace.npz").contacts == seen.contacts
+
+
+def test_contacts_of_older_traces_have_a_force(tmp_path: Path) -> None:
+    np.savez(tmp_path / "trace.npz", **arrays())
+    assert [found.has_force for found in load_trace(tmp_path / "trace.npz").contacts] == [True]
+
+
 def arrays(**changes: Any) -> dict[str, Any]:
     """What `save_trace` writes, changed; None leaves an array out."""
     found = {**_saved(), **changes}

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from sim_action.core.field_types import Placement
+from sim_action.core.geometry import Pose, compose, twist_between
 from sim_action.world import Body
 from sim_action.world.body_path import Numbers, PathPoint, PosePath
 
@@ -121,3 +122,21 @@ def test_angles_go_as_far_as_is_written() -> None:
     assert path.pose(1.0).yaw == pytest.approx(math.pi / 2)
     assert path.pose(3.0).yaw == pytest.approx(-math.pi / 2)
     assert path.numbers(4.0)[5] == pytest.approx(math.tau)
+
+
+@given(points, gaps, st.floats(0, 3), st.floats(0, 1))
+def test_no_point_is_faster_than_the_bound(
+    numbers: list[Numbers], gaps: list[float], reach: float, share: float
+) -> None:
+    times = tuple(sum(gaps[:number]) for number in range(len(numbers)))
+    path = PosePath(times, tuple(numbers))
+    speed, turn = path.fastest(reach)
+    moment, later = share * times[-1], share * times[-1] + 1e-3
+    corner = (reach, 0.0, 0.0)
+    one, other = (compose(path.pose(time), Pose(corner)) for time in (moment, later))
+    assert math.dist(one.position_xyz, other.position_xyz) <= speed * 1e-3 * (1 + 1e-6) + 1e-9
+    assert math.hypot(*twist_between(one, other, 1e-3).angular_xyz) <= turn * (1 + 1e-6) + 1e-4
+
+
+def test_a_path_at_rest_has_no_speed() -> None:
+    assert PosePath((0.0, 1.0), ((1.0, 2.0, 3.0, 0.0, 0.0, 0.0),) * 2).fastest(1.0) == (0.0, 0.0)

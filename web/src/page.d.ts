@@ -88,7 +88,8 @@ interface ContactData {
   link: number;
   body: number;
   position: [number, number, number];
-  force: number;
+  /** N; null if neither of the two gives way. */
+  force: number | null;
 }
 
 interface SignalData {

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from sim_action.assertions.monitors import Truth
+from sim_action.core import units
 
 if TYPE_CHECKING:
     from sim_action.state.observation import Contact
@@ -75,6 +76,15 @@ def forces(contacts: Iterable[Contact]) -> tuple[FloatArray, FloatArray]:
     for contact in contacts:
         summed[contact.time] = summed.get(contact.time, 0.0) + contact.force
     return np.array(list(summed)), np.array(list(summed.values()))
+
+
+NO_FORCE: Final = "with no computed force (neither gives way)"
+"""The part of a message about a contact without a force, see `Contact.has_force`."""
+
+
+def strength(contact: Contact) -> str:
+    """Return the force of a contact as in messages, such as "with 5 N"."""
+    return f"with {units.display(contact.force, 'N')}" if contact.has_force else NO_FORCE
 
 
 def touching_at(trace: Trace, time: FloatArray, step: float) -> Truth:

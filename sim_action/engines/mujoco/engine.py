@@ -29,6 +29,7 @@ from sim_action.engines.mujoco.queries import Distances, Links, Objects, Rays
 from sim_action.engines.mujoco.scene import CompiledScene
 from sim_action.engines.mujoco.state_recorder import StateRecorder
 from sim_action.engines.observers import BodyRecorder, LazyContacts
+from sim_action.engines.path_contacts import PathContacts
 from sim_action.engines.world_events import WorldEvents
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import Clash, Contact, Observation, Overlap
@@ -77,6 +78,8 @@ class MuJoCoEngine:
         self._control = MuJoCoBodyControl(compiled, self._objects)
         self._events = WorldEvents.of(scene, self._control)
         self._distances = distances = Distances(compiled)
+        shaped = set(compiled.links.values())
+        self._path_contacts = PathContacts.of(scene, shaped, distances.nearest)
         # In MJCF, joint axes may lie away from the frames of their links, at an unknown distance.
         radii = dict.fromkeys(scene.model.links_by_name, math.inf) if scene.model.mjcf else distances.radii()
         self._clearances = ClearanceRecorder(channels, scene, radii, near=distances.near, body_at=self._objects.at)
@@ -126,8 +129,7 @@ class MuJoCoEngine:
         """See Engine.observe."""
         if not contacts:
             return self._states.now(step, ())
-        touching = self._lazy_contacts.present(lambda: self._contacts.of_step(step / self._rate, ground=True))
-        return self._states.now(step, touching)
+        return self._states.now(step, self._lazy_contacts.present(lambda: self._present_contacts(step)))
 
     def link_pose(self, link: str) -> Pose:
         """See EngineQueries.link_pose."""
@@ -163,6 +165,8 @@ class MuJoCoEngine:
             yield self._record_bodies
         if channels.contacts and self._scene.world.objects:
             yield self._record_contacts
+            if self._path_contacts is not None:
+                yield self._record_path_contacts
         if not self._body_recorder.is_idle:
             yield self._body_recorder.record
         if not self._clearances.is_idle and not self._looks_back:
@@ -174,6 +178,16 @@ class MuJoCoEngine:
     def _record_contacts(self, step: int) -> None:
         if self._contacts.may_matter():
             self._touches += self._contacts.of_step(step / self._rate, ground=False)
+
+    def _record_path_contacts(self, step: int) -> None:
+        if self._path_contacts is not None:
+            self._touches += self._path_contacts.at(step)
+
+    def _present_contacts(self, step: int) -> Iterator[Contact]:
+        """Yield the contacts of the last step, with the ground included."""
+        yield from self._contacts.of_step(step / self._rate, ground=True)
+        if self._path_contacts is not None:
+            yield from self._path_contacts.at(step)
 
     def _record_clearances(self, step: int) -> None:
         self._distances.look_at_present()

@@ -5,6 +5,7 @@ After a step MuJoCo's data hold the poses before it, so the queries recompute th
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import cached_property
@@ -20,6 +21,7 @@ from sim_action.engines.mujoco.geoms import wxyz
 from sim_action.engines.mujoco.names import engine_name
 from sim_action.engines.mujoco.scene import CompiledScene
 from sim_action.engines.observers import ReadPoses
+from sim_action.engines.path_contacts import Nearest
 from sim_action.state.trace import FloatArray
 
 
@@ -116,6 +118,7 @@ class Objects:
 
 # Up to this many geoms, measuring all is faster than sorting out distant ones.
 _MAX_SINGLE_QUERIES: Final = 8
+_ANYWHERE_M: Final = 1e5
 
 
 class Distances:
@@ -156,6 +159,20 @@ class Distances:
             distance = self._distance(link, body, within)
             if distance < within:
                 found[link] = distance
+        return found
+
+    def nearest(self, body: str, links: Collection[str]) -> dict[str, Nearest]:
+        """See NearestPoints."""
+        self.look_at_present()
+        found: dict[str, Nearest] = {}
+        points = np.empty(6)
+        for link in links:
+            least = _ANYWHERE_M
+            for geom, other in itertools.product(self._links[link], self._bodies[body]):
+                distance = mujoco.mj_geomDistance(self._model, self._data, geom, other, least, points)
+                if distance < least:
+                    x, y, z = points[:3].tolist()
+                    least, found[link] = distance, Nearest(distance, (x, y, z))
         return found
 
     def radii(self) -> dict[str, float]:

@@ -21,6 +21,7 @@ from sim_action.engines import NO_CHANNELS, UNLIMITED_EFFORT
 from sim_action.engines.body_control import base_wrench
 from sim_action.engines.clearances import ClearanceRecorder
 from sim_action.engines.observers import BodyRecorder, LazyContacts
+from sim_action.engines.path_contacts import PathContacts
 from sim_action.engines.pybullet.body_control import PyBulletBodyControl, apply_wrench, robot_inertia
 from sim_action.engines.pybullet.joint_damping import calm
 from sim_action.engines.pybullet.queries import (
@@ -88,6 +89,11 @@ class PyBulletEngine:
         self._place_robot(scene)
         self._events = WorldEvents.of(scene, PyBulletBodyControl(self._client, self._robot, self._links, self._objects))
         distances = Distances(self._client, self._robot, self._link_names, self._body_names)
+        shaped = [link.name for link in scene.model.links if link.collisions]
+        self._path_contacts = PathContacts.of(scene, shaped, distances.nearest)
+        # PyBullet reports some of these pairs, without a force.
+        self._immovable = {self._links[name] for name in scene.bolted_links} if self._path_contacts else set[int]()
+        self._on_paths = {number for body in scene.world.objects if body.path for number, _ in self._objects[body.name]}
         self._clearances = ClearanceRecorder(
             channels, scene, distances.radii(), near=distances.near, body_at=self._body_at
         )
@@ -299,8 +305,12 @@ class PyBulletEngine:
         for point in pybullet.getContactPoints(self._robot, physicsClientId=self._client):
             body, distance, force = self._body_names.get(point[2]), point[8], point[9]
             # Points are reported from a gap of 2 cm on; a contact carries a force or overlaps.
-            if body is not None and (ground or body != GROUND) and (force > 0 or distance <= 0):
+            if body is None or not (ground or body != GROUND) or not (force > 0 or distance <= 0):
+                continue
+            if point[3] not in self._immovable or point[2] not in self._on_paths:
                 yield Contact(step / self._rate, self._link_names[point[3]], body, point[5], force)
+        if self._path_contacts is not None:
+            yield from self._path_contacts.at(step)
 
     def _row(self, step: int) -> tuple[float, ...]:
         """Return a row of `Trace.state` in the frame of the centre of mass; it is called at every step."""

@@ -6,6 +6,7 @@ collision groups that they ask for, and the robot has a group of its own.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Collection, Mapping, Sequence
 from operator import itemgetter
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.engines.observers import ReadPoses
+from sim_action.engines.path_contacts import Nearest
 from sim_action.engines.pybullet.scene import BASE
 from sim_action.state.observation import Clash, Overlap
 
@@ -78,6 +80,7 @@ def pose_reader(client: int, bodies: Sequence[tuple[int, Pose]]) -> ReadPoses:
 
 # Up to this many links are queried one by one; beyond, one query for the whole robot is cheaper.
 _MAX_SINGLE_QUERIES: Final = 3
+_ANYWHERE_M: Final = 1e5
 
 
 class Distances:
@@ -99,6 +102,16 @@ class Distances:
             name, distance = self._names[point[3]], point[8]
             if distance < found.get(name, math.inf) and (links is None or name in links):
                 found[name] = distance
+        return found
+
+    def nearest(self, body: str, links: Collection[str]) -> dict[str, Nearest]:
+        """See NearestPoints."""
+        found: dict[str, Nearest] = {}
+        for link, number in itertools.product(links, self._bodies[body]):
+            index, client = self._links[link], self._client
+            for point in pybullet.getClosestPoints(self._robot, number, _ANYWHERE_M, index, physicsClientId=client):
+                if link not in found or point[8] < found[link].distance:
+                    found[link] = Nearest(point[8], point[5])
         return found
 
     def _points(self, body: int, links: Collection[str] | None, within: float) -> Sequence[Any]:

@@ -132,7 +132,8 @@ def strongest_touches(
     `links` and `bodies` map names to indices.
     """
     known = [touch for touch in touches if touch.first.link in links and touch.first.body in bodies]
-    most = sorted(known, key=lambda touch: -touch.force)[:MAX_CONTACTS]
+    # A contact without a force comes first: neither of the two gives way.
+    most = sorted(known, key=lambda touch: (touch.first.has_force, -touch.force))[:MAX_CONTACTS]
     kept = tuple(
         _contact_data(touch, links[touch.first.link], bodies[touch.first.body])
         for touch in sorted(most, key=lambda touch: touch.first.time)
@@ -142,6 +143,6 @@ def strongest_touches(
 
 def _contact_data(touch: Touch, link: int, body: int) -> ContactData:
     x, y, z = numbers(touch.first.position_xyz)
-    force = round(min(touch.force, MAX_ABS_VALUE), 3)
+    force = round(min(touch.force, MAX_ABS_VALUE), 3) if touch.first.has_force else None
     time, until = numbers((touch.first.time, touch.until))
     return ContactData(time=time, until=until, link=link, body=body, position=(x, y, z), force=force)

@@ -181,7 +181,7 @@ class ContactData(FrozenModel):
         link: the index of the link.
         body: the index of the body.
         position: the position of the first contact point in m, world frame.
-        force: the largest total force of a physics step in N.
+        force: the largest total force of a physics step in N; None if engines compute none, see `Contact.has_force`.
     """
 
     time: Number
@@ -189,7 +189,7 @@ class ContactData(FrozenModel):
     link: Index
     body: Index
     position: Place
-    force: Number
+    force: Number | None
 
 
 class SignalData(FrozenModel):

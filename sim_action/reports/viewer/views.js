@@ -113,7 +113,10 @@ class Views {
     this.view?.draw(this.motion.at(this.clock.time), this.following);
     const touching = this.motion.touching(this.clock.time).slice(0, 3);
     const { links, bodies } = this.motion.scene;
-    const words = touching.map(({ link, body, force }) => `${links[link].name} touches ${bodies[body].name}, up to ${told(force, "N")}`);
+    const words = touching.map(({ link, body, force }) => {
+      const strength = force === null ? "neither gives way" : `up to ${told(force, "N")}`;
+      return `${links[link].name} touches ${bodies[body].name}, ${strength}`;
+    });
     this.happening.textContent = words.join("\n");
   }
 

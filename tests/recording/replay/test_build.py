@@ -37,7 +37,7 @@ def test_of_many_the_strongest_are_kept_in_the_order_of_time() -> None:
     many = [contact(float(number), force=float(number % 100)) for number in range(3 * MAX_CONTACTS)]
     kept, left_out = strongest_touches(joined_touches(many), {"base_footprint": 0}, {"wall": 0})
     assert (len(kept), left_out) == (MAX_CONTACTS, 2 * MAX_CONTACTS)
-    assert min(touch.force for touch in kept) >= 66
+    assert min(touch.force or 0.0 for touch in kept) >= 66
     assert [touch.time for touch in kept] == sorted(touch.time for touch in kept)
 
 
@@ -46,3 +46,11 @@ def test_what_touches_something_unknown_is_passed_over() -> None:
         (),
         0,
     )
+
+
+def test_a_contact_without_a_force_is_kept_before_weak_ones() -> None:
+    stuck = contact(0.5, force=0.0)._replace(has_force=False)
+    many = [contact(float(number), force=float(number)) for number in range(1, 3 * MAX_CONTACTS)]
+    kept, _ = strongest_touches(joined_touches([stuck, *many]), {"base_footprint": 0}, {"wall": 0})
+    assert (kept[0].time, kept[0].force) == (0.5, None)
+    assert all(touch.force is not None for touch in kept[1:])
