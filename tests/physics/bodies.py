@@ -1,4 +1,4 @@
-"""Loose bodies that slide, are shoved, roll, fall, rest on slopes and on each other, and hit walls.
+"""Loose bodies that slide, are shoved, roll, fall, rest on each other, and hit walls.
 
 Friction of the ground is 1, so that the friction of a contact is that of the body. A body slides v^2 / (2 mu g) far.
 The engines integrate by the semi-implicit Euler method, whose distances are off by up to half a step at full speed,
@@ -17,7 +17,6 @@ from tests.physics.case import RATE, Case, Run, Setup
 from tests.physics.measures import (
     GRAVITY,
     Measure,
-    acceleration_between,
     body_rise,
     body_travel,
     energy_gain,
@@ -130,36 +129,6 @@ def _rolling() -> list[Case]:
         energy: dict[str, Any] = {"unit": "of v^2/2", "kind": "bound", "truth": 0.0, "tolerance": 0.01}
         cases.append(Case(f"{name}: energy", measure=gain, **figures, **energy))
     return cases
-
-
-def _slopes() -> list[Case]:
-    """Gravity is turned instead of the ground.
-
-    What accelerates a sliding box is a small difference of two forces, weight along the slope and friction: the
-    tolerance is 2 % of the former.
-    """
-    cases = []
-    for friction, degrees in ((0.5, 20), (0.5, 24), (1.0, 40), (0.2, 9)):
-        name = f"box holds on {degrees} deg at friction {friction:g}"
-        setup = _on_slope(friction, degrees)
-        cases.append(Case(name, GROUP, (setup,), travelled, "m", "bound", 0.0, 0.002, quick=degrees == 20))
-    measure = acceleration_between(0.25, 1.0)
-    for friction, degrees in ((0.5, 35), (0.2, 15), (1.0, 50), (0.0, 5)):
-        name = f"box slides down {degrees} deg at friction {friction:g}"
-        angle, setup = math.radians(degrees), _on_slope(friction, degrees)
-        drive = GRAVITY * math.sin(angle)
-        truth = drive - friction * GRAVITY * math.cos(angle)
-        cases.append(
-            Case(name, GROUP, (setup,), measure, "m/s^2", "analytic", truth, 0.02 * drive, quick=degrees == 35)
-        )
-    return cases
-
-
-def _on_slope(friction: float, degrees: float) -> Setup:
-    """Runs for 1 s from rest. Nothing settles: the body finds its hold on the slope within the first moments."""
-    angle = math.radians(degrees)
-    gravity = [GRAVITY * math.sin(angle), 0.0, -GRAVITY * math.cos(angle)]
-    return Setup(box(_SIZE, friction=friction), 1.0, {"world": {"gravity": gravity}}, settle=0.0)
 
 
 def _falls() -> list[Case]:
@@ -362,7 +331,6 @@ CASES: Final = (
     *(case for speed in _SHOVES for friction in _FRICTIONS for case in _shoved(speed, friction)),
     *_shapes_shoved(),
     *_rolling(),
-    *_slopes(),
     *_falls(),
     *_stacks(),
     *_spun(),

@@ -11,7 +11,9 @@ from typing import Final
 
 _CREEP: Final = "contacts converge too slowly: a loaded wheel or a sliding one creeps"
 _LIFT: Final = "friction of a fast contact presses bodies apart: a shove lifts them"
-_LOADS: Final = "friction of a fast contact changes the loads of the others"
+_LOADS: Final = "friction of a fast contact changes its load"
+_BRAKE: Final = "a wheel under a steady load creeps"
+_ORDER: Final = "the integrator is of first order"
 _AXES: Final = "friction is limited along two axes each, not in every direction alike"
 _YAW: Final = "friction depends on the direction of slip, and on how easily wheels give way"
 _APART: Final = "both engines turn skid-steered robots by another angle than asked"
@@ -65,6 +67,16 @@ _ROWS: Final[tuple[tuple[str, str, tuple[str, ...]], ...]] = (
         ),
     ),
     (
+        _BRAKE,
+        "pybullet",
+        (
+            "burger on a ramp of 10 deg: creep at rest",
+            "burger on a ramp of 5 deg: creep at rest",
+            "burger pushes 0.5 kg: its speed",
+            "burger pushes 0.5 kg: the load's speed",
+        ),
+    ),
+    (
         _CREEP,
         "both",
         ("delivery robot engines",),
@@ -91,6 +103,8 @@ _ROWS: Final[tuple[tuple[str, str, tuple[str, ...]], ...]] = (
             "caster 6 kg friction 1 circle",
             "caster 6 kg friction 1 line",
             "caster 6 kg friction 1 spin",
+            "caster robot pushes 3 kg: its speed",
+            "caster robot pushes 3 kg: the load's speed",
             "delivery robot line",
             "husky curve over rates",
             "husky curve over rates from 5 deg",
@@ -159,7 +173,20 @@ _ROWS: Final[tuple[tuple[str, str, tuple[str, ...]], ...]] = (
             "plate on feet shoved at 1 m/s and 8 rad/s on friction 0.3: distance",
             "plate on feet shoved at 2 m/s and 4 rad/s on friction 0.5: turn",
             "plate on feet shoved at 3 m/s and 2 rad/s on friction 0.8: turn",
+            "wheels spin on ground of friction 0.05",
+            "wheels spin on ground of friction 0.1",
+            "wheels spin on ground of friction 0.2",
         ),
+    ),
+    (
+        _ORDER,
+        "mujoco",
+        ("double pendulum: energy",),
+    ),
+    (
+        _ORDER,
+        "pybullet",
+        ("double pendulum: energy",),
     ),
     (
         _APART,

@@ -80,6 +80,39 @@ def acceleration_between(start: float, end: float) -> Measure:
     return measure
 
 
+def steady_climb(start: float, end: float) -> Measure:
+    """The mean speed in space between two times, in m/s."""
+
+    def measure(run: Run) -> float:
+        first, last = (run.trace.base_position_xyz[run.row(time)] for time in (start, end))
+        return float(np.linalg.norm(last - first)) / (end - start)
+
+    return measure
+
+
+def highest_tilt(run: Run) -> float:
+    """The largest angle by which the base turns away from its attitude at t = 0, in degrees."""
+    attitudes = run.trace.base_orientation_xyzw
+    return math.degrees(2 * float(np.arccos(np.clip(np.abs(attitudes @ attitudes[0]), 0.0, 1.0)).max()))
+
+
+def final_tilt(run: Run) -> float:
+    """The tilt at the end, in degrees."""
+    return math.degrees(float(run.trace.tilt[-1]))
+
+
+def body_speed(name: str, start: float, end: float) -> Measure:
+    """The mean speed of a body of the world on the ground plane between two times, in m/s."""
+
+    def measure(run: Run) -> float:
+        record = run.bodies[name]
+        first, last = (int(np.argmin(np.abs(record.time - time))) for time in (start, end))
+        way = np.linalg.norm(record.position_xyz[last, :2] - record.position_xyz[first, :2])
+        return float(way / (record.time[last] - record.time[first]))
+
+    return measure
+
+
 def final_height(run: Run) -> float:
     return float(run.trace.base_position_xyz[-1, 2])
 
@@ -108,18 +141,29 @@ def energy_gain(mass: float, inertia: Vector3) -> Callable[..., Measure]:
 
 
 def _turning(run: Run, inertia: Vector3) -> FloatArray:
-    """The energy of rotation, for any attitude."""
+    """The energy of rotation at all moments in J, for any attitude."""
+    return np.asarray((own_rates(run) ** 2 @ np.asarray(inertia)) / 2)
+
+
+def own_rates(run: Run) -> FloatArray:
+    """The angular velocity in the frame of the base, (T, 3) rad/s."""
     x, y, z, w = run.trace.base_orientation_xyzw.T
-    own_x = (1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w))
-    own_y = (2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w))
-    own_z = (2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y))
-    rates = run.trace.base_angular_xyz.T
-    return np.asarray(
-        sum(
-            moment * sum(part * rate for part, rate in zip(axis, rates, strict=True)) ** 2 / 2
-            for moment, axis in zip(inertia, (own_x, own_y, own_z), strict=True)
-        )
+    axes = (
+        (1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)),
+        (2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)),
+        (2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)),
     )
+    rates = run.trace.base_angular_xyz.T
+    return np.column_stack([sum(part * rate for part, rate in zip(axis, rates, strict=True)) for axis in axes])
+
+
+def angular_momentum(inertia: Vector3) -> Measure:
+    """The angular momentum at the end, about the centre of mass, in N m s."""
+
+    def measure(run: Run) -> float:
+        return float(np.linalg.norm(own_rates(run)[-1] * np.asarray(inertia)))
+
+    return measure
 
 
 def first_time_below(height: float) -> Measure:

@@ -83,3 +83,27 @@ def pendulum_period(length: float, amplitude: float, gravity: float = GRAVITY) -
     while abs(one - other) > 1e-15:
         one, other = (one + other) / 2, math.sqrt(one * other)
     return 2 * math.pi * math.sqrt(length / gravity) / one
+
+
+def double_pendulum(start: tuple[float, float], seconds: float, steps: int = 20_000) -> tuple[float, float]:
+    """The angles of two thin rods of 1 kg and 1 m, released from rest.
+
+    The second angle is from the line of the first rod.
+    """
+
+    def rate(_: float, state: Vector) -> Vector:
+        # Angles of both rods from the vertical; Lagrange's equations.
+        one, two, spin_one, spin_two = state
+        cos, sin = math.cos(one - two), math.sin(one - two)
+        masses = np.array([[4 / 3, cos / 2], [cos / 2, 1 / 3]])
+        forces = np.array(
+            [
+                -sin / 2 * spin_two**2 - 1.5 * GRAVITY * math.sin(one),
+                sin / 2 * spin_one**2 - 0.5 * GRAVITY * math.sin(two),
+            ]
+        )
+        return np.array([spin_one, spin_two, *np.linalg.solve(masses, forces)])
+
+    first, second = start
+    one, two = runge_kutta(rate, (first, first + second, 0.0, 0.0), seconds, steps)[-1, :2].tolist()
+    return one, two - one

@@ -187,3 +187,102 @@ def table(half_length: float, half_width: float, mass: float, friction: float) -
         collision(sphere_shape(radius), (x * half_length, y * half_width, 0.0)) for x in (1, -1) for y in (1, -1)
     )
     return robot(link("base", inertial(mass, box_inertia(mass, size)) + feet, friction))
+
+
+def car(wheelbase: float, separation: float, mass: float = 5.0) -> str:
+    """Two steered wheels ahead and two driven ones behind. The base link is on the ground, below the rear axle."""
+    size, at = (wheelbase + 0.1, separation - 0.08, 0.06), (wheelbase / 2, 0.0, 0.1)
+    figures: dict[str, Any] = {"radius": 0.05, "width": _CAR_TYRE_M, "mass": 0.2, "effort": 5.0}
+    parts = [link("base_link", inertial(mass, box_inertia(mass, size), at) + collision(box_shape(size), at))]
+    for side, left in (("left", 1), ("right", -1)):
+        y = left * separation / 2
+        parts.append(wheel(f"rear_{side}_wheel", (0.0, y, 0.05), **figures))
+        knuckle = f"{side}_knuckle"
+        parts.append(link(knuckle, inertial(0.1, (1e-4, 1e-4, 1e-4))))
+        limit = 'lower="-1" upper="1" effort="20" velocity="5"'
+        parts.append(
+            joint(
+                f"{side}_steering_joint",
+                "revolute",
+                "base_link",
+                knuckle,
+                (wheelbase, y, 0.05),
+                axis=(0.0, 0.0, 1.0),
+                limit=limit,
+            )
+        )
+        parts.append(wheel(f"front_{side}_wheel", ORIGIN, parent=knuckle, **figures))
+    return robot(*parts)
+
+
+def pendulum(arms: int = 1) -> str:
+    """Rods of 1 kg and 1 m that hang at hinges without friction, one below the other; their base has to be fixed."""
+    parts = [link("base", inertial(1.0, (1.0, 1.0, 1.0)))]
+    for number in range(1, arms + 1):
+        parts.append(link(f"arm{number}", inertial(1.0, ROD_INERTIA, (0.0, 0.0, -0.5))))
+        parent, z = ("base", 0.0) if number == 1 else (f"arm{number - 1}", -1.0)
+        parts.append(joint(f"j{number}", "continuous", parent, f"arm{number}", (0.0, 0.0, z)))
+    return robot(*parts)
+
+
+ROD_INERTIA: Final = (1 / 12, 1 / 12, 1e-4)
+"""Of a thin rod of 1 kg and 1 m along z, about its centre of mass."""
+_CAR_TYRE_M: Final = 0.004
+
+
+def arm(*, effort: float = 100.0, payload: float = 1.0) -> str:
+    """A shoulder and an elbow with rods of 0.5 m and 1 kg along x, and a payload at the end, with motors that hold."""
+    limit = f'lower="-3" upper="3" effort="{effort:g}" velocity="5"'
+    rod = inertial(1.0, (1e-4, 1 / 48, 1 / 48), (0.25, 0.0, 0.0))
+    load = inertial(payload, ball_inertia(payload, 0.05))
+    return robot(
+        link("base", inertial(1.0, (1.0, 1.0, 1.0))),
+        link("upper", rod),
+        joint("shoulder", "revolute", "base", "upper", limit=limit),
+        link("lower", rod),
+        joint("elbow", "revolute", "upper", "lower", (0.5, 0.0, 0.0), limit=limit),
+        link("payload", load),
+        joint("grip", "fixed", "lower", "payload", (0.5, 0.0, 0.0)),
+    )
+
+
+def lift(payload: float) -> str:
+    """A vertical slide that carries a payload."""
+    limit = 'lower="-1" upper="1" effort="1000" velocity="2"'
+    return robot(
+        link("base", inertial(1.0, (1.0, 1.0, 1.0))),
+        link("carriage", inertial(payload, ball_inertia(payload, 0.1))),
+        joint("slide", "prismatic", "base", "carriage", axis=(0.0, 0.0, 1.0), limit=limit),
+    )
+
+
+LEG_M: Final = 0.2
+"""The length of both links of a leg of `quadruped`."""
+FEET: Final = tuple(f"{end}_{side}_foot" for end in ("front", "rear") for side in ("left", "right"))
+
+
+def quadruped(mass: float = 10.0) -> str:
+    """A trunk on four legs with a hip and a knee each. In `STANCE` the feet are below the hips."""
+    size, foot = (0.5, 0.25, 0.1), 0.02
+    parts = [link("trunk", inertial(mass, box_inertia(mass, size)) + collision(box_shape(size)))]
+    limit = 'lower="-2.5" upper="2.5" effort="60" velocity="20"'
+    rod = inertial(0.3, (1e-3, 1e-3, 5e-5), (0.0, 0.0, -LEG_M / 2))
+    for name in FEET:
+        leg = name.removesuffix("_foot")
+        at = (0.2 if leg.startswith("front") else -0.2, 0.15 if leg.endswith("left") else -0.15, 0.0)
+        parts += [
+            link(f"{leg}_thigh", rod),
+            joint(f"{leg}_hip", "revolute", "trunk", f"{leg}_thigh", at, limit=limit),
+            link(f"{leg}_shank", rod),
+            joint(f"{leg}_knee", "revolute", f"{leg}_thigh", f"{leg}_shank", (0.0, 0.0, -LEG_M), limit=limit),
+            link(name, inertial(0.05, ball_inertia(0.05, foot)) + collision(sphere_shape(foot)), 0.8),
+            joint(f"{name}_mount", "fixed", f"{leg}_shank", name, (0.0, 0.0, -LEG_M)),
+        ]
+    return robot(*parts)
+
+
+STANCE: Final = {
+    f"{foot.removesuffix('_foot')}_{name}": angle
+    for foot in FEET
+    for name, angle in (("hip", math.pi / 4), ("knee", -math.pi / 2))
+}

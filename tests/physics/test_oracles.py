@@ -7,8 +7,9 @@ import math
 import numpy as np
 import pytest
 
+from tests.physics.arms import DOUBLE_ANGLE, DOUBLE_START, DOUBLE_TIME, weak_fall
 from tests.physics.bodies import SPUN, SpunPlate
-from tests.physics.oracles import GRAVITY, corners, runge_kutta, sliding_plate
+from tests.physics.oracles import GRAVITY, corners, double_pendulum, pendulum_period, runge_kutta, sliding_plate
 from tests.soak import soaked
 
 
@@ -58,3 +59,19 @@ def test_recorded_references_are_those_of_the_integration(plate: SpunPlate) -> N
     )
     assert math.hypot(x, y) == pytest.approx(plate.way, rel=5e-4)
     assert angle == pytest.approx(plate.angle, rel=5e-3)
+
+
+def test_a_small_pendulum_has_the_period_of_the_textbook() -> None:
+    assert pendulum_period(1.0, 1e-4) == pytest.approx(2 * math.pi * math.sqrt(1 / GRAVITY))
+    # 1 + 1/16 a^2 + 11/3072 a^4 + ...
+    assert pendulum_period(1.0, math.pi / 2) / pendulum_period(1.0, 1e-4) == pytest.approx(1.1803, rel=1e-4)
+
+
+def test_the_double_pendulum_of_the_zoo_is_that_of_the_integration() -> None:
+    one, _ = double_pendulum((DOUBLE_START, DOUBLE_START), DOUBLE_TIME, 1000)
+    assert one == pytest.approx(DOUBLE_ANGLE, abs=1e-6)
+
+
+def test_an_arm_without_a_brake_falls_freely_at_first() -> None:
+    assert weak_fall(10.0, 0.0, 0.02) == pytest.approx(10.0 * 0.02**2 / 2, rel=1e-4)
+    assert weak_fall(10.0, 10.0, 0.5) == pytest.approx(0.0, abs=1e-9)

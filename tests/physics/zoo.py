@@ -4,8 +4,16 @@ from __future__ import annotations
 
 from typing import Final
 
-from tests.physics import bodies, caster, skid
+from tests.physics import arms, bodies, caster, driving, legs, skid, slopes
 from tests.physics.case import Case
 
-ZOO: Final[tuple[Case, ...]] = (*caster.CASES, *skid.CASES, *bodies.CASES)
+ZOO: Final[tuple[Case, ...]] = (
+    *caster.CASES,
+    *skid.CASES,
+    *driving.CASES,
+    *arms.CASES,
+    *legs.CASES,
+    *bodies.CASES,
+    *slopes.CASES,
+)
 GROUPS: Final = tuple(dict.fromkeys(case.group for case in ZOO))

@@ -1,0 +1,118 @@
+"""Robots on four legs: the ground carries their whole weight, they do not drift, and a drop adds no energy."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from bench.robots import ROBOTS
+from tests.physics.case import Case, Run, Setup
+from tests.physics.measures import GRAVITY, Measure, final_speed, highest_tilt, rebound, travelled
+from tests.physics.robots import FEET, STANCE, quadruped
+
+GROUP: Final = "legs"
+_KNOWN: Final = {known.name: known for known in ROBOTS}
+
+
+@dataclass(frozen=True)
+class _Legged:
+    """A robot.
+
+    Attributes:
+        drop: the height of the base in m at which its feet are 5 cm above the ground; 0: it is not dropped.
+        held: joints without limits, which nothing holds but a command.
+    """
+
+    name: str
+    model: str
+    robot: Mapping[str, object]
+    feet: Sequence[str]
+    drop: float
+    bundled: bool = False
+    held: Sequence[str] = ()
+
+
+_LEGS: Final = ("FR", "FL", "RR", "RL")
+_LAIKAGOS: Final = ("hip_motor_2_chassis", "upper_leg_2_hip_motor", "lower_leg_2_upper_leg")
+ROBOTS_ON_LEGS: Final = (
+    # Hips are sqrt(2) 0.2 m above feet of 2 cm.
+    _Legged("quadruped 10 kg", quadruped(), {"joints": STANCE}, FEET, 0.20 * 2**0.5 + 0.02 + 0.05),
+    _Legged("quadruped 40 kg", quadruped(40.0), {"joints": STANCE}, FEET, 0.20 * 2**0.5 + 0.02 + 0.05),
+    _Legged("a1", _KNOWN["a1"].path, _KNOWN["a1"].keys, [f"{leg}_toe" for leg in _LEGS], 0.0, bundled=True),
+    _Legged(
+        "laikago",
+        _KNOWN["laikago"].path,
+        # Its y axis points upwards.
+        {**_KNOWN["laikago"].keys, "pose": {"roll": math.pi / 2}},
+        [f"toe{leg}" for leg in _LEGS],
+        0.0,
+        bundled=True,
+        held=[f"{leg}_{part}_joint" for leg in _LEGS for part in _LAIKAGOS],
+    ),
+)
+
+
+def carried(feet: Sequence[str]) -> Measure:
+    """The mean sum of the forces on feet in the last second, over the weight."""
+
+    def measure(run: Run) -> float:
+        rows = round(1.0 * _READINGS_HZ)
+        forces = [run.trace.sensors[foot].columns["force"][-rows:].mean() for foot in feet]
+        return float(sum(forces)) / (run.mass * GRAVITY)
+
+    return measure
+
+
+_READINGS_HZ: Final = 60.0
+
+
+def _cases(legged: _Legged) -> list[Case]:
+    sensors = [{"contact": {}, "name": foot, "link": foot, "rate": _READINGS_HZ, "trace": True} for foot in legged.feet]
+    keys: dict[str, object] = {"sensors": sensors}
+    if legged.held:
+        keys["commands"] = {"joints": [{"at": 1.0, "position": dict.fromkeys(legged.held, 0.0)}]}
+    stand = Setup(legged.model, 4.0, keys, legged.robot)
+    figures: dict[str, Any] = {"group": GROUP, "bundled": legged.bundled, "family": legged.name}
+    figures["quick"] = legged.name == "quadruped 10 kg"
+    rows: list[tuple[str, Measure, str, Any, float, float]] = [
+        ("weight on its feet", carried(legged.feet), "of the weight", "analytic", 1.0, 0.01),
+        ("drift while it stands", travelled, "m", "bound", 0.0, 0.002),
+        ("tilt while it stands", highest_tilt, "deg", "bound", 0.0, 2.0),
+    ]
+    cases = [
+        Case(
+            f"{legged.name}: {what}",
+            setups=(stand,),
+            measure=measure,
+            unit=unit,
+            kind=kind,
+            truth=truth,
+            tolerance=tolerance,
+            **figures,
+        )
+        for what, measure, unit, kind, truth, tolerance in rows
+    ]
+    if legged.drop:
+        dropped = Setup(legged.model, 3.0, {}, {**legged.robot, "pose": {"z": legged.drop}}, settle=0.0)
+        for what, measure, unit, tolerance in (
+            ("rebound from 5 cm", rebound, "m", 0.01),
+            ("speed after a drop", final_speed, "m/s", 0.005),
+        ):
+            cases.append(
+                Case(
+                    f"{legged.name}: {what}",
+                    setups=(dropped,),
+                    measure=measure,
+                    unit=unit,
+                    kind="bound",
+                    truth=0.0,
+                    tolerance=tolerance,
+                    **figures,
+                )
+            )
+    return cases
+
+
+CASES: Final = tuple(case for legged in ROBOTS_ON_LEGS for case in _cases(legged))
