@@ -65,12 +65,12 @@ class ProcessCommands(CommandSource):
     Then, at every tick, the line is `{"type": "step", "time": 0.05, "pose": {...}, "twist": {...}, "joints": {...},
     "contacts": [...], "sensors": {...}}`. `pose` is the pose of the base link in the world frame: `position_xyz`,
     `orientation_xyzw` and `yaw`. `twist` has `linear_xyz` and `angular_xyz`, in the world frame. `joints` maps names to
-    `position`, `velocity` and `effort`. Each contact has `link`, `body`, `position_xyz`, `force` and `has_force`
-    (false if neither of the two can give way: no force is computed). `sensors` maps names to the fields of the latest
-    reading. JSON has no infinities: null stands for inf (nothing in range), and 0 for
-    -inf (too near to be measured). An image is an object with `shape`, `type` (such as "uint8") and `base64`: its bytes
-    row by row, little-endian, with infinities kept. Units are SI. Later versions may add keys; ignore unknown keys. The
-    answer is one of these:
+    `position`, `velocity` and `effort`. Each contact has `link`, `body`, `position_xyz`, `force`, `has_force`
+    (false if neither of the two can give way: no force is computed) and `depth`. `sensors` maps names to the fields of
+    the latest reading. JSON has no infinities: null stands for inf (nothing in range), and 0 for -inf (too near to be
+    measured). An image is an object with `shape`, `type` (such as "uint8") and `base64`: its bytes row by row,
+    little-endian, with infinities kept. Units are SI. Later versions may add keys; ignore unknown keys. The answer is
+    one of these:
 
     - `{}` or `null`: the last command stays in effect.
     - `{"twist": {"linear": 0.2, "angular": 0, "lateral": 0}}`: m/s and rad/s of the base, each 0 by default.

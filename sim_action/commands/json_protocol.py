@@ -103,6 +103,7 @@ def _contact(contact: Contact) -> Json:
         "position_xyz": list(contact.position_xyz),
         "force": contact.force,
         "has_force": contact.has_force,
+        "depth": contact.depth,
     }
 
 

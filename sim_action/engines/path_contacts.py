@@ -97,6 +97,8 @@ class PathContacts:
             nearest = self._nearest(body.name, self._links)
             for link, (distance, place) in sorted(nearest.items()):
                 if distance < -MIN_OVERLAP_M:
-                    self._found.append(Contact(step / self._rate, link, body.name, place, 0.0, has_force=False))
+                    time = step / self._rate
+                    contact = Contact(time, link, body.name, place, 0.0, has_force=False, depth=-distance)
+                    self._found.append(contact)
             body.update_due(step, min((near.distance for near in nearest.values()), default=math.inf))
         self._due = min(body.due for body in self._travellers)

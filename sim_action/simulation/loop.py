@@ -18,6 +18,7 @@ from sim_action.scenario.claim_audit import NOT_SIMULATED, ClaimFinding
 from sim_action.scenario.model import Scenario
 from sim_action.simulation.controllers import Controls, padded
 from sim_action.simulation.monitors import End, Panel
+from sim_action.simulation.pinning import Pinning
 from sim_action.simulation.recorder import RunRecorder, moving_bodies
 from sim_action.simulation.run_audit import Motion, RunFacts, audit_run, unreached_events
 from sim_action.simulation.sensors import Sensing
@@ -88,7 +89,8 @@ def simulate(scenario: Scenario, scene: Scene, progress: Progress, footage: RunR
     drive = _drive_of(scenario, scene)
     scene = drive.prepared(scene) if drive else scene
     channels = _judged_channels(scenario)
-    watched = channels | footage.channels(scene.world)
+    paths = Channels(contacts=any(body.path for body in scene.world.objects))
+    watched = channels | footage.channels(scene.world) | paths
     backend = ENGINES.load(chosen(scenario.backend))(scene, watched)
     try:
         at = backend.observe(0, contacts=False).pose
@@ -143,6 +145,7 @@ class _Loop:
         self._judges_contacts = channels.contacts
         self._watchdog = Watchdog.of(scene, self._placed)
         self._tunnelling: Tunnelling | None = None
+        self._pinning: Pinning | None = None
         self._notes = [*map(str, scene.model.findings), *backend.notes, *_about_drive(scenario, scene, drive)]
         self._motion = drive.open(scene.model, scenario.physics.rate, scene.world.weight) if drive else None
         self._arrivals = Spawns.of(scenario)
@@ -166,6 +169,8 @@ class _Loop:
         start = self._backend.observe(0, contacts=self._judges_contacts)
         opening: tuple[Trace, ...] = (_first_moment(start),)
         self._tunnelling = self._tunnelling_from(start)
+        if any(body.path for body in self._scene.world.objects):
+            self._pinning = Pinning(self._scene, start.twist.linear_xyz)
         if (moved := moved_while_settling(self._scene, self._placed.pose, start.pose)) is not None:
             self._notes.append(moved)
         panel = Panel.open(self._scenario, self._scene, start)
@@ -219,7 +224,11 @@ class _Loop:
         return tuple(finding for finding in found if finding.rule not in self._scenario.allow)
 
     def _all_notes(self) -> tuple[str, ...]:
-        return (*self._notes, *(self._motion.notes if self._motion else ()), *self._controls.notes)
+        return (*self._notes, *(self._motion.notes if self._motion else ()), *self._controls.notes, *self._pins())
+
+    def _pins(self) -> Iterator[str]:
+        if self._pinning is not None:
+            yield from self._pinning.notes
 
     def _settle(self) -> None:
         """Let the robot come to rest before t = 0, with braked wheels and held joints."""
@@ -263,7 +272,10 @@ class _Loop:
         missed = None
         if self._tunnelling is not None:
             trace, missed = self._tunnelling.watch(trace, self._backend.collect_bodies())
-        return trace, missed or unstable or failure
+        squeezed = None
+        if self._pinning is not None:
+            trace, squeezed = self._pinning.watch(trace)
+        return trace, squeezed or missed or unstable or failure
 
     def _tunnelling_from(self, start: Observation) -> Tunnelling | None:
         """Return the watch for bodies that pass through others; None without bodies."""

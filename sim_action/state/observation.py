@@ -41,6 +41,7 @@ class Contact(NamedTuple):
         force: normal force in N; 0 if it is not known.
         has_force: False if neither the link nor the body can give way, so that engines compute no force between them: a
             body on a path that is inside a fixed base.
+        depth: how deep the shapes overlap here, in m; 0 if they only touch.
     """
 
     time: float
@@ -49,6 +50,7 @@ class Contact(NamedTuple):
     position_xyz: Vector3
     force: float
     has_force: bool = True
+    depth: float = 0.0
 
 
 class Overlap(NamedTuple):

@@ -17,8 +17,8 @@ from sim_action.state.trace_records import BodyRecord, ClearanceRecord, SensorRe
 
 _BODY_COLUMNS: Final = ("time", "position_xyz", "orientation_xyzw")
 _CLEARANCE_COLUMNS: Final = ("time", "distance", "pair")
-# Traces from before there were contacts without a force lack it.
-_HAS_FORCE: Final = "has_force"
+# Fields that older traces lack.
+_ADDED: Final = ("has_force", "depth")
 _MAX_BYTES: Final = 2_000_000_000
 
 
@@ -47,7 +47,7 @@ def load_trace(path: Path) -> Trace:
             _refuse_too_large(stored)
             names = tuple(stored["joint_names"].tolist())
             columns = {name: stored[name] for name in COLUMNS}
-            fields = (field for field in Contact._fields if field != _HAS_FORCE or f"contact_{field}" in stored)
+            fields = (field for field in Contact._fields if field not in _ADDED or f"contact_{field}" in stored)
             contacts = zip(*(stored[f"contact_{field}"].tolist() for field in fields), strict=True)
             trace = Trace.of_columns(names, tuple(_contact(*row) for row in contacts), **columns)
             sensors, clearances = _sensor_records(stored), _clearance_records(stored)
@@ -71,7 +71,8 @@ def _contact_arrays(trace: Trace) -> dict[str, Any]:
         "contact_body": np.array([c.body for c in contacts], dtype=np.str_),
         "contact_position_xyz": np.array([c.position_xyz for c in contacts], dtype=np.float64).reshape(-1, 3),
         "contact_force": np.array([c.force for c in contacts], dtype=np.float64),
-        f"contact_{_HAS_FORCE}": np.array([c.has_force for c in contacts], dtype=np.bool_),
+        "contact_has_force": np.array([c.has_force for c in contacts], dtype=np.bool_),
+        "contact_depth": np.array([c.depth for c in contacts], dtype=np.float64),
     }
 
 

@@ -29,7 +29,7 @@ SEEN = Observation(
     pose=Pose((1 / 3, -2.0, 1e-9), (0.0, 0.0, math.sin(0.5), math.cos(0.5))),
     twist=Twist((0.1, 0.0, -0.0), (0.0, 0.0, 2.0)),
     joints={"wheel": JointState(1.0, 2.0, 3.0)},
-    contacts=(Contact(0.3, "base", "ground", (0.1, 0.2, 0.3), 9.81),),
+    contacts=(Contact(0.3, "base", "ground", (0.1, 0.2, 0.3), 9.81, depth=0.002),),
     sensors={"bumper": ContactReading(time=0.25, touching=True, force=1.5, bodies=("wall",))},
 )
 
@@ -49,7 +49,14 @@ def test_everything_that_python_sees_is_there() -> None:
         "twist": {"linear_xyz": [0.1, 0.0, -0.0], "angular_xyz": [0.0, 0.0, 2.0]},
         "joints": {"wheel": {"position": 1.0, "velocity": 2.0, "effort": 3.0}},
         "contacts": [
-            {"link": "base", "body": "ground", "position_xyz": [0.1, 0.2, 0.3], "force": 9.81, "has_force": True}
+            {
+                "link": "base",
+                "body": "ground",
+                "position_xyz": [0.1, 0.2, 0.3],
+                "force": 9.81,
+                "has_force": True,
+                "depth": 0.002,
+            }
         ],
         "sensors": {"bumper": {"time": 0.25, "touching": True, "force": 1.5, "bodies": ["wall"]}},
     }

@@ -84,7 +84,7 @@ def test_every_overlap_is_seen_at_its_step(gaps: list[float], xs: list[float], l
 
 def test_a_contact_without_a_force_names_the_pair() -> None:
     found = seen(Space(bolted(body((0, 2), (2, 0)))), [480])
-    assert found == [Contact(2.0, BASE, "agv", (0.0, 0.0, 0.0), 0.0, has_force=False)]
+    assert found == [Contact(2.0, BASE, "agv", (0.0, 0.0, 0.0), 0.0, has_force=False, depth=0.5)]
 
 
 def test_a_body_that_is_far_away_is_seldom_measured() -> None:

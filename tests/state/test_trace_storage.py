@@ -36,7 +36,7 @@ def test_names_of_any_language_are_stored(tmp_path: Path) -> None:
 
 
 def test_contacts_without_a_force_are_stored(tmp_path: Path) -> None:
-    seen = trace([0.1], contacts=[contact(0.1), contact(0.1, force=0.0)._replace(has_force=False)])
+    seen = trace([0.1], contacts=[contact(0.1), contact(0.1, force=0.0)._replace(has_force=False, depth=0.01)])
     save_trace(seen, tmp_path / "trace.npz")
     assert load_trace(tmp_path / "trace.npz").contacts == seen.contacts
 

@@ -49,12 +49,13 @@ class Contacts:
     def of_step(self, time: float, *, ground: bool) -> Iterator[Contact]:
         """Yield the present contacts of the robot, with or without the ground."""
         contacts, forces = self._data.contact, self._data.efc_force
-        pairs = zip(contacts.geom.tolist(), contacts.efc_address.tolist(), contacts.pos.tolist(), strict=True)
-        for (one, other), row, (x, y, z) in pairs:
+        columns = contacts.geom, contacts.efc_address, contacts.pos, contacts.dist
+        for (one, other), row, (x, y, z), distance in zip(*(column.tolist() for column in columns), strict=True):
             link, body = (one, other) if one in self._links else (other, one)
             if link not in self._links or row < 0 or (not ground and self._bodies[body] == GROUND):
                 continue
-            yield Contact(time, self._links[link], self._bodies[body], (x, y, z), float(forces[row]))
+            names, depth = (self._links[link], self._bodies[body]), max(0.0, -distance)
+            yield Contact(time, *names, (x, y, z), float(forces[row]), depth=depth)
 
     def overlaps(self) -> tuple[Overlap, ...]:
         """See Engine.overlaps."""

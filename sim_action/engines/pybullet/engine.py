@@ -308,7 +308,8 @@ class PyBulletEngine:
             if body is None or not (ground or body != GROUND) or not (force > 0 or distance <= 0):
                 continue
             if point[3] not in self._immovable or point[2] not in self._on_paths:
-                yield Contact(step / self._rate, self._link_names[point[3]], body, point[5], force)
+                link, depth = self._link_names[point[3]], max(0.0, -distance)
+                yield Contact(step / self._rate, link, body, point[5], force, depth=depth)
         if self._path_contacts is not None:
             yield from self._path_contacts.at(step)
 
