@@ -65,6 +65,9 @@ class Engine(EngineQueries, Protocol):
     def observe(self, step: int, *, contacts: bool) -> Observation:
         """Return the present state as that of step `step`; contacts, if requested, include the ground."""
 
+    def touching(self) -> tuple[Overlap | Clash, ...]:
+        """Return the contacts of the last step, some pairs several times; a negative depth is a gap."""
+
     def overlaps(self) -> tuple[Overlap, ...]:
         """Return the links that now overlap bodies or the ground; each pair once."""
 

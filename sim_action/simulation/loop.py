@@ -16,6 +16,7 @@ from sim_action.drives import Drive, recognise
 from sim_action.engines import ENGINES, Engine, chosen
 from sim_action.scenario.claim_audit import NOT_SIMULATED, ClaimFinding
 from sim_action.scenario.model import Scenario
+from sim_action.simulation.accuracy import AccuracyWatch
 from sim_action.simulation.controllers import Controls, padded
 from sim_action.simulation.monitors import End, Panel
 from sim_action.simulation.pinning import Pinning
@@ -176,6 +177,7 @@ class _Loop:
         panel = Panel.open(self._scenario, self._scene, start)
         digest = Digest()
         motion = Motion(Rest.of(self._scene, start))
+        accuracy = AccuracyWatch(self._scene)
         footage.begin(start)
         started = time.perf_counter()
         while panel.end is None:
@@ -186,6 +188,7 @@ class _Loop:
                 seen, opening = seen.rows(slice(len(opening), None)), ()
                 digest.add(seen)
                 motion = motion.after(seen)
+                accuracy.add(seen, self._backend.touching())
                 is_last = panel.end is not None or failure is not None
                 if len(seen):
                     footage.add(self._sensing.stored(seen), judged=seen.sensors, is_last=is_last)
@@ -201,7 +204,7 @@ class _Loop:
         findings = (*self._audited(panel, motion), *losses)
         told = {finding.message for finding in findings}
         missed = (message for _, message in unreached_events(self._scene.world, panel.time))
-        notes = tuple(message for message in missed if message not in told)
+        notes = (*(message for message in missed if message not in told), *accuracy.notes())
         return SimulationRun(
             trace=kept,
             verdicts=panel.verdicts(),

@@ -57,6 +57,16 @@ class Contacts:
             names, depth = (self._links[link], self._bodies[body]), max(0.0, -distance)
             yield Contact(time, *names, (x, y, z), float(forces[row]), depth=depth)
 
+    def touching(self) -> Iterator[Overlap | Clash]:
+        """See Engine.touching."""
+        contacts = self._data.contact
+        for (one, other), distance in zip(contacts.geom.tolist(), contacts.dist.tolist(), strict=True):
+            link, body = (one, other) if one in self._links else (other, one)
+            if link in self._links:
+                yield Overlap(self._links[link], self._bodies[body], -distance)
+            else:
+                yield Clash(self._bodies[link], self._bodies[body], -distance)
+
     def overlaps(self) -> tuple[Overlap, ...]:
         """See Engine.overlaps."""
         deepest: dict[tuple[str, str], float] = {}

@@ -147,6 +147,10 @@ class MuJoCoEngine:
         """See EngineQueries.cast_rays."""
         return self._rays.cast(start_xyz, ends_xyz)
 
+    def touching(self) -> tuple[Overlap | Clash, ...]:
+        """See Engine.touching."""
+        return tuple(self._contacts.touching())
+
     def overlaps(self) -> tuple[Overlap, ...]:
         """See Engine.overlaps."""
         return self._contacts.overlaps()

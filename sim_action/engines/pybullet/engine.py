@@ -34,6 +34,7 @@ from sim_action.engines.pybullet.queries import (
     link_twist,
     overlaps,
     pose_reader,
+    touching,
 )
 from sim_action.engines.pybullet.scene import (
     BASE,
@@ -207,6 +208,10 @@ class PyBulletEngine:
     def _body_at(self, body: str) -> tuple[float, ...]:
         there = self.body_pose(body)
         return (*there.position_xyz, *there.orientation_xyzw)
+
+    def touching(self) -> tuple[Overlap | Clash, ...]:
+        """See Engine.touching."""
+        return tuple(touching(self._client, self._robot, self._link_names, self._body_names))
 
     def overlaps(self) -> tuple[Overlap, ...]:
         """See Engine.overlaps."""

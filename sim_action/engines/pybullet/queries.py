@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from operator import itemgetter
 from typing import Any, Final
 
@@ -139,6 +139,21 @@ class Distances:
             origin = state[4]
         lower, upper = pybullet.getAABB(self._robot, link, self._client)
         return math.hypot(*(max(hi - at, at - lo) for lo, hi, at in zip(lower, upper, origin, strict=True)))
+
+
+def touching(client: int, robot: int, links: Mapping[int, str], bodies: Mapping[int, str]) -> Iterator[Overlap | Clash]:
+    """Yield the contacts of the last step: of the robot, and of bodies with each other."""
+    for point in pybullet.getContactPoints(physicsClientId=client):
+        one, other, distance = point[1], point[2], point[8]
+        # Points are reported from a gap of 2 cm on.
+        if distance > 0 and point[9] <= 0:
+            continue
+        if robot in {one, other}:
+            link, body = (point[3], other) if one == robot else (point[4], one)
+            if body in bodies:
+                yield Overlap(links[link], bodies[body], -distance)
+        elif one in bodies and other in bodies:
+            yield Clash(bodies[one], bodies[other], -distance)
 
 
 def overlaps(client: int, robot: int, links: Mapping[int, str], bodies: Mapping[int, str]) -> tuple[Overlap, ...]:

@@ -1,0 +1,72 @@
+"""Notes of a run on the accuracy of its physics: energy, masses that differ too much, and depth of contacts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Final
+
+from sim_action.core import units
+from sim_action.simulation.energy import EnergyWatch
+from sim_action.state.observation import Clash, Overlap
+from sim_action.state.trace import Trace
+from sim_action.world.scene import Scene
+
+_MAX_MASS_RATIO: Final = 100.0
+
+_MAX_DEPTH_M: Final = 0.005
+
+
+class AccuracyWatch:
+    """Collects the facts of a run on which the notes depend."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._energy = EnergyWatch.of(scene)
+        self._masses: dict[str, float] = {body.name: body.mass for body in scene.world.objects if body.mass is not None}
+        self._robot = None if scene.bolted else scene.model.mass
+        self._deepest: tuple[float, str, float] = (0.0, "", 0.0)
+        self._unequal: dict[str, float] = {}
+
+    def add(self, trace: Trace, touching: Iterable[Overlap | Clash]) -> None:
+        """Add the next moments, at full rate, and the contacts of the last of them."""
+        if self._energy is not None:
+            self._energy.add(trace)
+        for touch in touching:
+            time = float(trace.time[-1]) if len(trace) else 0.0
+            if touch.depth > max(_MAX_DEPTH_M, self._deepest[0]):
+                self._deepest = touch.depth, _names(touch), time
+            self._compare(touch)
+
+    def _compare(self, touch: Overlap | Clash) -> None:
+        one, other = (
+            (self._robot, self._masses.get(touch.body))
+            if isinstance(touch, Overlap)
+            else (self._masses.get(touch.body), self._masses.get(touch.other))
+        )
+        if one and other and max(one, other) > _MAX_MASS_RATIO * min(one, other):
+            self._unequal.setdefault(_names(touch), max(one, other) / min(one, other))
+
+    def notes(self) -> Iterator[str]:
+        """Yield the notes."""
+        if self._energy is not None and (note := self._energy.note()) is not None:
+            yield note
+        for names, ratio in self._unequal.items():
+            yield (
+                f"{names} touched, and one has {ratio:,.0f} times the mass of the other: above {_MAX_MASS_RATIO:g}, "
+                "contacts are inaccurate; compare with a run at twice the physics.rate"
+            )
+        depth, names, time = self._deepest
+        if depth:
+            yield (
+                f"{names} overlapped by {units.display(depth, 'm', 3)} at {time:.2f} s: contacts are not accurate to "
+                f"{units.display(_MAX_DEPTH_M, 'm')}; raise physics.rate, or check masses and speeds"
+            )
+
+
+def _names(touch: Overlap | Clash) -> str:
+    if isinstance(touch, Overlap):
+        return f"link '{touch.link}' and {_body(touch.body)}"
+    return f"{_body(touch.body)} and {_body(touch.other)}"
+
+
+def _body(name: str) -> str:
+    return "the ground" if name == "ground" else f"body '{name}'"

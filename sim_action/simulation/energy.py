@@ -1,0 +1,233 @@
+"""The mechanical energy of a robot that nothing drives or brakes: an integrator that changes it is too coarse.
+
+Energy is computed from the trace at full rate and from the masses and inertias of the model. This is possible while
+the robot touches nothing, no motor works, and no joint has damping or friction. Models in MJCF are not examined: their
+joints may have springs and other forces.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, Self
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from sim_action.core import geometry
+from sim_action.robot.robot_model import Joint, RobotModel
+from sim_action.robot.urdf_elements import MOMENTS, number, origin
+from sim_action.state.trace import FloatArray, Trace
+from sim_action.world.scene import Scene
+
+_MAX_DRIFT: Final = 0.05
+"""The greatest change of the energy that is not noted, as a share of the greatest kinetic energy."""
+
+_MAX_WORK: Final = 0.01
+"""The greatest work of the motors, as the same share; a motor that holds a joint does not work."""
+
+_LEAST_SPAN_S: Final = 0.5
+"""In a shorter time, the error of the first steps is still a large share of the kinetic energy."""
+
+_LEAST_ENERGY_J: Final = 1e-6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Body:
+    """The inertia of a link. Attributes: kg; m, in the link's frame; (3, 3) kg m^2 about its centre, in that frame."""
+
+    mass: float
+    centre: FloatArray
+    tensor: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Frame:
+    """The frame of a link over T moments: origin (T, 3), axes (T, 3, 3), velocity and turn rate (T, 3), world frame."""
+
+    origin: FloatArray
+    axes: FloatArray
+    linear: FloatArray
+    angular: FloatArray
+
+    def at(self, point: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return position and velocity of a point (3,) or points (T, 3) of this frame, world frame."""
+        arm = np.einsum("tij,...j->ti", self.axes, point) if point.ndim == 1 else point
+        return self.origin + arm, self.linear + np.cross(self.angular, arm)
+
+
+class Mechanics:
+    """The links and joints of a robot, and their energy."""
+
+    def __init__(self, model: RobotModel, gravity_xyz: geometry.Vector3) -> None:
+        """`model`: not in MJCF."""
+        self._gravity = np.array(gravity_xyz)
+        self._root = model.root
+        self._bodies = _bodies(model)
+        self._shapes = {
+            link.name: [(np.array(shape.pose.position_xyz), _reach(shape.lower_xyz, shape.upper_xyz))]
+            for link in model.links
+            for shape in link.collisions
+        }
+        self._below: dict[str, list[Joint]] = {}
+        for joint in model.joints:
+            self._below.setdefault(joint.parent, []).append(joint)
+
+    def frames(self, trace: Trace) -> dict[str, _Frame]:
+        """Return the frame of each link."""
+        columns = {name: place for place, name in enumerate(trace.joint_names)}
+        axes = _matrices(trace.base_orientation_xyzw)
+        found = {self._root: _Frame(trace.base_position_xyz, axes, trace.base_linear_xyz, trace.base_angular_xyz)}
+        waiting = [self._root]
+        while waiting:
+            parent = waiting.pop()
+            for joint in self._below.get(parent, []):
+                place = columns.get(joint.name)
+                zeros = np.zeros(len(trace))
+                position = zeros if place is None else trace.joint_position[:, place]
+                velocity = zeros if place is None else trace.joint_velocity[:, place]
+                found[joint.child] = _moved(found[parent], joint, position, velocity)
+                waiting.append(joint.child)
+        return found
+
+    def energy(self, frames: Mapping[str, _Frame]) -> tuple[FloatArray, FloatArray]:
+        """Return the kinetic and the potential energy in J, each (T,)."""
+        moments = len(frames[self._root].origin)
+        kinetic, potential = np.zeros(moments), np.zeros(moments)
+        for name, body in self._bodies.items():
+            frame = frames[name]
+            position, velocity = frame.at(body.centre)
+            turning = np.einsum("tji,tj->ti", frame.axes, frame.angular)
+            spin = np.einsum("ti,ij,tj->t", turning, body.tensor, turning)
+            kinetic += (body.mass * np.square(velocity).sum(axis=1) + spin) / 2
+            potential -= body.mass * (position @ self._gravity)
+        return kinetic, potential
+
+    def lowest(self, frames: Mapping[str, _Frame], fixed: frozenset[str]) -> FloatArray:
+        """Return a lower bound (T,) in m on the height of all collision shapes, but those of the links `fixed`."""
+        lowest = np.full(len(frames[self._root].origin), np.inf)
+        for name, shapes in self._shapes.items():
+            for centre, reach in shapes if name not in fixed else ():
+                lowest = np.minimum(lowest, frames[name].at(centre)[0][:, 2] - reach)
+        return lowest
+
+
+def _bodies(model: RobotModel) -> dict[str, _Body]:
+    # `sim_action.robot` wrote this text.
+    root = ET.fromstring(model.urdf)  # noqa: S314 - see above
+    found = {}
+    for link in root.iterfind("link"):
+        inertial = link.find("inertial")
+        if inertial is not None:
+            xx, xy, xz, yy, yz, zz = (number(inertial.find("inertia"), name) or 0.0 for name in MOMENTS)
+            at, tensor = origin(inertial), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+            (axes,) = _matrices(np.array([at.orientation_xyzw]))
+            mass = number(inertial.find("mass"), "value") or 0.0
+            found[link.attrib["name"]] = _Body(mass, np.array(at.position_xyz), axes @ tensor @ axes.T)
+    return found
+
+
+def _matrices(orientations: FloatArray) -> FloatArray:
+    """Return the rotation matrices (T, 3, 3) of unit quaternions (T, 4)."""
+    x, y, z, w = orientations.T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), 2, 0)
+
+
+def _moved(parent: _Frame, joint: Joint, position: FloatArray, velocity: FloatArray) -> _Frame:
+    (turned,) = _matrices(np.array([joint.origin.orientation_xyzw]))
+    axes = parent.axes @ turned
+    axis = axes @ np.array(joint.axis_xyz)
+    at, linear = parent.at(np.array(joint.origin.position_xyz))
+    if joint.type == "prismatic":
+        way = axis * position[:, None]
+        return _Frame(at + way, axes, linear + np.cross(parent.angular, way) + axis * velocity[:, None], parent.angular)
+    half = position / 2
+    own = np.column_stack([*(np.sin(half) * part for part in joint.axis_xyz), np.cos(half)])
+    return _Frame(at, axes @ _matrices(own), linear, parent.angular + axis * velocity[:, None])
+
+
+def _reach(lower: geometry.Vector3, upper: geometry.Vector3) -> float:
+    return math.hypot(*(max(abs(low), abs(high)) for low, high in zip(lower, upper, strict=True)))
+
+
+class EnergyWatch:
+    """Watches the energy of an undriven robot, from t = 0 until it may touch the ground."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._mechanics = Mechanics(scene.model, scene.world.gravity_xyz)
+        self._step_s = 1 / scene.physics.rate
+        self._fixed = scene.bolted_links
+        self._start: float | None = None
+        self._is_over = False
+        self._first_s = self._last_s = self._worst_s = 0.0
+        self._kinetic = self._work = self._drift = 0.0
+
+    @classmethod
+    def of(cls, scene: Scene) -> Self | None:
+        """Return the watch of a scene; None if something may drive, brake or touch the robot."""
+        model = scene.model
+        is_shaped = any(link.collisions for link in model.links)
+        if scene.acted_on or model.mjcf or (is_shaped and (scene.world.objects or scene.world.patches)):
+            return None
+        if scene.bolted and not model.moving_joints:
+            return None
+        if any(joint.mimic is not None for joint in model.joints) or _is_braked(model):
+            return None
+        return cls(scene)
+
+    def add(self, trace: Trace) -> None:
+        """Add the next moments, at full rate."""
+        if self._start is None and len(trace):
+            # Most robots stand on the ground from the start.
+            first = trace.rows(slice(1))
+            self._is_over = bool(self._lowest(self._mechanics.frames(first))[0] <= 0)
+        if self._is_over or not len(trace):
+            return
+        frames = self._mechanics.frames(trace)
+        touching = np.flatnonzero(self._lowest(frames) <= 0)
+        count = int(touching[0]) if touching.size else len(trace)
+        self._is_over = bool(touching.size)
+        if not count:
+            return
+        kinetic, potential = (values[:count] for values in self._mechanics.energy(frames))
+        total = kinetic + potential
+        if self._start is None:
+            self._start, self._first_s = float(total[0]), float(trace.time[0])
+        self._kinetic = max(self._kinetic, float(kinetic.max()))
+        power = np.abs(trace.joint_effort * trace.joint_velocity)[:count].sum(axis=1)
+        self._work += float(power.sum()) * self._step_s
+        self._last_s = float(trace.time[count - 1])
+        worst = int(np.abs(total - self._start).argmax())
+        if abs(total[worst] - self._start) > abs(self._drift):
+            self._drift, self._worst_s = float(total[worst] - self._start), float(trace.time[worst])
+
+    def _lowest(self, frames: Mapping[str, _Frame]) -> FloatArray:
+        return self._mechanics.lowest(frames, self._fixed)
+
+    def note(self) -> str | None:
+        """Return a note if the energy changed too much, else None."""
+        kinetic = max(self._kinetic, _LEAST_ENERGY_J)
+        if self._start is None or self._last_s - self._first_s < _LEAST_SPAN_S or self._work > _MAX_WORK * kinetic:
+            return None
+        if abs(self._drift) <= _MAX_DRIFT * kinetic:
+            return None
+        return (
+            f"nothing drives or brakes the robot, but its mechanical energy changed by {self._drift:.3g} J until "
+            f"{self._worst_s:.2f} s, and its kinetic energy was at most {kinetic:.3g} J: the physics steps are too "
+            "long for its motion; raise physics.rate"
+        )
+
+
+def _is_braked(model: RobotModel) -> bool:
+    root = ET.fromstring(model.urdf)  # noqa: S314 - `sim_action.robot` wrote this text
+    return any(
+        (number(dynamics, name) or 0.0) > 0
+        for dynamics in root.iterfind("joint/dynamics")
+        for name in ("damping", "friction")
+    )

@@ -1,0 +1,65 @@
+"""Runs say when their physics is not accurate, and only then."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from sim_action.scenario.loading import build_scene, load_scenario
+from sim_action.simulation.loop import simulate
+from tests.integration.engines import on_every_engine
+from tests.integration.test_integrator import BALL, PENDULUM
+
+pytestmark = on_every_engine
+
+CUBE = "box: [0.2, 0.2, 0.2]"
+
+
+def notes(
+    engine: str, folder: Path, more: str, *, robot: str = "{model: turtlebot3_burger}", seconds: int = 3
+) -> list[str]:
+    """The notes of a run that are about accuracy."""
+    (folder / "pendulum.urdf").write_text(PENDULUM)
+    (folder / "ball.urdf").write_text(BALL)
+    path = folder / "it.sim.yml"
+    expect = "expect: [{stl: 'always (speed < 60 m/s)'}]"
+    head = f"name: it\nrobot: {robot}\nbackend: {engine}\n{more}"
+    path.write_text(f"{head}\ntime_limit: {seconds} s\nduration: {seconds} s\n{expect}\n")
+    loaded = load_scenario(path)
+    pytest.importorskip(engine)
+    run = simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    return [note for note in run.notes if "raise physics.rate" in note or "twice the physics.rate" in note]
+
+
+def test_a_double_pendulum_is_told_of_its_energy(engine: str, tmp_path: Path) -> None:
+    hangs = "{model: pendulum.urdf, base: fixed, pose: {z: 5}, joints: {upper_joint: 90 deg, lower_joint: 90 deg}}"
+    (note,) = notes(engine, tmp_path, "physics: {settle: 0 s}", robot=hangs, seconds=20)
+    assert "its mechanical energy changed by -" in note
+    little = hangs.replace("90 deg", "10 deg")
+    assert notes(engine, tmp_path, "physics: {settle: 0 s}", robot=little, seconds=20) == []
+
+
+def test_a_fall_is_accurate_enough(engine: str, tmp_path: Path) -> None:
+    falls = "{model: ball.urdf, pose: {z: 60}}"
+    assert notes(engine, tmp_path, "physics: {settle: 0 s}", robot=falls) == []
+
+
+def test_a_heavy_body_on_a_light_one_is_told_of(engine: str, tmp_path: Path) -> None:
+    found = notes(
+        engine,
+        tmp_path,
+        f"world: {{objects: [{{name: low, {CUBE}, mass: 1 kg, pose: {{x: 2}}}}, "
+        f"{{name: high, {CUBE}, mass: 300 kg, pose: {{x: 2, z: 0.3}}}}]}}",
+    )
+    masses, depth = found
+    assert "300 times the mass" in masses
+    assert "body 'low' and the ground overlapped by" in depth
+
+
+def test_usual_runs_have_no_such_notes(engine: str, tmp_path: Path) -> None:
+    assert notes(engine, tmp_path, "commands: {rate: 10 Hz, twist: [{linear: 0.2}]}") == []
+    box = f"{{name: box, {CUBE}, mass: 1 kg, pose: {{x: 0.4}}}}"
+    pushed = f"world: {{objects: [{box}]}}\ncommands: {{rate: 10 Hz, twist: [{{linear: 0.2}}]}}"
+    assert notes(engine, tmp_path, pushed) == []
+    assert notes(engine, tmp_path, "") == []

@@ -1,0 +1,75 @@
+"""The notes on masses and depths, from contacts that an engine reports."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from sim_action.core.workspace import Workspace
+from sim_action.robot.robot_model import Link, RobotModel
+from sim_action.robot.spec import Robot
+from sim_action.simulation.accuracy import AccuracyWatch
+from sim_action.state.observation import Clash, Overlap
+from sim_action.state.trace import Trace
+from sim_action.world import Body, Physics, World
+from sim_action.world.scene import Scene
+from tests.traces import trace
+
+FOLDER = Path("/folder")
+MODEL = RobotModel("it", "robot.urdf", (Link("base", 40.0), Link("wheel", 10.0)), (), "")
+WORLD = World(
+    objects=(
+        Body(name="crate", box=(1.0, 1.0, 1.0), mass=0.6),
+        Body(name="can", box=(1.0, 1.0, 1.0), mass=0.4),
+        Body(name="safe", box=(1.0, 1.0, 1.0), mass=61.0),
+        Body(name="wall", box=(1.0, 1.0, 1.0)),
+    )
+)
+
+
+def notes(*touches: Overlap | Clash, base: str = "free", seen: Trace | None = None) -> list[str]:
+    robot = Robot.model_construct(model="robot.urdf", base=base)
+    watch = AccuracyWatch(Scene(robot, MODEL, WORLD, Physics(), Workspace(FOLDER, FOLDER), acted_on=True))
+    for touch in touches:
+        watch.add(seen or trace([1.5]), [touch])
+    return list(watch.notes())
+
+
+@pytest.mark.parametrize(
+    ("touch", "told"),
+    [
+        (Overlap("base", "can", 0.0), "link 'base' and body 'can' touched, and one has 125 times the mass"),
+        (Clash("safe", "crate", -0.001), "body 'safe' and body 'crate' touched, and one has 102 times the mass"),
+        (Clash("crate", "safe", 0.0), "body 'crate' and body 'safe' touched, and one has 102 times the mass"),
+    ],
+)
+def test_masses_that_differ_by_more_than_a_hundred_times_are_noted_once(touch: Overlap | Clash, told: str) -> None:
+    (note,) = notes(touch, touch)
+    assert told in note
+
+
+@pytest.mark.parametrize(
+    "touch",
+    [
+        Overlap("base", "crate", 0.0),
+        Overlap("base", "wall", 0.0),
+        Overlap("wheel", "ground", 0.004),
+        Clash("safe", "ground", 0.0),
+        Clash("crate", "can", 0.005),
+    ],
+)
+def test_other_contacts_are_not_noted(touch: Overlap | Clash) -> None:
+    assert notes(touch) == []
+
+
+def test_a_fixed_base_has_no_mass() -> None:
+    assert notes(Overlap("base", "can", 0.0), base="fixed") == []
+
+
+def test_the_greatest_depth_is_noted() -> None:
+    wheel = Overlap("wheel", "ground", 0.0061)
+    (note,) = notes(wheel, Clash("crate", "can", 0.02), wheel)
+    assert note.startswith("body 'crate' and body 'can' overlapped by 0.02 m at 1.50 s: ")
+    (note,) = notes(wheel)
+    assert note.startswith("link 'wheel' and the ground overlapped by 0.0061 m at 1.50 s: ")
