@@ -34,7 +34,8 @@ class Lidar(Sensor):
 
     A reading is a scan as in ROS (sensor_msgs/LaserScan): `angle_min`, `angle_increment`, `range_min`, `range_max`, and
     `ranges`, an array in m. As in REP 117, inf means that nothing is in range, and -inf that a surface is nearer than
-    `min_range`. A controller in another process gets null instead of inf and 0 instead of -inf.
+    `min_range`. The limits apply to the range with its noise, too: a noisy range beyond a limit is inf or -inf, as from
+    a driver. A controller in another process gets null instead of inf and 0 instead of -inf.
     `scan.nearest(start_angle, end_angle)` returns the shortest range from one angle counter-clockwise to another, so
     `nearest(1, 0.5)` includes the rear. If both angles lie between two rays, the nearer ray counts. A body that
     contains the sensor is not seen.
@@ -106,10 +107,12 @@ class Lidar(Sensor):
         return -self.field_of_view / 2 if self.rays > 1 else 0.0
 
     def _measured(self, ranges: NDArray[np.float64], random: Generator) -> NDArray[np.float64]:
-        """Return the measured ranges; noise moves no range into or out of the measuring range."""
+        """Return the measured ranges. A surface out of range stays so; noise may move others out of range."""
         near, far = ranges < self.min_range, ranges > self.range
         if self.noise:
-            noise = random.normal(0.0, self.noise, self.rays)
-            ranges = (ranges + noise).clip(self.min_range, self.range)
+            ranges, seen = ranges + random.normal(0.0, self.noise, self.rays), ~(near | far)
+            # Drivers judge the range that they measured. Clipping would pile readings up at the limits.
+            near |= seen & (ranges <= self.min_range)
+            far |= seen & (ranges >= self.range)
         ranges[near], ranges[far] = -math.inf, math.inf
         return ranges

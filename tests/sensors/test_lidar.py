@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from sim_action.core.geometry import Pose, Vector3, quaternion_from_rpy, rotate
@@ -106,12 +108,26 @@ def test_noise_is_gaussian_and_comes_from_the_seed() -> None:
     assert abs(np.corrcoef(off, other.ranges)[0, 1]) < 0.03
 
 
-@pytest.mark.parametrize(("share", "told"), [(0.1, 0.2), (1.0, 2.0)])
-def test_noise_does_not_lead_out_of_what_can_be_measured(share: float, told: float) -> None:
-    (scan,) = scans(Lidar(rays=1000, min_range=0.2, range=2.0, noise=0.1), Fog(share))
-    assert scan.ranges.min() >= 0.2
-    assert scan.ranges.max() <= 2.0
-    assert 300 < (scan.ranges == told).sum() < 700
+@pytest.mark.parametrize(("share", "beyond"), [(0.1, -np.inf), (1.0, np.inf)])
+def test_noise_beyond_the_measuring_range_is_no_range(share: float, beyond: float) -> None:
+    (scan,) = scans(Lidar(rays=4000, min_range=0.2, range=2.0, noise=0.1), Fog(share))
+    # A surface at a limit is on either side of it half of the time, and never exactly there.
+    assert 1800 < (scan.ranges == beyond).sum() < 2200
+    measured = scan.ranges[np.isfinite(scan.ranges)]
+    assert measured.min() > 0.2
+    assert measured.max() < 2.0
+    assert len(set(measured.tolist())) == len(measured)
+    # The rest is half of a normal distribution, whose mean is at 0.798 standard deviations.
+    assert abs(measured - share * 2.0).mean() == pytest.approx(0.0798, rel=0.1)
+
+
+@given(share=st.floats(0.0, 1.2), noise=st.floats(1e-6, 1.0))
+def test_no_range_is_exactly_a_limit(share: float, noise: float) -> None:
+    (scan,) = scans(Lidar(rays=50, min_range=0.2, range=2.0, noise=noise), Fog(share))
+    assert not np.isin(scan.ranges, (0.2, 2.0)).any()
+    finite = np.isfinite(scan.ranges)
+    assert (scan.ranges[finite] > 0.2).all()
+    assert (scan.ranges[finite] < 2.0).all()
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 import pytest
 
@@ -11,7 +12,6 @@ from sim_action.robot.robot_model import Link, RobotModel
 from sim_action.robot.spec import Robot
 from sim_action.simulation.accuracy import AccuracyWatch
 from sim_action.state.observation import Clash, Overlap
-from sim_action.state.trace import Trace
 from sim_action.world import Body, Physics, World
 from sim_action.world.scene import Scene
 from tests.traces import trace
@@ -28,11 +28,11 @@ WORLD = World(
 )
 
 
-def notes(*touches: Overlap | Clash, base: str = "free", seen: Trace | None = None) -> list[str]:
+def notes(*touches: Overlap | Clash, base: Literal["free", "fixed"] = "free") -> list[str]:
     robot = Robot.model_construct(model="robot.urdf", base=base)
     watch = AccuracyWatch(Scene(robot, MODEL, WORLD, Physics(), Workspace(FOLDER, FOLDER), acted_on=True))
     for touch in touches:
-        watch.add(seen or trace([1.5]), [touch])
+        watch.add(trace([1.5]), [touch])
     return list(watch.notes())
 
 
