@@ -192,16 +192,21 @@ def keys(model: type[BaseModel], above: str = "") -> Iterator[tuple[str, str, st
     for entry in catalogue.fields(model):
         yield f"`{above}{entry.name}`", entry.takes, entry.default, entry.description
         annotation = next(f.annotation for n, f in model.model_fields.items() if (f.alias or n) == entry.name)
-        for below, several in _models_in(annotation):
-            yield from keys(below, f"{above}{entry.name}{'[]' if several else ''}.")
+        for below, step in _models_in(annotation):
+            yield from keys(below, f"{above}{entry.name}{step}.")
 
 
-def _models_in(annotation: Any, *, several: bool = False) -> Iterator[tuple[type[BaseModel], bool]]:
+_STEPS: Final[dict[object, str]] = {tuple: "[]", dict: ".NAME"}
+"""A container -> the step from it to an entry, as tables of keys show it."""
+
+
+def _models_in(annotation: Any, step: str = "") -> Iterator[tuple[type[BaseModel], str]]:
+    """Yield the models in a type, each with the step to it."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield annotation, several
-    several = several or getattr(annotation, "__origin__", None) is tuple
+        yield annotation, step
+    step = step or _STEPS.get(getattr(annotation, "__origin__", None), "")
     for part in get_args(annotation):
-        yield from _models_in(part, several=several)
+        yield from _models_in(part, step)
 
 
 def scenario_keys() -> str:

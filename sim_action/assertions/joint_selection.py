@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING
 
@@ -18,11 +18,12 @@ if TYPE_CHECKING:
 def chosen(model: RobotModel, names: Iterable[str]) -> tuple[Joint, ...]:
     """Return the moving joints that match a name, in the order of the model; all of them if there are no names."""
     wanted = tuple(names) or ("*",)
-    return tuple(joint for joint in model.moving_joints if any(_means(name, joint) for name in wanted))
+    return tuple(joint for joint in model.moving_joints if any(matches_name(name, joint.name) for name in wanted))
 
 
-def _means(name: str, joint: Joint) -> bool:
-    return name == joint.name or fnmatchcase(joint.name, name)
+def matches_name(name: str, joint: str) -> bool:
+    """Return True if a name or pattern of a scenario means the joint with the name `joint`."""
+    return name == joint or fnmatchcase(joint, name)
 
 
 def name_problem(model: RobotModel, name: str, hinted: FirstFew) -> str | None:
@@ -41,6 +42,17 @@ def unit_problem(joint: Joint, reading: Reading, written: float | str) -> str | 
         motion = "slides" if joint.type == "prismatic" else "turns"
         return f"joint '{joint.name}' {motion}: {error}"
     return None
+
+
+def tolerance_problems(model: RobotModel, tolerances: Mapping[str, float | str]) -> SpecProblems:
+    """Yield names in a map of tolerances that no moving joint matches, and units that do not fit the joints."""
+    hinted = FirstFew()
+    for name, written in tolerances.items():
+        if (trouble := name_problem(model, name, hinted)) is not None:
+            yield (name,), trouble
+        for joint in chosen(model, (name,)):
+            if (misfit := unit_problem(joint, "position", written)) is not None:
+                yield (name,), misfit
 
 
 def choice_problems(model: RobotModel, names: tuple[str, ...]) -> SpecProblems:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
 from pydantic import Field, model_validator
 
 from sim_action.assertions import Assertion, shortened_title
-from sim_action.assertions.joint_selection import as_written, chosen, name_problem, unit_problem
+from sim_action.assertions.joint_selection import as_written, chosen, tolerance_problems
 from sim_action.assertions.monitors import Monitor, State
 from sim_action.assertions.monitors.deviation import Deviation, Tolerance
 from sim_action.core import units
@@ -23,7 +23,7 @@ from sim_action.core.field_types import (
     PositiveMetres,
     PositiveRadians,
 )
-from sim_action.core.wording import FirstFew, shown
+from sim_action.core.wording import shown
 from sim_action.core.workspace import PathError
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.robot_model import Joint
@@ -136,7 +136,7 @@ class Matches(Assertion):
 
     def problems(self, scene: Scene) -> SpecProblems:
         """Yield unknown joints, and a golden file that is missing, damaged or of another robot."""
-        wrong = list(self._joint_problems(scene))
+        wrong = [(("joints", *path), why) for path, why in tolerance_problems(scene.model, self.joints)]
         yield from wrong
         if wrong:
             return
@@ -194,15 +194,6 @@ class Matches(Assertion):
             for name, written in self.joints.items():
                 if joint in chosen(scene.model, (name,)):
                     yield joint, units.parse(written, joint.dimension("position"))
-
-    def _joint_problems(self, scene: Scene) -> SpecProblems:
-        hinted = FirstFew()
-        for name, written in self.joints.items():
-            if (trouble := name_problem(scene.model, name, hinted)) is not None:
-                yield ("joints", name), trouble
-            for joint in chosen(scene.model, (name,)):
-                if (misfit := unit_problem(joint, "position", written)) is not None:
-                    yield ("joints", name), misfit
 
 
 @dataclass(frozen=True, eq=False)

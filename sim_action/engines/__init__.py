@@ -108,6 +108,14 @@ PACKAGES: Final = {"pybullet": "pybullet", "mujoco": "mujoco-core"}
 """Engine name -> its distribution on PyPI."""
 
 
+def named_version(engine: str) -> str:
+    """Return the name and version of an installed engine, such as "pybullet 3.2.7"."""
+    # Most commands need no version, and this import takes longer than theirs.
+    from importlib.metadata import version
+
+    return f"{engine} {version(PACKAGES[engine])}"
+
+
 def installed() -> tuple[str, ...]:
     """Return the installed engines; the first is the one that `auto` selects."""
     return tuple(engine for engine in ENGINES if find_spec(engine) is not None)

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from importlib.metadata import version
 from typing import Final
 
 import mujoco
@@ -19,7 +18,7 @@ from numpy.typing import NDArray
 
 from sim_action.core.errors import EngineError
 from sim_action.core.geometry import Pose, Twist, Vector3
-from sim_action.engines import NO_CHANNELS
+from sim_action.engines import NO_CHANNELS, named_version
 from sim_action.engines.clearances import ClearanceRecorder
 from sim_action.engines.mujoco.body_control import BasePusher, MuJoCoBodyControl
 from sim_action.engines.mujoco.contacts import Contacts
@@ -57,7 +56,7 @@ mujoco.set_mju_user_warning(_print_warning)
 class MuJoCoEngine:
     """A MuJoCo model and its state."""
 
-    version = f"mujoco {version('mujoco-core')}"
+    version = named_version("mujoco")
     solid_terrain = True
     notes: tuple[str, ...] = ()
 

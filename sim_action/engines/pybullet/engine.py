@@ -8,7 +8,6 @@ surfaces touch.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from importlib.metadata import version
 
 import numpy as np
 import pybullet
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 from sim_action.core import geometry
 from sim_action.core.errors import EngineError
 from sim_action.core.geometry import Pose, Twist, Vector3
-from sim_action.engines import NO_CHANNELS, UNLIMITED_EFFORT
+from sim_action.engines import NO_CHANNELS, UNLIMITED_EFFORT, named_version
 from sim_action.engines.body_control import base_wrench
 from sim_action.engines.clearances import ClearanceRecorder
 from sim_action.engines.observers import BodyRecorder, LazyContacts
@@ -61,7 +60,7 @@ from sim_action.world.scene import Scene
 class PyBulletEngine:
     """A DIRECT connection to PyBullet that holds one scene."""
 
-    version = f"pybullet {version('pybullet')}"
+    version = named_version("pybullet")
     solid_terrain = False
     warm_up = staticmethod(connect_ahead)
 
