@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import platform
+import tempfile
 import time
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from itertools import islice
@@ -17,7 +19,7 @@ from sim_action.reports.progress import ProgressListener
 from sim_action.results.outcome import Outcome, audited_over_variations
 from sim_action.results.results_json import Results
 from sim_action.runner.child_outcome import skipped
-from sim_action.runner.process_pool import execute
+from sim_action.runner.process_pool import execute, motion_file
 from sim_action.runner.run_plan import Plan, PlanRequest, plan_runs
 from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.source import Refused
@@ -66,17 +68,31 @@ def _outcomes(
     every = [run for plan in plans if not isinstance(plan, Refused) for run in plan]
     repeat, folder = request.repeat, options.folder
     every = [run.traced_at_every_step() for run in every] if repeat > 1 else every
-    if request.fail_fast and any(isinstance(plan, Refused) for plan in plans):
-        ran = iter([skipped(run) for run in every])
-    else:
-        listener = ProgressListener(total=len(every) * repeat, verbosity=request.reports.verbosity)
-        replays = "report" not in request.reports.silenced
-        asked = partial(execute, fail_fast=request.fail_fast, formats=request.recordings, repeat=repeat)
-        ready = partial(make_ready, options)
-        turns = asked(every, folder, request.jobs, listener, interruption, replays=replays, meanwhile=ready)
-        listener.close()
-        ran = iter([_outcome(run, turns[index :: len(every)], folder) for index, run in enumerate(every)])
-    return [outcome for plan in plans for outcome in _outcomes_of(plan, ran, folder)]
+    with _folder_of_motions(every) as motions:
+        if request.fail_fast and any(isinstance(plan, Refused) for plan in plans):
+            ran = iter([skipped(run) for run in every])
+        else:
+            listener = ProgressListener(total=len(every) * repeat, verbosity=request.reports.verbosity)
+            replays = "report" not in request.reports.silenced
+            asked = partial(
+                execute, fail_fast=request.fail_fast, formats=request.recordings, repeat=repeat, motions=motions
+            )
+            ready = partial(make_ready, options)
+            turns = asked(every, folder, request.jobs, listener, interruption, replays=replays, meanwhile=ready)
+            listener.close()
+            ran = iter([_outcome(run, turns[index :: len(every)], folder) for index, run in enumerate(every)])
+        files = iter([None if motions is None else motion_file(motions, index) for index in range(len(every))])
+        return [outcome for plan in plans for outcome in _outcomes_of(plan, ran, files)]
+
+
+@contextmanager
+def _folder_of_motions(every: Sequence[LoadedScenario]) -> Iterator[Path | None]:
+    """Make a folder for the motion of runs that are compared; it exists until they are. None: none is compared."""
+    if not any(run.compared for run in every):
+        yield None
+        return
+    with tempfile.TemporaryDirectory(prefix="sim-action-", ignore_cleanup_errors=True) as folder:
+        yield Path(folder)
 
 
 def _outcome(run: LoadedScenario, turns: Sequence[Outcome], folder: Path) -> Outcome:
@@ -88,13 +104,13 @@ def _outcome(run: LoadedScenario, turns: Sequence[Outcome], folder: Path) -> Out
     return merge_repeats(run, turns, folder)
 
 
-def _outcomes_of(plan: Plan, ran: Iterator[Outcome], folder: Path) -> tuple[Outcome, ...]:
-    """Return the outcomes of one scenario, whose runs come next in `ran`."""
+def _outcomes_of(plan: Plan, ran: Iterator[Outcome], files: Iterator[Path | None]) -> tuple[Outcome, ...]:
+    """Return the outcomes of one scenario, whose runs come next in `ran`; `files`: those of their motions."""
     if isinstance(plan, Refused):
         return (Outcome.of_refused(plan),)
-    outcomes = tuple(islice(ran, len(plan)))
+    outcomes, motions = tuple(islice(ran, len(plan))), tuple(islice(files, len(plan)))
     if len(plan) == 1 and plan[0].scenario.agreement is None:
         return outcomes
     from sim_action.runner.engine_agreement import with_agreement
 
-    return with_agreement(plan[0], outcomes, folder)
+    return with_agreement(plan[0], outcomes, motions)

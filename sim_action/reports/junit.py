@@ -20,7 +20,7 @@ from sim_action.reports.escaping import one_line, plain_text
 from sim_action.reports.formatting import judged_text, measurements, user_output
 from sim_action.reports.links import file_and_line, relative_path, stored_trace
 from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios
-from sim_action.reports.statuses import STATUS_DISPLAYS
+from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
 from sim_action.results.results_json import Results
 
@@ -66,7 +66,7 @@ class _Document:
         suite = element("testsuite", {"name": _name(group.name), **totals, "time": _seconds(time), "file": file})
         add_properties(suite, self._suite_properties(group))
         for outcome, run in zip(group.outcomes, several, strict=True):
-            add_properties(suite, _measured(outcome, run))
+            add_properties(suite, _measured(outcome, run, group.values(outcome)))
         suite.extend(cases)
         return suite
 
@@ -97,7 +97,8 @@ class _Document:
         digests = {f"digest: {group.values(outcome)}": outcome.digest for outcome in group.outcomes}
         worst = None if group.status == "skipped" else group.worst_text
         made = _made_with(group.worst)
-        return {**ours, **made, "passed": group.passed, "worst": worst, **digests}
+        engines = group.engines or None
+        return {**ours, "engine": engines, **made, "passed": group.passed, "worst": worst, **digests}
 
     def _expectation(self, group: ScenarioGroup, outcome: Outcome, expected: ExpectationOutcome) -> ET.Element:
         case = self._case(group, outcome, expected.name, expected.location)
@@ -205,6 +206,8 @@ def _add_output(outcome: Outcome, cases: list[ET.Element]) -> None:
     case = next(unhappy, cases[0])
     for warning in outcome.warnings:
         add_line(case, "system-out", f"warning: {warning.location}: {warning}")
+    for measured in outcome.measurements:
+        add_line(case, "system-out", f"{INFORMATION.word}: {measured.message}")
     for note in outcome.notes:
         add_line(case, "system-out", f"note: {note}")
     add_line(case, "system-out", user_output(outcome))
@@ -245,14 +248,23 @@ def _case_properties(expected: ExpectationOutcome) -> dict[str, object]:
     }
 
 
-def _measured(outcome: Outcome, cases: list[ET.Element]) -> dict[str, object]:
-    """Return the measured values as properties of the suite: a strict schema has no properties of testcases."""
+def _measured(outcome: Outcome, cases: list[ET.Element], values: str) -> dict[str, object]:
+    """Return the measured values as properties of the suite: a strict schema has no properties of testcases.
+
+    `values`: those of the variation, if it is one.
+    """
     pairs = zip(cases, (expected.verdict for expected in outcome.expectations), strict=False)
-    return {
+    judged: dict[str, object] = {
         f"measured: {case.get('name')}": f"{verdict.measured:.9g} {verdict.unit}".rstrip()
         for case, verdict in pairs
         if verdict.measured is not None
     }
+    # They are no testcases: a testcase without a failure would be a pass.
+    unjudged = {
+        f"{INFORMATION.word}: {one_line(f'{each.name} {values}'.rstrip())}": f"{each.measured:.9g} {each.unit}".rstrip()
+        for each in outcome.measurements
+    }
+    return judged | unjudged
 
 
 def _name(text: str) -> str:

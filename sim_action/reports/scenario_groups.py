@@ -53,6 +53,11 @@ class ScenarioGroup:
         return self.outcomes[0].location
 
     @property
+    def engines(self) -> str:
+        """The engines that ran its outcomes, such as "pybullet 3.2.7"; empty if none was selected."""
+        return ", ".join(dict.fromkeys(outcome.engine for outcome in self.outcomes if outcome.engine))
+
+    @property
     def passed(self) -> str:
         """The number of passed outcomes, such as "7 of 9 passed"."""
         statuses = [outcome.status for outcome in self.outcomes]

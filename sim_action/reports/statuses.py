@@ -119,3 +119,14 @@ STATUS_DISPLAYS: Final[Mapping[DisplayStatus, StatusDisplay]] = MappingProxyType
     }
 )
 """The display of each status."""
+
+INFORMATION: Final = StatusDisplay(
+    word="information",
+    headline="Measured, without a limit",
+    meaning="a value that was measured without a limit, such as the distance between two engines: nothing was judged",
+    symbol="ℹ",  # noqa: RUF001 - the sign of information
+    ascii_symbol="i",
+    icon="ℹ️",  # noqa: RUF001
+    style="cyan",
+)
+"""The display of a measurement, which is neither a pass nor a failure."""

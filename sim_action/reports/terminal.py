@@ -27,11 +27,11 @@ from sim_action.reports.formatting import (
 )
 from sim_action.reports.links import REPORT_FILE, stored_trace
 from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios
-from sim_action.reports.statuses import STATUS_DISPLAYS
+from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS, StatusDisplay
 from sim_action.results.outcome import WORST_FIRST, DisplayStatus, ExpectationOutcome, Failure, Outcome
 from sim_action.results.results_json import RESULTS_FILE, Results
 
-_ALL_SYMBOLS: Final = "".join(display.symbol for display in STATUS_DISPLAYS.values()) + "│"
+_ALL_SYMBOLS: Final = "".join(display.symbol for display in (*STATUS_DISPLAYS.values(), INFORMATION)) + "│"
 _BEST_FIRST: Final = tuple(reversed(WORST_FIRST))
 _MAX_VARIATIONS: Final = 20
 
@@ -61,15 +61,15 @@ class _Printer:
 
     def group(self, group: ScenarioGroup) -> None:
         """Print one scenario and an empty line; variations that passed are only counted, unless verbose."""
+        file = "".join(f"  {part}" for part in (group.location, group.engines) if part)
         if group.varies:
             worst = f"; worst: {group.worst_text}" if group.status != "skipped" else ""
-            self._heading(group.status, group.name, f"  {group.location}", f"  {group.passed}{worst}")
+            self._heading(group.status, group.name, file, f"  {group.passed}{worst}")
             self._margin = "  "
             self._variations(group)
             self._margin = ""
             self._warnings(group)
         else:
-            file = f"  {group.location}" if group.location else ""
             self._heading(group.status, group.name, file, _after(repeats_text(group.worst)))
             self._outcome(group.worst)
             self._warnings(group)
@@ -80,7 +80,9 @@ class _Printer:
 
     def _symbol(self, look: DisplayStatus) -> tuple[str, str]:
         """Return the symbol of a status, a space, and the style of both."""
-        display = STATUS_DISPLAYS[look]
+        return self._mark(STATUS_DISPLAYS[look])
+
+    def _mark(self, display: StatusDisplay) -> tuple[str, str]:
         return f"{display.symbol if self._shows_symbols else display.ascii_symbol} ", display.style
 
     def _variations(self, group: ScenarioGroup) -> None:
@@ -107,6 +109,9 @@ class _Printer:
         for expected in outcome.causes_first:
             if self._verbosity != "quiet" or expected.prevents_pass:
                 self._expectation(expected)
+        for measured in outcome.measurements:
+            if self._verbosity != "quiet":
+                self._line("  ", self._mark(INFORMATION), (measured.name, ""), (f": {measured.message}", ""))
         for failure in outcome.failures:
             self._failure(failure)
         if self._verbosity == "verbose":

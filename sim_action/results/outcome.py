@@ -126,6 +126,23 @@ class ExpectationOutcome(FrozenModel):
         return self.status == "warned"
 
 
+class Measurement(FrozenModel):
+    """A value that a run measured for information. It has no limit, so it is neither a pass nor a failure.
+
+    Attributes:
+        name: the name in reports, such as "distance to mujoco 4.0".
+        measured: the value in `unit`, an SI symbol.
+        time: the sim time in s at which it was measured.
+        message: one sentence for people.
+    """
+
+    name: str
+    measured: Annotated[float, Field(allow_inf_nan=False)]
+    unit: str = ""
+    time: float | None = None
+    message: str = ""
+
+
 def audited_over_variations(outcomes: Sequence[Outcome]) -> list[Outcome]:
     """Return the outcomes without the warnings that count only if all variations of a scenario have them.
 
@@ -177,6 +194,7 @@ class Outcome(FrozenModel):
         number: the position of the scenario in its file, counted from 1; each variation counts as one.
         group: the name of the scenario that is varied, if this is a variation.
         variation: the exact values of this variation.
+        measurements: the values that were measured for information only; nothing judged them.
         failures: the reasons why there is no verdict; empty unless `status` is "error" or "flaky".
         end: the reason for the end of the run: "goals met", "expectation failed", "duration", "time limit" or
             "controllers finished"; with ROS 1 nodes "test finished", "nodes finished", "time limit" or "failed".
@@ -187,6 +205,7 @@ class Outcome(FrozenModel):
         seed: the random seed of the run.
         scenario_seed: the seed of the scenario, from which `seed` is derived, if this is one of its samples.
         digest: the SHA-256 hash of the state at every physics step.
+        engine: name and version of the engine that ran it, also if there is no verdict; None if none was selected.
         repeats: the repeated runs; this outcome describes the first run, or the first of the runs that agree.
         provenance: the versions and the machine that produced the run.
         warnings: the parts of the scenario that checked nothing in this run.
@@ -207,6 +226,7 @@ class Outcome(FrozenModel):
     variation: tuple[Varied, ...] = ()
     status: Status
     expectations: tuple[ExpectationOutcome, ...] = ()
+    measurements: tuple[Measurement, ...] = ()
     failures: tuple[Failure, ...] = ()
     end: str | None = None
     sim_time: NotNegative | None = None

@@ -30,7 +30,7 @@ MAX_OUTCOMES: Final = 50_000
 _MAX_BYTES: Final = 64_000_000
 
 _FIRST_VERSION: Final = 1
-_VERSION: Final = 3
+_VERSION: Final = 4
 _FORMER_ENDS: Final = {
     "broken": "expectation failed",
     "nobody left": "controllers finished",
@@ -44,7 +44,8 @@ class Results(FrozenModel):
     """The results of one call of `sim-action`; `results.json` is this object as JSON.
 
     Attributes:
-        version: the version of the format. Version 3 added the status "not_exercised" and `judged` of a verdict.
+        version: the version of the format. Version 4 added `measurements`, which were expectations without a limit
+            before. Version 3 added the status "not_exercised" and `judged` of a verdict.
             Version 1 also named some values of `end` and the key `selected` differently.
         sim_action: the version of sim-action; after `merge`, every version that the shards used.
         wall_time: the wall time in s of the call; after `merge`, that of the slowest shard.
@@ -53,7 +54,7 @@ class Results(FrozenModel):
         merged: true if `sim-action merge` wrote this file.
     """
 
-    version: Literal[3] = 3
+    version: Literal[4] = 4
     sim_action: str
     python: str
     platform: str
@@ -147,9 +148,35 @@ def _upgraded(data: bytes) -> str | None:
         document["selected"] = document.pop("some")
     outcomes = document.get("outcomes")
     for outcome in outcomes if isinstance(outcomes, list) else []:
-        if isinstance(outcome, dict) and isinstance(end := outcome.get("end"), str):
-            outcome["end"] = _FORMER_ENDS.get(end, end)
+        if isinstance(outcome, dict):
+            if isinstance(end := outcome.get("end"), str):
+                outcome["end"] = _FORMER_ENDS.get(end, end)
+            _set_measurements_apart(outcome)
     return json.dumps(document)
+
+
+def _set_measurements_apart(outcome: dict[str, Any]) -> None:
+    """Move the differences of two engines without a limit from the expectations of a former version."""
+    expectations = outcome.get("expectations")
+    if not isinstance(expectations, list):
+        return
+    found = [each for each in expectations if _is_measurement(each)]
+    if found:
+        outcome["expectations"] = [each for each in expectations if not _is_measurement(each)]
+        outcome["measurements"] = [
+            {"name": each.get("name"), **{key: each["verdict"].get(key) for key in _MEASURED}} for each in found
+        ]
+
+
+_MEASURED: Final = ("measured", "unit", "time", "message")
+
+
+def _is_measurement(expectation: Any) -> bool:
+    """Return True for a difference of two engines without a limit, in a former version of the format."""
+    if not isinstance(expectation, dict) or expectation.get("assertion") != "agreement":
+        return False
+    verdict = expectation.get("verdict")
+    return isinstance(verdict, dict) and verdict.get("limit") is None and verdict.get("measured") is not None
 
 
 def _first_problem(error: ValidationError) -> str:

@@ -130,7 +130,7 @@ def _write(outcome: Outcome, job: Job) -> None:
 
 def _clear(job: Job) -> None:
     """Remove files of an earlier run in the same place."""
-    for path in filter(None, (job.trace, job.replay, *job.recordings)):
+    for path in filter(None, (job.trace, job.replay, job.motion, *job.recordings)):
         with suppress(OSError):
             path.unlink(missing_ok=True)
 
@@ -192,7 +192,8 @@ def _stored_run(job: Job, progress: _Progress, kept: list[RecordedRun]) -> Simul
     with _reserved():
         loaded = _checked(job.loaded)
         scene = build_scene(loaded)
-        footage = RunRecorder(loaded.scenario, filmed=job.replay is not None, recorded=bool(job.recordings))
+        filmed, recorded, compared = job.replay is not None, bool(job.recordings), job.motion is not None
+        footage = RunRecorder(loaded.scenario, filmed=filmed, recorded=recorded, compared=compared)
         try:
             run = _simulated(loaded, scene, footage, progress)
         except RunError:
@@ -202,6 +203,8 @@ def _stored_run(job: Job, progress: _Progress, kept: list[RecordedRun]) -> Simul
             kept += to_record(job, scene, footage)
             raise
         notes = store_artifacts(job, scene, footage)
+        if job.motion is not None and (motion := footage.motion(scene)) is not None:
+            motion.save(job.motion)
         if loaded.workspace.updates_golden and (trace := footage.trace()) is not None:
             from sim_action.runner.golden_update import write_goldens
 

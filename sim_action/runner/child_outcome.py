@@ -24,7 +24,7 @@ from sim_action.core.files import open_regular
 from sim_action.core.provenance import Provenance, provenance
 from sim_action.core.workspace import PathError
 from sim_action.core.yaml_document import Document
-from sim_action.engines import PACKAGES, chosen
+from sim_action.engines import PACKAGES, chosen, named_version
 from sim_action.results.outcome import Failure, FailureKind, Outcome, status_of
 from sim_action.runner.isolation.child_process import ChildProcess
 from sim_action.runner.job import Job, out_of_memory
@@ -62,6 +62,7 @@ def outcome_of(child: ChildProcess, ending: Ending) -> Outcome:
             "replay": job.named(job.replay) if job.replay and _is_regular(job.replay) else None,
             "recordings": tuple(job.named(path) for path in job.recordings if _is_regular(path)),
             "notes": (*outcome.notes, *(_afterwards(child, ending) if written else ())),
+            "engine": outcome.engine or _engine(job.loaded),
             "provenance": engine_provenance(job.loaded.scenario.backend),
             "diagnostics": diagnostics,
             "output": output,
@@ -75,10 +76,16 @@ def engine_provenance(backend: str) -> Provenance:
     return provenance(PACKAGES[chosen(backend)], __version__)
 
 
+def _engine(loaded: LoadedScenario) -> str:
+    """Return the name and version of the engine that runs a scenario."""
+    return named_version(chosen(loaded.scenario.backend))
+
+
 def interrupted(loaded: LoadedScenario) -> Outcome:
     """Return the outcome of a scenario that an interruption stopped or prevented."""
     message = "the run was interrupted before this scenario ended"
-    return without_verdict(loaded, Failure(kind="interrupted", title="interrupted", message=message))
+    outcome = without_verdict(loaded, Failure(kind="interrupted", title="interrupted", message=message))
+    return outcome.model_copy(update={"engine": _engine(loaded)})
 
 
 def skipped(loaded: LoadedScenario) -> Outcome:

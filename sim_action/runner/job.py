@@ -24,6 +24,7 @@ class Job:
         memory_is_limited: True if the scenario's `memory_limit` is enforced.
         replay: the file for the replay; None: no replay is written.
         recordings: the files for recordings; each suffix names the format.
+        motion: the file for the motion at every step; None: the run is not compared with another one.
         hash_seed: the hash seed of a fresh interpreter; None: a fork is allowed.
         deadline: the time on `time.monotonic()` at which the child process is ended; None: never.
     """
@@ -37,6 +38,7 @@ class Job:
     recordings: tuple[Path, ...] = ()
     hash_seed: int | None = None
     deadline: float | None = None
+    motion: Path | None = None
 
     @property
     def trace_name(self) -> str:

@@ -51,6 +51,7 @@ def execute(
     replays: bool = False,
     formats: Sequence[str] = (),
     repeat: int = 1,
+    motions: Path | None = None,
     child_type: type[ChildProcess] | None = None,
     meanwhile: Callable[[], object] = lambda: None,
 ) -> list[Outcome]:
@@ -69,6 +70,7 @@ def execute(
         formats: the formats of recordings to write.
         repeat: how often the whole list is run, one time after the other; if more than once, each run has its own
             interpreter and its own seed of hashes.
+        motions: the folder for the motion of runs that are compared, see `motion_file`.
         child_type: how child processes are started; by default, as this system allows.
         meanwhile: called once the first children run, when this process only waits.
 
@@ -85,14 +87,25 @@ def execute(
         runs = [(loaded, None if repeat == 1 else turn) for turn in range(repeat) for loaded in scenarios]
         paths = trace_paths([loaded.scenario.name for loaded, _ in runs], folder)
         made = partial(_job, child_type=child_type, replays=replays, formats=formats)
-        waiting = deque(
-            (index, made(loaded, path, folder, _subfolder(Path(scratch), index), hash_seed=hash_seed))
+        made_jobs = [
+            made(loaded, path, folder, _subfolder(Path(scratch), index), hash_seed=hash_seed)
             for index, ((loaded, hash_seed), path) in enumerate(zip(runs, paths, strict=True))
-        )
+        ]
+        if motions is not None:
+            # Repeated runs are equal, or have no verdict: the first one is enough.
+            for index, loaded in enumerate(scenarios):
+                if loaded.compared:
+                    made_jobs[index] = replace(made_jobs[index], motion=motion_file(motions, index))
+        waiting = deque(enumerate(made_jobs))
         scheduler = _Scheduler(child_type, waiting, jobs, listener, interruption, fail_fast=fail_fast)
         outcomes = scheduler.run(partial(_make_ready, scenarios, meanwhile))
     left = interrupted if interruption.happened else skipped
     return [outcomes.get(index) or left(loaded) for index, (loaded, _) in enumerate(runs)]
+
+
+def motion_file(folder: Path, index: int) -> Path:
+    """Return the file for the motion of the run with this index in the list of scenarios."""
+    return folder / f"{index}.npz"
 
 
 def _job(

@@ -65,7 +65,8 @@ def _several() -> tuple[str, ...]:
 
 def _on(loaded: LoadedScenario, engine: str, *, named: bool = False) -> LoadedScenario:
     name = f"{loaded.scenario.name} [{engine}]" if named else loaded.scenario.name
-    return replace(loaded, scenario=loaded.scenario.model_copy(update={"backend": engine, "name": name}))
+    scenario = loaded.scenario.model_copy(update={"backend": engine, "name": name})
+    return replace(loaded, scenario=scenario, compared=named)
 
 
 Plan = tuple[LoadedScenario, ...] | Refused

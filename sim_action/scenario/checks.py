@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
+from sim_action.assertions.joint_selection import tolerance_problems
 from sim_action.core import units
 from sim_action.core.geometry import Pose
 from sim_action.core.wording import FirstFew, did_you_mean
@@ -14,7 +15,7 @@ from sim_action.drives import recognise
 from sim_action.robot.audit.rules import ALLOWABLE, RULES
 from sim_action.robot.kinematics import beyond_limits
 from sim_action.robot.robot_model import WORLD, RobotModel
-from sim_action.scenario.model import Expectation, Scenario, rate_divides
+from sim_action.scenario.model import Agreement, Expectation, Scenario, rate_divides
 from sim_action.sensors import MountedSensor
 from sim_action.world import GROUND
 from sim_action.world.scene import Scene
@@ -98,6 +99,33 @@ def engine_problems(scenario: Scenario) -> SpecProblems:
     """Yield a `backend` that contradicts `agreement`."""
     if scenario.agreement is not None and scenario.backend != "auto":
         yield ("backend",), "remove it: 'agreement' runs the scenario on every engine"
+
+
+def compared_body_problems(scenario: Scenario) -> SpecProblems:
+    """Yield bodies in `agreement` that do not exist, or that no engine moves."""
+    if scenario.agreement is None:
+        return
+    bodies = {body.name: body for body in scenario.world.objects}
+    hinted = FirstFew()
+    for name in scenario.agreement.bodies:
+        path: KeyPath = ("agreement", "bodies", name)
+        if name not in bodies:
+            free = [body.name for body in scenario.world.objects if body.mass is not None]
+            yield path, f"the world has no body '{name}'{did_you_mean(name, free) if hinted.one_more() else ''}"
+        elif bodies[name].mass is None:
+            why = "follows its path" if bodies[name].path else "is fixed"
+            yield path, f"body '{name}' {why}, so it is at the same place in every engine; remove it, or give it a mass"
+
+
+def agreement_problems(scene: Scene, agreement: Agreement) -> SpecProblems:
+    """Yield joints and links in `agreement` that the robot does not have, and units that do not fit the joints."""
+    for path, message in tolerance_problems(scene.model, agreement.joints):
+        yield ("agreement", "joints", *path), message
+    hinted = FirstFew()
+    for name in agreement.links:
+        if name not in scene.model.links_by_name:
+            hint = did_you_mean(name, scene.model.links_by_name) if hinted.one_more() else ""
+            yield ("agreement", "links", name), f"the robot has no link '{name}'{hint}"
 
 
 def name_problems(scenario: Scenario) -> SpecProblems:

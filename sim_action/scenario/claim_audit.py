@@ -27,7 +27,7 @@ from sim_action.world.scene import Scene
 if TYPE_CHECKING:
     from sim_action.assertions import Assertion
     from sim_action.assertions.temporal_logic.formula import Signal
-    from sim_action.scenario.model import Scenario
+    from sim_action.scenario.model import Agreement, Scenario
     from sim_action.state.golden_trajectory import Golden
 
 
@@ -153,8 +153,8 @@ def audit_scenario(
 ) -> Iterator[ClaimFinding]:
     """Yield the findings that are visible without the robot model."""
     yield from _warnings_only(scenario, expect_paths)
-    if scenario.agreement is not None and (yaw := scenario.agreement.yaw) is not None and yaw >= math.pi:
-        yield _beyond(("agreement", "yaw"), yaw, "rad", _HEADING)
+    if scenario.agreement is not None:
+        yield from _beyond_half_a_turn(scenario.agreement)
     for path, assertion in placed_leaves(scenario, expect_paths):
         yield from _unreachable_limits(path, assertion, scenario.physics)
         if assertion.key == "no_collision":
@@ -200,6 +200,18 @@ def _placed(assertion: Assertion, path: KeyPath) -> Iterator[tuple[KeyPath, Asse
 
 
 _HEADING: Final = "two headings are at most 180 deg apart"
+_TURN: Final = "two orientations are at most 180 deg apart"
+
+
+def _beyond_half_a_turn(agreement: Agreement) -> Iterator[ClaimFinding]:
+    """Yield angles of `agreement` that no two runs exceed."""
+    if agreement.yaw is not None and agreement.yaw >= math.pi:
+        yield _beyond(("agreement", "yaw"), agreement.yaw, "rad", _HEADING)
+    for group, named in (("links", agreement.links), ("bodies", agreement.bodies)):
+        for name, limits in named.items():
+            if limits.orientation is not None and limits.orientation >= math.pi:
+                yield _beyond(("agreement", group, name, "orientation"), limits.orientation, "rad", _TURN)
+
 
 # Assertion, field, unit, the value that no run exceeds, and the reason.
 _BOUNDS: Final[tuple[tuple[str, str, str, Callable[[Physics], float], str], ...]] = (

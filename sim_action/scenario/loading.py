@@ -243,6 +243,7 @@ class _Loader:
         yield from unknown_rules(scenario.allow)
         yield from scenario_checks.name_problems(scenario)
         yield from scenario_checks.engine_problems(scenario)
+        yield from scenario_checks.compared_body_problems(scenario)
         yield from scenario_checks.patch_problems(scenario)
 
     def _read_model(self, robot: DrivenRobot) -> RobotModel | None:
@@ -272,6 +273,8 @@ class _Loader:
         self._problems.note_all((), world_checks.disturbance_problems(scene, scenario.time_limit))
         self._problems.note_all((), scenario_checks.source_problems(scenario, scene, self._parts.command_paths))
         self._problems.note_all((), scenario_checks.sensor_problems(scene, scenario.sensors, self._parts.sensor_paths))
+        if scenario.agreement is not None:
+            self._problems.note_all((), scenario_checks.agreement_problems(scene, scenario.agreement))
         # A refused drive is missing from the scenario. That is not a second problem.
         if not states_drive:
             paths = self._parts.sensor_paths

@@ -11,9 +11,11 @@ from pydantic import Field, JsonValue, model_validator
 
 from sim_action.assertions import Assertion
 from sim_action.commands import CommandSource
+from sim_action.core import units
 from sim_action.core.errors import Location
 from sim_action.core.field_types import (
     FrozenModel,
+    JointPosition,
     Name,
     NonNegativeSeconds,
     PositiveBytes,
@@ -24,6 +26,7 @@ from sim_action.core.field_types import (
     Tag,
 )
 from sim_action.core.units import STEP_EPSILON, first_step
+from sim_action.core.wording import shown
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import Document
 from sim_action.drives import Drive
@@ -129,16 +132,43 @@ class TraceSettings(FrozenModel):
     ] = None
 
 
-class Agreement(FrozenModel):
-    """The largest allowed distance between the robot's poses in two engines at the same time."""
+class PoseAgreement(FrozenModel):
+    """The largest allowed distance between the poses of one link or body in two engines at the same time."""
 
-    position: Annotated[PositiveMetres | None, Field(description="allowed distance between the base links")] = None
-    yaw: Annotated[PositiveRadians | None, Field(description="allowed difference of the base links' yaw")] = None
+    position: Annotated[PositiveMetres | None, Field(description="allowed distance between its origins")] = None
+    orientation: Annotated[PositiveRadians | None, Field(description="allowed angle between its orientations")] = None
 
     @model_validator(mode="after")
     def _asks_something(self) -> Self:
-        if self.position is None and self.yaw is None:
-            raise ValueError("must have 'position', 'yaw' or both")
+        if self.position is None and self.orientation is None:
+            raise ValueError("must have 'position', 'orientation' or both")
+        return self
+
+
+class Agreement(FrozenModel):
+    """The largest allowed differences between two engines at the same time, at every physics step."""
+
+    position: Annotated[PositiveMetres | None, Field(description="allowed distance between the base links")] = None
+    yaw: Annotated[PositiveRadians | None, Field(description="allowed difference of the base links' yaw")] = None
+    joints: Annotated[
+        dict[str, JointPosition],
+        Field(description="joint name, or pattern such as '*', to the allowed difference of its positions"),
+    ] = Field(default_factory=dict)
+    links: Annotated[
+        dict[str, PoseAgreement],
+        Field(description="link name to the allowed difference of its poses in the world frame"),
+    ] = Field(default_factory=dict)
+    bodies: Annotated[
+        dict[str, PoseAgreement], Field(description="name of a body with a mass to the allowed difference of its poses")
+    ] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _asks_something(self) -> Self:
+        if self.position is None and self.yaw is None and not (self.joints or self.links or self.bodies):
+            raise ValueError("must have 'position', 'yaw', 'joints', 'links', 'bodies' or several of them")
+        for name, written in self.joints.items():
+            if units.parse(written, units.ANGLE, units.LENGTH) <= 0:
+                raise ValueError(f"the allowed difference of '{name}' must be greater than 0, found {shown(written)}")
         return self
 
 
@@ -269,6 +299,7 @@ class LoadedScenario:
         unchecked: remarks on parts that can only be checked during a run.
         parts: name of a world body -> its parts, for bodies that are read from files.
         warnings: the findings of the audit of claims that do not refuse it.
+        compared: True if the run is compared with that of another engine.
     """
 
     scenario: Scenario
@@ -277,6 +308,7 @@ class LoadedScenario:
     unchecked: tuple[str, ...] = ()
     parts: Mapping[str, tuple[Part, ...]] = field(default_factory=dict)
     warnings: tuple[AuditWarning, ...] = ()
+    compared: bool = False
 
     @property
     def document(self) -> Document:

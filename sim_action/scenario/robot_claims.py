@@ -10,7 +10,7 @@ from sim_action.core import units
 from sim_action.core.yaml_document import KeyPath
 from sim_action.robot.robot_model import Link, RobotModel
 from sim_action.scenario.claim_audit import ClaimFinding, placed_leaves
-from sim_action.scenario.model import Scenario
+from sim_action.scenario.model import Agreement, Scenario
 from sim_action.world.scene import Scene
 
 _OF_CONTACTS: Final = frozenset({"no_collision", "clearance", "contact", "stops_before"})
@@ -26,6 +26,8 @@ def audit_robot(scene: Scene, scenario: Scenario, expect_paths: Sequence[KeyPath
     yield from _shapes(leaves, scene)
     if scene.bolted:
         yield from _fixed_base(leaves)
+        if scenario.agreement is not None:
+            yield from _fixed_parts(scenario.agreement, scene)
     for path, assertion in leaves:
         if assertion.key == "effort":
             yield from _clipped_efforts(path, assertion, scene.model)
@@ -93,6 +95,21 @@ def _fixed_base(leaves: Sequence[tuple[KeyPath, Any]]) -> Iterator[ClaimFinding]
         elif assertion.key == "matches" and not assertion.joints:
             message = "only the base is compared, but it is fixed and never moves; add tolerances in 'joints'"
             yield ClaimFinding("fixed-base", path, message)
+
+
+def _fixed_parts(agreement: Agreement, scene: Scene) -> Iterator[ClaimFinding]:
+    """Yield limits of `agreement` for parts of a fixed robot that are at the same place in every engine."""
+    joint = next((joint.name for joint in scene.model.moving_joints), "*")
+    unit = "1 cm" if joint != "*" and scene.model.joints_by_name[joint].type == "prismatic" else "0.5 deg"
+    use = f"limit its joints or links, such as joints: {{{joint if joint != '*' else repr(joint)}: {unit}}}"
+    for key in ("position", "yaw"):
+        if getattr(agreement, key) is not None:
+            message = f"'{key}' compares the base of the robot, but it is fixed and never moves; {use}"
+            yield ClaimFinding("fixed-base", ("agreement", key), message)
+    for name in agreement.links:
+        if name in scene.bolted_links:
+            message = f"link '{name}' is fixed to the world and never moves; name a link that moves, or remove it"
+            yield ClaimFinding("fixed-base", ("agreement", "links", name), message)
 
 
 def _shapeless(scene: Scene) -> list[Link]:

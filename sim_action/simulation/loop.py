@@ -28,7 +28,7 @@ from sim_action.simulation.tunnelling import Tunnelling
 from sim_action.simulation.watchdog import Watchdog
 from sim_action.state.observation import Observation
 from sim_action.state.reproducibility import Digest
-from sim_action.state.trace import Trace
+from sim_action.state.trace import FloatArray, Trace
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Verdict
 from sim_action.world.ground import GROUND
@@ -147,6 +147,7 @@ class _Loop:
         self._watchdog = Watchdog.of(scene, self._placed)
         self._tunnelling: Tunnelling | None = None
         self._pinning: Pinning | None = None
+        self._body_poses: FloatArray | None = None
         self._notes = [*map(str, scene.model.findings), *backend.notes, *_about_drive(scenario, scene, drive)]
         self._motion = drive.open(scene.model, scenario.physics.rate, scene.world.weight) if drive else None
         self._arrivals = Spawns.of(scenario)
@@ -169,7 +170,8 @@ class _Loop:
         self._settle()
         start = self._backend.observe(0, contacts=self._judges_contacts)
         opening: tuple[Trace, ...] = (_first_moment(start),)
-        self._tunnelling = self._tunnelling_from(start)
+        placed = self._placed_bodies()
+        self._tunnelling = self._tunnelling_from(start, placed)
         if any(body.path for body in self._scene.world.objects):
             self._pinning = Pinning(self._scene, start.twist.linear_xyz)
         if (moved := moved_while_settling(self._scene, self._placed.pose, start.pose)) is not None:
@@ -178,7 +180,7 @@ class _Loop:
         digest = Digest()
         motion = Motion(Rest.of(self._scene, start))
         accuracy = AccuracyWatch(self._scene)
-        footage.begin(start)
+        footage.begin(start, placed)
         started = time.perf_counter()
         while panel.end is None:
             trace, failure = self._advance(_PERIOD_S if panel.is_pending else _PERIOD_WITHOUT_GOALS_S, progress)
@@ -191,7 +193,8 @@ class _Loop:
                 accuracy.add(seen, self._backend.touching())
                 is_last = panel.end is not None or failure is not None
                 if len(seen):
-                    footage.add(self._sensing.stored(seen), judged=seen.sensors, is_last=is_last)
+                    stored, bodies = self._sensing.stored(seen), self._body_poses
+                    footage.add(stored, judged=seen.sensors, is_last=is_last, bodies=bodies)
             if isinstance(failure, ControllersFinished):
                 break
             if failure is not None and panel.end is None:
@@ -274,20 +277,24 @@ class _Loop:
         trace, unstable = self._watchdog.watch(told)
         missed = None
         if self._tunnelling is not None:
-            trace, missed = self._tunnelling.watch(trace, self._backend.collect_bodies())
+            self._body_poses = self._backend.collect_bodies()
+            trace, missed = self._tunnelling.watch(trace, self._body_poses)
         squeezed = None
         if self._pinning is not None:
             trace, squeezed = self._pinning.watch(trace)
         return trace, squeezed or missed or unstable or failure
 
-    def _tunnelling_from(self, start: Observation) -> Tunnelling | None:
-        """Return the watch for bodies that pass through others; None without bodies."""
+    def _placed_bodies(self) -> FloatArray:
+        """Return the present poses (M, 7) of the bodies with a mass."""
         bodies = self._scene.world.objects
-        if not bodies:
-            return None
         poses = [self._backend.body_pose(body.name) for body in bodies if body.mass is not None]
-        numbers = np.array([(*pose.position_xyz, *pose.orientation_xyzw) for pose in poses]).reshape(-1, 7)
-        return Tunnelling(self._scene, start, numbers, solid_terrain=self._backend.solid_terrain)
+        return np.array([(*pose.position_xyz, *pose.orientation_xyzw) for pose in poses]).reshape(-1, 7)
+
+    def _tunnelling_from(self, start: Observation, placed: FloatArray) -> Tunnelling | None:
+        """Return the watch for bodies that pass through others; None without bodies."""
+        if not self._scene.world.objects:
+            return None
+        return Tunnelling(self._scene, start, placed, solid_terrain=self._backend.solid_terrain)
 
 
 def _first_moment(start: Observation) -> Trace:

@@ -1,4 +1,4 @@
-"""The recorder of a run: it keeps the stored trace, and 30 moments per second for replays and recordings."""
+"""The recorder of a run: the stored trace, 30 moments per second for replays, and every step for comparisons."""
 
 from __future__ import annotations
 
@@ -11,12 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_action.core.geometry import Twist
-from sim_action.scenario.model import Scenario
+from sim_action.scenario.model import Agreement, Scenario
+from sim_action.state.motion_record import MotionRecord
 from sim_action.state.observation import Contact, Observation
-from sim_action.state.trace import Trace
+from sim_action.state.trace import FloatArray, Trace
 from sim_action.state.trace_channels import Channels
 from sim_action.state.trace_records import FRAME_RATE, CommandedTwists, SensorRecord, frame_stride
 from sim_action.world import World
+from sim_action.world.scene import Scene
 
 # A run of hours must still fit into memory.
 _MAX_FRAMES: Final = 200_000
@@ -25,8 +27,11 @@ _MAX_FRAMES: Final = 200_000
 class RunRecorder:
     """The recorded data of a run; after a failure, it holds the data up to the failure."""
 
-    def __init__(self, scenario: Scenario, *, filmed: bool = False, recorded: bool = False) -> None:
-        """Prepare the recorder; `filmed`: for a replay; `recorded`: for recordings."""
+    def __init__(
+        self, scenario: Scenario, *, filmed: bool = False, recorded: bool = False, compared: bool = False
+    ) -> None:
+        """Prepare the recorder; `filmed`: for a replay; `recorded`: for recordings; `compared`: for a comparison."""
+        self._steps = EveryStep(scenario) if compared else None
         self._judges_contacts = any(expected.channels.contacts for expected in scenario.expect)
         self._contacts: list[Contact] = []
         self._rate = scenario.physics.rate
@@ -45,18 +50,25 @@ class RunRecorder:
             return Channels()
         return Channels(contacts=True, bodies=frozenset(moving_bodies(world)))
 
-    def begin(self, start: Observation) -> None:
-        """Record the moment at t = 0."""
+    def begin(self, start: Observation, bodies: FloatArray | None = None) -> None:
+        """Record the moment at t = 0; `bodies`: the poses (M, 7) of the bodies with a mass."""
         self.start = start
         self._kept.append(Trace.of_observation(start))
+        if self._steps is not None:
+            self._steps.add(self._kept[0], None if bodies is None else bodies[None])
         if self._filmed:
             self._film.append(self._kept[0])
 
-    def add(self, seen: Trace, *, judged: Mapping[str, SensorRecord], is_last: bool) -> None:
+    def add(
+        self, seen: Trace, *, judged: Mapping[str, SensorRecord], is_last: bool, bodies: FloatArray | None = None
+    ) -> None:
         """Record the moments since the last call; `is_last` keeps the very last one.
 
         `judged`: the readings of sensors that assertions use, even if the trace does not keep them.
+        `bodies`: the poses (T, M, 7) of the bodies with a mass; rows beyond the end of `seen` are ignored.
         """
+        if self._steps is not None:
+            self._steps.add(seen, bodies)
         wanted = self._rows(seen, self._stride, is_last=is_last)
         # Contacts that only the replay needs are not stored in the trace.
         contacts = seen.contacts if self._judges_contacts else ()
@@ -88,12 +100,63 @@ class RunRecorder:
             return None
         return replace(Trace.concatenate(self._film), contacts=tuple(self._contacts))
 
+    def motion(self, scene: Scene) -> MotionRecord | None:
+        """Return the motion at every step; None before the start, or if it is not asked for."""
+        return self._steps.record(scene) if self._steps is not None and self.start is not None else None
+
     def _rows(self, seen: Trace, stride: int, *, is_last: bool) -> NDArray[np.intp]:
         """Return the indices of every stride-th step, counted from t = 0."""
         first_step, last = round(seen.time[0] * self._rate), len(seen) - 1
         rows = np.arange(-first_step % stride, len(seen), stride)
         # numpy's own union imports masked arrays, which takes longer than most replays.
         return np.append(rows, last) if is_last and last not in rows[-1:] else rows
+
+
+class EveryStep:
+    """The motion of a run at every physics step, for the comparison with another run."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        """Prepare the record of the links and bodies that `agreement` names."""
+        named = scenario.agreement or Agreement.model_construct()
+        heavy = [body.name for body in scenario.world.objects if body.mass is not None]
+        self._links = tuple(named.links)
+        self._bodies = {name: heavy.index(name) for name in named.bodies}
+        self._joint_names: tuple[str, ...] = ()
+        self._robot: list[FloatArray] = []
+        self._poses: list[FloatArray] = []
+
+    def add(self, seen: Trace, bodies: FloatArray | None) -> None:
+        """Add the moments since the last call; `bodies`: the poses (T, M, 7) of the bodies with a mass."""
+        self._joint_names = seen.joint_names
+        # The time, the pose of the base, and the joints.
+        self._robot.append(np.concatenate((seen.state[:, :8], seen.joint_position), axis=1))
+        if self._bodies and bodies is not None:
+            self._poses.append(bodies[: len(seen), list(self._bodies.values())])
+
+    def record(self, scene: Scene) -> MotionRecord:
+        """Return the record of all moments; the poses of links follow from the base and the joints."""
+        rows = np.concatenate(self._robot)
+        joints = {name: rows[:, 8 + column] for column, name in enumerate(self._joint_names)}
+        poses = np.concatenate(self._poses) if self._poses else np.empty((len(rows), len(self._bodies), 7))
+        return MotionRecord(
+            time=rows[:, 0],
+            base=rows[:, 1:8],
+            joints=joints,
+            units={name: scene.model.joints_by_name[name].dimension("position").si for name in joints},
+            links=self._link_poses(scene, rows),
+            bodies={name: poses[:, number] for number, name in enumerate(self._bodies)},
+            bolted=scene.bolted,
+        )
+
+    def _link_poses(self, scene: Scene, rows: FloatArray) -> dict[str, FloatArray]:
+        if not self._links:
+            return {}
+        from sim_action.simulation.swept_search import frames_of, link_frames
+
+        frames = link_frames(scene.model, frames_of(rows[:, 1:4], rows[:, 4:8]), rows[:, 8:])
+        return {
+            name: np.column_stack([*frames[name].position_xyz, *frames[name].orientation_xyzw]) for name in self._links
+        }
 
 
 def moving_bodies(world: World) -> list[str]:

@@ -44,7 +44,7 @@ def load_trace(path: Path) -> Trace:
     """Read a file that `save_trace` wrote, without unpickling. Raise TraceError."""
     try:
         with open_regular(path, follow_link=True) as file, np.load(file, allow_pickle=False) as stored:
-            _refuse_too_large(stored)
+            refuse_too_large(stored)
             names = tuple(stored["joint_names"].tolist())
             columns = {name: stored[name] for name in COLUMNS}
             fields = (field for field in Contact._fields if field not in _ADDED or f"contact_{field}" in stored)
@@ -56,7 +56,7 @@ def load_trace(path: Path) -> Trace:
         raise TraceError(f"{path}: not a trace: {error}") from None
 
 
-def _refuse_too_large(stored: Any) -> None:
+def refuse_too_large(stored: Any) -> None:
     """Raise ValueError for a small file that unpacks to a huge one."""
     size = sum(member.file_size for member in stored.zip.infolist())
     if size > _MAX_BYTES:

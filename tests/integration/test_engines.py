@@ -37,10 +37,12 @@ def test_all_engines_run_it_under_names_of_their_own_and_are_compared(tmp_path: 
     assert code == 0
     assert [outcome["name"] for outcome in outcomes] == NAMES
     assert [outcome["engine"].split()[0] for outcome in outcomes] == list(ENGINE_NAMES)
-    assert [len(outcome["expectations"]) for outcome in outcomes] == [1, 4]
-    _, _, position, yaw = outcomes[1]["expectations"]
-    assert 0 < position["verdict"]["measured"] < 0.005
-    assert 0 < yaw["verdict"]["measured"] < 0.01
+    assert [len(outcome["expectations"]) for outcome in outcomes] == [1, 2]
+    assert not outcomes[0]["measurements"]
+    position, yaw = outcomes[1]["measurements"]
+    assert (position["name"], yaw["name"]) == ("distance to pybullet 3.2.7", "difference in yaw to pybullet 3.2.7")
+    assert 0 < position["measured"] < 0.005
+    assert 0 < yaw["measured"] < 0.01
     for outcome in outcomes:
         assert len(load_trace(tmp_path / "sim-results" / outcome["trace"])) > 10
 

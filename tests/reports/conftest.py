@@ -14,7 +14,7 @@ import pytest
 from sim_action.core.errors import Location
 from sim_action.core.provenance import Provenance
 from sim_action.reports import ReportOptions
-from sim_action.results.outcome import Diagnostic, ExpectationOutcome, Failure, Outcome, Repeats, Status
+from sim_action.results.outcome import Diagnostic, ExpectationOutcome, Failure, Measurement, Outcome, Repeats, Status
 from sim_action.results.results_json import Results
 from sim_action.results.shards import Shard
 from sim_action.scenario.claim_audit import AuditWarning
@@ -169,6 +169,21 @@ def unread_variation(friction: float) -> Outcome:
     )
 
 
+SAME_VERDICTS = ExpectationOutcome(
+    name="the same verdicts as pybullet 3.2.7",
+    assertion="agreement",
+    severity="warning",
+    location=Location(STRAIGHT, 1, 1),
+    verdict=Verdict(True, message="judged as in pybullet 3.2.7"),
+)
+APART = Measurement(
+    name="distance to pybullet 3.2.7",
+    measured=0.00212,
+    unit="m",
+    time=0.52,
+    message="position differs from pybullet 3.2.7 by at most 0.00212 m, at 0.52 s",
+)
+
 SAMPLES: dict[str, tuple[Outcome, ...]] = {
     "passed": (PASSED,),
     "flaky": (
@@ -223,6 +238,17 @@ SAMPLES: dict[str, tuple[Outcome, ...]] = {
         PASSED.model_copy(update={"warnings": (NOTHING_TO_TOUCH, ENDLESS)}),
         variation(0.4, "0 deg", "passed", 0.0).model_copy(update={"warnings": (NOTHING_TO_TOUCH,)}),
         variation(0.8, "0 deg", "failed", -0.2).model_copy(update={"warnings": (NOTHING_TO_TOUCH, ENDLESS)}),
+    ),
+    "compared": (
+        PASSED.model_copy(update={"name": "burger drives straight [pybullet]", "engine": "pybullet 3.2.7"}),
+        PASSED.model_copy(
+            update={
+                "name": "burger drives straight [mujoco]",
+                "engine": "mujoco 4.0.1",
+                "expectations": (TRAVEL, SAME_VERDICTS),
+                "measurements": (APART,),
+            }
+        ),
     ),
     "not-exercised": (
         UNREAD.model_copy(

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 from sim_action.core.errors import ExitCode, Location, UsageError
-from sim_action.results.outcome import ExpectationOutcome, Failure, FailureKind, Outcome
+from sim_action.results.outcome import ExpectationOutcome, Failure, FailureKind, Measurement, Outcome
 from sim_action.results.results_json import Results, find_all, read_all
 from sim_action.results.shards import Shard
-from sim_action.state.verdict import Verdict
-from tests.outcomes import outcome, results, stored
+from sim_action.state.verdict import Judged, Verdict
+from tests.outcomes import as_former_version, outcome, results, stored
 
 
 def made(name: str = "a", kind: FailureKind | None = None, *, passed: bool = True) -> Outcome:
@@ -56,7 +56,34 @@ def test_results_are_read_as_they_were_written(tmp_path: Path) -> None:
     assert Results.read(written.write(tmp_path)) == written
 
 
-HEAD = '"version": 3, "sim_action": "0", "python": "3", "platform": "p"'
+def test_differences_without_a_limit_are_no_expectations_of_a_former_version(tmp_path: Path) -> None:
+    held, apart = (
+        ExpectationOutcome(
+            name=name,
+            assertion="agreement",
+            severity="warning",
+            location=Location("a.sim.yml", 1),
+            verdict=verdict,
+        )
+        for name, verdict in (
+            ("the same verdicts as pybullet 3.2.7", Verdict(True, message="judged as in pybullet 3.2.7")),
+            (
+                "distance to pybullet 3.2.7",
+                Verdict(True, 0.01, None, None, "m", 0.2, "position differs", judged=Judged(4, 0.0, 0.3)),
+            ),
+        )
+    )
+    path = of_call(made().model_copy(update={"expectations": (held, apart)})).write(tmp_path)
+    as_former_version(path, version=3)
+    (outcome,) = Results.read(path).outcomes
+    assert outcome.expectations == (held,)
+    assert outcome.measurements == (
+        Measurement(name=apart.name, measured=0.01, unit="m", time=0.2, message="position differs"),
+    )
+    assert Results.read(Results.read(path).write(tmp_path)).outcomes == (outcome,)
+
+
+HEAD = '"version": 4, "sim_action": "0", "python": "3", "platform": "p"'
 
 
 @pytest.mark.parametrize(
@@ -66,8 +93,8 @@ HEAD = '"version": 3, "sim_action": "0", "python": "3", "platform": "p"'
         ("[1, 2]", "Input should be an object"),
         ("[" * 100_000, "Invalid JSON: recursion limit exceeded at line 1 column 202"),
         ("{}", "sim_action: Field required (and 4 more)"),
-        ('{"version": 4}', "its format version is 4, and this sim-action reads 1 to 3"),
-        ('{"version": "2"}', "version: Input should be 3 (and 5 more)"),
+        ('{"version": 5}', "its format version is 5, and this sim-action reads 1 to 4"),
+        ('{"version": "2"}', "version: Input should be 4 (and 5 more)"),
         ('{"version": 1}', "sim_action: Field required (and 4 more)"),
         (f'{{{HEAD}, "wall_time": NaN, "outcomes": []}}', "wall_time: Input should be a finite number"),
         (f'{{{HEAD}, "wall_time": "1", "outcomes": []}}', "wall_time: Input should be a valid number"),

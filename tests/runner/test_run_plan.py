@@ -78,6 +78,16 @@ def test_on_several_each_run_has_the_name_of_its_engine(more: str, backend: str 
 
 
 @pytest.mark.pybullet
+@pytest.mark.parametrize(
+    ("more", "backend", "compared"), [("", "all", 2), ("agreement: {yaw: 1}", None, 2), ("", None, 0)]
+)
+def test_only_runs_on_several_engines_are_compared(
+    more: str, backend: str | None, compared: int, tmp_path: Path
+) -> None:
+    assert sum(run.compared for run in engine_runs(loaded(tmp_path, more), backend)) == compared
+
+
+@pytest.mark.pybullet
 @pytest.mark.usefixtures("only_pybullet")
 @pytest.mark.parametrize(
     ("more", "message"),
@@ -110,8 +120,69 @@ def test_without_any_engine_it_says_what_to_install(monkeypatch: pytest.MonkeyPa
 
 
 def test_an_agreement_asks_something(tmp_path: Path) -> None:
-    with pytest.raises(InvalidScenario, match="agreement: must have 'position', 'yaw' or both"):
+    with pytest.raises(InvalidScenario, match="agreement: must have 'position', 'yaw', 'joints', 'links', 'bodies' or"):
         loaded(tmp_path, "agreement: {}")
+
+
+BALL = "world: {objects: [{name: ball, sphere: {radius: 0.1}, mass: 1, pose: {x: 3}}, {name: wall, box: [1, 1, 1]}]}"
+
+
+@pytest.mark.parametrize(
+    ("agreement", "message"),
+    [
+        ("{joints: {wheel_lft_joint: 1 deg}}", "5:22: agreement.joints.wheel_lft_joint: the model has no moving joint"),
+        ("{joints: {wheel_lft_joint: 1 deg}}", "did you mean 'wheel_left_joint'?"),
+        ("{joints: {'wheel_*': 1 cm}}", "joint 'wheel_left_joint' turns: 'cm' is not a unit of angle"),
+        ("{joints: {wheel_left_joint: 0}}", "the allowed difference of 'wheel_left_joint' must be greater than 0"),
+        ("{links: {base_scn: {position: 1 cm}}}", "the robot has no link 'base_scn'; did you mean 'base_scan'?"),
+        ("{links: {base_scan: {}}}", "must have 'position', 'orientation' or both"),
+        ("{links: {base_scan: {orientation: 180 deg}}}", "two orientations are at most 180 deg apart"),
+        ("{yaw: 180 deg}", "two headings are at most 180 deg apart"),
+        ("{bodies: {bal: {position: 1 cm}}}", "the world has no body 'bal'; did you mean 'ball'?"),
+        ("{bodies: {wall: {position: 1 cm}}}", "body 'wall' is fixed, so it is at the same place in every engine"),
+    ],
+)
+def test_an_agreement_names_what_there_is(agreement: str, message: str, tmp_path: Path) -> None:
+    with pytest.raises(InvalidScenario) as refused:
+        loaded(tmp_path, f"{BALL}\nagreement: {agreement}")
+    assert message in "\n".join(map(str, refused.value.problems))
+
+
+ARM = """\
+<robot name="arm">
+  <link name="base"/>
+  <link name="tip">
+    <inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+  </link>
+  <joint name="elbow" type="continuous"><parent link="base"/><child link="tip"/><axis xyz="0 1 0"/></joint>
+</robot>
+"""
+
+
+@pytest.mark.parametrize(
+    ("agreement", "message"),
+    [
+        ("{position: 1 cm}", "'position' compares the base of the robot, but it is fixed and never moves"),
+        ("{yaw: 1 deg, joints: {elbow: 1 deg}}", "such as joints: {elbow: 0.5 deg} [fixed-base]"),
+        ("{links: {base: {position: 1 cm}}}", "link 'base' is fixed to the world and never moves"),
+        ("{links: {tip: {position: 1 cm}}, joints: {elbow: 1 deg}}", None),
+    ],
+)
+def test_the_agreement_of_a_fixed_robot_is_about_parts_that_move(
+    agreement: str, message: str | None, tmp_path: Path
+) -> None:
+    (tmp_path / "arm.urdf").write_text(ARM)
+    path = tmp_path / "arm.sim.yml"
+    path.write_text(
+        "name: arm\nrobot: {model: arm.urdf, base: fixed}\nexpect: [{joint: {name: elbow, at_most: 90 deg}}]\n"
+        f"agreement: {agreement}\ntime_limit: 1 s\n"
+    )
+    if message is None:
+        assert load_scenario(path).scenario.agreement is not None
+        return
+    with pytest.raises(InvalidScenario, match=r"arm\.sim\.yml:4:") as refused:
+        load_scenario(path)
+    assert message in str(refused.value.problems[0])
 
 
 ANT = '<mujoco><worldbody><body name="ant"><freejoint/><geom size="0.1" mass="1"/></body></worldbody></mujoco>'

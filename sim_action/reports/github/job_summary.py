@@ -27,7 +27,7 @@ from sim_action.reports.github.markdown import code, code_of_link, folded, row, 
 from sim_action.reports.github.mermaid_chart import chart, load_replay, signal_of_verdict
 from sim_action.reports.links import replay_link, rerun_command
 from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios, worst_first
-from sim_action.reports.statuses import STATUS_DISPLAYS
+from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
 from sim_action.results.results_json import Results
 
@@ -204,7 +204,7 @@ def _varied(group: ScenarioGroup, options: ReportOptions, *, drawn: bool) -> str
     bad, good = rows[: len(unhappy)][:_MAX_ROWS], rows[len(unhappy) :]
     parts = [
         f"### {STATUS_DISPLAYS[group.status].icon} {markdown_text(group.name)}: {_variations_headline(group)}",
-        source_link(options, group.location),
+        " · ".join(part for part in (source_link(options, group.location), markdown_text(group.engines)) if part),
         table(columns, bad) if bad else "",
         folded(passed, table(columns, good)) if good else "",
         _left_out_note(len(ordered), len(bad) + len(good), "variation"),
@@ -221,6 +221,7 @@ def _outcome_section(outcome: Outcome, options: ReportOptions, *, drawn: bool) -
         _left_out_note(len(outcome.failures), _MAX_FAILURES, "error"),
         _warnings(outcome, options),
         _expectations(outcome, options),
+        _measurements(outcome, options),
         *(_charts(outcome, options) if drawn else ()),
         _reproduction(outcome, options),
         _run_details(outcome),
@@ -307,6 +308,17 @@ def _expectations(outcome: Outcome, options: ReportOptions) -> str:
             ),
         )
     )
+
+
+def _measurements(outcome: Outcome, options: ReportOptions) -> str:
+    """Return a list of the values that were measured without a limit."""
+    lines = []
+    for measured in outcome.measurements[:_MAX_ROWS]:
+        link = replay_link(outcome, options, measured.time)
+        seen = f"<br>replay: {code_of_link(link)}" if link else ""
+        lines.append(f"- {INFORMATION.icon} {markdown_text(measured.name)}: {_message(measured.message)}{seen}")
+    left_out = _left_out_note(len(outcome.measurements), _MAX_ROWS, "measurement")
+    return "\n".join([*lines, *(["", left_out] if left_out else [])])
 
 
 def _table(outcome: Outcome, expectations: Sequence[ExpectationOutcome], options: ReportOptions) -> str:

@@ -21,7 +21,7 @@ from sim_action.reports.formatting import (
 from sim_action.reports.html.document import Html, element, joined
 from sim_action.reports.html.top_view import drawing
 from sim_action.reports.links import file_and_line, rerun_command, source_url
-from sim_action.reports.statuses import STATUS_DISPLAYS
+from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS
 from sim_action.results.outcome import DisplayStatus, ExpectationOutcome, Failure, Outcome
 from sim_action.results.results_json import Results
 from sim_action.scenario.claim_audit import AuditWarning
@@ -44,6 +44,7 @@ def article(identity: str, outcome: Outcome, results: Results, options: ReportOp
             reasons(outcome, options),
             element("div", still, class_="stage"),
             expectations(outcome, options),
+            measurements(outcome),
             details(outcome, results, options),
         ),
         id=identity,
@@ -77,6 +78,7 @@ def drawn(replay: Replay, outcome: Outcome) -> Html:
 _NUMBERS = ("Measured", "Limit", "Margin", "Decided")
 _MAX_FAILURES = 20
 _MAX_WARNINGS = 100
+_MAX_MEASUREMENTS = 100
 
 
 def reasons(outcome: Outcome, options: ReportOptions) -> Html:
@@ -103,6 +105,18 @@ def expectations(outcome: Outcome, options: ReportOptions) -> Html:
     rows = [_expectation_row(expected, options) for expected in outcome.expectations]
     table = element("table", element("thead", head), element("tbody", joined(*rows)))
     return joined(element("h3", "Expectations"), element("div", table, class_="wide"))
+
+
+def measurements(outcome: Outcome) -> Html:
+    """Return the values that were measured without a limit; empty if there are none."""
+    if not outcome.measurements:
+        return Html("")
+    mark = element("span", INFORMATION.symbol, class_="mark", role="img", aria_label=INFORMATION.word)
+    items = [
+        element("li", mark, " ", each.message, " ", _moment_link(each.time))
+        for each in outcome.measurements[:_MAX_MEASUREMENTS]
+    ]
+    return joined(element("h3", INFORMATION.headline), element("ul", *items, class_="remarks measured"))
 
 
 def _moment_link(time: float | None) -> Html:

@@ -1,0 +1,163 @@
+"""What every report has to show: the engine of each outcome, and measurements that are no passes."""
+
+from __future__ import annotations
+
+import io
+import json
+import xml.etree.ElementTree as ET
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from sim_action.reports import ReportOptions
+from sim_action.reports.formatting import counts_text
+from sim_action.reports.github.job_summary import summary
+from sim_action.reports.html.report import page
+from sim_action.reports.junit import write_junit
+from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS
+from sim_action.reports.terminal import print_results
+from sim_action.results.comparison import compare_outcomes
+from sim_action.results.outcome import Measurement, Outcome
+from sim_action.results.results_json import Results
+
+Samples = dict[str, Results]
+
+ENGINE = "mujoco 4.0.1"
+APART = Measurement(
+    name="distance to pybullet 3.2.7",
+    measured=0.00212,
+    unit="m",
+    time=0.52,
+    message="position differs from pybullet 3.2.7 by at most 0.00212 m, at 0.52 s",
+)
+
+
+def terminal(results: Results, options: ReportOptions) -> str:
+    stream = io.StringIO()
+    print_results(results, options, stream)
+    return stream.getvalue()
+
+
+def junit(results: Results, options: ReportOptions) -> str:
+    write_junit(results, options)
+    return options.junit.read_text(encoding="utf-8")
+
+
+def strict_junit(results: Results, options: ReportOptions) -> str:
+    return junit(results, replace(options, junit_strict=True))
+
+
+def results_json(results: Results, options: ReportOptions) -> str:
+    options.folder.mkdir(exist_ok=True)
+    return results.write(options.folder).read_text(encoding="utf-8")
+
+
+def html(results: Results, options: ReportOptions) -> str:
+    return page(results, options).text()
+
+
+REPORTS: tuple[Callable[[Results, ReportOptions], str], ...] = (
+    terminal,
+    junit,
+    strict_junit,
+    summary,
+    results_json,
+    html,
+)
+each_report = pytest.mark.parametrize("report", REPORTS, ids=lambda report: report.__name__)
+
+
+@pytest.fixture
+def own(options: ReportOptions, tmp_path: Path) -> ReportOptions:
+    return replace(options, folder=tmp_path / "out", junit=tmp_path / "junit.xml")
+
+
+@each_report
+@pytest.mark.parametrize(
+    "kind", ["passed", "failed", "flaky", "crash", "warning", "not-exercised", "interrupted", "invalid", "varied"]
+)
+def test_every_report_names_the_engine_of_an_outcome(
+    kind: str, report: Callable[[Results, ReportOptions], str], samples: Samples, own: ReportOptions
+) -> None:
+    outcomes = tuple(made.model_copy(update={"engine": ENGINE}) for made in samples[kind].outcomes)
+    assert ENGINE in report(samples[kind].model_copy(update={"outcomes": outcomes}), own)
+    without = tuple(made.model_copy(update={"engine": None}) for made in outcomes)
+    assert ENGINE not in report(samples[kind].model_copy(update={"outcomes": without}), own)
+
+
+@each_report
+def test_every_report_names_all_engines_of_a_scenario(
+    report: Callable[[Results, ReportOptions], str], samples: Samples, own: ReportOptions
+) -> None:
+    outcomes = [
+        made.model_copy(update={"engine": ENGINE if index % 2 else "pybullet 3.2.7"})
+        for index, made in enumerate(samples["varied"].outcomes)
+    ]
+    text = report(samples["varied"].model_copy(update={"outcomes": tuple(outcomes)}), own)
+    assert ENGINE in text
+    assert "pybullet 3.2.7" in text
+
+
+def measured(samples: Samples) -> tuple[Outcome, Outcome]:
+    """An outcome without and with a measurement."""
+    plain = samples["passed"].outcomes[0]
+    return plain, plain.model_copy(update={"measurements": (APART,)})
+
+
+@each_report
+def test_every_report_shows_a_measurement(
+    report: Callable[[Results, ReportOptions], str], samples: Samples, own: ReportOptions
+) -> None:
+    _, outcome = measured(samples)
+    shown = report(samples["passed"].model_copy(update={"outcomes": (outcome,)}), own)
+    assert APART.message in shown
+
+
+def test_a_measurement_has_a_look_of_its_own() -> None:
+    for display in STATUS_DISPLAYS.values():
+        for name in ("word", "headline", "symbol", "ascii_symbol", "icon"):
+            assert getattr(INFORMATION, name) != getattr(display, name)
+    assert (INFORMATION.junit, INFORMATION.level) == (None, None)
+
+
+def test_a_measurement_has_no_tick(samples: Samples, own: ReportOptions) -> None:
+    _, outcome = measured(samples)
+    results = samples["passed"].model_copy(update={"outcomes": (outcome,)})
+    for text, passed in ((terminal(results, own), "✓"), (summary(results, own), "✅"), (html(results, own), "✓")):
+        (line,) = [line for line in text.splitlines() if APART.message in line]
+        before = line[: line.index(APART.message)]
+        assert INFORMATION.symbol in before
+        assert before.rfind(passed) < before.rfind(INFORMATION.symbol)
+
+
+def test_a_measurement_is_no_testcase_and_counts_nowhere(samples: Samples, own: ReportOptions) -> None:
+    plain, outcome = measured(samples)
+    results = samples["passed"].model_copy(update={"outcomes": (outcome,)})
+    suites = ET.fromstring(junit(results, own))
+    assert len(suites.findall(".//testcase")) == len(plain.expectations) == int(suites.attrib["tests"])
+    told = {each.get("name"): each.get("value") for each in suites.findall("testsuite/properties/property")}
+    assert told["information: distance to pybullet 3.2.7"] == "0.00212 m"
+    assert counts_text(results) == counts_text(samples["passed"])
+    assert (outcome.status, outcome.display_status, outcome.causes) == ("passed", "passed", ())
+
+
+def test_a_measurement_that_appears_or_goes_is_no_change(samples: Samples) -> None:
+    plain, outcome = measured(samples)
+    for old, new in ((plain, outcome), (outcome, plain)):
+        (change,) = compare_outcomes([old], [new]).changes
+        assert (change.kind, change.warnings, change.weaker) == ("still passes", 0, ())
+
+
+def test_quiet_shows_no_measurement(samples: Samples, own: ReportOptions) -> None:
+    outcome = samples["failed"].outcomes[0].model_copy(update={"measurements": (APART,)})
+    results = samples["failed"].model_copy(update={"outcomes": (outcome,)})
+    assert APART.message not in terminal(results, replace(own, verbosity="quiet"))
+
+
+def test_results_json_has_the_numbers(samples: Samples, own: ReportOptions) -> None:
+    _, outcome = measured(samples)
+    written = json.loads(results_json(samples["passed"].model_copy(update={"outcomes": (outcome,)}), own))
+    (found,) = written["outcomes"][0]["measurements"]
+    assert (found["measured"], found["unit"], found["time"]) == (0.00212, "m", 0.52)
