@@ -5,20 +5,22 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim_action.core.geometry import Twist
 from sim_action.scenario.model import Agreement, Scenario
-from sim_action.state.motion_record import MotionRecord
 from sim_action.state.observation import Contact, Observation
 from sim_action.state.trace import FloatArray, Trace
 from sim_action.state.trace_channels import Channels
 from sim_action.state.trace_records import FRAME_RATE, CommandedTwists, SensorRecord, frame_stride
 from sim_action.world import World
 from sim_action.world.scene import Scene
+
+if TYPE_CHECKING:
+    from sim_action.state.motion_record import MotionRecord
 
 # A run of hours must still fit into memory.
 _MAX_FRAMES: Final = 200_000
@@ -135,6 +137,9 @@ class EveryStep:
 
     def record(self, scene: Scene) -> MotionRecord:
         """Return the record of all moments; the poses of links follow from the base and the joints."""
+        # Few runs are compared.
+        from sim_action.state.motion_record import MotionRecord
+
         rows = np.concatenate(self._robot)
         joints = {name: rows[:, 8 + column] for column, name in enumerate(self._joint_names)}
         poses = np.concatenate(self._poses) if self._poses else np.empty((len(rows), len(self._bodies), 7))

@@ -313,6 +313,7 @@ UNUSED_IN_A_RUN = (
     "sensors.lidar",
     "sensors.rendering.solids",
     "state.golden_trajectory",
+    "state.motion_record",
     "world.overlap_depth",
     "world.shape_files.heightfield",
 )

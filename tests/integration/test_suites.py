@@ -10,7 +10,7 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from sim_action.engines import installed
+from sim_action.engines import installed, named_version
 from sim_action.state.trace_storage import load_trace
 from tests.integration.test_examples import outcomes, sim_action
 
@@ -82,7 +82,8 @@ def test_the_values_that_results_have_make_the_same_scenario(folder: Path) -> No
 def test_variations_are_one_suite_and_one_entry_of_the_terminal(folder: Path) -> None:
     ran = sim_action(folder, "run", "push.sim.yml")
     assert ran.returncode == 1
-    assert "push  push.sim.yml  2 of 4 passed; worst: [friction=0.001,yaw=" in ran.stdout
+    engine = named_version(installed()[0])
+    assert f"push  push.sim.yml  {engine}  2 of 4 passed; worst: [friction=0.001,yaw=" in ran.stdout
     (suite,) = ET.parse(folder / "sim-results/junit.xml").getroot()
     assert (suite.get("name"), suite.get("tests"), suite.get("failures")) == ("push", "4", "2")
 
@@ -357,7 +358,9 @@ def test_a_sweep_that_passes_says_how_near_it_came(folder: Path) -> None:
     )
     ran = sim_action(folder, "run", "push.sim.yml")
     assert ran.returncode == 0
-    assert re.search(r"push  push\.sim\.yml  2 of 2 passed; worst: \[linear=0\.5\], margin 0\.\d+ m/s \(", ran.stdout)
+    assert re.search(
+        r"push  push\.sim\.yml  \S+ \S+  2 of 2 passed; worst: \[linear=0\.5\], margin 0\.\d+ m/s \(", ran.stdout
+    )
     (suite,) = ET.parse(folder / "sim-results/junit.xml").getroot()
     properties = {each.get("name"): each.get("value") or "" for each in suite.iter("property")}
     assert properties["worst"].startswith("[linear=0.5], margin 0.")
