@@ -207,7 +207,8 @@ class _Loop:
         findings = (*self._audited(panel, motion), *losses)
         told = {finding.message for finding in findings}
         missed = (message for _, message in unreached_events(self._scene.world, panel.time))
-        notes = (*(message for message in missed if message not in told), *accuracy.notes())
+        unreached = (message for message in missed if message not in told)
+        notes = (*unreached, *accuracy.notes(), *self._crossings(panel.time))
         return SimulationRun(
             trace=kept,
             verdicts=panel.verdicts(),
@@ -231,6 +232,12 @@ class _Loop:
 
     def _all_notes(self) -> tuple[str, ...]:
         return (*self._notes, *(self._motion.notes if self._motion else ()), *self._controls.notes, *self._pins())
+
+    def _crossings(self, end: float) -> Iterator[str]:
+        if self._pinning is not None:
+            from sim_action.simulation.path_crossings import path_crossings
+
+            yield from path_crossings(self._scene, end)
 
     def _pins(self) -> Iterator[str]:
         if self._pinning is not None:

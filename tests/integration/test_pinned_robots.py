@@ -108,3 +108,12 @@ def test_a_lift_that_starts_fast_pins_nothing(engine: str, tmp_path: Path) -> No
     lift = {"name": "lift", "box": [0.6, 0.6, 0.1], "pose": {"z": 0.05}, "path": path}
     robot = {"model": "robot.urdf", "pose": {"z": 0.151}}
     assert pins(run(tmp_path, engine, block(6.0), lift, robot=robot)) == []
+
+
+@on_every_engine
+def test_a_body_through_a_wall_is_noted(engine: str, tmp_path: Path) -> None:
+    post = {"name": "post", "box": [0.1, 0.1, 1.0], "pose": {"x": -2}}
+    path = [{"at": 0, "x": -3}, {"at": 1, "x": -1}]
+    cart = {"name": "cart", "box": [0.4, 0.4, 0.4], "pose": {"x": -3}, "path": path}
+    ran = run(tmp_path, engine, block(6.0), post, cart)
+    assert any("body 'cart' passes through body 'post' on its path, at 0.40 s" in note for note in ran.notes)
