@@ -1,4 +1,4 @@
-"""Notes of a run on the accuracy of its physics: energy, masses that differ too much, and depth of contacts."""
+"""Notes of a run on the accuracy of its physics: energy, slip of wheels, unequal masses, and depth of contacts."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ from collections.abc import Iterable, Iterator
 from typing import Final
 
 from sim_action.core import units
+from sim_action.drives import Drive
 from sim_action.simulation.energy import EnergyWatch
+from sim_action.simulation.wheel_slip import WheelSlip
 from sim_action.state.observation import Clash, Overlap
 from sim_action.state.trace import Trace
 from sim_action.world.scene import Scene
@@ -19,8 +21,9 @@ _MAX_DEPTH_M: Final = 0.005
 class AccuracyWatch:
     """Collects the facts of a run on which the notes depend."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, drive: Drive | None = None) -> None:
         self._energy = EnergyWatch.of(scene)
+        self._slip = WheelSlip.of(scene, drive)
         self._masses: dict[str, float] = {body.name: body.mass for body in scene.world.objects if body.mass is not None}
         self._robot = None if scene.bolted else scene.model.mass
         self._deepest: tuple[float, str, float] = (0.0, "", 0.0)
@@ -30,6 +33,8 @@ class AccuracyWatch:
         """Add the next moments, at full rate, and the contacts of the last of them."""
         if self._energy is not None:
             self._energy.add(trace)
+        if self._slip is not None:
+            self._slip.add(trace)
         for touch in touching:
             time = float(trace.time[-1]) if len(trace) else 0.0
             if touch.depth > max(_MAX_DEPTH_M, self._deepest[0]):
@@ -49,6 +54,8 @@ class AccuracyWatch:
         """Yield the notes."""
         if self._energy is not None and (note := self._energy.note()) is not None:
             yield note
+        if self._slip is not None:
+            yield from self._slip.notes()
         for names, ratio in self._unequal.items():
             yield (
                 f"{names} touched, and one has {ratio:,.0f} times the mass of the other: above {_MAX_MASS_RATIO:g}, "

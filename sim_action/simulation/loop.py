@@ -141,6 +141,7 @@ class _Loop:
         self._footage = footage
         self._scenario = scenario
         self._scene = scene
+        self._drive = drive
         self._backend = backend
         self._placed = backend.observe(0, contacts=False)
         self._judges_contacts = channels.contacts
@@ -179,7 +180,7 @@ class _Loop:
         panel = Panel.open(self._scenario, self._scene, start)
         digest = Digest()
         motion = Motion(Rest.of(self._scene, start))
-        accuracy = AccuracyWatch(self._scene)
+        accuracy = AccuracyWatch(self._scene, self._drive)
         footage.begin(start, placed)
         started = time.perf_counter()
         while panel.end is None:

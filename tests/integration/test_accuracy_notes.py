@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
 
+from sim_action import robot as models
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.simulation.loop import simulate
 from tests.integration.engines import on_every_engine
@@ -63,3 +65,24 @@ def test_usual_runs_have_no_such_notes(engine: str, tmp_path: Path) -> None:
     pushed = f"world: {{objects: [{box}]}}\ncommands: {{rate: 10 Hz, twist: [{{linear: 0.2}}]}}"
     assert notes(engine, tmp_path, pushed) == []
     assert notes(engine, tmp_path, "") == []
+
+
+def test_wheels_with_little_friction_are_told_of_with_their_slip(engine: str, tmp_path: Path) -> None:
+    text = Path(models.__file__).with_name("built_in").joinpath("turtlebot3_burger.urdf").read_text(encoding="utf-8")
+    tags = "".join(f'<gazebo reference="wheel_{side}_link"><mu1>0.1</mu1></gazebo>' for side in ("left", "right"))
+    (tmp_path / "slippery.urdf").write_text(text.replace("</robot>", f"{tags}</robot>"), encoding="utf-8")
+    path = tmp_path / "slip.sim.yml"
+    path.write_text(
+        f"name: slip\nrobot: {{model: slippery.urdf}}\nbackend: {engine}\n"
+        "commands: {rate: 10 Hz, twist: [{linear: 1.0}]}\nduration: 3 s\ntime_limit: 3 s\nexpect: [upright]\n"
+    )
+    pytest.importorskip(engine)
+    loaded = load_scenario(path)
+    run = simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    (note,) = (note for note in run.notes if note.startswith("wheels slipped: "))
+    rolled, moved, slid = (float(way) for way in re.findall(r"([\d.]+) m\b", note))
+    # A second to reach 1 m/s, and two more.
+    assert rolled == pytest.approx(2.5, rel=0.02)
+    assert run.travelled <= moved * 1.02
+    assert moved < 0.9 * rolled
+    assert slid > rolled - moved - 0.02
