@@ -210,7 +210,9 @@ class BecomingTrue:
             return replace(told, time=self.early.goal.time, message=f"{message}, from {self.early.began:.2f} s on")
         if self.rest is None:
             return self._held(told, self.early)
-        return replace(told, passed=False, margin=None, message=f"{_ONLY_BEFORE}; {_HINT}")
+        # To count, the quantity must first miss its limit: it is away from that by this much.
+        margin = None if told.margin is None else 0.0 - abs(told.margin)
+        return replace(told, passed=False, margin=margin, message=f"{_ONLY_BEFORE}; {_HINT}")
 
     def _held(self, told: Verdict, hold: HoldTime) -> Verdict:
         """Return the verdict on the time for which the goal held without interruption."""
