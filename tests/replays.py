@@ -45,7 +45,9 @@ def drive(*, distance: float = 1.0, seconds: float = 2.0, body: str = "wall", ro
         joint_names=("wheel_joint",),
         frames=frames,
         contacts=(
-            ContactData(time=seconds - 0.1, until=seconds, link=0, body=0, position=(distance, 0.0, 0.1), force=5.0),
+            ContactData(
+                time=seconds - 0.1, until=seconds, link=0, body=0, position=(distance, 0.0, 0.1), force=5.0, impulse=0.5
+            ),
         ),
         signals=(
             SignalData(

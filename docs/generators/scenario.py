@@ -72,7 +72,7 @@ ASSERTION_KINDS: Final = {
     "settled": "goal",
     "final_pose": "judged at the end",
     "no_collision": "invariant",
-    "contact": "goal; `at_most`: invariant",
+    "contact": "goal; `at_most` alone: invariant",
     "stops_before": "goal; not touching: invariant",
     "upright": "invariant",
     "max_speed": "invariant",

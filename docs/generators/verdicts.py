@@ -68,8 +68,10 @@ VERDICTS: Final = {
         "The robot touched a body that `allow` does not name.",
     ),
     "contact": Verdicts(
-        "The robot touched the body for the time `for`, with at least `at_least`, and never with more than `at_most`.",
-        "The robot never touched the body so long or so strongly, or a force exceeded `at_most`.",
+        "The robot touched the body for the time `for`, with at least `at_least`, and never with more than `at_most`. "
+        "With `at_most` alone: no mean force or impulse exceeded it. If the robot never touched the body, the "
+        "[audit of claims](claims.md) adds a warning.",
+        "The robot never touched the body so long or so strongly, or a mean force or impulse exceeded `at_most`.",
     ),
     "stops_before": Verdicts(
         "The robot moved, and then was at rest for the time `for` with an allowed gap.",

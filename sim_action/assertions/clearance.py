@@ -158,8 +158,11 @@ class ClearanceMonitor:
 
     def _recorded(self, trace: Trace) -> ClearanceRecord:
         """Return all recorded distances: each one less than all before, and for a goal each one within its limit."""
-        watches = (self.spec.watch, self.spec.close) if self.spec.is_goal else (self.spec.watch,)
-        return recorded(trace, *watches)
+        return recorded(trace, *self._watches)
+
+    @property
+    def _watches(self) -> tuple[ClearanceWatch, ...]:
+        return (self.spec.watch, self.spec.close) if self.spec.is_goal else (self.spec.watch,)
 
     def truth(self, trace: Trace) -> Truth:
         """See ConditionMonitor.truth. The moments are the steps: distances are not known at t = 0."""
@@ -195,9 +198,9 @@ class ClearanceMonitor:
         )
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals. A trace holds only distances that are less than all before."""
+        """See PlottableMonitor.signals. Returns the least distance so far."""
         name = "least distance" + (f" to {', '.join(self.spec.to)}" if self.spec.to else "")
-        time, distance = least_so_far(trace, self.spec.watch)
+        time, distance = least_so_far(trace, *self._watches)
         return (Signal(name, "m", time, distance, self.spec.at_least, self.spec.at_most),) if len(time) else ()
 
     def verdict(self) -> Verdict:

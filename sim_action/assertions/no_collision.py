@@ -9,7 +9,8 @@ from pydantic import Field
 
 from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import Monitor, State, Truth
-from sim_action.assertions.monitors.proximity import forces, strength, touching_at, with_zeros
+from sim_action.assertions.monitors.contact_force import DEFAULT_WINDOW_S, MeanForce, duration_text, times_of
+from sim_action.assertions.monitors.proximity import strength, touching_at, with_zeros
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.trace_channels import Channels
@@ -64,7 +65,10 @@ class NoCollision(Assertion):
 
 @dataclass(frozen=True, slots=True)
 class NoCollisionMonitor:
-    """The monitor of the first forbidden contact, with the force of all its points. `step`: s of sim time."""
+    """The monitor of the first forbidden contact, with the force of all its points. `step`: s of sim time.
+
+    The run ends at that contact, so there is no mean force yet, and the force of one step depends on the rate.
+    """
 
     is_momentary: ClassVar[bool] = True
 
@@ -98,19 +102,25 @@ class NoCollisionMonitor:
         """See ConditionMonitor.truth."""
         import numpy as np
 
-        time, _ = forces(filter(self._is_forbidden, trace.contacts))
-        touches = touching_at(trace, time, self.step)
+        touches = touching_at(trace, times_of(filter(self._is_forbidden, trace.contacts)), self.step)
         return Truth(touches.time, np.logical_not(touches.holds))
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals. Returns contact (0 or 1) and force at each step."""
+        """See PlottableMonitor.signals. Returns contact (0 or 1) at each step, and the mean force."""
         import numpy as np
 
-        time, force = forces(filter(self._is_forbidden, trace.contacts))
-        touches, pressed = (with_zeros(trace.time, time, values, self.step) for values in (np.ones(len(time)), force))
+        forbidden = list(filter(self._is_forbidden, trace.contacts))
+        touches = times_of(forbidden)
+        mean = MeanForce(1 / self.step, max(DEFAULT_WINDOW_S, self.step))
+        over = duration_text(mean.window)
         return (
-            Signal("touching something", "contacts", *touches, upper=0.0),
-            Signal("contact force", "N", *pressed),
+            Signal(
+                "touching something",
+                "contacts",
+                *with_zeros(trace.time, touches, np.ones(len(touches)), self.step),
+                upper=0.0,
+            ),
+            Signal(f"contact force, mean over {over}", "N", *mean.observe(trace, forbidden)[1]),
         )
 
     def _is_forbidden(self, contact: Contact) -> bool:

@@ -142,6 +142,7 @@ PositiveMetresPerSecondSquared = Annotated[float, Gt(0), Quantity((units.ACCELER
 NonNegativeMetresPerSecondSquared = Annotated[float, Ge(0), Quantity((units.ACCELERATION,))]
 PositiveNewtonMetres = Annotated[float, Gt(0), Quantity((units.TORQUE,))]
 PositiveNewtons = Annotated[float, Gt(0), Quantity((units.FORCE,))]
+PositiveNewtonSeconds = Annotated[float, Gt(0), Quantity((units.IMPULSE,))]
 NonNegativeJoules = Annotated[float, Ge(0), Quantity((units.ENERGY,))]
 NonNegativeKilogramSquareMetres = Annotated[float, Ge(0), Quantity((units.INERTIA,))]
 Ratio = Annotated[float, Quantity((units.RATIO,))]

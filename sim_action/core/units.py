@@ -44,6 +44,7 @@ SPEED: Final = _dimension("speed", "m/s", {"mm/s": 1e-3, "cm/s": 1e-2, "km/h": 1
 ANGULAR_SPEED: Final = _dimension("angular speed", "rad/s", {"deg/s": _DEGREE, "rpm": 2 * math.pi / 60})
 ACCELERATION: Final = _dimension("acceleration", "m/s^2", {"cm/s^2": 1e-2})
 FORCE: Final = _dimension("force", "N", {"mN": 1e-3, "kN": 1e3})
+IMPULSE: Final = _dimension("impulse", "N s", {"Ns": 1.0, "mN s": 1e-3, "kN s": 1e3})
 TORQUE: Final = _dimension("torque", "N m", {"Nm": 1.0})
 ENERGY: Final = _dimension("energy", "J", {"mJ": 1e-3, "kJ": 1e3, "Wh": 3600.0, "kWh": 3.6e6})
 INERTIA: Final = _dimension("moment of inertia", "kg m^2", {"g m^2": 1e-3})
@@ -63,6 +64,7 @@ _DIMENSIONS: Final = (
     ANGULAR_SPEED,
     ACCELERATION,
     FORCE,
+    IMPULSE,
     TORQUE,
     ENERGY,
     INERTIA,

@@ -85,6 +85,11 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         "drive-never-commanded": Rule("warning", "a drive that no command source and no sensor used"),
         "judged-once": Rule("warning", "an invariant that was judged at one moment, although the run has more"),
         "nothing-in-range": Rule("warning", "an invariant of `sensor` whose ranges or depths were all infinite"),
+        "never-touched": Rule(
+            "warning",
+            "an upper limit of `contact` on a body that the robot did not touch, in any variation",
+            over_variations=True,
+        ),
         "silent-controller": Rule(
             "warning", "a controller (script, process, replay, ROS nodes) that gave no command other than zero"
         ),

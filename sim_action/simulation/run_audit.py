@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Final, Self
 
 from sim_action.assertions import Assertion
+from sim_action.assertions.contact import Touch
 from sim_action.assertions.monitors.becoming import Rest
 from sim_action.assertions.sensor import SensorReading
 from sim_action.core.geometry import Twist
@@ -122,6 +123,7 @@ def audit_run(scenario: Scenario, scene: Scene, facts: RunFacts) -> Iterator[Cla
     for index, verdict in enumerate(facts.verdicts):
         yield from _judged_once(scenario, index, verdict, facts.end)
         yield from _nothing_in_range(scenario.expect[index].assertion, index, verdict)
+        yield from _never_touched(scenario.expect[index].assertion, index, verdict)
     unused = list(_unused_drive(scenario, scene, facts.commands))
     yield from unused
     if not unused and facts.commands.are_zero:
@@ -155,6 +157,14 @@ def _nothing_in_range(assertion: Assertion, index: int, verdict: Verdict) -> Ite
         message = f"{assertion.name} saw nothing in range in the whole run, so no distance was compared"
         told = f"{message}; let the robot come near an object, or raise the range of the sensor"
         yield ClaimFinding("nothing-in-range", ("expect", index, assertion.key), told)
+
+
+def _never_touched(assertion: Assertion, index: int, verdict: Verdict) -> Iterator[ClaimFinding]:
+    """Yield an upper limit of a contact force that held because there was no contact."""
+    if isinstance(assertion, Touch) and not assertion.is_goal and verdict.passed and verdict.measured == 0:
+        message = f"the robot never touched {assertion.body}, so no force was compared with the limit"
+        told = f"{message}; let it touch {assertion.body}, or use no_collision if it must not"
+        yield ClaimFinding("never-touched", ("expect", index, assertion.key), told)
 
 
 def _is_at_end(assertion: Assertion) -> bool:

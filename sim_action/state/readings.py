@@ -90,7 +90,7 @@ class ContactReading:
 
     Attributes:
         touching: True if the link touches something.
-        force: sum of the normal forces in N.
+        force: sum of the normal forces in N, at the physics step of the reading.
         bodies: the names of the touched bodies; the ground is "ground".
     """
 

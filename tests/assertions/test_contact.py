@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 from pydantic import ValidationError
 
 from sim_action.assertions.contact import Touch
-from sim_action.assertions.monitors import State, is_decided
+from sim_action.assertions.monitors import State, has_truth, is_decided
+from sim_action.assertions.monitors.window import Window
 from sim_action.state.observation import Contact
 from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import Channels, ClearanceWatch
 from sim_action.state.trace_records import ClearanceRecord, Nearness
 from sim_action.state.verdict import Verdict
-from tests.traces import contact, judged, monitor, scene, trace
+from sim_action.world import Physics
+from tests.traces import START, contact, judged, monitor, scene, trace
 
 RATE = 240
+WINDOW = 12
+"""Steps of the default window, 50 ms."""
 
 
 def touch(**keys: Any) -> Touch:
@@ -33,37 +39,152 @@ def seen(*forces: float | None, first: int = 1, link: str = "base_scan") -> Trac
 
 def test_the_first_touch_is_enough() -> None:
     assert judged(touch(), seen(None, 3.0, 4.0)) == Verdict(
-        True, 1.0, 1.0, 0.0, "contacts", 2 / RATE, "touched ball at 0.01 s, with 3 N"
+        True, 1.0, 1.0, 0.0, "contacts", 2 / RATE, "touched ball at 0.01 s"
     )
 
 
+def test_the_name_of_the_body_alone_asks_for_a_touch() -> None:
+    assert Touch.model_validate("ball") == touch()
+
+
 def test_points_of_one_step_add_up() -> None:
-    corners: list[Contact] = [contact(1 / RATE, "ball", "base_scan", 2.0) for _ in range(4)]
-    both = trace([1 / RATE], contacts=[*corners, contact(1 / RATE, "ball", "base_footprint", 1.0)])
+    corners: list[Contact] = [contact(1 / RATE, "ball", "base_scan", 24.0) for _ in range(4)]
+    both = trace([1 / RATE], contacts=[*corners, contact(1 / RATE, "ball", "base_footprint", 12.0)])
     assert judged(touch(at_least=9.0), both).measured == 9.0
     assert judged(touch(at_least=8.0, link="base_scan"), both).measured == 8.0
     assert judged(touch(at_least=9.0, link="base_*"), both).passed
 
 
+def test_a_force_is_the_mean_over_a_window() -> None:
+    hit = seen(48.0, *[None] * 10, 24.0, None, 12.0)
+    assert judged(touch(at_least=6.0), hit).measured == 6.0
+    assert judged(touch(at_least=6.1), hit).measured == 6.0
+    assert judged(touch(at_least=20.0, window=3 / RATE), hit).measured == 16.0
+    assert judged(touch(at_most=48.0, window=1 / RATE), hit).measured == 48.0
+
+
 def test_what_is_too_weak_is_not_enough() -> None:
-    assert judged(touch(at_least=5.0), seen(3.0, 4.5, None)) == Verdict(
-        False, 4.5, 5.0, -0.5, "N", 2 / RATE, "touched ball with 4.5 N of 5 N at 0.01 s"
+    weak = seen(*[4.5] * WINDOW, None)
+    told = judged(touch(at_least=5.0), weak)
+    assert told == Verdict(
+        False, 4.5, 5.0, -0.5, "N", 0.05, "touched ball with 4.5 N of 5 N at 0.05 s (mean over 50 ms: 0.225 N s)"
     )
-    assert judged(touch(at_least=4.5), seen(3.0, 4.5)).message == "touched ball with 4.5 N at 0.01 s"
+    told = judged(touch(at_least=4.5), weak)
+    assert told.message == "touched ball with 4.5 N at 0.05 s (mean over 50 ms: 0.225 N s)"
 
 
 def test_what_is_too_strong_breaks_it_also_after_the_touch() -> None:
     opened = monitor(touch(at_most=5.0))
-    gentle = opened.observe(seen(3.0, 4.5))
-    assert (opened.state, gentle.state, is_decided(gentle, opened.state)) == (State.PENDING, State.HOLDS, False)
-    assert gentle.verdict() == Verdict(
-        True, 4.5, 5.0, 0.5, "N", 2 / RATE, "touched ball with at most 4.5 N at 0.01 s, limit 5 N"
-    )
-    rough = gentle.observe(seen(6.0, first=12))
+    gentle = opened.observe(seen(*[4.5] * WINDOW))
+    assert (opened.state, gentle.state, is_decided(gentle, opened.state)) == (State.HOLDS, State.HOLDS, False)
+    passed = "touched ball with at most 4.5 N at 0.05 s, limit 5 N (mean over 50 ms: 0.225 N s)"
+    assert gentle.verdict() == Verdict(True, 4.5, 5.0, 0.5, "N", 0.05, passed)
+    rough = gentle.observe(seen(4.5, 16.5, first=WINDOW + 1))
     assert (rough.state, is_decided(rough, opened.state)) == (State.BROKEN, True)
-    assert rough.verdict() == Verdict(
-        False, 6.0, 5.0, -1.0, "N", 12 / RATE, "touched ball with 6 N at 0.05 s, more than 5 N"
+    failed = "touched ball with 5.5 N at 0.06 s, more than 5 N (mean over 50 ms: 0.275 N s)"
+    assert rough.verdict() == Verdict(False, 5.5, 5.0, -0.5, "N", (WINDOW + 2) / RATE, failed)
+
+
+def test_an_impulse_is_that_of_a_window() -> None:
+    hit = seen(None, 72.0, 48.0, None)
+    told = judged(touch(impulse={"at_most": 0.4}), hit)
+    message = "touched ball with 0.5 N s at 0.01 s, more than 0.4 N s (within 50 ms: 10 N on average)"
+    assert (told.passed, told.unit, told.message) == (False, "N s", message)
+    assert (told.measured, told.limit, told.margin) == pytest.approx((0.5, 0.4, -0.1))
+    told = judged(touch(impulse={"at_most": "600 mN s"}), hit)
+    message = "touched ball with at most 0.5 N s at 0.01 s, limit 0.6 N s (within 50 ms: 10 N on average)"
+    assert (told.passed, told.message) == (True, message)
+    told = judged(touch(impulse={"at_least": 0.4}), hit)
+    message = "touched ball with 0.5 N s at 0.01 s (within 50 ms: 10 N on average)"
+    assert (told.passed, told.unit, told.message) == (True, "N s", message)
+    told = judged(touch(impulse={"at_least": 0.6}), hit)
+    message = "touched ball with 0.5 N s of 0.6 N s at 0.01 s (within 50 ms: 10 N on average)"
+    assert (told.passed, told.message) == (False, message)
+
+
+@pytest.mark.parametrize(
+    ("limits", "unit"),
+    [
+        ({"at_most": 15.0, "impulse": {"at_most": 0.6}}, "N s"),
+        ({"at_most": 11.0, "impulse": {"at_most": 0.6}}, "N"),
+        ({"at_most": 15.0, "impulse": {"at_most": 0.4}}, "N s"),
+        ({"at_most": 9.0, "impulse": {"at_most": 0.6}}, "N"),
+        ({"at_least": 9.0, "impulse": {"at_most": 0.4}}, "N s"),
+        ({"at_least": 11.0, "impulse": {"at_least": 0.4, "at_most": 0.6}}, "N"),
+        ({"at_least": 9.0, "impulse": {"at_least": 0.6}}, "N s"),
+    ],
+)
+def test_of_several_limits_the_decisive_one_is_reported(limits: dict[str, Any], unit: str) -> None:
+    assert judged(touch(**limits), seen(None, 72.0, 48.0, None)).unit == unit
+
+
+def test_an_upper_limit_alone_needs_no_touch() -> None:
+    for limit in ({"at_most": 5.0}, {"impulse": {"at_most": 5.0}}):
+        spec = touch(**limit)
+        unit = "N" if "at_most" in limit else "N s"
+        assert not spec.is_goal
+        message = "did not touch ball; to demand a touch, add `contact: {with: ball}`"
+        assert judged(spec, seen(None, None)) == Verdict(True, 0.0, 5.0, 5.0, unit, 2 / RATE, message)
+        assert judged(spec, trace([])).message == "no physics step to measure"
+    spec = touch(at_most=5.0, link="base_scan")
+    watch = ClearanceWatch(("base_scan",), ("ball",))
+    near = ClearanceRecord.of([Nearness(0.5, 0.75, "base_scan", "ball")])
+    away = replace(trace([1.0], contacts=[contact(0.5, "ball", "base_footprint")]), clearances={watch: near})
+    assert judged(spec, away).message == (
+        "did not touch ball; came within 0.75 m at 0.50 s; to demand a touch, "
+        "add `contact: {with: ball, link: base_scan}`"
     )
+
+
+@pytest.mark.parametrize("goal", [{"at_least": 1.0}, {"for": 1 / RATE}, {"impulse": {"at_least": 0.1, "at_most": 5.0}}])
+def test_an_upper_limit_beside_a_goal_leaves_it_a_goal(goal: dict[str, Any]) -> None:
+    spec = touch(at_most=5.0, **goal)
+    assert spec.is_goal
+    told = judged(spec, seen(None, None))
+    assert (told.passed, told.message) == (False, "did not touch ball in 0.0 s; touched nothing else")
+
+
+def test_a_force_at_the_start_has_lasted() -> None:
+    start = replace(START, contacts=(contact(0.0, "ball", force=6.0), contact(0.0, "wall", force=60.0)))
+    rests = seen(*[6.0] * 20)
+    spec = touch(at_least=6.0, at_most=6.0)
+    told = spec.monitor(scene(), start).observe(rests).verdict()
+    assert (told.passed, told.measured, told.time) == (True, 6.0, 1 / RATE)
+    assert spec.monitor(scene(), START).observe(rests).verdict().time == 0.05
+    assert judged(touch(at_most=6.0), rests, start).measured == 6.0
+
+
+def test_a_force_looks_back_to_before_the_window_of_its_expectation() -> None:
+    whole = seen(120.0, *[None] * 20)
+    early = Window.of(monitor(touch(at_most=5.0)), 12 / RATE, math.inf).observe(whole).verdict()
+    assert (early.passed, early.measured) == (False, 10.0)
+    late = Window.of(monitor(touch(at_most=5.0)), 13 / RATE, math.inf).observe(whole).verdict()
+    assert (late.passed, late.measured) == (True, 0.0)
+
+
+@pytest.mark.parametrize(
+    "limits", [{"at_most": 9.0}, {"at_least": 9.0}, {"impulse": {"at_least": 0.1, "at_most": 0.5}}]
+)
+def test_a_stored_trace_at_10_hz_has_the_same_verdict(limits: dict[str, Any]) -> None:
+    rng = np.random.default_rng(1)
+    forces = [float(rng.uniform(0, 60)) if rng.random() < 0.3 else None for _ in range(240)]
+    whole = seen(*forces)
+    assert judged(touch(**limits), whole.rows(slice(23, None, 24))) == judged(touch(**limits), whole)
+
+
+@pytest.mark.parametrize("limits", [{"at_most": 9.0}, {"impulse": {"at_most": 0.5}}, {"at_least": 1.0, "at_most": 9.0}])
+def test_a_contact_without_a_force_keeps_no_upper_limit(limits: dict[str, Any]) -> None:
+    """A body on a path is inside a bolted robot: neither gives way, and no engine computes a force."""
+    stuck = seen(None, 0.0, 0.0)
+    stuck = replace(stuck, contacts=tuple(one._replace(has_force=False) for one in stuck.contacts))
+    opened = monitor(touch(**limits)).observe(stuck)
+    assert opened.state is State.BROKEN
+    told = opened.verdict()
+    message = "touched ball at 0.01 s, with no computed force (neither gives way), so no limit can hold"
+    assert (told.passed, told.measured, told.message) == (False, None, message)
+    assert has_truth(opened)
+    assert opened.truth(stuck).holds.tolist() == ["at_least" not in limits, False, False]
+    assert judged(touch(), stuck).passed
 
 
 def test_without_a_limit_a_touch_decides() -> None:
@@ -87,12 +208,21 @@ def test_a_touch_that_is_lost_for_50_ms_lasts_on() -> None:
     assert not judged(touch(**{"for": 14 / RATE}), seen(1.0, *LOST, 1.0, 1.0)).passed
 
 
-def test_what_is_too_weak_is_no_touch() -> None:
+def test_a_mean_force_must_last() -> None:
     weak = [0.5] * 12
     assert judged(touch(**{"for": 14 / RATE}), seen(2.0, *weak, 2.0, 2.0)).passed
-    assert not judged(touch(**{"for": 14 / RATE, "at_least": 1.0}), seen(2.0, *weak, 2.0, 2.0)).passed
-    never = judged(touch(**{"for": 3 / RATE, "at_least": 3.0}), seen(2.0, 2.0, 0.5, 2.0))
-    assert (never.unit, never.measured) == ("N", 2.0)
+    lasting = touch(**{"for": 14 / RATE, "at_least": 1.0})
+    assert not judged(lasting, seen(*[1.0] * 24, *weak)).passed
+    assert judged(lasting, seen(*[1.0] * 26, *weak)).passed
+    # A loss of contact only lowers the mean.
+    assert judged(lasting, seen(*[2.0, None] * 14, 2.0)).passed
+    limits = {"at_least": 1.0, "at_most": 5.0, "impulse": {"at_most": 0.5}}
+    assert judged(touch(**limits, **{"for": 2 / RATE}), seen(*[3.0] * 24)).message == (
+        "touched ball for 0.008333 s, from 0.02 s on; at most 3 N, limit 5 N (mean over 50 ms: 0.15 N s); "
+        "at most 0.15 N s, limit 0.5 N s (within 50 ms: 3 N on average)"
+    )
+    never = judged(touch(**{"for": 3 / RATE, "at_least": 3.0}), seen(24.0, 2.0, 0.0, 4.0))
+    assert (never.unit, never.measured) == ("N", 2.5)
 
 
 def test_a_stored_trace_has_the_touches_between_its_moments() -> None:
@@ -158,6 +288,12 @@ def test_names_that_are_none_are_problems(keys: dict[str, Any], path: str, messa
         ({"at_least": 0}, "greater than 0"),
         ({"at_least": 2, "at_most": 1}, "nothing is at least 2 N and at most 1 N"),
         ({"for": 0}, "greater than 0"),
+        ({"window": 0}, "greater than 0"),
+        ({"window": 11}, "less than or equal to 10"),
+        ({"impulse": {}}, "give 'at_least', 'at_most' or both"),
+        ({"impulse": {"at_least": 2, "at_most": 1}}, "nothing is at least 2 N s and at most 1 N s"),
+        ({"impulse": {"at_least": 0}}, "greater than 0"),
+        ({"impulse": {"at_most": "1 N"}}, "is not a unit of impulse; use one of: N s, Ns"),
     ],
 )
 def test_what_no_touch_can_be_is_refused(keys: dict[str, Any], message: str) -> None:
@@ -168,4 +304,23 @@ def test_what_no_touch_can_be_is_refused(keys: dict[str, Any], message: str) -> 
 def test_the_title_says_what_is_asked() -> None:
     assert touch().title == "contact with ball"
     asked = touch(link="*_finger", at_least="1 N", at_most="20 N", **{"for": "500 ms"})
-    assert asked.title == "contact of *_finger with ball at least 1 N, at most 20 N, for 0.5 s"
+    assert asked.title == "contact of *_finger with ball at least 1 N, at most 20 N over 50 ms, for 0.5 s"
+    asked = touch(at_most="20 N", impulse={"at_most": 0.6}, window="1.5 s")
+    assert asked.title == "contact with ball at most 20 N over 1.5 s, impulse at most 0.6 N s within 1.5 s"
+
+
+@pytest.mark.parametrize(
+    ("limits", "rate", "found"),
+    [
+        ({"at_most": 1, "window": "1 ms"}, 240, "1 ms is shorter than a physics step of 4.167 ms"),
+        ({"impulse": {"at_most": 1}, "window": "3 ms"}, 240, "at least 334 Hz, or the window"),
+        ({"at_least": 1}, 10, "50 ms is shorter than a physics step of 100 ms (physics.rate: 10 Hz); raise"),
+        ({"at_least": 1}, 20, None),
+        ({"at_most": 1, "window": "1 ms"}, 1000, None),
+        ({}, 10, None),
+    ],
+)
+def test_a_window_holds_a_physics_step(limits: dict[str, Any], rate: float, found: str | None) -> None:
+    problems = list(touch(**limits).problems(replace(scene(), physics=Physics(rate=rate))))
+    assert [path for path, _ in problems] == ([] if found is None else [("window",)])
+    assert found is None or found in problems[0][1]

@@ -200,7 +200,9 @@ def test_what_is_touched_is_shown_at_the_steps_that_touch() -> None:
     touching, force = signals(NoCollision(), TOUCHED)
     assert [round(time * RATE, 6) for time in touching.time.tolist()] == [0, 24, 29, 30, 31, 32, 48]
     assert told(touching) == ("touching something", "contacts", [0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0], None, 0.0)
-    assert told(force) == ("contact force", "N", [0.0, 0.0, 0.0, 12.0, 4.0, 0.0, 0.0], None, None)
+    assert [round(time * RATE, 6) for time in force.time.tolist()] == [0, 24, *range(30, 44), 48]
+    mean = [0.0, 0.0, 1.0, *[round(4 / 3, 9)] * 11, round(1 / 3, 9), 0.0, 0.0]
+    assert told(force) == ("contact force, mean over 50 ms", "N", mean, None, None)
 
 
 def test_without_a_contact_it_is_shown_at_the_moments_of_the_trace() -> None:
@@ -214,7 +216,17 @@ def test_a_touch_that_is_wanted_shows_what_was_asked_of_it_first() -> None:
     near = ClearanceRecord.of([Nearness(0.0, 2.0, "base_scan", "wall"), Nearness(24 * STEP, 1.0, "base_scan", "wall")])
     seen = replace(TOUCHED, clearances={watch: near})
     names = [signal.name for signal in signals(Touch.model_validate({"with": "wall"}), seen)]
-    assert names == ["touching wall", "force on wall", "least distance to wall"]
+    assert names == ["touching wall", "force on wall, mean over 50 ms", "least distance to wall"]
+    limits = {"with": "wall", "impulse": {"at_least": 0.02, "at_most": 0.1}, "window": 0.025}
+    impulse, force, *_ = signals(Touch.model_validate(limits), seen)
+    assert (impulse.name, impulse.unit, impulse.lower, impulse.upper) == (
+        "impulse on wall within 25 ms",
+        "N s",
+        0.02,
+        0.1,
+    )
+    assert impulse.values.max() == pytest.approx(16 * STEP)
+    assert (force.name, force.values.max()) == ("force on wall, mean over 25 ms", pytest.approx(16 / 6))
     lasting, pressing, touching, nearest = signals(
         Touch.model_validate({"with": "wall", "at_most": 20.0, "for": 0.1}), seen
     )

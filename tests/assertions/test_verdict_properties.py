@@ -118,7 +118,10 @@ LIMITS: Final[Mapping[str, list[Limit]]] = {
     "travel": [Limit(lambda m: Travel(at_most=m))],
     "path_length": [Limit(lambda m: PathLength(at_most=m))],
     "final_pose": [Limit(lambda m: FinalPose(x=0.3, y=0.3, tolerance=m))],
-    "contact": [Limit(lambda n: Touch.model_validate({"with": "wall", "at_most": n}))],
+    "contact": [
+        Limit(lambda n: Touch.model_validate({"with": "wall", "at_most": n})),
+        Limit(lambda n: Touch.model_validate({"with": "wall", "impulse": {"at_most": n}})),
+    ],
     "upright": [Limit(lambda a: Upright(max_tilt=a))],
     "max_speed": [Limit(lambda v: MaxSpeed(linear=v)), Limit(lambda w: MaxSpeed(angular=w))],
     "stay_within": [
@@ -215,11 +218,13 @@ def reading(name: str, column: str, of: Callable[[Any], float]) -> Callable[[Tra
 
 
 def greatest_force(seen: Trace) -> float:
-    sums: dict[float, float] = {}
+    """The greatest mean over a window of 50 ms."""
+    sums = np.zeros(STEPS + 1)
     for contact in seen.contacts:
         if contact.body == "wall":
-            sums[contact.time] = sums.get(contact.time, 0.0) + contact.force
-    return max(sums.values(), default=0.0)
+            sums[round(contact.time * RATE)] += contact.force
+    window = round(0.05 * RATE)
+    return max(float(sums[max(0, end - window) : end].sum()) / window for end in range(1, STEPS + 2))
 
 
 def path_end(seen: Trace) -> float:
@@ -251,6 +256,10 @@ GOALS: Final[Mapping[str, list[Extreme]]] = {
     ],
     "contact": [
         Extreme(lambda n: Touch.model_validate({"with": "wall", "at_least": n}), greatest_force),
+        Extreme(
+            lambda i: Touch.model_validate({"with": "wall", "impulse": {"at_least": i}}),
+            lambda seen: greatest_force(seen) * 0.05,
+        ),
         Extreme(lambda s: Touch.model_validate({"with": "wall", "for": s}), lasted),
     ],
     "stops_before": [
@@ -379,6 +388,41 @@ def first_steps(seen: Trace, count: int) -> Trace:
     return seen.between(-math.inf, end)
 
 
+def assert_fails_with_a_margin(part: Assertion, seen: Trace, *, acted_on: bool, **keys: Any) -> None:
+    told = judged(Negation(part=part), seen, acted_on=acted_on, **keys)
+    assert told.status == "failed"
+    assert told.margin is not None
+    assert told.margin <= 0
+
+
+@pytest.mark.parametrize("limit", each(LIMITS))
+@examples(4)
+@given(seed=seeds, acted_on=st.booleans())
+def test_the_negation_of_a_limit_that_holds_has_a_margin(limit: Limit, seed: int, acted_on: bool) -> None:
+    part = limit.of(limit.loose)
+    seen = random_trace(seed)
+    assume(monitor(part, MOVABLE).observe(seen).verdict().passed)
+    assert_fails_with_a_margin(part, seen, acted_on=acted_on)
+
+
+@pytest.mark.parametrize("goal", each(GOALS))
+@examples(4)
+@given(seed=seeds, acted_on=st.booleans())
+def test_the_negation_of_a_goal_that_is_met_has_a_margin(goal: Extreme, seed: int, acted_on: bool) -> None:
+    seen = random_trace(seed)
+    value = goal.extreme(seen)
+    assume(0 < value < FAR)
+    part = goal.of(value * 40 if goal.least else value / 40)
+    assume(monitor(part, MOVABLE).observe(seen).verdict().passed)
+    assert_fails_with_a_margin(part, seen, acted_on=acted_on)
+
+
+@examples(10)
+@given(seeds, st.booleans())
+def test_the_negation_of_no_collision_has_a_margin(seed: int, acted_on: bool) -> None:
+    assert_fails_with_a_margin(NoCollision(allow=("wall", "ball")), random_trace(seed), acted_on=acted_on)
+
+
 @examples(30)
 @given(seeds, windows())
 def test_a_contact_that_is_not_allowed_breaks_no_collision(seed: int, window: tuple[float, float]) -> None:
@@ -400,6 +444,7 @@ def test_a_tolerance_below_the_largest_error_breaks_a_golden_trajectory(tmp_path
     told = judged(loose, random_trace(seed), **where)
     assert told.passed
     assert told.measured is not None
+    assert_fails_with_a_margin(loose, random_trace(seed), acted_on=True, **where)
     # Rows of a golden file are rounded, so smaller tolerances are refused.
     assume(told.measured > 3e-4)
     tight = Matches.model_validate({"trace": "x.csv", "position": beyond(told.measured, up=False)})

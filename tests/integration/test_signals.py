@@ -83,6 +83,8 @@ def goal_sides(part: Assertion, signal: Signal, *, pending: bool) -> tuple[bool,
     """Of assertions that may be goals and invariants at once, `at_least` is the goal, but for `clearance`."""
     if part.key in ("travel", "path_length", "joint"):
         return pending, pending and signal.lower is None
+    if part.key == "contact":
+        return pending, False
     if part.key == "clearance":
         return False, pending
     return (pending and signal.name != "distance from the path",) * 2

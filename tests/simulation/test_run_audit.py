@@ -161,6 +161,24 @@ def test_a_sensor_that_sees_nothing_in_range(which: str, wall: str, found: bool,
     assert rules(tmp_path, text + wall) == [("nothing-in-range", "expect.0.sensor")] * found
 
 
+@pytest.mark.parametrize(
+    ("contact", "commands", "found"),
+    [
+        ("at_most: 50 N", "", True),
+        ("impulse: {at_most: 5 N s}, link: base_footprint", "", True),
+        ("at_most: 50 N", "commands: {twist: [{linear: 0.2}]}\n", False),
+        ("at_most: 50 N, at_least: 1 N", "", False),
+    ],
+)
+def test_a_limit_of_a_contact_that_never_was(contact: str, commands: str, found: bool, tmp_path: Path) -> None:
+    near = WALL.replace("x: 1}", "x: 0.1}").replace("0.1, 9", "0.1, 1")
+    text = (
+        STANDING.replace("upright", f"contact: {{with: wall, {contact}}}").replace("0.2 s", "0.8 s") + near + commands
+    )
+    assert rules(tmp_path, text) == [("never-touched", "expect.0.contact")] * found
+    assert rules(tmp_path, text + "allow: [never-touched]\n") == []
+
+
 def test_a_drive_that_is_never_commanded(tmp_path: Path) -> None:
     drive = "drive: {diff: {left: [wheel_left_joint], right: [wheel_right_joint]}}"
     stated = STANDING.replace("burger}", f"burger, {drive}}}")

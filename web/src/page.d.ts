@@ -88,8 +88,10 @@ interface ContactData {
   link: number;
   body: number;
   position: [number, number, number];
-  /** N; null if neither of the two gives way. */
+  /** The largest mean over 50 ms, in N; null if neither of the two gives way. */
   force: number | null;
+  /** That of the whole contact, in N s. */
+  impulse: number;
 }
 
 interface SignalData {

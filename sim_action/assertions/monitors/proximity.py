@@ -1,9 +1,8 @@
-"""Least distances to bodies and contact forces, read from traces."""
+"""Least distances to bodies, and the steps with a contact, read from traces."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from typing import TYPE_CHECKING, Final
 
 from sim_action.assertions.monitors import Truth
@@ -56,11 +55,11 @@ def distances(trace: Trace, *watches: ClearanceWatch) -> tuple[FloatArray, Float
     return time, np.concatenate([record.distance for record in records])[first]
 
 
-def least_so_far(trace: Trace, watch: ClearanceWatch) -> tuple[FloatArray, FloatArray]:
+def least_so_far(trace: Trace, *watches: ClearanceWatch) -> tuple[FloatArray, FloatArray]:
     """Return (N,) s and (N,) m: the running minimum at each step that lowers it, and at the last step."""
     import numpy as np
 
-    time, distance = distances(trace, watch)
+    time, distance = distances(trace, *watches)
     if not len(time):
         return time, distance
     least = np.minimum.accumulate(distance)
@@ -68,23 +67,13 @@ def least_so_far(trace: Trace, watch: ClearanceWatch) -> tuple[FloatArray, Float
     return (np.append(time, last), np.append(least, least[-1])) if last > time[-1] else (time, least)
 
 
-def forces(contacts: Iterable[Contact]) -> tuple[FloatArray, FloatArray]:
-    """Return (N,) s and (N,) N: each step with a contact and the sum of its contact forces."""
-    import numpy as np
-
-    summed: dict[float, float] = {}
-    for contact in contacts:
-        summed[contact.time] = summed.get(contact.time, 0.0) + contact.force
-    return np.array(list(summed)), np.array(list(summed.values()))
-
-
 NO_FORCE: Final = "with no computed force (neither gives way)"
 """The part of a message about a contact without a force, see `Contact.has_force`."""
 
 
 def strength(contact: Contact) -> str:
-    """Return the force of a contact as in messages, such as "with 5 N"."""
-    return f"with {units.display(contact.force, 'N')}" if contact.has_force else NO_FORCE
+    """Return the force of a contact as in messages, such as "with 5 N in that physics step"."""
+    return f"with {units.display(contact.force, 'N')} in that physics step" if contact.has_force else NO_FORCE
 
 
 def touching_at(trace: Trace, time: FloatArray, step: float) -> Truth:

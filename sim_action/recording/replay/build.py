@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 from typing import Final
 
 from pydantic import BaseModel
 
+from sim_action.assertions.monitors.contact_force import DEFAULT_WINDOW_S
 from sim_action.recording.replay import replay_file, shapes
 from sim_action.recording.replay.frames import Track, frames_of, thinned
 from sim_action.recording.replay.replay_file import (
@@ -48,7 +49,7 @@ def replay_of(
     moving = [body for body in scene.world.objects if body.name in film.bodies]
     _, links = skeleton(scene.model)
     bodies = {body.name: number for number, body in enumerate(scene.world.objects)}
-    contacts, left_out = strongest_touches(joined_touches(film.contacts), links, bodies)
+    contacts, left_out = strongest_touches(joined_touches(film.contacts), links, bodies, scene.physics.rate)
     joints = scene.model.moving_joints
     sliding = [joint.type == "prismatic" for joint in joints]
     tracks = [Track(film.bodies[body.name], body.appears or 0.0) for body in moving]
@@ -94,20 +95,35 @@ class Touch:
     Attributes:
         first: the first contact point.
         until: the time in s of the last contact.
-        force: the largest total force of a step in N.
-        present: the total force of the last step in N.
+        steps: the time in s of each step with a contact, and the total force in N.
     """
 
     first: Contact
     until: float
-    force: float = 0.0
-    present: float = 0.0
+    steps: list[tuple[float, float]] = field(default_factory=list)
 
     def add(self, contact: Contact) -> None:
         """Add a contact point of the same or a later step."""
-        self.present = contact.force + (self.present if contact.time == self.until else 0.0)
+        before = self.steps.pop()[1] if self.steps and contact.time == self.until else 0.0
+        self.steps.append((contact.time, before + contact.force))
         self.until = contact.time
-        self.force = max(self.force, self.present)
+
+    def force(self, rate: float) -> float:
+        """Return the greatest mean force in N over DEFAULT_WINDOW_S, or over one step if that is longer."""
+        window = max(DEFAULT_WINDOW_S, 1 / rate)
+        most = present = 0.0
+        oldest = 0
+        for time, force in self.steps:
+            present += force
+            while self.steps[oldest][0] <= time - window + 0.5 / rate:
+                present -= self.steps[oldest][1]
+                oldest += 1
+            most = max(most, present)
+        return most / (window * rate)
+
+    def impulse(self, rate: float) -> float:
+        """Return the impulse of the whole contact in N s."""
+        return sum(force for _, force in self.steps) / rate
 
 
 def joined_touches(contacts: Iterable[Contact]) -> list[Touch]:
@@ -125,24 +141,32 @@ def joined_touches(contacts: Iterable[Contact]) -> list[Touch]:
 
 
 def strongest_touches(
-    touches: list[Touch], links: Mapping[str, int], bodies: Mapping[str, int]
+    touches: list[Touch], links: Mapping[str, int], bodies: Mapping[str, int], rate: float
 ) -> tuple[tuple[ContactData, ...], int]:
     """Return the strongest touches in the order of time, and the number of the others.
 
-    `links` and `bodies` map names to indices.
+    `links` and `bodies` map names to indices; `rate`: physics steps per second.
     """
     known = [touch for touch in touches if touch.first.link in links and touch.first.body in bodies]
     # A contact without a force comes first: neither of the two gives way.
-    most = sorted(known, key=lambda touch: (touch.first.has_force, -touch.force))[:MAX_CONTACTS]
+    most = sorted(known, key=lambda touch: (touch.first.has_force, -touch.force(rate)))[:MAX_CONTACTS]
     kept = tuple(
-        _contact_data(touch, links[touch.first.link], bodies[touch.first.body])
+        _contact_data(touch, links[touch.first.link], bodies[touch.first.body], rate)
         for touch in sorted(most, key=lambda touch: touch.first.time)
     )
     return kept, len(known) - len(kept)
 
 
-def _contact_data(touch: Touch, link: int, body: int) -> ContactData:
+def _contact_data(touch: Touch, link: int, body: int, rate: float) -> ContactData:
     x, y, z = numbers(touch.first.position_xyz)
-    force = round(min(touch.force, MAX_ABS_VALUE), 3) if touch.first.has_force else None
+    force, impulse = (round(min(value, MAX_ABS_VALUE), 3) for value in (touch.force(rate), touch.impulse(rate)))
     time, until = numbers((touch.first.time, touch.until))
-    return ContactData(time=time, until=until, link=link, body=body, position=(x, y, z), force=force)
+    return ContactData(
+        time=time,
+        until=until,
+        link=link,
+        body=body,
+        position=(x, y, z),
+        force=force if touch.first.has_force else None,
+        impulse=impulse,
+    )

@@ -181,7 +181,8 @@ class ContactData(FrozenModel):
         link: the index of the link.
         body: the index of the body.
         position: the position of the first contact point in m, world frame.
-        force: the largest total force of a physics step in N; None if engines compute none, see `Contact.has_force`.
+        force: the largest mean force over 50 ms in N; None if engines compute none, see `Contact.has_force`.
+        impulse: the impulse of the whole contact in N s.
     """
 
     time: Number
@@ -190,6 +191,7 @@ class ContactData(FrozenModel):
     body: Index
     position: Place
     force: Number | None
+    impulse: Number
 
 
 class SignalData(FrozenModel):

@@ -113,8 +113,10 @@ class Views {
     this.view?.draw(this.motion.at(this.clock.time), this.following);
     const touching = this.motion.touching(this.clock.time).slice(0, 3);
     const { links, bodies } = this.motion.scene;
-    const words = touching.map(({ link, body, force }) => {
-      const strength = force === null ? "neither gives way" : `up to ${told(force, "N")}`;
+    const words = touching.map(({ link, body, force, impulse }) => {
+      const strength = force === null
+        ? "neither gives way"
+        : `up to ${told(force, "N")} over 50 ms, ${told(impulse, "N s")} in all`;
       return `${links[link].name} touches ${bodies[body].name}, ${strength}`;
     });
     this.happening.textContent = words.join("\n");

@@ -2,20 +2,36 @@
 
 from __future__ import annotations
 
+import pytest
+
 from sim_action.recording.replay.build import joined_touches, strongest_touches
 from sim_action.recording.replay.replay_file import MAX_CONTACTS
 from tests.traces import contact
 
+RATE = 240
 
-def test_steps_of_one_pair_are_one_contact_with_its_largest_force() -> None:
-    steps = [contact(1.0 + step / 240, force=10.0 + step % 7) for step in range(100)]
+
+def test_steps_of_one_pair_are_one_contact_with_its_largest_mean_force_and_its_impulse() -> None:
+    steps = [contact(1.0 + step / RATE, force=12.0 if 40 <= step < 60 else 6.0) for step in range(100)]
     (touch,) = joined_touches(steps)
-    assert (touch.first, touch.until, touch.force) == (steps[0], steps[-1].time, 16.0)
+    assert (touch.first, touch.until) == (steps[0], steps[-1].time)
+    assert (touch.force(RATE), touch.impulse(RATE)) == pytest.approx((12.0, (80 * 6 + 20 * 12) / RATE))
 
 
-def test_the_force_is_that_of_all_points_of_a_step() -> None:
+@pytest.mark.parametrize("rate", [120, 240, 960])
+def test_the_force_of_an_impact_does_not_depend_on_the_rate(rate: int) -> None:
+    (touch,) = joined_touches([contact(1.0, force=0.25 * rate), contact(1.0, force=0.25 * rate)])
+    assert (touch.force(rate), touch.impulse(rate)) == pytest.approx((10.0, 0.5))
+
+
+def test_a_step_longer_than_the_window_is_its_own_mean() -> None:
+    (touch,) = joined_touches([contact(1.0, force=4.0), contact(13 / 12, force=6.0)])
+    assert touch.force(12) == pytest.approx(6.0)
+
+
+def test_points_of_a_step_add_up() -> None:
     points = [contact(1.0, force=30.0), contact(1.0, force=40.0), contact(1.01, force=50.0), contact(1.02, force=5.0)]
-    assert [touch.force for touch in joined_touches(points)] == [70.0]
+    assert [touch.force(100) for touch in joined_touches(points)] == pytest.approx([(70 + 50 + 5) / 5])
 
 
 def test_a_pair_that_lets_go_touches_again() -> None:
@@ -35,14 +51,16 @@ def test_pairs_are_told_apart() -> None:
 
 def test_of_many_the_strongest_are_kept_in_the_order_of_time() -> None:
     many = [contact(float(number), force=float(number % 100)) for number in range(3 * MAX_CONTACTS)]
-    kept, left_out = strongest_touches(joined_touches(many), {"base_footprint": 0}, {"wall": 0})
+    kept, left_out = strongest_touches(joined_touches(many), {"base_footprint": 0}, {"wall": 0}, RATE)
     assert (len(kept), left_out) == (MAX_CONTACTS, 2 * MAX_CONTACTS)
-    assert min(touch.force or 0.0 for touch in kept) >= 66
+    assert min(touch.force or 0.0 for touch in kept) >= 66 / 12
     assert [touch.time for touch in kept] == sorted(touch.time for touch in kept)
 
 
 def test_what_touches_something_unknown_is_passed_over() -> None:
-    assert strongest_touches(joined_touches([contact(1.0, body="ground")]), {"base_footprint": 0}, {"wall": 0}) == (
+    assert strongest_touches(
+        joined_touches([contact(1.0, body="ground")]), {"base_footprint": 0}, {"wall": 0}, RATE
+    ) == (
         (),
         0,
     )
@@ -51,6 +69,6 @@ def test_what_touches_something_unknown_is_passed_over() -> None:
 def test_a_contact_without_a_force_is_kept_before_weak_ones() -> None:
     stuck = contact(0.5, force=0.0)._replace(has_force=False)
     many = [contact(float(number), force=float(number)) for number in range(1, 3 * MAX_CONTACTS)]
-    kept, _ = strongest_touches(joined_touches([stuck, *many]), {"base_footprint": 0}, {"wall": 0})
+    kept, _ = strongest_touches(joined_touches([stuck, *many]), {"base_footprint": 0}, {"wall": 0}, RATE)
     assert (kept[0].time, kept[0].force) == (0.5, None)
     assert all(touch.force is not None for touch in kept[1:])
