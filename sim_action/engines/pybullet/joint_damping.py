@@ -112,7 +112,7 @@ def calm(client: int, robot: int, rate: float, *, bolted: bool) -> tuple[str, ..
         _add_moment(client, robot, link, axis, moment)
     notes = []
     for joint in damped:
-        if joint.is_sliding and joint.damping > (most := _most_damping(mechanism, joint, rate)):
+        if joint.is_sliding and 0 < (most := _most_damping(mechanism, joint, rate)) < joint.damping:
             pybullet.changeDynamics(robot, joint.child, jointDamping=most, physicsClientId=client)
             notes.append(_note(joint, most, rate))
     return tuple(notes)
@@ -149,18 +149,24 @@ def _added(mechanism: _Mechanism, turning: Sequence[_Damped], rate: float) -> It
         own = mechanism.masses[link]
         whole[group] = whole[group] + own if group in whole else own
     sides = [
-        (joint, link)
+        (joint, link, _moment(whole[groups[link]], joint.axis_xyz))
         for joint in turning
         for link in (joint.child, joint.parent)
         if not (mechanism.held and groups[link] == BASE)
     ]
+    # Only a model that was not audited has a moment of 0.
+    sides = [side for side in sides if side[2] > 0]
     shares = dict.fromkeys(whole, 0.0)
-    for joint, link in sides:
-        axis = np.array(joint.axis_xyz)
-        shares[groups[link]] += joint.damping / rate / float(axis @ whole[groups[link]].tensor @ axis)
-    for joint, link in sides:
+    for joint, link, moment in sides:
+        shares[groups[link]] += joint.damping / rate / moment
+    for joint, link, _ in sides:
         if shares[groups[link]] > _MAX_SHARE:
             yield link, joint.axis_xyz, joint.damping / rate
+
+
+def _moment(body: _Mass, axis_xyz: Vector3) -> float:
+    axis = np.array(axis_xyz)
+    return float(axis @ body.tensor @ axis)
 
 
 def _add_moment(client: int, robot: int, link: int, axis_xyz: Vector3, moment: float) -> None:
