@@ -18,7 +18,7 @@ from sim_action.assertions.joint_selection import matches_name
 from sim_action.core import units
 from sim_action.core.yaml_document import KeyPath
 from sim_action.results.outcome import ExpectationOutcome, Measurement, Outcome, status_of
-from sim_action.scenario.model import Agreement, LoadedScenario, PoseAgreement
+from sim_action.scenario.model import MAX_COMPARED_STEPS, Agreement, LoadedScenario, PoseAgreement
 from sim_action.state.motion_record import MotionRecord
 from sim_action.state.trace import FloatArray
 from sim_action.state.trace_storage import TraceError
@@ -33,6 +33,11 @@ _WORDS: Final[dict[VerdictStatus, str]] = {
     "failed": "fails",
 }
 """The statuses of a verdict as verbs, the best first."""
+
+
+_TOO_LONG: Final = (
+    f"the motion in both engines was not compared: time_limit has more than {MAX_COMPARED_STEPS:,} physics steps"
+)
 
 
 def with_agreement(
@@ -51,8 +56,10 @@ def with_agreement(
     runs = [_Run(outcome, path) for outcome, path in zip(outcomes, motions, strict=True)]
     comparisons = [_Comparison(loaded, run, runs[last]) for index, run in enumerate(runs) if index != last]
     expectations = (*outcomes[last].expectations, *(each for one in comparisons for each in one.expectations()))
+    notes = () if loaded.compared else (_TOO_LONG,)
     compared = outcomes[last].model_copy(
         update={
+            "notes": (*outcomes[last].notes, *notes),
             "expectations": expectations,
             "measurements": tuple(each for one in comparisons for each in one.measurements()),
             "status": status_of(expectations),

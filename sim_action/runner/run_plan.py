@@ -66,7 +66,7 @@ def _several() -> tuple[str, ...]:
 def _on(loaded: LoadedScenario, engine: str, *, named: bool = False) -> LoadedScenario:
     name = f"{loaded.scenario.name} [{engine}]" if named else loaded.scenario.name
     scenario = loaded.scenario.model_copy(update={"backend": engine, "name": name})
-    return replace(loaded, scenario=scenario, compared=named)
+    return replace(loaded, scenario=scenario, compared=named and scenario.is_comparable)
 
 
 Plan = tuple[LoadedScenario, ...] | Refused

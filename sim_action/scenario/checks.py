@@ -14,7 +14,7 @@ from sim_action.drives import recognise
 from sim_action.robot.audit.rules import ALLOWABLE, RULES
 from sim_action.robot.kinematics import beyond_limits
 from sim_action.robot.robot_model import WORLD, RobotModel
-from sim_action.scenario.model import Agreement, Expectation, Scenario, rate_divides
+from sim_action.scenario.model import MAX_COMPARED_STEPS, Agreement, Expectation, Scenario, rate_divides
 from sim_action.sensors import MountedSensor
 from sim_action.world import GROUND
 from sim_action.world.scene import Scene
@@ -95,9 +95,12 @@ def reading_problems(scenario: Scenario, expect_paths: Sequence[KeyPath]) -> Spe
 
 
 def engine_problems(scenario: Scenario) -> SpecProblems:
-    """Yield a `backend` that contradicts `agreement`."""
+    """Yield a `backend` that contradicts `agreement`, and a run that is too long for it."""
     if scenario.agreement is not None and scenario.backend != "auto":
         yield ("backend",), "remove it: 'agreement' runs the scenario on every engine"
+    if scenario.agreement is not None and not scenario.is_comparable:
+        steps = f"time_limit has {scenario.steps(scenario.time_limit):,}"
+        yield ("agreement",), f"compares at most {MAX_COMPARED_STEPS:,} physics steps, and {steps}; lower time_limit"
 
 
 def compared_body_problems(scenario: Scenario) -> SpecProblems:

@@ -67,7 +67,8 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         ),
         "fixed-base": Rule(
             "error",
-            "an assertion about the motion of a fixed base, such as `travel`, or `matches` without `joints`",
+            "an assertion about the motion of a fixed base, such as `travel`, or `matches` without `joints`; a limit "
+            "of `agreement` for such a base or a link fixed to it",
         ),
         "shapeless-links": Rule(
             "warning", "such an assertion where moving links have a visual shape but no collision shape"

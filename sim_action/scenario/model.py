@@ -57,6 +57,9 @@ WALL_SECONDS: Final = 60.0
 
 _OUTPUT: Final = 100_000_000
 
+MAX_COMPARED_STEPS: Final = 2_000_000
+"""The largest number of physics steps that two engines are compared at; each takes 64 bytes and 8 for each joint."""
+
 
 Severity = Literal["error", "warning"]
 
@@ -277,6 +280,11 @@ class Scenario(FrozenModel):
     def steps(self, seconds: float) -> int:
         """Return the first physics step at or after a sim time in s."""
         return first_step(seconds, self.physics.rate)
+
+    @property
+    def is_comparable(self) -> bool:
+        """Return True if the motion of its longest run fits into memory at every step."""
+        return self.steps(self.time_limit) <= MAX_COMPARED_STEPS
 
     def steps_between_ticks(self, rate: float) -> int:
         """Return the number of physics steps between two ticks. Loading has checked that it is whole."""

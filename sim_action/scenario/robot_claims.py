@@ -102,10 +102,10 @@ def _fixed_parts(agreement: Agreement, scene: Scene) -> Iterator[ClaimFinding]:
     joint = next((joint.name for joint in scene.model.moving_joints), "*")
     unit = "1 cm" if joint != "*" and scene.model.joints_by_name[joint].type == "prismatic" else "0.5 deg"
     use = f"limit its joints or links, such as joints: {{{joint if joint != '*' else repr(joint)}: {unit}}}"
-    for key in ("position", "yaw"):
-        if getattr(agreement, key) is not None:
-            message = f"'{key}' compares the base of the robot, but it is fixed and never moves; {use}"
-            yield ClaimFinding("fixed-base", ("agreement", key), message)
+    if keys := [key for key in ("position", "yaw") if getattr(agreement, key) is not None]:
+        what = f"'{keys[0]}' compares" if len(keys) == 1 else "'position' and 'yaw' compare"
+        message = f"{what} the base of the robot, but it is fixed and never moves; {use}"
+        yield ClaimFinding("fixed-base", ("agreement", keys[0]), message)
     for name in agreement.links:
         if name in scene.bolted_links:
             message = f"link '{name}' is fixed to the world and never moves; name a link that moves, or remove it"

@@ -102,5 +102,6 @@ def test_results_of_two_engines_are_merged_also_from_shards(tmp_path: Path) -> N
     assert [outcome["name"] for outcome in outcomes] == [
         f"{name} [{engine}]" for name in "abc" for engine in ENGINE_NAMES
     ]
+    assert [len(outcome["measurements"]) for outcome in outcomes] == [0, 2] * 3
     twice = sim_action(tmp_path, "merge", "part-1", "part-1/results.json", "part-2")
     assert twice.returncode == 0

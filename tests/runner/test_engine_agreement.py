@@ -47,7 +47,7 @@ FAR = motion(TIMES, x=[0, 0.1, 0.25, 0.3], yaw=[0, 0.2, 3.1, 3.1])
 def loaded(folder: Path, more: str = "") -> LoadedScenario:
     path = folder / "drives.sim.yml"
     path.write_text(TEXT.format(more=more))
-    return load_scenario(path)
+    return replace(load_scenario(path), compared=True)
 
 
 def ran(folder: Path, engine: str, seen: MotionRecord, *, holds: bool = True) -> Outcome:
@@ -178,6 +178,16 @@ def test_a_motion_that_is_gone_leaves_the_verdicts_to_compare(tmp_path: Path) ->
     (tmp_path / "mujoco.npz").unlink()
     _, last = compared(tmp_path, "", *outcomes)
     assert [one.name for one in last.expectations] == ["travel", "the same verdicts as pybullet 1.0"]
+
+
+def test_a_run_that_was_too_long_to_compare_says_so(tmp_path: Path) -> None:
+    outcomes = (ran(tmp_path, "pybullet", FIRST), ran(tmp_path, "mujoco", NEAR))
+    long = replace(loaded(tmp_path), compared=False)
+    _, last = with_agreement(long, outcomes, [None, None])
+    assert not last.measurements
+    assert last.notes == (
+        "the motion in both engines was not compared: time_limit has more than 2,000,000 physics steps",
+    )
 
 
 steps = st.sets(st.integers(min_value=1, max_value=60)).map(lambda later: [0, *sorted(later)])

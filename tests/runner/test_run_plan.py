@@ -88,6 +88,18 @@ def test_only_runs_on_several_engines_are_compared(
 
 
 @pytest.mark.pybullet
+def test_a_run_of_too_many_steps_is_not_compared(tmp_path: Path) -> None:
+    path = tmp_path / "long.sim.yml"
+    path.write_text(TEXT.format(more="physics: {rate: 240 Hz}").replace("1 s", "8400 s"))
+    assert not any(run.compared for run in engine_runs(load_scenario(path), "all"))
+    path.write_text(TEXT.format(more="agreement: {yaw: 1 deg}").replace("1 s", "8400 s"))
+    with pytest.raises(
+        InvalidScenario, match=r"long\.sim\.yml:4:1: agreement: compares at most 2,000,000 physics steps"
+    ):
+        load_scenario(path)
+
+
+@pytest.mark.pybullet
 @pytest.mark.usefixtures("only_pybullet")
 @pytest.mark.parametrize(
     ("more", "message"),
@@ -163,6 +175,7 @@ ARM = """\
     ("agreement", "message"),
     [
         ("{position: 1 cm}", "'position' compares the base of the robot, but it is fixed and never moves"),
+        ("{position: 1 cm, yaw: 1 deg}", "'position' and 'yaw' compare the base of the robot, but it is fixed"),
         ("{yaw: 1 deg, joints: {elbow: 1 deg}}", "such as joints: {elbow: 0.5 deg} [fixed-base]"),
         ("{links: {base: {position: 1 cm}}}", "link 'base' is fixed to the world and never moves"),
         ("{links: {tip: {position: 1 cm}}, joints: {elbow: 1 deg}}", None),
