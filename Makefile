@@ -20,7 +20,7 @@ HAS_NODE = $(WITH_NODE) node -e 'process.exit(parseInt(process.versions.node) < 
 # A shell that forbids bytecode would have each of the thousands of processes of a test run compile what it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: viewer screenshots demo check check-tests test soak coverage lint lint-style lint-layers $(TYPES) lint-workflows lint-viewer format docs robots picture bench fuzz mutants lock clean
+.PHONY: viewer screenshots demo check check-tests test soak coverage lint lint-style lint-layers $(TYPES) lint-workflows lint-viewer format docs robots accuracy picture bench fuzz mutants lock clean
 
 demo: $(VENV)/.installed ## run the scenario at the top of README.md
 	@$(BIN)/sim-action run examples/turtlebot3/straight_line.sim.yml
@@ -95,6 +95,10 @@ docs: $(VENV)/.dev ## write what is generated from the code, and build the site 
 
 robots: $(VENV)/.dev ## measure the table of docs/models/robots.md
 	$(BIN)/python -m docs.robots
+
+accuracy: $(VENV)/.dev ## measure the table of docs/engines/accuracy.md
+	$(BIN)/python -m tests.physics.measure --write
+	$(BIN)/python -m docs.generate
 
 picture: $(VENV)/.dev ## draw the pictures for the documents
 	$(BIN)/python docs/picture.py

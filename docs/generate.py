@@ -13,7 +13,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from docs.generators import actions, command_line, lists, scenario
+from docs.generators import accuracy, actions, command_line, lists, scenario
 from sim_action.app.schema import results_schema, scenario_schema, schema_text
 from sim_action.scenario.model import ExpectationOptions
 from sim_action.sensors import Mounting
@@ -52,6 +52,8 @@ BLOCKS: dict[str, Callable[..., str]] = {
     "statuses": lists.statuses,
     "exit-codes": lists.exit_codes,
     "defaults": lists.defaults,
+    "accuracy": accuracy.errors,
+    "differences": accuracy.differences,
 }
 
 

@@ -21,18 +21,18 @@ from sim_action.state.trace_records import BodyRecord
 RATE: Final = 240.0
 """Physics steps per second at which cases are judged unless they name another rate."""
 FINE_RATE: Final = 1920.0
-"""Physics steps per second of a converged reference."""
+"""Physics steps per second at which verdicts count as converged."""
 
 HELD_OUT_PERCENT: Final = 30
 BETWEEN: Final = "both"
 """The name that stands for an engine where a case compares both."""
 
-Kind = Literal["analytic", "integrated", "bound", "converged", "spread"]
+Kind = Literal["analytic", "integrated", "bound", "spread"]
 """The kind of an oracle.
 
 analytic: a closed formula. integrated: `oracles.py` integrates the equations of motion itself. bound: the quantity may
-not exceed the value. converged: the same engine at `FINE_RATE`. spread: several runs, or both engines, may not differ
-by more than the tolerance; their true difference is 0.
+not exceed the value. spread: several runs, or both engines, may not differ by more than the tolerance; their true
+difference is 0.
 """
 
 
@@ -135,7 +135,6 @@ class Case:
 
     Attributes:
         measure: takes the runs of all setups, in their order; between engines, those of PyBullet first.
-        truth: None if it is converged.
         tolerance: how far the quantity may be off, in its unit: what the product has to hold.
         family: cases of one family are held out together; default: the name.
         limit: of a verdict about the quantity, for comparisons between rates; default: the truth less two tolerances,
@@ -151,7 +150,7 @@ class Case:
     measure: Callable[..., float]
     unit: str
     kind: Kind
-    truth: float | None
+    truth: float
     tolerance: float
     family: str = ""
     limit: float | None = None
@@ -173,20 +172,15 @@ class Case:
         """The quantity on an engine; `rate`: of the physics steps, in place of the setups' own."""
         return self.measure(*(run_on(name, setup) for name in _names(engine) for setup in self._at(rate)))
 
-    def reference(self, engine: str) -> float:
-        """The value that is right."""
-        return self.measured(engine, FINE_RATE) if self.truth is None else self.truth
-
-    def error(self, measured: float, reference: float) -> float:
+    def error(self, measured: float) -> float:
         """How far a measured value is off; 0 if it keeps a bound."""
-        return max(0.0, measured - reference) if self.kind in ("bound", "spread") else abs(measured - reference)
+        return max(0.0, measured - self.truth) if self.kind in ("bound", "spread") else abs(measured - self.truth)
 
     @property
     def verdict_limit(self) -> float:
         """See `limit`."""
         if self.limit is not None:
             return self.limit
-        assert self.truth is not None
         return self.truth + (1 if self.kind in ("bound", "spread") else -2) * self.tolerance
 
     def _at(self, rate: float | None) -> Sequence[Setup]:

@@ -1,5 +1,7 @@
 """Cases that an engine does not hold today: (engine, case) -> reason. `both`: the difference between the engines.
 
+`KNOWN`: not within their tolerance. `MISSED`: another verdict at 240 Hz than at 1920 Hz, although the margin is clear.
+
 `python -m tests.physics.measure` names the entries that are missing here, and those to remove.
 """
 
@@ -18,7 +20,9 @@ _AXES: Final = "friction is limited along two axes each, not in every direction 
 _YAW: Final = "friction depends on the direction of slip, and on how easily wheels give way"
 _APART: Final = "both engines turn skid-steered robots by another angle than asked"
 
-_ROWS: Final[tuple[tuple[str, str, tuple[str, ...]], ...]] = (
+Rows = tuple[tuple[str, str, tuple[str, ...]], ...]
+
+_ROWS: Final[Rows] = (
     (
         _AXES,
         "pybullet",
@@ -221,6 +225,68 @@ _ROWS: Final[tuple[tuple[str, str, tuple[str, ...]], ...]] = (
     ),
 )
 
-KNOWN: Final[Mapping[tuple[str, str], str]] = MappingProxyType(
-    {(engine, case): reason for reason, engine, cases in _ROWS for case in cases}
+_MISSED_ROWS: Final[Rows] = (
+    (
+        _AXES,
+        "pybullet",
+        ("caster 40 kg friction 1 spin",),
+    ),
+    (
+        _CREEP,
+        "mujoco",
+        (
+            "caster robot pushes 3 kg: its speed",
+            "caster robot pushes 3 kg: the load's speed",
+        ),
+    ),
+    (
+        _LIFT,
+        "mujoco",
+        (
+            "box shoved at 1 m/s on friction 0.5: rise",
+            "box shoved at 1 m/s on friction 1: rise",
+            "box shoved at 2 m/s on friction 0.2: rise",
+            "tall box shoved: rise",
+            "crate of 50 kg shoved: rise",
+            "block of 50 g shoved: rise",
+        ),
+    ),
+    (
+        _LOADS,
+        "mujoco",
+        (
+            "plate on feet shoved at 1 m/s and 8 rad/s on friction 0.3: distance",
+            "box slides down 50 deg at friction 1",
+        ),
+    ),
+    (
+        _ORDER,
+        "mujoco",
+        ("double pendulum: energy",),
+    ),
+    (
+        _ORDER,
+        "pybullet",
+        ("double pendulum: energy",),
+    ),
+    (
+        _YAW,
+        "pybullet",
+        (
+            "rover square curve from 20 deg",
+            "rover square spin from 0 deg",
+            "rover square spin from 1 deg",
+            "rover square spin from 5 deg",
+            "rover square spin from 20 deg",
+            "rover square spin from 45 deg",
+        ),
+    ),
 )
+
+
+def _table(rows: Rows) -> Mapping[tuple[str, str], str]:
+    return MappingProxyType({(engine, case): reason for reason, engine, cases in rows for case in cases})
+
+
+KNOWN: Final = _table(_ROWS)
+MISSED: Final = _table(_MISSED_ROWS)

@@ -8,87 +8,86 @@ writes the figures of all cases on all engines to `measured.json`, for the docum
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Iterable
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import Final
+from dataclasses import dataclass
 
 from sim_action.engines import installed
-from tests.physics.case import BETWEEN, Case
+from tests.physics.case import BETWEEN, FINE_RATE, RATE, Case
 from tests.physics.known import KNOWN
+from tests.physics.record import FILE, write
 from tests.physics.zoo import ZOO
-
-FILE: Final = Path(__file__).with_name("measured.json")
 
 
 @dataclass(frozen=True)
 class Figure:
     """The measured value of a case on one engine; `engine` is `BETWEEN` where both are compared."""
 
-    case: str
-    group: str
+    case: Case
     engine: str
-    kind: str
-    unit: str
-    truth: float
     measured: float
-    error: float
-    tolerance: float
-    held_out: bool
+
+    @property
+    def error(self) -> float:
+        return self.case.error(self.measured)
 
     @property
     def passes(self) -> bool:
-        return self.error <= self.tolerance
+        return self.error <= self.case.tolerance
+
+    @property
+    def key(self) -> tuple[str, str]:
+        return self.engine, self.case.name
 
 
-def figure(case: Case, engine: str) -> Figure:
-    measured, truth = case.measured(engine), case.reference(engine)
-    return Figure(
-        case.name,
-        case.group,
-        engine,
-        case.kind,
-        case.unit,
-        truth,
-        measured,
-        case.error(measured, truth),
-        case.tolerance,
-        case.held_out,
-    )
-
-
-def _figures_of(name: str, engines: tuple[str, ...]) -> list[Figure | str]:
-    """The figures of one family: cases that share runs stay in one process."""
-    found: list[Figure | str] = []
+def _measured(name: str, engines: tuple[str, ...]) -> dict[tuple[str, str], float | str]:
+    """The values of one family, or why there is none: cases that share runs stay in one process."""
+    found: dict[tuple[str, str], float | str] = {}
     for case in ZOO:
-        if (case.family or case.name) == name:
-            for engine in case.engines:
-                if engine in engines:
-                    try:
-                        found.append(figure(case, engine))
-                    except Exception as error:  # noqa: BLE001 - one broken run must not hide the others
-                        found.append(f"{case.name} on {engine}: {type(error).__name__}: {error}")
+        for engine in case.engines:
+            if (case.family or case.name) == name and engine in engines:
+                try:
+                    found[engine, case.name] = case.measured(engine)
+                except Exception as error:  # noqa: BLE001 - one broken run must not hide the others
+                    found[engine, case.name] = f"{type(error).__name__}: {error}"
     return found
 
 
-def figures(cases: Iterable[Case], engines: tuple[str, ...], jobs: int) -> list[Figure | str]:
-    wanted = {case.name for case in cases}
-    families = list(dict.fromkeys(case.family or case.name for case in ZOO if case.name in wanted))
+def figures(cases: Iterable[Case], engines: tuple[str, ...], jobs: int) -> tuple[list[Figure], list[str]]:
+    """The figures of cases, and the problems of those that have none."""
+    wanted = list(cases)
+    families = list(dict.fromkeys(case.family or case.name for case in wanted))
+    values: dict[tuple[str, str], float | str] = {}
     with ProcessPoolExecutor(jobs) as pool:
-        found = [row for rows in pool.map(_figures_of, families, [engines] * len(families)) for row in rows]
-    return [row for row in found if isinstance(row, str) or row.case in wanted]
-
-
-def _known(row: Figure) -> str:
-    return "GOOD" if row.passes else "KNOW"
+        for found in pool.map(_measured, families, [engines] * len(families)):
+            values |= found
+    known, problems = [], []
+    for case in wanted:
+        for engine in case.engines:
+            value = values.get((engine, case.name))
+            if isinstance(value, float):
+                known.append(Figure(case, engine, value))
+            elif value is not None:
+                problems.append(f"{case.name} on {engine}: {value}")
+    return known, problems
 
 
 def _line(row: Figure) -> str:
-    verdict = ("ok  " if row.passes else "FAIL") if (row.engine, row.case) not in KNOWN else _known(row)
-    numbers = f"{row.truth:10.4g} {row.measured:10.4g} {row.error:10.3g} {row.tolerance:10.3g} {row.unit:8.8}"
-    return f"{verdict} {row.engine:8} {numbers} {row.case}{' (held out)' if row.held_out else ''}"
+    good, bad = ("GOOD", "KNOW") if row.key in KNOWN else ("ok  ", "FAIL")
+    case = row.case
+    numbers = f"{case.truth:10.4g} {row.measured:10.4g} {row.error:10.3g} {case.tolerance:10.3g} {case.unit:8.8}"
+    held_out = " (held out)" if case.held_out else ""
+    return f"{good if row.passes else bad} {row.engine:8} {numbers} {case.name}{held_out}"
+
+
+def print_steps(cases: Iterable[Case], engines: tuple[str, ...]) -> None:
+    """Print the quantity of cases at three rates, and the limit of their verdict."""
+    for case in cases:
+        for engine in case.engines:
+            if engine in engines:
+                values = [case.measured(engine, rate) for rate in (RATE, FINE_RATE / 2, FINE_RATE)]
+                numbers = " ".join(f"{value:10.4g}" for value in values)
+                print(f"{engine:8} {numbers} limit {case.verdict_limit:10.4g} {case.name}")
 
 
 def main() -> None:
@@ -99,6 +98,7 @@ def main() -> None:
     parser.add_argument("--held-out", action="store_true", help="the cases that engines may not be tuned on")
     parser.add_argument("--all", action="store_true")
     parser.add_argument("--quick", action="store_true", help="only the cases of make test")
+    parser.add_argument("--steps", action="store_true", help="measure at 240, 960 and 1920 Hz instead")
     parser.add_argument("--write", action="store_true", help=f"measure all cases and write {FILE.name}")
     parser.add_argument("--jobs", type=int, default=2)
     asked = parser.parse_args()
@@ -111,13 +111,15 @@ def main() -> None:
         and (asked.write or (asked.group in (None, case.group) and asked.case in case.name))
         and (case.quick or not asked.quick)
     ]
-    found = figures(cases, engines, asked.jobs)
-    known = [row for row in found if isinstance(row, Figure)]
+    if asked.steps:
+        print_steps(cases, engines)
+        return
+    known, problems = figures(cases, engines, asked.jobs)
     print(f"{'':4} {'engine':8} {'truth':>10} {'measured':>10} {'error':>10} {'tolerance':>10} {'unit':8} case")
-    print("\n".join(row if isinstance(row, str) else _line(row) for row in found))
-    print(f"{sum(row.passes for row in known)} of {len(found)} within their tolerance")
-    wrong = {(row.engine, row.case) for row in known if not row.passes}
-    seen = {(row.engine, row.case) for row in known}
+    print(*map(_line, known), *problems, sep="\n")
+    print(f"{sum(row.passes for row in known)} of {len(known) + len(problems)} within their tolerance")
+    wrong = {row.key for row in known if not row.passes}
+    seen = {row.key for row in known}
     for title, keys in (
         ("missing in KNOWN", wrong - set(KNOWN)),
         ("to remove from KNOWN", (seen - wrong) & set(KNOWN)),
@@ -125,9 +127,9 @@ def main() -> None:
         if keys:
             print(f"{title}:", *(f'    "{case}",  # {engine}' for engine, case in sorted(keys)), sep="\n")
     if asked.write:
-        if len(known) < len(found) or set(engines) < {"pybullet", "mujoco", BETWEEN}:
+        if problems or not {"pybullet", "mujoco", BETWEEN} <= set(engines):
             raise SystemExit("not written: every case must have a figure on both engines")
-        FILE.write_text(json.dumps([asdict(row) for row in known], indent=1) + "\n", encoding="utf-8")
+        write({name: {row.case.name: row.measured for row in known if row.engine == name} for name in engines})
 
 
 if __name__ == "__main__":
