@@ -106,22 +106,17 @@ class NoCollisionMonitor:
         return Truth(touches.time, np.logical_not(touches.holds))
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals. Returns contact (0 or 1) at each step, and the mean force."""
+        """See PlottableMonitor.signals. Returns contact (0 or 1) at each step, and the mean force if there is any."""
         import numpy as np
 
         forbidden = list(filter(self._is_forbidden, trace.contacts))
-        touches = times_of(forbidden)
+        touches = with_zeros(trace.time, times_of(forbidden), np.ones(len(times_of(forbidden))), self.step)
+        touching = Signal("touching something", "contacts", *touches, upper=0.0)
+        if forbidden and not any(contact.has_force for contact in forbidden):
+            return (touching,)
         mean = MeanForce(1 / self.step, max(DEFAULT_WINDOW_S, self.step))
-        over = duration_text(mean.window)
-        return (
-            Signal(
-                "touching something",
-                "contacts",
-                *with_zeros(trace.time, touches, np.ones(len(touches)), self.step),
-                upper=0.0,
-            ),
-            Signal(f"contact force, mean over {over}", "N", *mean.observe(trace, forbidden)[1]),
-        )
+        name = f"contact force, mean over {duration_text(mean.window)}"
+        return (touching, Signal(name, "N", *mean.observe(trace, forbidden)[1]))
 
     def _is_forbidden(self, contact: Contact) -> bool:
         return contact.link not in self.allowed and contact.body not in self.allowed and contact.body != GROUND

@@ -11,6 +11,7 @@ from sim_action.simulation.energy import EnergyWatch
 from sim_action.simulation.wheel_slip import WheelSlip
 from sim_action.state.observation import Clash, Overlap
 from sim_action.state.trace import Trace
+from sim_action.world import GROUND
 from sim_action.world.scene import Scene
 
 _MAX_MASS_RATIO: Final = 100.0
@@ -26,6 +27,8 @@ class AccuracyWatch:
         self._slip = WheelSlip.of(scene, drive)
         self._masses: dict[str, float] = {body.name: body.mass for body in scene.world.objects if body.mass is not None}
         self._robot = None if scene.bolted else scene.model.mass
+        # A link that cannot move may be inside a body that cannot either.
+        self._stuck = scene.bolted_links, {body.name for body in scene.world.objects if body.mass is None} | {GROUND}
         self._deepest: tuple[float, str, float] = (0.0, "", 0.0)
         self._unequal: dict[str, float] = {}
 
@@ -37,9 +40,13 @@ class AccuracyWatch:
             self._slip.add(trace)
         for touch in touching:
             time = float(trace.time[-1]) if len(trace) else 0.0
-            if touch.depth > max(_MAX_DEPTH_M, self._deepest[0]):
+            if touch.depth > max(_MAX_DEPTH_M, self._deepest[0]) and not self._is_stuck(touch):
                 self._deepest = touch.depth, _names(touch), time
             self._compare(touch)
+
+    def _is_stuck(self, touch: Overlap | Clash) -> bool:
+        links, bodies = self._stuck
+        return isinstance(touch, Overlap) and touch.link in links and touch.body in bodies
 
     def _compare(self, touch: Overlap | Clash) -> None:
         one, other = (
@@ -76,4 +83,4 @@ def _names(touch: Overlap | Clash) -> str:
 
 
 def _body(name: str) -> str:
-    return "the ground" if name == "ground" else f"body '{name}'"
+    return "the ground" if name == GROUND else f"body '{name}'"

@@ -86,3 +86,14 @@ def test_it_asks_for_contacts() -> None:
 def test_only_the_first_unknown_names_are_told_what_there_is() -> None:
     told = [message for _, message in NoCollision(allow=("wal",) * 20).problems(scene())]
     assert ["(allowed: " in message for message in told] == [True] * 10 + [False] * 10
+
+
+def test_a_contact_without_a_force_is_told_as_such() -> None:
+    stuck = contact(0.3, force=0.0)._replace(has_force=False)
+    seen = trace([0.1, 0.2, 0.3], contacts=[stuck])
+    verdict = judged(NoCollision(), seen)
+    assert not verdict.passed
+    assert verdict.message.endswith("at (1.00, 0.25, 0.10) m, with no computed force (neither gives way)")
+    assert [signal.name for signal in monitor(NoCollision()).signals(seen)] == ["touching something"]
+    hard = trace([0.1, 0.2, 0.3], contacts=[stuck, contact(0.3)])
+    assert len(monitor(NoCollision()).signals(hard)) == 2

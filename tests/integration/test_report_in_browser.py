@@ -17,6 +17,7 @@ from sim_action.reports.html.report import page, write_html
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
 from sim_action.state.verdict import Verdict
+from tests.integration.test_bolted_contacts import ARM, BASE, INERTIAL
 from tests.integration.test_examples import sim_action
 from tests.outcomes import outcome, results
 from tests.replays import drive, kept
@@ -129,6 +130,23 @@ def test_a_run_that_breaks_off(tmp_path: Path) -> None:
     ran = sim_action(tmp_path, "run", ".")
     assert "no scan" in ran.stdout, ran.stdout + ran.stderr
     look("opens where it broke off", tmp_path / "sim-results/report.html")
+
+
+def test_a_contact_without_a_force(tmp_path: Path) -> None:
+    (tmp_path / "robot.urdf").write_text(ARM.format(inertial=INERTIAL, base=BASE), encoding="utf-8")
+    scenario = """\
+name: a cart drives through the foot of an arm
+robot: {model: robot.urdf, base: fixed}
+world:
+  objects:
+    - {name: agv, box: [0.6, 0.6, 0.06], pose: {x: 1}, path: [{at: 0 s, x: 1}, {at: 2 s, x: -1}]}
+expect: [no_collision]
+time_limit: 2 s
+"""
+    (tmp_path / "a.sim.yml").write_text(scenario, encoding="utf-8")
+    ran = sim_action(tmp_path, "run", ".")
+    assert "with no computed force (neither gives way)" in ran.stdout, ran.stdout + ran.stderr
+    look("names a contact without a force", tmp_path / "sim-results/report.html")
 
 
 def test_without_the_viewer(broken: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -73,3 +73,11 @@ def test_the_greatest_depth_is_noted() -> None:
     assert note.startswith("body 'crate' and body 'can' overlapped by 0.02 m at 1.50 s: ")
     (note,) = notes(wheel)
     assert note.startswith("link 'wheel' and the ground overlapped by 0.0061 m at 1.50 s: ")
+
+
+def test_depths_of_pairs_that_cannot_give_way_are_not_noted() -> None:
+    inside = [Overlap("base", "wall", 0.1), Overlap("base", "ground", 0.1)]
+    assert notes(*inside, base="fixed") == []
+    assert len(notes(*inside)) == 1
+    assert len(notes(Overlap("wheel", "wall", 0.1), base="fixed")) == 1
+    assert len(notes(Overlap("base", "crate", 0.1), base="fixed")) == 1

@@ -88,8 +88,8 @@ interface ContactData {
   link: number;
   body: number;
   position: [number, number, number];
-  /** The largest mean over 50 ms, in N; null if neither of the two gives way. */
-  force: number | null;
+  /** The largest mean over 50 ms, in N; missing if neither of the two gives way. */
+  force?: number;
   /** That of the whole contact, in N s. */
   impulse: number;
 }

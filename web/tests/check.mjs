@@ -40,6 +40,12 @@ const CHECKS = {
       assert.equal(behind, await page.$eval("html", (all) => getComputedStyle(all).backgroundColor));
     },
   },
+  "names a contact without a force": {
+    look: async (page) => {
+      await page.waitForSelector(READY);
+      assert.equal(await page.textContent(".happening"), "base touches agv, neither gives way");
+    },
+  },
   "opens where runs parted": {
     look: async (page) => {
       await page.waitForSelector(READY);

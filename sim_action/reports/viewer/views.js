@@ -114,7 +114,7 @@ class Views {
     const touching = this.motion.touching(this.clock.time).slice(0, 3);
     const { links, bodies } = this.motion.scene;
     const words = touching.map(({ link, body, force, impulse }) => {
-      const strength = force === null
+      const strength = force === undefined
         ? "neither gives way"
         : `up to ${told(force, "N")} over 50 ms, ${told(impulse, "N s")} in all`;
       return `${links[link].name} touches ${bodies[body].name}, ${strength}`;
