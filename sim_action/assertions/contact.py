@@ -148,7 +148,7 @@ class Touch(Assertion):
         return f"contact{by} with {self.body} {', '.join(asked)}".rstrip()
 
     def problems(self, scene: Scene) -> SpecProblems:
-        """Yield a body or a link that does not exist, and a window without a whole physics step."""
+        """Yield a body or a link that does not exist, limits without a force, and a window without a whole step."""
         bodies = [body.name for body in scene.world.objects]
         if self.body == GROUND:
             yield ("with",), "contacts with the ground are not recorded; name an object"
@@ -161,6 +161,14 @@ class Touch(Assertion):
                 ("link",),
                 f"the robot has no link '{self.link}' with a collision shape{did_you_mean(self.link, links)}",
             )
+        meant = [link for link in links if self._is_of(link)]
+        travels = any(body.name == self.body and body.path for body in scene.world.objects)
+        if travels and (self.has_least or self.has_most) and meant and scene.bolted_links.issuperset(meant):
+            whose = f"'{meant[0]}'" if len(meant) == 1 else "these links"
+            found = (
+                f"there is no force between '{self.body}' and {whose}: '{self.body}' follows its path, {whose} cannot"
+            )
+            yield (), f"{found} move, and neither gives way; remove the limits, or name a link that can move"
         rate = scene.physics.rate
         if (self.has_least or self.has_most) and self.window * rate < 1 - STEP_EPSILON:
             step, least = duration_text(1 / rate), math.ceil(1 / self.window - STEP_EPSILON)

@@ -18,7 +18,7 @@ from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import Channels, ClearanceWatch
 from sim_action.state.trace_records import ClearanceRecord, Nearness
 from sim_action.state.verdict import Verdict
-from sim_action.world import Physics
+from sim_action.world import Body, PathPoint, Physics, Sphere, World
 from tests.traces import START, contact, judged, monitor, scene, trace
 
 RATE = 240
@@ -324,3 +324,29 @@ def test_a_window_holds_a_physics_step(limits: dict[str, Any], rate: float, foun
     problems = list(touch(**limits).problems(replace(scene(), physics=Physics(rate=rate))))
     assert [path for path, _ in problems] == ([] if found is None else [("window",)])
     assert found is None or found in problems[0][1]
+
+
+@pytest.mark.parametrize("limits", [{"at_most": 5}, {"at_least": 5}, {"impulse": {"at_most": 1}}])
+def test_a_force_that_nothing_computes_has_no_limit(limits: dict[str, Any]) -> None:
+    made = scene()
+    path = (PathPoint(at=0.0, x=1.0), PathPoint(at=2.0, x=0.0))
+    world = World(
+        objects=(Body(name="ball", sphere=Sphere(radius=0.1), path=path), Body(name="wall", box=(1.0, 1.0, 1.0)))
+    )
+    free = replace(made, world=world)
+    bolted = replace(free, robot=made.robot.model_copy(update={"base": "fixed"}))
+    # The base and what is fixed to it cannot move; the wheels can.
+    ((where, found),) = touch(link="base_*", **limits).problems(bolted)
+    assert where == ()
+    assert found.startswith("there is no force between 'ball' and these links: 'ball' follows its path, ")
+    assert list(touch(link="base_*").problems(bolted)) == []
+    assert list(touch(link="base_*", **limits).problems(free)) == []
+    assert list(touch(**limits).problems(bolted)) == []
+    assert list(touch(**{"with": "wall", **limits}).problems(bolted)) == []
+
+
+def test_a_contact_without_a_force_has_no_curve_of_one() -> None:
+    pressed = seen(None, 3.0)
+    stuck = replace(pressed, contacts=tuple(one._replace(force=0.0, has_force=False) for one in pressed.contacts))
+    assert [signal.name for signal in touch().signals(scene(), START, stuck)] == ["touching ball"]
+    assert len(touch().signals(scene(), START, pressed)) == 2

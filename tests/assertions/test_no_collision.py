@@ -7,7 +7,7 @@ import pytest
 from sim_action.assertions.monitors import State
 from sim_action.assertions.no_collision import NoCollision
 from sim_action.state.verdict import Verdict
-from tests.traces import contact, judged, monitor, scene, trace
+from tests.traces import START, contact, judged, monitor, scene, trace
 
 TOUCHED = trace([1.0, 2.0, 3.0], contacts=[contact(2.0), contact(2.0, link="base_scan"), contact(3.0)])
 
@@ -94,6 +94,6 @@ def test_a_contact_without_a_force_is_told_as_such() -> None:
     verdict = judged(NoCollision(), seen)
     assert not verdict.passed
     assert verdict.message.endswith("at (1.00, 0.25, 0.10) m, with no computed force (neither gives way)")
-    assert [signal.name for signal in monitor(NoCollision()).signals(seen)] == ["touching something"]
+    assert [signal.name for signal in NoCollision().signals(scene(), START, seen)] == ["touching something"]
     hard = trace([0.1, 0.2, 0.3], contacts=[stuck, contact(0.3)])
-    assert len(monitor(NoCollision()).signals(hard)) == 2
+    assert len(NoCollision().signals(scene(), START, hard)) == 2

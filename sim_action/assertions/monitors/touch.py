@@ -188,8 +188,9 @@ class TouchMonitor:
         meant, _ = self._sorted(trace)
         touches = times_of(meant)
         moments, force = self.mean.observe(trace, meant)[1]
-        pressing = [self.force.drawn(f"force on {body}, mean over {over}", moments, force)]
-        if spec.impulse is not None:
+        has_force = not meant or any(contact.has_force for contact in meant)
+        pressing = [self.force.drawn(f"force on {body}, mean over {over}", moments, force)] if has_force else []
+        if spec.impulse is not None and has_force:
             impulse = self.impulse.drawn(f"impulse on {body} within {over}", moments, self._impulses(force))
             pressing.insert(0 if spec.at_least is None and spec.at_most is None else 1, impulse)
         contact = with_zeros(trace.time, touches, np.ones(len(touches)), self.step)
