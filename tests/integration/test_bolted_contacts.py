@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.core.errors import MissedContact
+from sim_action.core.errors import InvalidScenario, MissedContact
 from sim_action.core.field_types import Placement
 from sim_action.core.workspace import Permissions
 from sim_action.engines.path_contacts import MIN_OVERLAP_M
@@ -27,6 +27,7 @@ from sim_action.world import World
 from sim_action.world.scene import Scene
 from tests.integration.engines import advance, on_every_engine, running, scene_of
 from tests.soak import examples
+from tests.worlds import with_files
 
 RATE = 240
 BASE = '<cylinder radius="0.15" length="0.1"/>'
@@ -106,6 +107,17 @@ def test_a_body_of_several_pieces_touches_with_each(engine: str, tmp_path: Path)
     # The lowest step meets the base first, the highest one the column.
     assert steps_of(trace.contacts, "base")[0] < steps_of(trace.contacts, "column")[0]
     assert steps_of(trace.contacts, "base")[0] == pytest.approx((2 - 0.45 - 0.15) * RATE, abs=2)
+
+
+@on_every_engine
+def test_terrain_on_a_path_touches_too(engine: str, tmp_path: Path) -> None:
+    # Its surface is at a height of 0.2 m: in the column, and above the base.
+    flat = {"heightfield": {"heights": ((0.1, 0.1, 0.1),) * 3, "size": (1.0, 1.0)}}
+    path = ({"at": 0, "x": 2, "z": 0.1}, {"at": 2, "x": 0, "z": 0.1})
+    scene = arm(tmp_path, {"name": "hill", **flat, "pose": {"x": 2, "z": 0.1}, "path": path})
+    first = steps_of(moved(engine, with_files(scene), 2).contacts, "column")
+    assert first[0] == pytest.approx((2 - 0.5 - 0.05) * RATE, abs=2)
+    assert first == list(range(first[0], 481))
 
 
 @on_every_engine
@@ -196,6 +208,17 @@ def test_a_body_on_a_path_through_a_base_is_a_collision(engine: str, tmp_path: P
     assert verdict.time == pytest.approx(0.55, abs=0.01)
     assert verdict.message.startswith("base touched agv at 0.55 s, at (")
     assert verdict.message.endswith(" m, with no computed force (neither gives way)")
+
+
+@on_every_engine
+@pytest.mark.parametrize("limit", [{"at_most": 50}, {"impulse": {"at_most": 1}}])
+def test_a_limit_of_the_force_does_not_pass(engine: str, limit: dict[str, Any], tmp_path: Path) -> None:
+    ran = run(tmp_path, engine, [{"contact": {"with": "agv", **limit}}], along_x(0.05))
+    (verdict,) = ran.verdicts
+    assert (verdict.status, verdict.measured) == ("failed", None)
+    assert "with no computed force (neither gives way), so no limit can hold" in verdict.message
+    with pytest.raises(InvalidScenario, match="there is no force between 'agv' and 'base': 'agv' follows its path"):
+        run(tmp_path, engine, [{"contact": {"with": "agv", "link": "base", **limit}}], along_x(0.05))
 
 
 @on_every_engine

@@ -51,6 +51,21 @@ def test_a_base_is_bolted_by_the_scenario_or_else_by_its_name(
     assert scene(tmp_path, GOOD.replace('"base"', f'"{root}"'), base=base).bolted is bolted
 
 
+def test_links_fixed_to_a_base_that_cannot_move_cannot_either(tmp_path: Path) -> None:
+    root = '<robot name="r"><link name="base">{}</link><link name="plate"/><link name="arm"/>'
+    weld = '<joint name="weld" type="fixed"><parent link="base"/><child link="plate"/></joint>'
+    turn = '<joint name="turn" type="continuous"><parent link="plate"/><child link="arm"/></joint></robot>'
+    inertial = '<inertial><mass value="{}"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+    urdf = root.format(inertial.format(2)) + weld + turn
+    assert scene(tmp_path, urdf).bolted_links == frozenset()
+    assert scene(tmp_path, urdf, base="fixed").bolted_links == {"base", "plate"}
+    made = scene(tmp_path, urdf)
+    base, *others = made.model.links
+    # Engines fix a base without a mass.
+    weightless = replace(made.model, links=(replace(base, mass=0.0), *others))
+    assert replace(made, model=weightless).bolted_links == {"base", "plate"}
+
+
 def test_the_world_is_where_the_world_is(tmp_path: Path) -> None:
     world = GOOD.replace('"base"', '"world"')
     assert scene(tmp_path, world, pose={"x": 1}).placement == Placement(x=1, z=0)

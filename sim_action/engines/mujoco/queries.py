@@ -128,6 +128,8 @@ class Distances:
         self._model, self._present, self._data = compiled.model, compiled.data, compiled.data
         self._robot_qpos = compiled.robot_qpos
         self._links, self._bodies = _by_name(compiled.links), _by_name(compiled.bodies)
+        kinds = self._model.geom_type.tolist()
+        self._fields = {geom for geom, kind in enumerate(kinds) if kind == mujoco.mjtGeom.mjGEOM_HFIELD}
         # MuJoCo gives a plane the radius 0; it is infinite.
         self._radii = [radius or math.inf for radius in self._model.geom_rbound.tolist()]
         self._body_radii = {
@@ -164,6 +166,8 @@ class Distances:
     def nearest(self, body: str, links: Collection[str]) -> dict[str, Nearest]:
         """See NearestPoints."""
         self.look_at_present()
+        if not self._fields.isdisjoint(self._bodies[body]):
+            return self._nearest_collisions(body, links)
         found: dict[str, Nearest] = {}
         points = np.empty(6)
         for link in links:
@@ -173,6 +177,20 @@ class Distances:
                 if distance < least:
                     x, y, z = points[:3].tolist()
                     least, found[link] = distance, Nearest(distance, (x, y, z))
+        return found
+
+    def _nearest_collisions(self, body: str, links: Collection[str]) -> dict[str, Nearest]:
+        """Return the same from the contacts: MuJoCo has no distances to heightfields. Without a contact it is 0."""
+        data, others = self._past[0], self._bodies[body]
+        data.qpos[:] = self._present.qpos
+        mujoco.mj_fwdPosition(self._model, data)
+        found = {link: Nearest(0.0, (0.0, 0.0, 0.0)) for link in links}
+        owners = {geom: link for link in links for geom in self._links[link]}
+        columns = data.contact.geom, data.contact.dist, data.contact.pos
+        for pair, distance, (x, y, z) in zip(*(column.tolist() for column in columns), strict=True):
+            link = next((owners[geom] for geom in pair if geom in owners), None)
+            if link is not None and not set(others).isdisjoint(pair) and distance < found[link].distance:
+                found[link] = Nearest(distance, (x, y, z))
         return found
 
     def radii(self) -> dict[str, float]:
