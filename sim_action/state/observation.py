@@ -38,7 +38,7 @@ class Contact(NamedTuple):
         link: name of the robot's link.
         body: name of the other body; the ground is "ground".
         position_xyz: the place in m, world frame.
-        force: normal force in N; 0 if it is not known.
+        force: normal force in N at this physics step; 0 if it is not known. In an impact, it depends on `physics.rate`.
         has_force: False if neither the link nor the body can give way, so that engines compute no force between them: a
             body on a path that is inside a fixed base.
         depth: how deep the shapes overlap here, in m; 0 if they only touch.

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from sim_action.assertions.combined import Negation
 from sim_action.assertions.contact import Touch
 from sim_action.assertions.monitors import State, has_truth, is_decided
 from sim_action.assertions.monitors.window import Window
@@ -19,7 +20,8 @@ from sim_action.state.trace_channels import Channels, ClearanceWatch
 from sim_action.state.trace_records import ClearanceRecord, Nearness
 from sim_action.state.verdict import Verdict
 from sim_action.world import Body, PathPoint, Physics, Sphere, World
-from tests.traces import START, contact, judged, monitor, scene, trace
+from tests.assertions.test_cuts import MOVABLE
+from tests.traces import START, contact, judged, monitor, piece, scene, trace
 
 RATE = 240
 WINDOW = 12
@@ -152,6 +154,22 @@ def test_a_force_at_the_start_has_lasted() -> None:
     assert (told.passed, told.measured, told.time) == (True, 6.0, 1 / RATE)
     assert spec.monitor(scene(), START).observe(rests).verdict().time == 0.05
     assert judged(touch(at_most=6.0), rests, start).measured == 6.0
+
+
+def test_a_load_that_is_there_from_the_first_step_on_does_not_become_true() -> None:
+    """An engine that has not settled knows no contacts at t = 0."""
+    spec, where = touch(at_least=5.0), replace(scene(), acted_on=True)
+    for rests in (seen(*[6.0] * 60), seen(*[6.0] * 13)):
+        told = spec.opened(where, MOVABLE).observe(rests).verdict()
+        assert (told.passed, told.margin) == (False, 0.0)
+        opened = spec.opened(where, MOVABLE)
+        for start in range(0, len(rests), 5):
+            opened = opened.observe(piece(rests, start, start + 5))
+        assert opened.verdict() == told
+    contrary = Negation(part=touch(at_most=5.0)).opened(where, MOVABLE).observe(seen(*[6.0] * 60)).verdict()
+    assert (contrary.passed, contrary.message[:28]) == (False, "was already true at t = 0, a")
+    for comes in (seen(None, *[6.0] * 30), seen(1.0, 2.0, None, *[6.0] * 30), seen(*[4.0] * 20, *[6.0] * 30)):
+        assert spec.opened(where, MOVABLE).observe(comes).verdict().passed
 
 
 def test_a_force_looks_back_to_before_the_window_of_its_expectation() -> None:

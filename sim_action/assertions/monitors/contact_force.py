@@ -6,6 +6,7 @@ of the impact, and so the mean force over a fixed time, does not.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -100,6 +101,19 @@ class MeanForce:
         oldest = last - self._reach
         later = replace(self, recent=tuple((step, force) for step, force in known.items() if step > oldest))
         return later, Forces(steps / self.rate, mean)
+
+    def is_filling(self, time: FloatArray, contacts: Iterable[Contact]) -> NDArray[np.bool_]:
+        """Return True at (N,) s of the first window, as long as there was a contact at each step since the first.
+
+        An engine that has not settled knows no contacts at t = 0: such a contact may be older, so its mean is unknown.
+        """
+        import numpy as np
+
+        if any(step <= 0 for step, _ in self.recent) or not len(time) or time[0] > self.window:
+            return np.zeros(len(time), dtype=bool)
+        touched = {*dict(self.recent), *self._by_step(contacts)}
+        lasting = next(step for step in itertools.count(1) if step not in touched)
+        return np.asarray(time * self.rate < min(lasting, self._steps) - STEP_EPSILON)
 
     def _by_step(self, contacts: Iterable[Contact]) -> dict[int, float]:
         """Return the sum of the forces in N at each step with a contact."""

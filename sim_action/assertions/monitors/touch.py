@@ -160,7 +160,8 @@ class TouchMonitor:
     def truth(self, trace: Trace) -> Truth:
         """See ConditionMonitor.truth. It is true at each step at which the force is within its limits.
 
-        Without a lower limit, a goal also needs a contact at that step.
+        Without a lower limit, a goal also needs a contact at that step. A contact that may be older than the run has no
+        known mean force before the end of a window, but at least the one so far: such moments are left out.
         """
         import numpy as np
 
@@ -170,15 +171,13 @@ class TouchMonitor:
             return touches
         time, force = self.mean.observe(trace, meant)[1]
         force = force[np.searchsorted(time, touches.time - self.step / 2)]
-        holds = self._is_gentle(force)
+        gentle, strong = self._is_gentle(force), self._is_strong(force)
         if self.spec.has_most:
             blind = times_of(contact for contact in meant if not contact.has_force)
-            holds &= ~touching_at(trace, blind, self.step).holds
-        if self.spec.has_least:
-            holds &= self._is_strong(force)
-        elif self.spec.is_goal:
-            holds &= touches.holds
-        return Truth(touches.time, holds)
+            gentle &= ~touching_at(trace, blind, self.step).holds
+        known = ~self.mean.is_filling(touches.time, meant) | ~gentle | (strong & (not self.spec.has_most))
+        holds = gentle & (touches.holds if self.spec.is_goal and not self.spec.has_least else strong)
+        return Truth(touches.time[known], holds[known])
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         """See PlottableMonitor.signals. Returns duration, mean force, impulse, contact (0 or 1) and least distance."""
