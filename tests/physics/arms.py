@@ -122,9 +122,7 @@ def _pendulums() -> list[Case]:
             settle=0.0,
         )
         name = f"pendulum from {degrees} deg"
-        cases.append(
-            Case(name, GROUP, (setup,), period("j1"), "s", "analytic", truth, 0.001 * truth, quick=degrees == 90)
-        )
+        cases.append(Case(name, GROUP, (setup,), period("j1"), "s", "analytic", truth, 0.001 * truth))
     start = {"j1": DOUBLE_START, "j2": DOUBLE_START}
     double = Setup(pendulum(2), 5.0, _ALLOW, {**_BOLTED, "joints": start, "pose": {"z": 5.0}}, settle=0.0)
     figures: dict[str, Any] = {"group": GROUP, "setups": (double,), "family": "double pendulum"}
@@ -159,7 +157,7 @@ def _held() -> list[Case]:
         shoulder = GRAVITY * (0.25 + 0.75 + payload * 1.0)
         elbow = GRAVITY * (0.25 + payload * 0.5)
         name = f"arm holds {payload:g} kg"
-        figures: dict[str, Any] = {"group": GROUP, "setups": (setup,), "family": name, "quick": payload == 2.0}
+        figures: dict[str, Any] = {"group": GROUP, "setups": (setup,), "family": name}
         for joint, torque in (("shoulder", shoulder), ("elbow", elbow)):
             cases.append(
                 Case(
@@ -176,9 +174,7 @@ def _held() -> list[Case]:
     for payload in (5.0, 50.0):
         setup = Setup(lift(payload), 3.0, _ALLOW, {**_BOLTED, "pose": {"z": 2.0}})
         name, weight = f"lift holds {payload:g} kg", payload * GRAVITY
-        cases.append(
-            Case(name, GROUP, (setup,), effort("slide"), "N", "analytic", weight, 0.01 * weight, quick=payload == 50)
-        )
+        cases.append(Case(name, GROUP, (setup,), effort("slide"), "N", "analytic", weight, 0.01 * weight))
     return cases
 
 
@@ -254,7 +250,7 @@ def _trajectories() -> list[Case]:
         setup = Setup(model, 4.0, _commanded(path, shape), keys)
         most = degree if shape == "linear" else 0.5 * degree
         figures: dict[str, Any] = {"group": GROUP, "setups": (setup,), "unit": "rad", "truth": 0.0, "family": name}
-        figures |= {"bundled": name.startswith("kuka"), "quick": name == "arm on smooth ways"}
+        figures["bundled"] = name.startswith("kuka")
         cases += [
             Case(f"{name}: lag", measure=lag(path, shape), kind="bound", tolerance=most, **figures),
             Case(f"{name}: engines", measure=apart, kind="spread", tolerance=0.2 * degree, between=True, **figures),

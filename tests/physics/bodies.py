@@ -61,9 +61,8 @@ def _shoved(speed: float, friction: float) -> list[Case]:
     seconds = math.ceil(2 * (speed / (friction * GRAVITY) + 0.4)) / 2
     setup = Setup(box(_SIZE, friction=friction), seconds, world(push((speed, 0.0, 0.0))))
     name = f"box shoved at {speed:g} m/s on friction {friction:g}"
-    quick = (speed, friction) in ((4.0, 0.5), (1.0, 0.2))
     gain = energy_gain(1.0, _INERTIA)(_PUSH_AT + 1 / RATE)
-    figures: dict[str, Any] = {"group": GROUP, "setups": (setup,), "family": name, "quick": quick}
+    figures: dict[str, Any] = {"group": GROUP, "setups": (setup,), "family": name}
     return [
         Case(
             f"{name}: distance",
@@ -121,8 +120,7 @@ def _rolling() -> list[Case]:
         truth = speed / (1 + shape)
         setup = Setup(ball(0.1, 1.0, friction, shape), 2.0, world(push((speed, 0.0, 0.0))))
         name = f"{what} slides then rolls"
-        quick = what == "solid ball"
-        figures: dict[str, Any] = {"group": GROUP, "setups": (setup,), "family": name, "quick": quick}
+        figures: dict[str, Any] = {"group": GROUP, "setups": (setup,), "family": name}
         gain = energy_gain(1.0, ball_inertia(1.0, 0.1, shape))(_PUSH_AT + 1 / RATE)
         speeds: dict[str, Any] = {"unit": "m/s", "kind": "analytic", "truth": truth, "tolerance": 0.01 * truth}
         cases.append(Case(f"{name}: speed", measure=final_speed, **figures, **speeds))
@@ -146,7 +144,6 @@ def _falls() -> list[Case]:
                 "group": GROUP,
                 "setups": (setup,),
                 "family": name,
-                "quick": drop == 1.0 and what == "box",
             }
             # Semi-implicit Euler falls g t dt / 2 further, which is half a step in time.
             timed: dict[str, Any] = {"unit": "s", "kind": "analytic", "truth": time, "tolerance": 0.5 / RATE + 1e-4}
@@ -190,7 +187,6 @@ def _stacks() -> list[Case]:
             "setups": (setup,),
             "unit": "m",
             "family": what,
-            "quick": top == 10.0,
         }
         stands: dict[str, Any] = {"kind": "analytic", "truth": height, "tolerance": 0.002 * (len(masses) + 1)}
         stays: dict[str, Any] = {"kind": "bound", "truth": 0.0, "tolerance": 0.005}
@@ -235,7 +231,7 @@ def _spun() -> list[Case]:
         torque = {"at": _PUSH_AT, "for": plate.BRIEF, "torque": [0, 0, plate.MOMENT * plate.spin / plate.BRIEF]}
         model = table(plate.HALF_LENGTH, plate.HALF_WIDTH, plate.MASS, plate.friction)
         setup = Setup(model, 3.0, world(push((plate.speed, 0.0, 0.0)), torque))
-        figures: dict[str, Any] = {"group": GROUP, "setups": (setup,), "family": name, "quick": plate.speed == 2.0}
+        figures: dict[str, Any] = {"group": GROUP, "setups": (setup,), "family": name}
         figures["kind"] = "integrated"
         turn_tolerance = 0.05 * plate.angle + plate.spin / (2 * RATE)
         way_tolerance = _tolerance(plate.way, plate.speed)
@@ -275,7 +271,6 @@ def _walls() -> list[Case]:
             1.0,
             0.05,
             family,
-            quick=rate == RATE,
         )
         for family, name, setup, measure, unit in rows
         for rate in (240.0, 480.0, 960.0)
@@ -320,10 +315,8 @@ def _burgers() -> list[Case]:
             "family": f"burger pushed {what}",
         }
         name = f"braked burger pushed {what}"
-        cases.append(
-            Case(f"{name}: speed at the end", measure=final_speed, unit="m/s", tolerance=0.001, quick=True, **figures)
-        )
-        cases.append(Case(f"{name}: rise", measure=highest_rise, unit="m", tolerance=0.005, quick=True, **figures))
+        cases.append(Case(f"{name}: speed at the end", measure=final_speed, unit="m/s", tolerance=0.001, **figures))
+        cases.append(Case(f"{name}: rise", measure=highest_rise, unit="m", tolerance=0.005, **figures))
     return cases
 
 

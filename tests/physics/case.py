@@ -141,7 +141,7 @@ class Case:
             which is a margin of two tolerances if the engine is right.
         between: True if the runs of both engines are compared.
         bundled: True if the model comes with PyBullet.
-        quick: True if `make test` runs it.
+        quick: False if `make soak` alone runs it.
     """
 
     name: str
@@ -156,7 +156,7 @@ class Case:
     limit: float | None = None
     between: bool = False
     bundled: bool = False
-    quick: bool = False
+    quick: bool = True
 
     @property
     def held_out(self) -> bool:

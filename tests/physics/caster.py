@@ -19,7 +19,6 @@ _MASSES: Final = (1, 6, 40)
 _FRICTIONS: Final = (0.0, 0.1, 0.5, 1.0)
 # A wheel turns about a point of its width; tyres as thin as these leave no doubt which.
 _THIN: Final = 0.002
-_QUICK: Final = {"caster 6 kg friction 0.5 line", "caster 1 kg friction 1 line", "caster 40 kg friction 0.1 line"}
 
 
 def driven(model: str, twist: dict[str, float], seconds: float, **robot: object) -> Setup:
@@ -34,7 +33,7 @@ def _line(mass: float, friction: float) -> Case:
     name = _name(mass, friction, "line")
     setup = driven(caster_robot(mass, friction), {"linear": 0.5}, 4.0)
     measure = steady_speed(2.0, 4.0)
-    return Case(name, GROUP, (setup,), measure, "m/s", "analytic", 0.5, 0.005, quick=name in _QUICK)
+    return Case(name, GROUP, (setup,), measure, "m/s", "analytic", 0.5, 0.005)
 
 
 def _turn(mass: float, friction: float, linear: float, angular: float) -> Case:
@@ -43,8 +42,7 @@ def _turn(mass: float, friction: float, linear: float, angular: float) -> Case:
     setup = driven(model, {"linear": linear, "angular": angular}, 4.0)
     measure = steady_turn(2.0, 4.0)
     truth = angular
-    quick = name == "caster 6 kg friction 0.5 circle"
-    return Case(name, GROUP, (setup,), measure, "rad/s", "analytic", truth, 0.01 * truth, quick=quick)
+    return Case(name, GROUP, (setup,), measure, "rad/s", "analytic", truth, 0.01 * truth)
 
 
 def rim_distance(speed: float, seconds: float) -> float:
@@ -65,15 +63,15 @@ def _burger_cases() -> tuple[Case, ...]:
     turning = driven(_BURGER, {"angular": 1.0}, 10.0)
     fast = driven(_BURGER, {"linear": 1.0}, 5.0)
     rows = (
-        ("burger line", straight, travelled, "m", line, True),
-        ("burger circle way", circle, path_length, "m", way, True),
-        ("burger circle yaw", circle, turned, "rad", yaw, True),
-        ("burger spin yaw", turning, turned, "rad", spin, True),
-        ("burger fast line", fast, travelled, "m", rim_distance(1.0, 5.0), False),
+        ("burger line", straight, travelled, "m", line),
+        ("burger circle way", circle, path_length, "m", way),
+        ("burger circle yaw", circle, turned, "rad", yaw),
+        ("burger spin yaw", turning, turned, "rad", spin),
+        ("burger fast line", fast, travelled, "m", rim_distance(1.0, 5.0)),
     )
     return tuple(
-        Case(name, GROUP, (setup,), measure, unit, "analytic", truth, 0.003 * truth, family="burger", quick=quick)
-        for name, setup, measure, unit, truth, quick in rows
+        Case(name, GROUP, (setup,), measure, unit, "analytic", truth, 0.003 * truth, family="burger")
+        for name, setup, measure, unit, truth in rows
     )
 
 
@@ -82,12 +80,8 @@ def _delivery_cases() -> tuple[Case, ...]:
     truth = rim_distance(0.5, 6.0)
     family = "delivery robot"
     return (
-        Case(
-            "delivery robot line", GROUP, (setup,), travelled, "m", "analytic", truth, 0.01 * truth, family, quick=True
-        ),
-        Case(
-            "delivery robot engines", GROUP, (setup,), apart, "m", "spread", 0.0, 0.03, family, between=True, quick=True
-        ),
+        Case("delivery robot line", GROUP, (setup,), travelled, "m", "analytic", truth, 0.01 * truth, family),
+        Case("delivery robot engines", GROUP, (setup,), apart, "m", "spread", 0.0, 0.03, family, between=True),
     )
 
 

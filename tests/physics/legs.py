@@ -75,7 +75,6 @@ def _cases(legged: _Legged) -> list[Case]:
         keys["commands"] = {"joints": [{"at": 1.0, "position": dict.fromkeys(legged.held, 0.0)}]}
     stand = Setup(legged.model, 4.0, keys, legged.robot)
     figures: dict[str, Any] = {"group": GROUP, "bundled": legged.bundled, "family": legged.name}
-    figures["quick"] = legged.name == "quadruped 10 kg"
     rows: list[tuple[str, Measure, str, Any, float, float]] = [
         ("weight on its feet", carried(legged.feet), "of the weight", "analytic", 1.0, 0.01),
         ("drift while it stands", travelled, "m", "bound", 0.0, 0.002),

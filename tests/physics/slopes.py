@@ -36,16 +36,14 @@ def _slopes() -> list[Case]:
     for friction, degrees in ((0.5, 20), (0.5, 24), (1.0, 40), (0.2, 9)):
         name = f"box holds on {degrees} deg at friction {friction:g}"
         setup = _on_slope(friction, degrees)
-        cases.append(Case(name, GROUP, (setup,), travelled, "m", "bound", 0.0, 0.002, quick=degrees == 20))
+        cases.append(Case(name, GROUP, (setup,), travelled, "m", "bound", 0.0, 0.002))
     measure = acceleration_between(0.25, 1.0)
     for friction, degrees in ((0.5, 35), (0.2, 15), (1.0, 50), (0.0, 5)):
         name = f"box slides down {degrees} deg at friction {friction:g}"
         angle, setup = math.radians(degrees), _on_slope(friction, degrees)
         drive = GRAVITY * math.sin(angle)
         truth = drive - friction * GRAVITY * math.cos(angle)
-        cases.append(
-            Case(name, GROUP, (setup,), measure, "m/s^2", "analytic", truth, 0.02 * drive, quick=degrees == 35)
-        )
+        cases.append(Case(name, GROUP, (setup,), measure, "m/s^2", "analytic", truth, 0.02 * drive))
     return cases
 
 
@@ -77,7 +75,7 @@ def _ramps() -> list[Case]:
         truth = GRAVITY * math.sin(math.radians(10)) / (1 + shape)
         measure = acceleration_in_space(0.2, 1.0)
         setup = _on_ramp(ball(0.1, 1.0, 1.0, shape), 0.1, 10)
-        cases.append(Case(name, GROUP, (setup,), measure, "m/s^2", "analytic", truth, 0.02 * truth, quick=shape == 0.4))
+        cases.append(Case(name, GROUP, (setup,), measure, "m/s^2", "analytic", truth, 0.02 * truth))
     held = _on_ramp(box(_SIZE, friction=0.5), 0.05, 20)
     cases.append(Case("box holds on a ramp of 20 deg", GROUP, (held,), travelled, "m", "bound", 0.0, 0.002))
     sliding = _on_ramp(box(_SIZE, friction=0.2), 0.05, 25)
@@ -105,11 +103,7 @@ def _towers() -> list[Case]:
     for degrees, truth, tolerance in ((10, 0.0, 0.5), (12, 0.0, 0.5), (16, 90.0, 5.0), (20, 90.0, 5.0)):
         name = f"tower on {degrees} deg {'falls' if truth else 'stands'}"
         setup = _on_slope(1.0, degrees, tower, 3.0)
-        cases.append(
-            Case(
-                name, GROUP, (setup,), final_tilt, "deg", "analytic", truth, tolerance, limit=45.0, quick=degrees == 16
-            )
-        )
+        cases.append(Case(name, GROUP, (setup,), final_tilt, "deg", "analytic", truth, tolerance, limit=45.0))
     return cases
 
 
@@ -130,7 +124,6 @@ def _flights() -> list[Case]:
             apex,
             up / (2 * RATE) + 0.001,
             "thrown",
-            quick=True,
         ),
         Case("thrown ball: speed", GROUP, (thrown,), steady_speed(0.2, 1.0), "m/s", "analytic", along, 0.003, "thrown"),
     ]
@@ -147,7 +140,7 @@ def _flights() -> list[Case]:
         setup = Setup(box(size, mass), 5.0, keys, {"pose": {"z": 3.0}}, settle=0.0)
         name = f"free body turns {what}: angular momentum"
         figures: dict[str, Any] = {"unit": "N m s", "kind": "analytic", "truth": momentum, "tolerance": 0.02 * momentum}
-        cases.append(Case(name, GROUP, (setup,), angular_momentum(inertia), **figures, quick=what == "about all axes"))
+        cases.append(Case(name, GROUP, (setup,), angular_momentum(inertia), **figures))
     return cases
 
 

@@ -19,7 +19,6 @@ SURE_MARGIN: Final = 3.0
 """Converged differences that a margin needs for the verdict to be judged."""
 
 QUICK: Final = (
-    "caster 6 kg friction 0.1 line",
     "box shoved at 1 m/s on friction 0.2: distance",
     "box slides down 35 deg at friction 0.5",
 )
