@@ -16,15 +16,15 @@ _LIFT: Final = "friction of a fast contact presses bodies apart: a shove lifts t
 _LOADS: Final = "friction of a fast contact changes its load"
 _BRAKE: Final = "a wheel under a steady load creeps"
 _ORDER: Final = "the integrator is of first order"
-_AXES: Final = "friction is limited along two axes each, not in every direction alike"
-_YAW: Final = "friction depends on the direction of slip, and on how easily wheels give way"
+_SPLIT: Final = "friction is shared between two directions by the inertia in each, not by the slip"
+_YAW: Final = "these two directions are fixed in the world, not to the wheels"
 _APART: Final = "both engines turn skid-steered robots by another angle than asked"
 
 Rows = tuple[tuple[str, str, tuple[str, ...]], ...]
 
 _ROWS: Final[Rows] = (
     (
-        _AXES,
+        _SPLIT,
         "pybullet",
         (
             "caster 1 kg friction 1 spin",
@@ -227,7 +227,7 @@ _ROWS: Final[Rows] = (
 
 _MISSED_ROWS: Final[Rows] = (
     (
-        _AXES,
+        _SPLIT,
         "pybullet",
         ("caster 40 kg friction 1 spin",),
     ),
