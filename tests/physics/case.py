@@ -23,7 +23,7 @@ RATE: Final = 240.0
 FINE_RATE: Final = 1920.0
 """Physics steps per second at which verdicts count as converged."""
 
-HELD_OUT_PERCENT: Final = 30
+_HASHED_PERCENT: Final = 30
 BETWEEN: Final = "both"
 """The name that stands for an engine where a case compares both."""
 
@@ -142,6 +142,7 @@ class Case:
         between: True if the runs of both engines are compared.
         bundled: True if the model comes with PyBullet.
         quick: False if `make soak` alone runs it.
+        fresh: True if it is held out by itself, see `fresh.py`.
     """
 
     name: str
@@ -157,12 +158,13 @@ class Case:
     between: bool = False
     bundled: bool = False
     quick: bool = True
+    fresh: bool = False
 
     @property
     def held_out(self) -> bool:
-        """True if the case may not be used to tune an engine: about 30 of 100 families, by a hash of their name."""
+        """True if the case may not be used to tune an engine: a fresh one, or one whose family a hash selects."""
         digest = hashlib.sha256((self.family or self.name).encode()).digest()
-        return int.from_bytes(digest[:4], "big") % 100 < HELD_OUT_PERCENT
+        return self.fresh or int.from_bytes(digest[:4], "big") % 100 < _HASHED_PERCENT
 
     @property
     def engines(self) -> tuple[str, ...]:

@@ -29,14 +29,14 @@ def _name(mass: float, friction: float, what: str) -> str:
     return f"caster {mass:g} kg friction {friction:g} {what}"
 
 
-def _line(mass: float, friction: float) -> Case:
+def line(mass: float, friction: float) -> Case:
     name = _name(mass, friction, "line")
     setup = driven(caster_robot(mass, friction), {"linear": 0.5}, 4.0)
     measure = steady_speed(2.0, 4.0)
     return Case(name, GROUP, (setup,), measure, "m/s", "analytic", 0.5, 0.005)
 
 
-def _turn(mass: float, friction: float, linear: float, angular: float) -> Case:
+def turn(mass: float, friction: float, linear: float, angular: float) -> Case:
     name = _name(mass, friction, "circle" if linear else "spin")
     model = caster_robot(mass, friction, wheels_width=_THIN)
     setup = driven(model, {"linear": linear, "angular": angular}, 4.0)
@@ -86,9 +86,9 @@ def _delivery_cases() -> tuple[Case, ...]:
 
 
 CASES: Final = (
-    *(_line(mass, friction) for mass in _MASSES for friction in _FRICTIONS),
-    *(_turn(mass, friction, 0.3, 0.5) for mass in _MASSES for friction in _FRICTIONS),
-    *(_turn(mass, friction, 0.0, 1.0) for mass in _MASSES for friction in (0.0, 0.5, 1.0)),
+    *(line(mass, friction) for mass in _MASSES for friction in _FRICTIONS),
+    *(turn(mass, friction, 0.3, 0.5) for mass in _MASSES for friction in _FRICTIONS),
+    *(turn(mass, friction, 0.0, 1.0) for mass in _MASSES for friction in (0.0, 0.5, 1.0)),
     *_burger_cases(),
     *_delivery_cases(),
 )

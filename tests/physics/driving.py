@@ -6,7 +6,7 @@ A car turns at the rate that is asked; the radius of its curve is speed over tur
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
 from bench.robots import ROBOTS
@@ -93,10 +93,10 @@ def _sideways() -> list[Case]:
     ]
 
 
-def _ramps() -> list[Case]:
+def ramps(angles_deg: Iterable[float]) -> list[Case]:
     """The burger drives up a slope at the speed of its rims, and stays there."""
     cases = []
-    for degrees in (5, 10):
+    for degrees in angles_deg:
         ramp = {"name": "ramp", "ramp": {"length": 2, "width": 1, "angle": math.radians(degrees)}, "friction": 1}
         objects = {"world": {"objects": [{**ramp, "pose": {"x": 1.2}}]}}
         up: Mapping[str, object] = {"commands": {"rate": 10, "twist": [{"linear": 0.2, "for": 6.0}]}, **objects}
@@ -126,13 +126,18 @@ def _ramps() -> list[Case]:
     return cases
 
 
-def _pushed() -> list[Case]:
+Load = tuple[str, str, float, float, float]
+"""Name, model of the robot, and mass in kg, friction and side in m of the box that it pushes."""
+LOADS: Final[tuple[Load, ...]] = (
+    ("burger pushes 0.5 kg", _BURGER, 0.5, 0.3, 0.15),
+    ("caster robot pushes 3 kg", caster_robot(6.0, 0.0), 3.0, 0.4, 0.25),
+)
+
+
+def pushed(loads: Iterable[Load]) -> list[Case]:
     """A load ahead of a robot whose wheels can push it: the speed stays."""
     cases = []
-    for what, model, mass, friction, size in (
-        ("burger pushes 0.5 kg", _BURGER, 0.5, 0.3, 0.15),
-        ("caster robot pushes 3 kg", caster_robot(6.0, 0.0), 3.0, 0.4, 0.25),
-    ):
+    for what, model, mass, friction, size in loads:
         load = {"name": "load", "box": [size] * 3, "mass": mass, "friction": friction, "pose": {"x": 0.5}}
         setup = Setup(
             model,
@@ -146,7 +151,7 @@ def _pushed() -> list[Case]:
     return cases
 
 
-def _spinning_wheels() -> list[Case]:
+def spinning_wheels(frictions: Iterable[float]) -> list[Case]:
     """On slippery ground, wheels that are too fast pull with full friction: a = mu N / m.
 
     The load on the wheels is their share of the weight less the load that the acceleration moves to the caster behind:
@@ -154,7 +159,7 @@ def _spinning_wheels() -> list[Case]:
     that speeds up the wheels moves 1 % more, which the tolerance covers.
     """
     cases = []
-    for friction in (0.05, 0.1, 0.2):
+    for friction in frictions:
         height, behind = 0.86 * 0.10 + 0.12 * 0.075 + 0.02 * 0.025, 0.25
         truth = friction * WHEEL_LOAD * GRAVITY / (1 + friction * height / behind)
         keys = {
@@ -202,4 +207,12 @@ def _conveyed() -> list[Case]:
     return [Case("box pushed by a path", GROUP, (setup,), steady_speed(3.0, 6.0), "m/s", "analytic", 0.2, 0.002)]
 
 
-CASES: Final = (*_cars(), *_sideways(), *_ramps(), *_pushed(), *_spinning_wheels(), *_stops(), *_conveyed())
+CASES: Final = (
+    *_cars(),
+    *_sideways(),
+    *ramps((5, 10)),
+    *pushed(LOADS),
+    *spinning_wheels((0.05, 0.1, 0.2)),
+    *_stops(),
+    *_conveyed(),
+)

@@ -68,6 +68,11 @@ _ROWS: Final[Rows] = (
             "rover wide curve from 5 deg",
             "rover wide spin from 20 deg",
             "rover wide spin from 45 deg",
+            "caster 15 kg friction 0.8 spin",
+            "caster 2.5 kg friction 0.8 spin",
+            "plate on feet shoved at 1.5 m/s and 5 rad/s on friction 0.6: turn",
+            "rover heavy curve from 20 deg",
+            "rover heavy curve from 45 deg",
         ),
     ),
     (
@@ -78,6 +83,7 @@ _ROWS: Final[Rows] = (
             "burger on a ramp of 5 deg: creep at rest",
             "burger pushes 0.5 kg: its speed",
             "burger pushes 0.5 kg: the load's speed",
+            "burger on a ramp of 7 deg: creep at rest",
         ),
     ),
     (
@@ -147,6 +153,22 @@ _ROWS: Final[Rows] = (
             "rover square curve from 5 deg",
             "rover square curve over rates",
             "rover square curve over rates from 5 deg",
+            "caster 15 kg friction 0.3 circle",
+            "caster 15 kg friction 0.3 line",
+            "caster 15 kg friction 0.3 spin",
+            "caster 15 kg friction 0.8 circle",
+            "caster 15 kg friction 0.8 line",
+            "caster 15 kg friction 0.8 spin",
+            "caster 2.5 kg friction 0.3 circle",
+            "caster 2.5 kg friction 0.3 line",
+            "caster 2.5 kg friction 0.3 spin",
+            "caster 2.5 kg friction 0.8 circle",
+            "caster 2.5 kg friction 0.8 line",
+            "caster 2.5 kg friction 0.8 spin",
+            "caster robot of 15 kg pushes 4 kg: its speed",
+            "caster robot of 15 kg pushes 4 kg: the load's speed",
+            "rover heavy curve over rates",
+            "rover heavy curve over rates from 5 deg",
         ),
     ),
     (
@@ -167,6 +189,9 @@ _ROWS: Final[Rows] = (
             "crate of the world shoved: rise",
             "flat plate shoved: rise",
             "tall box shoved: rise",
+            "box shoved at 1.5 m/s on friction 0.8: rise",
+            "box shoved at 3 m/s on friction 0.35: rise",
+            "box shoved at 3 m/s on friction 0.7: rise",
         ),
     ),
     (
@@ -180,6 +205,9 @@ _ROWS: Final[Rows] = (
             "wheels spin on ground of friction 0.05",
             "wheels spin on ground of friction 0.1",
             "wheels spin on ground of friction 0.2",
+            "plate on feet shoved at 1.5 m/s and 5 rad/s on friction 0.6: distance",
+            "plate on feet shoved at 1.5 m/s and 5 rad/s on friction 0.6: turn",
+            "wheels spin on ground of friction 0.15",
         ),
     ),
     (
@@ -221,6 +249,9 @@ _ROWS: Final[Rows] = (
             "rover square spin over rates",
             "rover square spin over rates from 5 deg",
             "rover wide spin over start yaws",
+            "rover heavy curve over rates",
+            "rover heavy curve over rates from 5 deg",
+            "rover heavy curve over start yaws",
         ),
     ),
 )
@@ -229,7 +260,11 @@ _MISSED_ROWS: Final[Rows] = (
     (
         _SPLIT,
         "pybullet",
-        ("caster 40 kg friction 1 spin",),
+        (
+            "caster 40 kg friction 1 spin",
+            "rover heavy curve from 0 deg",
+            "rover heavy curve from 1 deg",
+        ),
     ),
     (
         _CREEP,
@@ -237,6 +272,8 @@ _MISSED_ROWS: Final[Rows] = (
         (
             "caster robot pushes 3 kg: its speed",
             "caster robot pushes 3 kg: the load's speed",
+            "caster 2.5 kg friction 0.3 line",
+            "caster 2.5 kg friction 0.3 spin",
         ),
     ),
     (
@@ -249,6 +286,7 @@ _MISSED_ROWS: Final[Rows] = (
             "tall box shoved: rise",
             "crate of 50 kg shoved: rise",
             "block of 50 g shoved: rise",
+            "box shoved at 1.5 m/s on friction 0.8: rise",
         ),
     ),
     (
@@ -257,6 +295,7 @@ _MISSED_ROWS: Final[Rows] = (
         (
             "plate on feet shoved at 1 m/s and 8 rad/s on friction 0.3: distance",
             "box slides down 50 deg at friction 1",
+            "wheels spin on ground of friction 0.15",
         ),
     ),
     (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Any, Final
 
 import numpy as np
@@ -24,21 +25,23 @@ from tests.physics.robots import ball, box, box_inertia
 
 GROUP: Final = "slopes and flight"
 _SIZE: Final = (0.2, 0.2, 0.1)
+_HELD: Final = ((0.5, 20), (0.5, 24), (1.0, 40), (0.2, 9))
+_SLIDING: Final = ((0.5, 35), (0.2, 15), (1.0, 50), (0.0, 5))
 
 
-def _slopes() -> list[Case]:
-    """Gravity is turned instead of the ground.
+def slopes(held: Iterable[tuple[float, float]], sliding: Iterable[tuple[float, float]]) -> list[Case]:
+    """Boxes of a friction on ground at an angle in deg; gravity is turned instead of the ground.
 
     What accelerates a sliding box is a small difference of two forces, weight along the slope and friction: the
     tolerance is 2 % of the former.
     """
     cases = []
-    for friction, degrees in ((0.5, 20), (0.5, 24), (1.0, 40), (0.2, 9)):
+    for friction, degrees in held:
         name = f"box holds on {degrees} deg at friction {friction:g}"
         setup = _on_slope(friction, degrees)
         cases.append(Case(name, GROUP, (setup,), travelled, "m", "bound", 0.0, 0.002))
     measure = acceleration_between(0.25, 1.0)
-    for friction, degrees in ((0.5, 35), (0.2, 15), (1.0, 50), (0.0, 5)):
+    for friction, degrees in sliding:
         name = f"box slides down {degrees} deg at friction {friction:g}"
         angle, setup = math.radians(degrees), _on_slope(friction, degrees)
         drive = GRAVITY * math.sin(angle)
@@ -144,4 +147,4 @@ def _flights() -> list[Case]:
     return cases
 
 
-CASES: Final = (*_slopes(), *_ramps(), *_towers(), *_flights())
+CASES: Final = (*slopes(_HELD, _SLIDING), *_ramps(), *_towers(), *_flights())

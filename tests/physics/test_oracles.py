@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.physics.arms import DOUBLE_ANGLE, DOUBLE_START, DOUBLE_TIME, weak_fall
-from tests.physics.bodies import SPUN, SpunPlate
+from tests.physics.bodies import FRESH_SPUN, SPUN, SpunPlate
 from tests.physics.oracles import GRAVITY, corners, double_pendulum, pendulum_period, runge_kutta, sliding_plate
 from tests.soak import soaked
 
@@ -45,7 +45,7 @@ def test_a_plate_that_only_turns_stops_by_its_moment_of_friction() -> None:
     assert np.abs(end[:2]).max() < 1e-9
 
 
-@pytest.mark.parametrize("plate", soaked(SPUN, SPUN[2:]), ids=lambda plate: f"{plate.spin:g} rad/s")
+@pytest.mark.parametrize("plate", soaked((*SPUN, FRESH_SPUN), SPUN[2:]), ids=lambda plate: f"{plate.spin:g} rad/s")
 def test_recorded_references_are_those_of_the_integration(plate: SpunPlate) -> None:
     x, y, angle = sliding_plate(
         corners(plate.HALF_LENGTH, plate.HALF_WIDTH),
