@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from random import Random
 
+import numpy as np
 import pytest
 
 from sim_action.robot.spec import Robot
+from sim_action.simulation.energy import Mechanics
 from sim_action.state.command import JointTargets
 from tests.integration.engines import advance, at, on_every_engine, running, scene_of
 
@@ -100,3 +105,42 @@ def test_a_slider_whose_damping_is_too_fast_for_the_steps_is_slowed_and_noted(en
         assert notes == ()
     with running(engine, scene_of(tmp_path, urdf, FIXED, rate=2000.0)) as backend:
         assert backend.notes == ()
+
+
+def mechanism(chance: Random, kinds: Sequence[str]) -> str:
+    """A tree of links of any mass, turned every way, whose joints have any damping."""
+
+    def numbers(reach: float) -> str:
+        return " ".join(f"{chance.uniform(-reach, reach):.4f}" for _ in range(3))
+
+    def part(name: str) -> str:
+        mass, size = 10 ** chance.uniform(-2, 1), chance.uniform(0.01, 0.3)
+        xx, yy, zz = (mass * size**2 * chance.uniform(0.55, 1) for _ in range(3))
+        inertia = f'<inertia ixx="{xx:.6g}" iyy="{yy:.6g}" izz="{zz:.6g}" ixy="0" ixz="0" iyz="0"/>'
+        at = f'<origin xyz="{numbers(size)}" rpy="{numbers(3)}"/>'
+        return f'<link name="{name}"><inertial>{at}<mass value="{mass:.5g}"/>{inertia}</inertial></link>'
+
+    parts = [part("l0")]
+    for number in range(1, chance.randint(2, 5) + 1):
+        kind, axis = chance.choice(kinds), chance.choice(("1 0 0", "0 1 0", "0.6 0 0.8", "0.3 -0.4 0.866"))
+        ends = f"l{chance.randint(max(0, number - 2), number - 1)}>l{number}"
+        damping = 10 ** chance.uniform(-2, 3)
+        origin = f'{numbers(0.3)}" rpy="{numbers(2)}'
+        parts += [part(f"l{number}"), joint(f"j{number}", ends, axis, damping, origin=origin, kind=kind)]
+    return robot(*parts)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_damping_adds_no_energy_to_any_mechanism(engine: str, seed: int, tmp_path: Path) -> None:
+    chance = Random(seed)
+    urdf = mechanism(chance, [("continuous",), ("prismatic",), ("continuous", "prismatic", "fixed")][seed % 3])
+    scene = scene_of(tmp_path, urdf.replace('lower="-9" upper="9"', 'lower="-1e9" upper="1e9"'), at(100.0))
+    scene = scene if seed % 2 else replace(scene, robot=FIXED)
+    with running(engine, scene) as backend:
+        limp = JointTargets(effort=dict.fromkeys((one.name for one in scene.model.moving_joints), 0.0))
+        trace = advance(backend, 0, 240, limp)
+    mechanics = Mechanics(scene.model, scene.world.gravity_xyz)
+    kinetic, potential = mechanics.energy(mechanics.frames(trace))
+    total = kinetic + potential
+    assert np.isfinite(total).all()
+    assert total.max() - total[0] <= 0.3 * kinetic.max()

@@ -5,18 +5,20 @@ takes more than twice the speed within one step, the joint swings back faster th
 limit. Models of arms have such joints: 5 N m s/rad on a forearm that rolls. PyBullet's default motors hide this,
 because they hold each joint.
 
-A turning joint gets the remedy of an implicit integrator: its parts get the moment of inertia d x dt about its axis in
-addition. With it, no damping can turn a speed round. The speed at which damping and load balance is exact, and the
-added inertia vanishes with the time step. A sliding joint cannot get a mass in the same way, because it would have a
-weight. So its damping is limited, and a note reports it.
+A turning joint gets the remedy of an implicit integrator: the links on both sides get a moment of inertia about its
+axis in addition, d x dt if the other side is fixed, and twice as much if both can move. With it, no damping can reverse
+a speed. The speed at which damping and load balance stays exact, and the added inertia vanishes with the time step.
+
+A sliding joint cannot get a mass in the same way, because it would have a weight. So its damping is limited, and a note
+reports it.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, Self
 
 import numpy as np
 import pybullet
@@ -24,7 +26,6 @@ from numpy.typing import NDArray
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Vector3
-from sim_action.engines.pybullet.queries import link_pose
 from sim_action.engines.pybullet.scene import BASE
 
 Array = NDArray[np.float64]
@@ -65,34 +66,37 @@ class _Mass:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Mechanism:
-    """The masses and joints of a robot.
+    """The rigid groups of links of a robot.
 
     Attributes:
-        parents: link -> its parent link, in the order of the robot; without the base.
-        fixed: the links that a fixed joint holds.
-        masses: link -> its mass.
+        groups: link -> the number of its group, that of its first link.
+        masses: number of a group -> its mass.
         held: True if the base is fixed.
     """
 
-    parents: dict[int, int]
-    fixed: frozenset[int]
+    groups: dict[int, int]
     masses: dict[int, _Mass]
     held: bool
 
-    def groups(self) -> dict[int, int]:
-        """Return the number of the rigid group of each link: that of its first link."""
-        groups = {BASE: BASE}
-        for link, parent in self.parents.items():
-            groups[link] = groups[parent] if link in self.fixed else link
-        return groups
+    @classmethod
+    def of(cls, parents: Mapping[int, int], fixed: Collection[int], masses: Mapping[int, _Mass], *, held: bool) -> Self:
+        """Return the groups of links.
 
-    def carried(self, link: int) -> float:
-        """Return the mass of a link and all links that hang on it."""
-        beyond = {link}
-        for child, parent in self.parents.items():
-            if parent in beyond:
-                beyond.add(child)
-        return sum(self.masses[one].mass for one in beyond)
+        :param parents: link -> its parent link, in the order of the robot; without the base.
+        :param fixed: the links that a fixed joint holds.
+        """
+        groups = {BASE: BASE}
+        for link, parent in parents.items():
+            groups[link] = groups[parent] if link in fixed else link
+        whole: dict[int, _Mass] = {}
+        for link, group in groups.items():
+            whole[group] = whole[group] + masses[link] if group in whole else masses[link]
+        return cls(groups, whole, held)
+
+    def sides(self, joint: _Damped) -> list[tuple[int, _Mass]]:
+        """Return the links on both sides of a joint that can move, each with the mass of its group."""
+        links = (link for link in (joint.child, joint.parent) if not (self.held and self.groups[link] == BASE))
+        return [(link, self.masses[self.groups[link]]) for link in links]
 
 
 def calm(client: int, robot: int, rate: float, *, bolted: bool) -> tuple[str, ...]:
@@ -107,19 +111,19 @@ def calm(client: int, robot: int, rate: float, *, bolted: bool) -> tuple[str, ..
     masses = {number: _mass(client, robot, number) for number in range(BASE, len(infos))}
     fixed = frozenset(info[0] for info in infos if info[2] == pybullet.JOINT_FIXED)
     parents = {info[0]: info[16] for info in infos}
-    mechanism = _Mechanism(parents, fixed, masses, held=bolted or not masses[BASE].mass)
+    mechanism = _Mechanism.of(parents, fixed, masses, held=bolted or not masses[BASE].mass)
     for link, axis, moment in _added(mechanism, [joint for joint in damped if not joint.is_sliding], rate):
         _add_moment(client, robot, link, axis, moment)
     notes = []
-    for joint in damped:
-        if joint.is_sliding and 0 < (most := _most_damping(mechanism, joint, rate)) < joint.damping:
-            pybullet.changeDynamics(robot, joint.child, jointDamping=most, physicsClientId=client)
-            notes.append(_note(joint, most, rate))
+    for joint, most in _limited(mechanism, [joint for joint in damped if joint.is_sliding], rate):
+        pybullet.changeDynamics(robot, joint.child, jointDamping=most, physicsClientId=client)
+        notes.append(_note(joint, most, rate))
     return tuple(notes)
 
 
 def _read(client: int, robot: int, info: Sequence[Any]) -> _Damped:
-    turned = link_pose(client, robot, info[0]).orientation_xyzw
+    # PyBullet gives the axis in the frame of the principal axes.
+    turned = _inertial(client, robot, info[0]).orientation_xyzw
     sliding = info[2] == pybullet.JOINT_PRISMATIC
     return _Damped(info[1].decode(), info[0], info[16], geometry.rotate(turned, info[13]), info[6], sliding)
 
@@ -143,48 +147,54 @@ def _added(mechanism: _Mechanism, turning: Sequence[_Damped], rate: float) -> It
 
     They are on both sides of the joints that together take too much speed of a rigid group of links.
     """
-    groups = mechanism.groups()
-    whole: dict[int, _Mass] = {}
-    for link, group in groups.items():
-        own = mechanism.masses[link]
-        whole[group] = whole[group] + own if group in whole else own
+    # Only a model that was not audited has a group without a moment.
     sides = [
-        (joint, link, _moment(whole[groups[link]], joint.axis_xyz))
+        (joint, link, mechanism.groups[link], share)
         for joint in turning
-        for link in (joint.child, joint.parent)
-        if not (mechanism.held and groups[link] == BASE)
+        for link, body in mechanism.sides(joint)
+        if (share := joint.damping / rate * _response(body, joint.axis_xyz)) > 0
     ]
-    # Only a model that was not audited has a moment of 0.
-    sides = [side for side in sides if side[2] > 0]
-    shares = dict.fromkeys(whole, 0.0)
-    for joint, link, moment in sides:
-        shares[groups[link]] += joint.damping / rate / moment
-    for joint, link, _ in sides:
-        if shares[groups[link]] > _MAX_SHARE:
-            yield link, joint.axis_xyz, joint.damping / rate
+    shares = dict.fromkeys(mechanism.masses, 0.0)
+    for _, _, group, share in sides:
+        shares[group] += share
+    for joint, link, group, _ in sides:
+        if shares[group] > _MAX_SHARE:
+            yield link, joint.axis_xyz, len(mechanism.sides(joint)) * joint.damping / rate
 
 
-def _moment(body: _Mass, axis_xyz: Vector3) -> float:
+def _response(body: _Mass, axis_xyz: Vector3) -> float:
+    """Return the angular acceleration about an axis by a torque about it, in 1/(kg m^2); 0 if there is none."""
+    if not np.isfinite(body.tensor).all() or np.linalg.matrix_rank(body.tensor) < 3:
+        return 0.0
     axis = np.array(axis_xyz)
-    return float(axis @ body.tensor @ axis)
+    return float(axis @ np.linalg.solve(body.tensor, axis))
 
 
 def _add_moment(client: int, robot: int, link: int, axis_xyz: Vector3, moment: float) -> None:
     """Add a moment of inertia about an axis (world frame) to a link, whose principal axes cannot be changed."""
     turned = _inertial(client, robot, link).orientation_xyzw
-    along = np.square(geometry.rotate(geometry.conjugate(turned), axis_xyz))
+    along = np.abs(geometry.rotate(geometry.conjugate(turned), axis_xyz))
     own = np.array(pybullet.getDynamicsInfo(robot, link, client)[2])
-    # Each principal moment counts by the square of its share of the axis.
-    more = moment * along / float(along @ along)
+    # The least sum of moments with which a torque about the axis turns the link no faster than about a principal axis.
+    more = moment * along * along.sum()
     pybullet.changeDynamics(robot, link, localInertiaDiagonal=(own + more).tolist(), physicsClientId=client)
 
 
-def _most_damping(mechanism: _Mechanism, joint: _Damped, rate: float) -> float:
-    """Return the largest damping in N s/m of a sliding joint that the masses on both sides allow."""
-    mass = mechanism.carried(joint.child)
-    if not mechanism.held:
-        mass = min(mass, mechanism.carried(BASE) - mass)
-    return _MAX_SHARE * mass * rate
+def _limited(mechanism: _Mechanism, sliding: Sequence[_Damped], rate: float) -> Iterator[tuple[_Damped, float]]:
+    """Yield the sliding joints whose damping is too great for the masses on both sides, and the damping in N s/m.
+
+    Joints of the same group share what it allows.
+    """
+    totals = dict.fromkeys(mechanism.masses, 0.0)
+    for joint in sliding:
+        for link, _ in mechanism.sides(joint):
+            totals[mechanism.groups[link]] += joint.damping
+    for joint in sliding:
+        shares = [
+            _MAX_SHARE * body.mass * rate / totals[mechanism.groups[link]] for link, body in mechanism.sides(joint)
+        ]
+        if 0 < min(shares, default=1.0) < 1:
+            yield joint, joint.damping * min(shares)
 
 
 def _note(joint: _Damped, most: float, rate: float) -> str:
