@@ -97,6 +97,36 @@ def test_a_world_file_that_does_not_exist_is_an_error(program: str, tmp_path: Pa
     assert failure.message in printed
 
 
+BALL = """\
+<robot name="ball"><link name="base">
+  <inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>
+  <collision><geometry><sphere radius="0.1"/></geometry></collision>
+  <contact><restitution value="0.9"/></contact>
+</link></robot>
+"""
+THROWN = """\
+<launch>
+  <include file="$(find gazebo_ros)/launch/empty_world.launch"/>
+  <param name="robot_description" textfile="$(find parts)/ball.urdf"/>
+  <node name="s" pkg="gazebo_ros" type="spawn_model" args="-urdf -model ball -param robot_description"/>
+</launch>
+"""
+
+
+def test_a_robot_that_would_bounce_is_a_loss(tmp_path: Path) -> None:
+    package(tmp_path, "parts", {"a.launch": THROWN, "ball.urdf": BALL})
+    words = ("--sim-time-limit", "0.5", "a.launch")
+    told = "<restitution> is 0.9, but nothing bounces in the simulation"
+
+    code, outcome, printed = called(tmp_path, "roslaunch", *words)
+    assert (code, outcome.status) == (2, "error")
+    assert told in printed
+
+    code, outcome, printed = called(tmp_path, "roslaunch", "--allow-losses", *words)
+    assert (code, outcome.status) == (0, "passed")
+    assert told in printed
+
+
 @pytest.mark.parametrize("program", ["roslaunch", "rostest"])
 def test_what_a_world_and_a_robot_lose_is_an_error_unless_it_is_allowed(program: str, tmp_path: Path) -> None:
     test = TEST.format(name="waits", s=0.2) if program == "rostest" else ""
