@@ -129,6 +129,8 @@ def _mujoco(backend: Any, scan_period: int) -> object:
             ways = _DIRECTIONS @ lidar.xmat.reshape(3, 3).T
             mujoco.mj_multiRay(model, data, lidar.xpos, ways.ravel(), group, 1, -1, geoms, distances, None, 360, RANGE)
             scans.append(np.where((distances < 0) | (distances > 1), np.inf, distances * RANGE))
-        motors.step()
+        mujoco.mj_step1(model, data)
+        motors.drive()
+        mujoco.mj_step2(model, data)
         states[step - 1, : model.nq], states[step - 1, model.nq :] = data.qpos, data.qvel
     return states, scans

@@ -103,10 +103,14 @@ def _pybullet(backend: Any) -> object:
 
 def _mujoco(backend: Any) -> object:
     """The motors are ours: the engine has none that turn wheels as they should."""
+    import mujoco
+
     motors = backend._motors  # noqa: SLF001 - as a user would have them at hand
     model, data = motors._model, motors._data  # noqa: SLF001 - as above
     states = np.empty((STEPS, model.nq + model.nv))
     for step in range(STEPS):
-        motors.step()
+        mujoco.mj_step1(model, data)
+        motors.drive()
+        mujoco.mj_step2(model, data)
         states[step, : model.nq], states[step, model.nq :] = data.qpos, data.qvel
     return states

@@ -12,16 +12,24 @@ from pydantic import Field
 
 from sim_action.core import units
 from sim_action.core.field_types import NonNegativeKilogramSquareMetres, PositiveRatio
+from sim_action.core.geometry import Vector3
 from sim_action.drives.diff import TwoSidedDrive
 from sim_action.drives.plugins import SKID_PLUGINS, StatedSides
-from sim_action.drives.wheels import MAX_AXLE_DEVIATION, Wheel, centre_of_mass, steering_joint, wheels_on_ground
+from sim_action.drives.wheels import (
+    MAX_AXLE_DEVIATION,
+    Wheel,
+    centre_of_mass,
+    rolling,
+    steering_joint,
+    wheel,
+    wheels_on_ground,
+)
 from sim_action.robot.robot_model import RobotModel
 from sim_action.world.scene import Scene
 
-# Assumed motor inertia, as a share of the robot's mass at the rim: small motors with high gear ratios have as much.
-# PyBullet splits tyre friction between lengthwise and sideways by the inertia in each direction. A wheel without motor
-# inertia slips lengthwise too easily: husky turned only half as far.
-_ASSUMED_RIM_MASS_SHARE: Final = 0.5
+# Depth in m by which each wheel presses into the ground at rest. Rigid wheels would share the load of more than three
+# wheels in an undetermined way; real ones have tyres.
+_TYRE_DEPTH_M: Final = 0.25e-3
 
 Sides = tuple[tuple[str, ...], tuple[str, ...]]
 
@@ -35,9 +43,8 @@ _HALVINGS: Final = 60
 class SkidSteer(TwoSidedDrive):
     """Two sides with several wheels each. In turns wheels slip, as if they were `slip` times as far apart.
 
-    The computed factor is valid on level ground for friction that is the same in all directions. The motor inertia,
-    which models rarely state, keeps the wheels at their commanded speed. Wheels obey the velocity limits of their
-    joints as in diff.
+    The computed factor is valid on level ground for friction that is the same in all directions. Wheels without a
+    contact stiffness in the model get that of a hard tyre. Wheels obey the velocity limits of their joints as in diff.
     """
 
     key: ClassVar[str] = "skid"
@@ -46,11 +53,11 @@ class SkidSteer(TwoSidedDrive):
 
     slip: Annotated[
         PositiveRatio | None,
-        Field(description="factor on the separation; default: computed from the positions of wheels and mass"),
+        Field(description="factor on the separation; default: computed from the wheels and the centre of mass"),
     ] = None
     rotor_inertia: Annotated[
         NonNegativeKilogramSquareMetres | None,
-        Field(description="inertia of a wheel's motor behind its gears; default: half the robot's mass at the rim"),
+        Field(description="inertia of a wheel's motor behind its gears; default: none"),
     ] = None
 
     @classmethod
@@ -73,28 +80,40 @@ class SkidSteer(TwoSidedDrive):
             return self.slip
         heading = self.forward(model)
         x, y, _ = centre_of_mass(model)
-        aheads = [placed.ahead for side in self.sides(model) for placed in side]
-        return slip_factor(footings(aheads, math.cos(heading) * x + math.sin(heading) * y), self.separation_in(model))
+        wheels = [wheel(model, name) for name in (*self.left, *self.right)]
+        aheads = [rolling(found, heading).ahead for found in wheels]
+        stands = footings(aheads, math.cos(heading) * x + math.sin(heading) * y, [found.width for found in wheels])
+        return slip_factor(stands, self.separation_in(model))
 
     def slip_text(self, model: RobotModel) -> str:
         """See TwoSidedDrive.slip_text."""
-        worked_out = "" if self.slip else " (computed from the positions of wheels and mass)"
-        return f" x slip {self.slip_factor(model):.4g}{worked_out}, rotors {self._rotor_text(model)}"
+        worked_out = "" if self.slip else " (computed from the wheels and the centre of mass)"
+        rotors = "" if self.rotor_inertia is None else f", rotors {units.display(self.rotor_inertia, 'kg m^2')}"
+        return f" x slip {self.slip_factor(model):.4g}{worked_out}{rotors}"
 
     def prepared(self, scene: Scene) -> Scene:
-        """See Drive.prepared. Adds the inertia of the motors."""
-        return replace(super().prepared(scene), rotors=self.rotors(scene.model))
+        """See Drive.prepared. Adds the inertia of the motors, and the stiffness of tyres."""
+        joints = (*self.left, *self.right)
+        wheels = frozenset(scene.model.joints_by_name[name].child for name in joints)
+        rotors = dict.fromkeys(joints, self.rotor_inertia) if self.rotor_inertia else {}
+        model = scene.model if scene.model.mjcf else _with_tyres(scene.model, wheels, scene.world.gravity_xyz)
+        return replace(super().prepared(scene), model=model, rotors=rotors, scrubbing=wheels)
 
-    def rotors(self, model: RobotModel) -> dict[str, float]:
-        """Return the motor inertia of each joint in kg m^2."""
-        stated, radii = self.rotor_inertia, self.radii(model)
-        if stated is not None:
-            return dict.fromkeys(radii, stated)
-        return {joint: _ASSUMED_RIM_MASS_SHARE * model.mass * radius**2 for joint, radius in radii.items()}
 
-    def _rotor_text(self, model: RobotModel) -> str:
-        told = dict.fromkeys(units.display(inertia, "kg m^2") for inertia in self.rotors(model).values())
-        return f"{', '.join(told)}{' (assumed)' if self.rotor_inertia is None else ''}"
+def _with_tyres(model: RobotModel, wheels: frozenset[str], gravity_xyz: Vector3) -> RobotModel:
+    """Return the model with wheels that are springs, critically damped for their share of the mass."""
+    mass = model.mass / len(wheels)
+    stiffness = mass * math.hypot(*gravity_xyz) / _TYRE_DEPTH_M
+    if not stiffness:
+        return model
+    damping = 2 * math.sqrt(stiffness * mass)
+    links = tuple(
+        replace(link, surface=replace(link.surface, stiffness=stiffness, damping=damping))
+        if link.name in wheels and link.surface.stiffness is None
+        else link
+        for link in model.links
+    )
+    return replace(model, links=links)
 
 
 def sides_on_ground(model: RobotModel) -> Sides | None:
@@ -140,13 +159,22 @@ def _parallel(wheels: Sequence[Wheel]) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Footing:
-    """The position of a wheel in m ahead of the centre of all wheels, and its share of the load."""
+    """The position of a wheel in m ahead of the centre of all wheels, its share of the load, and its width in m."""
 
     ahead: float
     load: float
+    width: float = 0.0
+
+    @property
+    def points(self) -> tuple[float, ...]:
+        """The points on which the wheel stands, in m from its middle towards the outside.
+
+        Engines support a cylinder at the two ends of its line of contact.
+        """
+        return (-self.width / 2, self.width / 2) if self.width else (0.0,)
 
 
-def footings(aheads: Sequence[float], mass_ahead: float) -> list[Footing]:
+def footings(aheads: Sequence[float], mass_ahead: float, widths: Sequence[float] = ()) -> list[Footing]:
     """Return the wheels of both sides of a robot with its centre of mass at `mass_ahead`, in m as `aheads`.
 
     Loads change linearly from front to rear, as with two axles.
@@ -155,7 +183,8 @@ def footings(aheads: Sequence[float], mass_ahead: float) -> list[Footing]:
     spread = sum((ahead - middle) ** 2 for ahead in aheads)
     lean = (mass_ahead - middle) / spread if spread else 0.0
     loads = [max(0.0, 1 / len(aheads) + lean * (ahead - middle)) for ahead in aheads]
-    return [Footing(ahead - middle, load) for ahead, load in zip(aheads, loads, strict=True)]
+    wide = widths or [0.0] * len(aheads)
+    return [Footing(ahead - middle, *rest) for ahead, *rest in zip(aheads, loads, wide, strict=True)]
 
 
 def slip_factor(wheels: Sequence[Footing], separation: float) -> float:
@@ -167,23 +196,27 @@ def slip_factor(wheels: Sequence[Footing], separation: float) -> float:
     """
     half = separation / 2
     furthest = max(abs(wheel.ahead) for wheel in wheels)
+    widest = max(wheel.width for wheel in wheels) / 2
 
     def moment(slip: float) -> float:
         shift = _root(lambda shift: sum(_sideways(wheel, slip, shift) for wheel in wheels), -furthest, furthest)
         return sum(_moment(wheel, half, slip, shift) for wheel in wheels)
 
-    return 1 + _root(moment, 0.0, 2 * furthest**2 / half) / half
+    return 1 + _root(moment, 0.0, widest + 2 * (furthest**2 + widest**2) / half) / half
 
 
 def _sideways(wheel: Footing, slip: float, shift: float) -> float:
     """Return the lateral friction of a wheel, for a turn of 1 rad/s about a point `shift` m behind the centre."""
-    return wheel.load * _over(wheel.ahead + shift, math.hypot(slip, wheel.ahead + shift))
+    across = wheel.ahead + shift
+    return wheel.load * fmean(_over(across, math.hypot(slip - out, across)) for out in wheel.points)
 
 
 def _moment(wheel: Footing, half: float, slip: float, shift: float) -> float:
-    """Return the moment of its friction about the centre; `slip`: lengthwise rim slip in m/s."""
-    arm = half * slip - wheel.ahead * (wheel.ahead + shift)
-    return wheel.load * _over(arm, math.hypot(slip, wheel.ahead + shift))
+    """Return the moment of its friction about the centre; `slip`: lengthwise rim slip at its middle in m/s."""
+    across = wheel.ahead + shift
+    arms = ((half + out) * (slip - out) - wheel.ahead * across for out in wheel.points)
+    slips = (math.hypot(slip - out, across) for out in wheel.points)
+    return wheel.load * fmean(map(_over, arms, slips))
 
 
 def _over(part: float, whole: float) -> float:

@@ -39,12 +39,14 @@ class Wheel:
         radius: radius in m; None if the model does not state it.
         position_xyz: centre of its round shape, or of its link if it has none; m, base frame.
         axis_xyz: axis of the joint; unit vector, base frame.
+        width: length in m of the line on which it stands; 0 for a sphere, or if the model does not state it.
     """
 
     joint: str
     radius: float | None
     position_xyz: Vector3
     axis_xyz: Vector3
+    width: float = 0.0
 
 
 def wheel(model: RobotModel, joint_name: str) -> Wheel:
@@ -125,7 +127,8 @@ def _wheel(model: RobotModel, joint: Joint, poses: Mapping[str, Pose]) -> Wheel:
     pose, tyre = poses[joint.child], _tyre(model, joint)
     middle = geometry.compose(pose, tyre.pose) if tyre else pose
     axis = geometry.rotate(pose.orientation_xyzw, joint.axis_xyz)
-    return Wheel(joint.name, tyre.radius if tyre else None, middle.position_xyz, axis)
+    width = tyre.upper_xyz[2] - tyre.lower_xyz[2] if tyre and tyre.kind == "cylinder" else 0.0
+    return Wheel(joint.name, tyre.radius if tyre else None, middle.position_xyz, axis, width)
 
 
 def _on_ground(model: RobotModel, poses: Mapping[str, Pose], ground: float) -> Iterator[Wheel]:

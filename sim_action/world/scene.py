@@ -44,6 +44,7 @@ class Scene:
     Attributes:
         seed: of the scenario; `generator` draws random numbers from it.
         rotors: joint -> reflected inertia of its motor in kg m^2; missing joints have none.
+        scrubbing: links of wheels that slip sideways whenever the robot turns; PyBullet computes their friction better.
         mobility: the motions that the drive allows, if there is one.
         parts: name of a body -> its parts, for bodies whose shapes were read from files.
         sensors: of the scenario.
@@ -60,6 +61,7 @@ class Scene:
     workspace: Workspace
     seed: int = 0
     rotors: Mapping[str, float] = field(default_factory=dict)
+    scrubbing: frozenset[str] = frozenset()
     mobility: Mobility = field(default_factory=Mobility)
     parts: Mapping[str, tuple[Part, ...]] = field(default_factory=dict)
     sensors: tuple[Fitting, ...] = ()

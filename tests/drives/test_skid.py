@@ -14,12 +14,17 @@ from pydantic import ValidationError
 from sim_action.core.geometry import Twist, Vector3
 from sim_action.drives import recognise
 from sim_action.drives.skid import Footing, SkidSteer, footings, slip_factor
-from sim_action.robot.robot_model import Plugin, RobotModel
+from sim_action.robot.robot_model import Plugin, RobotModel, Surface
 from sim_action.state.command import JointTargets
+from sim_action.world import World
+from sim_action.world.scene import Scene
+from tests import traces
 from tests.drives.carts import FOUR, RADIUS, cart, steered, wheel
 
 SKID = SkidSteer(left=("a", "b"), right=("c", "d"))
-SLIP = 1 + (0.4 / 0.6) ** 2
+# Of wheels without a width, 0.4 m and 0.6 m apart.
+NARROW = 1 + (0.4 / 0.6) ** 2
+SLIP = slip_factor(footings([0.2, -0.2] * 2, 0.0, [0.04] * 4), 0.6)
 ALONG_X: Vector3 = (1.0, 0.0, 0.0)
 
 
@@ -122,22 +127,50 @@ def test_turning_takes_rims_that_are_faster_by_the_slip(slip: float | None, fact
 def test_where_the_mass_is_counts() -> None:
     forward, rearward = (SKID.slip_factor(cart(*FOUR, mass_ahead=ahead)) for ahead in (0.1, -0.1))
     assert forward == pytest.approx(rearward)
-    assert forward < SLIP
+    assert forward < NARROW < SLIP
 
 
 def test_a_description_says_the_slip_and_where_it_is_from() -> None:
     assert SKID.describe(cart(*FOUR)) == (
-        "skid steer: left a, b; right c, d; wheel radius 0.1 m, separation 0.6 m x slip 1.444 (computed from "
-        "the positions of wheels and mass), rotors 0.05 kg m^2 (assumed), acceleration 1 m/s^2"
+        "skid steer: left a, b; right c, d; wheel radius 0.1 m, separation 0.6 m x slip 1.451 (computed from "
+        "the wheels and the centre of mass), acceleration 1 m/s^2"
     )
     stated = SKID.model_copy(update={"slip": 1.5, "rotor_inertia": 0.2})
     assert "x slip 1.5, rotors 0.2 kg m^2, acc" in stated.describe(cart(*FOUR))
 
 
-@pytest.mark.parametrize(("stated", "inertia"), [(None, 0.5 * 10.0 * RADIUS**2), (0.0, 0.0), (0.3, 0.3)])
-def test_its_motors_have_rotors(stated: float | None, inertia: float) -> None:
+def prepared(drive: SkidSteer, model: RobotModel, gravity: float = 9.80665) -> Scene:
+    world = World(gravity=(0.0, 0.0, -gravity))
+    return drive.prepared(dataclasses.replace(traces.scene(), model=model, world=world))
+
+
+@pytest.mark.parametrize("stated", [None, 0.0, 0.3])
+def test_motors_have_the_rotors_that_are_stated(stated: float | None) -> None:
     drive = SKID.model_copy(update={"rotor_inertia": stated})
-    assert drive.rotors(cart(*FOUR)) == {name: pytest.approx(inertia) for name in "abcd"}
+    assert prepared(drive, cart(*FOUR)).rotors == (dict.fromkeys("abcd", stated) if stated else {})
+
+
+def test_wheels_have_tyres_that_give_way_a_little_under_the_weight() -> None:
+    scene = prepared(SKID, cart(*FOUR))
+    links = scene.model.links_by_name
+    assert scene.scrubbing == {f"{name}_link" for name in "abcd"}
+    for name in scene.scrubbing:
+        surface, mass = links[name].surface, scene.model.mass / 4
+        assert surface.stiffness == pytest.approx(mass * 9.80665 / 0.00025)
+        assert surface.stiffness is not None
+        assert surface.damping == pytest.approx(2 * math.sqrt(surface.stiffness * mass))
+    assert links["base"].surface.stiffness is None
+
+
+def test_stated_tyres_stay_and_without_gravity_there_are_none() -> None:
+    model = cart(*FOUR)
+    own = Surface(1.0, 5e4, 100.0)
+    links = tuple(dataclasses.replace(link, surface=own) if link.name == "a_link" else link for link in model.links)
+    found = prepared(SKID, dataclasses.replace(model, links=links)).model.links_by_name
+    assert found["a_link"].surface == own
+    assert found["b_link"].surface.stiffness
+    weightless = prepared(SKID, model, gravity=0.0).model.links_by_name
+    assert weightless["a_link"].surface.stiffness is None
 
 
 @pytest.mark.parametrize("spec", [{"slip": 0}, {"slip": -1}, {"rotor_inertia": -1}, {"left": []}, {"slips": 1}])
@@ -149,8 +182,8 @@ def test_drives_that_cannot_be_are_refused(spec: dict[str, Any]) -> None:
 sizes = st.floats(0.05, 3)
 
 
-def four(wheelbase: float, mass_ahead: float = 0.0) -> list[Footing]:
-    return footings([wheelbase / 2, -wheelbase / 2] * 2, mass_ahead)
+def four(wheelbase: float, mass_ahead: float = 0.0, width: float = 0.0) -> list[Footing]:
+    return footings([wheelbase / 2, -wheelbase / 2] * 2, mass_ahead, [width] * 4)
 
 
 @given(sizes, sizes)
@@ -163,19 +196,28 @@ def test_two_wheels_do_not_slip(separation: float) -> None:
     assert slip_factor(footings([0.0, 0.0], 0.0), separation) == 1.0
 
 
-@given(sizes, sizes, st.floats(-1, 1))
-def test_friction_cancels_at_the_factor(wheelbase: float, separation: float, lean: float) -> None:
+@given(sizes, sizes, st.floats(-1, 1), st.floats(0, 0.5))
+def test_friction_cancels_at_the_factor(wheelbase: float, separation: float, lean: float, wide: float) -> None:
     """The work that friction does is least there: neither another turning rate nor a step aside makes it less."""
-    wheels, half = four(wheelbase, 0.9 * lean * wheelbase / 2), separation / 2
+    wheels, half = four(wheelbase, 0.9 * lean * wheelbase / 2, wide * separation), separation / 2
     rim = half * slip_factor(wheels, separation)
 
     def work(turn: float, aside: float) -> float:
-        return sum(w.load * math.hypot(rim - turn * half, turn * w.ahead + aside) for w in wheels)
+        return sum(
+            w.load / 2 * math.hypot(rim - turn * (half + way * w.width / 2), turn * w.ahead + aside)
+            for w in wheels
+            for way in (-1, 1)
+        )
 
     step = 1e-4 * wheelbase
     least = min(work(1.0, aside * wheelbase / 2000) for aside in range(-1000, 1001))
     for turn in (0.99, 1.01):
         assert min(work(turn, aside * wheelbase / 2000) for aside in range(-1000, 1001)) >= least - step
+
+
+def test_wide_wheels_slip_more() -> None:
+    narrow, wide, wider = (slip_factor(four(0.5, width=width), 0.6) for width in (0.0, 0.1, 0.2))
+    assert 1.0 < narrow < wide < wider
 
 
 def test_what_carries_little_holds_back_little() -> None:

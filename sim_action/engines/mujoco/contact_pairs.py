@@ -15,8 +15,10 @@ from sim_action.robot.robot_model import Surface
 FRICTION_RATIO: Final = 100.0
 """Ratio of friction to normal impedance, so high that robots do not creep down slopes."""
 
-# Impedance of a contact (the share of a force that it resists), and its time constant in s and in steps.
-_IMPEDANCE: Final = 0.9
+CONTACT_IMPEDANCE: Final = 0.9
+"""Impedance of a contact: the share of a force that it resists."""
+
+# Time constant of a contact in s and in steps.
 _TIME_CONSTANT_S: Final = 0.01
 _TIME_CONSTANT_STEPS: Final = 2.5
 # Number of contacts that carry a body at rest; its weight then presses none of them in.
@@ -103,9 +105,9 @@ def _time(rate: float) -> float:
 def _hard(rate: float, gravity: float) -> dict[str, Any]:
     """Return the parameters of the hardest contact that does not separate, with a margin that carries the weight."""
     time = _time(rate)
-    depth = gravity * time**2 * (1 - _IMPEDANCE) / _IMPEDANCE**2
+    depth = gravity * time**2 * (1 - CONTACT_IMPEDANCE) / CONTACT_IMPEDANCE**2
     return {
         "solref": [time, 1.0],
-        "solimp": [_IMPEDANCE, _IMPEDANCE, 0.001, 0.5, 2.0],
+        "solimp": [CONTACT_IMPEDANCE, CONTACT_IMPEDANCE, 0.001, 0.5, 2.0],
         "margin": depth / _CONTACTS,
     }

@@ -26,6 +26,7 @@ from sim_action.engines.mujoco.motors import Motors
 from sim_action.engines.mujoco.names import with_user_names
 from sim_action.engines.mujoco.queries import Distances, Links, Objects, Rays
 from sim_action.engines.mujoco.scene import CompiledScene
+from sim_action.engines.mujoco.sliding import SlidingContacts
 from sim_action.engines.mujoco.state_recorder import StateRecorder
 from sim_action.engines.observers import BodyRecorder, LazyContacts
 from sim_action.engines.path_contacts import PathContacts
@@ -66,6 +67,7 @@ class MuJoCoEngine:
         except _REFUSALS as error:
             raise EngineError(f"the engine refused the world: {with_user_names(str(error), scene)}") from None
         self._scene, self._rate = scene, scene.physics.rate
+        self._model, self._data = compiled.model, compiled.data
         self._joint_names = tuple(joint.name for joint in scene.model.moving_joints)
         self._motors = Motors(scene.model, compiled, self._rate)
         self._pusher, self._pushes = BasePusher(compiled, self._rate), False
@@ -74,6 +76,7 @@ class MuJoCoEngine:
         self._objects = Objects(compiled)
         self._rays = Rays(compiled)
         self._contacts = Contacts(compiled)
+        self._sliding = SlidingContacts(compiled)
         self._control = MuJoCoBodyControl(compiled, self._objects)
         self._events = WorldEvents.of(scene, self._control)
         self._distances = distances = Distances(compiled)
@@ -221,9 +224,14 @@ class MuJoCoEngine:
 
     def _step(self, step: int) -> None:
         """Step to the state with this number."""
-        if self._events is None:
-            self._motors.step()
-            return
-        self._events.before_step(step - 1)
-        self._motors.step(self._control.carry)
-        self._events.after_step(step)
+        events, model, data = self._events, self._model, self._data
+        if events is not None:
+            events.before_step(step - 1)
+        mujoco.mj_step1(model, data)
+        self._motors.drive()
+        if events is not None:
+            self._control.carry()
+        self._sliding.correct()
+        mujoco.mj_step2(model, data)
+        if events is not None:
+            events.after_step(step)

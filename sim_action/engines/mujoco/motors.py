@@ -7,10 +7,8 @@ acceleration is -b v; adding b v_target between the two halves of a step brings 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Final
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -74,19 +72,14 @@ class Motors:
         else:
             self._aim()
 
-    def step(self, between: Callable[[], None] | None = None) -> None:
-        """Step the engine; `between` is called between its halves, when contacts are known and forces are not."""
+    def drive(self) -> None:
+        """Set the motors' rows for this step, between its halves: then rows are known and forces are not."""
         self._exerted = self._exerting
-        if self._still and between is None:
-            mujoco.mj_step(self._model, self._data)
+        if self._still:
             return
-        mujoco.mj_step1(self._model, self._data)
         if len(self._servos):
             self._servo()
         self._data.efc_aref[self._exerting[1]] += self._bias
-        if between is not None:
-            between()
-        mujoco.mj_step2(self._model, self._data)
 
     def efforts(self) -> FloatArray:
         """Return the efforts (J,) of the last step in N m or N; the array is valid until the next step."""

@@ -48,6 +48,7 @@ from sim_action.engines.pybullet.scene import (
     place,
     set_surfaces,
 )
+from sim_action.engines.pybullet.sliding import SlidingWheels
 from sim_action.engines.world_events import WorldEvents
 from sim_action.state.command import BasePush, JointTargets
 from sim_action.state.observation import ByName, Clash, Contact, JointState, Observation, Overlap
@@ -68,7 +69,7 @@ class PyBulletEngine:
         self._client, self._ground = connected()
         self._lazy_contacts = LazyContacts()
         try:
-            configure(self._client, scene.physics.rate, scene.world.gravity_xyz)
+            configure(self._client, scene.physics.rate, scene.world.gravity_xyz, exact=bool(scene.scrubbing))
             tiles = pave(self._client, self._ground, scene.world)
             self._objects = {
                 body.name: add_object(self._client, body, scene.parts_of(body)) for body in scene.world.objects
@@ -87,6 +88,8 @@ class PyBulletEngine:
         self._read_joints(scene)
         self.notes = calm(self._client, self._robot, scene.physics.rate, bolted=scene.bolted)
         self._place_robot(scene)
+        scrubbing = [self._links[name] for name in scene.scrubbing]
+        self._sliding = SlidingWheels(self._client, self._robot, scrubbing) if scrubbing else None
         self._events = WorldEvents.of(scene, PyBulletBodyControl(self._client, self._robot, self._links, self._objects))
         distances = Distances(self._client, self._robot, self._link_names, self._body_names)
         shaped = [link.name for link in scene.model.links if link.collisions]
@@ -115,12 +118,7 @@ class PyBulletEngine:
         for step, wanted in enumerate(targets, start=first_step + 1):
             if wanted is not None:
                 self._apply(wanted)
-            if self._held_efforts:
-                self._push(self._held_efforts)
-            if self._base_push is not None:
-                here = self.observe(step, contacts=False)
-                found = base_wrench(self._base_push, self._robot_inertia, here.pose, here.twist, 1 / self._rate)
-                apply_wrench(self._client, self._robot, found)
+            self._apply_forces(step)
             if self._events is not None:
                 self._events.before_step(step - 1)
             pybullet.stepSimulation(self._client)
@@ -134,6 +132,17 @@ class PyBulletEngine:
             if not self._clearances.is_idle:
                 row = self._rows[-1]
                 self._clearances.record(step, row[1:8], row[14 : 14 + len(self._indices)])
+
+    def _apply_forces(self, step: int) -> None:
+        """Apply the forces that PyBullet forgets after each step."""
+        if self._held_efforts:
+            self._push(self._held_efforts)
+        if self._base_push is not None:
+            here = self.observe(step, contacts=False)
+            found = base_wrench(self._base_push, self._robot_inertia, here.pose, here.twist, 1 / self._rate)
+            apply_wrench(self._client, self._robot, found)
+        if self._sliding is not None:
+            self._sliding.correct()
 
     def _record_bodies(self, step: int) -> None:
         if self._read_bodies is not None:

@@ -33,6 +33,8 @@ BASE: Final = -1
 _DROP_HEIGHT_M: Final = 100.0
 # Bullet's default. The setting outlives a connection, so it is set for each one.
 _CONTACT_BREAKING_THRESHOLD: Final = 0.02
+# Bullet's default, which also outlives a connection.
+_RESIDUAL_THRESHOLD: Final = 1e-7
 # Cylinders as hulls would ride 1 mm high and cost twice as much. The default inertia is that of the collision shapes.
 _LOAD_FLAGS: Final = pybullet.URDF_USE_IMPLICIT_CYLINDER | pybullet.URDF_USE_INERTIA_FROM_FILE
 # A gear is stronger than any motor, and corrects most of its error within one step.
@@ -40,10 +42,15 @@ _GEAR_FORCE: Final = 1e5
 _GEAR_CORRECTION: Final = 0.8
 
 
-def configure(client: int, rate: float, gravity_xyz: Vector3) -> None:
-    """Set gravity, time step and the other parameters of the whole simulation."""
+def configure(client: int, rate: float, gravity_xyz: Vector3, *, exact: bool = False) -> None:
+    """Set gravity, time step and the other parameters of the whole simulation.
+
+    `exact`: the solver uses all its iterations. It otherwise stops early, and the forces on a robot that stands on more
+    than three wheels depend on when it stopped.
+    """
     pybullet.setGravity(*gravity_xyz, client)
     pybullet.setPhysicsEngineParameter(
+        solverResidualThreshold=0.0 if exact else _RESIDUAL_THRESHOLD,
         fixedTimeStep=1 / rate,
         contactBreakingThreshold=_CONTACT_BREAKING_THRESHOLD,
         deterministicOverlappingPairs=1,

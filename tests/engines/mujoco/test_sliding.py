@@ -1,0 +1,91 @@
+"""Contacts that slide neither lift off nor sink in, and contacts that stick are left alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim_action.core.geometry import Vector3
+from sim_action.state.trace import FloatArray
+from tests.integration.engines import advance, at, push, running, scene_of
+from tests.soak import examples
+
+GRAVITY = 9.80665
+HEIGHT = 0.1
+
+pytest.importorskip("mujoco", reason="mujoco is not installed")
+
+
+def box(friction: float, mass: float = 1.0) -> str:
+    """A box of 0.2 x 0.2 x 0.1 m."""
+    low, high = mass * (0.2**2 + HEIGHT**2) / 12, mass * (0.2**2 + 0.2**2) / 12
+    inertia = f'<inertia ixx="{low}" iyy="{low}" izz="{high}" ixy="0" ixz="0" iyz="0"/>'
+    surface = f'<gazebo reference="box"><mu1>{friction}</mu1><mu2>{friction}</mu2></gazebo>'
+    return f"""<robot name="box"><link name="box"><inertial><mass value="{mass}"/>{inertia}</inertial>
+        <collision><geometry><box size="0.2 0.2 {HEIGHT}"/></geometry></collision></link>{surface}</robot>"""
+
+
+def shoved(folder: Path, urdf: str, velocity: Vector3, *, rate: float = 240.0, z: float | None = None) -> FloatArray:
+    """The positions (T, 3) of a body that has come to rest, or that is at the height `z`, after a shove."""
+    seconds = 2
+    with running("mujoco", scene_of(folder, urdf, at(z), rate=rate)) as backend:
+        steps = round(rate) if z is None else 0
+        advance(backend, 0, steps)
+        push(backend, velocity)
+        return advance(backend, steps, round(seconds * rate)).base_position_xyz
+
+
+@pytest.mark.parametrize("rate", [120.0, 240.0, 1000.0])
+@pytest.mark.parametrize("friction", [0.2, 0.5, 1.0])
+def test_a_shove_neither_lifts_a_box_nor_presses_it_in(friction: float, rate: float, tmp_path: Path) -> None:
+    heights = shoved(tmp_path, box(friction), (4.0, 0.0, 0.0), rate=rate)[:, 2] - HEIGHT / 2
+    assert heights.max() < 0.0005
+    assert heights.min() > -0.002
+
+
+@examples(20)
+@given(friction=st.floats(0.1, 1.0), speed=st.floats(0.3, 6.0), direction=st.floats(0, 6.3), mass=st.floats(0.05, 50))
+def test_a_shoved_box_stops_where_coulomb_says(
+    friction: float, speed: float, direction: float, mass: float, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    way = speed * np.array([np.cos(direction), np.sin(direction), 0.0])
+    x, y, z = way.tolist()
+    positions = shoved(tmp_path_factory.mktemp("box"), box(friction, mass), (x, y, z))
+    seconds = min(2.0, speed / (friction * GRAVITY))
+    # The first row is one step after the shove.
+    distance = speed * seconds - friction * GRAVITY * seconds**2 / 2 - speed / 240
+    moved = positions[-1, :2] - positions[0, :2]
+    assert np.linalg.norm(moved) == pytest.approx(distance, abs=0.003, rel=0.03)
+    assert positions[:, 2].max() - HEIGHT / 2 < 0.001
+
+
+@pytest.mark.parametrize("friction", [0.3, 1.0])
+@pytest.mark.parametrize("sideways", [0.0, 0.5, 1.0, 3.0])
+def test_a_box_that_lands_obliquely_does_not_sink_in(friction: float, sideways: float, tmp_path: Path) -> None:
+    falls = (sideways, 0.0, -1.0)
+    heights = shoved(tmp_path, box(friction), falls, z=HEIGHT / 2 + 0.02)[:, 2] - HEIGHT / 2
+    straight = shoved(tmp_path, box(friction), (0.0, 0.0, -1.0), z=HEIGHT / 2 + 0.02)[:, 2] - HEIGHT / 2
+    assert heights.min() > straight.min() - 0.004
+    assert abs(heights[-1]) < 0.0005
+
+
+def test_a_box_at_rest_is_left_alone(tmp_path: Path) -> None:
+    from sim_action.engines.mujoco.engine import MuJoCoEngine
+
+    with running("mujoco", scene_of(tmp_path, box(0.5), at())) as backend:
+        assert isinstance(backend, MuJoCoEngine)
+        advance(backend, 0, 240)
+        before = backend._data.efc_aref.copy()
+        backend._sliding.correct()
+        assert backend._data.ncon == 4
+        assert np.array_equal(before, backend._data.efc_aref)
+
+
+def test_without_friction_nothing_is_corrected(tmp_path: Path) -> None:
+    positions = shoved(tmp_path, box(0.0), (2.0, 0.0, 0.0))
+    assert positions[-1, 0] - positions[0, 0] == pytest.approx(2.0 * 2 - 2.0 / 240, abs=1e-3)
+    assert np.abs(positions[:, 2] - HEIGHT / 2).max() < 0.0005
