@@ -128,11 +128,12 @@ def test_the_forces_of_a_bump_differ_little_between_rates_in_pybullet(folder: Pa
 
 @pytest.mark.skipif("mujoco" not in installed(), reason="MuJoCo is not installed")
 def test_the_forces_of_a_bump_differ_little_between_rates_in_mujoco(folder: Path) -> None:
-    """The robot that drives on bounces off and hits the wall again, at every rate in another way."""
-    forces = [run.verdicts[0].measured or 0.0 for run in bumps("mujoco", folder)]
-    assert max(forces) <= 1.3 * min(forces)
-    longer = [greatest_mean(run.trace, rate, 0.5) for rate, run in zip(RATES, bumps("mujoco", folder), strict=True)]
-    assert max(longer) <= 1.1 * min(longer)
+    """At 120 Hz, a contact takes longer to stop the robot than the window lasts."""
+    coarse, *forces = [run.verdicts[0].measured or 0.0 for run in bumps("mujoco", folder)]
+    assert max(forces) <= 1.1 * min(forces)
+    assert max(forces) < coarse <= 1.4 * min(forces)
+    _, *longer = [greatest_mean(run.trace, rate, 0.5) for rate, run in zip(RATES, bumps("mujoco", folder), strict=True)]
+    assert max(longer) <= 1.02 * min(longer)
 
 
 def test_a_stored_trace_at_10_hz_has_the_verdicts_of_the_run(tmp_path: Path) -> None:

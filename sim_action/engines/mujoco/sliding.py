@@ -11,6 +11,9 @@ The reference of friction rows is -b v, with the slip speed v. Stopping an appro
 lets friction take its part of |w|; a contact that sticks has no w. An estimate of |w| that is too high only lets
 surfaces sink into each other by fractions of a millimetre.
 
+An impact changes the slip within its step: a robot that hits a wall stops, while its wheels turn on. Such a step is
+solved once more before, to know w.
+
 Within a pair of shapes, differences of mu |w| are kept as far as they are small: an end of a wheel that slips more then
 carries less. Two ends that carry 4 % more and less would otherwise turn on the spot about the one that carries more,
 where a line of contact turns about its middle (measured: 1.4 % less yaw of the burger).
@@ -21,10 +24,17 @@ from __future__ import annotations
 import math
 from typing import Any, Final, NamedTuple
 
+import mujoco
+import numpy as np
+
 from sim_action.engines.mujoco.contact_pairs import CONTACT_IMPEDANCE
 from sim_action.engines.mujoco.scene import CompiledScene
 
 _MAX_REMEMBERED_SETS: Final = 256
+# Acceleration in m/s^2 that stops an approach, from which on a contact is an impact.
+_MIN_IMPACT: Final = 5.0
+# Share of its limit that the friction of a sliding contact has, after rounding.
+_LIMIT_SHARE: Final = 0.99
 # Rows of a contact with friction: normal, and two directions along the surface.
 _ROWS: Final = 3
 
@@ -50,14 +60,28 @@ class _Pair(NamedTuple):
     contacts: list[_Rows]
 
 
+class _Touching(NamedTuple):
+    """A set of contacts; rows are counted from the end of all rows.
+
+    Attributes:
+        pairs: contacts with friction.
+        first: the first row of all contacts.
+        frictionless: rows of the normals of contacts without friction.
+    """
+
+    pairs: list[_Pair]
+    first: int
+    frictionless: list[int]
+
+
 class SlidingContacts:
     """Corrects the reference accelerations of contacts between the two halves of each step."""
 
     def __init__(self, compiled: CompiledScene) -> None:
-        self._data = compiled.data
+        self._model, self._data = compiled.model, compiled.data
         self._yields = math.hypot(*compiled.model.opt.gravity) * (1 - CONTACT_IMPEDANCE) / CONTACT_IMPEDANCE
-        # Touching geoms, as bytes -> their pairs. The order of contacts is that of the geoms.
-        self._known: dict[bytes, list[_Pair]] = {}
+        # Touching geoms, as bytes -> their contacts. The order of contacts is that of the geoms.
+        self._known: dict[bytes, _Touching] = {}
         # Number of contacts -> live view of their geoms, see `Contacts`.
         self._geoms: dict[int, memoryview] = {}
 
@@ -70,34 +94,62 @@ class SlidingContacts:
         if count not in self._geoms:
             self._geoms[count] = memoryview(data.contact.geom)
         touching = self._geoms[count].tobytes()
-        found = self._known.get(touching)
-        if found is None:
-            found = self._find(touching)
-        if not found:
+        found = self._known.get(touching) or self._find(touching)
+        pairs, first, frictionless = found
+        if not pairs:
             return
         references = data.efc_aref
         # Called at every step. For few numbers a list takes a fifth of the time of an array.
-        values = references[found[0].contacts[0][0] :].tolist()
-        for friction, yields, contacts in found:
+        values = references[first:].tolist()
+        hits = False
+        for row in frictionless:
+            hits |= values[row] > _MIN_IMPACT
+        for friction, yields, contacts in pairs:
             for row, row_x, row_y in contacts:
                 normal, slip_x, slip_y = values[row], values[row_x], values[row_y]
+                hits |= normal > _MIN_IMPACT
                 least = yields / friction + (friction * normal if normal > 0.0 else 0.0)
                 if slip_x * slip_x + slip_y * slip_y > least * least:
                     _lower(references, values, friction, _KEPT_SHARE * yields, contacts)
+                    hits |= any(values[row] > _MIN_IMPACT for row, _, _ in contacts)
                     break
+        if hits:
+            self._correct_impact(references, values, pairs)
 
-    def _find(self, touching: bytes) -> list[_Pair]:
+    def _correct_impact(self, references: Any, values: list[float], pairs: list[_Pair]) -> None:
+        """Solve the step, and correct its references by the slip in it; `values`: the references before."""
+        model, data = self._model, self._data
+        mujoco.mj_fwdActuation(model, data)
+        mujoco.mj_fwdAcceleration(model, data)
+        mujoco.mj_fwdConstraint(model, data)
+        accelerations = np.zeros(data.nefc)
+        mujoco.mj_mulJacVec(model, data, accelerations, data.qacc)
+        forces = data.efc_force
+        for friction, _, contacts in pairs:
+            for row, row_x, row_y in contacts:
+                references[row] = values[row]
+                if math.hypot(forces[row_x], forces[row_y]) > _LIMIT_SHARE * friction * forces[row]:
+                    along_x, along_y = accelerations[row_x] - values[row_x], accelerations[row_y] - values[row_y]
+                    references[row] -= friction * math.hypot(along_x, along_y)
+
+    def _find(self, touching: bytes) -> _Touching:
         contacts, rows = self._data.contact, self._data.nefc
         pairs: dict[tuple[int, ...], _Pair] = {}
         firsts, dimensions = contacts.efc_address.tolist(), contacts.dim.tolist()
         frictions, geoms = contacts.friction[:, 0].tolist(), contacts.geom.tolist()
+        frictionless = []
         for first, dimension, friction, pair in zip(firsts, dimensions, frictions, geoms, strict=True):
-            if dimension == _ROWS and first >= 0:
+            row = first - rows
+            if first >= 0 and dimension == _ROWS:
                 known = pairs.setdefault(tuple(pair), _Pair(friction, self._yields / len(firsts), []))
-                known.contacts.append((first - rows, first - rows + 1, first - rows + 2))
+                known.contacts.append((row, row + 1, row + 2))
+            elif first >= 0:
+                frictionless.append(row)
         if len(self._known) == _MAX_REMEMBERED_SETS:
             self._known.clear()
-        self._known[touching] = found = list(pairs.values())
+        active = [first for first in firsts if first >= 0]
+        found = _Touching(list(pairs.values()), min(active, default=rows) - rows, frictionless)
+        self._known[touching] = found
         return found
 
 

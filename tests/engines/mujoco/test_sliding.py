@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,13 +10,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Vector3
+from sim_action.state.command import JointTargets
 from sim_action.state.trace import FloatArray
+from sim_action.world import Body, World
+from tests import traces
 from tests.integration.engines import advance, at, push, running, scene_of
 from tests.soak import examples
 
 GRAVITY = 9.80665
 HEIGHT = 0.1
+WHEELS = ("wheel_left_joint", "wheel_right_joint")
 
 pytest.importorskip("mujoco", reason="mujoco is not installed")
 
@@ -89,3 +95,16 @@ def test_without_friction_nothing_is_corrected(tmp_path: Path) -> None:
     positions = shoved(tmp_path, box(0.0), (2.0, 0.0, 0.0))
     assert positions[-1, 0] - positions[0, 0] == pytest.approx(2.0 * 2 - 2.0 / 240, abs=1e-3)
     assert np.abs(positions[:, 2] - HEIGHT / 2).max() < 0.0005
+
+
+def test_a_robot_that_drives_into_a_wall_does_not_hop(tmp_path: Path) -> None:
+    """It stops within a step while its wheels turn on, so that their slip arises in this step."""
+    wall = Body(name="wall", box=(0.1, 1.0, 0.5), pose=Placement(x=0.3))
+    scene = replace(traces.scene(), world=World(objects=(wall,)))
+    with running("mujoco", scene, contacts=True) as backend:
+        advance(backend, 0, 240)
+        speeds = [dict.fromkeys(WHEELS, 0.2 * step / 48 / 0.033) for step in range(49)]
+        trace = advance(backend, 240, 720, *(JointTargets(velocity=speed) for speed in speeds))
+    heights = trace.base_position_xyz[:, 2]
+    assert trace.contacts
+    assert heights.max() - heights[0] < 0.0002
