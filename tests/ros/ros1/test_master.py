@@ -52,10 +52,21 @@ class Ros:
                 started.kill()
 
 
+def free_port() -> int:
+    """A port that no client of another test is given: those begin at 32768 (ip_local_port_range)."""
+    port = 10_000 + os.getpid() % 20_000
+    while True:
+        try:
+            socket.create_server(("localhost", port)).close()
+        except OSError:
+            port += 1
+        else:
+            return port
+
+
 @pytest.fixture
 def master() -> Iterator[Ros]:
-    with socket.create_server(("localhost", 0)) as free:
-        port = free.getsockname()[1]
+    port = free_port()
     command = [str(ros().program("rosmaster")), "--core", "-p", str(port)]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as started:
         made = Ros(f"http://localhost:{port}/", started.pid)
