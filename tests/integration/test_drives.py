@@ -270,6 +270,30 @@ CORNERS: Final = {side: [f"front_{side}_wheel_joint", f"rear_{side}_wheel_joint"
 
 
 @on_every_engine
+def test_skid_steer_turns_on_a_body_that_moves(engine: str, tmp_path: Path) -> None:
+    """A platform that drives away carries the robot, which turns on the spot by 5 s x 0.8 rad/s."""
+    path = [{"at": 0.1, "x": 0.0}, {"at": 1.1, "x": 0.25}, {"at": 9.0, "x": 4.2}]
+    plate = {"name": "plate", "box": [12.0, 6.0, 0.1], "path": path}
+    robot = {"drive": {"skid": CORNERS}, "pose": {"z": 0.2}}
+    twist = [{"angular": 0.8, "for": 5.0}]
+    trace = run(tmp_path, ROVER, twist, robot=robot, world={"objects": [plate]}, backend=engine).trace
+    assert np.ptp(np.unwrap(trace.yaw)) == pytest.approx(4.0, rel=0.03)
+    assert trace.base_position_xyz[-1] == pytest.approx([4.2, 0.0, 0.2], abs=0.1)
+
+
+@on_every_engine
+def test_skid_steer_turns_a_body_on_ice_the_other_way(engine: str, tmp_path: Path) -> None:
+    """Nothing else can take up the angular momentum of the rover, which turns by 5 s x 0.8 rad/s on the plate."""
+    plate = {"name": "plate", "box": [1.2, 1.2, 0.02], "mass": 2.0, "friction": 0.8}
+    world = {"ground": {"friction": 0.0}, "objects": [plate]}
+    robot = {"drive": {"skid": CORNERS}, "pose": {"z": 0.12}}
+    trace = run(tmp_path, ROVER, [{"angular": 0.8, "for": 5.0}], robot=robot, world=world, backend=engine).trace
+    # About the vertical through the middle, in kg m^2.
+    plates, rovers = 2.0 * (1.2**2 + 1.2**2) / 12, 0.2267 + 4 * (0.001317 + 0.5 * (0.2**2 + 0.175**2))
+    assert np.ptp(np.unwrap(trace.yaw)) == pytest.approx(4.0 * plates / (plates + rovers), rel=0.03)
+
+
+@on_every_engine
 @pytest.mark.parametrize(("degrees", "way"), [(0, (1.0, 0.0)), (90, (0.0, 1.0)), (150, (-math.sqrt(0.75), 0.5))])
 def test_mecanum_wheels_go_any_way_and_face_ahead(
     engine: str, degrees: int, way: tuple[float, float], tmp_path: Path

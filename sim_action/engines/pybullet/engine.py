@@ -89,7 +89,9 @@ class PyBulletEngine:
         self.notes = calm(self._client, self._robot, scene.physics.rate, bolted=scene.bolted)
         self._place_robot(scene)
         scrubbing = [self._links[name] for name in scene.scrubbing]
-        self._sliding = SlidingWheels(self._client, self._robot, scrubbing) if scrubbing else None
+        moving = [body.name for body in scene.world.objects if body.mass is not None or body.path]
+        movers = [number for name in moving for number, _ in self._objects[name]]
+        self._sliding = SlidingWheels(self._client, self._robot, scrubbing, movers) if scrubbing else None
         self._events = WorldEvents.of(scene, PyBulletBodyControl(self._client, self._robot, self._links, self._objects))
         distances = Distances(self._client, self._robot, self._link_names, self._body_names)
         shaped = [link.name for link in scene.model.links if link.collisions]
