@@ -66,9 +66,11 @@ class Mechanics:
         self._root = model.root
         self._bodies = _bodies(model)
         self._shapes = {
-            link.name: [(np.array(shape.pose.position_xyz), _reach(shape.lower_xyz, shape.upper_xyz))]
+            link.name: [
+                (np.array(shape.pose.position_xyz), _reach(shape.lower_xyz, shape.upper_xyz))
+                for shape in link.collisions
+            ]
             for link in model.links
-            for shape in link.collisions
         }
         self._below: dict[str, list[Joint]] = {}
         for joint in model.joints:

@@ -168,3 +168,13 @@ def test_motors_that_work_and_robots_that_touch_the_ground_are_not_judged(tmp_pa
     shaped = PENDULUM.replace("</link>", '<collision><geometry><sphere radius="0.1"/></geometry></collision></link>')
     assert swing(tmp_path, shaped, loses=0.1) is not None
     assert swing(tmp_path, shaped, loses=0.1, height=0.05) is None
+
+
+@pytest.mark.parametrize("heights", [(-3, 3), (3, -3)])
+def test_each_shape_of_a_link_can_touch_the_ground(heights: tuple[int, int], tmp_path: Path) -> None:
+    balls = "".join(
+        f'<collision><origin xyz="0 0 {z}"/><geometry><sphere radius="0.1"/></geometry></collision>' for z in heights
+    )
+    shaped = PENDULUM.replace("</link>", f"{balls}</link>")
+    assert swing(tmp_path, shaped, loses=0.1, height=50) is not None
+    assert swing(tmp_path, shaped, loses=0.1, height=2) is None
