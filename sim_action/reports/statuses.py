@@ -126,7 +126,7 @@ INFORMATION: Final = StatusDisplay(
     meaning="a value that was measured without a limit, such as the distance between two engines: nothing was judged",
     symbol="ℹ",  # noqa: RUF001 - the sign of information
     ascii_symbol="i",
-    icon="ℹ️",  # noqa: RUF001
+    icon="ℹ️",  # noqa: RUF001 - see above
     style="cyan",
 )
 """The display of a measurement, which is neither a pass nor a failure."""

@@ -107,15 +107,16 @@ def test_real_robots_drive_straight_as_far_as_their_wheels_turn(engine: str, mod
     assert way == pytest.approx(abs(speed) * radius * (960 - 120) / 240, rel=0.005)
 
 
-# Of the yaw rate at which all forces and moments are in balance, each wheel pressed down as the centre of mass has it
-# and slipping with full friction along a line as broad as it is. In rad/s; and how far off an engine is.
+# Speeds of the wheels, and the yaw rate in rad/s at which all forces and moments are in balance. Each wheel carries the
+# load that the centre of mass puts on it, and slips with full friction along a line as long as its width. Then the
+# tolerance of each engine, as a share of that rate.
 SCRUBBING = {
     "husky": (
         dict(zip(HUSKY, (-3.0, -3.0, 3.0, 3.0), strict=True)),
         1.21,
-        {"pybullet": 0.15, "mujoco": 0.15},
+        {"pybullet": 0.15, "mujoco": 0.04},
     ),
-    "r2d2": (dict(zip(R2D2, (10.0, 10.0, -10.0, -10.0), strict=True)), 1.106, {"pybullet": 0.02, "mujoco": 0.2}),
+    "r2d2": (dict(zip(R2D2, (10.0, 10.0, -10.0, -10.0), strict=True)), 1.106, {"pybullet": 0.02, "mujoco": 0.02}),
 }
 
 
@@ -125,7 +126,8 @@ SCRUBBING = {
 def test_robots_that_turn_by_slipping_do_so_roughly(engine: str, model: str, request: pytest.FixtureRequest) -> None:
     wheels, rate, known = SCRUBBING[model]
     if (engine, model) == ("pybullet", "husky"):
-        request.applymarker(pytest.mark.xfail(reason="it turns at a third of the rate"))
+        reason = "turns at a quarter of the rate, because only the drive skid corrects the friction of its wheels"
+        request.applymarker(pytest.mark.xfail(reason=reason))
     with running(engine, scene(model)) as backend:
         trace = advance(backend, 0, 960, JointTargets(velocity=wheels))
     assert trace.base_angular_xyz[480:, 2].mean() == pytest.approx(rate, rel=known[engine])
