@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Self
 from pydantic import Field, model_validator
 
 from sim_action.assertions import Assertion
-from sim_action.assertions.monitors import Monitor
+from sim_action.assertions.monitors import FORCE_WINDOW_S, Monitor
 from sim_action.assertions.monitors.bounds import Bounds, bounds_title, check_bounds, check_order
-from sim_action.assertions.monitors.contact_force import DEFAULT_WINDOW_S, MeanForce, duration_text
+from sim_action.assertions.monitors.contact_force import MeanForce, duration_text
 from sim_action.assertions.monitors.goals import HoldTime
 from sim_action.assertions.monitors.touch import TouchMonitor
 from sim_action.core import units
@@ -77,7 +77,7 @@ class Touch(Assertion):
     window: Annotated[
         PositiveSeconds,
         Field(le=10, description="time over which the force is averaged; at least one physics step"),
-    ] = DEFAULT_WINDOW_S
+    ] = FORCE_WINDOW_S
     span: Annotated[
         PositiveSeconds | None, Field(alias="for", description="required duration; default: one physics step")
     ] = None

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 from pydantic import Field
 
 from sim_action.assertions import Assertion
-from sim_action.assertions.monitors import Monitor, State, Truth
-from sim_action.assertions.monitors.contact_force import DEFAULT_WINDOW_S, MeanForce, duration_text, times_of
+from sim_action.assertions.monitors import FORCE_WINDOW_S, Monitor, State, Truth
+from sim_action.assertions.monitors.contact_force import MeanForce, duration_text, times_of
 from sim_action.assertions.monitors.proximity import strength, touching_at, with_zeros
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
@@ -114,7 +114,7 @@ class NoCollisionMonitor:
         touching = Signal("touching something", "contacts", *touches, upper=0.0)
         if forbidden and not any(contact.has_force for contact in forbidden):
             return (touching,)
-        mean = MeanForce(1 / self.step, max(DEFAULT_WINDOW_S, self.step))
+        mean = MeanForce(1 / self.step, max(FORCE_WINDOW_S, self.step))
         name = f"contact force, mean over {duration_text(mean.window)}"
         return (touching, Signal(name, "N", *mean.observe(trace, forbidden)[1]))
 

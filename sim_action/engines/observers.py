@@ -1,21 +1,52 @@
-"""Observers that engines share: body poses for the trace, and contacts that are read only when needed."""
+"""Observers that engines share: body poses for the trace, contacts that are read only when needed, and distances."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from typing import Final
+from collections.abc import Callable, Collection, Iterable, Sequence
+from typing import TYPE_CHECKING, Final, NamedTuple
 from weakref import ref
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_action.core.geometry import Vector3
 from sim_action.state.observation import Contact, PresentContacts
 from sim_action.state.trace_records import BodyRecord, frame_stride
+from sim_action.world.scene import Scene
+
+if TYPE_CHECKING:
+    from sim_action.engines.path_contacts import PathContacts
 
 _NUMBERS: Final = 7
 
 ReadPoses = Callable[[], Sequence[float] | NDArray[np.float64]]
 """Returns 7 numbers per body, one after the other: position and unit quaternion x, y, z, w."""
+
+
+class Nearest(NamedTuple):
+    """The distance of a link to a body in m, negative inside, and the nearest point of the link, world frame."""
+
+    distance: float
+    position_xyz: Vector3
+
+
+NearestPoints = Callable[[str, Collection[str]], dict[str, Nearest]]
+"""(body, links) -> link -> the nearest point, in the present state. Links without shapes are missing."""
+
+
+def path_contacts(scene: Scene, shaped: Collection[str], nearest: NearestPoints) -> PathContacts | None:
+    """Return the contacts of bodies on paths with links that cannot move; None if the scene has no such pair.
+
+    `shaped`: the links with collision shapes.
+    """
+    if not any(body.path for body in scene.world.objects):
+        return None
+    links = sorted(scene.bolted_links.intersection(shaped))
+    if not links:
+        return None
+    from sim_action.engines.path_contacts import PathContacts
+
+    return PathContacts(scene, links, nearest)
 
 
 class BodyRecorder:

@@ -8,11 +8,11 @@ come near enough, at the greatest speed of its path.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Sequence
-from typing import Final, NamedTuple, Self
+from collections.abc import Sequence
+from typing import Final
 
-from sim_action.core.geometry import Vector3
 from sim_action.core.units import first_step
+from sim_action.engines.observers import NearestPoints
 from sim_action.state.observation import Contact
 from sim_action.world import Body, path_of
 from sim_action.world.parts import reach
@@ -20,17 +20,6 @@ from sim_action.world.scene import Scene
 
 MIN_OVERLAP_M: Final = 1e-4
 """Shapes that overlap by less do not touch: a body may slide along a fixed link."""
-
-
-class Nearest(NamedTuple):
-    """The distance of a link to a body in m, negative inside, and the nearest point of the link, world frame."""
-
-    distance: float
-    position_xyz: Vector3
-
-
-NearestPoints = Callable[[str, Collection[str]], dict[str, Nearest]]
-"""(body, links) -> link -> the nearest point, in the present state. Links without shapes are missing."""
 
 # The used share of a distance, and m. The rest covers rounding errors.
 _SHARE: Final = 0.9
@@ -75,12 +64,6 @@ class PathContacts:
         self._travellers = [_Traveller(scene, body) for body in scene.world.objects if body.path]
         self._due = 0
         self._measured, self._found = -1, list[Contact]()
-
-    @classmethod
-    def of(cls, scene: Scene, shaped: Collection[str], nearest: NearestPoints) -> Self | None:
-        """Return the contacts of a scene, None if it has no such pair. `shaped`: the links with collision shapes."""
-        links = sorted(scene.bolted_links.intersection(shaped))
-        return cls(scene, links, nearest) if links and any(body.path for body in scene.world.objects) else None
 
     def at(self, step: int) -> Sequence[Contact]:
         """Return the contacts in the present state, that of a step; before t = 0 bodies wait at their start."""

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from sim_action.core import units
 from sim_action.drives import Drive
-from sim_action.simulation.energy import EnergyWatch
-from sim_action.simulation.wheel_slip import WheelSlip
+from sim_action.drives.wheels import steering_joint
 from sim_action.state.observation import Clash, Overlap
 from sim_action.state.trace import Trace
 from sim_action.world import GROUND
 from sim_action.world.scene import Scene
+
+if TYPE_CHECKING:
+    from sim_action.simulation.energy import EnergyWatch
+    from sim_action.simulation.wheel_slip import WheelSlip
+
+LEAST_FRICTION: Final = 0.2
+"""With a smaller coefficient, wheels may slip in ordinary driving."""
 
 _MAX_MASS_RATIO: Final = 100.0
 
@@ -23,8 +29,8 @@ class AccuracyWatch:
     """Collects the facts of a run on which the notes depend."""
 
     def __init__(self, scene: Scene, drive: Drive | None = None) -> None:
-        self._energy = EnergyWatch.of(scene)
-        self._slip = WheelSlip.of(scene, drive)
+        self._energy = _energy_watch(scene)
+        self._slip = wheel_slip(scene, drive)
         self._masses: dict[str, float] = {body.name: body.mass for body in scene.world.objects if body.mass is not None}
         self._robot = None if scene.bolted else scene.model.mass
         # A link that cannot move may be inside a body that cannot either.
@@ -74,6 +80,32 @@ class AccuracyWatch:
                 f"{names} overlapped by {units.display(depth, 'm', 3)} at {time:.2f} s: contacts are not accurate to "
                 f"{units.display(_MAX_DEPTH_M, 'm')}; raise physics.rate, or check masses and speeds"
             )
+
+
+def _energy_watch(scene: Scene) -> EnergyWatch | None:
+    if scene.acted_on:
+        return None
+    from sim_action.simulation.energy import EnergyWatch
+
+    return EnergyWatch.of(scene)
+
+
+def wheel_slip(scene: Scene, drive: Drive | None) -> WheelSlip | None:
+    """Return the measurement for a drive; None if its wheels have enough friction, or do not move the robot."""
+    # The motion of mecanum wheels is imposed on the base.
+    if drive is None or scene.bolted or drive.key == "mecanum":
+        return None
+    motion, model = drive.wheel_motion(scene.model), scene.model
+    gears = {} if motion is None else motion.gears
+    # The axle of a steered wheel turns.
+    gears = {name: gear for name, gear in gears.items() if steering_joint(model, name) is None}
+    frictions = [model.links_by_name[model.joints_by_name[name].child].surface.friction for name in gears]
+    lowest = min(frictions, default=1.0)
+    if lowest >= LEAST_FRICTION:
+        return None
+    from sim_action.simulation.wheel_slip import WheelSlip
+
+    return WheelSlip(scene, gears, lowest)
 
 
 def _names(touch: Overlap | Clash) -> str:

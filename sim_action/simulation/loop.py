@@ -19,7 +19,6 @@ from sim_action.scenario.model import Scenario
 from sim_action.simulation.accuracy import AccuracyWatch
 from sim_action.simulation.controllers import Controls, padded
 from sim_action.simulation.monitors import End, Panel
-from sim_action.simulation.pinning import Pinning
 from sim_action.simulation.recorder import RunRecorder, moving_bodies
 from sim_action.simulation.run_audit import Motion, RunFacts, audit_run, unreached_events
 from sim_action.simulation.sensors import Sensing
@@ -35,6 +34,7 @@ from sim_action.world.ground import GROUND
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
+    from sim_action.simulation.pinning import Pinning
     from sim_action.state.observation import Observation
 
 BOLTED: Final = "the base is fixed: twists turn the wheels, but the robot does not move"
@@ -174,6 +174,8 @@ class _Loop:
         placed = self._placed_bodies()
         self._tunnelling = self._tunnelling_from(start, placed)
         if any(body.path for body in self._scene.world.objects):
+            from sim_action.simulation.pinning import Pinning
+
             self._pinning = Pinning(self._scene, start.twist.linear_xyz)
         if (moved := moved_while_settling(self._scene, self._placed.pose, start.pose)) is not None:
             self._notes.append(moved)

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Final, Self
+from typing import Final
 
 import numpy as np
 
 from sim_action.core import units
-from sim_action.drives import Drive
-from sim_action.drives.wheels import steering_joint, wheel
+from sim_action.drives.wheels import wheel
 from sim_action.state.trace import FloatArray, Trace
 from sim_action.world.scene import Scene
-
-_LEAST_FRICTION: Final = 0.2
 
 _LEAST_SLIDE: Final = 0.01
 """The share of the rolled distance from which sliding is reported as slip."""
@@ -29,20 +26,6 @@ class WheelSlip:
         self._friction, self._step_s = friction, 1 / scene.physics.rate
         self._wheels = [(wheel(scene.model, name), abs(gear)) for name, gear in gears.items()]
         self._rolled = self._moved = self._slid = 0.0
-
-    @classmethod
-    def of(cls, scene: Scene, drive: Drive | None) -> Self | None:
-        """Return the measurement for a drive; None if its wheels have enough friction, or do not move the robot."""
-        # The motion of mecanum wheels is imposed on the base.
-        if drive is None or scene.bolted or drive.key == "mecanum":
-            return None
-        motion, model = drive.wheel_motion(scene.model), scene.model
-        gears = {} if motion is None else motion.gears
-        # The axle of a steered wheel turns.
-        gears = {name: gear for name, gear in gears.items() if steering_joint(model, name) is None}
-        frictions = [model.links_by_name[model.joints_by_name[name].child].surface.friction for name in gears]
-        lowest = min(frictions, default=1.0)
-        return cls(scene, gears, lowest) if lowest < _LEAST_FRICTION else None
 
     def add(self, trace: Trace) -> None:
         """Add the next moments, at full rate."""

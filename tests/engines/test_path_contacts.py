@@ -8,7 +8,8 @@ from dataclasses import dataclass, field, replace
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.engines.path_contacts import MIN_OVERLAP_M, Nearest, PathContacts
+from sim_action.engines.observers import Nearest, path_contacts
+from sim_action.engines.path_contacts import MIN_OVERLAP_M, PathContacts
 from sim_action.state.observation import Contact
 from sim_action.world import Body, PathPoint, World, path_of
 from sim_action.world.scene import Scene
@@ -50,7 +51,7 @@ class Space:
 
 
 def watched(space: Space) -> PathContacts:
-    made = PathContacts.of(space.where, [BASE], space.nearest)
+    made = path_contacts(space.where, [BASE], space.nearest)
     assert made is not None
     return made
 
@@ -119,6 +120,6 @@ def test_only_links_that_cannot_move_count() -> None:
     free, still = scene(burger()), Body(name="wall", sphere=Sphere(radius=1.0))
     agv = body((0, 2), (1, 0))
     space = Space(bolted(agv))
-    assert PathContacts.of(replace(free, world=World(objects=(agv,))), [BASE], space.nearest) is None
-    assert PathContacts.of(bolted(still), [BASE], space.nearest) is None
-    assert PathContacts.of(bolted(agv), ["wheel_left_link"], space.nearest) is None
+    assert path_contacts(replace(free, world=World(objects=(agv,))), [BASE], space.nearest) is None
+    assert path_contacts(bolted(still), [BASE], space.nearest) is None
+    assert path_contacts(bolted(agv), ["wheel_left_link"], space.nearest) is None

@@ -18,6 +18,7 @@ from sim_action.drives import Drive, recognise
 from sim_action.robot.robot_model import RobotModel
 from sim_action.robot.spec import Robot
 from sim_action.robot.urdf import read_urdf
+from sim_action.simulation.accuracy import wheel_slip
 from sim_action.simulation.wheel_slip import WheelSlip
 from sim_action.state.trace import Trace
 from sim_action.world import Physics, World
@@ -41,7 +42,7 @@ def watch(model: RobotModel, drive: Drive | None = None, base: str | None = None
     robot = Robot.model_construct(model="burger.urdf", base=base)  # type: ignore[arg-type]
     folder = Path(model.source).parent
     scene = Scene(robot, model, World(), Physics(rate=RATE), Workspace(folder, folder))
-    return WheelSlip.of(scene, drive or recognise(model))
+    return wheel_slip(scene, drive or recognise(model))
 
 
 def told(slip: WheelSlip) -> tuple[str, list[float]]:
@@ -113,4 +114,4 @@ def test_other_robots_have_no_such_note(tmp_path: Path) -> None:
     assert watch(burger(tmp_path), base="fixed") is None
     model = burger(tmp_path)
     scene = Scene(Robot(model="burger.urdf"), model, World(), Physics(), Workspace(tmp_path, tmp_path))
-    assert WheelSlip.of(scene, None) is None
+    assert wheel_slip(scene, None) is None

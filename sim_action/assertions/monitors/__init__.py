@@ -7,7 +7,7 @@ by block; a stored trace is fed in one piece. The verdict is the same.
 from __future__ import annotations
 
 from enum import Enum
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, Self, TypeGuard, TypeVar
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol, Self, TypeGuard, TypeVar
 
 if TYPE_CHECKING:
     import numpy as np
@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 
     from sim_action.state.trace import FloatArray, Trace
     from sim_action.state.verdict import Signal, Verdict
+
+FORCE_WINDOW_S: Final = 0.05
+"""The time over which reports average contact forces, and assertions, too, if a scenario states no other."""
 
 
 class State(Enum):

@@ -21,9 +21,6 @@ if TYPE_CHECKING:
     from sim_action.state.observation import Contact
     from sim_action.state.trace import FloatArray, Trace
 
-DEFAULT_WINDOW_S: Final = 0.05
-"""The time over which reports average contact forces, and assertions, too, if a scenario states no other."""
-
 # In N: sums of forces differ by rounding.
 _DIGITS: Final = 9
 

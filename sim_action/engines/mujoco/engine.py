@@ -28,8 +28,7 @@ from sim_action.engines.mujoco.queries import Distances, Links, Objects, Rays
 from sim_action.engines.mujoco.scene import CompiledScene
 from sim_action.engines.mujoco.sliding import SlidingContacts
 from sim_action.engines.mujoco.state_recorder import StateRecorder
-from sim_action.engines.observers import BodyRecorder, LazyContacts
-from sim_action.engines.path_contacts import PathContacts
+from sim_action.engines.observers import BodyRecorder, LazyContacts, path_contacts
 from sim_action.engines.world_events import WorldEvents
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import Clash, Contact, Observation, Overlap
@@ -81,7 +80,7 @@ class MuJoCoEngine:
         self._events = WorldEvents.of(scene, self._control)
         self._distances = distances = Distances(compiled)
         shaped = set(compiled.links.values())
-        self._path_contacts = PathContacts.of(scene, shaped, distances.nearest)
+        self._path_contacts = path_contacts(scene, shaped, distances.nearest)
         # In MJCF, joint axes may lie away from the frames of their links, at an unknown distance.
         radii = dict.fromkeys(scene.model.links_by_name, math.inf) if scene.model.mjcf else distances.radii()
         self._clearances = ClearanceRecorder(channels, scene, radii, near=distances.near, body_at=self._objects.at)

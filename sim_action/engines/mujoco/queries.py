@@ -20,8 +20,7 @@ from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.engines.mujoco.geoms import wxyz
 from sim_action.engines.mujoco.names import engine_name
 from sim_action.engines.mujoco.scene import CompiledScene
-from sim_action.engines.observers import ReadPoses
-from sim_action.engines.path_contacts import Nearest
+from sim_action.engines.observers import Nearest, ReadPoses
 from sim_action.state.trace import FloatArray
 
 

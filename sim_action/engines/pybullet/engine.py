@@ -8,6 +8,7 @@ surfaces touch.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pybullet
@@ -19,10 +20,8 @@ from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.engines import NO_CHANNELS, UNLIMITED_EFFORT, named_version
 from sim_action.engines.body_control import base_wrench
 from sim_action.engines.clearances import ClearanceRecorder
-from sim_action.engines.observers import BodyRecorder, LazyContacts
-from sim_action.engines.path_contacts import PathContacts
+from sim_action.engines.observers import BodyRecorder, LazyContacts, path_contacts
 from sim_action.engines.pybullet.body_control import PyBulletBodyControl, apply_wrench, robot_inertia
-from sim_action.engines.pybullet.joint_damping import calm
 from sim_action.engines.pybullet.queries import (
     Distances,
     cast_rays,
@@ -48,7 +47,6 @@ from sim_action.engines.pybullet.scene import (
     place,
     set_surfaces,
 )
-from sim_action.engines.pybullet.sliding import SlidingWheels
 from sim_action.engines.world_events import WorldEvents
 from sim_action.state.command import BasePush, JointTargets
 from sim_action.state.observation import ByName, Clash, Contact, JointState, Observation, Overlap
@@ -56,6 +54,9 @@ from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import Channels
 from sim_action.world import GROUND
 from sim_action.world.scene import Scene
+
+if TYPE_CHECKING:
+    from sim_action.engines.pybullet.sliding import SlidingWheels
 
 
 class PyBulletEngine:
@@ -86,16 +87,13 @@ class PyBulletEngine:
         self._rate = scene.physics.rate
         self._watches_contacts = channels.contacts and bool(self._objects)
         self._read_joints(scene)
-        self.notes = calm(self._client, self._robot, scene.physics.rate, bolted=scene.bolted)
+        self.notes = self._calm(scene)
         self._place_robot(scene)
-        scrubbing = [self._links[name] for name in scene.scrubbing]
-        moving = [body.name for body in scene.world.objects if body.mass is not None or body.path]
-        movers = [number for name in moving for number, _ in self._objects[name]]
-        self._sliding = SlidingWheels(self._client, self._robot, scrubbing, movers) if scrubbing else None
+        self._sliding = self._sliding_wheels(scene) if scene.scrubbing else None
         self._events = WorldEvents.of(scene, PyBulletBodyControl(self._client, self._robot, self._links, self._objects))
         distances = Distances(self._client, self._robot, self._link_names, self._body_names)
         shaped = [link.name for link in scene.model.links if link.collisions]
-        self._path_contacts = PathContacts.of(scene, shaped, distances.nearest)
+        self._path_contacts = path_contacts(scene, shaped, distances.nearest)
         # PyBullet reports some of these pairs, without a force.
         self._immovable = {self._links[name] for name in scene.bolted_links} if self._path_contacts else set[int]()
         self._on_paths = {number for body in scene.world.objects if body.path for number, _ in self._objects[body.name]}
@@ -241,6 +239,7 @@ class PyBulletEngine:
         infos = [pybullet.getJointInfo(self._robot, index, self._client) for index in range(count)]
         self._link_names = {BASE: scene.model.root, **{info[0]: info[12].decode() for info in infos}}
         self._links = {name: index for index, name in self._link_names.items()}
+        self._is_damped = any(info[2] != pybullet.JOINT_FIXED and info[6] > 0 for info in infos)
         by_name = {info[1].decode(): info for info in infos}
         self._joint_names = tuple(joint.name for joint in scene.model.moving_joints)
         self._index = {name: by_name[name][0] for name in self._joint_names}
@@ -258,6 +257,22 @@ class PyBulletEngine:
         _, _, _, com_position, com_orientation, *_ = pybullet.getDynamicsInfo(self._robot, BASE, self._client)
         self._com_in_link = Pose(com_position, com_orientation)
         self._robot_inertia = robot_inertia(self._client, self._robot)
+
+    def _calm(self, scene: Scene) -> tuple[str, ...]:
+        """Change damped joints so that no damping adds energy, and return the notes about them."""
+        if not self._is_damped:
+            return ()
+        from sim_action.engines.pybullet.joint_damping import calm
+
+        return calm(self._client, self._robot, scene.physics.rate, bolted=scene.bolted)
+
+    def _sliding_wheels(self, scene: Scene) -> SlidingWheels:
+        from sim_action.engines.pybullet.sliding import SlidingWheels
+
+        scrubbing = [self._links[name] for name in scene.scrubbing]
+        moving = [body.name for body in scene.world.objects if body.mass is not None or body.path]
+        movers = [number for name in moving for number, _ in self._objects[name]]
+        return SlidingWheels(self._client, self._robot, scrubbing, movers)
 
     def _place_robot(self, scene: Scene) -> None:
         positions = scene.joint_positions

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist, Vector3
-from sim_action.engines.observers import ReadPoses
-from sim_action.engines.path_contacts import Nearest
+from sim_action.engines.observers import Nearest, ReadPoses
 from sim_action.engines.pybullet.scene import BASE
 from sim_action.state.observation import Clash, Overlap
 

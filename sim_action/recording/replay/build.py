@@ -10,7 +10,7 @@ from typing import Final
 
 from pydantic import BaseModel
 
-from sim_action.assertions.monitors.contact_force import DEFAULT_WINDOW_S
+from sim_action.assertions.monitors import FORCE_WINDOW_S
 from sim_action.recording.replay import replay_file, shapes
 from sim_action.recording.replay.frames import Track, frames_of, thinned
 from sim_action.recording.replay.replay_file import (
@@ -109,8 +109,8 @@ class Touch:
         self.until = contact.time
 
     def force(self, rate: float) -> float:
-        """Return the greatest mean force in N over DEFAULT_WINDOW_S, or over one step if that is longer."""
-        window = max(DEFAULT_WINDOW_S, 1 / rate)
+        """Return the greatest mean force in N over FORCE_WINDOW_S, or over one step if that is longer."""
+        window = max(FORCE_WINDOW_S, 1 / rate)
         most = present = 0.0
         oldest = 0
         for time, force in self.steps:
