@@ -140,6 +140,10 @@ def _warm_up(scenarios: Sequence[LoadedScenario], formats: Iterable[str], *, rep
     with muted():
         for engine in {chosen(loaded.scenario.backend) for loaded in scenarios}:
             ENGINES.load(engine).warm_up()
+    if len(scenarios) > 1:
+        from sim_action.simulation.preloading import preload
+
+        preload(scenarios)
     for package in (package for name in formats if scenarios for package in EXPORTS.load(name).packages):
         import_module(package)
 

@@ -322,6 +322,7 @@ UNUSED_IN_A_RUN = (
     "simulation.energy",
     "simulation.path_crossings",
     "simulation.pinning",
+    "simulation.preloading",
     "simulation.wheel_slip",
     "state.golden_trajectory",
     "state.motion_record",

@@ -1,0 +1,62 @@
+"""Modules that only some runs need, imported once for all runs before processes are forked.
+
+A forked process would import them again in each of many variations. A single run imports them where it uses them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from importlib import import_module
+
+from sim_action.drives import recognise
+from sim_action.engines import chosen
+from sim_action.robot.robot_model import RobotModel
+from sim_action.scenario.loading import build_scene
+from sim_action.scenario.model import LoadedScenario, Scenario
+from sim_action.simulation.accuracy import LEAST_FRICTION
+
+
+def preload(scenarios: Iterable[LoadedScenario]) -> None:
+    """Import the modules that some of these scenarios may need."""
+    for module in needed_modules(scenarios):
+        import_module(module)
+
+
+def needed_modules(scenarios: Iterable[LoadedScenario]) -> set[str]:
+    """Return the names of the modules that some of these scenarios may need, but not every run."""
+    found, known = set[str](), set[tuple[object, ...]]()
+    for loaded in scenarios:
+        if loaded.model is None:
+            continue
+        found.update(_of_world(loaded))
+        # Variations often have the same robot.
+        scenario = loaded.scenario
+        drive = scenario.robot.drive
+        robot = id(loaded.model), drive and drive.key, bool(scenario.commands), scenario.backend
+        if robot not in known:
+            known.add(robot)
+            found.update(_of_robot(scenario, loaded.model))
+    return {f"sim_action.{name}" for name in found}
+
+
+def _of_world(loaded: LoadedScenario) -> Iterator[str]:
+    world = loaded.scenario.world
+    if any(body.path for body in world.objects):
+        yield from ("simulation.path_crossings", "simulation.pinning")
+        if build_scene(loaded).bolted_links:
+            yield "engines.path_contacts"
+    if not (loaded.scenario.commands or world.disturbances):
+        yield "simulation.energy"
+
+
+def _of_robot(scenario: Scenario, model: RobotModel) -> Iterator[str]:
+    turning = (model.links_by_name[joint.child] for joint in model.moving_joints)
+    if scenario.commands and any(link.surface.friction < LEAST_FRICTION for link in turning):
+        yield "simulation.wheel_slip"
+    if chosen(scenario.backend) != "pybullet":
+        return
+    if " damping=" in model.urdf:
+        yield "engines.pybullet.joint_damping"
+    drive = (scenario.robot.drive or recognise(model)) if scenario.commands else None
+    if drive is not None and drive.key == "skid":
+        yield "engines.pybullet.sliding"

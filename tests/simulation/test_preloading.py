@@ -1,0 +1,74 @@
+"""Modules that are imported before processes are forked: those that a scenario may need, and no others."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from sim_action.simulation.preloading import needed_modules
+from tests.scenarios import load
+
+DRIVEN = """\
+name: burger
+robot: {model: turtlebot3_burger}
+commands: {twist: [{linear: 1.0}]}
+expect: [{travel: {at_least: 5 cm}}]
+time_limit: 3 s
+"""
+ON_PATH = "world: {objects: [{name: cart, box: [1, 1, 1], path: [{at: 0 s, x: 5}, {at: 1 s, x: 4}]}]}\n"
+COMMANDS = "commands: {twist: [{linear: 1.0}]}\n"
+EXPECTED = "expect: [{travel: {at_least: 5 cm}}]\n"
+UPRIGHT = "expect: [upright: {max_tilt: 20 deg}]\nduration: 1 s\n"
+ALONE = "expect: [no_collision]\nduration: 2 s\n"
+BURGER = Path(__file__).parents[2] / "sim_action/robot/built_in/turtlebot3_burger.urdf"
+ROVER = Path(__file__).parents[2] / "examples/drives/rover.urdf"
+
+
+def needed(folder: Path, text: str) -> set[str]:
+    found = needed_modules([load(folder, text)])
+    assert all(name.startswith("sim_action.") for name in found)
+    return {name.removeprefix("sim_action.") for name in found}
+
+
+def test_a_plain_scenario_needs_none(tmp_path: Path) -> None:
+    assert needed(tmp_path, DRIVEN) == set()
+
+
+def test_a_robot_that_nothing_drives_may_keep_its_energy(tmp_path: Path) -> None:
+    assert needed(tmp_path, DRIVEN.replace(COMMANDS, "").replace(EXPECTED, UPRIGHT)) == {"simulation.energy"}
+
+
+def test_a_body_on_a_path_may_pin_the_robot(tmp_path: Path) -> None:
+    assert needed(tmp_path, DRIVEN + ON_PATH) == {"simulation.path_crossings", "simulation.pinning"}
+
+
+def test_a_body_on_a_path_may_touch_a_robot_that_cannot_move(tmp_path: Path) -> None:
+    still = DRIVEN.replace("turtlebot3_burger}", "turtlebot3_burger, base: fixed}").replace(EXPECTED, ALONE)
+    assert "engines.path_contacts" in needed(tmp_path, still.replace(COMMANDS, "") + ON_PATH)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "module"),
+    [
+        (
+            "</robot>",
+            '<gazebo reference="wheel_left_link"><mu1>0.1</mu1></gazebo></robot>',
+            "simulation.wheel_slip",
+        ),
+        ("</joint>", '<dynamics damping="0.1"/></joint>', "engines.pybullet.joint_damping"),
+    ],
+)
+def test_a_model_that_needs_care(old: str, new: str, module: str, tmp_path: Path) -> None:
+    urdf = BURGER.read_text(encoding="utf-8")
+    assert old in urdf
+    (tmp_path / "robot.urdf").write_text(urdf.replace(old, new), encoding="utf-8")
+    text = DRIVEN.replace("turtlebot3_burger", "robot.urdf")
+    assert needed(tmp_path, text) == {module}
+    of_pybullet = module if "pybullet" not in module else None
+    assert needed(tmp_path, text + "backend: mujoco\n") == ({of_pybullet} if of_pybullet else set())
+
+
+def test_a_skid_drive_that_is_recognised_slides(tmp_path: Path) -> None:
+    (tmp_path / "robot.urdf").write_text(ROVER.read_text(encoding="utf-8"), encoding="utf-8")
+    assert "engines.pybullet.sliding" in needed(tmp_path, DRIVEN.replace("turtlebot3_burger", "robot.urdf"))
