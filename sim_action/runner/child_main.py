@@ -69,6 +69,20 @@ def store_artifacts(job: Job, scene: Scene, footage: RunRecorder) -> tuple[str, 
     return ()
 
 
+def _store_motion(job: Job, scene: Scene, footage: RunRecorder) -> Iterator[str]:
+    """Write the motion at every step if it is compared; yield a note if this is impossible."""
+    if job.motion is None:
+        return
+    try:
+        motion = footage.motion(scene)
+        if motion is not None:
+            motion.save(job.motion)
+    except (OSError, MemoryError) as error:
+        # The verdict does not depend on the comparison.
+        reason = escaped_line(str(error) or type(error).__name__)
+        yield f"the motion was not stored, so it is not compared with that in another engine: {reason}"
+
+
 def to_record(job: Job, scene: Scene, footage: RunRecorder) -> Iterator[RecordedRun]:
     """Yield the run for recordings, if they are asked for, it has data, and it fits into memory."""
     if not job.recordings:
@@ -202,9 +216,7 @@ def _stored_run(job: Job, progress: _Progress, kept: list[RecordedRun]) -> Simul
                 store_artifacts(job, scene, footage)
             kept += to_record(job, scene, footage)
             raise
-        notes = store_artifacts(job, scene, footage)
-        if job.motion is not None and (motion := footage.motion(scene)) is not None:
-            motion.save(job.motion)
+        notes = (*store_artifacts(job, scene, footage), *_store_motion(job, scene, footage))
         if loaded.workspace.updates_golden and (trace := footage.trace()) is not None:
             from sim_action.runner.golden_update import write_goldens
 

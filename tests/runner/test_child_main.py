@@ -42,15 +42,34 @@ run_job(job, os.open(os.devnull, os.O_WRONLY))
 os.write(out, f"{before} {opened - before}".encode())
 """
 
+# Runs the scenario here, and writes its motion into a folder that does not exist.
+COMPARED: Final = """
+import os
+from pathlib import Path
+from sim_action.scenario.loading import load_scenario
+from sim_action.runner.job import Job
+from sim_action.runner.child_main import run_job, become_child
+
+here = Path.cwd()
+job = Job(load_scenario(Path("s.sim.yml")), here / "trace.npz", here, here, motion=here / "missing" / "motion.npz")
+become_child(job)
+run_job(job, os.open(os.devnull, os.O_WRONLY))
+"""
+
+
+def outcome_of(program: str, folder: Path, *arguments: str) -> tuple[Outcome, bytes]:
+    """Return the outcome that a program writes, and its output."""
+    command = [sys.executable, "-c", program, *arguments]
+    ran = subprocess.run(command, cwd=folder, env={"PYTHONPATH": str(ROOT)}, capture_output=True, check=True)
+    return Outcome.model_validate_json((folder / "outcome.json").read_bytes()), ran.stdout
+
 
 def times_opened(folder: Path, model: str) -> tuple[int, int]:
     (folder / model).write_text(GOOD)
     (folder / "s.sim.yml").write_text(SCENARIO.format(model))
-    ran = subprocess.run(
-        [sys.executable, "-c", COUNT, model], cwd=folder, env={"PYTHONPATH": str(ROOT)}, capture_output=True, check=True
-    )
-    assert Outcome.model_validate_json((folder / "outcome.json").read_bytes()).status == "passed"
-    loading, running = map(int, ran.stdout.split())
+    outcome, printed = outcome_of(COUNT, folder, model)
+    assert outcome.status == "passed"
+    loading, running = map(int, printed.split())
     return loading, running
 
 
@@ -61,3 +80,12 @@ def test_a_model_that_was_checked_is_not_read_again(tmp_path: Path) -> None:
 def test_xacro_is_expanded_once_where_it_runs(tmp_path: Path) -> None:
     loading, running = times_opened(tmp_path, "stated.urdf.xacro")
     assert (loading, running) == (1, 1)
+
+
+def test_a_motion_that_cannot_be_written_costs_no_verdict(tmp_path: Path) -> None:
+    (tmp_path / "it.urdf").write_text(GOOD)
+    (tmp_path / "s.sim.yml").write_text(SCENARIO.format("it.urdf"))
+    outcome, _ = outcome_of(COMPARED, tmp_path)
+    assert outcome.status == "passed"
+    (note,) = (note for note in outcome.notes if "motion" in note)
+    assert note.startswith("the motion was not stored, so it is not compared with that in another engine: ")
