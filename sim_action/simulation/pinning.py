@@ -60,6 +60,7 @@ class Pinning:
         self._window = max(1, round(_WINDOW_S * self._rate))
         self._speeds = np.tile(np.array(velocity_xyz, dtype=np.float64), (self._window, 1))
         self._forces = {name: np.zeros(self._window - 1) for name in self._indices}
+        self._recent: list[Contact] = []
         self._pins: dict[str, _Pin] = {}
 
     def watch(self, trace: Trace) -> tuple[Trace, SimulationUnstable | None]:
@@ -67,7 +68,8 @@ class Pinning:
         count = len(trace)
         if not count or not self._mass:
             return trace, None
-        touches = [touch for touch in trace.contacts if touch.has_force]
+        touches = [*self._recent, *(touch for touch in trace.contacts if touch.has_force)]
+        self._recent = [touch for touch in touches if touch.time > float(trace.time[-1]) - 2 * _WINDOW_S]
         pressed = self._pressed(touches, trace)
         speeds = np.vstack((self._speeds, trace.base_linear_xyz))
         self._speeds = speeds[-self._window :]

@@ -86,13 +86,16 @@ def test_bodies_without_a_path_and_contacts_without_a_force_do_not_count() -> No
 
 @given(st.integers(1, 239), st.integers(12, 60), st.floats(0.5, 3.0).filter(lambda share: abs(share - 1) > 0.01))
 def test_blocks_of_steps_do_not_matter(cut: int, lasts: int, share: float) -> None:
-    pressed = touches(range(100, 100 + lasts), share * LIMIT)
+    steps = range(100, 100 + lasts)
+    # The robot may lose and regain its contact with the wall.
+    both = touches(steps, share * LIMIT) + touches(steps[::3], LIMIT, body="wall")
+    pressed = sorted(both, key=lambda touch: touch.time)
     whole, parts = Pinning(within(), (0.0, 0.0, 0.0)), Pinning(within(), (0.0, 0.0, 0.0))
     whole.watch(block(1, 240, pressed))
     parts.watch(block(1, cut, pressed))
     parts.watch(block(cut + 1, 240, pressed))
     assert bool(notes(whole)) == bool(notes(parts)) == (share > 1)
-    assert [note.partition("from")[2] for note in notes(whole)] == [note.partition("from")[2] for note in notes(parts)]
+    assert notes(whole) == notes(parts)
 
 
 def test_a_robot_that_is_squeezed_too_deep_ends_the_run() -> None:
