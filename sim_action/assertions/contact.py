@@ -56,8 +56,8 @@ class Touch(Assertion):
     a single step depends on `physics.rate`, because an impact may last one step. The impulse is the mean force times
     `window`: the momentum that passes in this time. At `after`, the window reaches back to before `after`.
 
-    A body that is pushed bounces: a loss of contact for 50 ms or less does not interrupt the contact. With `at_least`,
-    the mean force must last instead.
+    A body that is pushed may lose contact for a moment: a loss for 50 ms or less does not interrupt the contact. With
+    `at_least`, the mean force must last instead.
     """
 
     key: ClassVar[str] = "contact"

@@ -13,7 +13,7 @@ class ContactSensor(Sensor):
 
     A reading has `touching`, `force` (the sum of the normal forces in N) and `bodies` (the names of the touched
     bodies). It describes the physics step of the reading. In an impact, the force of one step depends on
-    `physics.rate`; to limit forces, use the assertion `contact`. A bounce between two readings is missing; the
+    `physics.rate`; to limit forces, use the assertion `contact`. A touch between two readings is missing; the
     assertion `no_collision` sees it. Hard surfaces that are pressed together may separate and touch many times per
     second, so a controller should remember a touch.
     """

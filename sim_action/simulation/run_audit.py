@@ -165,7 +165,7 @@ def _never_touched(assertion: Assertion, index: int, verdict: Verdict) -> Iterat
     from sim_action.assertions.contact import Touch
 
     if isinstance(assertion, Touch) and not assertion.is_goal:
-        message = f"the robot never touched {assertion.body}, so no force was compared with the limit"
+        message = f"the robot never pressed against {assertion.body}, so the limit was compared with 0 only"
         told = f"{message}; let it touch {assertion.body}, or use no_collision if it must not"
         yield ClaimFinding("never-touched", ("expect", index, assertion.key), told)
 
