@@ -203,7 +203,7 @@ class Negation(Combined):
     The negation of a goal is an invariant: `not: {reach: ...}` keeps the robot away and breaks when the goal comes
     true. The negation of an invariant is a goal: `not: no_collision` asks for a collision and comes true when the
     invariant breaks. An assertion that is both goal and invariant is judged at the end of the run. The margin is that
-    of the inner assertion with the opposite sign.
+    of the inner assertion with the opposite sign. For a count of contacts, the limit is the other count, 0 or 1.
     """
 
     key: ClassVar[str] = "not"

@@ -78,6 +78,14 @@ class Verdict:
         judged = steps if self.judged is None else self.judged
         return replace(self, judged=judged, passed=self.passed and judged.moments > 0)
 
+    def contrary(self) -> Verdict:
+        """Return the verdict of the negated assertion: the margin has the opposite sign.
+
+        The limit of a count of contacts becomes the other count, 0 or 1, so the margin is one less.
+        """
+        margin = None if self.margin is None else (-1.0 if self.unit == "contacts" else 0.0) - self.margin
+        return replace(self, passed=not self.passed, limit=_opposite(self.limit, self.unit), margin=margin)
+
 
 @dataclass(frozen=True, eq=False)
 class Signal:
@@ -108,12 +116,17 @@ class Signal:
 
     def contrary(self) -> Self:
         """Return the curve of the negated assertion: lower and upper limit change places."""
-        return replace(self, lower=self.upper, upper=self.lower)
+        return replace(self, lower=_opposite(self.upper, self.unit), upper=_opposite(self.lower, self.unit))
 
     def within(self, start: float, end: float) -> Self:
         """Return the curve with limits that hold from `start` to `end` in s; limits for the end hold at `end`."""
         start = max(start, min(self.start, end))
         return replace(self, start=start, end=max(start, min(end, self.end)))
+
+
+def _opposite(limit: float | None, unit: str) -> float | None:
+    """Return the limit of a negated assertion. For contacts, which count as 0 or 1, it is the other count."""
+    return 1.0 - limit if limit is not None and unit == "contacts" else limit
 
 
 # Half the drawn length of an infinite line, in m.

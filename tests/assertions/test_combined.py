@@ -11,6 +11,7 @@ import pytest
 
 from sim_action.assertions import Assertion
 from sim_action.assertions.combined import AllOf, AnyOf, Negation
+from sim_action.assertions.contact import Touch
 from sim_action.assertions.max_speed import MaxSpeed
 from sim_action.assertions.monitors import Monitor, State
 from sim_action.assertions.monitors.window import Window
@@ -23,7 +24,7 @@ from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Verdict
 from sim_action.world.scene import Scene
-from tests.traces import contact, judged, monitor, piece, scene, trace
+from tests.traces import START, contact, judged, monitor, piece, scene, trace
 
 P, H, B = State.PENDING, State.HOLDS, State.BROKEN
 FAR, NEARER, BACK = Travel(at_least=3.0), Travel(at_least=2.0), Travel(at_most=1.0)
@@ -129,8 +130,30 @@ def test_the_contrary_has_the_other_margin() -> None:
     told = "travelled 2 m in 2.00 s, but 'not' requires the opposite"
     assert verdict == Verdict(False, 2.0, 2.0, 0.0, "m", 2.0, told)
     touched = judged(no(NoCollision()), ride(3.0))
-    assert (touched.passed, touched.margin, touched.time) == (True, 1.0, 3.0)
+    assert (touched.passed, touched.time) == (True, 3.0)
     assert touched.message == judged(NoCollision(), ride(3.0)).message
+
+
+@pytest.mark.parametrize("seen", [ride(3.0), ride()], ids=["touches", "does not touch"])
+def test_the_opposite_of_a_touch_has_the_other_count_as_limit(seen: Trace) -> None:
+    """`not: {contact: ...}` reads as `no_collision` does, and `not: no_collision` as `contact`."""
+    touch, nothing = judged(Touch.model_validate("wall"), seen), judged(NoCollision(), seen)
+    for negated, plain in (
+        (judged(no(Touch.model_validate("wall")), seen), nothing),
+        (judged(no(NoCollision()), seen), touch),
+    ):
+        assert (negated.passed, negated.measured, negated.limit, negated.margin, negated.unit) == (
+            plain.passed,
+            plain.measured,
+            plain.limit,
+            plain.margin,
+            "contacts",
+        )
+    assert touch.passed is not nothing.passed
+    (touching, *_) = no(Touch.model_validate("wall")).signals(scene(), START, seen)
+    (colliding, *_) = no(NoCollision()).signals(scene(), START, seen)
+    assert (touching.lower, touching.upper) == (None, 0.0)
+    assert (colliding.lower, colliding.upper) == (1.0, None)
 
 
 def test_the_contrary_of_a_contrary_is_told_as_what_it_is_of() -> None:

@@ -223,6 +223,5 @@ class NegationMonitor:
         verdict = self.monitor.verdict().counted(self.steps)
         if verdict.status == "not_exercised":
             return verdict
-        margin = None if verdict.margin is None else 0.0 - verdict.margin
         message = f"{verdict.message}, but 'not' requires the opposite" if verdict.passed else verdict.message
-        return replace(verdict, passed=not verdict.passed, margin=margin, message=message)
+        return replace(verdict.contrary(), message=message)
