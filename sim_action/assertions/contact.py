@@ -50,7 +50,7 @@ class Touch(Assertion):
 
     A touch is a goal, also with `at_least` or `for`. `at_most` is an invariant. `at_most` alone does not demand a
     touch: no contact is a force of 0 N. To demand a touch as well, add `contact: {with: ball}` to `expect`. A contact
-    in which neither side can give way, such as of a bolted arm and a body on a path, has no force; it breaks `at_most`.
+    in which neither side can give way, such as of a bolted arm and a body on a path, has no force and meets no limit.
 
     The force is the sum over all contact points of the two, averaged over the last `window` at each step. The force of
     a single step depends on `physics.rate`, because an impact may last one step. The impulse is the mean force times

@@ -69,21 +69,21 @@ def test_what_is_too_weak_is_not_enough() -> None:
     weak = seen(*[4.5] * WINDOW, None)
     told = judged(touch(at_least=5.0), weak)
     assert told == Verdict(
-        False, 4.5, 5.0, -0.5, "N", 0.05, "touched ball with 4.5 N of 5 N at 0.05 s (mean over 50 ms: 0.225 N s)"
+        False, 4.5, 5.0, -0.5, "N", 0.05, "touched ball with 4.5 N of 5 N at 0.05 s (0.225 N s within 50 ms)"
     )
     told = judged(touch(at_least=4.5), weak)
-    assert told.message == "touched ball with 4.5 N at 0.05 s (mean over 50 ms: 0.225 N s)"
+    assert told.message == "touched ball with 4.5 N at 0.05 s (0.225 N s within 50 ms)"
 
 
 def test_what_is_too_strong_breaks_it_also_after_the_touch() -> None:
     opened = monitor(touch(at_most=5.0))
     gentle = opened.observe(seen(*[4.5] * WINDOW))
     assert (opened.state, gentle.state, is_decided(gentle, opened.state)) == (State.HOLDS, State.HOLDS, False)
-    passed = "touched ball with at most 4.5 N at 0.05 s, limit 5 N (mean over 50 ms: 0.225 N s)"
+    passed = "touched ball with at most 4.5 N at 0.05 s, limit 5 N (0.225 N s within 50 ms)"
     assert gentle.verdict() == Verdict(True, 4.5, 5.0, 0.5, "N", 0.05, passed)
     rough = gentle.observe(seen(4.5, 16.5, first=WINDOW + 1))
     assert (rough.state, is_decided(rough, opened.state)) == (State.BROKEN, True)
-    failed = "touched ball with 5.5 N at 0.06 s, more than 5 N (mean over 50 ms: 0.275 N s)"
+    failed = "touched ball with 5.5 N at 0.06 s, more than 5 N (0.275 N s within 50 ms)"
     assert rough.verdict() == Verdict(False, 5.5, 5.0, -0.5, "N", (WINDOW + 2) / RATE, failed)
 
 
@@ -205,6 +205,20 @@ def test_a_contact_without_a_force_keeps_no_upper_limit(limits: dict[str, Any]) 
     assert judged(touch(), stuck).passed
 
 
+@pytest.mark.parametrize("limits", [{"at_least": 5.0}, {"impulse": {"at_least": 0.5}}, {"at_least": 5.0, "for": 0.1}])
+def test_a_contact_without_a_force_meets_no_lower_limit(limits: dict[str, Any]) -> None:
+    stuck = seen(*[None] * 4, 0.0, 0.0)
+    stuck = replace(stuck, contacts=tuple(one._replace(has_force=False) for one in stuck.contacts))
+    opened = monitor(touch(**limits)).observe(stuck)
+    assert opened.state is State.PENDING
+    told = opened.verdict()
+    message = "touched ball at 0.02 s, with no computed force (neither gives way), so no limit can hold"
+    assert (told.passed, told.measured, told.time, told.message) == (False, None, 5 / RATE, message)
+    assert judged(Negation(part=touch(**limits)), stuck).passed
+    pressed = replace(stuck, contacts=(*stuck.contacts, contact(6 / RATE, "ball", force=12.0)))
+    assert judged(touch(at_least=5.0), pressed).message.startswith("touched ball with 1 N of 5 N at 0.03 s (")
+
+
 def test_without_a_limit_a_touch_decides() -> None:
     assert is_decided(monitor(touch()).observe(seen(1.0)), State.PENDING)
 
@@ -236,7 +250,7 @@ def test_a_mean_force_must_last() -> None:
     assert judged(lasting, seen(*[2.0, None] * 14, 2.0)).passed
     limits = {"at_least": 1.0, "at_most": 5.0, "impulse": {"at_most": 0.5}}
     assert judged(touch(**limits, **{"for": 2 / RATE}), seen(*[3.0] * 24)).message == (
-        "touched ball for 0.008333 s, from 0.02 s on; at most 3 N, limit 5 N (mean over 50 ms: 0.15 N s); "
+        "touched ball for 0.008333 s, from 0.02 s on; at most 3 N, limit 5 N (0.15 N s within 50 ms); "
         "at most 0.15 N s, limit 0.5 N s (within 50 ms: 3 N on average)"
     )
     never = judged(touch(**{"for": 3 / RATE, "at_least": 3.0}), seen(24.0, 2.0, 0.0, 4.0))

@@ -40,7 +40,7 @@ class TouchMonitor:
         force: the fold of the mean force in N against its limits.
         impulse: the fold of the impulse in N s against its limits.
         first: sim time in s of the first contact.
-        unknown: sim time in s of the first contact without a force, see `Contact.has_force`; only for upper limits.
+        unknown: sim time in s of the first contact without a force, see `Contact.has_force`; only if there are limits.
         last: sim time in s of the last contact.
         nearest: the least distance.
         instead: another contact: of the body with another link if there is one, else the first of all.
@@ -66,7 +66,7 @@ class TouchMonitor:
     def state(self) -> State:
         """See Monitor.state."""
         limits = joined(self.force.invariant.state, self.impulse.invariant.state)
-        if self.unknown is not None:
+        if self.unknown is not None and self.spec.has_most:
             limits = State.BROKEN
         return joined(limits, self.stretch.state) if self.spec.is_goal else limits
 
@@ -86,7 +86,7 @@ class TouchMonitor:
         end = float(trace.time[-1]) if len(trace) else self.end
         first = float(touches[0]) if self.first is None and len(touches) else self.first
         unknown = self.unknown
-        if unknown is None and self.spec.has_most:
+        if unknown is None and (self.spec.has_least or self.spec.has_most):
             unknown = next((contact.time for contact in meant if not contact.has_force), None)
         nearest = nearest_of(trace, self.spec.watch, self.nearest)
         seen = replace(self, end=end, first=first, unknown=unknown, instead=self._instead_of(others), nearest=nearest)
@@ -215,8 +215,9 @@ class TouchMonitor:
         broken = [one for one in limits if one.invariant.state is State.BROKEN]
         if broken:
             return self._at_most(min(broken, key=lambda one: one.invariant.time or 0.0))
-        if self.unknown is not None:
-            return self._no_force(next(one for one in limits if one.at_most is not None), self.unknown)
+        if self.unknown is not None and self.spec.has_most:
+            bounds = next(one for one in limits if one.at_most is not None)
+            return self._no_force(bounds.unit, bounds.at_most, self.unknown)
         return self._reached(limits) if self.spec.is_goal else self._at_most(min(limits, key=_relative_margin))
 
     def _reached(self, limits: list[Bounds]) -> Verdict:
@@ -230,9 +231,9 @@ class TouchMonitor:
             return self._at_least((pending or goals)[0])
         return self._counted() if spec.span is None else self._lasting(spec.span)
 
-    def _no_force(self, bounds: Bounds, time: float) -> Verdict:
+    def _no_force(self, unit: str, limit: float | None, time: float) -> Verdict:
         message = f"touched {self.spec.body} at {time:.2f} s, {NO_FORCE}, so no limit can hold"
-        return Verdict(False, None, bounds.at_most, None, bounds.unit, time, message)
+        return Verdict(False, None, limit, None, unit, time, message)
 
     def _counted(self) -> Verdict:
         body = self.spec.body
@@ -248,6 +249,8 @@ class TouchMonitor:
         if fold.margin is None or fold.time is None:
             return Verdict(False, None, limit, None, unit, None, "no physics step to measure")
         passed, value = fold.state is State.HOLDS, limit + fold.margin
+        if not passed and value <= 0 and self.unknown is not None:
+            return self._no_force(unit, limit, self.unknown)
         found, wanted = units.display_apart(value, limit, unit)
         reached = f"{found}{'' if passed else f' of {wanted}'} at {fold.time:.2f} s"
         message = f"touched {self.spec.body} with {reached}{self._meaning(value, unit)}{self._kept() if passed else ''}"
@@ -272,7 +275,7 @@ class TouchMonitor:
         """Return a text that relates a mean force and an impulse, one of which is `value`, to the window."""
         window = self.mean.window
         if unit == "N":
-            return f" (mean over {duration_text(window)}: {units.display(value * window, 'N s')})"
+            return f" ({units.display(value * window, 'N s')} within {duration_text(window)})"
         return f" (within {duration_text(window)}: {units.display(value / window, 'N')} on average)"
 
     def _kept(self) -> str:
