@@ -215,6 +215,9 @@ def model_of_text(text: str, path: Path, limits: Mapping[str, float]) -> RobotMo
     return RobotModel(spec.modelname, str(path), links, joints, urdf="", mjcf=text)
 
 
+_DAMPED: Final = "give 'solref' a damping ratio of 1, such as solref=\"0.02 1\""
+
+
 def _bounces(text: str, place: Location) -> Iterator[Finding]:
     """Yield the geoms that bounce in MuJoCo: their contacts are springs with too little damping."""
     import mujoco
@@ -225,7 +228,7 @@ def _bounces(text: str, place: Location) -> Iterator[Finding]:
         restitution = _restitution(first, second)
         if restitution > _MAX_RESTITUTION and (model.geom_contype[geom] or model.geom_conaffinity[geom]):
             found = f"geom '{model.geom(geom).name}' has solref=\"{first:g} {second:g}\", a restitution of about"
-            yield finding("restitution", no_bounce(f"{found} {restitution:.2g}"), place)
+            yield finding("restitution", no_bounce(f"{found} {restitution:.2g}", _DAMPED), place)
 
 
 def _restitution(first: float, second: float) -> float:

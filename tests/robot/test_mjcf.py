@@ -222,8 +222,11 @@ def test_contacts_that_bounce_are_refused_unless_they_are_allowed(
     if restitution is None:
         assert read(tmp_path, text).findings == ()
         return
-    with pytest.raises(ModelError, match=f"a restitution of about {restitution}, but nothing bounces"):
+    with pytest.raises(ModelError, match=f"a restitution of about {restitution}, but nothing bounces") as refused:
         read(tmp_path, text)
+    remedy = "give 'solref' a damping ratio of 1, such as solref=\"0.02 1\", or ignore it by robot.allow [restitution]"
+    assert remedy in str(refused.value)
+    assert "set it to 0" not in str(refused.value)
     (found,) = load_model(Robot(model="robot.xml", allow=("restitution",)), Workspace(tmp_path, tmp_path)).findings
     assert found.rule == "restitution"
     assert str(found.location).endswith("robot.xml")

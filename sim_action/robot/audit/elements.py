@@ -252,9 +252,9 @@ def _bounce(document: ModelDocument, part: Element, text: str) -> Iterator[Findi
         yield document.finding("restitution", part, no_bounce(f"<{part.tag}> is {float(text):g}"))
 
 
-def no_bounce(found: str) -> str:
-    """Return the message of the rule `restitution`; `found`: the stated value and its place."""
-    return f"{found}, but nothing bounces in the simulation: set it to 0, or ignore it by robot.allow"
+def no_bounce(found: str, remedy: str = "set it to 0") -> str:
+    """Return the message of the rule `restitution`; `found`: the stated value and its place; `remedy`: the change."""
+    return f"{found}, but nothing bounces in the simulation: {remedy}, or ignore it by robot.allow"
 
 
 def gazebo_references(document: ModelDocument) -> Iterator[Finding]:
