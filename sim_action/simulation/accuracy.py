@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from typing import TYPE_CHECKING, Final
 
 from sim_action.core import units
@@ -14,6 +14,7 @@ from sim_action.world import GROUND
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
+    from sim_action.robot.robot_model import RobotModel
     from sim_action.simulation.energy import EnergyWatch
     from sim_action.simulation.wheel_slip import WheelSlip
 
@@ -28,7 +29,8 @@ _MAX_DEPTH_M: Final = 0.005
 class AccuracyWatch:
     """Collects the facts of a run on which the notes depend."""
 
-    def __init__(self, scene: Scene, drive: Drive | None = None) -> None:
+    def __init__(self, scene: Scene, drive: Drive | None = None, springs: Collection[str] = ()) -> None:
+        """Start without contacts. `springs`: the links whose depth is no error, see `links_with_springs`."""
         self._energy = _energy_watch(scene)
         self._slip = wheel_slip(scene, drive)
         self._masses: dict[str, float] = {body.name: body.mass for body in scene.world.objects if body.mass is not None}
@@ -36,7 +38,9 @@ class AccuracyWatch:
         # A link that cannot move may be inside a body that cannot either.
         self._stuck = scene.bolted_links, {body.name for body in scene.world.objects if body.mass is None} | {GROUND}
         self._deepest: tuple[float, str, float] = (0.0, "", 0.0)
-        self._unequal: dict[str, float] = {}
+        self._springs = springs
+        # The robot is one body, so its pairs consist of one name.
+        self._unequal: dict[frozenset[str], tuple[str, float]] = {}
 
     def add(self, trace: Trace, touching: Iterable[Overlap | Clash]) -> None:
         """Add the next moments, at full rate, and the contacts of the last of them."""
@@ -46,13 +50,16 @@ class AccuracyWatch:
             self._slip.add(trace)
         for touch in touching:
             time = float(trace.time[-1]) if len(trace) else 0.0
-            if touch.depth > max(_MAX_DEPTH_M, self._deepest[0]) and not self._is_stuck(touch):
+            if touch.depth > max(_MAX_DEPTH_M, self._deepest[0]) and not self._is_expected(touch):
                 self._deepest = touch.depth, _names(touch), time
             self._compare(touch)
 
-    def _is_stuck(self, touch: Overlap | Clash) -> bool:
+    def _is_expected(self, touch: Overlap | Clash) -> bool:
+        """Return True for a spring that the model states, and for two sides that cannot give way."""
         links, bodies = self._stuck
-        return isinstance(touch, Overlap) and touch.link in links and touch.body in bodies
+        return isinstance(touch, Overlap) and (
+            touch.link in self._springs or (touch.link in links and touch.body in bodies)
+        )
 
     def _compare(self, touch: Overlap | Clash) -> None:
         one, other = (
@@ -61,7 +68,8 @@ class AccuracyWatch:
             else (self._masses.get(touch.body), self._masses.get(touch.other))
         )
         if one and other and max(one, other) > _MAX_MASS_RATIO * min(one, other):
-            self._unequal.setdefault(_names(touch), max(one, other) / min(one, other))
+            pair = frozenset({touch.body} if isinstance(touch, Overlap) else {touch.body, touch.other})
+            self._unequal.setdefault(pair, (_names(touch), max(one, other) / min(one, other)))
 
     def notes(self) -> Iterator[str]:
         """Yield the notes."""
@@ -69,7 +77,7 @@ class AccuracyWatch:
             yield note
         if self._slip is not None:
             yield from self._slip.notes()
-        for names, ratio in self._unequal.items():
+        for names, ratio in self._unequal.values():
             yield (
                 f"{names} touched, and one has {ratio:,.0f} times the mass of the other: above {_MAX_MASS_RATIO:g}, "
                 "contacts are inaccurate; compare with a run at twice the physics.rate"
@@ -80,6 +88,11 @@ class AccuracyWatch:
                 f"{names} overlapped by {units.display(depth, 'm', 3)} at {time:.2f} s: contacts are not accurate to "
                 f"{units.display(_MAX_DEPTH_M, 'm')}; raise physics.rate, or check masses and speeds"
             )
+
+
+def links_with_springs(model: RobotModel) -> frozenset[str]:
+    """Return the names of the links for which the model states a contact stiffness."""
+    return frozenset(link.name for link in model.links if link.surface.stiffness)
 
 
 def _energy_watch(scene: Scene) -> EnergyWatch | None:

@@ -16,7 +16,7 @@ from sim_action.drives import Drive, recognise
 from sim_action.engines import ENGINES, Engine, chosen
 from sim_action.scenario.claim_audit import NOT_SIMULATED, ClaimFinding
 from sim_action.scenario.model import Scenario
-from sim_action.simulation.accuracy import AccuracyWatch
+from sim_action.simulation.accuracy import AccuracyWatch, links_with_springs
 from sim_action.simulation.controllers import Controls, padded
 from sim_action.simulation.monitors import End, Panel
 from sim_action.simulation.recorder import RunRecorder, moving_bodies
@@ -88,6 +88,8 @@ def simulate(scenario: Scenario, scene: Scene, progress: Progress, footage: RunR
     """
     footage = footage or RunRecorder(scenario)
     drive = _drive_of(scenario, scene)
+    # A drive may assume a stiffness of tyres.
+    springs = links_with_springs(scene.model)
     scene = drive.prepared(scene) if drive else scene
     channels = _judged_channels(scenario)
     paths = Channels(contacts=any(body.path for body in scene.world.objects))
@@ -96,7 +98,7 @@ def simulate(scenario: Scenario, scene: Scene, progress: Progress, footage: RunR
     try:
         at = backend.observe(0, contacts=False).pose
         refuse_bad_start(scene, at, backend.overlaps(), backend.clashes())
-        return _Loop(scenario, scene, drive, backend, channels, footage=footage).run(progress)
+        return _Loop(scenario, scene, drive, backend, channels, footage=footage, springs=springs).run(progress)
     finally:
         backend.close()
 
@@ -137,7 +139,9 @@ class _Loop:
         channels: Channels,
         *,
         footage: RunRecorder,
+        springs: frozenset[str],
     ) -> None:
+        self._springs = springs
         self._footage = footage
         self._scenario = scenario
         self._scene = scene
@@ -182,7 +186,7 @@ class _Loop:
         panel = Panel.open(self._scenario, self._scene, start)
         digest = Digest()
         motion = Motion(Rest.of(self._scene, start))
-        accuracy = AccuracyWatch(self._scene, self._drive)
+        accuracy = AccuracyWatch(self._scene, self._drive, self._springs)
         footage.begin(start, placed)
         started = time.perf_counter()
         while panel.end is None:

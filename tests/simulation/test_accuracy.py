@@ -8,16 +8,17 @@ from typing import Literal
 import pytest
 
 from sim_action.core.workspace import Workspace
-from sim_action.robot.robot_model import Link, RobotModel
+from sim_action.robot.robot_model import Link, RobotModel, Surface
 from sim_action.robot.spec import Robot
-from sim_action.simulation.accuracy import AccuracyWatch
+from sim_action.simulation.accuracy import AccuracyWatch, links_with_springs
 from sim_action.state.observation import Clash, Overlap
 from sim_action.world import Body, Physics, World
 from sim_action.world.scene import Scene
 from tests.traces import trace
 
 FOLDER = Path("/folder")
-MODEL = RobotModel("it", "robot.urdf", (Link("base", 40.0), Link("wheel", 10.0)), (), "")
+SOFT = Link("bumper", 0.0, surface=Surface(stiffness=1e4))
+MODEL = RobotModel("it", "robot.urdf", (Link("base", 40.0), Link("wheel", 10.0), SOFT), (), "")
 WORLD = World(
     objects=(
         Body(name="crate", box=(1.0, 1.0, 1.0), mass=0.6),
@@ -30,7 +31,8 @@ WORLD = World(
 
 def notes(*touches: Overlap | Clash, base: Literal["free", "fixed"] = "free") -> list[str]:
     robot = Robot.model_construct(model="robot.urdf", base=base)
-    watch = AccuracyWatch(Scene(robot, MODEL, WORLD, Physics(), Workspace(FOLDER, FOLDER), acted_on=True))
+    scene = Scene(robot, MODEL, WORLD, Physics(), Workspace(FOLDER, FOLDER), acted_on=True)
+    watch = AccuracyWatch(scene, springs=links_with_springs(MODEL))
     for touch in touches:
         watch.add(trace([1.5]), [touch])
     return list(watch.notes())
@@ -47,6 +49,20 @@ def notes(*touches: Overlap | Clash, base: Literal["free", "fixed"] = "free") ->
 def test_masses_that_differ_by_more_than_a_hundred_times_are_noted_once(touch: Overlap | Clash, told: str) -> None:
     (note,) = notes(touch, touch)
     assert told in note
+
+
+def test_unequal_masses_are_noted_once_per_pair_of_bodies() -> None:
+    """The robot is one body: each of its links presses with its mass."""
+    (note,) = notes(Overlap("base", "can", 0.0), Overlap("wheel", "can", 0.0), Overlap("bumper", "can", 0.0))
+    assert note.startswith("link 'base' and body 'can' touched")
+    assert len(notes(Clash("safe", "crate", 0.0), Clash("crate", "safe", 0.0))) == 1
+    assert len(notes(Clash("safe", "crate", 0.0), Clash("can", "safe", 0.0), Overlap("wheel", "can", 0.0))) == 3
+
+
+def test_the_depth_of_a_stated_spring_is_not_noted() -> None:
+    assert notes(Overlap("bumper", "wall", 0.03), Overlap("bumper", "ground", 0.02)) == []
+    (note,) = notes(Overlap("bumper", "wall", 0.03), Overlap("base", "wall", 0.006))
+    assert note.startswith("link 'base' and body 'wall' overlapped by 0.006 m")
 
 
 @pytest.mark.parametrize(
