@@ -28,8 +28,11 @@ from sim_action.robot.robot_model import RobotModel
 from sim_action.world.scene import Scene
 
 # Depth in m by which each wheel presses into the ground at rest. Rigid wheels would share the load of more than three
-# wheels in an undetermined way; real ones have tyres.
+# wheels in an undetermined way; real ones have tyres. MuJoCo gives the middle wheels of six half as much again unless
+# tyres are softer than its rigid contacts, but soft tyres also creep by some tenths of a percent.
 _TYRE_DEPTH_M: Final = 0.25e-3
+_SOFT_TYRE_DEPTH_M: Final = 1e-3
+_MAX_WHEELS_WITH_HARD_TYRES: Final = 4
 
 Sides = tuple[tuple[str, ...], tuple[str, ...]]
 
@@ -103,7 +106,8 @@ class SkidSteer(TwoSidedDrive):
 def _with_tyres(model: RobotModel, wheels: frozenset[str], gravity_xyz: Vector3) -> RobotModel:
     """Return the model with wheels that are springs, critically damped for their share of the mass."""
     mass = model.mass / len(wheels)
-    stiffness = mass * math.hypot(*gravity_xyz) / _TYRE_DEPTH_M
+    depth = _TYRE_DEPTH_M if len(wheels) <= _MAX_WHEELS_WITH_HARD_TYRES else _SOFT_TYRE_DEPTH_M
+    stiffness = mass * math.hypot(*gravity_xyz) / depth
     if not stiffness:
         return model
     damping = 2 * math.sqrt(stiffness * mass)

@@ -19,7 +19,7 @@ from sim_action.state.command import JointTargets
 from sim_action.world import World
 from sim_action.world.scene import Scene
 from tests import traces
-from tests.drives.carts import FOUR, RADIUS, cart, steered, wheel
+from tests.drives.carts import FOUR, RADIUS, Part, cart, steered, wheel
 
 SKID = SkidSteer(left=("a", "b"), right=("c", "d"))
 # Of wheels without a width, 0.4 m and 0.6 m apart.
@@ -150,13 +150,20 @@ def test_motors_have_the_rotors_that_are_stated(stated: float | None) -> None:
     assert prepared(drive, cart(*FOUR)).rotors == (dict.fromkeys("abcd", stated) if stated else {})
 
 
-def test_wheels_have_tyres_that_give_way_a_little_under_the_weight() -> None:
-    scene = prepared(SKID, cart(*FOUR))
+SIX = SkidSteer(left=("a", "b", "e"), right=("c", "d", "f"))
+SIX_WHEELS = (*FOUR, wheel("e", 0.0, 0.3), wheel("f", 0.0, -0.3))
+
+
+@pytest.mark.parametrize(("drive", "wheels", "depth"), [(SKID, FOUR, 0.00025), (SIX, SIX_WHEELS, 0.001)])
+def test_wheels_have_tyres_that_give_way_a_little_under_the_weight(
+    drive: SkidSteer, wheels: tuple[Part, ...], depth: float
+) -> None:
+    scene = prepared(drive, cart(*wheels))
     links = scene.model.links_by_name
-    assert scene.scrubbing == {f"{name}_link" for name in "abcd"}
+    assert scene.scrubbing == {f"{name}_link" for name in (*drive.left, *drive.right)}
     for name in scene.scrubbing:
-        surface, mass = links[name].surface, scene.model.mass / 4
-        assert surface.stiffness == pytest.approx(mass * 9.80665 / 0.00025)
+        surface, mass = links[name].surface, scene.model.mass / len(wheels)
+        assert surface.stiffness == pytest.approx(mass * 9.80665 / depth)
         assert surface.stiffness is not None
         assert surface.damping == pytest.approx(2 * math.sqrt(surface.stiffness * mass))
     assert links["base"].surface.stiffness is None

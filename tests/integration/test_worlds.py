@@ -143,7 +143,8 @@ def test_a_box_rests_on_a_flat_heightfield_at_its_height(engine: str, tmp_path: 
     flat = Heightfield(heights=((0.5,) * 4,) * 4, size=(4, 4))
     world = World(objects=(Body(name="plateau", heightfield=flat, pose=Placement(z=0)),))
     found = resting(engine, tmp_path, world, CUBE, 480, x=0.2, y=0.1, z=0.6)
-    assert found[2] == pytest.approx(0.55, abs=1e-3)
+    # MuJoCo lets it sink by 1 mm into a heightfield.
+    assert found[2] == pytest.approx(0.55, abs=1.2e-3)
 
 
 def bowl(folder: Path) -> MeshFile:

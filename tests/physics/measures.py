@@ -30,6 +30,16 @@ def steady_speed(start: float, end: float) -> Measure:
     return measure
 
 
+def curve_speed(start: float, end: float) -> Measure:
+    """The mean speed along a path between two times, in m/s."""
+
+    def measure(run: Run) -> float:
+        places = run.trace.base_position_xyz[run.row(start) : run.row(end) + 1, :2]
+        return float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum()) / (end - start)
+
+    return measure
+
+
 def steady_turn(start: float, end: float) -> Measure:
     """The mean turn rate between two times, in rad/s."""
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
 from typing import Any, Final
 
 from sim_action.core.geometry import Vector3
@@ -146,8 +147,19 @@ def delivery_robot() -> str:
     )
 
 
-def rover(wheelbase: float, separation: float, mass: float = 8.0, *, width: float = 0.04, forward: float = 0.0) -> str:
-    """Four wheels of 10 cm that cannot be steered; the centre of mass is `forward` m ahead of their middle."""
+def rover(
+    wheelbase: float,
+    separation: float,
+    mass: float = 8.0,
+    *,
+    width: float = 0.04,
+    forward: float = 0.0,
+    ends: Mapping[str, float] = MappingProxyType({"front": 1, "rear": -1}),
+) -> str:
+    """Wheels of 10 cm that cannot be steered; the centre of mass is `forward` m ahead of their middle.
+
+    `ends`: axle -> its place, as a share of half the wheelbase.
+    """
     size = (wheelbase + 0.1, separation - 0.05, 0.12)
     at = (forward, 0.0, 0.16)
     base = inertial(mass, box_inertia(mass, size), at) + collision(box_shape(size), at)
@@ -160,12 +172,13 @@ def rover(wheelbase: float, separation: float, mass: float = 8.0, *, width: floa
             mass=0.5,
             effort=20.0,
         )
-        for end, ahead in (("front", 1), ("rear", -1))
+        for end, ahead in ends.items()
         for side, left in (("left", 1), ("right", -1))
     ]
     return robot(link("base_link", base), *corners)
 
 
+SIX_WHEELS: Final = MappingProxyType({"front": 1, "middle": 0, "rear": -1})
 ROVER_SIDES: Final = {side: [f"{end}_{side}_wheel_joint" for end in ("front", "rear")] for side in ("left", "right")}
 
 

@@ -15,8 +15,8 @@ from typing import Any, Final
 from bench.robots import ROBOTS
 from tests.physics.case import Case, Setup
 from tests.physics.caster import driven
-from tests.physics.measures import ratio, spread, steady_turn
-from tests.physics.robots import ROVER_SIDES, rover
+from tests.physics.measures import curve_speed, ratio, spread, steady_turn
+from tests.physics.robots import ROVER_SIDES, SIX_WHEELS, rover
 
 GROUP: Final = "skid"
 YAWS_DEG: Final = (0, 1, 5, 20, 45)
@@ -37,6 +37,9 @@ class Skid:
 
 CURVE_AND_SPIN: Final = {"curve": {"linear": 0.5, "angular": 0.5}, "spin": {"linear": 0.0, "angular": 0.8}}
 ROVER_DRIVE: Final = {"drive": {"skid": dict(ROVER_SIDES)}}
+SIX_WHEEL_DRIVE: Final = {
+    "drive": {"skid": {side: [f"{end}_{side}_wheel_joint" for end in SIX_WHEELS] for side in ("left", "right")}}
+}
 _KNOWN: Final = {known.name: known for known in ROBOTS}
 _R2D2S: Final = {side: [f"{side}_front_wheel_joint", f"{side}_back_wheel_joint"] for side in ("left", "right")}
 
@@ -47,6 +50,7 @@ ROVERS: Final = (
     Skid("rover long", rover(0.50, 0.30), ROVER_DRIVE, CURVE_AND_SPIN),
     Skid("rover square", rover(0.40, 0.35), ROVER_DRIVE, CURVE_AND_SPIN),
     Skid("rover wide", rover(0.25, 0.45), ROVER_DRIVE, CURVE_AND_SPIN),
+    Skid("rover on six wheels", rover(0.6, 0.45, ends=SIX_WHEELS), SIX_WHEEL_DRIVE, CURVE_AND_SPIN),
     Skid("husky", _KNOWN["husky"].path, _KNOWN["husky"].keys, CURVE_AND_SPIN, bundled=True),
     Skid(
         "r2d2",
@@ -101,6 +105,20 @@ def cases_of(skid: Skid, manoeuvre: str) -> list[Case]:
         )
         for over, setups in (("start yaws", yaws), ("rates", rates), ("rates from 5 deg", turned_rates))
     ]
+    if twist["linear"]:
+        cases.append(
+            Case(
+                f"{family} speed",
+                setups=yaws[:1],
+                measure=curve_speed(_START, _END),
+                unit="m/s",
+                kind="analytic",
+                truth=twist["linear"],
+                tolerance=0.05 * twist["linear"],
+                quick=quick,
+                **figures,
+            )
+        )
     cases.append(
         Case(
             f"{family} engines",
