@@ -233,7 +233,16 @@ def spun(plate: SpunPlate) -> list[Case]:
     way_tolerance = _tolerance(plate.way, plate.speed)
     return [
         Case(f"{name}: distance", measure=travelled, unit="m", truth=plate.way, tolerance=way_tolerance, **figures),
-        Case(f"{name}: turn", measure=turned, unit="rad", truth=plate.angle, tolerance=turn_tolerance, **figures),
+        # Four feet share the load in an undetermined way: on another processor, rounding may change the turn.
+        Case(
+            f"{name}: turn",
+            measure=turned,
+            unit="rad",
+            truth=plate.angle,
+            tolerance=turn_tolerance,
+            quick=False,
+            **figures,
+        ),
     ]
 
 
