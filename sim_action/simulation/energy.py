@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final, Self
+from typing import Any, Final, Self
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -18,6 +18,7 @@ import numpy as np
 from sim_action.core import geometry
 from sim_action.robot.robot_model import Joint, RobotModel
 from sim_action.robot.urdf_elements import MOMENTS, number, origin
+from sim_action.simulation.swept_search import Frames, frames_of, link_frames
 from sim_action.state.trace import FloatArray, Trace
 from sim_action.world.scene import Scene
 
@@ -32,29 +33,39 @@ _LEAST_SPAN_S: Final = 0.5
 
 _LEAST_ENERGY_J: Final = 1e-6
 
+_AXES: Final[tuple[geometry.Vector3, ...]] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Body:
     """The inertia of a link. Attributes: kg; m, in the link's frame; (3, 3) kg m^2 about its centre, in that frame."""
 
     mass: float
-    centre: FloatArray
+    centre: geometry.Vector3
     tensor: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Frame:
-    """The frame of a link over T moments: origin (T, 3), axes (T, 3, 3), velocity and turn rate (T, 3), world frame."""
+    """The frame of a link at T moments, world frame: its poses, its velocity (T, 3) and its turn rate (T, 3)."""
 
-    origin: FloatArray
-    axes: FloatArray
+    poses: Frames
     linear: FloatArray
     angular: FloatArray
 
-    def at(self, point: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return position and velocity of a point (3,) or points (T, 3) of this frame, world frame."""
-        arm = np.einsum("tij,...j->ti", self.axes, point) if point.ndim == 1 else point
+    def at(self, point_xyz: geometry.Vector3) -> tuple[FloatArray, FloatArray]:
+        """Return position and velocity (T, 3) of a point of this frame, world frame."""
+        arm = self.turned(point_xyz)
         return self.origin + arm, self.linear + np.cross(self.angular, arm)
+
+    def turned(self, vector_xyz: geometry.Vector3) -> FloatArray:
+        """Return a vector of this frame in the world frame, (T, 3)."""
+        return np.column_stack(geometry.rotate(self.poses.orientation_xyzw, vector_xyz))
+
+    @property
+    def origin(self) -> FloatArray:
+        """The positions of its origin, (T, 3)."""
+        return np.column_stack(self.poses.position_xyz)
 
 
 class Mechanics:
@@ -62,13 +73,11 @@ class Mechanics:
 
     def __init__(self, model: RobotModel, gravity_xyz: geometry.Vector3) -> None:
         """`model`: not in MJCF."""
-        self._gravity = np.array(gravity_xyz)
-        self._root = model.root
+        self._model, self._gravity = model, np.array(gravity_xyz)
         self._bodies = _bodies(model)
         self._shapes = {
             link.name: [
-                (np.array(shape.pose.position_xyz), _reach(shape.lower_xyz, shape.upper_xyz))
-                for shape in link.collisions
+                (shape.pose.position_xyz, _reach(shape.lower_xyz, shape.upper_xyz)) for shape in link.collisions
             ]
             for link in model.links
         }
@@ -78,29 +87,26 @@ class Mechanics:
 
     def frames(self, trace: Trace) -> dict[str, _Frame]:
         """Return the frame of each link."""
-        columns = {name: place for place, name in enumerate(trace.joint_names)}
-        axes = _matrices(trace.base_orientation_xyzw)
-        found = {self._root: _Frame(trace.base_position_xyz, axes, trace.base_linear_xyz, trace.base_angular_xyz)}
-        waiting = [self._root]
-        while waiting:
-            parent = waiting.pop()
+        base = frames_of(trace.base_position_xyz, trace.base_orientation_xyzw)
+        poses = link_frames(self._model, base, trace.joint_position)
+        speeds = {name: trace.joint_velocity[:, [place]] for place, name in enumerate(trace.joint_names)}
+        found = {self._model.root: _Frame(base, trace.base_linear_xyz, trace.base_angular_xyz)}
+        waiting = [self._model.root]
+        for parent in waiting:
             for joint in self._below.get(parent, []):
-                place = columns.get(joint.name)
-                zeros = np.zeros(len(trace))
-                position = zeros if place is None else trace.joint_position[:, place]
-                velocity = zeros if place is None else trace.joint_velocity[:, place]
-                found[joint.child] = _moved(found[parent], joint, position, velocity)
+                found[joint.child] = _moved(found[parent], joint, poses[joint.child], speeds.get(joint.name))
                 waiting.append(joint.child)
         return found
 
     def energy(self, frames: Mapping[str, _Frame]) -> tuple[FloatArray, FloatArray]:
         """Return the kinetic and the potential energy in J, each (T,)."""
-        moments = len(frames[self._root].origin)
+        moments = len(frames[self._model.root].linear)
         kinetic, potential = np.zeros(moments), np.zeros(moments)
         for name, body in self._bodies.items():
             frame = frames[name]
             position, velocity = frame.at(body.centre)
-            turning = np.einsum("tji,tj->ti", frame.axes, frame.angular)
+            angular: Any = tuple(frame.angular.T)
+            turning = np.column_stack(geometry.rotate(geometry.conjugate(frame.poses.orientation_xyzw), angular))
             spin = np.einsum("ti,ij,tj->t", turning, body.tensor, turning)
             kinetic += (body.mass * np.square(velocity).sum(axis=1) + spin) / 2
             potential -= body.mass * (position @ self._gravity)
@@ -108,7 +114,7 @@ class Mechanics:
 
     def lowest(self, frames: Mapping[str, _Frame], fixed: frozenset[str]) -> FloatArray:
         """Return a lower bound (T,) in m on the height of all collision shapes, but those of the links `fixed`."""
-        lowest = np.full(len(frames[self._root].origin), np.inf)
+        lowest = np.full(len(frames[self._model.root].linear), np.inf)
         for name, shapes in self._shapes.items():
             for centre, reach in shapes if name not in fixed else ():
                 lowest = np.minimum(lowest, frames[name].at(centre)[0][:, 2] - reach)
@@ -124,34 +130,21 @@ def _bodies(model: RobotModel) -> dict[str, _Body]:
         if inertial is not None:
             xx, xy, xz, yy, yz, zz = (number(inertial.find("inertia"), name) or 0.0 for name in MOMENTS)
             at, tensor = origin(inertial), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-            (axes,) = _matrices(np.array([at.orientation_xyzw]))
+            axes = np.column_stack([geometry.rotate(at.orientation_xyzw, axis) for axis in _AXES])
             mass = number(inertial.find("mass"), "value") or 0.0
-            found[link.attrib["name"]] = _Body(mass, np.array(at.position_xyz), axes @ tensor @ axes.T)
+            found[link.attrib["name"]] = _Body(mass, at.position_xyz, axes @ tensor @ axes.T)
     return found
 
 
-def _matrices(orientations: FloatArray) -> FloatArray:
-    """Return the rotation matrices (T, 3, 3) of unit quaternions (T, 4)."""
-    x, y, z, w = orientations.T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.moveaxis(np.array(rows), 2, 0)
-
-
-def _moved(parent: _Frame, joint: Joint, position: FloatArray, velocity: FloatArray) -> _Frame:
-    (turned,) = _matrices(np.array([joint.origin.orientation_xyzw]))
-    axes = parent.axes @ turned
-    axis = axes @ np.array(joint.axis_xyz)
-    at, linear = parent.at(np.array(joint.origin.position_xyz))
-    if joint.type == "prismatic":
-        way = axis * position[:, None]
-        return _Frame(at + way, axes, linear + np.cross(parent.angular, way) + axis * velocity[:, None], parent.angular)
-    half = position / 2
-    own = np.column_stack([*(np.sin(half) * part for part in joint.axis_xyz), np.cos(half)])
-    return _Frame(at, axes @ _matrices(own), linear, parent.angular + axis * velocity[:, None])
+def _moved(parent: _Frame, joint: Joint, poses: Frames, speed: FloatArray | None) -> _Frame:
+    """Return the frame of a link; `speed`: (T, 1) rad/s or m/s of its joint, None if the joint is fixed."""
+    still = _Frame(poses, parent.linear, parent.angular)
+    linear = parent.linear + np.cross(parent.angular, still.origin - parent.origin)
+    if speed is None:
+        return _Frame(poses, linear, parent.angular)
+    own = still.turned(joint.axis_xyz) * speed
+    slides = joint.type == "prismatic"
+    return _Frame(poses, linear + own, parent.angular) if slides else _Frame(poses, linear, parent.angular + own)
 
 
 def _reach(lower: geometry.Vector3, upper: geometry.Vector3) -> float:

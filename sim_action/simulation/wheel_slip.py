@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
-from sim_action.core import units
+from sim_action.core import geometry, units
 from sim_action.drives.wheels import wheel
 from sim_action.state.trace import FloatArray, Trace
 from sim_action.world.scene import Scene
@@ -32,8 +32,8 @@ class WheelSlip:
         columns = {name: place for place, name in enumerate(trace.joint_names)}
         for found, radius in self._wheels:
             speed = trace.joint_velocity[:, columns[found.joint]]
-            arm = _turned(trace.base_orientation_xyzw, np.array(found.position_xyz))
-            axle = _turned(trace.base_orientation_xyzw, np.array(found.axis_xyz))
+            arm = _turned(trace.base_orientation_xyzw, found.position_xyz)
+            axle = _turned(trace.base_orientation_xyzw, found.axis_xyz)
             centre = trace.base_linear_xyz + np.cross(trace.base_angular_xyz, arm)
             turning = trace.base_angular_xyz + axle * speed[:, None]
             rim = centre + np.cross(turning, (0.0, 0.0, -radius))
@@ -54,8 +54,7 @@ class WheelSlip:
         yield f"wheels {'slipped' if slips else 'did not slip'}: {way}; {wheels}"
 
 
-def _turned(orientations: FloatArray, vector: FloatArray) -> FloatArray:
+def _turned(orientations: FloatArray, vector_xyz: geometry.Vector3) -> FloatArray:
     """Return a vector (3,), rotated by unit quaternions (T, 4), as (T, 3)."""
-    axis, w = orientations[:, :3], orientations[:, 3:]
-    doubled = 2 * np.cross(axis, vector)
-    return vector + w * doubled + np.cross(axis, doubled)
+    columns: Any = tuple(orientations.T)
+    return np.column_stack(geometry.rotate(columns, vector_xyz))

@@ -112,7 +112,7 @@ def test_a_body_whose_principal_axes_are_turned(tmp_path: Path) -> None:
 
 def watch(folder: Path, text: str, *, acted_on: bool = False, **more: object) -> EnergyWatch | None:
     robot = Robot(model="robot.urdf", base="fixed", pose=Placement(z=5))
-    world = World(**more)  # type: ignore[arg-type]
+    world = World(**more)  # type: ignore[arg-type] # keys of World
     return EnergyWatch.of(
         Scene(robot, model(folder, text), world, Physics(), Workspace(folder, folder), acted_on=acted_on)
     )

@@ -39,7 +39,7 @@ def burger(folder: Path, friction: str = "0.1", right: str = "") -> RobotModel:
 
 
 def watch(model: RobotModel, drive: Drive | None = None, base: str | None = None) -> WheelSlip | None:
-    robot = Robot.model_construct(model="burger.urdf", base=base)  # type: ignore[arg-type]
+    robot = Robot.model_construct(model="burger.urdf", base=base)  # type: ignore[arg-type] # text is one of the literals
     folder = Path(model.source).parent
     scene = Scene(robot, model, World(), Physics(rate=RATE), Workspace(folder, folder))
     return wheel_slip(scene, drive or recognise(model))
