@@ -11,7 +11,6 @@ from importlib import import_module
 from sim_action.drives import recognise
 from sim_action.engines import chosen
 from sim_action.robot.robot_model import RobotModel
-from sim_action.scenario.loading import build_scene
 from sim_action.scenario.model import LoadedScenario, Scenario
 from sim_action.simulation.accuracy import LEAST_FRICTION
 
@@ -42,9 +41,7 @@ def needed_modules(scenarios: Iterable[LoadedScenario]) -> set[str]:
 def _of_world(loaded: LoadedScenario) -> Iterator[str]:
     world = loaded.scenario.world
     if any(body.path for body in world.objects):
-        yield from ("simulation.path_crossings", "simulation.pinning")
-        if build_scene(loaded).bolted_links:
-            yield "engines.path_contacts"
+        yield from ("simulation.path_crossings", "simulation.pinning", "engines.path_contacts")
     if not (loaded.scenario.commands or world.disturbances):
         yield "simulation.energy"
 

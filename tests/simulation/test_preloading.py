@@ -20,7 +20,6 @@ ON_PATH = "world: {objects: [{name: cart, box: [1, 1, 1], path: [{at: 0 s, x: 5}
 COMMANDS = "commands: {twist: [{linear: 1.0}]}\n"
 EXPECTED = "expect: [{travel: {at_least: 5 cm}}]\n"
 UPRIGHT = "expect: [upright: {max_tilt: 20 deg}]\nduration: 1 s\n"
-ALONE = "expect: [no_collision]\nduration: 2 s\n"
 BURGER = Path(__file__).parents[2] / "sim_action/robot/built_in/turtlebot3_burger.urdf"
 ROVER = Path(__file__).parents[2] / "examples/drives/rover.urdf"
 
@@ -39,13 +38,9 @@ def test_a_robot_that_nothing_drives_may_keep_its_energy(tmp_path: Path) -> None
     assert needed(tmp_path, DRIVEN.replace(COMMANDS, "").replace(EXPECTED, UPRIGHT)) == {"simulation.energy"}
 
 
-def test_a_body_on_a_path_may_pin_the_robot(tmp_path: Path) -> None:
-    assert needed(tmp_path, DRIVEN + ON_PATH) == {"simulation.path_crossings", "simulation.pinning"}
-
-
-def test_a_body_on_a_path_may_touch_a_robot_that_cannot_move(tmp_path: Path) -> None:
-    still = DRIVEN.replace("turtlebot3_burger}", "turtlebot3_burger, base: fixed}").replace(EXPECTED, ALONE)
-    assert "engines.path_contacts" in needed(tmp_path, still.replace(COMMANDS, "") + ON_PATH)
+def test_a_body_on_a_path_may_touch_and_pin_the_robot(tmp_path: Path) -> None:
+    paths = {"simulation.path_crossings", "simulation.pinning", "engines.path_contacts"}
+    assert needed(tmp_path, DRIVEN + ON_PATH) == paths
 
 
 @pytest.mark.parametrize(
