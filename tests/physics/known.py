@@ -7,9 +7,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Container, Iterable, Mapping
 from types import MappingProxyType
-from typing import Final
+from typing import Any, Final
+
+import pytest
+
+from tests.physics.case import BETWEEN, Case
 
 _LOADS: Final = "friction of a fast contact changes its load"
 _BRAKE: Final = "a wheel under a steady load creeps: the solver stops after 50 iterations, and 500 hold the wheel"
@@ -111,3 +115,17 @@ def _table(rows: Rows) -> Mapping[tuple[str, str], str]:
 
 KNOWN: Final = _table(_ROWS)
 MISSED: Final = _table(_MISSED_ROWS)
+
+
+def entries(cases: Iterable[Case], reasons: Mapping[tuple[str, str], str], quick: Container[str]) -> list[Any]:
+    """For `parametrize`: each case on each engine. Cases that are not in `quick` are for `--soak`."""
+    found = []
+    for case in cases:
+        for engine in case.engines:
+            marks = [] if case.name in quick else [pytest.mark.soak]
+            if case.bundled or engine == BETWEEN:
+                marks.append(pytest.mark.pybullet)
+            if reason := reasons.get((engine, case.name)):
+                marks.append(pytest.mark.xfail(strict=True, reason=reason))
+            found.append(pytest.param(engine, case, marks=marks, id=f"{engine}-{case.name}"))
+    return found

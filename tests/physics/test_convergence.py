@@ -7,12 +7,12 @@ difference, q(240 Hz) must be on the same side of the limit. Cases for which thi
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import pytest
 
 from tests.physics.case import BETWEEN, FINE_RATE, RATE, Case
-from tests.physics.known import MISSED
+from tests.physics.known import MISSED, entries
 from tests.physics.zoo import ZOO
 
 SURE_MARGIN: Final = 3.0
@@ -24,23 +24,11 @@ QUICK: Final = (
 )
 
 
-def entries() -> list[Any]:
-    """Cases whose runs are all at the usual rate, on one engine each."""
-    found = []
-    for case in ZOO:
-        if case.between or any(setup.rate != RATE for setup in case.setups):
-            continue
-        for engine in case.engines:
-            marks = [] if case.name in QUICK else [pytest.mark.soak]
-            if case.bundled:
-                marks.append(pytest.mark.pybullet)
-            if reason := MISSED.get((engine, case.name)):
-                marks.append(pytest.mark.xfail(strict=True, reason=reason))
-            found.append(pytest.param(engine, case, marks=marks, id=f"{engine}-{case.name}"))
-    return found
+CASES: Final = [case for case in ZOO if not case.between and all(setup.rate == RATE for setup in case.setups)]
+"""Cases whose runs are all at the usual rate, on one engine each."""
 
 
-@pytest.mark.parametrize(("engine", "case"), entries())
+@pytest.mark.parametrize(("engine", "case"), entries(CASES, MISSED, QUICK))
 def test_a_clear_verdict_does_not_depend_on_the_step(engine: str, case: Case) -> None:
     assert engine != BETWEEN
     pytest.importorskip(engine, reason=f"{engine} is not installed")

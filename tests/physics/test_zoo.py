@@ -10,31 +10,19 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from typing import Any
+from typing import Final
 
 import pytest
 
 from tests.physics.case import BETWEEN, Case
-from tests.physics.known import KNOWN
+from tests.physics.known import KNOWN, entries
 from tests.physics.record import RECORDED
 from tests.physics.zoo import GROUPS, ZOO
 
-
-def entries() -> list[Any]:
-    """Every case on every engine, slow ones for `--soak`."""
-    found = []
-    for case in ZOO:
-        for engine in case.engines:
-            marks = [] if case.quick else [pytest.mark.soak]
-            if case.bundled or engine == BETWEEN:
-                marks.append(pytest.mark.pybullet)
-            if reason := KNOWN.get((engine, case.name)):
-                marks.append(pytest.mark.xfail(strict=True, reason=reason))
-            found.append(pytest.param(engine, case, marks=marks, id=f"{engine}-{case.name}"))
-    return found
+QUICK: Final = frozenset(case.name for case in ZOO if case.quick)
 
 
-@pytest.mark.parametrize(("engine", "case"), entries())
+@pytest.mark.parametrize(("engine", "case"), entries(ZOO, KNOWN, QUICK))
 def test_a_case_is_within_its_tolerance(engine: str, case: Case) -> None:
     for name in ("pybullet", "mujoco") if engine == BETWEEN else (engine,):
         pytest.importorskip(name, reason=f"{name} is not installed")
