@@ -28,11 +28,10 @@ from sim_action.robot.robot_model import RobotModel
 from sim_action.world.scene import Scene
 
 # Depth in m by which each wheel presses into the ground at rest. Rigid wheels would share the load of more than three
-# wheels in an undetermined way; real ones have tyres. MuJoCo gives the middle wheels of six half as much again unless
-# tyres are softer than its rigid contacts, but soft tyres also creep by some tenths of a percent.
+# wheels in an undetermined way; real ones have tyres.
 _TYRE_DEPTH_M: Final = 0.25e-3
-_SOFT_TYRE_DEPTH_M: Final = 1e-3
-_MAX_WHEELS_WITH_HARD_TYRES: Final = 4
+# Damping as a multiple of the critical one. MuJoCo's rigid contacts yield more slowly than tyres with less.
+_TYRE_DAMPING: Final = 2.0
 
 Sides = tuple[tuple[str, ...], tuple[str, ...]]
 
@@ -104,13 +103,12 @@ class SkidSteer(TwoSidedDrive):
 
 
 def _with_tyres(model: RobotModel, wheels: frozenset[str], gravity_xyz: Vector3) -> RobotModel:
-    """Return the model with wheels that are springs, critically damped for their share of the mass."""
+    """Return the model with wheels that are springs, damped for their share of the mass."""
     mass = model.mass / len(wheels)
-    depth = _TYRE_DEPTH_M if len(wheels) <= _MAX_WHEELS_WITH_HARD_TYRES else _SOFT_TYRE_DEPTH_M
-    stiffness = mass * math.hypot(*gravity_xyz) / depth
+    stiffness = mass * math.hypot(*gravity_xyz) / _TYRE_DEPTH_M
     if not stiffness:
         return model
-    damping = 2 * math.sqrt(stiffness * mass)
+    damping = _TYRE_DAMPING * 2 * math.sqrt(stiffness * mass)
     links = tuple(
         replace(link, surface=replace(link.surface, stiffness=stiffness, damping=damping))
         if link.name in wheels and link.surface.stiffness is None

@@ -154,18 +154,16 @@ SIX = SkidSteer(left=("a", "b", "e"), right=("c", "d", "f"))
 SIX_WHEELS = (*FOUR, wheel("e", 0.0, 0.3), wheel("f", 0.0, -0.3))
 
 
-@pytest.mark.parametrize(("drive", "wheels", "depth"), [(SKID, FOUR, 0.00025), (SIX, SIX_WHEELS, 0.001)])
-def test_wheels_have_tyres_that_give_way_a_little_under_the_weight(
-    drive: SkidSteer, wheels: tuple[Part, ...], depth: float
-) -> None:
+@pytest.mark.parametrize(("drive", "wheels"), [(SKID, FOUR), (SIX, SIX_WHEELS)])
+def test_wheels_have_tyres_that_give_way_a_little_under_the_weight(drive: SkidSteer, wheels: tuple[Part, ...]) -> None:
     scene = prepared(drive, cart(*wheels))
     links = scene.model.links_by_name
     assert scene.scrubbing == {f"{name}_link" for name in (*drive.left, *drive.right)}
     for name in scene.scrubbing:
         surface, mass = links[name].surface, scene.model.mass / len(wheels)
-        assert surface.stiffness == pytest.approx(mass * 9.80665 / depth)
+        assert surface.stiffness == pytest.approx(mass * 9.80665 / 0.00025)
         assert surface.stiffness is not None
-        assert surface.damping == pytest.approx(2 * math.sqrt(surface.stiffness * mass))
+        assert surface.damping == pytest.approx(4 * math.sqrt(surface.stiffness * mass))
     assert links["base"].surface.stiffness is None
 
 

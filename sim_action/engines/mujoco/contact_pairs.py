@@ -78,9 +78,9 @@ def soften(model: Any, rate: float, soft: Mapping[str, Surface]) -> None:
         bodies = [model.geom_bodyid[geoms[number]] for geoms in (model.pair_geom1, model.pair_geom2)]
         gives_way = sum(float(model.body_invweight0[body, 0]) for body in bodies)
         assert surface.stiffness is not None
-        if surface.stiffness * gives_way >= _time(rate) ** -2:
-            continue
         held = surface.stiffness / rate + surface.damping
+        if surface.stiffness / held >= 1 / (2 * CONTACT_IMPEDANCE * _time(rate)):
+            continue
         share = gives_way / (gives_way + rate / held)
         share = min(max(share, _MIN_IMPEDANCE), _MAX_IMPEDANCE)
         model.pair_margin[number] = 0.0
