@@ -14,7 +14,8 @@ from sim_action.core.geometry import Pose
 from sim_action.scenario.loading import build_scene
 from sim_action.scenario.model import LoadedScenario
 from sim_action.sensors import Measure, Mount, MountedSensor, Sensor
-from sim_action.simulation.loop import simulate
+from sim_action.simulation import loop
+from sim_action.simulation.loop import SimulationRun, simulate
 from tests.scenarios import LEAST, load
 
 # Answers until its input ends, as programs do.
@@ -74,3 +75,29 @@ def test_what_a_program_says_at_the_end_is_noted(tmp_path: Path) -> None:
     scenario = loaded.scenario.model_copy(update={"time_limit": 0.2})
     notes = simulate(scenario, build_scene(loaded), lambda _: None).notes
     assert "the process './ctl.py' wrote more lines than it received, such as 'farewell'; if " in notes[-1]
+
+
+@pytest.mark.parametrize(
+    ("expect", "end"),
+    [
+        ("[{travel: {at_least: 30 cm}}]", "goals met"),
+        ("[{max_speed: {linear: 50 cm/s}}]", "expectation failed"),
+        ("[{max_speed: {linear: 20 m/s}}]", "time limit"),
+    ],
+)
+def test_the_length_of_a_period_changes_no_result(
+    expect: str, end: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # The monitors see many steps at once. The end of a run may lie anywhere within such a period.
+    loaded = load(tmp_path, LEAST.partition("expect:")[0] + f"expect: {expect}\ntime_limit: 2.6 s\n")
+
+    def run() -> SimulationRun:
+        return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+
+    usual = run()
+    monkeypatch.setattr(loop, "_PERIOD_S", 1.7)
+    monkeypatch.setattr(loop, "_PERIOD_WITHOUT_GOALS_S", 0.3)
+    other = run()
+    assert usual.end == other.end == end
+    assert (usual.digest, usual.verdicts, usual.findings) == (other.digest, other.verdicts, other.findings)
+    assert usual.trace.time.tolist() == other.trace.time.tolist()
