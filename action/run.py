@@ -5,6 +5,12 @@ Inputs come in as INPUT_ variables, which are kept from the scripts of scenarios
 
 from __future__ import annotations
 
+from sim_action.core.process import hold_signals
+
+if __name__ == "__main__":
+    # Before the imports, which take a moment: a cancelled workflow still gets its reports.
+    hold_signals()
+
 import io
 import os
 import sys

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import select
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -118,7 +117,7 @@ def _wait(watched: _Watched, interruption: Interruption) -> set[Path]:
 
 
 def _sleep(seconds: float, interruption: Interruption) -> None:
-    select.select([interruption.awakened], [], [], seconds)
+    interruption.wait(seconds)
 
 
 def _touched(watched: _Watched, changed: set[Path], request: RunRequest, patterns: Sequence[str]) -> list[Path]:

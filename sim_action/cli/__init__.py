@@ -42,3 +42,6 @@ SUBCOMMANDS: Final[tuple[click.Command, ...]] = (
 
 TAKE_DEFAULTS: Final = ("run", "validate", "matrix", "merge", "view")
 """The subcommands whose options can be set in pyproject.toml."""
+
+INTERRUPTIBLE: Final = ("run", "rostest", "roslaunch")
+"""The subcommands that handle signals themselves, by an `Interruption`; a signal ends each other one at once."""

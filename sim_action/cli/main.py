@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, NoReturn
 import click
 
 from sim_action import __version__
-from sim_action.cli import SUBCOMMANDS, TAKE_DEFAULTS
+from sim_action.cli import INTERRUPTIBLE, SUBCOMMANDS, TAKE_DEFAULTS
 from sim_action.cli.options import complain
 from sim_action.core.errors import ExitCode, SimActionError
-from sim_action.core.process import collect_garbage_rarely
+from sim_action.core.process import collect_garbage_rarely, forgive_closed_output, release_signals
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -35,9 +35,10 @@ def main() -> NoReturn:
 
 def leave(code: int) -> NoReturn:
     """Flush the output and end the process."""
-    with suppress(BrokenPipeError):
-        sys.stdout.flush()
-    sys.stderr.flush()
+    for stream in (sys.stdout, sys.stderr):
+        # The reader, or the terminal, may have gone.
+        with suppress(OSError):
+            stream.flush()
     # Shutting the interpreter down takes longer than reading a scenario.
     os._exit(code)
 
@@ -108,6 +109,10 @@ def program(context: click.Context) -> None:
         # As click 8.2 and later do by themselves: a missing command is an error of usage, and its message is the help.
         click.echo(context.get_help(), err=True)
         context.exit(ExitCode.INVALID)
+    if context.invoked_subcommand in INTERRUPTIBLE:
+        forgive_closed_output()
+    else:
+        release_signals()
     if context.invoked_subcommand in TAKE_DEFAULTS:
         from pathlib import Path
 

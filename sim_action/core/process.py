@@ -1,52 +1,121 @@
-"""Settings of this process: how it handles signals that end it, and how often it collects garbage."""
+"""Settings of this process: signals that end it, output that has no reader, and how often it collects garbage."""
 
 from __future__ import annotations
 
+import errno
 import gc
+import io
+import os
+import select
 import signal
+import sys
 from types import FrameType
-from typing import Final, Self
+from typing import TYPE_CHECKING, Final, Self
 
-# On Windows, a cancelled workflow sends Ctrl-C, then Ctrl-Break.
+if TYPE_CHECKING:
+    import socket
+
+    from _typeshed import ReadableBuffer
+
+# On Windows, a cancelled workflow sends Ctrl-C, then Ctrl-Break. A closed terminal sends SIGHUP.
 _SIGNALS: Final = tuple(
-    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGBREAK") if name in signal.Signals.__members__
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if name in signal.Signals.__members__
 )
 
 
-class Interruption:
-    """A context in which Ctrl-C, and the SIGTERM of a cancelled workflow, only set a flag and wake a waiting `select`.
+def hold_signals() -> None:
+    """Let the signals that end this process wait until `release_signals`, or until an `Interruption` handles them.
 
-    An exception raised by a signal handler could come after a child process has started and before it is known, or in
-    the middle of a report.
+    Imports take a moment. A signal meanwhile would end the process without any report. Windows cannot do this.
+    """
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
+
+
+def release_signals() -> None:
+    """Deliver the signals that `hold_signals` has held, and those that come later."""
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
+
+
+class Interruption:
+    """A context in which Ctrl-C, SIGTERM and SIGHUP only set a flag and end a `wait`.
+
+    A cancelled workflow sends SIGTERM, a closed terminal SIGHUP. An exception raised by a signal handler could come
+    after a child process has started and before it is known, or in the middle of a report.
 
     Attributes:
         happened: True after the first signal.
-        awakened: becomes readable at a signal; a socket, because Windows cannot wait for anything else together with
-            sockets.
     """
 
     def __init__(self) -> None:
-        # Commands that only print do not need it.
+        # Commands that only print do not need it. Windows cannot wait for anything else together with sockets.
         import socket
 
         self.happened = False
-        self.awakened, self._written_to = socket.socketpair()
+        self._awakened, self._written_to = socket.socketpair()
         self._written_to.setblocking(False)
 
     def __enter__(self) -> Self:
         self._wakeup = signal.set_wakeup_fd(self._written_to.fileno())
-        self._handlers = {number: signal.signal(number, self._notice) for number in _SIGNALS}
+        handled = [number for number in _SIGNALS if not _is_silenced(number)]
+        self._handlers = {number: signal.signal(number, self._notice) for number in handled}
+        release_signals()
         return self
 
     def __exit__(self, *_: object) -> None:
         for number, handler in self._handlers.items():
             signal.signal(number, handler)
         signal.set_wakeup_fd(self._wakeup)
-        self.awakened.close()
+        self._awakened.close()
         self._written_to.close()
+
+    def wait(self, seconds: float, *readable: int | socket.socket) -> None:
+        """Wait until a signal arrives, one of `readable` can be read, or the time is over."""
+        awaited = (self._awakened, *readable)
+        if not hasattr(select, "poll"):
+            select.select(awaited, [], [], seconds)
+            return
+        # `select.select` refuses descriptors from 1024 on, and epoll needs a descriptor of its own.
+        poll = select.poll()
+        for each in awaited:
+            poll.register(each, select.POLLIN)
+        poll.poll(seconds * 1000)
 
     def _notice(self, _number: int, _frame: FrameType | None) -> None:
         self.happened = True
+
+
+def _is_silenced(number: signal.Signals) -> bool:
+    """Return True for SIGHUP below `nohup`."""
+    return number.name == "SIGHUP" and signal.getsignal(number) is signal.SIG_IGN
+
+
+class _ForgivingFile(io.FileIO):
+    """An open descriptor that drops what it cannot write because the terminal or the reader has gone."""
+
+    def write(self, data: ReadableBuffer, /) -> int:
+        """See io.RawIOBase."""
+        try:
+            return super().write(data)
+        except OSError as error:
+            if error.errno not in (errno.EIO, errno.EPIPE):
+                raise
+            return memoryview(data).nbytes
+
+
+def forgive_closed_output() -> None:
+    """Let standard output and standard error drop what has no reader any more: it changes no verdict and no report.
+
+    Without effect on Windows, and on streams that a caller has replaced.
+    """
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if os.name == "posix" and type(stream) is io.TextIOWrapper:
+            stream.flush()
+            file = io.BufferedWriter(_ForgivingFile(stream.fileno(), "w", closefd=False))
+            style = {key: getattr(stream, key) for key in ("encoding", "errors", "line_buffering", "write_through")}
+            setattr(sys, name, io.TextIOWrapper(file, **style))
 
 
 # Python's own default is 700 (2,000 from 3.13 on).

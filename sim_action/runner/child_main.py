@@ -113,6 +113,8 @@ def become_child(job: Job) -> None:
     # Ctrl-C reaches all foreground processes, but the parent decides.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    if sys.platform != "win32" and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 def run_job(job: Job, progress_descriptor: int) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import select
 import tempfile
 import time
 from collections import deque
@@ -206,12 +205,7 @@ class _Scheduler:
         nearest = min(_deadline(child) for child in self._running.values()) - time.monotonic()
         heard = [child.progress for child in self._running.values() if not child.silent]
         ending = len(heard) < len(self._running)
-        select.select(
-            [*heard, self._interruption.awakened],
-            [],
-            [],
-            min(_ENDING_WAIT_S if ending else _MAX_WAIT_S, max(0.0, nearest)),
-        )
+        self._interruption.wait(min(_ENDING_WAIT_S if ending else _MAX_WAIT_S, max(0.0, nearest)), *heard)
 
     def _collect(self) -> None:
         for index, child in list(self._running.items()):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import select
 import signal
 import subprocess
 import sys
@@ -156,7 +155,7 @@ class Watch:
     def wait(self, interruption: Interruption) -> Ending:
         """Wait until the launcher has ended, or has to be killed."""
         while self._launch.poll() is None:
-            select.select([interruption.awakened], [], [], _POLL_S)
+            interruption.wait(_POLL_S)
             if interruption.happened:
                 return "interrupted"
             self._look_at_limits()

@@ -1,0 +1,213 @@
+"""Real signals at any moment of a run: the reports are complete, or there are none at all."""
+
+from __future__ import annotations
+
+import os
+import pty
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Final
+
+import junitparser
+import pytest
+
+from sim_action.results.results_json import Results
+from tests.soak import soaked
+
+ROOT: Final = Path(__file__).parents[2]
+PATIENCE: Final = 60
+"""s; as long as no run of these takes."""
+
+QUICK: Final = """\
+name: a-quick
+robot: {model: turtlebot3_burger}
+commands: {twist: [{linear: 0.5}]}
+expect: [{travel: {at_least: 0.1 m}}]
+time_limit: 5 s
+"""
+ENDLESS: Final = QUICK.replace("a-quick", "b-endless").replace("{twist: [{linear: 0.5}]}", "{script: endless.py}")
+SCRIPT: Final = """\
+from pathlib import Path
+
+
+def control(observation):
+    Path(__file__).with_name("began").touch()
+    while True:
+        pass
+"""
+
+# A signal right before a module is imported; the rest is as the console script does it.
+AT_IMPORT: Final = """\
+import os
+import sys
+
+number, module, *sys.argv[1:] = sys.argv[1:]
+
+
+class Finder:
+    @staticmethod
+    def find_spec(name, path, target=None):
+        if name == module:
+            os.kill(os.getpid(), int(number))
+
+
+from sim_action.__main__ import main
+
+sys.meta_path.insert(0, Finder)
+main()
+"""
+
+SIGNALS: Final = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
+ENVIRONMENT: Final = {**os.environ, "PYTHONPATH": str(ROOT), "GITHUB_ACTIONS": ""}
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder with a scenario that passes, one that never ends, and one after it."""
+    (tmp_path / "a-quick.sim.yml").write_text(QUICK)
+    (tmp_path / "b-endless.sim.yml").write_text(ENDLESS)
+    (tmp_path / "c-later.sim.yml").write_text(QUICK.replace("a-quick", "c-later"))
+    (tmp_path / "endless.py").write_text(SCRIPT)
+    return tmp_path
+
+
+@contextmanager
+def running(folder: Path, *before: str, streams: int | None = None) -> Iterator[subprocess.Popen[bytes]]:
+    """A run with one job; `before`: what starts it; `streams`: the descriptor of standard output and standard error."""
+    words = [*before, sys.executable, "-m", "sim_action", "run", ".", "--jobs", "1"]
+    stream: int | IO[bytes] = subprocess.DEVNULL if streams is None else streams
+    process = subprocess.Popen(words, cwd=folder, stdout=stream, stderr=stream, env=ENVIRONMENT, start_new_session=True)
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+
+
+def await_endless(folder: Path) -> None:
+    until = time.monotonic() + PATIENCE
+    while not (folder / "began").exists():
+        assert time.monotonic() < until
+        time.sleep(0.01)
+
+
+def reported(folder: Path) -> Mapping[str, str]:
+    """Name -> status or kind of failure in all reports, which have to agree."""
+    results = folder / "sim-results"
+    outcomes = Results.read(results / "results.json").outcomes
+    found = {each.name: each.failures[0].kind if each.failures else each.status for each in outcomes}
+    suites = list(junitparser.JUnitXml.fromfile(str(results / "junit.xml")))
+    assert [suite.name for suite in suites] == [each.name for each in outcomes]
+    assert [bool(suite.errors) for suite in suites] == [each.status == "error" for each in outcomes]
+    assert (results / "report.html").read_text().rstrip().endswith("</html>")
+    assert not [path for path in results.rglob(".*") if path.name != ".gitignore"]
+    return found
+
+
+@pytest.mark.parametrize("number", SIGNALS)
+def test_a_signal_leaves_reports_of_what_had_finished(folder: Path, number: signal.Signals) -> None:
+    with running(folder) as process:
+        await_endless(folder)
+        process.send_signal(number)
+        assert process.wait(PATIENCE) == 130
+    assert reported(folder) == {"a-quick": "passed", "b-endless": "interrupted", "c-later": "interrupted"}
+
+
+def test_a_run_below_nohup_goes_on_when_the_terminal_is_closed(folder: Path) -> None:
+    with running(folder, "nohup") as process:
+        await_endless(folder)
+        process.send_signal(signal.SIGHUP)
+        with pytest.raises(subprocess.TimeoutExpired):
+            process.wait(0.5)
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(PATIENCE) == 130
+    assert reported(folder)["a-quick"] == "passed"
+
+
+@pytest.mark.parametrize("hangs_up", [False, True])
+def test_a_closed_terminal_loses_no_report(folder: Path, hangs_up: bool) -> None:
+    master, slave = pty.openpty()
+    with running(folder, streams=slave) as process:
+        os.close(slave)
+        await_endless(folder)
+        # From now on, each write to the terminal fails with EIO.
+        os.close(master)
+        process.send_signal(signal.SIGHUP if hangs_up else signal.SIGTERM)
+        assert process.wait(PATIENCE) == 130
+    assert reported(folder) == {"a-quick": "passed", "b-endless": "interrupted", "c-later": "interrupted"}
+
+
+@pytest.mark.parametrize("arguments", [(), ("--verbose",), ("nowhere.sim.yml",)])
+@pytest.mark.parametrize("closed", ["terminal", "pipe"])
+def test_output_that_goes_nowhere_changes_no_verdict(folder: Path, closed: str, arguments: tuple[str, ...]) -> None:
+    (folder / "b-endless.sim.yml").unlink()
+    reader, writer = os.pipe() if closed == "pipe" else pty.openpty()
+    os.close(reader)
+    words = [sys.executable, "-m", "sim_action", "run", ".", *arguments]
+    environment = {**ENVIRONMENT, "GITHUB_ACTIONS": "true"}
+    ran = subprocess.run(words, cwd=folder, stdout=writer, stderr=writer, env=environment, check=False)
+    os.close(writer)
+    assert ran.returncode == (2 if "nowhere.sim.yml" in arguments else 0)
+    assert set(reported(folder).values()) == ({"passed", "invalid"} if "nowhere.sim.yml" in arguments else {"passed"})
+
+
+@pytest.mark.parametrize("number", soaked(SIGNALS, short=[signal.SIGTERM]))
+@pytest.mark.parametrize(
+    "module", ["sim_action.cli.main", "click", "sim_action.app.run", "pydantic", "sim_action.runner.process_pool"]
+)
+def test_a_signal_during_imports_leaves_reports(folder: Path, module: str, number: signal.Signals) -> None:
+    assert at_import(folder, module, number, "run", ".") == 130
+    assert reported(folder) == dict.fromkeys(("a-quick", "b-endless", "c-later"), "interrupted")
+
+
+def test_a_signal_does_not_hide_an_error_of_usage(folder: Path) -> None:
+    assert at_import(folder, "click", signal.SIGTERM, "run", "--jobs", "none") == 2
+    assert not (folder / "sim-results").exists()
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, -15), (signal.SIGHUP, -1)])
+def test_a_command_that_only_prints_ends_at_once(folder: Path, number: signal.Signals, code: int) -> None:
+    assert at_import(folder, "click", number, "validate", ".") == code
+
+
+def at_import(folder: Path, module: str, number: signal.Signals, *arguments: str) -> int:
+    """Return the exit code of a command line that gets a signal right before it imports a module."""
+    (folder / "at_import.py").write_text(AT_IMPORT)
+    words = [sys.executable, "at_import.py", str(int(number)), module, *arguments]
+    ran = subprocess.run(words, cwd=folder, env=ENVIRONMENT, capture_output=True, check=False, timeout=PATIENCE)
+    return ran.returncode
+
+
+def test_children_get_the_signals_that_their_parent_held(folder: Path) -> None:
+    """Also user code: a script may be ended by SIGTERM, SIGHUP and, below it, Ctrl-C."""
+    mask = "import signal\n\n\ndef control(observation):\n    print(signal.pthread_sigmask(signal.SIG_BLOCK, []))\n"
+    (folder / "endless.py").write_text(mask)
+    assert at_import(folder, "no_such_module", signal.SIGTERM, "run", "b-endless.sim.yml") == 1
+    (outcome,) = Results.read(folder / "sim-results" / "results.json").outcomes
+    assert set(outcome.output.split("\n")) == {"set()"}
+
+
+DELAYS_S: Final = [step / 50 for step in range(21)]
+
+
+@pytest.mark.parametrize("number", soaked(SIGNALS, short=[signal.SIGTERM]))
+@pytest.mark.parametrize("delay", soaked(DELAYS_S, short=DELAYS_S[4::8]))
+def test_a_signal_at_any_moment_leaves_all_reports_or_no_file(
+    folder: Path, delay: float, number: signal.Signals
+) -> None:
+    with running(folder) as process:
+        time.sleep(delay)
+        process.send_signal(number)
+        code = process.wait(PATIENCE)
+    if (folder / "sim-results").exists():
+        assert code == 130
+        found = reported(folder)
+        assert {"b-endless", "c-later"} <= {name for name, said in found.items() if said == "interrupted"}
+    else:
+        # Python was not up yet, and for Ctrl-C it may print a traceback.
+        assert code == -number
