@@ -1,8 +1,8 @@
 """Read mesh files (STL, OBJ, COLLADA) and rewrite them as convex hulls for the engines.
 
 The engines' own readers crash on a wrong index, hang on a material that is a pipe, and turn unreadable files into
-shapes without contacts (see tests/integration/test_meshes.py for PyBullet). They therefore get only files that
-`clean_mesh` has written, which hold the points of convex hulls.
+shapes without contacts (see tests/integration/test_meshes.py for PyBullet). They therefore get only text that
+`clean_mesh` has made, which holds the points of convex hulls.
 """
 
 from __future__ import annotations
@@ -12,11 +12,12 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
+from sim_action.core.content_cache import Entry
 from sim_action.core.files import read_at_most
 from sim_action.core.geometry import Vector3
 from sim_action.meshes.collada import read_collada
 from sim_action.meshes.collision_hulls import MeshFacts, facts_of
-from sim_action.meshes.hull_file import CleanMesh, clean_mesh_name, read_clean_mesh, write_clean_mesh
+from sim_action.meshes.hull_file import FORMAT, CleanMesh, read_clean_mesh, write_clean_mesh
 from sim_action.meshes.mesh import MAX_BYTES, MAX_TRIANGLES, Mesh, MeshError
 from sim_action.meshes.obj import read_obj
 from sim_action.meshes.stl import read_stl
@@ -47,29 +48,29 @@ def read_mesh(path: Path) -> MeshFacts:
     return facts_of(_format(path), _parsed(path, mesh_bytes(path)))
 
 
-def parsed_mesh(path: Path) -> Mesh:
-    """Return the triangles of a mesh file. Raises MeshError."""
-    return _parsed(path, mesh_bytes(path))
+def parsed_mesh(path: Path, data: bytes | None = None) -> Mesh:
+    """Return the triangles of a mesh file; `data`: its bytes, if they are known. Raises MeshError."""
+    return _parsed(path, mesh_bytes(path) if data is None else data)
 
 
-def clean_mesh(path: Path, folder: Path, scale: Vector3 = (1.0, 1.0, 1.0), margin: float = 0.0) -> CleanMesh:
-    """Rewrite a mesh as an OBJ of hulls in metres, for use without a scale; equal files are rewritten only once.
+def clean_mesh(path: Path, folder: Path | None, scale: Vector3 = (1.0, 1.0, 1.0), margin: float = 0.0) -> CleanMesh:
+    """Rewrite a mesh as an OBJ of hulls in metres, for use without a scale; equal files share a cache entry.
 
     Args:
         path: of the mesh.
-        folder: cache of rewritten meshes, by content; its files are trusted.
+        folder: the cache of rewritten meshes; None: there is none.
         scale: `<mesh scale>` of the URDF: the length in m of one unit of the file.
         margin: collision margin in m that the engine adds around a hull; the hulls are shrunk by it.
 
     Raises MeshError.
     """
     data = mesh_bytes(path)
-    cleaned = folder / clean_mesh_name(_format(path), data, scale, margin)
-    known = read_clean_mesh(cleaned, scale)
+    entry = Entry.of(folder, "obj", data, FORMAT, "hulls", _format(path), scale, margin)
+    known = read_clean_mesh(entry, scale)
     if known is not None:
         return known
     mesh = _parsed(path, data)
-    return write_clean_mesh(cleaned, mesh, facts_of(_format(path), mesh), scale, margin)
+    return write_clean_mesh(entry, mesh, facts_of(_format(path), mesh), scale, margin)
 
 
 def _format(path: Path) -> str:

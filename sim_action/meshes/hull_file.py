@@ -1,4 +1,4 @@
-"""The cache files of convex hulls: write a mesh as a minimal OBJ, once per content, and read its hulls."""
+"""Files of convex hulls: write a mesh as a minimal OBJ, keep it in the cache, and read its hulls."""
 
 from __future__ import annotations
 
@@ -6,10 +6,9 @@ import hashlib
 import json
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from sim_action.core.files import whole_file
+from sim_action.core.content_cache import Entry
 from sim_action.core.geometry import Box, Vector3
 from sim_action.meshes.collision_hulls import MeshFacts, hulls_of
 from sim_action.meshes.mesh import Mesh, MeshError
@@ -18,10 +17,10 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-# Format version; a new number makes old files unused.
-_VERSION: Final = 1
+FORMAT: Final = 2
+"""The version of the text and its facts; a new number makes older cache entries unused."""
 
-_FACTS: Final = "# facts: "
+_FACTS: Final = b"# facts: "
 
 _MAX_COORDINATE_M: Final = 1e6
 """Limit of coordinates in m. Beyond, the floats of the engines do not resolve millimetres."""
@@ -29,9 +28,15 @@ _MAX_COORDINATE_M: Final = 1e6
 
 @dataclass(frozen=True, slots=True)
 class CleanMesh:
-    """A rewritten mesh and the facts of the original; `scale`: length in m of one unit of the original."""
+    """A rewritten mesh, and the facts of the original.
 
-    path: Path
+    Attributes:
+        text: the OBJ.
+        facts: of the original.
+        scale: length in m of one unit of the original.
+    """
+
+    text: bytes
     facts: MeshFacts
     scale: Vector3
 
@@ -43,29 +48,30 @@ class CleanMesh:
         return (ax, ay, az), (bx, by, bz)
 
 
-def read_clean_mesh(path: Path, scale: Vector3) -> CleanMesh | None:
-    """Return the rewritten mesh if the file exists."""
+def hull_file_name(text: bytes) -> str:
+    """Return the file name of a rewritten mesh: the digest of its text."""
+    return f"{hashlib.sha256(text).hexdigest()}.obj"
+
+
+def read_clean_mesh(entry: Entry, scale: Vector3) -> CleanMesh | None:
+    """Return the rewritten mesh from the cache, if it is there."""
+    text = entry.read()
+    if text is None:
+        return None
     try:
-        with path.open(encoding="ascii") as file:
-            stated = json.loads(file.readline().removeprefix(_FACTS))
+        stated = json.loads(text.partition(b"\n")[0].removeprefix(_FACTS))
         corners = {corner: tuple(stated[corner]) for corner in ("lower_xyz", "upper_xyz")}
-        return CleanMesh(path, MeshFacts(**stated | corners), scale)
-    except (OSError, ValueError, TypeError, KeyError):
+        return CleanMesh(text, MeshFacts(**stated | corners), scale)
+    except (ValueError, TypeError, KeyError):
         return None
 
 
-def write_clean_mesh(path: Path, mesh: Mesh, facts: MeshFacts, scale: Vector3, margin: float) -> CleanMesh:
-    """Rewrite a mesh. Raises MeshError."""
+def write_clean_mesh(entry: Entry, mesh: Mesh, facts: MeshFacts, scale: Vector3, margin: float) -> CleanMesh:
+    """Rewrite a mesh and keep it in the cache. Raises MeshError."""
     _check(facts, scale)
-    _write(path, facts, hulls_of(mesh, scale, margin))
-    return CleanMesh(path, facts, scale)
-
-
-def clean_mesh_name(format_name: str, data: bytes, scale: Vector3, margin: float) -> str:
-    """Return the file name of a rewritten mesh, which depends on content, format, scale and margin."""
-    digest = hashlib.sha256(json.dumps([_VERSION, format_name, scale, margin]).encode())
-    digest.update(data)
-    return f"{digest.hexdigest()}.obj"
+    text = _text(facts, hulls_of(mesh, scale, margin))
+    entry.write(text)
+    return CleanMesh(text, facts, scale)
 
 
 def _check(facts: MeshFacts, scale: Vector3) -> None:
@@ -78,14 +84,12 @@ def _check(facts: MeshFacts, scale: Vector3) -> None:
         )
 
 
-def _write(path: Path, facts: MeshFacts, hulls: Iterable[NDArray[np.float64]]) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with whole_file(path) as file:  # another process may write the same mesh
-        file.write(f"{_FACTS}{json.dumps(asdict(facts))}\n".encode())
-        above = 0
-        for number, points in enumerate(hulls):
-            file.write(f"o hull_{number}\n{_lines(points, above)}".encode())
-            above += len(points)
+def _text(facts: MeshFacts, hulls: Iterable[NDArray[np.float64]]) -> bytes:
+    pieces, above = [_FACTS + json.dumps(asdict(facts)).encode() + b"\n"], 0
+    for number, points in enumerate(hulls):
+        pieces.append(f"o hull_{number}\n{_lines(points, above)}".encode())
+        above += len(points)
+    return b"".join(pieces)
 
 
 def _lines(points: NDArray[np.float64], above: int) -> str:
@@ -96,12 +100,12 @@ def _lines(points: NDArray[np.float64], above: int) -> str:
     return corners + "".join(f"f {a} {b} {c}\n" for a, b, c in faces)
 
 
-def read_hull_points(path: Path) -> list[NDArray[np.float64]]:
-    """Return the points (P, 3) in m of each hull of a hull file. Raises OSError."""
+def read_hull_points(text: bytes) -> list[NDArray[np.float64]]:
+    """Return the points (P, 3) in m of each hull of a rewritten mesh."""
     import numpy as np
 
     hulls = list[list[list[float]]]()
-    for line in path.read_text(encoding="ascii").splitlines():
+    for line in text.decode("ascii").splitlines():
         kind, *values = line.split()
         if kind == "o":
             hulls.append([])

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Final
+from typing import TYPE_CHECKING, Final
 from xml.etree.ElementTree import Element
 
+from sim_action.core.content_cache import cache_folder
 from sim_action.core.geometry import Box, Vector3
 from sim_action.robot.audit.shapes import MAX_PART_SIZE_M
 from sim_action.robot.packages import PackageError, Packages
 from sim_action.robot.robot_model import Finding
 from sim_action.robot.urdf_elements import vector
 from sim_action.robot.xml_document import ModelDocument
+
+if TYPE_CHECKING:
+    from sim_action.meshes import CleanMesh
 
 # PyBullet adds this margin around every hull. Without a correction, a wheel would roll more than 2 % too far.
 _ENGINE_MARGIN_M: Final = 0.001
@@ -33,11 +36,13 @@ class Meshes:
 
     Attributes:
         boxes: the box around each collision mesh, in m, in its own frame, with its scale applied.
+        hulls: the text of each clean copy, see `Shape`.
         visuals: the file of each visual mesh.
     """
 
     findings: tuple[Finding, ...]
     boxes: Mapping[Element, Box]
+    hulls: Mapping[Element, bytes]
     visuals: Mapping[Element, Path]
 
 
@@ -46,14 +51,19 @@ def resolve_meshes(document: ModelDocument, path: Path, packages: Packages) -> M
 
     :param path: the file of the model.
     """
-    boxes: dict[Element, Box] = {}
+    clean: dict[Element, CleanMesh] = {}
     visuals: dict[Element, Path] = {}
-    findings = tuple(_resolve(document, path, packages, boxes, visuals))
-    return Meshes(findings, MappingProxyType(boxes), MappingProxyType(visuals))
+    findings = tuple(_resolve(document, path, packages, clean, visuals))
+    boxes, hulls = {mesh: copy.box for mesh, copy in clean.items()}, {mesh: copy.text for mesh, copy in clean.items()}
+    return Meshes(findings, MappingProxyType(boxes), MappingProxyType(hulls), MappingProxyType(visuals))
 
 
 def _resolve(
-    document: ModelDocument, path: Path, packages: Packages, boxes: dict[Element, Box], visuals: dict[Element, Path]
+    document: ModelDocument,
+    path: Path,
+    packages: Packages,
+    clean: dict[Element, CleanMesh],
+    visuals: dict[Element, Path],
 ) -> Iterator[Finding]:
     told = set[str]()
     for shape in document.elements("link/collision", "link/visual"):
@@ -73,29 +83,30 @@ def _resolve(
         if shape.tag == "collision":
             # With this flag, the engine lets a moving body fall through the ground.
             shape.attrib.pop("concave", None)
-            yield from _rewrite(document, mesh, found.path, boxes)
+            yield from _rewrite(document, mesh, found.path, clean)
         else:
             visuals[mesh] = found.path
 
 
-def _rewrite(document: ModelDocument, mesh: Element, path: Path, boxes: dict[Element, Box]) -> Iterator[Finding]:
+def _rewrite(document: ModelDocument, mesh: Element, path: Path, clean: dict[Element, CleanMesh]) -> Iterator[Finding]:
     # Reading meshes needs numpy, which is slow to import.
     from sim_action.meshes import MeshError, clean_mesh
+    from sim_action.meshes.hull_file import hull_file_name
 
     name, scale = mesh.attrib["filename"], vector(mesh, "scale", (1.0, 1.0, 1.0))
     try:
-        clean = clean_mesh(path, cache_folder(), scale, _ENGINE_MARGIN_M)
+        copy = clean_mesh(path, cache_folder("meshes"), scale, _ENGINE_MARGIN_M)
     except MeshError as error:
         yield document.finding(error.rule, mesh, f"mesh '{name}': {error}")
         return
-    if clean.facts.shape in _ODD_SHAPES:
-        rule, what = _ODD_SHAPES[clean.facts.shape]
+    if copy.facts.shape in _ODD_SHAPES:
+        rule, what = _ODD_SHAPES[copy.facts.shape]
         yield document.finding(rule, mesh, f"mesh '{name}' {what}")
-    boxes[mesh] = clean.box
-    for rule, what in _odd_sizes(clean.box, scale):
+    clean[mesh] = copy
+    for rule, what in _odd_sizes(copy.box, scale):
         yield document.finding(rule, mesh, f"mesh '{name}' {what}")
     mesh.attrib.clear()
-    mesh.set("filename", str(clean.path))
+    mesh.set("filename", hull_file_name(copy.text))
 
 
 def _odd_sizes(box: Box, scale: Vector3) -> Iterator[tuple[str, str]]:
@@ -109,9 +120,3 @@ def _odd_sizes(box: Box, scale: Vector3) -> Iterator[tuple[str, str]]:
 
 def _scale(stated: Vector3, factor: float) -> str:
     return f'scale="{" ".join(f"{part * factor:.6g}" for part in stated)}"'
-
-
-def cache_folder() -> Path:
-    """Return the cache folder for clean meshes, shared by all runs of this user (XDG Base Directory Specification)."""
-    home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(home, "sim-action", "meshes")

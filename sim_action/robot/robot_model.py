@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
 from typing import Final, Literal
@@ -50,7 +50,7 @@ class Shape:
         pose: in the link's frame.
         radius: m, for cylinders, capsules and spheres.
         lower_xyz, upper_xyz: m, the corners of its bounding box, in its own frame.
-        hulls: the file of a clean mesh, as `sim_action.meshes` writes it; empty for other shapes.
+        hulls: the text of a clean mesh, as `sim_action.meshes` makes it; empty for other shapes.
     """
 
     kind: str
@@ -58,7 +58,7 @@ class Shape:
     radius: float | None = None
     lower_xyz: Vector3 = ZERO
     upper_xyz: Vector3 = ZERO
-    hulls: str = ""
+    hulls: bytes = field(default=b"", repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,7 +212,7 @@ class RobotModel:
     Attributes:
         name: the name in the model.
         source: the absolute path of its file.
-        urdf: clean URDF text for the engine, with absolute paths; empty for MJCF.
+        urdf: clean URDF text for the engine, which names meshes as in `hull_files`; empty for MJCF.
         findings: warnings of the audit, and errors that `robot.allow` accepted.
         plugins: the plugins that it asks Gazebo to load.
         mjcf: self-contained MJCF text for MuJoCo; empty for other formats.
@@ -226,6 +226,14 @@ class RobotModel:
     findings: tuple[Finding, ...] = ()
     plugins: tuple[Plugin, ...] = ()
     mjcf: str = ""
+
+    @cached_property
+    def hull_files(self) -> dict[str, bytes]:
+        """File name in `urdf` -> text of each clean mesh."""
+        from sim_action.meshes.hull_file import hull_file_name
+
+        texts = {shape.hulls for link in self.links for shape in link.collisions if shape.hulls}
+        return {hull_file_name(text): text for text in texts}
 
     @cached_property
     def moving_joints(self) -> tuple[Joint, ...]:

@@ -23,7 +23,7 @@ from sim_action.robot.engine_urdf import (
     fix_unsupported_joints,
     repair_inertia,
 )
-from sim_action.robot.mesh_references import resolve_meshes
+from sim_action.robot.mesh_references import Meshes, resolve_meshes
 from sim_action.robot.packages import Packages
 from sim_action.robot.robot_model import Color, Joint, JointType, Link, Mimic, RobotModel, Shape, Visual
 from sim_action.robot.urdf_elements import (
@@ -69,7 +69,7 @@ def model_of(document: ModelDocument, path: Path, packages: Packages, allow: Ite
     plugins = plugins_of(document)
     colors = materials(document)
     links = tuple(
-        replace(_link(document, link, meshes.boxes), visuals=tuple(visuals_of(link, colors, meshes.visuals)))
+        replace(_link(document, link, meshes), visuals=tuple(visuals_of(link, colors, meshes.visuals)))
         for link in document.elements("link")
     )
     findings += proportions(document, links)
@@ -84,7 +84,7 @@ def _of_folder(folder: Path) -> Packages:
     return Packages(Workspace(folder, folder))
 
 
-def _link(document: ModelDocument, element: Element, meshes: Mapping[Element, Box]) -> Link:
+def _link(document: ModelDocument, element: Element, meshes: Meshes) -> Link:
     shapes = tuple(_shape(collision, meshes) for collision in element.findall("collision"))
     mass = number(element.find("inertial/mass"), "value")
     inertial = element.find("inertial")
@@ -92,10 +92,11 @@ def _link(document: ModelDocument, element: Element, meshes: Mapping[Element, Bo
     return Link(element.attrib["name"], mass, shapes, surface_of(document, element), middle)
 
 
-def _shape(collision: Element, meshes: Mapping[Element, Box]) -> Shape:
+def _shape(collision: Element, meshes: Meshes) -> Shape:
     kind = next(iter(cast(Element, collision.find("geometry"))))
-    lower, upper = meshes[kind] if kind in meshes else _box(kind)
-    return Shape(kind.tag, origin(collision), number(kind, "radius"), lower, upper, kind.get("filename", ""))
+    lower, upper = meshes.boxes[kind] if kind in meshes.boxes else _box(kind)
+    hulls = meshes.hulls.get(kind, b"")
+    return Shape(kind.tag, origin(collision), number(kind, "radius"), lower, upper, hulls)
 
 
 def _box(shape: Element) -> Box:

@@ -11,7 +11,6 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any, Final, Self
 
 import numpy as np
@@ -97,10 +96,10 @@ def turned(points: FloatArray, orientation: geometry.Quaternion) -> FloatArray:
 
 
 def link_pieces(shapes: Sequence[Shape]) -> Iterator[Piece]:
-    """Yield the pieces of a link; meshes without a file of hulls have none."""
+    """Yield the pieces of a link; meshes without hulls have none."""
     for shape in shapes:
         if shape.hulls:
-            for points in read_hull_points(Path(shape.hulls)):
+            for points in read_hull_points(shape.hulls):
                 yield Piece.of(points, shape.pose)
         elif shape.kind in _SOLIDS:
             middle, half = (

@@ -10,6 +10,7 @@ from typing import Any
 
 from sim_action.core.geometry import Vector3
 from sim_action.meshes import clean_mesh
+from sim_action.meshes.hull_file import hull_file_name
 
 _CHILD = Path(__file__).with_name("mesh_engine.py")
 
@@ -47,4 +48,6 @@ def written(folder: Path, name: str, data: bytes) -> Path:
 
 
 def rewritten(path: Path, scale: Vector3 = (1, 1, 1), margin: float = ENGINES_MARGIN) -> str:
-    return str(clean_mesh(path, path.parent / "clean", scale, margin).path)
+    text = clean_mesh(path, path.parent / "clean", scale, margin).text
+    (folder := path.parent / "rewritten").mkdir(exist_ok=True)
+    return str(written(folder, hull_file_name(text), text))

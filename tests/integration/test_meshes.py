@@ -199,4 +199,4 @@ def test_whatever_is_rewritten_does_the_engine_no_harm(tmp_path: Path) -> None:
         except MeshError:
             pass
     assert kept > 100
-    assert found(["survive", str(tmp_path / "clean")]) == [{"lost": 0}]
+    assert found(["survive", str(tmp_path / "rewritten")]) == [{"lost": 0}]

@@ -34,11 +34,11 @@ from tests.soak import examples
 Points = np.ndarray[tuple[int, int], np.dtype[np.float64]]
 
 
-def hulls(path: Path) -> list[Points]:
+def hulls(text: bytes) -> list[Points]:
     """The points that the faces of each object name, as an engine reads them."""
     points: list[list[float]] = []
     rows: list[list[int]] = []
-    for line in path.read_text("ascii").splitlines():
+    for line in text.decode("ascii").splitlines():
         keyword, *words = line.split()
         assert keyword in ("#", "o", "v", "f")
         if keyword == "o":
@@ -55,7 +55,7 @@ def hulls(path: Path) -> list[Points]:
 def cleaned(folder: Path, name: str, data: bytes, scale: Vector3 = (1, 1, 1), margin: float = 0.0) -> list[Points]:
     path = folder / name
     path.write_bytes(data)
-    return hulls(clean_mesh(path, folder / "clean", scale, margin).path)
+    return hulls(clean_mesh(path, folder / "clean", scale, margin).text)
 
 
 @pytest.mark.parametrize("name", GOOD)
@@ -126,41 +126,43 @@ def test_a_content_is_rewritten_once_wherever_it_is(tmp_path: Path) -> None:
     (tmp_path / "a.stl").write_bytes(stl())
     (tmp_path / "b.STL").write_bytes(stl())
     first = clean_mesh(tmp_path / "a.stl", tmp_path / "clean")
-    before = first.path.stat()
+    (entry,) = (tmp_path / "clean").iterdir()
+    before = entry.stat()
     again = clean_mesh(tmp_path / "b.STL", tmp_path / "clean")
     assert again == first
     assert again.facts == read_mesh(tmp_path / "a.stl")
-    assert again.path.stat().st_mtime_ns == before.st_mtime_ns
-    assert [path.name for path in (tmp_path / "clean").iterdir()] == [first.path.name]
+    assert list((tmp_path / "clean").iterdir()) == [entry]
+    assert entry.stat().st_mtime_ns == before.st_mtime_ns
 
 
 def test_what_differs_is_rewritten_apart(tmp_path: Path) -> None:
     (tmp_path / "a.stl").write_bytes(stl())
     (tmp_path / "b.stl").write_bytes(stl(points=moved(CORNERS, 1)))
     folder = tmp_path / "clean"
-    paths = [
-        clean_mesh(tmp_path / "a.stl", folder).path,
-        clean_mesh(tmp_path / "b.stl", folder).path,
-        clean_mesh(tmp_path / "a.stl", folder, (2, 1, 1)).path,
-        clean_mesh(tmp_path / "a.stl", folder, margin=0.001).path,
+    texts = [
+        clean_mesh(tmp_path / "a.stl", folder).text,
+        clean_mesh(tmp_path / "b.stl", folder).text,
+        clean_mesh(tmp_path / "a.stl", folder, (2, 1, 1)).text,
+        clean_mesh(tmp_path / "a.stl", folder, margin=0.001).text,
     ]
-    assert len(set(paths)) == 4
+    assert len(set(texts)) == len(list(folder.iterdir())) == 4
 
 
 @pytest.mark.parametrize("left", [b"", b"# facts: {", b"# facts: {}\n", b"\xff", b"# facts: [1]\n"])
 def test_what_a_killed_process_left_is_written_again(left: bytes, tmp_path: Path) -> None:
     (tmp_path / "a.stl").write_bytes(stl())
     first = clean_mesh(tmp_path / "a.stl", tmp_path / "clean")
-    whole = first.path.read_bytes()
-    first.path.write_bytes(left)
+    (entry,) = (tmp_path / "clean").iterdir()
+    whole = entry.read_bytes()
+    entry.write_bytes(left)
     assert clean_mesh(tmp_path / "a.stl", tmp_path / "clean") == first
-    assert first.path.read_bytes() == whole
+    assert entry.read_bytes() == whole
 
 
 def test_no_name_of_a_stranger_is_in_what_is_written(tmp_path: Path) -> None:
     data = b"mtllib /etc/passwd\no ../../evil\nusemtl x\n" + obj()
     (tmp_path / "a.obj").write_bytes(data)
-    written = clean_mesh(tmp_path / "a.obj", tmp_path / "clean").path.read_text()
+    written = clean_mesh(tmp_path / "a.obj", tmp_path / "clean").text.decode()
     comment, *statements = written.splitlines()
     assert json.loads(comment.removeprefix("# facts: "))["format"] == "obj"
     assert statements[0] == "o hull_0"

@@ -4,14 +4,13 @@ MuJoCo collides only with convex pieces and heightfields, and would take the hul
 open therefore becomes one thin convex piece behind each triangle. "Behind" follows from the order of the corners, which
 is counter-clockwise seen from outside.
 
-The hull files of `sim_action.meshes` hold hulls that are shrunk by PyBullet's collision margin. MuJoCo has no such
+The clean meshes of `sim_action.meshes` hold hulls that are shrunk by PyBullet's collision margin. MuJoCo has no such
 margin, so they are scaled back to the size of the mesh.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from pathlib import Path
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 from xml.etree.ElementTree import Element
 
@@ -37,12 +36,17 @@ def wxyz(orientation: Quaternion) -> list[float]:
     return [w, x, y, z]
 
 
-def add_collision(spec: Any, body: Any, name: str, shape: Element, pose: Pose) -> Iterator[str]:
-    """Add a URDF shape to a body; yield the names of its geoms, one per hull of a mesh."""
+def add_collision(
+    spec: Any, body: Any, name: str, shape: Element, pose: Pose, *, hull_files: Mapping[str, bytes]
+) -> Iterator[str]:
+    """Add a URDF shape to a body; yield the names of its geoms, one per hull of a mesh.
+
+    :param hull_files: file name -> text of each clean mesh.
+    """
     if shape.tag != "mesh":
         yield add_geom(body, name, pose, **_primitive(shape))
         return
-    for number, mesh in enumerate(_meshes(spec, shape.attrib["filename"])):
+    for number, mesh in enumerate(_meshes(spec, shape.attrib["filename"], hull_files)):
         yield add_geom(body, f"{name}.{number}", pose, type=GEOM.mjGEOM_MESH, meshname=mesh)
 
 
@@ -72,13 +76,13 @@ def _primitive(shape: Element) -> dict[str, Any]:
     return {"type": kind, "size": size}
 
 
-def _meshes(spec: Any, filename: str) -> list[str]:
+def _meshes(spec: Any, filename: str, hull_files: Mapping[str, bytes]) -> list[str]:
     """Return the mesh names of a file's hulls, which are added only once."""
     known = [mesh.name for mesh in spec.meshes if mesh.name.rpartition("#")[0] == filename]
     if known:
         return known
     names = []
-    for number, points in enumerate(read_unshrunk_hulls(Path(filename))):
+    for number, points in enumerate(read_unshrunk_hulls(hull_files[filename])):
         names.append(f"{filename}#{number}")
         # Links state their masses; "shell" avoids computing the volume of thin hulls.
         shell = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
@@ -116,9 +120,9 @@ _MIN_SHARE: Final = 0.1
 _FLAT: Final = 1e-6
 
 
-def read_unshrunk_hulls(path: Path) -> list[FloatArray]:
-    """Return the points (P, 3) in m of each hull in a hull file, at the size of the mesh. Raises OSError."""
-    return [thickened(undo_margin(points)) for points in read_hull_points(path)]
+def read_unshrunk_hulls(text: bytes) -> list[FloatArray]:
+    """Return the points (P, 3) in m of each hull of a clean mesh, at the size of the mesh."""
+    return [thickened(undo_margin(points)) for points in read_hull_points(text)]
 
 
 def undo_margin(points: FloatArray) -> FloatArray:

@@ -98,7 +98,9 @@ def _fill(spec: Any, body: Any, link: Element, model: RobotModel) -> list[Collid
     for number, collision in enumerate(link.iterfind("collision")):
         shape = collision.find("geometry/*")
         assert shape is not None
-        added = add_collision(spec, body, f"robot/{name}/{number}", shape, _origin(collision))
+        added = add_collision(
+            spec, body, f"robot/{name}/{number}", shape, _origin(collision), hull_files=model.hull_files
+        )
         colliders += [Collider(geom, name, surface) for geom in added]
     return colliders
 

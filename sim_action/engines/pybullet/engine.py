@@ -84,6 +84,9 @@ class PyBulletEngine:
         except pybullet.error as error:
             self.close()
             raise EngineError(f"the engine refused the world: {error}") from None
+        except OSError as error:
+            self.close()
+            raise EngineError(f"the files of the model could not be written for the engine: {error}") from None
         self._rate = scene.physics.rate
         self._watches_contacts = channels.contacts and bool(self._objects)
         self._read_joints(scene)

@@ -101,9 +101,11 @@ def add_pieces(
 
 
 def load_robot(client: int, scene: Scene) -> int:
-    """Add the robot at the origin; return its number."""
-    # PyBullet reads models only from files.
+    """Add the robot at the origin; return its number. Raise OSError."""
+    # PyBullet reads models only from files. It looks for meshes in the folder of the model first.
     with tempfile.TemporaryDirectory(prefix="sim-action-") as folder:
+        for name, text in scene.model.hull_files.items():
+            Path(folder, name).write_bytes(text)
         path = Path(folder, "robot.urdf")
         path.write_text(scene.model.urdf, encoding="utf-8")
         return int(pybullet.loadURDF(str(path), useFixedBase=scene.bolted, flags=_LOAD_FLAGS, physicsClientId=client))

@@ -154,8 +154,8 @@ class LinkPieces:
         for shape in link.collisions:
             yield from of_robot_shape(shape, ROBOT, self._hulls)
 
-    def _hulls(self, file: str) -> Triangles | None:
-        return self._meshes.hulls(file)
+    def _hulls(self, text: bytes) -> Triangles | None:
+        return self._meshes.hulls(text)
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,7 +177,7 @@ def pose_numbers(pose: Pose) -> PoseNumbers:
     return (x, y, z, qx, qy, qz, qw)
 
 
-def of_robot_shape(shape: RobotShape, color: Colour, hulls: Callable[[str], Triangles | None]) -> Iterator[Piece]:
+def of_robot_shape(shape: RobotShape, color: Colour, hulls: Callable[[bytes], Triangles | None]) -> Iterator[Piece]:
     """Yield the piece of a collision shape: a solid, its hulls, or else the bounding box; nothing for a plane."""
     (ax, ay, az), (bx, by, bz) = shape.lower_xyz, shape.upper_xyz
     middle = geometry.compose(shape.pose, Pose(((ax + bx) / 2, (ay + by) / 2, (az + bz) / 2)))

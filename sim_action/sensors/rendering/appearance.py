@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -83,7 +82,7 @@ def _solids(shape: Shape) -> Iterator[tuple[Solid, Pose]]:
     middle = geometry.compose(shape.pose, Pose(((ax + bx) / 2, (ay + by) / 2, (az + bz) / 2)))
     half: Vector3 = ((bx - ax) / 2, (by - ay) / 2, (bz - az) / 2)
     if shape.hulls:
-        for hull, at_xyz in read_hull_polyhedra(Path(shape.hulls)):
+        for hull, at_xyz in read_hull_polyhedra(shape.hulls):
             yield hull, geometry.compose(shape.pose, Pose(at_xyz))
     elif shape.kind in {"sphere", "ellipsoid"}:
         yield Ellipsoid(half), middle

@@ -6,7 +6,6 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Final, Self
 
 import numpy as np
@@ -235,15 +234,15 @@ class Triangle(Solid):
         return np.where(missed, np.inf, depth), (nx * side, ny * side, nz * side)
 
 
-# The margin in m by which hull files are shrunk (see robot.mesh_references).
+# The margin in m by which clean meshes are shrunk (see robot.mesh_references).
 _MARGIN_M: Final = 0.001
 # The most distant points in as many directions; the error of a sphere is at most 4 % of its radius.
 MAX_HULL_POINTS: Final = 64
 
 
-def read_hull_polyhedra(path: Path) -> Iterator[tuple[Polyhedron, Vector3]]:
-    """Return the hulls of a hull file, each about its centre, with that centre. Raises OSError."""
-    return (centred_hull(points, _MARGIN_M) for points in read_hull_points(path))
+def read_hull_polyhedra(text: bytes) -> Iterator[tuple[Polyhedron, Vector3]]:
+    """Return the hulls of a clean mesh, each about its centre, with that centre."""
+    return (centred_hull(points, _MARGIN_M) for points in read_hull_points(text))
 
 
 def centred_hull(points: FloatArray, margin: float = 0.0) -> tuple[Polyhedron, Vector3]:

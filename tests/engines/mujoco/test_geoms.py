@@ -17,10 +17,10 @@ from tests.mesh_files import CORNERS, obj, stl, two_objects
 geoms = pytest.importorskip("sim_action.engines.mujoco.geoms", reason="mujoco is not installed")
 
 
-def clean(folder: Path, name: str, data: bytes) -> Path:
+def clean(folder: Path, name: str, data: bytes) -> bytes:
     path = folder / name
     path.write_bytes(data)
-    return clean_mesh(path, folder / "clean", margin=_ENGINE_MARGIN_M).path
+    return clean_mesh(path, folder / "clean", margin=_ENGINE_MARGIN_M).text
 
 
 def test_a_box_is_as_large_as_it_was(tmp_path: Path) -> None:
@@ -66,7 +66,7 @@ def test_what_has_a_volume_is_left_alone() -> None:
 def test_a_scaled_mesh_is_grown_as_it_was_drawn_in(tmp_path: Path) -> None:
     path = tmp_path / "box.obj"
     path.write_bytes(obj())
-    scaled = clean_mesh(path, tmp_path / "clean", scale=(2, -1, 0.01), margin=_ENGINE_MARGIN_M).path
+    scaled = clean_mesh(path, tmp_path / "clean", scale=(2, -1, 0.01), margin=_ENGINE_MARGIN_M).text
     (points,) = geoms.read_unshrunk_hulls(scaled)
     assert np.ptp(points, axis=0) == pytest.approx((0.4, 0.4, 0.006), abs=1e-8)
 

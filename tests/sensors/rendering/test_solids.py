@@ -155,7 +155,7 @@ def test_what_has_no_volume_is_still_seen(flat: np.ndarray) -> None:
 def test_a_mesh_that_was_written_here_is_as_large_as_it_was(tmp_path: Path) -> None:
     (tmp_path / "two.obj").write_bytes(two_objects())
     clean = clean_mesh(tmp_path / "two.obj", tmp_path / "cache", margin=0.001)
-    hulls = list(read_hull_polyhedra(clean.path))
+    hulls = list(read_hull_polyhedra(clean.text))
     assert [middle for _, middle in hulls] == [(0, 0, 0), (1, 0, 0)]
     for hull, _ in hulls:
         assert entry(hull, (-1, 0, 0), (1, 0, 0))[0] == pytest.approx(0.9)

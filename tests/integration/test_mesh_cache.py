@@ -1,0 +1,105 @@
+"""Cached meshes never change a verdict, whatever became of their files."""
+
+from __future__ import annotations
+
+import gzip
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from sim_action.cli.main import call
+from sim_action.engines import installed
+from sim_action.results.results_json import Results
+from tests.mesh_files import CORNERS, obj, stl
+
+SCENARIO = """\
+name: a ball falls onto a box
+robot: {model: r.urdf, base: fixed, pose: {z: 0}}
+world: {objects: [{name: ball, sphere: {radius: 0.05}, mass: 1, pose: {z: 1.2}}]}
+physics: {settle: 0 s}
+backend: BACKEND
+expect: [no_collision]
+time_limit: 1 s
+"""
+URDF = """\
+<robot name="a"><link name="b">
+  <inertial><mass value="1"/><inertia ixx=".1" iyy=".1" izz=".1" ixy="0" ixz="0" iyz="0"/></inertial>
+  <visual><geometry><mesh filename="m.stl"/></geometry></visual>
+  <collision><geometry><mesh filename="m.stl"/></geometry></collision>
+</link></robot>
+"""
+
+
+@pytest.fixture(params=sorted(installed()))
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> Path:
+    (tmp_path / "s.sim.yml").write_text(SCENARIO.replace("BACKEND", request.param))
+    (tmp_path / "r.urdf").write_text(URDF)
+    (tmp_path / "m.stl").write_bytes(stl())
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return tmp_path
+
+
+def verdict(folder: Path) -> tuple[str, str]:
+    """The verdict of a run, and the replay of it."""
+    assert call(["run", "s.sim.yml", "-q"]) == 1
+    (outcome,) = Results.read(folder / "sim-results" / "results.json").outcomes
+    (expected,) = outcome.expectations
+    assert outcome.replay is not None
+    return f"{outcome.status}: {expected.verdict}", gzip.decompress(
+        (folder / "sim-results" / outcome.replay).read_bytes()
+    ).decode()
+
+
+def entries(folder: Path) -> list[Path]:
+    return sorted((folder / "cache" / "sim-action" / "meshes").iterdir())
+
+
+def halved(path: Path) -> None:
+    os.truncate(path, path.stat().st_size // 2)
+
+
+def flipped(path: Path) -> None:
+    data = bytearray(path.read_bytes())
+    data[-20] ^= 1
+    path.write_bytes(data)
+
+
+def emptied(path: Path) -> None:
+    path.write_bytes(b"")
+
+
+def a_folder(path: Path) -> None:
+    path.unlink()
+    path.mkdir()
+
+
+def of_another_mesh(path: Path) -> None:
+    """As it is without a checksum: a box that no ball meets."""
+    path.write_bytes(obj([(x + 9, y, z) for x, y, z in CORNERS]))
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("damage", [halved, flipped, emptied, a_folder, of_another_mesh])
+def test_a_damaged_entry_changes_no_verdict(damage: Callable[[Path], None], folder: Path) -> None:
+    first = verdict(folder)
+    before = {path: path.read_bytes() for path in entries(folder)}
+    assert {path.suffix for path in before} == {".obj", ".npz"}
+    for path in before:
+        damage(path)
+    assert verdict(folder) == first
+    if damage is not a_folder:
+        assert {path: path.read_bytes() for path in entries(folder) if path.suffix == ".obj"}.items() <= before.items()
+    assert verdict(folder) == first
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("place", ["/proc/nothing", "/dev/full", "/dev/null/a"])
+def test_a_cache_that_cannot_be_used_changes_no_verdict(
+    place: str, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = verdict(folder)
+    monkeypatch.setenv("XDG_CACHE_HOME", place)
+    assert verdict(folder) == first
