@@ -88,6 +88,13 @@ def interrupted(loaded: LoadedScenario) -> Outcome:
     return outcome.model_copy(update={"engine": _engine(loaded)})
 
 
+def not_started(loaded: LoadedScenario, cause: str) -> Outcome:
+    """Return the outcome of a scenario whose process the system refused to start."""
+    message = f"the process of this scenario could not be started: {cause}"
+    outcome = without_verdict(loaded, Failure(kind="crash", title="not started", message=message))
+    return outcome.model_copy(update={"engine": _engine(loaded)})
+
+
 def skipped(loaded: LoadedScenario) -> Outcome:
     """Return the outcome of a scenario that was not started because another one had failed."""
     note = "not run: another scenario did not pass (--fail-fast)"

@@ -6,6 +6,7 @@ import tempfile
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from importlib import import_module
@@ -17,8 +18,17 @@ from sim_action.engines import ENGINES, chosen
 from sim_action.recording.export import EXPORTS
 from sim_action.results.artifacts import recording_path, replay_path, trace_paths
 from sim_action.results.outcome import Outcome
-from sim_action.runner.child_outcome import Ending, Limit, engine_provenance, interrupted, outcome_of, skipped
+from sim_action.runner.child_outcome import (
+    Ending,
+    Limit,
+    engine_provenance,
+    interrupted,
+    not_started,
+    outcome_of,
+    skipped,
+)
 from sim_action.runner.isolation import child_type_here
+from sim_action.runner.isolation.capacity import cause_of, most_children
 from sim_action.runner.isolation.child_process import ChildProcess
 from sim_action.runner.job import Job
 from sim_action.runner.process_output import muted
@@ -27,6 +37,9 @@ from sim_action.scenario.model import LoadedScenario
 # The pipe of a child closes at once, but the process table follows later; a grandchild may keep the pipe open.
 _ENDING_WAIT_S: Final = 0.002
 _MAX_WAIT_S: Final = 0.25
+# If nothing runs, another process may have what a start needs, for a moment.
+_MAX_ATTEMPTS: Final = 5
+_ATTEMPT_PAUSE_S: Final = 0.2
 
 
 class Listener(Protocol):
@@ -148,10 +161,14 @@ def _warm_up(scenarios: Sequence[LoadedScenario], formats: Iterable[str], *, rep
 
 
 def _make_ready(scenarios: Iterable[LoadedScenario], meanwhile: Callable[[], object]) -> None:
-    """Look up once what all outcomes share, and call `meanwhile`."""
-    for backend in {loaded.scenario.backend for loaded in scenarios}:
-        engine_provenance(backend)
-    meanwhile()
+    """Look up once what all outcomes share, and call `meanwhile`.
+
+    If the system refuses either, such as for a lack of descriptors, it is done again when it is needed.
+    """
+    with suppress(OSError, ImportError):
+        for backend in {loaded.scenario.backend for loaded in scenarios}:
+            engine_provenance(backend)
+        meanwhile()
 
 
 class _Scheduler:
@@ -171,7 +188,8 @@ class _Scheduler:
         self._fail_fast = fail_fast
         self._interruption = interruption
         self._waiting = waiting
-        self._jobs = jobs
+        self._jobs = most_children(child_type, jobs)
+        self._attempts = _MAX_ATTEMPTS
         self._listener = listener
         self._running: dict[int, ChildProcess] = {}
         self._outcomes: dict[int, Outcome] = {}
@@ -199,7 +217,24 @@ class _Scheduler:
         while self._waiting and len(self._running) < self._jobs and not self._interruption.happened:
             index, job = self._waiting.popleft()
             deadline = time.monotonic() + job.loaded.scenario.wall_seconds
-            self._running[index] = self._child_type.start(replace(job, deadline=deadline))
+            try:
+                self._running[index] = self._child_type.start(replace(job, deadline=deadline))
+            except (OSError, MemoryError) as error:
+                self._put_back(index, job, error)
+            else:
+                self._attempts = _MAX_ATTEMPTS
+
+    def _put_back(self, index: int, job: Job, error: OSError | MemoryError) -> None:
+        """Start a job again once another one has ended, or soon if none runs; at last it is an error."""
+        if not self._running:
+            self._attempts -= 1
+            if self._attempts <= 0:
+                self._finish(index, not_started(job.loaded, cause_of(error)))
+                return
+            self._interruption.wait(_ATTEMPT_PAUSE_S)
+        self._waiting.appendleft((index, job))
+        # Fewer at the same time take less.
+        self._jobs = max(1, len(self._running))
 
     def _wait(self) -> None:
         nearest = min(_deadline(child) for child in self._running.values()) - time.monotonic()
@@ -216,15 +251,19 @@ class _Scheduler:
                 if ending is not None:
                     child.kill()
             if ending is None:
-                elapsed = time.monotonic() - child.started
+                # The clock of Windows may stand still for 16 ms.
+                elapsed = max(_ENDING_WAIT_S, time.monotonic() - child.started)
                 self._listener.progress(child.job.loaded.scenario.name, child.sim_time, child.sim_time / elapsed)
                 continue
             child.close()
             del self._running[index]
-            self._outcomes[index] = outcome = outcome_of(child, ending)
-            self._listener.finished(outcome)
-            if self._fail_fast and outcome.status != "passed":
-                self._waiting.clear()
+            self._finish(index, outcome_of(child, ending))
+
+    def _finish(self, index: int, outcome: Outcome) -> None:
+        self._outcomes[index] = outcome
+        self._listener.finished(outcome)
+        if self._fail_fast and outcome.status != "passed":
+            self._waiting.clear()
 
 
 def _deadline(child: ChildProcess) -> float:

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import errno
+import gc
+import os
 import socket
+import sys
+from collections.abc import Sequence
 from itertools import count
 from pathlib import Path
 from typing import ClassVar, Self
+from unittest.mock import Mock
 
 import pytest
 
@@ -15,6 +21,7 @@ from sim_action.runner.isolation.child_process import ChildProcess
 from sim_action.runner.job import Job
 from sim_action.runner.process_pool import execute
 from sim_action.scenario.loading import load_scenario
+from sim_action.scenario.model import LoadedScenario
 
 SCENARIO = "name: {name}\nrobot: {{model: turtlebot3_burger}}\nexpect: [upright]\ntime_limit: 1 s\n"
 
@@ -120,3 +127,169 @@ def test_an_interruption_at_any_moment_leaves_an_outcome_for_each_scenario(
     with InterruptedAtLook(number) as interruption:
         outcomes = execute(loaded, tmp_path, 1, Listener(), interruption, child_type=Ended)
     assert [outcome.name for outcome in outcomes] == ["a", "b", "c"]
+
+
+class Refused(Ended):
+    """A child that the system does not always start: `script` holds the answers, None for a start.
+
+    After the last answer, the system repeats it.
+    """
+
+    script: ClassVar[list[BaseException | None]] = []
+    together: ClassVar[int] = 0
+    most: ClassVar[int] = 0
+
+    @classmethod
+    def start(cls, job: Job) -> Self:
+        answer = cls.script.pop(0) if len(cls.script) > 1 else cls.script[0]
+        if answer is not None:
+            raise answer
+        cls.together += 1
+        cls.most = max(cls.most, cls.together)
+        return cls(job)
+
+    def close(self) -> None:
+        type(self).together -= 1
+        super().close()
+
+
+class Patient(Interruption):
+    """An interruption that never happens, and that only counts waits without a child."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.pauses = 0
+
+    def wait(self, seconds: float, *readable: int | socket.socket) -> None:
+        self.pauses += not readable
+        super().wait(0, *readable)
+
+
+def refusal(number: int) -> OSError:
+    return OSError(number, os.strerror(number))
+
+
+def started(
+    folder: Path, names: str, script: Sequence[BaseException | None], monkeypatch: pytest.MonkeyPatch, jobs: int = 3
+) -> tuple[list[Outcome], int]:
+    """Return the outcomes of a run whose children start as `script` says, and the number of pauses."""
+    for name, value in (("ended", []), ("script", list(script)), ("together", 0), ("most", 0)):
+        monkeypatch.setattr(Refused, name, value)
+    with Patient() as patient:
+        outcomes = execute(loaded(folder, names), folder, jobs, Listener(), patient, child_type=Refused)
+    assert [outcome.name for outcome in outcomes] == list(names)
+    assert Refused.together == 0
+    return outcomes, patient.pauses
+
+
+def loaded(folder: Path, names: str) -> list[LoadedScenario]:
+    for name in names:
+        (folder / f"{name}.sim.yml").write_text(SCENARIO.format(name=name))
+    return [load_scenario(folder / f"{name}.sim.yml") for name in names]
+
+
+def titles(outcomes: Sequence[Outcome]) -> list[str]:
+    return [failure.title for outcome in outcomes for failure in outcome.failures]
+
+
+@pytest.mark.parametrize("error", [refusal(errno.EMFILE), refusal(errno.EAGAIN), MemoryError()])
+def test_a_start_that_is_refused_is_tried_again_once_another_child_has_ended(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: BaseException
+) -> None:
+    outcomes, pauses = started(tmp_path, "abcdef", [None, None, error, None], monkeypatch)
+    assert titles(outcomes) == ["exit code 0"] * 6 or "not started" not in titles(outcomes)
+    assert (Refused.most, pauses) == (2, 0)
+    assert Refused.ended == list("abcdef")
+
+
+def test_a_start_that_is_refused_while_nothing_runs_is_tried_again_after_a_pause(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    outcomes, pauses = started(tmp_path, "ab", [refusal(errno.EAGAIN)] * 3 + [None], monkeypatch)
+    assert "not started" not in titles(outcomes)
+    assert pauses == 3
+
+
+def test_scenarios_that_never_start_are_errors_with_the_cause(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    outcomes, pauses = started(tmp_path, "abcd", [None, refusal(errno.ENOSPC)], monkeypatch)
+    assert titles(outcomes)[1:] == ["not started"] * 3
+    assert {outcome.exit_code for outcome in outcomes} == {1}
+    message = outcomes[1].failures[0].message
+    assert message.startswith("the process of this scenario could not be started: no space left on device; free some")
+    # Where one could not start, the others need not wait as long.
+    assert pauses == 4
+
+
+def test_a_scenario_starts_although_the_one_before_could_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    outcomes, _ = started(tmp_path, "ab", [*[refusal(errno.EMFILE)] * 5, None], monkeypatch)
+    assert titles(outcomes)[0] == "not started"
+    assert Refused.ended == ["b"]
+
+
+def test_with_fail_fast_a_scenario_that_cannot_start_is_the_last(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Refused, "script", [refusal(errno.EMFILE)])
+    with Patient() as patient:
+        outcomes = execute(
+            loaded(tmp_path, "abc"), tmp_path, 2, Listener(), patient, child_type=Refused, fail_fast=True
+        )
+    assert [outcome.status for outcome in outcomes] == ["error", "skipped", "skipped"]
+
+
+SCRIPTED = "commands: {script: c.py}\n"
+
+
+def descriptors() -> set[str]:
+    return set(os.listdir("/proc/self/fd"))  # noqa: PTH208 - of numbers
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="a fork, and what stands for it, are for Linux")
+@pytest.mark.parametrize(("refused", "keys"), [("os.fork", ""), ("subprocess.Popen", SCRIPTED)])
+def test_a_start_that_fails_half_way_leaves_nothing_open(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refused: str, keys: str
+) -> None:
+    from sim_action.runner.isolation.linux_child import LinuxChild
+
+    (tmp_path / "c.py").write_text("def control(observation):\n    return None\n")
+    (tmp_path / "a.sim.yml").write_text(SCENARIO.format(name="a") + keys)
+    scenarios = [load_scenario(tmp_path / "a.sim.yml")]
+    monkeypatch.setattr(refused, Mock(side_effect=refusal(errno.EAGAIN)))
+    with Patient() as patient:
+        before = descriptors()
+        (outcome,) = execute(scenarios, tmp_path, 2, Listener(), patient, child_type=LinuxChild)
+        assert descriptors() == before
+    assert titles([outcome]) == ["not started"]
+    assert gc.get_freeze_count() == 0
+
+
+@pytest.mark.parametrize("error", [refusal(errno.EMFILE), ImportError("cannot open shared object file")])
+def test_preparations_that_the_system_refuses_cost_no_verdict(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
+    monkeypatch.setattr(Waiting, "ended", [])
+    with Patient() as patient:
+        execute(
+            loaded(tmp_path, "ab"),
+            tmp_path,
+            2,
+            Listener(),
+            patient,
+            child_type=Ended,
+            meanwhile=Mock(side_effect=error),
+        )
+    assert Waiting.ended == ["a", "b"]
+
+
+def test_an_interruption_ends_the_attempts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Refused, "script", [refusal(errno.EMFILE)])
+    with InterruptedAtLook(4) as interruption:
+        monkeypatch.setattr(interruption, "wait", Mock())
+        outcomes = execute(loaded(tmp_path, "ab"), tmp_path, 2, Listener(), interruption, child_type=Refused)
+    assert [outcome.failures[0].kind for outcome in outcomes] == ["interrupted"] * 2
+
+
+def test_there_are_no_more_children_than_the_limits_allow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sim_action.runner.process_pool.most_children", lambda _, jobs: jobs // 3)
+    started(tmp_path, "abcdef", [None], monkeypatch, jobs=6)
+    assert Refused.most == 2

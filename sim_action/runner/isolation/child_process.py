@@ -26,6 +26,8 @@ class ChildProcess(ABC):
     Attributes:
         forks: True if child processes may be forks of this process, with its imported modules.
         limits_memory: True if the scenario's `memory_limit` is enforced.
+        descriptors: the most descriptors of this process that a running child process takes.
+        tasks: the processes and threads that a child process without user code's own takes, at most.
         progress: readable for `select` if there is progress, or if the child process has ended.
         sim_time: the last reported sim time, in s.
         left: after `close`, the number of processes that it left behind and that were ended, as far as known.
@@ -37,6 +39,8 @@ class ChildProcess(ABC):
 
     forks: ClassVar[bool]
     limits_memory: ClassVar[bool]
+    descriptors: ClassVar[int] = 1
+    tasks: ClassVar[int] = 2
 
     def __init__(self, job: Job, progress: int | socket.socket) -> None:
         self.job = job

@@ -57,6 +57,9 @@ class LinuxChild(ChildProcess):
             of_others = job.loaded.scenario.runs_user_code or job.hash_seed is not None
             alone = of_others or threading.active_count() > 1
             pid = _spawn(job, writer) if alone else _fork(job, writer)
+        except BaseException:
+            os.close(reader)
+            raise
         finally:
             os.close(writer)
         return cls(job, pid, reader, supervised=alone)
@@ -125,10 +128,12 @@ def _fork(job: Job, writer: int) -> int:
     sys.stderr.flush()
     # Existing objects are not garbage of the child: scanning them would take time and copy all their pages.
     gc.freeze()
-    pid = os.fork()
-    if pid == 0:
-        _child_main(job, writer)
-    gc.unfreeze()
+    try:
+        pid = os.fork()
+        if pid == 0:
+            _child_main(job, writer)
+    finally:
+        gc.unfreeze()
     return pid
 
 

@@ -13,6 +13,7 @@ killed. Differences from `linux_child`:
 
 from __future__ import annotations
 
+import errno
 import os
 import pickle
 import signal
@@ -36,15 +37,22 @@ class PortableChild(ChildProcess):
 
     forks = False
     limits_memory = False
+    descriptors = 4
+    tasks = 3
 
     def __init__(self, job: Job, process: subprocess.Popen[bytes]) -> None:
         progress, passed_on = socket.socketpair()
-        progress.setblocking(False)
-        super().__init__(job, progress)
-        self._progress = progress
-        self._process = process
-        self._relay = threading.Thread(target=_relay, args=(pickle.dumps(job), process, passed_on), daemon=True)
-        self._relay.start()
+        try:
+            progress.setblocking(False)
+            super().__init__(job, progress)
+            self._progress = progress
+            self._process = process
+            self._relay = threading.Thread(target=_relay, args=(pickle.dumps(job), process, passed_on), daemon=True)
+            _start_thread(self._relay)
+        except OSError:
+            progress.close()
+            passed_on.close()
+            raise
 
     @classmethod
     def start(cls, job: Job) -> Self:
@@ -66,6 +74,8 @@ class PortableChild(ChildProcess):
         except OSError:
             process.kill()
             process.wait()
+            for pipe in filter(None, (process.stdin, process.stdout)):
+                pipe.close()
             raise
 
     def poll(self) -> int | None:
@@ -103,6 +113,14 @@ class PortableChild(ChildProcess):
         except ConnectionError:
             # On Windows this is a TCP connection, which can end with an error.
             return b""
+
+
+def _start_thread(thread: threading.Thread) -> None:
+    """Start a thread. Raise OSError."""
+    try:
+        thread.start()
+    except RuntimeError:
+        raise OSError(errno.EAGAIN, os.strerror(errno.EAGAIN)) from None
 
 
 def _relay(job: bytes, process: subprocess.Popen[bytes], progress: socket.socket) -> None:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import errno
 import io
+import os
 import socket
 import subprocess
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -47,3 +49,19 @@ def test_a_process_that_cannot_be_listened_to_is_ended(tmp_path: Path, monkeypat
     with pytest.raises(OSError, match="Too many open files"):
         PortableChild.start(job)
     assert done == ["started", "killed", "reaped"]
+
+
+def test_a_process_without_a_thread_that_listens_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(_: threading.Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    (tmp_path / "a.sim.yml").write_text(SCENARIO)
+    job = Job(load_scenario(tmp_path / "a.sim.yml"), tmp_path / "t.npz", tmp_path, tmp_path)
+    monkeypatch.setattr(subprocess, "Popen", Started)
+    pair = socket.socketpair()
+    monkeypatch.setattr(socket, "socketpair", lambda: pair)
+    monkeypatch.setattr(threading.Thread, "start", refuse)
+    with pytest.raises(OSError, match=os.strerror(errno.EAGAIN)):
+        PortableChild.start(job)
+    assert done == ["started", "killed", "reaped"]
+    assert [each.fileno() for each in pair] == [-1, -1]
