@@ -1,0 +1,161 @@
+"""The promises that hold under every fault; each check yields the promises that a run has broken."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import junitparser
+
+from tests.integration.faults.injection import Fault, Run, sim_action
+from tests.integration.faults.suite import SUFFIX
+
+_JUDGED: Final = frozenset({"passed", "failed"})
+_ON_TERMINAL: Final = re.compile(r"^([^\w\s]) (\w.*?)(?:  .*)?$", re.MULTILINE)
+_ON_PROGRESS: Final = re.compile(r"^\[\d+/\d+\] (\w+) +(.+?)(?:  .*)?$", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class Undisturbed:
+    """A run of the same suite without a fault: its exit code and the outcome of each scenario."""
+
+    code: int
+    outcomes: Mapping[str, Any]
+    cache: Path
+
+
+def undisturbed(run: Run, cache: Path) -> Undisturbed:
+    """Return the results of a run without a fault."""
+    return Undisturbed(run.code, _outcomes(run.output / "results.json"), cache)
+
+
+def broken_promises(run: Run, fault: Fault, usual: Undisturbed) -> Iterator[str]:
+    """Yield each promise that the run has broken."""
+    if "Traceback" in run.errors or "Traceback" in run.printed:
+        yield "a traceback was printed"
+    if run.code == 3:
+        yield "the exit code is 3: a fault of sim-action"
+    if run.left:
+        yield f"processes are left: {run.left}"
+    killed = run.code == -signal.SIGKILL
+    if not killed and (files := [path.name for path in run.tmp.iterdir()]):
+        yield f"temporary files are left: {files}"
+    yield from _kept_in_journal(run, usual) if killed else _kept_in_reports(run, fault, usual)
+
+
+def kept(run: Run, usual: Undisturbed) -> int:
+    """Return the number of scenarios whose verdict is known after the run, and is that of an undisturbed run."""
+    known = _journal(run.output) | _printed(run) | _outcomes(run.output / "results.json")
+    return sum(outcome["status"] == usual.outcomes[name]["status"] for name, outcome in known.items())
+
+
+def _kept_in_reports(run: Run, fault: Fault, usual: Undisturbed) -> Iterator[str]:
+    """Yield the promises about a run that came to its end."""
+    stored, junit = _outcomes(run.output / "results.json"), run.output / "junit.xml"
+    found = stored or _printed(run)
+    if missing := usual.outcomes.keys() - found.keys():
+        yield f"not accounted for: {sorted(missing)}"
+    lost = [name for name, outcome in found.items() if outcome["status"] not in _JUDGED]
+    if len(set(lost) - set(fault.exempt)) > fault.most_lost:
+        yield f"without a verdict: {sorted(lost)}"
+    for name, outcome in found.items():
+        yield from _same_verdict(name, outcome, fault, usual)
+    if junit.exists():
+        yield from _same_in_junit(junit, found)
+    elif _printed(run).keys() != usual.outcomes.keys():
+        yield "there is no JUnit XML, and the verdicts are not on standard output"
+    if (lost or missing or not junit.exists()) and run.code == 0:
+        yield "the exit code is 0, and a verdict or the JUnit XML is missing"
+    complete = not lost and stored and junit.exists() and (run.output / "report.html").exists()
+    if complete and not fault.signal and run.code != usual.code:
+        yield f"every verdict and report is there, but the exit code is {run.code} and not {usual.code}"
+
+
+def _same_verdict(name: str, outcome: Any, fault: Fault, usual: Undisturbed) -> Iterator[str]:
+    """Yield a verdict that an undisturbed run has not, and a missing one without the true cause."""
+    expected = usual.outcomes[name]
+    if outcome["status"] in _JUDGED:
+        differing = [key for key in ("status", "digest") if outcome.get(key, expected[key]) != expected[key]]
+        if differing:
+            yield f"'{name}' has another {' and '.join(differing)} than usual"
+    elif (messages := _messages(outcome)) and fault.error and os.strerror(fault.error).lower() not in messages.lower():
+        yield f"'{name}' does not name the cause, {os.strerror(fault.error)}: {messages}"
+
+
+def _same_in_junit(path: Path, found: Mapping[str, Any]) -> Iterator[str]:
+    """Yield differences between the JUnit XML and the other results."""
+    suites = {str(suite.name).removesuffix(SUFFIX): suite for suite in junitparser.JUnitXml.fromfile(str(path))}
+    if suites.keys() != found.keys():
+        yield f"JUnit has {sorted(suites)}"
+    for name, suite in suites.items():
+        status = found.get(name, {}).get("status")
+        words = "error" if suite.errors else "failed" if suite.failures else "skipped" if suite.skipped else "passed"
+        if status in {*_JUDGED, "error", "skipped"} and words != status:
+            yield f"'{name}' {words} in JUnit, and {status} in the results"
+
+
+def _kept_in_journal(run: Run, usual: Undisturbed) -> Iterator[str]:
+    """Yield the promises about a command that was killed: its journal has all that was known."""
+    journal, said = _journal(run.output), _known(run)
+    if missing := said - journal.keys():
+        yield f"not in the journal: {sorted(missing)}"
+    for name, outcome in journal.items():
+        if outcome["status"] in _JUDGED and outcome["digest"] != usual.outcomes[name]["digest"]:
+            yield f"'{name}' has another digest in the journal"
+    if not journal:
+        return
+    report = sim_action(run.output.parent, usual.cache, {}, "report", str(run.output))
+    if "Traceback" in report.stderr or report.returncode in (0, 3):
+        yield f"report ended with {report.returncode}: {report.stderr}"
+    outcomes = _outcomes(run.output / "results.json")
+    for name in usual.outcomes:
+        status = outcomes.get(name, {}).get("status")
+        if status != journal.get(name, {"status": "error"})["status"]:
+            yield f"'{name}' is {status} in the reports of the journal"
+    yield from _same_in_junit(run.output / "junit.xml", outcomes)
+
+
+def _messages(outcome: Any) -> str:
+    failures = outcome.get("failures", ())
+    return "; ".join(f"{failure['title']}: {failure['message']}" for failure in failures)
+
+
+def _outcomes(path: Path) -> dict[str, Any]:
+    """Return the outcomes by name; nothing if there is no such file."""
+    if not path.exists():
+        return {}
+    outcomes = json.loads(path.read_text(encoding="utf-8"))["outcomes"]
+    assert len(set(map(_name, outcomes))) == len(outcomes)
+    return {_name(outcome): outcome for outcome in outcomes}
+
+
+def _name(outcome: Any) -> str:
+    """Return the name of a scenario; one that cannot be read has the name of its file."""
+    return str(outcome["name"]).removesuffix(SUFFIX)
+
+
+def _journal(folder: Path) -> dict[str, Any]:
+    """Return the outcomes in the journal; its last line may be cut off."""
+    path = folder / "results.jsonl"
+    lines = path.read_text(encoding="utf-8").split("\n")[:-1] if path.exists() else []
+    return {_name(event["outcome"]): event["outcome"] for event in map(json.loads, lines) if "outcome" in event}
+
+
+def _printed(run: Run) -> dict[str, Any]:
+    """Return the outcomes on standard output: the name and the status of each scenario."""
+    statuses = {"✓": "passed", "✗": "failed"}
+    found = {
+        name.removesuffix(SUFFIX): statuses.get(symbol, "error") for symbol, name in _ON_TERMINAL.findall(run.printed)
+    }
+    return {name: {"status": status} for name, status in found.items()}
+
+
+def _known(run: Run) -> set[str]:
+    """Return the names of the scenarios that were reported as finished."""
+    return {name for _, name in _ON_PROGRESS.findall(run.printed + run.errors)}

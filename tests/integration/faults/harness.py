@@ -1,0 +1,63 @@
+"""The harness: it runs a suite with one fault, and compares the run with an undisturbed one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from itertools import count
+from pathlib import Path
+
+from tests.integration.faults.checks import Undisturbed, broken_promises, kept, undisturbed
+from tests.integration.faults.injection import Fault, Run, compiled, run_suite
+from tests.integration.faults.suite import NAMES, write_suite
+
+
+@dataclass(frozen=True)
+class Injection:
+    """A fault at the n-th call, and the promises that the run has broken."""
+
+    fault: Fault
+    nth: int
+    reached: int
+    fired: int
+    code: int
+    kept: int
+    of: int
+    broken: tuple[str, ...]
+
+    def __str__(self) -> str:
+        verdict = "; ".join(self.broken) or "ok"
+        figures = f"reached {self.reached}, fired {self.fired}, exit {self.code}, kept {self.kept} of {self.of}"
+        return f"{self.fault}, call {self.nth}: {figures}: {verdict}"
+
+
+class Injector:
+    """Runs suites below a folder, each in a new one."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._library = compiled(folder)
+        self._numbers = count()
+        self._usual = cache(self._undisturbed)
+
+    def inject(self, fault: Fault, nth: int) -> Injection:
+        """Run a suite with the fault at its n-th call."""
+        # The exit code of one suite shows verdicts that are lost; the other one has all kinds of verdicts.
+        suite = tuple(NAMES)[nth % 2]
+        usual = self._usual(suite)
+        run = self._run(suite, fault, nth)
+        broken = tuple(broken_promises(run, fault, usual)) if run.fired else ()
+        found = Injection(fault, nth, run.reached, run.fired, run.code, kept(run, usual), len(usual.outcomes), broken)
+        if broken:
+            (run.folder / "printed").write_text(f"{found}\n{run.printed}\n{run.errors}")
+        return found
+
+    def _run(self, suite: str, fault: Fault | None, nth: int) -> Run:
+        folder = self._folder / f"{next(self._numbers)}"
+        write_suite(folder / "suite", suite)
+        return run_suite(folder, self._folder / "cache", self._library, fault, nth)
+
+    def _undisturbed(self, suite: str) -> Undisturbed:
+        run = self._run(suite, None, 1)
+        assert run.code == (suite == "mixed"), run.printed + run.errors
+        return undisturbed(run, self._folder / "cache")

@@ -1,0 +1,154 @@
+"""Runs of the command line in which a fault is injected at the n-th call of a kind: see `injector.c`."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import struct
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, Literal
+
+from tests.integration.marked_processes import processes_of
+
+ROOT: Final = Path(__file__).parents[3]
+COMPILER: Final = shutil.which("cc")
+_SOURCE: Final = Path(__file__).parent / "injector.c"
+_COUNTERS: Final = struct.Struct("@i3I")
+_ENDING_TIMEOUT_S: Final = 60.0
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A fault, and the calls that may get it.
+
+    Attributes:
+        name: the name of the fault; faults with the same name are one row of the table.
+        place: a short name of the calls.
+        calls: "open" (everything that takes a descriptor), "create" (open for writing), "write" (also the length of a
+            file), "read", "rename", "mkdir", "sync", "fork" (everything that starts a process), "clock" (the time of day),
+            "monotonic" (the clock of time limits).
+        paths: patterns of absolute paths, separated by colons; {output}, {tmp} and {cache} are the folders of the run.
+            Empty: any path. A call without a path has the name of its kind, as "pipe".
+        role: the process that makes the call: the command itself, or one below it. Empty: any.
+        lasting: all calls from the n-th on get the fault, as on a disk that stays full.
+        error: the errno that the call returns.
+        signal: the signal that is sent at the call.
+        target: the process that gets the signal: the command itself, or the process that makes the call.
+        jump: s that the clock jumps.
+        most_lost: the number of scenarios that may end without a verdict.
+        exempt: names of scenarios that may also end without a verdict.
+        short: the n that are tried in the short form.
+    """
+
+    name: str
+    place: str
+    calls: str
+    paths: str = ""
+    role: Literal["", "parent", "child"] = ""
+    lasting: bool = False
+    error: int = 0
+    signal: int = 0
+    target: Literal["", "parent", "self"] = ""
+    jump: int = 0
+    most_lost: int = 0
+    exempt: tuple[str, ...] = ()
+    short: tuple[int, ...] = (1,)
+
+    def __str__(self) -> str:
+        return f"{self.name}: {self.place}"
+
+
+@dataclass(frozen=True)
+class Run:
+    """A finished run, and the traces that it left.
+
+    Attributes:
+        code: the exit code; negative: the signal that ended the command.
+        reached: the calls that could have got the fault.
+        fired: those that got it.
+        left: numbers of processes that are still there.
+    """
+
+    folder: Path
+    code: int
+    printed: str
+    errors: str
+    reached: int
+    fired: int
+    left: tuple[int, ...]
+
+    @property
+    def output(self) -> Path:
+        return self.folder / "suite" / "sim-results"
+
+    @property
+    def tmp(self) -> Path:
+        return self.folder / "tmp"
+
+
+def compiled(folder: Path) -> Path:
+    """Compile the library and return its path."""
+    library = folder / "injector.so"
+    options = ["-Wall", "-Wextra", "-Werror", "-O1", "-shared", "-fPIC"]
+    subprocess.run([str(COMPILER), *options, "-o", str(library), str(_SOURCE), "-ldl"], check=True)
+    return library
+
+
+def run_suite(folder: Path, cache: Path, library: Path | None = None, fault: Fault | None = None, nth: int = 1) -> Run:
+    """Run the suite in `folder`/suite, with a fault at its n-th call."""
+    (folder / "tmp").mkdir()
+    counters = folder / "counters"
+    counters.write_bytes(bytes(_COUNTERS.size))
+    settings = {} if fault is None else _settings(fault, nth, folder, cache)
+    injected = {} if library is None else {"LD_PRELOAD": str(library), "FAULT_COUNTERS": str(counters)}
+    variables = {**injected, **settings, "MARK": str(folder), "TMPDIR": str(folder / "tmp")}
+    run = sim_action(folder / "suite", cache, variables, "run", ".", "--jobs", "2")
+    left = _left(folder, run.returncode)
+    _, _, reached, fired = _COUNTERS.unpack(counters.read_bytes())
+    return Run(folder, run.returncode, run.stdout, run.stderr, reached, fired, left)
+
+
+def sim_action(folder: Path, cache: Path, variables: dict[str, str], *words: str) -> subprocess.CompletedProcess[str]:
+    """Run the command line in a folder, in an interpreter of its own."""
+    kept = {name: value for name, value in os.environ.items() if not name.startswith(("GITHUB_", "SIM_ACTION_"))}
+    return subprocess.run(
+        [sys.executable, "-m", "sim_action", *words],
+        cwd=folder,
+        env={**kept, "PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(cache), **variables},
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
+        start_new_session=True,
+    )
+
+
+def _settings(fault: Fault, nth: int, folder: Path, cache: Path) -> dict[str, str]:
+    places = {"output": folder / "suite/sim-results", "tmp": folder / "tmp", "cache": cache, "suite": folder / "suite"}
+    return {
+        "FAULT_CALLS": fault.calls,
+        "FAULT_PATHS": fault.paths.format(**places),
+        "FAULT_ROLE": fault.role,
+        # Earlier calls are those of a Python that starts: sim-action is not there yet.
+        "FAULT_AFTER": "*.sim.yml",
+        "FAULT_FIRST": str(nth),
+        "FAULT_TIMES": "0" if fault.lasting else "1",
+        "FAULT_ERROR": str(fault.error),
+        "FAULT_SIGNAL": str(fault.signal),
+        "FAULT_TARGET": fault.target,
+        "FAULT_JUMP": str(fault.jump),
+    }
+
+
+def _left(folder: Path, code: int) -> tuple[int, ...]:
+    """Return the processes that are left. A command that was killed cannot wait until the last one has ended."""
+    deadline = time.monotonic() + (_ENDING_TIMEOUT_S if code == -signal.SIGKILL else 0.0)
+    while (left := processes_of(folder)) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    return tuple(left)

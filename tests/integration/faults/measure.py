@@ -1,0 +1,73 @@
+"""Inject every fault at every place: `python -m tests.integration.faults.measure [--short] [--jobs N] [TEXT]`.
+
+TEXT selects faults by a part of their names. A line shows the fault, the number of the call, the calls reached, the
+faults fired, the exit code, the scenarios whose verdict was kept, and the promises that were broken. `--short` injects
+at the places of `make test` alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from itertools import count
+from pathlib import Path
+
+from tests.integration.faults.harness import Injection, Injector
+from tests.integration.faults.injection import Fault
+from tests.integration.faults.sites import FAULTS
+
+
+def everywhere(injector: Injector, fault: Fault) -> Iterator[Injection]:
+    """Inject a fault at each call in turn, until it is not reached any more."""
+    for nth in count(1):
+        found = injector.inject(fault, nth)
+        if not found.fired:
+            return
+        yield found
+
+
+def _measured(injector: Injector, fault: Fault, *, short: bool) -> list[Injection]:
+    found = []
+    for one in (injector.inject(fault, nth) for nth in fault.short) if short else everywhere(injector, fault):
+        print(one, flush=True)
+        found.append(one)
+    return found
+
+
+def table(found: list[Injection]) -> Iterator[str]:
+    """Yield the lines of a table of all faults."""
+    yield "| fault | places | calls reached | faults fired | verdicts kept | broken promises |"
+    yield "| --- | --- | --- | --- | --- | --- |"
+    for name in dict.fromkeys(one.fault.name for one in found):
+        rows = [one for one in found if one.fault.name == name]
+        sums = (sum(one.reached for one in rows), sum(one.fired for one in rows))
+        verdicts = f"{sum(one.kept for one in rows)} of {sum(one.of for one in rows)}"
+        broken = sum(bool(one.broken or not one.fired) for one in rows)
+        yield f"| {name} | {len(rows)} | {sums[0]} | {sums[1]} | {verdicts} | {broken} |"
+
+
+def main() -> int:
+    """Print a line for each injection, and the table."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("text", nargs="?", default="")
+    parser.add_argument("--short", action="store_true")
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--folder", type=Path, default=None)
+    options = parser.parse_args()
+    faults = [fault for fault in FAULTS if options.text.lower() in str(fault).lower()]
+    folder = options.folder or Path(tempfile.mkdtemp(prefix="faults-"))
+    folder.mkdir(exist_ok=True)
+    injector = Injector(folder)
+    with ThreadPoolExecutor(options.jobs) as pool:
+        several = list(pool.map(partial(_measured, injector, short=options.short), faults))
+    found = [one for each in several for one in each]
+    print("\n".join(table(found)))
+    return int(any(one.broken or not one.fired for one in found))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

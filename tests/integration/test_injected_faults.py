@@ -1,0 +1,48 @@
+"""Under each of eleven faults of the system, no finished verdict is lost. The faults are in `faults/sites.py`."""
+
+from __future__ import annotations
+
+import os
+import sys
+from itertools import count
+
+import pytest
+
+from tests.integration.faults.harness import Injector
+from tests.integration.faults.injection import COMPILER, Fault
+from tests.integration.faults.sites import FAULTS
+
+pytestmark = [
+    pytest.mark.skipif(sys.platform != "linux", reason="LD_PRELOAD is for Linux"),
+    # `.ci/run` installs one. On GitHub, a missing one is an error.
+    pytest.mark.skipif(COMPILER is None and not os.environ.get("CI"), reason="there is no C compiler"),
+]
+
+
+@pytest.fixture(scope="session")
+def injector(tmp_path_factory: pytest.TempPathFactory) -> Injector:
+    return Injector(tmp_path_factory.mktemp("faults"))
+
+
+@pytest.mark.parametrize(
+    ("fault", "nth"), [pytest.param(each, n, id=f"{each}, {n}") for each in FAULTS for n in each.short]
+)
+def test_a_fault_costs_no_finished_verdict(injector: Injector, fault: Fault, nth: int) -> None:
+    found = injector.inject(fault, nth)
+    sys.stdout.write(f"{found}\n")
+    assert found.fired, f"the call was not reached: {found}"
+    assert found.broken == ()
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("fault", FAULTS, ids=str)
+def test_a_fault_at_any_call_costs_no_finished_verdict(injector: Injector, fault: Fault) -> None:
+    broken = []
+    for nth in count(1):
+        found = injector.inject(fault, nth)
+        sys.stdout.write(f"{found}\n")
+        if not found.fired:
+            break
+        broken += [str(found)] if found.broken else []
+    assert nth > 1
+    assert broken == []
