@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from itertools import count
@@ -51,6 +52,14 @@ class Injector:
         if broken:
             (run.folder / "printed").write_text(f"{found}\n{run.printed}\n{run.errors}")
         return found
+
+    def inject_everywhere(self, fault: Fault) -> Iterator[Injection]:
+        """Inject a fault at one call after the other, until it is not reached any more."""
+        for nth in count(1, fault.stride):
+            found = self.inject(fault, nth)
+            if not found.fired:
+                return
+            yield found
 
     def _run(self, suite: str, fault: Fault | None, nth: int) -> Run:
         folder = self._folder / f"{next(self._numbers)}"

@@ -30,7 +30,7 @@ class Fault:
         name: the name of the fault; faults with the same name are one row of the table.
         place: a short name of the calls.
         calls: "open" (everything that takes a descriptor), "create" (open for writing), "write" (also the length of a
-            file), "read", "rename", "mkdir", "sync", "fork" (everything that starts a process), "clock" (the time of day),
+            file), "read", "rename", "mkdir", "sync", "fork" (everything that starts a process), "clock" (of the day),
             "monotonic" (the clock of time limits).
         paths: patterns of absolute paths, separated by colons; {output}, {tmp} and {cache} are the folders of the run.
             Empty: any path. A call without a path has the name of its kind, as "pipe".
@@ -43,6 +43,7 @@ class Fault:
         most_lost: the number of scenarios that may end without a verdict.
         exempt: names of scenarios that may also end without a verdict.
         short: the n that are tried in the short form.
+        stride: the long form tries every n-th call, up to the last one.
     """
 
     name: str
@@ -58,6 +59,7 @@ class Fault:
     most_lost: int = 0
     exempt: tuple[str, ...] = ()
     short: tuple[int, ...] = (1,)
+    stride: int = 1
 
     def __str__(self) -> str:
         return f"{self.name}: {self.place}"

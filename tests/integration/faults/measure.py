@@ -13,7 +13,6 @@ import tempfile
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from itertools import count
 from pathlib import Path
 
 from tests.integration.faults.harness import Injection, Injector
@@ -21,18 +20,9 @@ from tests.integration.faults.injection import Fault
 from tests.integration.faults.sites import FAULTS
 
 
-def everywhere(injector: Injector, fault: Fault) -> Iterator[Injection]:
-    """Inject a fault at each call in turn, until it is not reached any more."""
-    for nth in count(1):
-        found = injector.inject(fault, nth)
-        if not found.fired:
-            return
-        yield found
-
-
 def _measured(injector: Injector, fault: Fault, *, short: bool) -> list[Injection]:
     found = []
-    for one in (injector.inject(fault, nth) for nth in fault.short) if short else everywhere(injector, fault):
+    for one in (injector.inject(fault, nth) for nth in fault.short) if short else injector.inject_everywhere(fault):
         print(one, flush=True)
         found.append(one)
     return found

@@ -52,6 +52,6 @@ FAULTS: Final = (
     Fault("clock jump", "a day forward", "clock", lasting=True, jump=_DAY_S, short=(2,)),
     Fault("clock jump", "a day back", "clock", lasting=True, jump=-_DAY_S, short=(1,)),
     # As when a machine was paused. The default wall limit is 60 s.
-    Fault("clock jump", "half a minute is lost", "monotonic", lasting=True, jump=_PAUSE_S, short=(50,)),
+    Fault("clock jump", "half a minute is lost", "monotonic", lasting=True, jump=_PAUSE_S, short=(50,), stride=500),
 )
 """All faults; those with the same name are one row of the table in docs/contributing."""
