@@ -1,4 +1,4 @@
-"""Safe file access: read regular files only, up to a size; write a file completely or not at all."""
+"""Safe file access: read regular files only, up to a size; write or append completely or not at all."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import stat
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO, Final
 
@@ -61,3 +61,18 @@ def _put_in_place(unfinished: Path, path: Path) -> None:
             time.sleep(_REPLACE_POLL_S)
         else:
             return
+
+
+def append_whole(path: Path, data: bytes) -> None:
+    """Append to a file, which is made if it is missing; after an error it has its former size. Raise OSError."""
+    with path.open("ab", buffering=0) as file:
+        status = os.fstat(file.fileno())
+        rest = memoryview(data)
+        try:
+            while rest:
+                rest = rest[os.write(file.fileno(), rest) :]
+        except OSError:
+            if stat.S_ISREG(status.st_mode):
+                with suppress(OSError):
+                    file.truncate(status.st_size)
+            raise

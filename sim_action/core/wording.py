@@ -29,6 +29,12 @@ def log_line(text: str) -> str:
     return f"./{line}" if line.lstrip().startswith("::") else line
 
 
+def system_reason(error: Exception) -> str:
+    """Return the reason of an error of the operating system as the end of a sentence: "no space left on device"."""
+    reason = (error.strerror if isinstance(error, OSError) else None) or str(error) or type(error).__name__
+    return reason[:1].lower() + reason[1:]
+
+
 def shown(value: object) -> str:
     """Return a value from a user's file as messages quote it."""
     if value is None:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Final, Literal, NoReturn
 
 from pydantic import ValidationError
+from pydantic_core import PydanticSerializationError
 
 from sim_action.core.discovery import paths_of, unique
 from sim_action.core.errors import ExitCode, UsageError
@@ -109,8 +110,16 @@ class Results(FrozenModel):
         """Write `results.json` into an existing folder and return its path."""
         path = folder / RESULTS_FILE
         with whole_file(path) as file:
-            file.write((self.model_dump_json(indent=2) + "\n").encode())
+            file.write(self._json())
         return path
+
+    def _json(self) -> bytes:
+        try:
+            return (self.model_dump_json(indent=2) + "\n").encode()
+        except PydanticSerializationError:
+            # A text of user code contains half of a surrogate pair, which UTF-8 and JSON do not have.
+            text = json.dumps(self.model_dump(mode="json"), indent=2, ensure_ascii=False)
+            return (text + "\n").encode(errors="replace")
 
     @classmethod
     def read(cls, path: Path) -> Results:

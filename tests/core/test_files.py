@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.core.files import open_regular, read_at_most, whole_file
+from sim_action.core.files import append_whole, open_regular, read_at_most, whole_file
 
 
 def test_a_file_is_read(tmp_path: Path) -> None:
@@ -106,3 +106,30 @@ def test_a_link_is_replaced_and_not_followed(tmp_path: Path) -> None:
     assert (tmp_path / "target").read_text() == "untouched"
     assert path.read_text() == "after"
     assert not path.is_symlink()
+
+
+def test_bytes_are_appended_to_a_file_that_need_not_exist(tmp_path: Path) -> None:
+    append_whole(tmp_path / "file", b"one\n")
+    append_whole(tmp_path / "file", b"two\n")
+    assert (tmp_path / "file").read_bytes() == b"one\ntwo\n"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no limit of file sizes")
+def test_an_append_that_fails_halfway_leaves_the_file_as_it_was(tmp_path: Path) -> None:
+    import resource
+
+    (tmp_path / "file").write_bytes(b"before\n")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, before[1]))
+    try:
+        with pytest.raises(OSError, match="File too large"):
+            append_whole(tmp_path / "file", b"x" * 200)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert (tmp_path / "file").read_bytes() == b"before\n"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
+def test_an_append_to_a_full_device_is_an_error() -> None:
+    with pytest.raises(OSError, match="No space left on device"):
+        append_whole(Path("/dev/full"), b"x")

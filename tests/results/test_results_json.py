@@ -279,3 +279,9 @@ def test_what_contradicts_itself_is_not_believed(shards: Path, change: dict[str,
         "shards/1/results.json is not a valid results file: the status of '1.sim.yml' contradicts its failures "
         "or expectations"
     )
+
+
+def test_half_of_a_surrogate_pair_does_not_lose_the_results(tmp_path: Path) -> None:
+    made = outcome("a.sim.yml").model_copy(update={"output": "a\ud800b"})
+    path = results(made, outcome("b.sim.yml")).write(tmp_path)
+    assert [found.output for found in Results.read(path).outcomes] == ["a?b", ""]

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from sim_action.core.errors import ExitCode
+from sim_action.core.files import append_whole
 from sim_action.core.wording import counted
 from sim_action.recording.replay.replay_file import Replay
 from sim_action.reports import ReportOptions
@@ -51,8 +52,7 @@ def write_summary(results: Results, options: ReportOptions) -> None:
     file = Path(name)
     written = file.stat().st_size if file.exists() else 0
     text = summary(results, options, MAX_BYTES - written)
-    with file.open("ab") as stream:
-        stream.write(text.encode("utf-8", errors="replace"))
+    append_whole(file, text.encode("utf-8", errors="replace"))
 
 
 def summary(results: Results, options: ReportOptions, most_bytes: int = MAX_BYTES) -> str:

@@ -6,6 +6,7 @@ import secrets
 from collections.abc import Mapping
 from pathlib import Path
 
+from sim_action.core.files import append_whole
 from sim_action.reports import ReportOptions
 from sim_action.reports.links import REPORT_FILE, replay_link
 from sim_action.results.results_json import RESULTS_FILE, Results
@@ -23,8 +24,7 @@ def append_outputs(values: Mapping[str, str], environment: Mapping[str, str]) ->
         return
     entries = "".join(_entry(name, value) for name, value in values.items())
     # Paths need not be valid UTF-8; their bytes are kept.
-    with Path(file).open("a", encoding="utf-8", errors="surrogateescape", newline="\n") as stream:
-        stream.write(entries)
+    append_whole(Path(file), entries.encode("utf-8", errors="surrogateescape"))
 
 
 def outputs(results: Results, options: ReportOptions) -> dict[str, str]:
@@ -39,8 +39,8 @@ def outputs(results: Results, options: ReportOptions) -> dict[str, str]:
         "not-exercised": str(results.count("not_exercised")),
         "errors": str(results.count("error")),
         "skipped": str(results.count("skipped")),
-        "junit-path": str(options.junit.absolute()),
-        "results-path": str((options.folder / RESULTS_FILE).absolute()),
+        "junit-path": "" if "junit" in options.silenced else str(options.junit.absolute()),
+        "results-path": "" if "results" in options.silenced else str((options.folder / RESULTS_FILE).absolute()),
         "report-path": "" if "report" in options.silenced else str((options.folder / REPORT_FILE).absolute()),
         "report-fragment": _fragment(results, options),
         "travelled": "" if travelled is None else f"{travelled:.4f}",
