@@ -13,7 +13,7 @@ from sim_action import __version__
 from sim_action.core.discovery import compared_name
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.wording import escaped_line, log_line
-from sim_action.reports import ReportRequest, report_options, write_reports
+from sim_action.reports import ReportRequest, open_reports, write_reports
 from sim_action.reports.escaping import shortened
 from sim_action.results.artifacts import RUN_FILE_FOLDERS, StoredFile, stored_files_of, trace_paths, with_copied_files
 from sim_action.results.outcome import Outcome, audited_over_variations
@@ -39,12 +39,11 @@ def merge_results(request: MergeRequest) -> ExitCode:
     entries = _with_versions(merge_shards(files, request.listing), files)
     evidence = [stored_files_of(entry.outcome, entry.origin.parent if entry.origin else None) for entry in entries]
     _refuse_to_overwrite(files, evidence, request.reports)
-    options = report_options(request.reports)
-    outcomes = audited_over_variations(list(_with_evidence(entries, evidence, options.folder)))
-    added = [outcome for outcome, entry in zip(outcomes, entries, strict=True) if entry.origin is None]
-    results = _results([file.results for file in files], outcomes)
-    write_reports(results, options, annotated=results.model_copy(update={"outcomes": tuple(added)}))
-    return results.exit_code
+    with open_reports(request.reports) as options:
+        outcomes = audited_over_variations(list(_with_evidence(entries, evidence, options.folder)))
+        added = [outcome for outcome, entry in zip(outcomes, entries, strict=True) if entry.origin is None]
+        results = _results([file.results for file in files], outcomes)
+        return write_reports(results, options, annotated=results.model_copy(update={"outcomes": tuple(added)}))
 
 
 def _read(request: MergeRequest) -> list[ResultsFile]:

@@ -13,14 +13,15 @@ from itertools import islice
 from pathlib import Path
 
 from sim_action import __version__
+from sim_action.core.errors import ExitCode
 from sim_action.core.process import Interruption
-from sim_action.reports import ReportOptions, ReportRequest, make_ready, report_options, write_reports
+from sim_action.reports import ReportOptions, ReportRequest, make_ready, open_reports, write_reports
 from sim_action.reports.progress import ProgressListener
 from sim_action.results.outcome import Outcome, audited_over_variations
 from sim_action.results.results_json import Results
 from sim_action.runner.child_outcome import skipped
 from sim_action.runner.process_pool import execute, motion_file
-from sim_action.runner.run_plan import Plan, PlanRequest, plan_runs
+from sim_action.runner.run_plan import Plan, PlanRequest, RunPlan, plan_runs
 from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.source import Refused
 
@@ -37,18 +38,34 @@ class RunRequest:
     repeat: int = 1
 
 
-def run_scenarios(request: RunRequest, interruption: Interruption) -> Results:
-    """Run all scenarios, write every report and return the results. Raises UsageError."""
+@dataclass(frozen=True, slots=True)
+class FinishedRun:
+    """The results of `run`, and the exit code, which is higher if a required report cannot be written."""
+
+    results: Results
+    exit_code: ExitCode
+
+
+def run_scenarios(request: RunRequest, interruption: Interruption) -> FinishedRun:
+    """Run all scenarios and write every report. Raises UsageError."""
     started = time.monotonic()
     found = plan_runs(request.plan)
-    options = report_options(request.reports)
+    with open_reports(request.reports) as options:
+        results = _results(request, found, options, interruption, started)
+        return FinishedRun(results, write_reports(results, options))
+
+
+def _results(
+    request: RunRequest, found: RunPlan, options: ReportOptions, interruption: Interruption, started: float
+) -> Results:
+    """Run all scenarios and return the results; `started` is the monotonic time in s of the start."""
     plans = found.plans
     if request.plan.permissions.updates_golden:
         from sim_action.runner.golden_update import refuse_shared_goldens
 
         plans = refuse_shared_goldens(plans)
     outcomes = _outcomes(request, plans, options, interruption)
-    results = Results(
+    return Results(
         sim_action=__version__,
         python=platform.python_version(),
         platform=platform.platform(),
@@ -57,8 +74,6 @@ def run_scenarios(request: RunRequest, interruption: Interruption) -> Results:
         selected=bool(request.plan.suite.numbers),
         outcomes=(*audited_over_variations(outcomes), *map(Outcome.of_nothing, found.empty)),
     )
-    write_reports(results, options)
-    return results
 
 
 def _outcomes(

@@ -65,7 +65,7 @@ def watch_scenarios(request: RunRequest, patterns: Sequence[str], interruption: 
     """
     watched = _Watched()
     _look(watched, request, request.plan.suite.files, patterns)
-    outcomes = _by_file(run_scenarios(request, interruption))
+    outcomes = _by_file(run_scenarios(request, interruption).results)
     written = _without_written(watched, set())
     _note_watched(watched)
     while changed := _wait(watched, interruption):
@@ -141,7 +141,7 @@ def _rerun(
     """Return the new outcomes of these files and print the differences."""
     suite = replace(request.plan.suite, files=tuple(touched), empty=(), complete=False)
     try:
-        results = run_scenarios(replace(request, plan=replace(request.plan, suite=suite)), interruption)
+        results = run_scenarios(replace(request, plan=replace(request.plan, suite=suite)), interruption).results
     except UsageError as error:
         _note(str(error))
         return {}

@@ -5,18 +5,20 @@
 
 from __future__ import annotations
 
+import importlib
 import os
-from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Final, Literal, Protocol
 
-from sim_action.core.errors import UsageError
+from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.registry import Table
-from sim_action.core.wording import escaped_line
+from sim_action.core.wording import escaped_line, system_reason
 from sim_action.results.artifacts import RUN_FILE_FOLDERS
+from sim_action.results.output_folder import create_folder, locked, remove_regular
 from sim_action.results.results_json import Results
 
 Verbosity = Literal["quiet", "normal", "verbose"]
@@ -75,6 +77,10 @@ _VARIABLES: Final = MappingProxyType(
 )
 """Name of a report that only GitHub reads -> the variable that GitHub sets for it. Elsewhere it is not imported."""
 
+_RESULTS: Final = "results"
+_PRINTED: Final = frozenset({"terminal", "annotations"})
+_UNWRITTEN: Final = "sim_action.reports.unwritten_reports"
+
 
 @dataclass(frozen=True, slots=True)
 class ReportRequest:
@@ -87,34 +93,46 @@ class ReportRequest:
     silenced: frozenset[str]
 
 
-def report_options(request: ReportRequest) -> ReportOptions:
-    """Return the options of the reports and create the output folder. Raises UsageError."""
+@contextmanager
+def open_reports(request: ReportRequest) -> Iterator[ReportOptions]:
+    """Open the output folder for one call until its reports are written, and yield the options of the reports.
+
+    The folder is created and locked, and the reports of an earlier call are removed. Raises UsageError.
+    """
     for place in (
         *(request.folder / name for name in RUN_FILE_FOLDERS),
         *([request.junit.parent] if request.junit else []),
     ):
         _refuse_links(place)
+    if request.junit is not None:
+        _refuse_special_file(request.junit)
     folder = _created_folder(request.folder)
-    if request.junit is not None and request.junit.is_dir():
-        raise UsageError(f"--junit {request.junit} is a folder; name a file")
-    return ReportOptions(
-        folder=folder,
-        junit=request.junit or folder / "junit.xml",
-        junit_strict=request.junit_strict,
-        environment=os.environ,
-        workspace=Path(os.environ.get("GITHUB_WORKSPACE") or Path.cwd()),
-        verbosity=request.verbosity,
-        silenced=request.silenced,
-    )
+    with locked(folder):
+        if request.junit is not None:
+            # A call that is killed must not leave the JUnit XML of an earlier one.
+            with suppress(OSError):
+                remove_regular(request.junit)
+        yield ReportOptions(
+            folder=folder,
+            junit=request.junit or folder / "junit.xml",
+            junit_strict=request.junit_strict,
+            environment=os.environ,
+            workspace=Path(os.environ.get("GITHUB_WORKSPACE") or Path.cwd()),
+            verbosity=request.verbosity,
+            silenced=request.silenced,
+        )
 
 
 def make_ready(options: ReportOptions) -> None:
     """Import the modules of all reports in advance, while the process waits for something else.
 
-    The imports take a tenth of the time of a short run.
+    The imports take a tenth of the time of a short run. They need files, which a report of a fault may lack.
     """
-    for name in _enabled_reports(options):
-        REPORTS.load(name)
+    # An import that fails now may succeed later; otherwise it is reported as the fault of its report.
+    with suppress(OSError, ImportError):
+        importlib.import_module(_UNWRITTEN)
+        for name in _enabled_reports(options):
+            REPORTS.load(name)
 
 
 def _enabled_reports(options: ReportOptions) -> list[str]:
@@ -125,34 +143,57 @@ def _has_reader(name: str, environment: Mapping[str, str]) -> bool:
     return name not in _VARIABLES or bool(environment.get(_VARIABLES[name]))
 
 
-def write_reports(results: Results, options: ReportOptions, annotated: Results | None = None) -> None:
-    """Write `results.json` and all reports. Raises UsageError at the end if some could not be written.
+def write_reports(results: Results, options: ReportOptions, annotated: Results | None = None) -> ExitCode:
+    """Write `results.json` and all reports, and return the exit code of the call.
+
+    A report that cannot be written does not prevent the others. If it is a required one, every verdict is printed on
+    standard output, and the exit code is 1 or higher. The others are best effort.
 
     If `annotated` is given, only these results get annotations, because the others have been annotated before.
     """
-    failed = []
-    of = {"annotations": results if annotated is None else annotated}
-    writers = {"results": lambda: results.write(options.folder)} | {
-        name: partial(REPORTS.load(name), of.get(name, results), options) for name in _enabled_reports(options)
-    }
-    for name, write in writers.items():
+    with suppress(OSError):
+        # A script may have removed it.
+        create_folder(options.folder)
+    unwritten = {}
+    for name in (_RESULTS, *_enabled_reports(options)):
+        told = annotated if name == "annotations" and annotated is not None else results
         try:
-            write()
-        except BrokenPipeError:
-            # A closed terminal output does not change a verdict.
-            continue
-        except OSError as error:
-            failed.append(f"the {name} report cannot be written: {error.filename or name}: {error.strerror}")
-    if failed:
-        raise UsageError("; ".join(failed))
+            _write(name, told, options)
+        except Exception as error:  # noqa: BLE001 - the fault of one report must not prevent the others
+            if name in _PRINTED and isinstance(error, BrokenPipeError):
+                # A closed terminal output does not change a verdict.
+                continue
+            unwritten[name] = error
+            # Later reports do not name a file that does not exist.
+            options = replace(options, silenced=options.silenced | {name})
+    if not unwritten:
+        return results.exit_code
+    from sim_action.reports.unwritten_reports import complain_about
+
+    return max(results.exit_code, complain_about(unwritten, results, options))
+
+
+def _write(name: str, results: Results, options: ReportOptions) -> None:
+    if name == _RESULTS:
+        results.write(options.folder)
+    else:
+        REPORTS.load(name)(results, options)
 
 
 def _created_folder(folder: Path) -> Path:
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UsageError(f"cannot write to the output folder {folder}: {error.strerror}") from None
+        create_folder(folder)
+    except (OSError, ValueError) as error:
+        raise UsageError(escaped_line(f"cannot write to the output folder {folder}: {system_reason(error)}")) from None
     return folder
+
+
+def _refuse_special_file(junit: Path) -> None:
+    """Raise UsageError for a path that a file cannot replace, or must not: a folder, a pipe or a device."""
+    if junit.is_dir():
+        raise UsageError(escaped_line(f"--junit {junit} is a folder; name a file"))
+    if junit.exists() and not junit.is_file():
+        raise UsageError(escaped_line(f"--junit {junit} is not a regular file; name a file"))
 
 
 def _refuse_links(path: Path) -> None:

@@ -197,8 +197,10 @@ def _files(results: Results, options: ReportOptions) -> Iterator[tuple[str, Path
     """Yield the label and path of each file that was written."""
     if "report" not in options.silenced:
         yield "report", options.folder / REPORT_FILE
-    yield "results", options.folder / RESULTS_FILE
-    yield "junit", options.junit
+    if "results" not in options.silenced:
+        yield "results", options.folder / RESULTS_FILE
+    if "junit" not in options.silenced:
+        yield "junit", options.junit
     traces = (stored_trace(outcome, options.folder) for outcome in results.outcomes)
     for folder in dict.fromkeys(trace.parent for trace in traces if trace is not None):
         yield "traces", folder

@@ -1,11 +1,12 @@
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
 
 from sim_action.core.errors import UsageError
-from sim_action.reports import ReportRequest, report_options
+from sim_action.reports import ReportRequest, open_reports
 
 
 @pytest.fixture
@@ -27,7 +28,8 @@ def asked(folder: str, junit: str | None = None) -> ReportRequest:
 
 
 def test_the_output_folder_is_made(workspace: Path) -> None:
-    assert report_options(asked("a/b")).junit == Path("a/b/junit.xml")
+    with open_reports(asked("a/b")) as options:
+        assert options.junit == Path("a/b/junit.xml")
     assert (workspace / "a/b").is_dir()
 
 
@@ -47,18 +49,46 @@ def test_a_link_that_a_checkout_holds_is_not_written_through(
 ) -> None:
     (workspace / link).parent.mkdir(exist_ok=True)
     (workspace / link).symlink_to(workspace.parent / "elsewhere")
-    with pytest.raises(UsageError, match=f"'{link}' is a link"):
-        report_options(asked(folder, junit))
+    with pytest.raises(UsageError, match=f"'{link}' is a link"), open_reports(asked(folder, junit)):
+        pass
     assert list((workspace.parent / "elsewhere").iterdir()) == []
 
 
 def test_a_dangling_link_is_a_link(workspace: Path) -> None:
     (workspace / "out").symlink_to("nowhere")
-    with pytest.raises(UsageError, match="'out' is a link"):
-        report_options(asked("out"))
+    with pytest.raises(UsageError, match="'out' is a link"), open_reports(asked("out")):
+        pass
 
 
 def test_links_above_and_outside_are_the_callers(workspace: Path) -> None:
     (workspace.parent / "link").symlink_to("elsewhere")
-    report_options(asked(str(workspace.parent / "link/out")))
+    with open_reports(asked(str(workspace.parent / "link/out"))):
+        pass
     assert (workspace.parent / "elsewhere/out").is_dir()
+
+
+def test_a_junit_path_that_no_file_can_replace_is_refused_before_anything_runs(workspace: Path) -> None:
+    os.mkfifo(workspace / "pipe")
+    for path, why in (("/dev/full", "is not a regular file"), ("pipe", "is not a regular file"), (".", "is a folder")):
+        with pytest.raises(UsageError, match=f"--junit {path} {why}"), open_reports(asked("out", path)):
+            pass
+    assert not (workspace / "out").exists()
+
+
+def test_the_junit_of_an_earlier_call_is_removed_at_the_start(workspace: Path) -> None:
+    for name in ("stale.xml", "other.xml"):
+        (workspace / name).write_text("<testsuites/>")
+    with open_reports(asked("out", "stale.xml")):
+        assert not (workspace / "stale.xml").exists()
+        assert (workspace / "other.xml").exists()
+
+
+def test_git_ignores_a_folder_that_was_created_here_and_no_other(workspace: Path) -> None:
+    (workspace / "mine").mkdir()
+    for folder in ("made/deep", "mine", "."):
+        with open_reports(asked(folder)):
+            pass
+    assert [path.relative_to(workspace).as_posix() for path in workspace.rglob("*") if path.is_file()] == [
+        "made/deep/.gitignore"
+    ]
+    assert (workspace / "made/deep/.gitignore").read_text() == "*\n"

@@ -17,7 +17,7 @@ from sim_action import __version__
 from sim_action.core.errors import ExitCode, InvalidScenario, Location, Problem
 from sim_action.core.process import Interruption
 from sim_action.core.wording import did_you_mean, escaped_line
-from sim_action.reports import ReportOptions, ReportRequest, make_ready, report_options, write_reports
+from sim_action.reports import ReportOptions, ReportRequest, make_ready, open_reports, write_reports
 from sim_action.results.artifacts import copy_stored, replay_path, trace_paths
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
@@ -136,21 +136,27 @@ def run(request: LaunchRequest, reports: ReportRequest, interruption: Interrupti
     """Run the launch, write every report, and return the exit code. Raises UsageError."""
     started = time.monotonic()
     ros = find_ros()
-    options = report_options(reports)
+    with open_reports(reports) as options:
+        outcomes = _launched(request, ros, options, interruption)
+        results = Results(
+            sim_action=__version__,
+            python=platform.python_version(),
+            platform=platform.platform(),
+            wall_time=time.monotonic() - started,
+            outcomes=outcomes,
+        )
+        return write_reports(results, options)
+
+
+def _launched(
+    request: LaunchRequest, ros: Ros, options: ReportOptions, interruption: Interruption
+) -> tuple[Outcome, ...]:
+    """Launch in a scratch folder and return the outcomes. Raises UsageError."""
     with tempfile.TemporaryDirectory(prefix="sim-action-", dir=scratch_parent(), ignore_cleanup_errors=True) as scratch:
         folder = Path(os.path.realpath(scratch))
         overlay = build_overlay(_made(folder / "overlay"), ros, request.workspace.resolve())
         call = LaunchCall(request, ros, overlay, _made(folder / "call"))
-        outcomes = tuple(_outcomes(call, options, interruption))
-    results = Results(
-        sim_action=__version__,
-        python=platform.python_version(),
-        platform=platform.platform(),
-        wall_time=time.monotonic() - started,
-        outcomes=outcomes,
-    )
-    write_reports(results, options)
-    return results.exit_code
+        return tuple(_outcomes(call, options, interruption))
 
 
 def _outcomes(call: LaunchCall, options: ReportOptions, interruption: Interruption) -> Iterator[Outcome]:

@@ -1,0 +1,221 @@
+"""The output folder of a call: making it, locking it for one call at a time, and removing files of the earlier call.
+
+The lock is a record lock of POSIX on a file that holds the process id. A forked child does not inherit it, and the
+system releases it when the process ends in any way, so a lock is never stale.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+import sys
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Final
+
+from sim_action.core.errors import UsageError
+from sim_action.core.files import whole_file
+from sim_action.core.wording import escaped_line, log_line, system_reason
+from sim_action.recording.export import EXPORTS
+from sim_action.results.artifacts import RECORDING_FOLDER, REPLAY_FOLDER, TRACE_FOLDER
+
+LOCK_FILE: Final = ".sim-action.lock"
+"""The locked file; a name of our own, because the output folder may hold files of the user."""
+
+_REPORT_FILES: Final = frozenset({"results.json", "results.jsonl", "junit.xml", "report.html"})
+_SUFFIXES: Final = {
+    TRACE_FOLDER: (".npz",),
+    REPLAY_FOLDER: (".json.gz",),
+    RECORDING_FOLDER: tuple(f".{name}" for name in EXPORTS),
+}
+"""Folder of the files of runs -> the suffixes of the files that sim-action writes there."""
+
+_DISK_FULL: Final = frozenset({errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC)})
+_IN_USE: Final = frozenset({errno.EACCES, errno.EAGAIN, errno.EDEADLK})
+# A network file system may have no locks.
+_WITHOUT_LOCKS: Final = frozenset({errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL})
+
+# The other call has locked the file, and writes its process id next.
+_PID_TIMEOUT_S: Final = 1.0
+_PID_POLL_S: Final = 0.01
+_MAX_PID_BYTES: Final = 20
+# Windows locks bytes against reading, so the locked byte is far behind the process id.
+_LOCKED_BYTE: Final = 1 << 30
+
+# A process may lock a file that it has locked already, so the folders that this process has locked are known here.
+_locked: Final[set[str]] = set()
+
+
+def create_folder(folder: Path) -> None:
+    """Make the folder if it is missing, and let git ignore it then. Raise OSError.
+
+    A folder that exists belongs to the user, and may be the repository itself.
+    """
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir()
+    except FileExistsError:
+        if not folder.is_dir():
+            raise
+        return
+    with suppress(OSError), whole_file(folder / ".gitignore") as file:
+        file.write(b"*\n")
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Lock an existing folder for this call. Raises UsageError if another call has locked it.
+
+    Where the disk is full or the file system has no locks, the call goes on without a lock, with a warning.
+    """
+    place = os.path.realpath(folder)
+    if place in _locked:
+        raise _in_use(folder, str(os.getpid()))
+    try:
+        descriptor = _open_locked(folder)
+    except OSError as error:
+        if error.errno not in _DISK_FULL | _WITHOUT_LOCKS:
+            raise UsageError(
+                escaped_line(f"cannot write to the output folder {folder}: {system_reason(error)}")
+            ) from None
+        _warn(f"the output folder {folder} is not locked against other runs: {system_reason(error)}")
+        descriptor = None
+    _locked.add(place)
+    try:
+        yield
+    finally:
+        _locked.discard(place)
+        if descriptor is not None:
+            _release(folder / LOCK_FILE, descriptor)
+
+
+def _open_locked(folder: Path) -> int:
+    """Return the descriptor of the locked file, which holds the process id. Raise OSError or UsageError."""
+    path = folder / LOCK_FILE
+    while True:
+        descriptor = _open(path)
+        try:
+            is_ours = _lock(descriptor)
+            # The call before may have removed the file between the two lines above.
+            if is_ours and _is_file_at(path, descriptor):
+                # On a full disk, the lock holds without the process id.
+                with suppress(OSError):
+                    os.ftruncate(descriptor, 0)
+                    os.write(descriptor, f"{os.getpid()}\n".encode())
+                return descriptor
+            pid = "" if is_ours else _pid_in(descriptor)
+        except OSError:
+            os.close(descriptor)
+            raise
+        os.close(descriptor)
+        if not is_ours:
+            raise _in_use(folder, pid)
+
+
+def _open(path: Path) -> int:
+    flags = os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+    if path.is_symlink():
+        raise UsageError(escaped_line(f"'{path}' is a link, and results are not written through links; remove it"))
+    descriptor = os.open(path, flags, 0o666)
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+        os.close(descriptor)
+        raise OSError(errno.EEXIST, f"{LOCK_FILE} is not a regular file; remove it")
+    return descriptor
+
+
+def _lock(descriptor: int) -> bool:
+    """Lock the file without waiting, and return False if another process has locked it. Raise OSError."""
+    try:
+        if sys.platform == "win32":
+            import msvcrt
+
+            os.lseek(descriptor, _LOCKED_BYTE, os.SEEK_SET)
+            msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
+            os.lseek(descriptor, 0, os.SEEK_SET)
+        else:
+            import fcntl
+
+            fcntl.lockf(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        if error.errno in _IN_USE:
+            return False
+        raise
+    return True
+
+
+def _pid_in(descriptor: int) -> str:
+    """Return the process id in the file; empty if there is none after a short wait."""
+    patience = time.monotonic() + _PID_TIMEOUT_S
+    while True:
+        os.lseek(descriptor, 0, os.SEEK_SET)
+        content = os.read(descriptor, _MAX_PID_BYTES)
+        if content.endswith(b"\n") and content[:-1].isdigit():
+            return content[:-1].decode()
+        if time.monotonic() >= patience:
+            return ""
+        time.sleep(_PID_POLL_S)
+
+
+def _is_file_at(path: Path, descriptor: int) -> bool:
+    try:
+        return os.path.samestat(os.lstat(path), os.fstat(descriptor))
+    except FileNotFoundError:
+        return False
+
+
+def _in_use(folder: Path, pid: str) -> UsageError:
+    process = f" (process {pid})" if pid else ""
+    return UsageError(
+        escaped_line(
+            f"the output folder {folder} is in use by another run of sim-action{process}; "
+            "wait for it, or choose another --output-dir"
+        )
+    )
+
+
+def _release(path: Path, descriptor: int) -> None:
+    """Remove the file while it is locked, unless it was replaced, and release it."""
+    with suppress(OSError):
+        # Windows does not remove a file that is open.
+        if _is_file_at(path, descriptor) and sys.platform != "win32":
+            path.unlink()
+    with suppress(OSError):
+        os.close(descriptor)
+
+
+def _warn(message: str) -> None:
+    with suppress(OSError):
+        sys.stderr.write(log_line(f"sim-action: warning: {message}") + "\n")
+        sys.stderr.flush()
+
+
+def remove_earlier_files(folder: Path, names: Iterable[str]) -> None:
+    """Remove the files of an earlier call, given their names relative to the folder.
+
+    A stranger may have written the names. Only regular files are removed that sim-action may have written: reports, and
+    files directly in the folders of traces, replays and recordings. Links are not followed. All else is ignored.
+    """
+    for name in names:
+        if _is_ours(name):
+            path = folder / name
+            with suppress(OSError, ValueError):
+                if path.parent == folder or not path.parent.is_symlink():
+                    remove_regular(path)
+
+
+def remove_regular(path: Path) -> None:
+    """Remove a regular file; anything else stays. Raise OSError or ValueError."""
+    if stat.S_ISREG(os.lstat(path).st_mode):
+        path.unlink()
+
+
+def _is_ours(name: str) -> bool:
+    """Return True if the name is one that sim-action gives to a file below the output folder."""
+    if name in _REPORT_FILES:
+        return True
+    parent, _, file = name.partition("/")
+    suffixes = _SUFFIXES.get(parent, ())
+    return not set(file) & set("/\\:\0") and any(file.endswith(end) and file != end for end in suffixes)

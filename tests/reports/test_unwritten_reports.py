@@ -1,0 +1,266 @@
+"""A report that cannot be written loses neither the other reports nor a verdict."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import junitparser
+import pytest
+
+from sim_action.core.errors import ExitCode
+from sim_action.core.wording import log_line
+from sim_action.reports import REPORTS, ReportOptions, make_ready, write_reports
+from sim_action.reports.escaping import one_line
+from sim_action.reports.statuses import STATUS_DISPLAYS
+from sim_action.results.results_json import Results
+
+FULL = "/dev/full"
+NO_SPACE = "no space left on device"
+
+pytestmark = pytest.mark.skipif(not Path(FULL).exists(), reason="there is no /dev/full")
+
+PASSED_LINE = "passed  burger drives straight"
+FAILED_LINE = "failed  burger stops before the wall  no_collision: base_link touched wall"
+
+
+@pytest.fixture
+def opened(options: ReportOptions) -> ReportOptions:
+    options.folder.mkdir(parents=True, exist_ok=True)
+    return options
+
+
+@pytest.fixture
+def limited_files() -> Iterator[None]:
+    """Files of at most 100 bytes, as on a disk that gets full while a file is written."""
+    import resource
+
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, before[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def written(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()}
+
+
+def test_the_exit_code_is_that_of_the_results_if_all_is_written(
+    samples: dict[str, Results], opened: ReportOptions
+) -> None:
+    assert write_reports(samples["passed"], opened) is ExitCode.PASSED
+    assert write_reports(samples["failed"], opened) is ExitCode.FAILED
+    assert written(opened.folder) == {"results.json", "junit.xml", "report.html"}
+
+
+def test_a_summary_that_cannot_be_written_is_a_warning(
+    samples: dict[str, Results], opened: ReportOptions, capsys: pytest.CaptureFixture[str]
+) -> None:
+    environment = {"GITHUB_STEP_SUMMARY": FULL}
+    assert write_reports(samples["passed"], replace(opened, environment=environment)) is ExitCode.PASSED
+    shown = capsys.readouterr()
+    assert shown.err == f"sim-action: warning: the summary cannot be written to {FULL}: {NO_SPACE}\n"
+    assert PASSED_LINE not in shown.out
+    assert written(opened.folder) == {"results.json", "junit.xml", "report.html"}
+
+
+def test_a_report_that_cannot_be_written_is_a_warning_and_named_nowhere(
+    samples: dict[str, Results], opened: ReportOptions, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (opened.folder / "report.html").mkdir()
+    environment = {"GITHUB_OUTPUT": str(tmp_path / "outputs")}
+    assert write_reports(samples["passed"], replace(opened, environment=environment)) is ExitCode.PASSED
+    shown = capsys.readouterr()
+    report = opened.folder / "report.html"
+    assert shown.err == f"sim-action: warning: the HTML report cannot be written to {report}: is a directory\n"
+    assert "report.html" not in shown.out
+    assert "report.html" not in (tmp_path / "outputs").read_text()
+
+
+@pytest.mark.parametrize("verbosity", ["quiet", "normal"])
+@pytest.mark.parametrize("name", ["results.json", "junit.xml"])
+def test_without_a_required_file_each_verdict_is_on_standard_output(
+    name: str,
+    verbosity: str,
+    samples: dict[str, Results],
+    opened: ReportOptions,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    (opened.folder / name).mkdir()
+    asked = replace(opened, verbosity=verbosity)  # type: ignore[arg-type]
+    assert write_reports(samples["passed"], asked) is ExitCode.FAILED
+    shown = capsys.readouterr()
+    assert PASSED_LINE in shown.out.splitlines()
+    assert f"cannot be written to {opened.folder / name}: is a directory" in shown.err
+    assert "warning" not in shown.err
+    assert written(opened.folder) == {"results.json", "junit.xml", "report.html"}
+    assert write_reports(samples["failed"], asked) is ExitCode.FAILED
+    lines = capsys.readouterr().out.splitlines()
+    assert any(line.startswith(FAILED_LINE) for line in lines)
+
+
+def test_each_outcome_has_one_line_with_its_first_reason(
+    samples: dict[str, Results], opened: ReportOptions, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked = replace(opened, environment={"GITHUB_OUTPUT": FULL}, silenced=frozenset(REPORTS) - {"outputs"})
+    for results in samples.values():
+        write_reports(results, asked)
+        lines = capsys.readouterr().out.splitlines()
+        assert len(lines) == max(results.total, 1)
+        for line, outcome in zip(lines, results.outcomes, strict=False):
+            reasons = [each.message for each in outcome.failures] + [each.verdict.message for each in outcome.causes]
+            assert log_line(one_line(next(iter(reasons), ""))) in line
+            assert line.startswith(STATUS_DISPLAYS[outcome.status].word)
+
+
+def test_a_higher_code_of_the_results_wins(samples: dict[str, Results], opened: ReportOptions) -> None:
+    for results in samples.values():
+        code = write_reports(results, replace(opened, environment={"GITHUB_OUTPUT": FULL}))
+        assert code is max(results.exit_code, ExitCode.FAILED)
+
+
+def test_on_github_the_missing_report_is_an_annotation(
+    samples: dict[str, Results], opened: ReportOptions, capsys: pytest.CaptureFixture[str]
+) -> None:
+    environment = {"GITHUB_OUTPUT": FULL, "GITHUB_ACTIONS": "true"}
+    assert write_reports(samples["passed"], replace(opened, environment=environment)) is ExitCode.FAILED
+    shown = capsys.readouterr()
+    assert f"::error title=sim-action::the outputs cannot be written to {FULL}: {NO_SPACE}" in shown.err
+    assert PASSED_LINE in shown.out.splitlines()
+
+
+@pytest.mark.usefixtures("limited_files")
+def test_a_disk_that_gets_full_leaves_no_parts_of_files(
+    samples: dict[str, Results], opened: ReportOptions, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    environment = {name: str(tmp_path / name) for name in ("GITHUB_OUTPUT", "GITHUB_STEP_SUMMARY")}
+    assert write_reports(samples["passed"], replace(opened, environment=environment)) is ExitCode.FAILED
+    shown = capsys.readouterr()
+    assert shown.err.count("file too large") == 5
+    assert shown.err.count("warning") == 2
+    assert PASSED_LINE in shown.out.splitlines()
+    assert written(opened.folder) == set()
+    assert [Path(name).read_bytes() for name in environment.values()] == [b"", b""]
+
+
+@pytest.mark.skipif(sys.platform != "linux" or os.geteuid() == 0, reason="root may write anywhere")
+def test_a_folder_that_may_not_be_written_to_is_a_reason(
+    samples: dict[str, Results], opened: ReportOptions, capsys: pytest.CaptureFixture[str]
+) -> None:
+    opened.folder.chmod(0o500)
+    assert write_reports(samples["passed"], opened) is ExitCode.FAILED
+    opened.folder.chmod(0o700)
+    assert "permission denied" in capsys.readouterr().err
+
+
+def test_without_free_descriptors_each_verdict_is_on_standard_output(
+    samples: dict[str, Results], opened: ReportOptions, capfd: pytest.CaptureFixture[str]
+) -> None:
+    make_ready(opened)
+    write_reports(samples["passed"], opened)
+    capfd.readouterr()
+    taken = []
+    import resource
+
+    before = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (200, before[1]))
+    try:
+        while True:
+            taken.append(os.open(os.devnull, os.O_RDONLY))
+    except OSError:
+        code = write_reports(samples["passed"], opened)
+    finally:
+        for descriptor in taken:
+            os.close(descriptor)
+        resource.setrlimit(resource.RLIMIT_NOFILE, before)
+    assert code is ExitCode.FAILED
+    shown = capfd.readouterr()
+    assert PASSED_LINE in shown.out.splitlines()
+    assert "too many open files" in shown.err
+
+
+def test_an_output_folder_that_vanished_is_made_again(samples: dict[str, Results], opened: ReportOptions) -> None:
+    opened.folder.rmdir()
+    assert write_reports(samples["passed"], opened) is ExitCode.PASSED
+    assert written(opened.folder) == {"results.json", "junit.xml", "report.html", ".gitignore"}
+
+
+def test_a_file_in_place_of_the_folder_is_a_reason(
+    samples: dict[str, Results], opened: ReportOptions, capsys: pytest.CaptureFixture[str]
+) -> None:
+    opened.folder.rmdir()
+    opened.folder.touch()
+    assert write_reports(samples["passed"], opened) is ExitCode.FAILED
+    shown = capsys.readouterr()
+    assert PASSED_LINE in shown.out.splitlines()
+    assert "not a directory" in shown.err
+
+
+@pytest.mark.parametrize("name", ["report", "junit", "terminal"])
+def test_a_fault_of_one_report_loses_no_other(
+    name: str,
+    samples: dict[str, Results],
+    opened: ReportOptions,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    load, empty = type(REPORTS).load, dict[str, object]()
+
+    def faulty(table: object, wanted: str) -> object:
+        return empty[wanted] if wanted == name else load(REPORTS, wanted)
+
+    monkeypatch.setattr(type(REPORTS), "load", faulty)
+    assert write_reports(samples["passed"], opened) is ExitCode.INTERNAL
+    shown = capsys.readouterr()
+    assert f"an internal error of sim-action: KeyError: '{name}'; please report it" in shown.err
+    assert (PASSED_LINE in shown.out.splitlines()) == (name == "junit")
+    files = {"report": "report.html", "junit": "junit.xml"}
+    assert written(opened.folder) == {"results.json", "junit.xml", "report.html"} - {files.get(name)}
+
+
+def test_text_that_the_file_system_cannot_name_is_a_reason(
+    samples: dict[str, Results], opened: ReportOptions, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked = replace(opened, junit=opened.folder / "\ud800.xml")
+    assert write_reports(samples["passed"], asked) is ExitCode.FAILED
+    shown = capsys.readouterr()
+    assert "surrogates not allowed" in shown.err
+    assert PASSED_LINE in shown.out.splitlines()
+
+
+def test_a_full_disk_behind_standard_output_is_a_warning(
+    samples: dict[str, Results],
+    opened: ReportOptions,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    full = os.fdopen(os.open(FULL, os.O_WRONLY), "w")
+    with monkeypatch.context() as patched:
+        patched.setattr(sys, "stdout", full)
+        assert write_reports(samples["passed"], opened) is ExitCode.PASSED
+        assert NO_SPACE in capsys.readouterr().err
+        (opened.folder / "junit.xml").unlink()
+        (opened.folder / "junit.xml").mkdir()
+        assert write_reports(samples["passed"], opened) is ExitCode.FAILED
+    assert PASSED_LINE in capsys.readouterr().err.splitlines()
+    with pytest.raises(OSError, match="No space"):
+        full.close()
+
+
+def test_the_lines_of_verdicts_are_no_workflow_commands(
+    samples: dict[str, Results], opened: ReportOptions, capsys: pytest.CaptureFixture[str]
+) -> None:
+    nasty = samples["passed"].outcomes[0].model_copy(update={"name": "a\n::error::b ##[error]c"})
+    results = samples["passed"].model_copy(update={"outcomes": (nasty,)})
+    silenced = frozenset(REPORTS) - {"outputs"}
+    write_reports(results, replace(opened, environment={"GITHUB_OUTPUT": FULL}, silenced=silenced))
+    assert capsys.readouterr().out == "passed  a ::error::b # #[error]c\n"
+
+
+def test_the_junit_is_whole_if_another_report_is_missing(samples: dict[str, Results], opened: ReportOptions) -> None:
+    (opened.folder / "report.html").mkdir()
+    write_reports(samples["failed"], opened)
+    assert junitparser.JUnitXml.fromfile(str(opened.junit)).failures

@@ -1,0 +1,330 @@
+"""One call at a time uses an output folder, and removes no file but its own."""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim_action.core.errors import UsageError
+from sim_action.results import output_folder
+from sim_action.results.output_folder import LOCK_FILE, create_folder, locked, remove_earlier_files
+
+# It holds the lock until its standard input ends, and says first whether it has it.
+HOLDER = """
+import sys
+from pathlib import Path
+from sim_action.core.errors import UsageError
+from sim_action.results.output_folder import create_folder, locked
+sys.stdin.readline()
+try:
+    create_folder(Path(sys.argv[1]))
+    with locked(Path(sys.argv[1])):
+        print("locked", flush=True)
+        sys.stdin.read()
+except UsageError as error:
+    print(error, flush=True)
+"""
+
+
+def started(folder: Path) -> subprocess.Popen[str]:
+    command = [sys.executable, "-c", HOLDER, str(folder)]
+    process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    assert process.stdin is not None
+    return process
+
+
+def begin(process: subprocess.Popen[str]) -> None:
+    assert process.stdin is not None
+    process.stdin.write("go\n")
+    process.stdin.flush()
+
+
+def answer(process: subprocess.Popen[str]) -> str:
+    assert process.stdout is not None
+    return process.stdout.readline().strip()
+
+
+@pytest.fixture
+def holder(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
+    process = started(tmp_path / "out")
+    begin(process)
+    assert answer(process) == "locked"
+    yield process
+    process.communicate()
+
+
+@pytest.mark.process
+def test_the_second_call_names_the_first_and_touches_nothing(tmp_path: Path, holder: subprocess.Popen[str]) -> None:
+    before = {path: path.stat().st_mtime_ns for path in (tmp_path / "out").iterdir()}
+    with (
+        pytest.raises(UsageError, match=rf"out is in use by another run of sim-action \(process {holder.pid}\); wait"),
+        locked(tmp_path / "out"),
+    ):
+        pass
+    assert {path: path.stat().st_mtime_ns for path in (tmp_path / "out").iterdir()} == before
+    assert (tmp_path / "out" / LOCK_FILE).read_text() == f"{holder.pid}\n"
+    holder.communicate()
+    with locked(tmp_path / "out"):
+        assert (tmp_path / "out" / LOCK_FILE).read_text() == f"{os.getpid()}\n"
+    assert [path.name for path in (tmp_path / "out").iterdir()] == [".gitignore"]
+
+
+@pytest.mark.process
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGKILL")
+def test_a_call_that_was_killed_leaves_no_stale_lock(tmp_path: Path, holder: subprocess.Popen[str]) -> None:
+    holder.send_signal(signal.SIGKILL)
+    holder.wait()
+    assert (tmp_path / "out" / LOCK_FILE).exists()
+    with locked(tmp_path / "out"):
+        pass
+
+
+@pytest.mark.process
+def test_of_many_calls_that_start_at_once_exactly_one_has_the_folder(tmp_path: Path) -> None:
+    several = [started(tmp_path / "out") for _ in range(8)]
+    for process in several:
+        begin(process)
+    answers = [answer(process) for process in several]
+    for process in several:
+        process.communicate()
+    [winner] = [process for process, said in zip(several, answers, strict=True) if said == "locked"]
+    others = [said for said in answers if said != "locked"]
+    assert all(f"(process {winner.pid})" in said for said in others)
+    assert len(others) == 7
+
+
+@pytest.mark.process
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")
+def test_a_forked_child_neither_holds_nor_releases_the_lock(tmp_path: Path) -> None:
+    with locked(tmp_path):
+        ready, release = os.pipe(), os.pipe()
+        child = os.fork()
+        if child == 0:
+            try:
+                os.closerange(3, ready[1])
+                os.write(ready[1], b"x")
+                os.read(release[0], 1)
+            finally:
+                os._exit(0)
+        os.read(ready[0], 1)
+        process = started(tmp_path)
+        begin(process)
+        assert f"(process {os.getpid()})" in answer(process)
+        process.communicate()
+    process = started(tmp_path)
+    begin(process)
+    assert answer(process) == "locked"
+    process.communicate()
+    os.write(release[1], b"x")
+    os.waitpid(child, 0)
+    for descriptor in (*ready, *release):
+        os.close(descriptor)
+
+
+def test_the_same_process_locks_a_folder_once(tmp_path: Path) -> None:
+    with locked(tmp_path):
+        used = pytest.raises(UsageError, match=rf"in use by another run of sim-action \(process {os.getpid()}\)")
+        with used, locked(tmp_path / "."):
+            pass
+        assert (tmp_path / LOCK_FILE).exists()
+    with locked(tmp_path):
+        pass
+
+
+def test_the_lock_is_released_after_an_error(tmp_path: Path) -> None:
+    with pytest.raises(ZeroDivisionError), locked(tmp_path):
+        raise ZeroDivisionError
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_is_removed_meanwhile_harms_nothing(tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    create_folder(folder)
+    with locked(folder):
+        shutil.rmtree(folder)
+    assert not folder.exists()
+
+
+def test_a_lock_file_of_another_call_stays(tmp_path: Path) -> None:
+    with locked(tmp_path):
+        (tmp_path / LOCK_FILE).unlink()
+        (tmp_path / LOCK_FILE).write_text("another\n")
+    assert (tmp_path / LOCK_FILE).read_text() == "another\n"
+
+
+def test_a_lock_file_that_is_no_file_is_not_written_to(tmp_path: Path) -> None:
+    (tmp_path / "target").write_text("mine")
+    lock = tmp_path / LOCK_FILE
+    lock.symlink_to("target")
+    with pytest.raises(UsageError, match=r"\.sim-action\.lock' is a link"), locked(tmp_path):
+        pass
+    assert (tmp_path / "target").read_text() == "mine"
+    lock.unlink()
+    os.mkfifo(lock)
+    with pytest.raises(UsageError, match="not a regular file"), locked(tmp_path):
+        pass
+    lock.unlink()
+    lock.mkdir()
+    with pytest.raises(UsageError, match="cannot write to the output folder"), locked(tmp_path):
+        pass
+
+
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT, errno.ENOLCK])
+def test_a_call_goes_on_without_a_lock_where_there_can_be_none(
+    number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def refuse(*_: object) -> int:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(output_folder, "_open", refuse)
+    with locked(tmp_path):
+        pass
+    reason = os.strerror(number)
+    assert capsys.readouterr().err == (
+        f"sim-action: warning: the output folder {tmp_path} is not locked against other runs: "
+        f"{reason[0].lower()}{reason[1:]}\n"
+    )
+
+
+def test_a_folder_without_permission_is_an_error_of_the_call(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> int:
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    monkeypatch.setattr(os, "open", refuse)
+    with pytest.raises(UsageError, match=r"cannot write to the output folder .*: permission denied"), locked(tmp_path):
+        pass
+
+
+@pytest.mark.process
+@pytest.mark.skipif(sys.platform != "linux" or os.geteuid() != 0, reason="only root mounts a file system")
+def test_a_full_file_system_is_a_warning(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    small = tmp_path / "small"
+    small.mkdir()
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=64k,nr_inodes=4", "tmpfs", str(small)], capture_output=True, check=False
+    )
+    if mounted.returncode:
+        pytest.skip("no file system can be mounted here")
+    try:
+        create_folder(small / "out")
+        with suppress(OSError):
+            for number in range(9):
+                (small / str(number)).touch()
+        with locked(small / "out"):
+            pass
+        assert "is not locked against other runs: no space left on device" in capsys.readouterr().err
+    finally:
+        subprocess.run(["umount", str(small)], check=True)
+
+
+OURS = (
+    "results.json",
+    "junit.xml",
+    "report.html",
+    "traces/a.npz",
+    "replays/a.json.gz",
+    "recordings/a.mcap",
+    "recordings/a-2.tum",
+)
+STRANGE = (
+    "",
+    ".",
+    "..",
+    "a.sim.yml",
+    "results.json/",
+    "./results.json",
+    "../results.json",
+    "traces",
+    "traces/",
+    "traces/.npz",
+    "traces/a.yml",
+    "traces/../a.npz",
+    "traces/deep/a.npz",
+    "traces\\a.npz",
+    "traces//a.npz",
+    "replays/a.npz",
+    "recordings/a.py",
+    "other/a.npz",
+    "/etc/passwd",
+    "traces/a\0.npz",
+    "traces/" + "x" * 300 + ".npz",
+    ".gitignore",
+    "x" * 5000,
+)
+
+
+def filled(folder: Path) -> set[Path]:
+    for name in (*OURS, "a.sim.yml", "a.npz", "traces/a.yml", "traces/deep/a.npz", "replays/a.npz", "other/a.npz"):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(name)
+    return files(folder)
+
+
+def files(folder: Path) -> set[Path]:
+    return {path for path in folder.rglob("*") if path.is_file()}
+
+
+def test_the_files_of_the_earlier_call_are_removed_and_no_others(tmp_path: Path) -> None:
+    before = filled(tmp_path / "out")
+    (tmp_path / "a.npz").touch()
+    (tmp_path / "results.json").touch()
+    remove_earlier_files(tmp_path / "out", STRANGE)
+    assert files(tmp_path / "out") == before
+    remove_earlier_files(tmp_path / "out", [str(tmp_path / "results.json"), "../a.npz"])
+    assert {path.name for path in tmp_path.iterdir()} == {"out", "a.npz", "results.json"}
+    remove_earlier_files(tmp_path / "out", (*STRANGE, *OURS, "traces/missing.npz"))
+    assert files(tmp_path / "out") == before - {tmp_path / "out" / name for name in OURS}
+
+
+@given(st.lists(st.text(alphabet="tracesjunit.xmlnpz/\\.\0 ") | st.text() | st.sampled_from(STRANGE)))
+def test_no_text_removes_a_file_that_is_not_named_like_ours(names: list[str]) -> None:
+    import tempfile
+
+    with tempfile.TemporaryDirectory() as folder:
+        before = filled(Path(folder) / "out")
+        remove_earlier_files(Path(folder) / "out", names)
+        removed = {path.relative_to(Path(folder) / "out").as_posix() for path in before - files(Path(folder))}
+        assert removed <= set(OURS) & set(names)
+
+
+def test_nothing_is_removed_through_a_link(tmp_path: Path) -> None:
+    elsewhere, out = tmp_path / "elsewhere", tmp_path / "out"
+    elsewhere.mkdir()
+    out.mkdir()
+    (elsewhere / "a.npz").touch()
+    (elsewhere / "junit.xml").touch()
+    (out / "traces").symlink_to(elsewhere)
+    (out / "junit.xml").symlink_to(elsewhere / "junit.xml")
+    (out / "results.json").mkdir()
+    os.mkfifo(out / "report.html")
+    remove_earlier_files(out, ["traces/a.npz", "junit.xml", "results.json", "report.html"])
+    assert {path.name for path in elsewhere.iterdir()} == {"a.npz", "junit.xml"}
+    assert {path.name for path in out.iterdir()} == {"traces", "junit.xml", "results.json", "report.html"}
+
+
+def test_only_a_new_folder_ignores_itself(tmp_path: Path) -> None:
+    create_folder(tmp_path / "a/b")
+    create_folder(tmp_path / "a")
+    create_folder(tmp_path)
+    assert files(tmp_path) == {tmp_path / "a/b/.gitignore"}
+    (tmp_path / "a/b/.gitignore").write_text("mine")
+    create_folder(tmp_path / "a/b")
+    assert (tmp_path / "a/b/.gitignore").read_text() == "mine"
+
+
+def test_a_file_in_place_of_the_folder_is_an_error(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    for path in ("file", "file/below"):
+        with pytest.raises(OSError, match=r"File exists|Not a directory"):
+            create_folder(tmp_path / path)
