@@ -17,6 +17,7 @@ from sim_action.assertions.monitors import Monitor, State
 from sim_action.assertions.monitors.goals import Goal, Invariant, joined
 from sim_action.assertions.monitors.path_progress import Point, Progress, ReferencePath, smoothed
 from sim_action.core import units
+from sim_action.core.errors import FileProblem
 from sim_action.core.field_types import FrozenModel, Metres, NamesFile, PositiveMetres
 from sim_action.core.files import read_at_most
 from sim_action.core.wording import did_you_mean, shown
@@ -115,11 +116,11 @@ class FollowPath(Assertion):
             read_points(workspace.file(self.file))
         except PathError as error:
             yield ("file",), str(error)
-        except (OSError, ValueError, csv.Error) as error:
+        except FileProblem as error:
             yield ("file",), f"{self.file}: {error}"
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        """See Assertion.monitor."""
+        """See Assertion.monitor. Raises FileProblem."""
         x, y, _ = start.pose.position_xyz
         path = ReferencePath(self._points(scene))
         limits = PathLimits(self.max_error, self.rms, None if self.end is None else self.end.tolerance)
@@ -133,13 +134,27 @@ class FollowPath(Assertion):
         return (way,) if self.end is None else (way, Circle(*points[-1], self.end.tolerance))
 
     def _points(self, scene: Scene) -> tuple[Point, ...]:
+        """Return the points of the path. Raises FileProblem."""
         points = [(point.x, point.y) for point in self.path or ()]
-        points = read_points(scene.workspace.file(self.file)) if self.file is not None else points
+        if self.file is not None:
+            try:
+                points = read_points(scene.workspace.file(self.file))
+            except (PathError, FileProblem) as error:
+                raise FileProblem(f"{self.file}: {error}") from None
         return tuple(smoothed(points) if self.smooth else points)
 
 
 def read_points(path: Path) -> list[Point]:
-    """Return the points of a CSV file. Raises OSError, ValueError and csv.Error with the reason."""
+    """Return the points of a CSV file. Raises FileProblem with the reason."""
+    try:
+        return _points_in(path)
+    except OSError as error:
+        raise FileProblem(f"cannot be read: {error.strerror}") from None
+    except (ValueError, csv.Error) as error:
+        raise FileProblem(str(error)) from None
+
+
+def _points_in(path: Path) -> list[Point]:
     if (data := read_at_most(path, _MAX_BYTES)) is None:
         raise ValueError(f"the file is larger than {_MAX_BYTES // 1_000_000} MB, the limit for a path")
     points = list(_rows(data.decode("utf-8-sig").splitlines()))

@@ -15,6 +15,7 @@ from sim_action.assertions.joint_selection import as_written, chosen, tolerance_
 from sim_action.assertions.monitors import Monitor, State
 from sim_action.assertions.monitors.deviation import Deviation, Tolerance
 from sim_action.core import units
+from sim_action.core.errors import FileProblem
 from sim_action.core.field_types import (
     JointPosition,
     NamesFile,
@@ -161,16 +162,19 @@ class Matches(Assertion):
         try:
             return Golden.read(path, self.form_in(scene))
         except OSError as error:
-            raise GoldenError(f"{name}: {error.strerror}") from None
+            raise GoldenError(f"{name} cannot be read: {error.strerror}") from None
         except GoldenError as error:
             raise GoldenError(f"{name}:{error}; {command} rewrites it") from None
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        """See Assertion.monitor."""
+        """See Assertion.monitor. Raises FileProblem."""
         name = self.file_in(scene)
         if scene.workspace.updates_golden:
             return GoldenRewrite(name)
-        golden = self.golden_in(scene)
+        try:
+            golden = self.golden_in(scene)
+        except GoldenError as error:
+            raise FileProblem(str(error)) from None
         places = {joint: index for index, joint in enumerate(golden.form.joint_names)}
         asked = [] if self.position is None else [Tolerance("position", "m", self.position, (1, 2, 3))]
         asked += [] if self.yaw is None else [Tolerance("heading", "rad", self.yaw, (4,), turns=True)]

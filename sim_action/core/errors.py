@@ -6,11 +6,12 @@
     ├── InvalidScenario           2    a scenario cannot be run as it is written
     ├── ModelError                2    a robot model cannot be read
     │   └── RefusedModel               a model file with problems that must be fixed first
+    ├── FileProblem               2    a file that an expectation needs cannot be read
     ├── SourceProblem             2    a command source cannot be opened as it is written
     │   └── RecordingError             a recorded log cannot be replayed
     └── RunError                  1    a valid scenario ended without a verdict
         ├── EngineError                the physics engine refused the world
-        ├── BadStart                   the robot cannot start where the scenario puts it
+        ├── BadStart              2    the robot cannot start where the scenario puts it, or without a file
         ├── BadSource             2    the files of a command source do not fit the scenario
         ├── SimulationUnstable         the simulated state is no longer physically possible
         ├── MissedContact              a body passed through another between two physics steps
@@ -121,6 +122,12 @@ class RefusedModel(ModelError):
         self.location = self.problems[0].location
 
 
+class FileProblem(SimActionError):
+    """A file that an expectation needs cannot be read, or is damaged; the message names it."""
+
+    exit_code = ExitCode.INVALID
+
+
 class SourceProblem(SimActionError):
     """A command source that cannot be opened; `key` is its key that names something missing or invalid."""
 
@@ -161,7 +168,7 @@ class EngineError(RunError):
 
 
 class BadStart(RunError):
-    """The robot or a body cannot start at its place; each problem comes with the keys that lead to its cause."""
+    """The scenario cannot start; each problem comes with the keys that lead to its cause."""
 
     exit_code = ExitCode.INVALID
 

@@ -11,6 +11,7 @@ from typing import Final
 
 from sim_action.core.wording import shown
 from sim_action.meshes.mesh import (
+    MAX_POINTS,
     Mesh,
     MeshError,
     mesh_of,
@@ -23,6 +24,8 @@ from sim_action.meshes.mesh import (
 _BEGINS_A_PART: Final = (b"o", b"g")
 
 _MAX_LINES: Final = 5_000_000
+
+_MAX_SHOWN_DIGITS: Final = 30
 
 _MAX_STATEMENT_CHARACTERS: Final = 1_000_000
 """Limit in characters, more than any real face needs."""
@@ -119,15 +122,22 @@ class _Reader:
 
     def _counted_from_1(self, point: int, line: int) -> int:
         """Return the number of a point with a negative index or a definition further down."""
-        if point == 0 or point < -self._points:
+        if point == 0 or point < -self._points or point > MAX_POINTS:
             raise self._no_such_point(point, line)
         if point > max(self._points, self._ahead[0]):
             self._ahead = (point, line)
         return point if point > 0 else self._points + 1 + point
 
     def _no_such_point(self, point: int, line: int) -> MeshError:
-        known = "points are numbered from 1" if point == 0 else f"there are only {self._points:,}"
-        return MeshError("mesh-index", f"a face refers to point {point:,}, but {known}; export the mesh again", line)
+        named = f"{point:,}"
+        named = named if len(named) <= _MAX_SHOWN_DIGITS else f"{named[:_MAX_SHOWN_DIGITS]}..."
+        if point == 0:
+            known = "points are numbered from 1"
+        elif point > MAX_POINTS:
+            known = f"at most {MAX_POINTS:,} are read"
+        else:
+            known = f"there are only {self._points:,}"
+        return MeshError("mesh-index", f"a face refers to point {named}, but {known}; export the mesh again", line)
 
 
 def _quoted(words: list[bytes]) -> str:

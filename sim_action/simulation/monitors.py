@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Literal, Self
 
 from sim_action.assertions.monitors import Monitor, State, needed_until
 from sim_action.assertions.monitors.window import Window
+from sim_action.core.errors import BadStart, FileProblem
 from sim_action.core.units import TIME_EPSILON_S
-from sim_action.scenario.model import Scenario
+from sim_action.scenario.model import Expectation, Scenario
 from sim_action.state.observation import Observation
 from sim_action.state.verdict import Verdict
 from sim_action.world.scene import Scene
@@ -38,11 +39,8 @@ class Panel:
 
     @classmethod
     def open(cls, scenario: Scenario, scene: Scene, start: Observation) -> Self:
-        """Return the panel before the first step."""
-        monitors = tuple(
-            Window.of(expected.assertion.opened(scene, start, expected.span), expected.after, expected.before)
-            for expected in scenario.expect
-        )
+        """Return the panel before the first step. Raises BadStart."""
+        monitors = tuple(_opened(index, expected, scene, start) for index, expected in enumerate(scenario.expect))
         return cls(scenario, monitors, tuple(monitor.state is State.PENDING for monitor in monitors))
 
     @cached_property
@@ -107,6 +105,14 @@ class Panel:
     def _reached(self, time: float) -> bool:
         """Return True if the first physics step at or after a sim time has been seen."""
         return self.time >= self.scenario.steps(time) / self.scenario.physics.rate - TIME_EPSILON_S
+
+
+def _opened(index: int, expected: Expectation, scene: Scene, start: Observation) -> Window:
+    try:
+        monitor = expected.assertion.opened(scene, start, expected.span)
+    except FileProblem as error:
+        raise BadStart([(("expect", index), str(error))]) from None
+    return Window.of(monitor, expected.after, expected.before)
 
 
 def _undecided(monitor: Window, verdict: Verdict) -> Verdict:

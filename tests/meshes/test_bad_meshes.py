@@ -74,6 +74,25 @@ BAD: dict[str, tuple[str, bytes, str, str]] = {
         "mesh-index",
         "line 15: a face refers to point 9, but there are only 8",
     ),
+    "OBJ beyond 64 bits": (
+        "a.obj",
+        obj() + b"f 1 2 9223372036854775808\n",
+        "mesh-index",
+        "line 21: a face refers to point 9,223,372,036,854,775,808, but at most 1,500,000 are read",
+    ),
+    "OBJ beyond floats": (
+        "a.obj",
+        obj() + b"f 1 2 1" + b"0" * 400 + b"\n",
+        "mesh-index",
+        "line 21: a face refers to point 10,000,000,000,000,000,000,000..., but at most",
+    ),
+    "OBJ below -64 bits": ("a.obj", obj() + b"f 1 2 -9223372036854775809\n", "mesh-index", "line 21: a face refers"),
+    "OBJ beyond digits": (
+        "a.obj",
+        obj() + b"f 1 2 1" + b"0" * 5000 + b"\n",
+        "broken-mesh",
+        "expected whole numbers as corners",
+    ),
     "OBJ far beyond": (
         "a.obj",
         obj(faces=[(0, 1, 99_999_999)]),

@@ -1,0 +1,196 @@
+"""A file that the system cannot read is an error of its scenario, with the name of the file and the system's reason."""
+
+from __future__ import annotations
+
+import builtins
+import errno
+import io
+import os
+from pathlib import Path
+from typing import Any, Final
+
+import pytest
+
+from sim_action.cli.main import call
+from sim_action.results.results_json import Results
+from tests.mesh_files import dae, obj, stl
+
+GOOD: Final = """\
+name: good
+robot: {model: turtlebot3_burger}
+expect: [upright: {max_tilt: 20 deg}]
+time_limit: 0.1 s
+"""
+URDF: Final = """\
+<robot name="a" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="b">
+  <inertial><mass value="1"/><inertia ixx=".1" iyy=".1" izz=".1" ixy="0" ixz="0" iyz="0"/></inertial>
+  <collision><geometry>SHAPE</geometry></collision>
+</link></robot>
+"""
+BOX: Final = '<box size="1 1 1"/>'
+SDF: Final = """\
+<sdf version="1.9"><model name="a"><link name="b">
+<inertial><mass>1</mass></inertial><collision name="c">
+<geometry>SHAPE</geometry></collision></link></model></sdf>
+"""
+MJCF: Final = """\
+<mujoco><asset><mesh name="m" file="f.obj"/></asset>
+<worldbody><body><freejoint/><geom type="SHAPE mass="1"/></body></worldbody></mujoco>
+"""
+GOLDEN: Final = (
+    "# sim-action golden trajectory 1: turtlebot3_burger\ntime_s,x_m,y_m,z_m,yaw_rad\n0,0,0,0,0\n0.1,0,0,0,0\n"
+)
+MAP: Final = "image: m.pgm\nresolution: 0.1\norigin: [5, 5, 0]\n"
+PGM: Final = b"P5 2 2 255\n\0\xff\xff\xff"
+CONTROLLER: Final = "def control(observation):\n    return None\n"
+ASSERTION: Final = """\
+from sim_action import Verdict
+
+
+class Never:
+    def judge(self, trace):
+        return Verdict(True, 1.0, 1.0, 0.0, "m", 0.0, "never")
+"""
+
+Files = dict[str, str | bytes]
+
+
+def scenario(**keys: str) -> str:
+    """As the good one, with other keys."""
+    known = {
+        "name": "s",
+        "robot": "{model: turtlebot3_burger}",
+        "expect": "[upright: {max_tilt: 20 deg}]",
+        "time_limit": "0.1 s",
+    }
+    return "".join(f"{key}: {value}\n" for key, value in (known | keys).items())
+
+
+def model(name: str) -> str:
+    return scenario(robot=f"{{model: {name}, allow: [unsupported-part], pose: {{z: 1}}}}", expect="[no_collision]",
+                    world="{objects: [{name: far, box: [1, 1, 1], pose: {x: 9}}]}")  # fmt: skip
+
+
+def world(shape: str) -> str:
+    return scenario(world=f"{{objects: [{{name: w, {shape}, pose: {{x: 9}}}}]}}")
+
+
+CASES: Final[dict[str, tuple[str, Files]]] = {
+    "scenario": ("s.sim.yml", {}),
+    "base": ("f.yml", {"s.sim.yml": "extends: f.yml\nname: s\n", "f.yml": scenario()}),
+    "urdf": ("f.urdf", {"s.sim.yml": model("f.urdf"), "f.urdf": URDF.replace("SHAPE", BOX)}),
+    "stl": ("f.stl", {"s.sim.yml": model("r.urdf"), "r.urdf": URDF.replace("SHAPE", '<mesh filename="f.stl"/>'),
+                      "f.stl": stl()}),
+    "dae": ("f.dae", {"s.sim.yml": model("r.urdf"), "r.urdf": URDF.replace("SHAPE", '<mesh filename="f.dae"/>'),
+                      "f.dae": dae()}),
+    "xacro": ("f.xacro", {"s.sim.yml": model("f.xacro"), "f.xacro": URDF.replace("SHAPE", BOX)}),
+    "xacro include": ("g.xacro", {
+        "s.sim.yml": model("f.xacro"),
+        "f.xacro": URDF.replace("SHAPE", BOX).replace("<link", '<xacro:include filename="g.xacro"/><link', 1),
+        "g.xacro": '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"/>'}),
+    "sdf": ("f.sdf", {"s.sim.yml": model("f.sdf"), "f.sdf": SDF.replace("SHAPE", "<box><size>1 1 1</size></box>")}),
+    "sdf include": ("f.sdf", {
+        "s.sim.yml": model("r.sdf"),
+        "r.sdf": '<sdf version="1.9"><model name="m"><include merge="true"><uri>f.sdf</uri></include></model></sdf>',
+        "f.sdf": SDF.replace("SHAPE", "<box><size>1 1 1</size></box>")}),
+    "sdf mesh": ("f.obj", {"s.sim.yml": model("r.sdf"), "f.obj": obj(),
+                           "r.sdf": SDF.replace("SHAPE", "<mesh><uri>f.obj</uri></mesh>")}),
+    "mjcf": ("f.xml", {"s.sim.yml": model("f.xml"), "f.obj": obj(), "f.xml": MJCF.replace("SHAPE", 'mesh" mesh="m"')}),
+    "mjcf mesh": ("f.obj", {"s.sim.yml": model("r.xml"), "f.obj": obj(),
+                            "r.xml": MJCF.replace("SHAPE", 'mesh" mesh="m"')}),
+    "mjcf include": ("g.xml", {
+        "s.sim.yml": model("r.xml"), "f.obj": obj(),
+        "r.xml": MJCF.replace("SHAPE", 'mesh" mesh="m"').replace("<asset>", '<include file="g.xml"/><asset>'),
+        "g.xml": "<mujoco><option/></mujoco>"}),
+    "mesh": ("f.stl", {"s.sim.yml": world("mesh: {file: f.stl}"), "f.stl": stl()}),
+    "heightfield": ("m.pgm", {"s.sim.yml": world("heightfield: {image: m.pgm, size: [1, 1], height: 0.1}"),
+                              "m.pgm": PGM}),
+    "map": ("f.yaml", {"s.sim.yml": world("map: {file: f.yaml}"), "f.yaml": MAP, "m.pgm": PGM}),
+    "map image": ("m.pgm", {"s.sim.yml": world("map: {file: f.yaml}"), "f.yaml": MAP, "m.pgm": PGM}),
+    "csv log": ("f.csv", {"s.sim.yml": scenario(commands="{replay: f.csv, rate: 10 Hz}"),
+                          "f.csv": "time,linear\n0,0\n"}),
+    "ros log": ("f.bag", {"s.sim.yml": scenario(commands="{replay: f.bag, topic: /cmd_vel, rate: 10 Hz}"),
+                          "f.bag": b"#ROSBAG V2.0\n"}),
+    "golden": ("f.csv", {"s.sim.yml": scenario(expect="[matches: {trace: f.csv, position: 1 m}]"), "f.csv": GOLDEN}),
+    "path": ("f.csv", {"s.sim.yml": scenario(expect="[follow_path: {file: f.csv, max_error: 9 m}]"),
+                       "f.csv": "x,y\n0,0\n0,1\n"}),
+    "script": ("f.py", {"s.sim.yml": scenario(commands="{script: f.py, rate: 10 Hz}"), "f.py": CONTROLLER}),
+    "assertion": ("f.py", {"s.sim.yml": scenario(expect="[assertion: 'f.py:Never']"), "f.py": ASSERTION}),
+}  # fmt: skip
+"""What is read -> the file that cannot be, and all files."""
+
+
+@pytest.fixture(params=sorted(CASES))
+def case(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    name, files = CASES[request.param]
+    for file, text in ({"a.sim.yml": GOOD, "s.sim.yml": scenario()} | files).items():
+        (tmp_path / file).write_bytes(text if isinstance(text, bytes) else text.encode())
+    monkeypatch.chdir(tmp_path)
+    return name
+
+
+class Failing:
+    """Makes opening or reading a file fail, in this process and in forks of it."""
+
+    def __init__(self, name: str, patch: pytest.MonkeyPatch, *, on_read: bool, only_below: bool) -> None:
+        self.name, self.on_read, self.only_below = name, on_read, only_below
+        self.process = os.getpid()
+        self.open, self.fdopen, self.plain = os.open, os.fdopen, builtins.open
+        self.chosen: set[int] = set()
+        patch.setattr(os, "open", self._open)
+        patch.setattr(os, "fdopen", self._fdopen)
+        for module in (builtins, io):
+            patch.setattr(module, "open", self._plain)
+
+    def _fails(self, path: Any) -> bool:
+        here = not self.only_below or os.getpid() != self.process
+        return here and isinstance(path, (str, Path)) and Path(path).name == self.name
+
+    def _open(self, path: Any, *rest: Any, **named: Any) -> int:
+        if self._fails(path) and not self.on_read:
+            raise OSError(errno.EIO, os.strerror(errno.EIO), str(path))
+        descriptor = self.open(path, *rest, **named)
+        (self.chosen.add if self._fails(path) else self.chosen.discard)(descriptor)
+        return descriptor
+
+    def _fdopen(self, descriptor: int, *rest: Any, **named: Any) -> Any:
+        if descriptor in self.chosen:
+            return Unreadable(self.fdopen(descriptor, *rest, **named).detach())
+        return self.fdopen(descriptor, *rest, **named)
+
+    def _plain(self, path: Any, mode: str = "r", *rest: Any, **named: Any) -> Any:
+        if self._fails(path) and "r" in mode:
+            raise OSError(errno.EIO, os.strerror(errno.EIO), str(path))
+        return self.plain(path, mode, *rest, **named)
+
+
+class Unreadable(io.BufferedReader):
+    """A file on a broken disk: the system does not say its name."""
+
+    def _fail(self, *_: object) -> Any:
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    read = read1 = readinto = readline = readlines = peek = _fail
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("only_below", [False, True], ids=["everywhere", "child"])
+@pytest.mark.parametrize("on_read", [False, True], ids=["open", "read"])
+def test_a_file_that_cannot_be_read_is_named_with_the_reason(
+    case: str, on_read: bool, only_below: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        Failing(case, patch, on_read=on_read, only_below=only_below)
+        code = call(["run", ".", "-q", "--jobs", "1"])
+    good, bad = Results.read(tmp_path / "sim-results" / "results.json").outcomes
+    assert good.status == "passed"
+    if only_below and bad.status == "passed":
+        # The child does not read it, or is an interpreter of its own.
+        assert code == 0
+        return
+    (failure,) = bad.failures
+    assert (code, bad.status) in ((2, "error"), (1, "error"))
+    assert failure.kind != "internal"
+    shown = f"{failure.location}: {failure.message}"
+    assert case in shown
+    assert "Input/output error" in shown
