@@ -17,7 +17,7 @@ from typing import Final, Literal, Protocol
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.registry import Table
 from sim_action.core.wording import escaped_line, system_reason
-from sim_action.results.artifacts import RUN_FILE_FOLDERS
+from sim_action.results.artifacts import RUN_FILE_FOLDERS, with_existing_files
 from sim_action.results.output_folder import create_folder, locked, remove_regular
 from sim_action.results.results_json import Results
 
@@ -154,11 +154,12 @@ def write_reports(results: Results, options: ReportOptions, annotated: Results |
     with suppress(OSError):
         # A script may have removed it.
         create_folder(options.folder)
+    results = _with_existing_files(results, options.folder)
+    annotated = results if annotated is None else _with_existing_files(annotated, options.folder)
     unwritten = {}
     for name in (_RESULTS, *_enabled_reports(options)):
-        told = annotated if name == "annotations" and annotated is not None else results
         try:
-            _write(name, told, options)
+            _write(name, annotated if name == "annotations" else results, options)
         except Exception as error:  # noqa: BLE001 - the fault of one report must not prevent the others
             if name in _PRINTED and isinstance(error, BrokenPipeError):
                 # A closed terminal output does not change a verdict.
@@ -171,6 +172,12 @@ def write_reports(results: Results, options: ReportOptions, annotated: Results |
     from sim_action.reports.unwritten_reports import complain_about
 
     return max(results.exit_code, complain_about(unwritten, results, options))
+
+
+def _with_existing_files(results: Results, folder: Path) -> Results:
+    return results.model_copy(
+        update={"outcomes": tuple(with_existing_files(outcome, folder) for outcome in results.outcomes)}
+    )
 
 
 def _write(name: str, results: Results, options: ReportOptions) -> None:

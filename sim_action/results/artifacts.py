@@ -5,14 +5,14 @@ from __future__ import annotations
 import os
 import re
 import shutil
+import stat
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any, Final, Literal
 
-from sim_action.core.errors import UsageError
 from sim_action.core.files import open_regular, whole_file
-from sim_action.core.wording import escaped_line
+from sim_action.core.wording import escaped_line, system_reason
 from sim_action.recording.export import EXPORTS
 from sim_action.results.outcome import Outcome
 
@@ -81,6 +81,44 @@ def copy_stored(source: Path, target: Path) -> None:
         shutil.copyfileobj(stored, copy)
 
 
+def copy_or_reason(source: Path, target: Path) -> str:
+    """Copy a stored file as `copy_stored` does, and return the reason if that fails; empty if the copy exists."""
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        copy_stored(source, target)
+    except OSError as error:
+        return escaped_line(system_reason(error))
+    return ""
+
+
+def with_existing_files(outcome: Outcome, folder: Path) -> Outcome:
+    """Return the outcome without names of files that do not exist in `folder`; each one is a note instead.
+
+    User code may remove or replace files of earlier runs.
+    """
+    named = [("trace", outcome.trace), ("replay", outcome.replay)]
+    named += [(f"{_file_format(name)} recording", name) for name in outcome.recordings]
+    lost = {name: f"{kind}: it was removed after the run" for kind, name in named if name and not _exists(folder, name)}
+    if not lost:
+        return outcome
+    return outcome.model_copy(
+        update={
+            "trace": None if outcome.trace in lost else outcome.trace,
+            "replay": None if outcome.replay in lost else outcome.replay,
+            "recordings": tuple(name for name in outcome.recordings if name not in lost),
+            "notes": (*outcome.notes, *lost.values()),
+        }
+    )
+
+
+def _exists(folder: Path, name: str) -> bool:
+    """Return True if a name that sim-action has given belongs to a regular file."""
+    try:
+        return stat.S_ISREG(os.lstat(folder / name).st_mode)
+    except (OSError, ValueError):
+        return False
+
+
 FileKind = Literal["trace", "replay", "recording"]
 
 
@@ -112,7 +150,7 @@ def stored_files_of(outcome: Outcome, folder: Path | None) -> list[StoredFile]:
 def with_copied_files(outcome: Outcome, files: Sequence[StoredFile], trace: Path | None, folder: Path) -> Outcome:
     """Copy the files of an outcome into `folder` and return the outcome with their new names.
 
-    `trace` is the new path of the trace; None if nothing is to be copied. Raises UsageError if a copy fails.
+    `trace` is the new path of the trace; None if nothing is to be copied. A file that cannot be copied is a note.
     """
     names: dict[str, Any] = {"trace": None, "replay": None, "recordings": ()}
     notes = list(outcome.notes)
@@ -121,7 +159,9 @@ def with_copied_files(outcome: Outcome, files: Sequence[StoredFile], trace: Path
             notes.append(escaped_line(f"its {file.kind} {file.name} was not found next to the results of its shard"))
             continue
         target = file.target(trace)
-        _copy_file(file.kind, file.source, target)
+        if reason := copy_or_reason(file.source, target):
+            notes.append(f"{file.kind}: {reason}")
+            continue
         name = target.relative_to(folder).as_posix()
         if file.kind == "recording":
             names["recordings"] += (name,)
@@ -148,11 +188,3 @@ def _source(kind: FileKind, name: str, folder: Path | None) -> Path | None:
 
 def _file_format(name: str) -> str:
     return PurePosixPath(name).suffix.removeprefix(".")
-
-
-def _copy_file(kind: FileKind, source: Path, target: Path) -> None:
-    try:
-        target.parent.mkdir(exist_ok=True)
-        copy_stored(source, target)
-    except OSError as error:
-        raise UsageError(escaped_line(f"the {kind} {source} cannot be copied to {target}: {error.strerror}")) from None

@@ -202,6 +202,25 @@ def test_one_run_at_a_time_uses_an_output_folder(tmp_path: Path) -> None:
     assert sim_action(tmp_path, "run").returncode == 0
 
 
+def test_a_script_that_removes_the_output_folder_loses_no_verdict(tmp_path: Path) -> None:
+    (tmp_path / "a.sim.yml").write_text(VALID.format(name="a"))
+    twist = "{twist: [{linear: 1.0}]}"
+    assert twist in VALID.format(name="b")
+    (tmp_path / "b.sim.yml").write_text(VALID.format(name="b").replace(twist, "{script: b.py}"))
+    (tmp_path / "b.py").write_text(
+        "import shutil\nfrom pathlib import Path\n"
+        "def control(observation):\n"
+        "    shutil.rmtree(Path(__file__).parent / 'sim-results', ignore_errors=True)\n"
+        "    return 1.0, 0.0\n"
+    )
+    ran = sim_action(tmp_path, "run", "--jobs", "1")
+    assert ran.returncode in (0, 1), ran.stderr
+    first = json.loads((tmp_path / "sim-results/results.json").read_text())["outcomes"][0]
+    assert (first["name"], first["status"], first["trace"]) == ("a", "passed", None)
+    assert "trace: it was removed after the run" in first["notes"]
+    assert "traces/a.npz" not in (tmp_path / "sim-results/junit.xml").read_text()
+
+
 def test_a_file_name_that_is_no_text_is_written_out(tmp_path: Path) -> None:
     for name in (b"odd-\xff.sim.yml", b"bad-\xff.sim.yml"):
         (tmp_path / os.fsdecode(name)).write_text(VALID.format(name="odd") if name.startswith(b"odd") else "")

@@ -264,3 +264,18 @@ def test_the_junit_is_whole_if_another_report_is_missing(samples: dict[str, Resu
     (opened.folder / "report.html").mkdir()
     write_reports(samples["failed"], opened)
     assert junitparser.JUnitXml.fromfile(str(opened.junit)).failures
+
+
+def test_no_report_names_a_file_that_was_removed(
+    samples: dict[str, Results], opened: ReportOptions, capsys: pytest.CaptureFixture[str]
+) -> None:
+    named = {"trace": "traces/a.npz", "replay": "replays/a.json.gz", "recordings": ("recordings/a.csv",)}
+    outcome = samples["passed"].outcomes[0].model_copy(update=named)
+    results = samples["passed"].model_copy(update={"outcomes": (outcome,)})
+    (opened.folder / "recordings").mkdir()
+    (opened.folder / "recordings/a.csv").touch()
+    assert write_reports(results, opened) is ExitCode.PASSED
+    [stored] = Results.read(opened.folder / "results.json").outcomes
+    assert (stored.trace, stored.replay, stored.recordings) == (None, None, ("recordings/a.csv",))
+    assert stored.notes[-2:] == ("trace: it was removed after the run", "replay: it was removed after the run")
+    assert "a.npz" not in opened.junit.read_text() + capsys.readouterr().out

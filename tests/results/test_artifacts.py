@@ -18,6 +18,7 @@ from sim_action.results.artifacts import (
     stored_files_of,
     trace_paths,
     with_copied_files,
+    with_existing_files,
 )
 from sim_action.results.outcome import Outcome
 from tests.work import work_of
@@ -155,3 +156,37 @@ def test_a_file_that_is_not_there_is_noted(tmp_path: Path) -> None:
             "its replay replays/a.json.gz was not found next to the results of its shard",
             "its recording recordings/a.exe was not found next to the results of its shard",
         )
+
+
+def test_a_file_that_cannot_be_copied_is_a_note(tmp_path: Path) -> None:
+    folder, merged = tmp_path / "one", tmp_path / "merged"
+    for name in (WHOLE.trace or "", WHOLE.replay or "", *WHOLE.recordings):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(name)
+    (merged / "traces/a-2.npz").mkdir(parents=True)
+    (merged / "replays").touch()
+    found = with_copied_files(WHOLE, stored_files_of(WHOLE, folder), merged / "traces/a-2.npz", merged)
+    assert (found.trace, found.replay) == (None, None)
+    assert [Path(name).parent.name for name in found.recordings] == ["recordings"] * len(WHOLE.recordings)
+    assert found.notes == ("trace: is a directory", "replay: file exists")
+
+
+def test_files_that_exist_stay_named(tmp_path: Path) -> None:
+    for name in (WHOLE.trace or "", WHOLE.replay or "", *WHOLE.recordings):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(name)
+    assert with_existing_files(WHOLE, tmp_path) is WHOLE
+
+
+def test_files_that_do_not_exist_are_named_in_notes_alone(tmp_path: Path) -> None:
+    (tmp_path / (WHOLE.trace or "")).mkdir(parents=True)
+    (tmp_path / "target").touch()
+    (tmp_path / (WHOLE.replay or "")).parent.mkdir()
+    (tmp_path / (WHOLE.replay or "")).symlink_to(tmp_path / "target")
+    found = with_existing_files(WHOLE, tmp_path)
+    assert (found.trace, found.replay, found.recordings) == (None, None, ())
+    kinds = ["trace", "replay", *(f"{Path(name).suffix[1:]} recording" for name in WHOLE.recordings)]
+    assert found.notes == tuple(f"{kind}: it was removed after the run" for kind in kinds)
+    assert with_existing_files(found, tmp_path) is found
+    strange = WHOLE.model_copy(update={"trace": "a\0b", "replay": "x" * 5000})
+    assert with_existing_files(strange, tmp_path).trace is None

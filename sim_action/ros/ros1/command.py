@@ -18,7 +18,7 @@ from sim_action.core.errors import ExitCode, InvalidScenario, Location, Problem
 from sim_action.core.process import Interruption
 from sim_action.core.wording import did_you_mean, escaped_line
 from sim_action.reports import ReportOptions, ReportRequest, make_ready, open_reports, write_reports
-from sim_action.results.artifacts import copy_stored, replay_path, trace_paths
+from sim_action.results.artifacts import copy_or_reason, replay_path, trace_paths
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
 from sim_action.ros.ros1.catkin_packages import find_launch_file
@@ -180,16 +180,13 @@ def _stored(outcome: Outcome, run: Run | None, path: Path, results: Path) -> Out
     if run is None:
         return outcome
     copies = {"trace": (run.folder / TRACE_FILE, path), "replay": (run.folder / REPLAY_FILE, replay_path(path))}
-    kept = {key: _copied(source, target, results) for key, (source, target) in copies.items()}
-    return outcome.model_copy(update=kept)
-
-
-def _copied(source: Path, target: Path, results: Path) -> str | None:
-    if not source.is_file():
-        return None
-    target.parent.mkdir(parents=True, exist_ok=True)
-    copy_stored(source, target)
-    return target.relative_to(results).as_posix()
+    names, notes = dict[str, str | None](), list(outcome.notes)
+    for kind, (source, target) in copies.items():
+        exists = source.is_file()
+        if reason := copy_or_reason(source, target) if exists else "":
+            notes.append(f"{kind}: {reason}")
+        names[kind] = target.relative_to(results).as_posix() if exists and not reason else None
+    return outcome.model_copy(update={**names, "notes": tuple(notes)})
 
 
 def _made(folder: Path) -> Path:
