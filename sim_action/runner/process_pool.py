@@ -190,6 +190,7 @@ class _Scheduler:
         self._waiting = waiting
         self._jobs = most_children(child_type, jobs)
         self._attempts = _MAX_ATTEMPTS
+        self._starts_more = True
         self._listener = listener
         self._running: dict[int, ChildProcess] = {}
         self._outcomes: dict[int, Outcome] = {}
@@ -221,8 +222,6 @@ class _Scheduler:
                 self._running[index] = self._child_type.start(replace(job, deadline=deadline))
             except (OSError, MemoryError) as error:
                 self._put_back(index, job, error)
-            else:
-                self._attempts = _MAX_ATTEMPTS
 
     def _put_back(self, index: int, job: Job, error: OSError | MemoryError) -> None:
         """Start a job again once another one has ended, or soon if none runs; at last it is an error."""
@@ -232,7 +231,8 @@ class _Scheduler:
                 self._finish(index, not_started(job.loaded, cause_of(error)))
                 return
             self._interruption.wait(_ATTEMPT_PAUSE_S)
-        self._waiting.appendleft((index, job))
+        if self._starts_more:
+            self._waiting.appendleft((index, job))
         # Fewer at the same time take less.
         self._jobs = max(1, len(self._running))
 
@@ -257,6 +257,10 @@ class _Scheduler:
                 continue
             child.close()
             del self._running[index]
+            if child.refusal is not None:
+                self._put_back(index, child.job, child.refusal)
+                continue
+            self._attempts = _MAX_ATTEMPTS
             self._finish(index, outcome_of(child, ending))
 
     def _finish(self, index: int, outcome: Outcome) -> None:
@@ -264,6 +268,7 @@ class _Scheduler:
         self._listener.finished(outcome)
         if self._fail_fast and outcome.status != "passed":
             self._waiting.clear()
+            self._starts_more = False
 
 
 def _deadline(child: ChildProcess) -> float:

@@ -237,6 +237,48 @@ def test_with_fail_fast_a_scenario_that_cannot_start_is_the_last(
     assert [outcome.status for outcome in outcomes] == ["error", "skipped", "skipped"]
 
 
+class RefusedInside(Refused):
+    """A child that starts, and then cannot begin: `script` holds what each child reports."""
+
+    refusals: ClassVar[list[bytes]] = []
+
+    def __init__(self, job: Job) -> None:
+        super().__init__(job)
+        self.other.send(self.refusals.pop(0) if len(self.refusals) > 1 else self.refusals[0])
+
+
+REFUSED = b"refused %d\n" % errno.EAGAIN
+
+
+def test_a_child_that_cannot_begin_starts_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, value in (("ended", []), ("script", [None]), ("refusals", [b"", REFUSED, REFUSED, b""])):
+        monkeypatch.setattr(RefusedInside, name, value)
+    with Patient() as patient:
+        outcomes = execute(loaded(tmp_path, "abc"), tmp_path, 3, Listener(), patient, child_type=RefusedInside)
+    assert "not started" not in titles(outcomes)
+    assert sorted(RefusedInside.ended) == list("abbcc")
+
+
+@pytest.mark.parametrize("fail_fast", [False, True])
+def test_a_child_that_never_can_begin_is_an_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fail_fast: bool
+) -> None:
+    for name, value in (("ended", []), ("script", [None]), ("refusals", [b"", REFUSED])):
+        monkeypatch.setattr(RefusedInside, name, value)
+    with Patient() as patient:
+        outcomes = execute(
+            loaded(tmp_path, "abc"),
+            tmp_path,
+            3,
+            Listener(),
+            patient,
+            child_type=RefusedInside,
+            fail_fast=fail_fast,
+        )
+    assert [outcome.status for outcome in outcomes] == ["error", *["skipped" if fail_fast else "error"] * 2]
+    assert titles(outcomes)[1:] == ([] if fail_fast else ["not started"] * 2)
+
+
 SCRIPTED = "commands: {script: c.py}\n"
 
 

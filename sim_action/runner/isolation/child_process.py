@@ -17,6 +17,8 @@ _SECRET_NAMES: Final = frozenset(
     {"GITHUB_TOKEN", "GH_TOKEN", "GITHUB_ENV", "GITHUB_OUTPUT", "GITHUB_PATH", "GITHUB_STATE", "GITHUB_STEP_SUMMARY"}
 )
 _SECRET_PREFIXES: Final = ("ACTIONS_", "INPUT_")
+# The message that a child process cannot begin, with the number of the error.
+REFUSED: Final = b"refused "
 _PACKAGE_ROOT: Final = Path(__file__).resolve().parents[3]
 
 
@@ -35,6 +37,7 @@ class ChildProcess(ABC):
         silent: True if there will be no more progress.
         judged: `time.monotonic()` when it reported that its outcome is written; None: not yet.
         started: `time.monotonic()` at its start.
+        refusal: the error of the system if it could not begin, before any code of the scenario has run; else None.
     """
 
     forks: ClassVar[bool]
@@ -51,6 +54,7 @@ class ChildProcess(ABC):
         self.silent = False
         self.judged: float | None = None
         self.started = time.monotonic()
+        self.refusal: OSError | None = None
         self._unread = b""
 
     @classmethod
@@ -85,6 +89,9 @@ class ChildProcess(ABC):
         """Handle a line of progress. Raise ValueError."""
         if line == JUDGED:
             self.judged = self.judged or time.monotonic()
+        elif line.startswith(REFUSED):
+            number = int(line.removeprefix(REFUSED))
+            self.refusal = OSError(number, os.strerror(number))
         else:
             self.sim_time = float(line)
 

@@ -36,6 +36,8 @@ class LinuxChild(ChildProcess):
 
     forks = True
     limits_memory = True
+    # Its progress and its files.
+    descriptors = 4
 
     def __init__(self, job: Job, pid: int, progress: int, *, supervised: bool) -> None:
         super().__init__(job, progress)

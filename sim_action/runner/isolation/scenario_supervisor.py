@@ -26,7 +26,12 @@ def main() -> NoReturn:
     """Run in a fresh interpreter: the job comes on standard input, the progress descriptor as the argument."""
     progress = int(sys.argv[1])
     process_control.become_subreaper()
-    worker = os.fork()
+    try:
+        worker = os.fork()
+    except OSError as error:
+        # See `child_process.REFUSED`, whose module would import too much here.
+        os.write(progress, b"refused %d\n" % (error.errno or 0))
+        os._exit(1)
     if worker == 0:
         _work(progress)
     status = process_control.wait_for_child(worker)

@@ -1,0 +1,110 @@
+"""Runs within the limits of the system: all verdicts are kept, whatever it refuses."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Final
+
+import pytest
+
+from sim_action.core.process import Interruption
+from sim_action.results.results_json import Results
+from sim_action.runner.isolation.child_process import ChildProcess
+from sim_action.runner.isolation.linux_child import LinuxChild
+from sim_action.runner.isolation.portable_child import PortableChild
+from sim_action.runner.process_pool import execute
+from sim_action.scenario.loading import load_scenario
+from tests.integration.test_execution import Silent, scenario, script
+from tests.soak import soaked
+
+ROOT: Final = Path(__file__).parents[2]
+
+# More descriptors than `select` can wait for, and then the run.
+MANY: Final = """
+import os, sys
+for _ in range(1100):
+    os.set_inheritable(os.open(os.devnull, os.O_RDONLY), True)
+os.execv(sys.executable, [sys.executable, *sys.argv[1:]])
+"""
+
+# The first supervisor cannot fork.
+REFUSING: Final = """
+import errno, os, sys
+from pathlib import Path
+
+marker = Path(__file__).with_name("refused")
+
+
+def fork():
+    raise OSError(errno.EAGAIN, os.strerror(errno.EAGAIN))
+
+
+if any("scenario_supervisor" in word for word in sys.orig_argv) and not marker.exists():
+    marker.touch()
+    os.fork = fork
+"""
+
+
+def statuses(folder: Path, before: str, jobs: int, *words: str) -> dict[str, str]:
+    """Return name -> status of a run; `before`: what the shell does before it."""
+    environment = {**os.environ, "PYTHONPATH": f"{folder}:{ROOT}", "GITHUB_ACTIONS": ""}
+    command = ["bash", "-c", f'{before}; exec "$@"', "bash", sys.executable, *words]
+    run = [*command, "-m", "sim_action", "run", ".", "--jobs", str(jobs)]
+    ran = subprocess.run(run, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    assert "Traceback" not in ran.stdout + ran.stderr
+    return {outcome.name: outcome.status for outcome in Results.read(folder / "sim-results" / "results.json").outcomes}
+
+
+@pytest.fixture
+def mixed(tmp_path: Path) -> Path:
+    """A folder of scenarios with and without user code."""
+    for name in ("a", "b", "c"):
+        scenario(tmp_path, name)
+        script(tmp_path, f"{name}-script", "return Twist.planar(0.5)")
+    return tmp_path
+
+
+@pytest.mark.parametrize("most", soaked([16, 20, 24, 32, 64, 256], short=[24]))
+def test_few_descriptors_cost_no_verdict(mixed: Path, most: int) -> None:
+    found = statuses(mixed, f"ulimit -n {most}", 40)
+    assert len(found) == 6
+    assert set(found.values()) == {"passed"}
+
+
+def test_many_descriptors_cost_no_verdict(mixed: Path) -> None:
+    (mixed / "many.py").write_text(MANY)
+    found = statuses(mixed, "ulimit -n 2000", 256, "many.py")
+    assert len(found) == 6
+    assert set(found.values()) == {"passed"}
+
+
+def test_a_supervisor_that_cannot_fork_costs_no_verdict(mixed: Path) -> None:
+    (mixed / "sitecustomize.py").write_text(REFUSING)
+    found = statuses(mixed, "true", 3)
+    assert (mixed / "refused").exists()
+    assert set(found.values()) == {"passed"}
+
+
+@pytest.mark.parametrize("way", [LinuxChild, PortableChild])
+def test_a_child_takes_no_more_descriptors_than_it_says(tmp_path: Path, way: type[ChildProcess]) -> None:
+    paths = [scenario(tmp_path, name) for name in "ab"]
+    paths += [script(tmp_path, f"{name}-script", "return Twist.planar(0.5)") for name in "ab"]
+    counts: list[int] = []
+
+    def count() -> None:
+        counts.append(len(list(Path("/proc/self/fd").iterdir())))
+
+    scenarios = [load_scenario(path) for path in paths]
+    with Interruption() as interruption:
+        # The engine is loaded, and keeps what it keeps.
+        execute(scenarios, tmp_path, 4, Silent(), interruption, child_type=way)
+        count()
+        execute(scenarios, tmp_path, 4, Silent(), interruption, child_type=way, meanwhile=count)
+        count()
+    before, while_they_run, after = counts
+    assert before < while_they_run <= before + 4 * way.descriptors
+    assert after == before
