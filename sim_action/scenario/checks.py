@@ -35,9 +35,9 @@ def time_problems(scenario: Scenario, expect_paths: Sequence[KeyPath]) -> SpecPr
         yield ("time_limit",), f"must not be shorter than a physics step (1 / {scenario.physics.rate:g} s)"
     for path, expectation in zip(expect_paths, scenario.expect, strict=True):
         if expectation.before != float("inf") and expectation.before > limit:
-            yield (*path, "before"), f"must not be later than time_limit ({limit:g} s)"
+            yield (*path, "before"), f"{expectation.before:g} s is later than time_limit ({limit:g} s)"
         if expectation.after >= limit:
-            yield (*path, "after"), f"must be earlier than time_limit ({limit:g} s)"
+            yield (*path, "after"), f"{expectation.after:g} s is not earlier than time_limit ({limit:g} s)"
         first = max(1, scenario.steps(expectation.after)) / scenario.physics.rate
         if expectation.after < expectation.before < first - _TIME_ROUNDING:
             yield (*path, "before"), f"too early: the first physics step in the window is at {first:.4g} s"

@@ -162,7 +162,7 @@ def audit_scenario(
     if scenario.agreement is not None:
         yield from _beyond_half_a_turn(scenario.agreement)
     for path, assertion in placed_leaves(scenario, expect_paths):
-        yield from _unreachable_limits(path, assertion, scenario.physics)
+        yield from _unreachable_limits(path, assertion, scenario)
         if assertion.key == "no_collision":
             ends = [
                 each.before for at, each in zip(expect_paths, scenario.expect, strict=True) if path[: len(at)] == at
@@ -220,17 +220,24 @@ def _beyond_half_a_turn(agreement: Agreement) -> Iterator[ClaimFinding]:
 
 
 # Assertion, field, unit, the value that no run exceeds, and the reason.
-_BOUNDS: Final[tuple[tuple[str, str, str, Callable[[Physics], float], str], ...]] = (
+_BOUNDS: Final[tuple[tuple[str, str, str, Callable[[Scenario], float], str], ...]] = (
     ("upright", "max_tilt", "rad", lambda _: math.pi, "a tilt is at most 180 deg"),
-    ("max_speed", "linear", "m/s", lambda physics: physics.max_speed, "a run ends as unstable at physics.max_speed"),
+    ("max_speed", "linear", "m/s", lambda each: each.physics.max_speed, "a run ends as unstable at physics.max_speed"),
     (
         "max_speed",
         "angular",
         "rad/s",
-        lambda physics: physics.max_turn_rate,
+        lambda each: each.physics.max_turn_rate,
         "a run ends as unstable at physics.max_turn_rate",
     ),
-    ("travel", "at_most", "m", lambda physics: physics.max_distance, "a run ends as unstable at physics.max_distance"),
+    ("travel", "at_most", "m", lambda each: each.physics.max_distance, "a run ends as unstable at physics.max_distance"),
+    (
+        "path_length",
+        "at_most",
+        "m",
+        lambda each: each.physics.max_speed * each.time_limit,
+        "no path is longer at physics.max_speed until time_limit",
+    ),
     ("final_pose", "yaw_tolerance", "rad", lambda _: math.pi, _HEADING),
     ("reach", "yaw_tolerance", "rad", lambda _: math.pi, _HEADING),
     ("matches", "yaw", "rad", lambda _: math.pi, _HEADING),
@@ -238,13 +245,13 @@ _BOUNDS: Final[tuple[tuple[str, str, str, Callable[[Physics], float], str], ...]
 )
 
 
-def _unreachable_limits(path: KeyPath, assertion: Any, physics: Physics) -> Iterator[ClaimFinding]:
+def _unreachable_limits(path: KeyPath, assertion: Any, scenario: Scenario) -> Iterator[ClaimFinding]:
     for key, field, unit, most, why in _BOUNDS:
         value = getattr(assertion, field) if assertion.key == key else None
-        if value is not None and value >= (bound := most(physics)):
+        if value is not None and value >= (bound := most(scenario)):
             yield _beyond((*path, field), value, unit, f"{why}" if unit == "rad" else _at(why, bound, unit))
     if assertion.key == "stl":
-        yield from _constant_comparisons(path, assertion, physics)
+        yield from _constant_comparisons(path, assertion, scenario.physics)
 
 
 def _at(why: str, bound: float, unit: str) -> str:

@@ -34,7 +34,7 @@ def motion_problems(scenario: Scenario, parts: Mapping[str, Sequence[Part]]) -> 
     for index, body in enumerate(scenario.world.objects):
         limit = scenario.time_limit
         if body.appears is not None and body.appears >= limit:
-            yield ("world", "objects", index, "appears"), f"must be earlier than time_limit ({limit:g} s)"
+            yield ("world", "objects", index, "appears"), f"{body.appears:g} s is not earlier than time_limit ({limit:g} s)"
         start = _start(body, parts.get(body.name))
         for below, message in _path_problems(body, start, scenario.physics, limit):
             yield ("world", "objects", index, "path", *below), message
@@ -69,7 +69,7 @@ def _start(body: Body, read: Sequence[Part] | None) -> Placement:
 def _path_problems(body: Body, pose: Placement, physics: Physics, limit: float) -> SpecProblems:
     places = placements(pose, body.path)
     if body.path and body.path[0].at >= limit:
-        yield (0, "at"), f"must be earlier than time_limit ({limit:g} s), or the body never moves"
+        yield (0, "at"), f"{body.path[0].at:g} s is not earlier than time_limit ({limit:g} s): the body never moves"
     for index, ((before, start), (point, end)) in enumerate(pairwise(zip(body.path, places, strict=True)), start=1):
         if point.at <= before.at:
             earlier = f"must be later than the point before it, at {before.at:g} s"
@@ -100,7 +100,7 @@ def _turn(start: Placement, end: Placement) -> float:
 
 def _time_problems(disturbance: Disturbance, limit: float) -> SpecProblems:
     if disturbance.at >= limit:
-        yield ("at",), f"must be earlier than time_limit ({limit:g} s)"
+        yield ("at",), f"{disturbance.at:g} s is not earlier than time_limit ({limit:g} s)"
     elif disturbance.end > limit:
         yield ("for",), f"it acts until {disturbance.end:g} s, but the run ends at time_limit ({limit:g} s)"
 

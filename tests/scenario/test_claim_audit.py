@@ -51,6 +51,7 @@ def warnings(folder: Path, text: str) -> list[tuple[int | None, str]]:
         ("max_speed: {linear: 100 m/s}", "max_speed.linear", "unreachable-limit"),
         ("max_speed: {linear: 1, angular: 1000}", "max_speed.angular", "unreachable-limit"),
         ("travel: {at_most: 10 km}", "travel.at_most", "unreachable-limit"),
+        ("path_length: {at_most: 3 km}", "path_length.at_most", "unreachable-limit"),
         ("reach: {x: 1, y: 0, yaw: 90}", "reach.yaw", "bare-angle"),
         ("reach: {x: 1, y: 0, yaw: '-90.0'}", "reach.yaw", "bare-angle"),
         ("reach: {x: 1, y: 0, yaw: 0, yaw_tolerance: 180 deg}", "reach.yaw_tolerance", "unreachable-limit"),
@@ -78,6 +79,7 @@ def test_a_claim_that_cannot_fail_in_any_world_is_refused_unless_allowed(
     [
         "upright: {max_tilt: 179 deg}",
         "max_speed: {linear: 99 m/s, angular: 999}",
+        "path_length: {at_most: 2.99 km}",
         "reach: {x: 1, y: 0, yaw: 90 deg}",
         "reach: {x: 1, y: 0, yaw: 6.2832}",
         "reach: {x: 1, y: 0, yaw: 720 deg}",
