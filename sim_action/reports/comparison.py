@@ -18,7 +18,7 @@ from sim_action.reports.statuses import STATUS_DISPLAYS
 from sim_action.reports.terminal import open_console
 from sim_action.results.comparison import Change, ChangeKind, Comparison, SmallerMargin
 from sim_action.results.outcome import ExpectationOutcome, Outcome
-from sim_action.results.weaker_checks import WeakerCheck, WeakerKind
+from sim_action.results.weaker_checks import WeakerCheck, WeakerKind, loosened_times, newly_allowed
 
 Look = Literal["bad", "warning", "note", "good"]
 
@@ -37,6 +37,8 @@ _WEAKER: Final[dict[WeakerKind, str]] = {
     "removed": "no longer checked",
     "severity": "only a warning now",
     "unexercised": "only a warning now",
+    "window": "weaker window",
+    "allow": "allows more",
     "limit": "weaker limit",
 }
 _ORDER: Final[tuple[Look, ...]] = ("bad", "warning", "note", "good")
@@ -154,11 +156,23 @@ def _weaker_text(weaker: WeakerCheck) -> str:
         return f"{new.name}: severity {new.severity}, was {old.severity}"
     if weaker.kind == "unexercised":
         return f"{new.name}: unexercised {new.unexercised}, was {old.unexercised}"
+    if weaker.kind == "window":
+        times = (f"{_time(key, now)}, was {_time('', was)}" for key, (was, now) in loosened_times(old, new).items())
+        return f"{new.name}: {'; '.join(times)}"
+    if weaker.kind == "allow":
+        return f"{new.name}: allow has {', '.join(newly_allowed(old, new))} now"
     before, now = old.verdict, new.verdict
     assert before.limit is not None, "the limit allows more"
     assert now.limit is not None, "the limit allows more"
     limit, was = units.display_apart(now.limit, before.limit, now.unit)
     return f"{new.name}: limit {limit}, was {was}"
+
+
+def _time(key: str, time: float | None) -> str:
+    """Return a time with its key, such as "before 2 s" or "no before"."""
+    if time is None:
+        return f"no {key}".rstrip() if key else "none"
+    return f"{key} {units.display(time, 's')}".lstrip()
 
 
 def _margins_text(smaller: SmallerMargin) -> str:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Annotated, Final, Literal, Self, get_args
+from typing import TYPE_CHECKING, Annotated, Final, Literal, Self, get_args
 
 from pydantic import Field
 
@@ -16,6 +17,10 @@ from sim_action.scenario.claim_audit import AuditWarning
 from sim_action.scenario.model import Severity, Unexercised
 from sim_action.scenario.source import Refused, Varied
 from sim_action.state.verdict import Verdict
+
+if TYPE_CHECKING:
+    from sim_action.assertions import Assertion
+    from sim_action.scenario.model import Expectation
 
 Status = Literal["error", "failed", "flaky", "not_exercised", "passed", "skipped"]
 """The status of a scenario, the worst first; every status before "passed" gives exit code 1 or worse.
@@ -86,12 +91,41 @@ class Diagnostic(FrozenModel):
     message: str
 
 
+class Scope(FrozenModel):
+    """The keys of an expectation that say what part of a run it judges.
+
+    Attributes:
+        after, before: the window in s of sim time; `before` is None if it has no end.
+        held: the time in s for which a goal must hold; None if one moment is enough.
+        allowed: the names in `allow`, sorted.
+    """
+
+    after: float = 0.0
+    before: float | None = None
+    held: float | None = None
+    allowed: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, expected: Expectation) -> Self:
+        """Return the scope of an expectation."""
+        before = None if math.isinf(expected.before) else expected.before
+        held = expected.assertion.hold_time if expected.span is None else expected.span
+        return cls(after=expected.after, before=before, held=held, allowed=tuple(sorted(_allowed(expected.assertion))))
+
+
+def _allowed(assertion: Assertion) -> set[str]:
+    """Return the names that an assertion, or a part of it, allows."""
+    found = set(getattr(assertion, "allow", ()))
+    return found.union(*(_allowed(part) for _, part in getattr(assertion, "placed_parts", ())))
+
+
 class ExpectationOutcome(FrozenModel):
     """One expectation and its verdict.
 
     Attributes:
         location: the place of the assertion in the scenario file.
         unexercised: "warn" if the scenario accepts that this expectation is never judged.
+        scope: the part of a run that it judges; None if it is not an entry of `expect`, and in older results.
     """
 
     name: str
@@ -100,6 +134,7 @@ class ExpectationOutcome(FrozenModel):
     location: Location
     verdict: Verdict
     unexercised: Unexercised = "error"
+    scope: Scope | None = None
 
     @property
     def status(self) -> ExpectationStatus:

@@ -11,12 +11,14 @@ from typing import Final, Literal
 from sim_action.results.outcome import ExpectationOutcome, Outcome
 from sim_action.state.verdict import Verdict
 
-WeakerKind = Literal["removed", "severity", "unexercised", "limit"]
+WeakerKind = Literal["removed", "severity", "unexercised", "window", "allow", "limit"]
 """The way in which a scenario checks less than before.
 
 - removed: the new run does not have the expectation.
 - severity: it was an error if the expectation failed, and is a warning now.
 - unexercised: it was an error if the expectation was never judged, and is a warning now.
+- window: a goal has more time, or must hold for less; an invariant is checked for less time.
+- allow: it allows more names.
 - limit: the new limit allows more.
 """
 
@@ -70,9 +72,37 @@ def weaker_checks(old: Outcome, new: Outcome, pairs: Sequence[Pair]) -> Iterator
             yield WeakerCheck("severity", one, now)
         if (one.unexercised, now.unexercised) == ("error", "warn"):
             yield WeakerCheck("unexercised", one, now)
+        if loosened_times(one, now):
+            yield WeakerCheck("window", one, now)
+        if newly_allowed(one, now):
+            yield WeakerCheck("allow", one, now)
         fixed = alike or one.name != now.name or now.assertion not in _CHANGING_LIMITS
         if fixed and _allows_more(one.verdict, now.verdict):
             yield WeakerCheck("limit", one, now)
+
+
+def loosened_times(old: ExpectationOutcome, new: ExpectationOutcome) -> dict[str, tuple[float | None, float | None]]:
+    """Return the keys `after`, `before` and `for` that demand less now: key -> the old and the new time in s."""
+    was, now, is_goal = old.scope, new.scope, new.verdict.goal
+    if was is None or now is None or is_goal != old.verdict.goal:
+        return {}
+    ends = [math.inf if scope.before is None else scope.before for scope in (was, now)]
+    later, longer = now.after - was.after, ends[1] - ends[0] if ends[1] != ends[0] else 0.0
+    found: dict[str, tuple[float | None, float | None]] = {}
+    if (later < 0) if is_goal else (later > 0):
+        found["after"] = was.after, now.after
+    if (longer > 0) if is_goal else (longer < 0):
+        found["before"] = was.before, now.before
+    if (was.held or 0.0) > (now.held or 0.0):
+        found["for"] = was.held, now.held
+    return found
+
+
+def newly_allowed(old: ExpectationOutcome, new: ExpectationOutcome) -> tuple[str, ...]:
+    """Return the names that are allowed now and were not before."""
+    if old.scope is None or new.scope is None:
+        return ()
+    return tuple(name for name in new.scope.allowed if name not in old.scope.allowed)
 
 
 def has_same_limit(old: Verdict, new: Verdict) -> bool:

@@ -36,7 +36,7 @@ from sim_action.core.files import whole_file
 from sim_action.core.wording import escaped_line
 from sim_action.core.workspace import Permissions
 from sim_action.core.yaml_document import Document, KeyPath
-from sim_action.results.outcome import ExpectationOutcome, Failure, FailureKind, Outcome, status_of
+from sim_action.results.outcome import ExpectationOutcome, Failure, FailureKind, Outcome, Scope, status_of
 from sim_action.runner.job import JUDGED, Job, out_of_memory
 from sim_action.runner.process_output import dump_stack_before, redirect_output
 from sim_action.scenario.loading import build_scene, checked
@@ -333,6 +333,7 @@ def _judged(job: Job, scenario: Scenario, run: SimulationRun) -> Outcome:
             location=expected.location,
             verdict=verdict,
             unexercised=scenario.unexercised or "error",
+            scope=Scope.of(expected),
         )
         for expected, verdict in zip(scenario.expect, run.verdicts, strict=True)
     )

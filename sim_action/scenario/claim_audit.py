@@ -222,20 +222,26 @@ def _beyond_half_a_turn(agreement: Agreement) -> Iterator[ClaimFinding]:
 # Assertion, field, unit, the value that no run exceeds, and the reason.
 _BOUNDS: Final[tuple[tuple[str, str, str, Callable[[Scenario], float], str], ...]] = (
     ("upright", "max_tilt", "rad", lambda _: math.pi, "a tilt is at most 180 deg"),
-    ("max_speed", "linear", "m/s", lambda each: each.physics.max_speed, "a run ends as unstable at physics.max_speed"),
+    ("max_speed", "linear", "m/s", lambda at: at.physics.max_speed, "a run ends as unstable at physics.max_speed"),
     (
         "max_speed",
         "angular",
         "rad/s",
-        lambda each: each.physics.max_turn_rate,
+        lambda at: at.physics.max_turn_rate,
         "a run ends as unstable at physics.max_turn_rate",
     ),
-    ("travel", "at_most", "m", lambda each: each.physics.max_distance, "a run ends as unstable at physics.max_distance"),
+    (
+        "travel",
+        "at_most",
+        "m",
+        lambda at: at.physics.max_distance,
+        "a run ends as unstable at physics.max_distance",
+    ),
     (
         "path_length",
         "at_most",
         "m",
-        lambda each: each.physics.max_speed * each.time_limit,
+        lambda at: at.physics.max_speed * at.time_limit,
         "no path is longer at physics.max_speed until time_limit",
     ),
     ("final_pose", "yaw_tolerance", "rad", lambda _: math.pi, _HEADING),

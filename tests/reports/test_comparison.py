@@ -13,7 +13,7 @@ from markdown_it import MarkdownIt
 from sim_action.core.provenance import Provenance
 from sim_action.reports.comparison import MAX_CHARACTERS, comparison_markdown, headline, print_comparison, rows
 from sim_action.results.comparison import Comparison, compare_outcomes
-from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
+from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, Scope
 from sim_action.results.results_json import Results
 
 Samples = dict[str, Results]
@@ -103,6 +103,31 @@ def test_an_expectation_that_is_no_longer_judged_is_a_warning(samples: Samples) 
     (row,) = rows(compare_outcomes([before], [accepted]))
     assert (row.look, row.what) == ("warning", "no longer checked")
     assert row.detail.startswith("range stays above 0.2 m: never checked: sensor 'lidar' had no reading")
+
+
+@pytest.mark.parametrize(
+    ("goal", "old", "new", "told"),
+    [
+        (True, Scope(before=2), Scope(before=4), "before 4 s, was 2 s"),
+        (True, Scope(before=2, held=1), Scope(), "no before, was 2 s; no for, was 1 s"),
+        (False, Scope(), Scope(after=0.5, before=2), "after 0.5 s, was 0 s; before 2 s, was none"),
+        (False, Scope(), Scope(allowed=("box", "wall")), "allow has box, wall now"),
+    ],
+)
+def test_a_scope_that_demands_less_is_a_warning(
+    samples: Samples, goal: bool, old: Scope, new: Scope, told: str
+) -> None:
+    passed = samples["passed"].outcomes[0]
+    expected = passed.expectations[0]
+    verdict = replace(expected.verdict, goal=goal)
+
+    def scoped(scope: Scope) -> Outcome:
+        judged = expected.model_copy(update={"verdict": verdict, "scope": scope})
+        return passed.model_copy(update={"expectations": (judged,)})
+
+    (row,) = rows(compare_outcomes([scoped(old)], [scoped(new)]))
+    assert (row.look, row.what) == ("warning", "allows more" if new.allowed else "weaker window")
+    assert row.detail == f"{expected.name}: {told}"
 
 
 def test_a_digest_is_news_where_the_verdict_is_none(samples: Samples) -> None:

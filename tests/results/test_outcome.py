@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -12,6 +13,7 @@ from sim_action.results.outcome import (
     ExpectationOutcome,
     ExpectationStatus,
     Outcome,
+    Scope,
     Status,
     audited_over_variations,
     status_of,
@@ -19,6 +21,7 @@ from sim_action.results.outcome import (
 from sim_action.scenario.claim_audit import AuditWarning
 from sim_action.scenario.model import Severity, Unexercised
 from sim_action.state.verdict import Judged, Verdict
+from tests.scenarios import LEAST, load
 
 PASSED, FAILED, NEVER = Verdict(True, judged=Judged(1, 0.0, 0.0)), Verdict(False), Verdict(False, judged=Judged())
 
@@ -146,3 +149,18 @@ def test_a_premise_counts_only_if_it_held_in_no_variation() -> None:
 def test_a_variation_that_did_not_run_to_its_end_says_nothing_about_the_others(changed: dict[str, Any]) -> None:
     assert audited(varied(NEVER_HELD), varied(**changed), varied(NEVER_HELD)) == [(NEVER_HELD,), (), (NEVER_HELD,)]
     assert audited(varied(**changed)) == [()]
+
+
+@pytest.mark.parametrize(
+    ("expect", "scope"),
+    [
+        ("travel: {at_least: 1 m}", Scope()),
+        ("travel: {at_least: 1 m}\n    after: 1 s\n    before: 4 s\n    for: 2 s", Scope(after=1, before=4, held=2)),
+        ("settled: {for: 3 s}", Scope(held=3)),
+        ("all_of: [{no_collision: {allow: [b, a]}}, upright]", Scope(allowed=("a", "b"))),
+    ],
+)
+def test_the_scope_of_an_expectation_is_what_the_file_says(expect: str, scope: Scope, tmp_path: Path) -> None:
+    world = "world: {objects: [{name: a, box: [1, 1, 1], pose: {x: 5}}, {name: b, box: [1, 1, 1], pose: {x: 9}}]}\n"
+    loaded = load(tmp_path, LEAST.replace("travel: {at_least: 1.5 m}", expect) + world)
+    assert Scope.of(loaded.scenario.expect[0]) == scope

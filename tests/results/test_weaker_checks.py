@@ -10,14 +10,14 @@ from hypothesis import strategies as st
 
 from sim_action.core.errors import ExitCode, Location
 from sim_action.results.comparison import Change, compare_outcomes
-from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, status_of
-from sim_action.results.weaker_checks import weaker_checks
+from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, Scope, status_of
+from sim_action.results.weaker_checks import loosened_times, newly_allowed, weaker_checks
 from sim_action.state.verdict import Judged, Verdict
 
 
 def expected(name: str = "clear", assertion: str = "clearance", **fields: Any) -> ExpectationOutcome:
     """The clearance is 0.5 m, and the limit 0.3 m."""
-    kept = {key: fields.pop(key) for key in ("severity", "unexercised") if key in fields}
+    kept = {key: fields.pop(key) for key in ("severity", "unexercised", "scope") if key in fields}
     told = {"passed": True, "measured": 0.5, "limit": 0.3, "margin": 0.2, "unit": "m", **fields}
     return ExpectationOutcome(
         name=name,
@@ -85,6 +85,45 @@ def test_an_error_that_is_only_a_warning_now(holds: bool) -> None:
     assert weaker(outcome(expected()), outcome(soft)) == [("severity", "clear")]
     assert weaker(outcome(soft), outcome(soft)) == []
     assert weaker(outcome(soft), outcome(expected())) == []
+
+
+def scoped(*, goal: bool = False, **scope: Any) -> ExpectationOutcome:
+    return expected(goal=goal, scope=Scope(**scope))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "found"),
+    [
+        (scoped(), scoped(after=3), {"after": (0, 3)}),
+        (scoped(after=3), scoped(), {}),
+        (scoped(), scoped(before=2), {"before": (None, 2)}),
+        (scoped(before=4), scoped(before=2), {"before": (4, 2)}),
+        (scoped(before=2), scoped(), {}),
+        (scoped(after=1, before=4), scoped(after=2, before=3), {"after": (1, 2), "before": (4, 3)}),
+        (scoped(goal=True, after=3), scoped(goal=True), {"after": (3, 0)}),
+        (scoped(goal=True), scoped(goal=True, after=3), {}),
+        (scoped(goal=True, before=2), scoped(goal=True), {"before": (2, None)}),
+        (scoped(goal=True, before=2), scoped(goal=True, before=4), {"before": (2, 4)}),
+        (scoped(goal=True), scoped(goal=True, before=4), {}),
+        (scoped(goal=True, held=2), scoped(goal=True, held=0.5), {"for": (2, 0.5)}),
+        (scoped(goal=True, held=2), scoped(goal=True), {"for": (2, None)}),
+        (scoped(goal=True), scoped(goal=True, held=2), {}),
+        (scoped(), scoped(goal=True, after=3, before=4), {}),
+        (expected(), scoped(after=3), {}),
+        (scoped(), expected(), {}),
+    ],
+)
+def test_a_window_that_demands_less(old: ExpectationOutcome, new: ExpectationOutcome, found: dict[str, Any]) -> None:
+    assert loosened_times(old, new) == found
+    assert weaker(outcome(old), outcome(new)) == [("window", "clear")] * bool(found)
+
+
+def test_a_name_that_is_allowed_now() -> None:
+    old, new = scoped(allowed=("crate", "wall")), scoped(allowed=("pallet", "wall"))
+    assert weaker(outcome(old), outcome(new)) == [("allow", "clear")]
+    assert newly_allowed(old, new) == ("pallet",)
+    assert weaker(outcome(old), outcome(scoped())) == []
+    assert weaker(outcome(expected()), outcome(new)) == []
 
 
 def test_an_expectation_that_may_be_left_unjudged_now() -> None:
