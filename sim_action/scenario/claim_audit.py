@@ -207,6 +207,8 @@ def _placed(assertion: Assertion, path: KeyPath) -> Iterator[tuple[KeyPath, Asse
 
 _HEADING: Final = "two headings are at most 180 deg apart"
 _TURN: Final = "two orientations are at most 180 deg apart"
+_UNSTABLE: Final = "a run ends as unstable at physics."
+_FASTEST: Final = "no path is longer at physics.max_speed until time_limit"
 
 
 def _beyond_half_a_turn(agreement: Agreement) -> Iterator[ClaimFinding]:
@@ -222,28 +224,10 @@ def _beyond_half_a_turn(agreement: Agreement) -> Iterator[ClaimFinding]:
 # Assertion, field, unit, the value that no run exceeds, and the reason.
 _BOUNDS: Final[tuple[tuple[str, str, str, Callable[[Scenario], float], str], ...]] = (
     ("upright", "max_tilt", "rad", lambda _: math.pi, "a tilt is at most 180 deg"),
-    ("max_speed", "linear", "m/s", lambda at: at.physics.max_speed, "a run ends as unstable at physics.max_speed"),
-    (
-        "max_speed",
-        "angular",
-        "rad/s",
-        lambda at: at.physics.max_turn_rate,
-        "a run ends as unstable at physics.max_turn_rate",
-    ),
-    (
-        "travel",
-        "at_most",
-        "m",
-        lambda at: at.physics.max_distance,
-        "a run ends as unstable at physics.max_distance",
-    ),
-    (
-        "path_length",
-        "at_most",
-        "m",
-        lambda at: at.physics.max_speed * at.time_limit,
-        "no path is longer at physics.max_speed until time_limit",
-    ),
+    ("max_speed", "linear", "m/s", lambda at: at.physics.max_speed, f"{_UNSTABLE}max_speed"),
+    ("max_speed", "angular", "rad/s", lambda at: at.physics.max_turn_rate, f"{_UNSTABLE}max_turn_rate"),
+    ("travel", "at_most", "m", lambda at: at.physics.max_distance, f"{_UNSTABLE}max_distance"),
+    ("path_length", "at_most", "m", lambda at: at.physics.max_speed * at.time_limit, _FASTEST),
     ("final_pose", "yaw_tolerance", "rad", lambda _: math.pi, _HEADING),
     ("reach", "yaw_tolerance", "rad", lambda _: math.pi, _HEADING),
     ("matches", "yaw", "rad", lambda _: math.pi, _HEADING),

@@ -34,10 +34,8 @@ def motion_problems(scenario: Scenario, parts: Mapping[str, Sequence[Part]]) -> 
     for index, body in enumerate(scenario.world.objects):
         limit = scenario.time_limit
         if body.appears is not None and body.appears >= limit:
-            yield (
-                ("world", "objects", index, "appears"),
-                f"{body.appears:g} s is not earlier than time_limit ({limit:g} s)",
-            )
+            late = f"{body.appears:g} s is not earlier than time_limit ({limit:g} s)"
+            yield ("world", "objects", index, "appears"), late
         start = _start(body, parts.get(body.name))
         for below, message in _path_problems(body, start, scenario.physics, limit):
             yield ("world", "objects", index, "path", *below), message
