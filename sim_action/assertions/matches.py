@@ -49,7 +49,8 @@ _MIN_TOLERANCE: Final = 2 * RESOLUTION
 _MIN_YAW_TOLERANCE: Final = math.radians(0.02)
 _MAX_DRAWN: Final = 2_000
 _PLACEHOLDER: Final = re.compile(r"\$\w*")
-_VARIATION: Final = "$variation"
+VARIATION: Final = "$variation"
+"""The placeholder in the name of a golden file for the values of a variation."""
 
 # Quantities named in a message.
 _MAX_NAMED: Final = 3
@@ -102,9 +103,9 @@ class Matches(Assertion):
                 raise ValueError(
                     f"the tolerance of '{name}' must be at least {_MIN_TOLERANCE:g}, found {shown(written)}"
                 )
-        unknown = [found for found in _PLACEHOLDER.findall(self.trace) if found != _VARIATION]
+        unknown = [found for found in _PLACEHOLDER.findall(self.trace) if found != VARIATION]
         if unknown:
-            raise ValueError(f"unknown placeholder {unknown[0]} in the name of a file; only {_VARIATION} is allowed")
+            raise ValueError(f"unknown placeholder {unknown[0]} in the name of a file; only {VARIATION} is allowed")
         return self
 
     @property
@@ -126,9 +127,9 @@ class Matches(Assertion):
 
     def file_of(self, variation: str) -> str:
         """Return the golden file of a variation as named in `Scene.variation`. Raises GoldenError."""
-        if _VARIATION in self.trace and not variation:
-            raise GoldenError(f"the scenario has no variations, so {_VARIATION} has no value; remove it from the name")
-        return self.trace.replace(_VARIATION, variation)
+        if VARIATION in self.trace and not variation:
+            raise GoldenError(f"the scenario has no variations, so {VARIATION} has no value; remove it from the name")
+        return self.trace.replace(VARIATION, variation)
 
     def form_in(self, scene: Scene) -> GoldenForm:
         """Return the model and the joints that the golden file must have."""

@@ -9,22 +9,25 @@ from __future__ import annotations
 import os
 import re
 import shlex
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Hashable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from typing import Final
 
+from sim_action.assertions.matches import VARIATION
 from sim_action.core.errors import InvalidScenario
 from sim_action.core.files import read_at_most
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_document import MAX_BYTES, read_document
 from sim_action.robot.packages import PackageError, Packages
+from sim_action.scenario.source import Source
 
 MAX_FILES: Final = 2_000
 """The largest number of watched files of one scenario file; further ones are ignored."""
 
 _MODELS: Final = frozenset({".urdf", ".xacro", ".sdf", ".world", ".xml", ".mjcf", ".config", ".obj"})
+_MJCF: Final = frozenset({".xml", ".mjcf"})
 _SCENARIOS: Final = frozenset({".yml", ".yaml"})
 _MAX_MODEL_BYTES: Final = 20_000_000
 _LONGEST_NAME: Final = 500
@@ -33,6 +36,7 @@ _NAMED: Final = re.compile(
     r"""\b(?:filename|file|uri)\s*=\s*["']([^"'\n]+)["']|<(?:uri|sdf)\b[^>]*>([^<\n]+)</|^mtllib (.+)$""",
     re.MULTILINE,
 )
+_MESH_FOLDER: Final = re.compile(r"""\b(?:meshdir|assetdir)\s*=\s*["']([^"'\n]+)["']""")
 _FOUND: Final = re.compile(r"\$\(find ([\w.-]+)\)/?(.*)")
 _NODES: Final = ("**/*.py", "**/*.launch", "**/*.yaml", "package.xml")
 _LOOKS_LIKE_A_FILE: Final = re.compile(r"[^\s:]*\.[A-Za-z]\w{0,9}")
@@ -48,12 +52,22 @@ class _Reader:
     workspace: Workspace
     packages: Packages
 
-    def named_in(self, path: Path) -> Iterator[Path]:
-        """Yield the files and folders that a file names."""
+    def closure(self, first: Path) -> set[Path]:
+        """Return a file and all files that it leads to, up to a limit."""
+        found, waiting, mesh_folders = {first}, [first], list[Path]()
+        while waiting:
+            for path in self._named_in(waiting.pop(), mesh_folders):
+                if path not in found and len(found) < MAX_FILES:
+                    found.add(path)
+                    waiting.append(path)
+        return found
+
+    def _named_in(self, path: Path, mesh_folders: list[Path]) -> Iterator[Path]:
+        """Yield the files and folders that a file names; `mesh_folders`: of the MJCF files that led to it."""
         if path.suffix in _SCENARIOS:
             yield from self._in_scenario(path)
         elif path.suffix in _MODELS:
-            yield from self._in_model(path)
+            yield from self._in_model(path, mesh_folders)
         elif path.suffix == ".py":
             # Its imports lie in the same folder.
             yield from _in_folder(path.parent, "*.py")
@@ -63,8 +77,8 @@ class _Reader:
         for package in dict.fromkeys(_packages_of_nodes(data)):
             yield from self._in_package(package, path)
         for text in _texts(data):
-            for name in dict.fromkeys((text, *_words(text), text.partition(":")[0])):
-                yield from self._at(path.parent, name)
+            for name in _names_in(text):
+                yield from self.at(path.parent, name)
 
     def _in_package(self, name: str, referrer: Path) -> Iterator[Path]:
         """Yield the files of a ROS 1 package in the workspace; other packages do not change."""
@@ -75,11 +89,15 @@ class _Reader:
         if folder.is_relative_to(self.workspace.root):
             yield from _in_folder(folder, *_NODES)
 
-    def _at(self, folder: Path, name: str) -> Iterator[Path]:
+    def at(self, folder: Path, name: str) -> Iterator[Path]:
+        """Yield the file that a scenario in this folder names, or the files of the model in a folder of this name."""
         if len(name) > _LONGEST_NAME or not name.isprintable():
             return
         if "://" in name:
             yield from self._resolved(name, folder / "a scenario")
+            return
+        # Most texts of a scenario are no names of files.
+        if not _LOOKS_LIKE_A_FILE.fullmatch(name) and not os.path.lexists(os.path.join(folder, name)):  # noqa: PTH118 - fast
             return
         try:
             found = Workspace(folder, self.workspace.root, self.workspace.allow_outside).file_or_folder(name)
@@ -97,10 +115,15 @@ class _Reader:
         if is_allowed and not os.path.lexists(place):
             yield place
 
-    def _in_model(self, path: Path) -> Iterator[Path]:
+    def _in_model(self, path: Path, mesh_folders: list[Path]) -> Iterator[Path]:
         text = (_bytes(path, _MAX_MODEL_BYTES) or b"").decode("utf-8", errors="replace")
+        if path.suffix in _MJCF:
+            mesh_folders += [path.parent / name for name in _MESH_FOLDER.findall(text)]
         for match in islice(_NAMED.finditer(text), MAX_FILES):
-            yield from self._resolved(next(filter(None, match.groups())).strip(), path)
+            reference = next(filter(None, match.groups())).strip()
+            yield from self._resolved(reference, path)
+            for folder in mesh_folders:
+                yield from self._resolved(reference, folder / path.name)
 
     def _resolved(self, reference: str, referrer: Path) -> Iterator[Path]:
         try:
@@ -119,14 +142,42 @@ def watched_files(scenario_file: Path, *, allow_outside: bool = False) -> frozen
         workspace = Workspace.around(scenario_file, allow_outside=allow_outside)
     except (PathError, OSError, RuntimeError):
         return frozenset({first})
-    reader = _Reader(workspace, Packages(workspace, _mapped(_document(first))))
-    found, waiting = {first}, [first]
-    while waiting:
-        for path in reader.named_in(waiting.pop()):
-            if path not in found and len(found) < MAX_FILES:
-                found.add(path)
-                waiting.append(path)
-    return frozenset(found)
+    return frozenset(_Reader(workspace, Packages(workspace, _mapped(_document(first)))).closure(first))
+
+
+class NamedFiles:
+    """Finds the files that scenarios depend on, as `watched_files` does; each text is looked up once."""
+
+    def __init__(self) -> None:
+        self._readers: dict[Hashable, _Reader] = {}
+        self._closures: dict[Hashable, frozenset[Path]] = {}
+
+    def of(self, source: Source) -> frozenset[Path]:
+        """Return the files of a scenario, with those of the files that it extends; some may not exist."""
+        data = source.document.data
+        reader = self._reader(source.workspace, _mapped(data))
+        texts = {_with_variation(text, source) for text in _texts(data)}
+        files = {place.file for place in source.document.marks.values()}
+        found = {source.path.absolute(), *(Path(file).absolute() for file in files)}
+        return frozenset(found).union(*(self._closure(reader, text) for text in texts))
+
+    def _reader(self, workspace: Workspace, mapped: Mapping[str, str]) -> _Reader:
+        key = (workspace, tuple(sorted(mapped.items())))
+        if key not in self._readers:
+            self._readers[key] = _Reader(workspace, Packages(workspace, mapped))
+        return self._readers[key]
+
+    def _closure(self, reader: _Reader, text: str) -> frozenset[Path]:
+        key = (id(reader), text)
+        if key not in self._closures:
+            folder = reader.workspace.directory
+            named = {path for name in _names_in(text) for path in reader.at(folder, name)}
+            self._closures[key] = frozenset().union(*map(reader.closure, named))
+        return self._closures[key]
+
+
+def _with_variation(text: str, source: Source) -> str:
+    return text.replace(VARIATION, source.values_in_file_names)
 
 
 def stamps(paths: Iterable[Path]) -> dict[Path, Stamp]:
@@ -184,6 +235,11 @@ def _texts(data: object) -> Iterator[str]:
         if isinstance(value, str):
             yield value
         waiting += value.values() if isinstance(value, dict) else value if isinstance(value, tuple) else ()
+
+
+def _names_in(text: str) -> Iterable[str]:
+    """Return the parts of a text that may be names of files."""
+    return dict.fromkeys((text, *_words(text), text.partition(":")[0]))
 
 
 def _words(text: str) -> list[str]:

@@ -10,8 +10,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from sim_action.core.workspace import Permissions
 from sim_action.scenario import watched_files as module
-from sim_action.scenario.watched_files import stamps, watched_files
+from sim_action.scenario.files import read_file
+from sim_action.scenario.source import Source
+from sim_action.scenario.watched_files import NamedFiles, stamps, watched_files
 
 URDF = '<robot name="r"><link name="a"><visual><geometry><mesh filename="{}"/></geometry></visual></link></robot>'
 
@@ -153,3 +156,39 @@ def test_stamps_tell_a_file_that_was_written_or_replaced_or_is_gone(tmp_path: Pa
     assert stamps([path]) != second
     path.unlink()
     assert stamps([path, Path("x\0")]) == {path: None, Path("x\0"): None}
+
+
+def test_meshes_of_mjcf_lie_in_its_folder_of_meshes() -> None:
+    write("sim/arm.xml", '<mujoco><compiler meshdir="../meshes"/><include file="parts.xml"/></mujoco>')
+    write("sim/parts.xml", '<mujoco><asset><mesh file="hand.stl"/></asset></mujoco>')
+    write("meshes/hand.stl")
+    assert set(found("robot: {model: arm.xml}")) == {"sim/a.sim.yml", "sim/arm.xml", "sim/parts.xml", "meshes/hand.stl"}
+
+
+def named(text: str) -> list[list[str]]:
+    """The files that each run of a scenario names, seen from the workspace."""
+    files = NamedFiles()
+    sources = read_file(write("sim/a.sim.yml", text), Permissions())
+    paths = [files.of(source) for source in sources if isinstance(source, Source)]
+    return [sorted(Path(os.path.relpath(path)).as_posix() for path in of_run) for of_run in paths]
+
+
+def test_files_of_a_loaded_scenario_are_those_that_are_watched() -> None:
+    write("sim/bases/b.base.yml", "extends: ../../c.base.yml\ncommands: {replay: log.csv}")
+    write("sim/bases/log.csv")
+    write("c.base.yml", "world: {objects: [{name: a, mesh: {file: sim/rock.obj}}]}")
+    write("sim/rock.obj", "mtllib rock.mtl\nv 0 0 0\n")
+    write("sim/rock.mtl")
+    write("sim/robots/r.urdf", URDF.format("m.stl"))
+    write("sim/robots/m.stl")
+    text = "name: a\nextends: bases/b.base.yml\nrobot: {model: robots/r.urdf}"
+    assert named(text) == [found(text)]
+
+
+def test_each_variation_names_files_of_its_own() -> None:
+    write("sim/golden/v=1.csv")
+    text = "name: a\nexpect: [{matches: {trace: golden/$variation.csv}}]\nvariations: {seed: [1, 2]}"
+    of_runs = named(text)
+    assert len(of_runs) == 2
+    assert of_runs[0] != of_runs[1]
+    assert all("sim/a.sim.yml" in of_run and len(of_run) == 2 for of_run in of_runs)
