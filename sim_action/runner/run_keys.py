@@ -1,0 +1,239 @@
+"""Keys of runs: two runs with equal keys have equal outcomes, times apart. `run --resume` takes over such outcomes.
+
+A key is a digest of everything that an outcome may depend on: the files of the workspace as git sees them, the files
+that the scenario names, the scenario, options, installed software, and the environment of user code. A run has no key
+if a part is not known: without git, nobody knows what the code of a scenario may read.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import platform
+import sys
+import time
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Final
+
+import sim_action
+from sim_action.core.file_digests import FileDigests
+from sim_action.core.git_tree import GitError, GitListing, GitTree
+from sim_action.core.provenance import cpu_model
+from sim_action.core.workspace import PathError, Permissions, Workspace
+from sim_action.runner.child_outcome import engine_provenance
+from sim_action.runner.isolation.child_process import environment
+from sim_action.scenario.model import LoadedScenario
+from sim_action.scenario.watched_files import MAX_FILES, NamedFiles
+
+_VERSION: Final = 1
+
+VOLATILE_VARIABLES: Final = (
+    *("GITHUB_*", "RUNNER_*", "ACTIONS_*", "INPUT_*", "AGENT_*", "STATE_*", "ImageOS", "ImageVersion", "SIM_ACTION_*"),
+    *("PWD", "OLDPWD", "SHLVL", "_", "TMPDIR", "TEMP", "TMP", "HOSTNAME", "MAKEFLAGS", "MAKELEVEL", "MFLAGS"),
+    *("TERM", "TERM_*", "COLORTERM", "COLUMNS", "LINES", "LS_COLORS", "WINDOWID", "TMUX*", "STY", "WT_SESSION"),
+    *("SSH_*", "XDG_SESSION_*", "XDG_RUNTIME_DIR", "DBUS_SESSION_BUS_ADDRESS", "DISPLAY", "WAYLAND_DISPLAY"),
+    *("INVOCATION_ID", "JOURNAL_STREAM", "SYSTEMD_EXEC_PID", "MEMORY_PRESSURE_*", "VSCODE_*", "PYTEST_CURRENT_TEST"),
+)
+"""Environment variables that differ from call to call; `*` at the end stands for any text. A key leaves them out."""
+
+_NATIVE_VARIABLES: Final = ("LD_*", "DYLD_*", "OMP_*", "OPENBLAS_*", "MKL_*", "NPY_*", "MUJOCO_*", "PYTHON*")
+"""Environment variables that may change a run without user code."""
+
+_UNRELATED: Final = frozenset({"__pycache__", "reports", "cli", "app"})
+"""Folders of sim-action's source that no outcome of a run depends on."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunOptions:
+    """The options of the command line that change a run or its files."""
+
+    permissions: Permissions
+    repeat: int = 1
+    formats: Sequence[str] = ()
+    replays: bool = True
+
+
+class RunKeys:
+    """The keys of the runs of one call.
+
+    Create it before anything is read and before the first child process: a file that changes later has no known
+    content. git starts at once, so that it works while scenarios are read.
+    """
+
+    def __init__(self, scenario_files: Iterable[Path], options: RunOptions, outputs: Collection[Path]) -> None:
+        """Start.
+
+        Args:
+            scenario_files: the files of the call.
+            options: those of the call.
+            outputs: the output folder, and files that reports are written to; they do not count.
+        """
+        self._digests = FileDigests(time.time_ns())
+        self._options = options
+        self._outputs = [path.absolute().resolve() for path in outputs]
+        self._named = NamedFiles()
+        self._trees: dict[Path, GitTree | str] = {}
+        self._builds: dict[str, str | None] = {}
+        roots = _roots(scenario_files, outside=options.permissions.outside)
+        self._listings = {} if options.permissions.updates_golden else {root: GitListing(root) for root in roots}
+
+    def close(self) -> None:
+        """End every git that is still running."""
+        for listing in self._listings.values():
+            listing.close()
+
+    def of(self, loaded: LoadedScenario) -> str | None:
+        """Return the key of a run; None: its outcome may depend on something that is not known."""
+        # The motion of compared runs is not kept.
+        if self._options.permissions.updates_golden or loaded.compared:
+            return None
+        runs_code = loaded.scenario.runs_user_code
+        tree = self._tree(loaded.workspace.root)
+        if runs_code and not isinstance(tree, GitTree):
+            return None
+        files = self._files_of(loaded)
+        if files is None:
+            return None
+        parts = [
+            _VERSION,
+            _scenario(loaded),
+            tree.digest if isinstance(tree, GitTree) else None,
+            files,
+            self._call,
+            self._engine_build(loaded.scenario.backend),
+            self._of_user_code if runs_code else self._of_native_code,
+        ]
+        return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
+
+    def unknown(self, loaded: LoadedScenario) -> str | None:
+        """Return the reason why the files of the workspace are not known; None if they are."""
+        tree = self._tree(loaded.workspace.root)
+        return tree if isinstance(tree, str) else None
+
+    def knows(self, loaded: LoadedScenario, path: Path) -> bool:
+        """Return True if the key of a scenario includes the content of a file; links in `path` must be resolved."""
+        tree = self._tree(loaded.workspace.root)
+        return (isinstance(tree, GitTree) and tree.holds(path)) or path in self._named.of(loaded.source)
+
+    def _tree(self, root: Path) -> GitTree | str:
+        """Return the files of a workspace, or the reason why they are not known."""
+        if root not in self._trees:
+            try:
+                listing = self._listings.get(root) or GitListing(root)
+                self._trees[root] = listing.tree(self._digests, self._outputs)
+            except GitError as error:
+                self._trees[root] = str(error)
+        return self._trees[root]
+
+    def _files_of(self, loaded: LoadedScenario) -> list[tuple[str, str]] | None:
+        """Return the files that a scenario names, with their contents; None if one is not known."""
+        named = sorted(self._named.of(loaded.source))
+        if len(named) >= MAX_FILES:
+            return None
+        found: list[tuple[str, str]] = []
+        for path in named:
+            content = self._digests.of(path)
+            if content is None:
+                return None
+            found.append((str(path), content))
+        return found
+
+    def _engine_build(self, backend: str) -> str | None:
+        if backend not in self._builds:
+            self._builds[backend] = engine_provenance(backend).engine_build
+        return self._builds[backend]
+
+    @cached_property
+    def _call(self) -> dict[str, Any]:
+        """The part of the keys that all runs of the call share."""
+        options = self._options
+        return {
+            "permissions": asdict(options.permissions),
+            "repeat": options.repeat,
+            "formats": sorted(options.formats),
+            "replays": options.replays,
+            "folder": str(Path.cwd()),
+            "sim-action": _source_digest(Path(sim_action.__file__).parent),
+            "python": [sys.version, sys.flags.optimize, sys.executable],
+            "machine": [sys.platform, platform.machine(), *platform.libc_ver(), cpu_model()],
+            "packages": _packages(),
+        }
+
+    @cached_property
+    def _of_user_code(self) -> list[object]:
+        return [os.cpu_count(), stable_variables(environment())]
+
+    @cached_property
+    def _of_native_code(self) -> dict[str, str]:
+        return {name: os.environ[name] for name in sorted(os.environ) if _matches(name, _NATIVE_VARIABLES)}
+
+
+def stable_variables(variables: Mapping[str, str]) -> dict[str, str]:
+    """Return the environment variables that do not differ from call to call."""
+    return {name: variables[name] for name in sorted(variables) if not _matches(name, VOLATILE_VARIABLES)}
+
+
+def _matches(name: str, patterns: Iterable[str]) -> bool:
+    return any(
+        name.startswith(pattern.removesuffix("*")) if pattern.endswith("*") else name == pattern for pattern in patterns
+    )
+
+
+def _roots(files: Iterable[Path], *, outside: bool) -> list[Path]:
+    """Return the workspaces of scenario files."""
+    by_folder = {path.absolute().parent: path for path in files}
+    roots: dict[Path, None] = {}
+    for path in by_folder.values():
+        try:
+            roots[Workspace.around(path, allow_outside=outside).root] = None
+        except (PathError, OSError, RuntimeError):
+            continue
+    return list(roots)
+
+
+def _scenario(loaded: LoadedScenario) -> list[object]:
+    """Return everything of a scenario that is not in its files: values of variations, seeds and options."""
+    scenario, source = loaded.scenario, loaded.source
+    return [
+        *(source.document.data, source.document.file, source.line, source.number, source.group, source.scenario_seed),
+        [(varied.key, varied.value) for varied in source.variation],
+        *(scenario.name, scenario.backend, scenario.seed, scenario.unexercised, scenario.trace.rate),
+        *(str(loaded.workspace.directory), str(loaded.workspace.root)),
+    ]
+
+
+def _source_digest(folder: Path) -> str:
+    """Return a digest of the files of sim-action that a run may depend on."""
+    digest = hashlib.sha256()
+    for parent, folders, files in os.walk(folder):
+        folders[:] = sorted(set(folders) - _UNRELATED)
+        for path in (Path(parent, name) for name in sorted(files)):
+            # An editor may have left a link to nothing.
+            with suppress(OSError):
+                content = path.read_bytes()
+                digest.update(f"{path.relative_to(folder).as_posix()} {len(content)}\n".encode())
+                digest.update(content)
+    return digest.hexdigest()
+
+
+def _packages() -> list[tuple[str, str]]:
+    """Return the installed distributions, each with a digest of its list of files, which holds their hashes."""
+    return sorted(set(_distributions()))
+
+
+def _distributions() -> Iterator[tuple[str, str]]:
+    for folder in map(Path, sys.path):
+        try:
+            found = [path for path in folder.iterdir() if path.suffix in (".dist-info", ".egg-info")]
+        except OSError:
+            continue
+        for path in found:
+            try:
+                yield path.name, hashlib.sha256((path / "RECORD").read_bytes()).hexdigest()
+            except OSError:
+                yield path.name, ""
