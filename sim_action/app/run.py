@@ -72,7 +72,11 @@ def _results(
         wall_time=time.monotonic() - started,
         shard=found.shard,
         selected=bool(request.plan.suite.numbers),
-        outcomes=(*audited_over_variations(outcomes), *map(Outcome.of_nothing, found.empty)),
+        outcomes=(
+            *audited_over_variations(outcomes),
+            *map(Outcome.of_nothing, found.empty),
+            *map(Outcome.of_unmatched, found.unmatched),
+        ),
     )
 
 

@@ -61,15 +61,21 @@ def matrix(paths: Sequence[str], shards: int, durations: str | None, **flags: An
 
 
 def _files(suite: Suite) -> list[FileOfScenarios]:
-    """Return the files of which at least one scenario is selected.
+    """Return the files of which at least one scenario is selected. Raises UsageError.
 
     With several patterns or tags, a shard need not have a scenario for each. Numbers make its run accept that.
     """
     from sim_action.app.matrix import FileOfScenarios
     from sim_action.core.discovery import file_name
+    from sim_action.core.wording import escaped_line
     from sim_action.core.workspace import Permissions
 
-    read = suite.read(Permissions()).items()
+    contents = suite.read(Permissions())
+    if contents.unmatched:
+        # A shard gets numbers and cannot report it.
+        problems = [str(problem) for unmatched in contents.unmatched[:1] for problem in unmatched.unreadable]
+        raise UsageError("\n".join((*map(str, contents.unmatched), *map(escaped_line, problems))))
+    read = contents.files.items()
     numbers = {path: [each.number for each in scenarios if suite.numbered(each)] for path, scenarios in read}
     several = max(len(suite.selection.only), len(suite.selection.tags)) > 1
     return [

@@ -45,5 +45,6 @@ def merge(results: Sequence[str], scenarios: Sequence[str], **flags: Any) -> Exi
             raise UsageError(
                 "--scenarios finds no scenario; run merge in the checked-out repository, in the folder of the shards"
             )
-        listing = Listing(suite.scenarios(Permissions()), suite.empty)
+        contents = suite.read(Permissions())
+        listing = Listing(suite.numbered_in(contents), suite.empty, contents.unmatched)
     return merge_results(MergeRequest(results, listing, report_request(flags)))

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from sim_action.core.workspace import AllowScripts
     from sim_action.runner.run_plan import PlanRequest
     from sim_action.scenario.model import Unexercised
+    from sim_action.scenario.selection import Unmatched
     from sim_action.scenario.source import Refused, Source
 
 
@@ -170,28 +171,33 @@ def _listed(request: PlanRequest) -> ExitCode:
     from sim_action.scenario.selection import listing
     from sim_action.scenario.source import Refused
 
-    scenarios, empty = _meant(request)
+    scenarios, empty, unmatched = _meant(request)
     for line in listing(scenarios):
         click.echo(line)
     errors = [each.error for each in scenarios if isinstance(each, Refused)]
     for line in (line for error in errors for line in str(error).split("\n")):
         click.echo(log_line(line), err=True)
+    unreadable = (problem for each in unmatched[:1] for problem in each.unreadable)
+    for problem in (*unmatched, *unreadable):
+        click.echo(log_line(str(problem)), err=True)
     if not request.suite.files:
         return ExitCode.NO_SCENARIO
-    found = [*(error.exit_code for error in errors), *(ExitCode.INVALID for _ in empty)]
+    found = [*(error.exit_code for error in errors), *(ExitCode.INVALID for _ in (*empty, *unmatched))]
     return max(found, default=ExitCode.PASSED)
 
 
-def _meant(request: PlanRequest) -> tuple[Sequence[Source | Refused], Sequence[str]]:
-    """Return the selected scenarios and the patterns without any. Scenarios are only checked for a shard."""
+def _meant(request: PlanRequest) -> tuple[Sequence[Source | Refused], Sequence[str], Sequence[Unmatched]]:
+    """Return the selected scenarios, and the paths and the options without any.
+
+    Scenarios are only checked for a shard.
+    """
     from sim_action.runner.run_plan import plan_runs, source_of
 
     if request.shard is None:
-        files = request.suite.read(request.permissions, request.seed)
-        every = [each for several in files.values() for each in several]
-        return [each for each in every if request.suite.numbered(each)], request.suite.empty
+        contents = request.suite.read(request.permissions, request.seed)
+        return request.suite.numbered_in(contents), request.suite.empty, contents.unmatched
     found = plan_runs(request)
-    return [source_of(plan) for plan in found.plans], found.empty
+    return [source_of(plan) for plan in found.plans], found.empty, found.unmatched
 
 
 def _cores() -> int:

@@ -15,6 +15,7 @@ from sim_action.core.provenance import Provenance
 from sim_action.core.wording import escaped_line
 from sim_action.scenario.claim_audit import AuditWarning
 from sim_action.scenario.model import Severity, Unexercised
+from sim_action.scenario.selection import Unmatched
 from sim_action.scenario.source import Refused, Varied
 from sim_action.state.verdict import Verdict
 
@@ -359,3 +360,10 @@ class Outcome(FrozenModel):
         name = escaped_line(pattern)
         problem = Problem(Location(name), "no scenario found here; correct the path or remove it")
         return cls.of_invalid(name, InvalidScenario([problem]))
+
+    @classmethod
+    def of_unmatched(cls, unmatched: Unmatched) -> Outcome:
+        """Return the outcome for a pattern of names, or a tag, that selects no scenario."""
+        failure = Failure(kind="invalid", title="nothing selected", message=escaped_line(unmatched.message))
+        unreadable = cls.of_invalid("", InvalidScenario(unmatched.unreadable)).failures
+        return cls(name=unmatched.name, file="", status="error", failures=(failure, *unreadable))

@@ -17,6 +17,7 @@ from sim_action.core.wording import escaped_line
 from sim_action.results.outcome import Failure, Outcome
 from sim_action.results.results_json import ResultsFile
 from sim_action.results.shards import Shard, shards_text
+from sim_action.scenario.selection import Unmatched
 from sim_action.scenario.source import Refused, Source
 
 Unit = tuple[str, int | None]
@@ -25,10 +26,16 @@ Unit = tuple[str, int | None]
 
 @dataclass(frozen=True, slots=True)
 class Listing:
-    """The scenarios that the results have to contain, in run order; `empty`: the patterns that match no scenario."""
+    """The scenarios that the results have to contain, in run order.
+
+    Attributes:
+        empty: the paths without a scenario.
+        unmatched: the patterns of names, and the tags, that select no scenario.
+    """
 
     scenarios: Sequence[Source | Refused]
     empty: Sequence[str]
+    unmatched: Sequence[Unmatched] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,8 +87,8 @@ def _unit(outcome: Outcome) -> Unit:
 
 
 def _compared(outcome: Outcome) -> str:
-    """Return the normalised path of the file; empty if the outcome belongs to no single file."""
-    return compared_name(outcome.file) if outcome.file else ""
+    """Return the normalised path of the file; for an outcome that belongs to no single file, its name and a NUL."""
+    return compared_name(outcome.file) if outcome.file else f"{outcome.name}\0"
 
 
 def _check_shards(sharded: Sequence[tuple[Shard, ResultsFile]]) -> None:
@@ -163,6 +170,9 @@ def _not_run(entries: Iterable[Entry], listing: Listing, *, left_any: bool) -> I
     for pattern in listing.empty:
         if (compared_name(escaped_line(pattern)), None) not in found:
             yield Entry(Outcome.of_nothing(pattern))
+    for unmatched in map(Outcome.of_unmatched, listing.unmatched):
+        if _unit(unmatched) not in found:
+            yield Entry(unmatched)
 
 
 def _group(scenario: Source | Refused) -> str:

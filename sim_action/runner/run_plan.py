@@ -12,7 +12,7 @@ from sim_action.engines import INSTALL_HINTS, chosen, installed
 from sim_action.results.shards import Shard
 from sim_action.scenario.loading import Libraries, load_all, scenarios_of
 from sim_action.scenario.model import LoadedScenario, Unexercised
-from sim_action.scenario.selection import Suite
+from sim_action.scenario.selection import Suite, Unmatched
 from sim_action.scenario.source import Refused, Source
 from sim_action.scenario.variation_values import SEED
 
@@ -90,11 +90,12 @@ class PlanRequest:
 
 @dataclass(frozen=True, slots=True)
 class RunPlan:
-    """The runs of the call, its shard, and the patterns without a scenario that it reports."""
+    """The runs of the call, its shard, and the paths, patterns and tags without a scenario that it reports."""
 
     plans: Sequence[Plan]
     shard: Shard | None
     empty: Sequence[str]
+    unmatched: Sequence[Unmatched] = ()
 
 
 def plan_runs(request: PlanRequest) -> RunPlan:
@@ -103,15 +104,18 @@ def plan_runs(request: PlanRequest) -> RunPlan:
     Variations are checked on every shard, because a problem of one variation can stop all of them: the shard with the
     first one reports it, and no shard runs the others.
     """
-    files = request.suite.read(request.permissions, request.seed)
+    contents = request.suite.read(request.permissions, request.seed)
     # Without any scenario, the exit code reports it.
-    empty = request.suite.empty if files else ()
+    empty = request.suite.empty if contents.files else ()
     planner = _Planner(request)
-    scenarios = scenarios_of(each for several in files.values() for each in several)
+    scenarios = scenarios_of(each for several in contents.files.values() for each in several)
     dealt = [each for several in scenarios for each in planner.dealt(several)]
-    shard = Shard.parse(request.shard, len(dealt) + len(empty)) if request.shard is not None else None
+    total = len(dealt) + len(empty) + len(contents.unmatched)
+    shard = Shard.parse(request.shard, total) if request.shard is not None else None
     plans = [plan for each in (shard.dealt(dealt) if shard else dealt) for plan in planner.finished(each)]
-    return RunPlan(plans, shard, empty if shard is None or shard.index == 1 else ())
+    if shard is not None and shard.index > 1:
+        return RunPlan(plans, shard, ())
+    return RunPlan(plans, shard, empty, contents.unmatched)
 
 
 def source_of(plan: Plan) -> Source | Refused:

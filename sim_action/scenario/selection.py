@@ -6,14 +6,14 @@ import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from itertools import groupby
 from pathlib import Path
 from typing import Final
 
 from sim_action.core.discovery import file_name
-from sim_action.core.errors import Location, UsageError
+from sim_action.core.errors import Location, Problem, UsageError
 from sim_action.core.wording import counted, did_you_mean, escaped_line
 from sim_action.core.workspace import Permissions
 from sim_action.engines import ENGINES
@@ -88,38 +88,66 @@ class Selection:
         return not has & set(self.exclude_tags) and (not self.tags or bool(has & set(self.tags)))
 
 
-def selected(files: Sequence[Scenarios], selection: Selection, *, complete: bool = True) -> list[Scenarios]:
-    """Return the selected scenarios of each file.
+@dataclass(frozen=True, slots=True)
+class Unmatched:
+    """A pattern of names, or a tag, that matches no scenario.
 
-    Raises UsageError if nothing is selected, or if a pattern of `only` or a tag of `tags` matches no scenario although
-    `files` is the complete list.
+    Attributes:
+        option: the option of the command line that states it.
+        message: the reason, with the nearest name.
+        unreadable: a problem of each file that cannot be read and may have the scenario that is meant.
+    """
+
+    option: str
+    pattern: str
+    message: str
+    unreadable: tuple[Problem, ...] = ()
+
+    def __str__(self) -> str:
+        return escaped_line(f"{self.option}: {self.message}")
+
+    @property
+    def name(self) -> str:
+        """The option as typed, for reports."""
+        return escaped_line(f"{self.option} {self.pattern}")
+
+
+@dataclass(frozen=True, slots=True)
+class Selected:
+    """The selected scenarios of each file, and what selects nothing."""
+
+    scenarios: list[Scenarios]
+    unmatched: tuple[Unmatched, ...] = ()
+
+
+def selected(files: Sequence[Scenarios], selection: Selection, *, complete: bool = True) -> Selected:
+    """Return the selected scenarios, and each pattern of `only` and tag of `tags` that matches no scenario.
+
+    If `files` is not the complete list, the pattern may be for another file. Raises UsageError if nothing is selected.
     """
     names = {name for scenarios in files for scenario in scenarios for name in _names(scenario)}
     chosen = [tuple(scenario for scenario in scenarios if selection.takes(scenario, names)) for scenarios in files]
-    if not files:
-        return chosen
+    if not files or (any(chosen) and not complete):
+        return Selected(chosen)
     every = [scenario for scenarios in files for scenario in scenarios]
-    problems = list(_unknown_names("--only", selection.only, every))
+    unmatched = list(_unknown_names("--only", selection.only, every))
     if not (any(chosen) and _has_unreadable(every)):
-        problems += _unknown_tags("--tag", selection.tags, every)
+        unmatched += _unknown_tags("--tag", selection.tags, every)
+    # The scenario that is meant may be in a file that cannot be read.
+    refused = [each for each in every if isinstance(each, Refused) and not selection.takes(each, names)]
+    unreadable = tuple(each.problems[0] for each in refused)
     if not any(chosen):
-        problems.append(f"of {counted(len(every), 'scenario')}, none is selected")
-    elif not complete:
-        return chosen
-    if problems:
-        # The scenario that is meant may be in a file that cannot be read.
-        refused = (each for each in every if isinstance(each, Refused) and not selection.takes(each, names))
-        problems += [str(each.problems[0]) for each in refused]
-        raise UsageError("\n".join(map(escaped_line, problems)))
-    return chosen
+        nothing = f"of {counted(len(every), 'scenario')}, none is selected"
+        raise UsageError("\n".join((*map(str, unmatched), nothing, *map(escaped_line, map(str, unreadable)))))
+    return Selected(chosen, tuple(replace(each, unreadable=unreadable) for each in unmatched))
 
 
 def unmatched_exclusions(files: Iterable[Scenarios], selection: Selection) -> Iterator[str]:
     """Yield a message for each pattern of `exclude` and each tag of `exclude_tags` that matches no scenario."""
     every = [scenario for scenarios in files for scenario in scenarios]
-    yield from map(escaped_line, _unknown_names("--exclude", selection.exclude, every))
+    yield from map(str, _unknown_names("--exclude", selection.exclude, every))
     if not _has_unreadable(every):
-        yield from map(escaped_line, _unknown_tags("--exclude-tag", selection.exclude_tags, every))
+        yield from map(str, _unknown_tags("--exclude-tag", selection.exclude_tags, every))
 
 
 def listing(scenarios: Iterable[Source | Refused]) -> Iterator[str]:
@@ -145,8 +173,8 @@ def _is_called(scenario: Source | Refused, pattern: str, names: AbstractSet[str]
     return any(fnmatchcase(name, pattern.replace("[", "[[]")) for name in _names(scenario))
 
 
-def _unknown_names(option: str, patterns: Sequence[str], every: Sequence[Source | Refused]) -> Iterator[str]:
-    """Yield a message for each pattern that matches the name of no scenario."""
+def _unknown_names(option: str, patterns: Sequence[str], every: Sequence[Source | Refused]) -> Iterator[Unmatched]:
+    """Yield each pattern that matches the name of no scenario."""
     if not patterns:
         return
     called = {name for each in every for name in _names(each)}
@@ -155,15 +183,15 @@ def _unknown_names(option: str, patterns: Sequence[str], every: Sequence[Source 
     for pattern in dict.fromkeys(patterns):
         if not any(_is_called(each, pattern, called) for each in every):
             near = did_you_mean(pattern, varied if "[" in pattern and varied else names)
-            yield f"{option}: no scenario is named '{pattern}'{near}"
+            yield Unmatched(option, pattern, f"no scenario is named '{pattern}'{near}")
 
 
-def _unknown_tags(option: str, wanted: Sequence[str], every: Sequence[Source | Refused]) -> Iterator[str]:
-    """Yield a message for each tag that no readable scenario has."""
+def _unknown_tags(option: str, wanted: Sequence[str], every: Sequence[Source | Refused]) -> Iterator[Unmatched]:
+    """Yield each tag that no readable scenario has."""
     tags = {tag for scenario in every if isinstance(scenario, Source) for tag in scenario.tags}
     for tag in dict.fromkeys(wanted):
         if tag not in tags:
-            yield f"{option}: no scenario has the tag '{tag}'{did_you_mean(tag, tags)}"
+            yield Unmatched(option, tag, f"no scenario has the tag '{tag}'{did_you_mean(tag, tags)}")
 
 
 def _has_unreadable(every: Iterable[Source | Refused]) -> bool:
@@ -173,6 +201,14 @@ def _has_unreadable(every: Iterable[Source | Refused]) -> bool:
 
 def _ignore(_: str) -> None:
     """Take a message and do nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class Contents:
+    """The selected scenarios of each file that has some, whatever their number, and what selects nothing."""
+
+    files: Mapping[Path, Scenarios]
+    unmatched: tuple[Unmatched, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,18 +231,19 @@ class Suite:
     complete: bool = True
     warn: Callable[[str], None] = _ignore
 
-    def read(self, permissions: Permissions, seed: int | None = None) -> dict[Path, Scenarios]:
-        """Return the selected scenarios of each file, whatever their number; files without one are left out.
+    def read(self, permissions: Permissions, seed: int | None = None) -> Contents:
+        """Return the selected scenarios of all files.
 
         `seed` draws the variations; None takes the seed of each scenario. Raises UsageError.
         """
         every = [self._scenarios(path, permissions, seed) for path in self.files]
         # A shard of `matrix` gets some scenarios of the list, which `matrix` has checked.
         complete = self.complete and not self.numbers
-        chosen = zip(self.files, selected(every, self.selection, complete=complete), strict=True)
+        found = selected(every, self.selection, complete=complete)
         for message in unmatched_exclusions(every, self.selection) if complete else ():
             self.warn(message)
-        return {path: scenarios for path, scenarios in chosen if scenarios}
+        pairs = zip(self.files, found.scenarios, strict=True)
+        return Contents({path: scenarios for path, scenarios in pairs if scenarios}, found.unmatched)
 
     def numbered(self, scenario: Source | Refused) -> bool:
         """Return True if the number of a scenario is selected."""
@@ -215,7 +252,11 @@ class Suite:
 
     def scenarios(self, permissions: Permissions) -> list[Source | Refused]:
         """Return all selected scenarios. Raises UsageError."""
-        return [each for several in self.read(permissions).values() for each in several if self.numbered(each)]
+        return self.numbered_in(self.read(permissions))
+
+    def numbered_in(self, contents: Contents) -> list[Source | Refused]:
+        """Return the scenarios whose numbers are selected."""
+        return [each for several in contents.files.values() for each in several if self.numbered(each)]
 
     def _scenarios(self, path: Path, permissions: Permissions, seed: int | None) -> Scenarios:
         scenarios = read_file(path, permissions, seed)

@@ -20,6 +20,7 @@ from sim_action.results.outcome import (
 )
 from sim_action.scenario.claim_audit import AuditWarning
 from sim_action.scenario.model import Severity, Unexercised
+from sim_action.scenario.selection import Unmatched
 from sim_action.state.verdict import Judged, Verdict
 from tests.scenarios import LEAST, load
 
@@ -38,6 +39,16 @@ def expectation(
 def test_what_was_named_and_holds_nothing_is_invalid() -> None:
     made = Outcome.of_nothing("no\npe*")
     assert (made.file, made.exit_code) == ("no\\npe*", ExitCode.INVALID)
+
+
+def test_what_selects_nothing_is_invalid_and_belongs_to_no_file() -> None:
+    broken = Problem(Location("b.sim.yml", 2, 1), "no YAML")
+    made = Outcome.of_unmatched(Unmatched("--only", "no\npe*", "no scenario is named 'no\npe*'", (broken,)))
+    assert (made.name, made.file, made.location, made.exit_code) == ("--only no\\npe*", "", None, ExitCode.INVALID)
+    assert [(failure.message, failure.location) for failure in made.failures] == [
+        ("no scenario is named 'no\\npe*'", None),
+        ("no YAML", broken.location),
+    ]
 
 
 def test_an_invalid_file_has_a_failure_for_each_problem() -> None:

@@ -17,6 +17,7 @@ from sim_action.results.outcome import Failure, Outcome
 from sim_action.results.results_json import Results, ResultsFile
 from sim_action.results.shard_results import Listing, merge_shards
 from sim_action.results.shards import Shard, balanced, shards_text
+from sim_action.scenario.selection import Unmatched
 from tests.outcomes import outcome, results, source
 
 COUNTS = st.integers(1, 20)
@@ -216,6 +217,21 @@ def test_what_was_named_and_holds_nothing_is_an_error_unless_it_is_one_already()
         ("new*", True),
     ]
     assert entries[-1].outcome.exit_code is ExitCode.INVALID
+
+
+ABSENT = [Unmatched("--only", name, f"no scenario is named '{name}'") for name in ("b", "nope*")]
+
+
+def test_what_selects_nothing_is_one_result_of_the_first_shard() -> None:
+    unmatched = list(map(Outcome.of_unmatched, ABSENT))
+    first, second = results(outcome("a"), *unmatched, shard=(1, 2, 4)), results(outcome("b"), shard=(2, 2, 4))
+    assert names(files(first, second)) == ["a", "b", "--only b", "--only nope*"]
+    listing = Listing([source("a"), source("b")], (), ABSENT)
+    assert names(files(first, second), listing) == ["a", "b", "--only b", "--only nope*"]
+    # Without the shard that reports it, the list does.
+    entries = merge_shards(files(results(), second)[1:], listing)
+    assert [entry.outcome.file or entry.outcome.name for entry in entries] == ["a", "b", "--only b", "--only nope*"]
+    assert {entry.outcome.exit_code for entry in entries[2:]} == {ExitCode.INVALID}
 
 
 def test_if_no_shard_has_left_anything_all_that_is_listed_is_an_error_that_says_so() -> None:

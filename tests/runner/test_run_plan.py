@@ -17,7 +17,7 @@ from sim_action.engines import ENGINES, chosen, installed
 from sim_action.runner.run_plan import PlanRequest, RunPlan, engine_runs, plan_runs, source_of
 from sim_action.scenario.loading import load_scenario
 from sim_action.scenario.model import LoadedScenario, Scenario, Unexercised
-from sim_action.scenario.selection import Suite
+from sim_action.scenario.selection import Selection, Suite
 from sim_action.scenario.source import Refused
 from tests.scenarios import LEAST
 
@@ -318,6 +318,14 @@ def test_shards_have_every_scenario_once_by_its_place_in_the_list_alone(files: l
     assert [names(part) for part in parts] == [NAMES[index::count] for index in range(count)]
     assert {part.shard.total for part in parts if part.shard} == {len(NAMES) + 1}
     assert [list(part.empty) for part in parts] == [["nope*"]] + [[]] * (count - 1)
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_a_pattern_that_matches_nothing_is_told_by_the_first_shard_alone(files: list[Path], count: int) -> None:
+    suite = Suite(files, ("nope*",), selection=Selection(only=("*", "nobody"), tags=()))
+    parts = [plan(suite, f"{index}/{count}") for index in range(1, count + 1)]
+    assert {part.shard.total for part in parts if part.shard} == {len(NAMES) + 2}
+    assert [[each.name for each in part.unmatched] for part in parts] == [["--only nobody"]] + [[]] * (count - 1)
 
 
 def test_numbers_leave_scenarios_of_other_numbers_to_others(files: list[Path]) -> None:

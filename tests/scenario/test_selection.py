@@ -14,6 +14,7 @@ from sim_action.core.workspace import Permissions, Workspace
 from sim_action.core.yaml_document import Document
 from sim_action.scenario.selection import (
     Scenarios,
+    Selected,
     Selection,
     Suite,
     listing,
@@ -79,7 +80,7 @@ def test_a_file_of_which_nothing_is_selected_is_no_file(many: Path, tmp_path: Pa
     other = tmp_path / "other.sim.yml"
     other.write_text(LEAST)
     suite = Suite([many, other], selection=Selection(only=("one",)))
-    assert list(suite.read(Permissions())) == [many]
+    assert list(suite.read(Permissions()).files) == [many]
 
 
 @pytest.mark.parametrize("number", [0, 6])
@@ -110,7 +111,7 @@ def names(files: list[Scenarios] | None = None, **asked: tuple[str, ...]) -> lis
 
 
 def meant(files: list[Scenarios], selection: Selection) -> list[str]:
-    return [scenario.name for scenarios in selected(files, selection) for scenario in scenarios]
+    return [scenario.name for scenarios in selected(files, selection).scenarios for scenario in scenarios]
 
 
 @pytest.mark.parametrize(
@@ -196,13 +197,14 @@ def test_nothing_is_an_error_with_the_nearest_names(asked: dict[str, tuple[str, 
     ],
 )
 def test_each_pattern_must_match_something(asked: dict[str, tuple[str, ...]], told: list[str]) -> None:
-    with pytest.raises(UsageError) as refused:
-        meant(FILES, Selection(**asked))
-    lines = str(refused.value).splitlines()
+    found = selected(FILES, Selection(**asked))
+    lines = list(map(str, found.unmatched))
     assert len(lines) == len(told)
     assert all(part in line for part, line in zip(told, lines, strict=True))
     some = selected(FILES, Selection(**asked), complete=False)
-    assert next(scenario.name for scenarios in some for scenario in scenarios) == "drive"
+    assert some.unmatched == ()
+    for each in (found, some):
+        assert next(scenario.name for scenarios in each.scenarios for scenario in scenarios) == "drive"
 
 
 def test_a_pattern_that_another_option_leaves_nothing_of_has_matched() -> None:
@@ -212,8 +214,9 @@ def test_a_pattern_that_another_option_leaves_nothing_of_has_matched() -> None:
 
 
 def test_an_unknown_pattern_may_be_for_a_file_that_cannot_be_read() -> None:
-    with pytest.raises(UsageError, match=r"(?s)named 'circle'.*b\.sim\.yml:2:1: no YAML"):
-        names([*FILES, (BROKEN,)], only=("drive", "circle"))
+    (unmatched,) = selected([*FILES, (BROKEN,)], Selection(only=("drive", "circle"))).unmatched
+    assert "named 'circle'" in str(unmatched)
+    assert list(map(str, unmatched.unreadable)) == ["b.sim.yml:2:1: no YAML"]
     assert names([*FILES, (BROKEN,)], tags=("nightly", "round")) == ["drive", "b.sim.yml"]
 
 
@@ -251,8 +254,9 @@ def test_a_part_of_the_list_may_lack_what_a_pattern_names(many: Path) -> None:
     assert found(Suite([many], numbers=some, selection=asked, warn=told.append)) == [("one", 1)]
     assert found(Suite([many], selection=asked, complete=False, warn=told.append)) == [("one", 1)]
     assert told == []
-    with pytest.raises(UsageError, match="no scenario is named 'elsewhere'"):
-        found(Suite([many], selection=asked))
+    (unmatched,) = Suite([many], selection=asked).read(Permissions()).unmatched
+    assert (unmatched.name, unmatched.pattern) == ("--only elsewhere", "elsewhere")
+    assert "no scenario is named 'elsewhere'" in unmatched.message
     with pytest.raises(UsageError, match="of 5 scenarios, none is selected"):
         found(Suite([many], numbers=some, selection=Selection(only=("elsewhere",))))
 
@@ -263,7 +267,7 @@ def test_nothing_may_be_for_a_file_that_cannot_be_read() -> None:
 
 
 def test_no_file_at_all_is_not_about_the_selection() -> None:
-    assert selected([], Selection(only=("push",))) == []
+    assert selected([], Selection(only=("push",))) == Selected([])
 
 
 def test_a_listing_has_names_places_and_tags() -> None:
