@@ -127,7 +127,7 @@ def run_job(job: Job, progress_descriptor: int) -> None:
     progress = _Progress(progress_descriptor)
     kept: list[RecordedRun] = []
     outcome = _outcome(job, progress, here, kept)
-    outcome = outcome.model_copy(update={"wall_time": time.perf_counter() - started})
+    outcome = outcome.model_copy(update={"wall_time": max(0.0, time.perf_counter() - started)})
     _write(outcome, job)
     for run in kept:
         # From here on the verdict is safe, however long the recordings take.
@@ -344,7 +344,7 @@ def _judged(job: Job, scenario: Scenario, run: SimulationRun) -> Outcome:
         expectations=expectations,
         end=run.end,
         sim_time=run.sim_time,
-        real_time_factor=run.sim_time / run.wall_time,
+        real_time_factor=run.sim_time / run.wall_time if run.wall_time > 0 else None,
         travelled=run.travelled,
         seed=scenario.seed,
         scenario_seed=job.loaded.source.scenario_seed,

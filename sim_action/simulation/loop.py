@@ -206,7 +206,8 @@ class _Loop:
                 break
             if failure is not None and panel.end is None:
                 raise failure
-        wall_time = time.perf_counter() - started
+        # User code may have replaced the clock.
+        wall_time = max(0.0, time.perf_counter() - started)
         kept = footage.trace()
         assert kept is not None
         x, y, _ = start.pose.position_xyz
