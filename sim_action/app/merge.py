@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import platform
-import sys
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,7 +11,7 @@ from typing import Final
 from sim_action import __version__
 from sim_action.core.discovery import compared_name
 from sim_action.core.errors import ExitCode, UsageError
-from sim_action.core.wording import escaped_line, log_line
+from sim_action.core.wording import escaped_line, note
 from sim_action.reports import ReportRequest, open_reports, write_reports
 from sim_action.reports.escaping import shortened
 from sim_action.results.artifacts import RUN_FILE_FOLDERS, StoredFile, stored_files_of, trace_paths, with_copied_files
@@ -56,7 +55,7 @@ def _read(request: MergeRequest) -> list[ResultsFile]:
         if not request.listing:
             ask = "download the results of the shards first, or list the scenarios with --scenarios"
             raise UsageError(escaped_line(f"{lost}: {ask}"))
-        _note(lost)
+        note(lost)
     return files
 
 
@@ -66,7 +65,7 @@ def _is_earlier_output(file: ResultsFile, request: MergeRequest) -> bool:
     written = path == compared_name(str(request.reports.folder / RESULTS_FILE))
     if not (file.results.merged and written) or path in map(compared_name, request.results):
         return False
-    _note(f"{file.path} is skipped: an earlier merge wrote it, and this one overwrites it")
+    note(f"{file.path} is skipped: an earlier merge wrote it, and this one overwrites it")
     return True
 
 
@@ -75,7 +74,7 @@ def _with_versions(entries: Sequence[Entry], files: Iterable[ResultsFile]) -> li
     versions = {file.path: _distinct([file.results.sim_action]) for file in files}
     if len(set(versions.values())) <= 1:
         return list(entries)
-    _note(f"the results come from different versions of sim-action: {_distinct(versions.values())}")
+    note(f"the results come from different versions of sim-action: {_distinct(versions.values())}")
     return [_with_version(entry, versions[entry.origin]) if entry.origin else entry for entry in entries]
 
 
@@ -85,10 +84,6 @@ def _with_version(entry: Entry, version: str) -> Entry:
 
 def _noted(outcome: Outcome, note: str) -> Outcome:
     return outcome.model_copy(update={"notes": (*outcome.notes, note)})
-
-
-def _note(message: str) -> None:
-    sys.stderr.write(log_line(f"sim-action: {message}") + "\n")
 
 
 def _results(parts: Sequence[Results], outcomes: Iterable[Outcome]) -> Results:

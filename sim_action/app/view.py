@@ -11,7 +11,8 @@ from pathlib import Path
 
 from sim_action.core.errors import UsageError
 from sim_action.core.wording import did_you_mean, escaped_line
-from sim_action.reports.links import REPORT_FILE, fragment
+from sim_action.reports.links import fragment
+from sim_action.results.artifacts import REPORT_FILE
 from sim_action.results.results_json import RESULTS_FILE, Results
 
 

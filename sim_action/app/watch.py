@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from operator import itemgetter
 from pathlib import Path
 from typing import Final
 
@@ -13,11 +13,11 @@ from sim_action.app.run import RunRequest, run_scenarios
 from sim_action.core.discovery import compared_name, discover, file_name, unique
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.process import Interruption
-from sim_action.core.wording import log_line
+from sim_action.core.wording import note
 from sim_action.reports.comparison import print_comparison, rows
 from sim_action.results.comparison import Thresholds, compare_outcomes
+from sim_action.results.events import Event, Finished
 from sim_action.results.outcome import Outcome
-from sim_action.results.results_json import Results
 from sim_action.scenario.watched_files import Stamp, stamps, watched_files
 
 _POLL_S: Final = 0.5
@@ -65,12 +65,14 @@ def watch_scenarios(request: RunRequest, patterns: Sequence[str], interruption: 
     """
     watched = _Watched()
     _look(watched, request, request.plan.suite.files, patterns)
-    outcomes = _by_file(run_scenarios(request, interruption).results)
+    collected = _Collected()
+    run_scenarios(request, interruption, collected)
+    outcomes = collected.by_file()
     written = _without_written(watched, set())
     _note_watched(watched)
     while changed := _wait(watched, interruption):
         if touched := _touched(watched, changed, request, patterns):
-            _note(f"changed: {_names(changed - watched.folders)}")
+            note(f"changed: {_names(changed - watched.folders)}")
             outcomes |= _rerun(request, touched, outcomes, interruption)
             written = _without_written(watched, written)
             _note_watched(watched)
@@ -93,7 +95,7 @@ def _without_written(watched: _Watched, before: set[Path]) -> set[Path]:
     """
     now = {path for path in watched.changed() - watched.folders if path.suffix not in (".yml", ".yaml")}
     for path in sorted(now & before):
-        _note(f"{os.path.relpath(path)} changes in every run and is no longer watched")
+        note(f"{os.path.relpath(path)} changes in every run and is no longer watched")
         watched.ignored.add(path)
         del watched.seen[path]
     return now
@@ -140,26 +142,38 @@ def _rerun(
 ) -> dict[str, list[Outcome]]:
     """Return the new outcomes of these files and print the differences."""
     suite = replace(request.plan.suite, files=tuple(touched), empty=(), complete=False)
+    collected = _Collected()
     try:
-        results = run_scenarios(replace(request, plan=replace(request.plan, suite=suite)), interruption).results
+        run_scenarios(replace(request, plan=replace(request.plan, suite=suite)), interruption, collected)
     except UsageError as error:
-        _note(str(error))
+        note(str(error))
         return {}
     if interruption.happened:
         return {}
-    found = {file_name(file): list[Outcome]() for file in touched} | _by_file(results)
+    found = {file_name(file): list[Outcome]() for file in touched} | collected.by_file()
     before = [outcome for file in found for outcome in outcomes.get(file, [])]
-    comparison = compare_outcomes(before, results.outcomes, _THRESHOLDS)
+    comparison = compare_outcomes(before, [outcome for several in found.values() for outcome in several], _THRESHOLDS)
     if rows(comparison):
         print_comparison(comparison, os.environ)
     return found
 
 
-def _by_file(results: Results) -> dict[str, list[Outcome]]:
-    found: dict[str, list[Outcome]] = {}
-    for outcome in results.outcomes:
-        found.setdefault(outcome.file, []).append(outcome)
-    return found
+class _Collected:
+    """A listener that collects the outcomes of a call."""
+
+    def __init__(self) -> None:
+        self._outcomes: dict[int, Outcome] = {}
+
+    def __call__(self, event: Event) -> None:
+        if isinstance(event, Finished):
+            self._outcomes[event.place] = event.outcome
+
+    def by_file(self) -> dict[str, list[Outcome]]:
+        """Return the outcomes of each file, in the order of the results."""
+        found: dict[str, list[Outcome]] = {}
+        for _, outcome in sorted(self._outcomes.items(), key=itemgetter(0)):
+            found.setdefault(outcome.file, []).append(outcome)
+        return found
 
 
 def _names(changed: set[Path]) -> str:
@@ -170,9 +184,4 @@ def _names(changed: set[Path]) -> str:
 
 def _note_watched(watched: _Watched) -> None:
     count = len(watched.paths() - watched.folders)
-    _note(f"watching {count} {'file' if count == 1 else 'files'}; press Ctrl-C to stop")
-
-
-def _note(message: str) -> None:
-    sys.stderr.write(log_line(f"sim-action: {message}") + "\n")
-    sys.stderr.flush()
+    note(f"watching {count} {'file' if count == 1 else 'files'}; press Ctrl-C to stop")

@@ -14,6 +14,7 @@ from sim_action.cli.inspect import inspect
 from sim_action.cli.listings import assertions, commands, models, schema, sensors
 from sim_action.cli.matrix import matrix
 from sim_action.cli.merge import merge
+from sim_action.cli.report import report
 from sim_action.cli.ros import roslaunch, rostest
 from sim_action.cli.run import run
 from sim_action.cli.validate import validate
@@ -28,6 +29,7 @@ SUBCOMMANDS: Final[tuple[click.Command, ...]] = (
     matrix,
     merge,
     compare,
+    report,
     view,
     rostest,
     roslaunch,
@@ -40,7 +42,7 @@ SUBCOMMANDS: Final[tuple[click.Command, ...]] = (
     schema,
 )
 
-TAKE_DEFAULTS: Final = ("run", "validate", "matrix", "merge", "view")
+TAKE_DEFAULTS: Final = ("run", "validate", "matrix", "merge", "report", "view")
 """The subcommands whose options can be set in pyproject.toml."""
 
 INTERRUPTIBLE: Final = ("run", "rostest", "roslaunch")

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from sim_action.cli.options import PATHS, Bounded, discovered, note, selection_flags
+from sim_action.cli.options import PATHS, Bounded, discovered, selection_flags
 from sim_action.core.errors import ExitCode, UsageError
+from sim_action.core.wording import note
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

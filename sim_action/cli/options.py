@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 from sim_action.core.errors import ExitCode, UsageError
-from sim_action.core.wording import shown
+from sim_action.core.wording import note, shown, warn
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -91,18 +91,6 @@ def _numbers(
             some[name] = some.get(name, frozenset()) | numbers
     by_name = {compared_name(str(path)): file_name(path) for path in files} if some else {}
     return {by_name[name]: numbers for name, numbers in some.items() if name not in whole}
-
-
-def note(message: str) -> None:
-    """Print a note on standard error."""
-    from sim_action.core.wording import log_line
-
-    click.echo(log_line(f"sim-action: {message}"), err=True)
-
-
-def warn(message: str) -> None:
-    """Print a warning on standard error."""
-    note(f"warning: {message}")
 
 
 def complain(message: str) -> None:

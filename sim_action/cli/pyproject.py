@@ -40,6 +40,7 @@ _OPTIONS: Final[Mapping[str, tuple[str, ...]]] = {
     "merge": _REPORTS,
     "validate": ("paths",),
     "matrix": ("paths",),
+    "report": _REPORTS,
     "view": ("output_dir",),
 }
 """Subcommand -> the keys that it takes."""

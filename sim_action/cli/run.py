@@ -157,7 +157,7 @@ def run(
             return _listed(plan)
         request = RunRequest(plan, report_request(flags), jobs or _cores(), fail_fast, recordings, repeat)
         if not watch:
-            return run_scenarios(request, interruption).exit_code
+            return run_scenarios(request, interruption)
         if shard is not None or update_golden:
             raise UsageError("--watch cannot be combined with --shard or --update-golden")
         from sim_action.app.watch import watch_scenarios

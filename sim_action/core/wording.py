@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import difflib
+import sys
 from collections.abc import Iterable
+from contextlib import suppress
 from itertools import islice
 from typing import Final
 
@@ -33,6 +35,18 @@ def system_reason(error: Exception) -> str:
     """Return the reason of an error of the operating system as the end of a sentence: "no space left on device"."""
     reason = (error.strerror if isinstance(error, OSError) else None) or str(error) or type(error).__name__
     return reason[:1].lower() + reason[1:]
+
+
+def note(message: str) -> None:
+    """Print a note on standard error, as one line. A closed stream is ignored."""
+    with suppress(OSError, ValueError):
+        sys.stderr.write(f"{log_line(f'sim-action: {message}')}\n")
+        sys.stderr.flush()
+
+
+def warn(message: str) -> None:
+    """Print a warning on standard error, as one line."""
+    note(f"warning: {message}")
 
 
 def shown(value: object) -> str:

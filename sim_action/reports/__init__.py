@@ -17,9 +17,10 @@ from typing import Final, Literal, Protocol
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.registry import Table
 from sim_action.core.wording import escaped_line, system_reason
-from sim_action.results.artifacts import RUN_FILE_FOLDERS, with_existing_files
+from sim_action.results.artifacts import REPORT_FILE, RUN_FILE_FOLDERS, with_existing_files
+from sim_action.results.journal import JOURNAL_FILE
 from sim_action.results.output_folder import create_folder, locked, remove_regular
-from sim_action.results.results_json import Results
+from sim_action.results.results_json import RESULTS_FILE, Results
 
 Verbosity = Literal["quiet", "normal", "verbose"]
 """The amount of text on the terminal.
@@ -50,6 +51,12 @@ class ReportOptions:
     workspace: Path
     verbosity: Verbosity = "normal"
     silenced: frozenset[str] = frozenset()
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """The files of a call in the output folder, apart from those of its runs."""
+        junit = Path(os.path.relpath(self.junit, self.folder))
+        return (JOURNAL_FILE, RESULTS_FILE, REPORT_FILE, *(() if ".." in junit.parts else (junit.as_posix(),)))
 
 
 class Report(Protocol):

@@ -13,10 +13,8 @@ from sim_action.core.errors import Location
 from sim_action.engines import ENGINES
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line
-from sim_action.results.artifacts import namesake_number
+from sim_action.results.artifacts import REPORT_FILE, namesake_number
 from sim_action.results.outcome import Outcome
-
-REPORT_FILE: Final = "report.html"
 
 # The characters that every shell treats alike between double quotes.
 _PLAIN: Final = re.compile(r"[\w .,:;=+/()\[\]-]+", re.ASCII)

@@ -12,6 +12,7 @@ from sim_action.reports import Verbosity
 from sim_action.reports.escaping import log_text, one_line
 from sim_action.reports.formatting import speed_text
 from sim_action.reports.statuses import STATUS_DISPLAYS
+from sim_action.results.events import Event, Progressed, RunEnded
 from sim_action.results.outcome import Outcome
 
 _REDRAW_PERIOD_S: Final = 0.1
@@ -19,9 +20,9 @@ _ERASE: Final = "\r\x1b[K"
 
 
 class ProgressListener:
-    """Print the progress that the runner reports.
+    """A listener that prints the progress of a call.
 
-    The listener starts no thread, buffers no text and imports no large module, because children are forked meanwhile.
+    It starts no thread, buffers no text and imports no large module, because children are forked meanwhile.
     """
 
     def __init__(self, total: int, verbosity: Verbosity, stream: TextIO | None = None) -> None:
@@ -34,17 +35,24 @@ class ProgressListener:
         self._running: dict[str, str] = {}
         self._shown_at = float("-inf")
 
-    def progress(self, name: str, sim_time: float, real_time_factor: float) -> None:
-        """Show that a scenario has reached a sim time in s."""
+    def __call__(self, event: Event) -> None:
+        """Show an event."""
+        match event:
+            case Progressed():
+                self._show_progress(event)
+            case RunEnded():
+                self._show_outcome(event.outcome)
+
+    def _show_progress(self, event: Progressed) -> None:
         if self._silent or not self._rewrites:
             return
-        self._running[name] = f"{one_line(name)} {sim_time:.1f} s ({speed_text(real_time_factor)})"
+        speed = speed_text(event.real_time_factor)
+        self._running[event.name] = f"{one_line(event.name)} {event.sim_time:.1f} s ({speed})"
         if time.monotonic() - self._shown_at >= _REDRAW_PERIOD_S:
             self._shown_at = time.monotonic()
             self._rewrite(f"[{self._done}/{self._total}] {', '.join(self._running.values())}")
 
-    def finished(self, outcome: Outcome) -> None:
-        """Show that a scenario has finished."""
+    def _show_outcome(self, outcome: Outcome) -> None:
         self._done += 1
         self._running.pop(outcome.name, None)
         if self._silent:

@@ -25,9 +25,10 @@ from sim_action.reports.formatting import (
     speed_text,
     user_output,
 )
-from sim_action.reports.links import REPORT_FILE, stored_trace
+from sim_action.reports.links import stored_trace
 from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios
 from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS, StatusDisplay
+from sim_action.results.artifacts import REPORT_FILE
 from sim_action.results.outcome import WORST_FIRST, DisplayStatus, ExpectationOutcome, Failure, Outcome
 from sim_action.results.results_json import RESULTS_FILE, Results
 

@@ -13,8 +13,8 @@ from sim_action.core.errors import ExitCode, InternalError
 from sim_action.core.wording import escaped_line, log_line, system_reason
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import log_text, one_line
-from sim_action.reports.links import REPORT_FILE
 from sim_action.reports.statuses import STATUS_DISPLAYS
+from sim_action.results.artifacts import REPORT_FILE
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import RESULTS_FILE, Results
 

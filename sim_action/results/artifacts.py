@@ -16,6 +16,7 @@ from sim_action.core.wording import escaped_line, system_reason
 from sim_action.recording.export import EXPORTS
 from sim_action.results.outcome import Outcome
 
+REPORT_FILE: Final = "report.html"
 TRACE_FOLDER: Final = "traces"
 REPLAY_FOLDER: Final = "replays"
 RECORDING_FOLDER: Final = "recordings"
@@ -43,6 +44,29 @@ def trace_paths(names: Sequence[str], folder: Path) -> list[Path]:
 
 def _plain(name: str) -> str:
     return re.sub(r"[^A-Za-z0-9._-]+", "-", name).strip("-.")[:80] or "scenario"
+
+
+@dataclass(frozen=True, slots=True)
+class RunFiles:
+    """The files of one run; `replay` is None if none is written."""
+
+    trace: Path
+    replay: Path | None
+    recordings: tuple[Path, ...]
+
+    def __iter__(self) -> Iterator[Path]:
+        yield self.trace
+        if self.replay is not None:
+            yield self.replay
+        yield from self.recordings
+
+
+def run_files(names: Sequence[str], folder: Path, *, replays: bool, formats: Sequence[str]) -> list[RunFiles]:
+    """Return the files of runs; `names`: the name of the scenario of each run."""
+    return [
+        RunFiles(trace, replay_path(trace) if replays else None, tuple(recording_path(trace, name) for name in formats))
+        for trace in trace_paths(names, folder)
+    ]
 
 
 def namesake_number(name: str, stored: str) -> int:

@@ -306,6 +306,14 @@ class Outcome(FrozenModel):
         return tuple(expected for expected in self.not_passed if expected.prevents_pass)
 
     @property
+    def ending(self) -> str:
+        """The status with its first reason, such as "failed (travelled 1.2 m of 1.5 m)"."""
+        reasons = [f"{failure.title}: {failure.message}" for failure in self.failures]
+        reasons += [expected.verdict.message for expected in self.causes]
+        status = "ended in an error" if self.status == "error" else self.status.replace("_", " ")
+        return f"{status} ({reasons[0]})" if reasons else status
+
+    @property
     def has_verdict(self) -> bool:
         """Return True if the expectations were judged and the judgement is reliable."""
         return self.status in ("passed", "failed", "not_exercised")

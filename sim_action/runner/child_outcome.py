@@ -98,15 +98,16 @@ def not_started(loaded: LoadedScenario, cause: str) -> Outcome:
 def skipped(loaded: LoadedScenario) -> Outcome:
     """Return the outcome of a scenario that was not started because another one had failed."""
     note = "not run: another scenario did not pass (--fail-fast)"
-    return _unjudged(loaded).model_copy(update={"status": "skipped", "notes": (note,)})
+    return unjudged(loaded).model_copy(update={"status": "skipped", "notes": (note,)})
 
 
 def without_verdict(loaded: LoadedScenario, failure: Failure) -> Outcome:
     """Return an error outcome."""
-    return _unjudged(loaded).model_copy(update={"failures": (failure,)})
+    return unjudged(loaded).model_copy(update={"failures": (failure,)})
 
 
-def _unjudged(loaded: LoadedScenario) -> Outcome:
+def unjudged(loaded: LoadedScenario) -> Outcome:
+    """Return the outcome of a run without verdict and reason."""
     source = loaded.source
     return Outcome(
         name=loaded.scenario.name,

@@ -11,12 +11,13 @@ from dataclasses import replace
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import Final, Protocol
+from typing import Final
 
 from sim_action.core.process import Interruption
 from sim_action.engines import ENGINES, chosen
 from sim_action.recording.export import EXPORTS
-from sim_action.results.artifacts import recording_path, replay_path, trace_paths
+from sim_action.results.artifacts import RunFiles, run_files
+from sim_action.results.events import Listener, Progressed, RunEnded, Started
 from sim_action.results.outcome import Outcome
 from sim_action.runner.child_outcome import (
     Ending,
@@ -36,29 +37,21 @@ from sim_action.scenario.model import LoadedScenario
 
 # The pipe of a child closes at once, but the process table follows later; a grandchild may keep the pipe open.
 _ENDING_WAIT_S: Final = 0.002
-_MAX_WAIT_S: Final = 0.25
+# The journal waits for the disk at events, which come at least this often while children run.
+_MAX_WAIT_S: Final = 0.1
 # If nothing runs, another process may have what a start needs, for a moment.
 _MAX_ATTEMPTS: Final = 5
 _ATTEMPT_PAUSE_S: Final = 0.2
-
-
-class Listener(Protocol):
-    """A receiver of progress and outcomes."""
-
-    def progress(self, name: str, sim_time: float, real_time_factor: float) -> None:
-        """Report that a scenario has reached a sim time, in s."""
-
-    def finished(self, outcome: Outcome) -> None:
-        """Report the outcome of a scenario."""
 
 
 def execute(
     scenarios: Sequence[LoadedScenario],
     folder: Path,
     jobs: int,
-    listener: Listener,
+    emit: Listener,
     interruption: Interruption,
     *,
+    places: Sequence[int] | None = None,
     fail_fast: bool = False,
     replays: bool = False,
     formats: Sequence[str] = (),
@@ -75,8 +68,9 @@ def execute(
         scenarios: the scenarios to run.
         folder: the folder of the results; traces are written below it.
         jobs: the number of child processes that may run at the same time.
-        listener: is called with the progress and the outcomes.
+        emit: receives the events of the runs, from `Started` to `RunEnded`.
         interruption: ends the call early.
+        places: the index in the results for each scenario; by default, that in `scenarios`.
         fail_fast: start no scenario after the first one that has not passed.
         replays: write replays, too.
         formats: the formats of recordings to write.
@@ -97,11 +91,13 @@ def execute(
     # On Windows, processes that a script left running may keep files open in it.
     with tempfile.TemporaryDirectory(prefix="sim-action-", ignore_cleanup_errors=True) as scratch:
         runs = [(loaded, None if repeat == 1 else turn) for turn in range(repeat) for loaded in scenarios]
-        paths = trace_paths([loaded.scenario.name for loaded, _ in runs], folder)
-        made = partial(_job, child_type=child_type, replays=replays, formats=formats)
+        files = run_files(
+            [loaded.scenario.name for loaded, _ in runs], folder.absolute(), replays=replays, formats=formats
+        )
+        made = partial(_job, results=folder.absolute(), child_type=child_type)
         made_jobs = [
-            made(loaded, path, folder, _subfolder(Path(scratch), index), hash_seed=hash_seed)
-            for index, ((loaded, hash_seed), path) in enumerate(zip(runs, paths, strict=True))
+            made(loaded, of_run, own=_subfolder(Path(scratch), index), hash_seed=hash_seed)
+            for index, ((loaded, hash_seed), of_run) in enumerate(zip(runs, files, strict=True))
         ]
         if motions is not None:
             # Repeated runs are equal, or have no verdict: the first one is enough.
@@ -109,7 +105,10 @@ def execute(
                 if loaded.compared:
                     made_jobs[index] = replace(made_jobs[index], motion=motion_file(motions, index))
         waiting = deque(enumerate(made_jobs))
-        scheduler = _Scheduler(child_type, waiting, jobs, listener, interruption, fail_fast=fail_fast)
+        numbered = [(place, turn) for turn in range(1, repeat + 1) for place in places or range(len(scenarios))]
+        scheduler = _Scheduler(
+            child_type, waiting, jobs, emit, interruption, places_and_turns=numbered, fail_fast=fail_fast
+        )
         outcomes = scheduler.run(partial(_make_ready, scenarios, meanwhile))
     left = interrupted if interruption.happened else skipped
     return [outcomes.get(index) or left(loaded) for index, (loaded, _) in enumerate(runs)]
@@ -122,18 +121,14 @@ def motion_file(folder: Path, index: int) -> Path:
 
 def _job(
     loaded: LoadedScenario,
-    trace: Path,
+    files: RunFiles,
+    *,
     results: Path,
     own: Path,
-    *,
     child_type: type[ChildProcess],
     hash_seed: int | None,
-    replays: bool,
-    formats: Sequence[str],
 ) -> Job:
-    replay = replay_path(trace) if replays else None
-    recordings = tuple(recording_path(trace, name) for name in formats)
-    return Job(loaded, trace, results, own, child_type.limits_memory, replay, recordings, hash_seed)
+    return Job(loaded, files.trace, results, own, child_type.limits_memory, files.replay, files.recordings, hash_seed)
 
 
 def _subfolder(scratch: Path, index: int) -> Path:
@@ -179,9 +174,10 @@ class _Scheduler:
         child_type: type[ChildProcess],
         waiting: deque[tuple[int, Job]],
         jobs: int,
-        listener: Listener,
+        emit: Listener,
         interruption: Interruption,
         *,
+        places_and_turns: Sequence[tuple[int, int]],
         fail_fast: bool,
     ) -> None:
         self._child_type = child_type
@@ -191,7 +187,8 @@ class _Scheduler:
         self._jobs = most_children(child_type, jobs)
         self._attempts = _MAX_ATTEMPTS
         self._starts_more = True
-        self._listener = listener
+        self._places_and_turns = places_and_turns
+        self._emit = emit
         self._running: dict[int, ChildProcess] = {}
         self._outcomes: dict[int, Outcome] = {}
 
@@ -222,6 +219,8 @@ class _Scheduler:
                 self._running[index] = self._child_type.start(replace(job, deadline=deadline))
             except (OSError, MemoryError) as error:
                 self._put_back(index, job, error)
+            else:
+                self._emit(Started(*self._places_and_turns[index], job.loaded.scenario.name))
 
     def _put_back(self, index: int, job: Job, error: OSError | MemoryError) -> None:
         """Start a job again once another one has ended, or soon if none runs; at last it is an error."""
@@ -253,7 +252,9 @@ class _Scheduler:
             if ending is None:
                 # The clock of Windows may stand still for 16 ms.
                 elapsed = max(_ENDING_WAIT_S, time.monotonic() - child.started)
-                self._listener.progress(child.job.loaded.scenario.name, child.sim_time, child.sim_time / elapsed)
+                place, turn = self._places_and_turns[index]
+                name = child.job.loaded.scenario.name
+                self._emit(Progressed(place, turn, name, child.sim_time, child.sim_time / elapsed))
                 continue
             child.close()
             del self._running[index]
@@ -265,7 +266,7 @@ class _Scheduler:
 
     def _finish(self, index: int, outcome: Outcome) -> None:
         self._outcomes[index] = outcome
-        self._listener.finished(outcome)
+        self._emit(RunEnded(*self._places_and_turns[index], outcome))
         if self._fail_fast and outcome.status != "passed":
             self._waiting.clear()
             self._starts_more = False

@@ -67,11 +67,8 @@ class _Run:
 
     @property
     def ending(self) -> str:
-        """The result in words, such as "run 3 failed: travelled 1.2 m of 1.5 m"."""
-        reasons = [f"{failure.title}: {failure.message}" for failure in self.outcome.failures]
-        reasons += [expected.verdict.message for expected in self.outcome.causes]
-        how = "ended in an error" if self.outcome.status == "error" else self.outcome.status.replace("_", " ")
-        return f"run {self.number} {how}{f' ({reasons[0]})' if reasons else ''}"
+        """The result in words, such as "run 3 failed (travelled 1.2 m of 1.5 m)"."""
+        return f"run {self.number} {self.outcome.ending}"
 
 
 def _told(loaded: LoadedScenario, runs: Sequence[_Run], folder: Path) -> tuple[Outcome, list[Outcome]]:

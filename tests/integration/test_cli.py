@@ -248,7 +248,7 @@ def test_files_go_where_they_are_asked_to(tmp_path: Path) -> None:
     ran = sim_action(tmp_path, "run", "a b.sim.yml", "--output-dir", "out put", "--junit", "x/y.xml", "--junit-strict")
     assert ran.returncode == 0, ran.stderr
     written = {path.name for path in (tmp_path / "out put").iterdir()}
-    assert written == {"results.json", "report.html", "replays", "traces", ".gitignore"}
+    assert written == {"results.json", "results.jsonl", "report.html", "replays", "traces", ".gitignore"}
     assert "<testcase" in (tmp_path / "x/y.xml").read_text()
 
 
@@ -405,7 +405,7 @@ def test_a_run_without_a_report_imports_nothing_of_replays(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(
-    ("arguments", "most"), [(("--help",), 20), (("validate", "a.sim.yml"), 94), (("run", TUTORIAL), 171)]
+    ("arguments", "most"), [(("--help",), 20), (("validate", "a.sim.yml"), 95), (("run", TUTORIAL), 176)]
 )
 def test_few_modules_are_imported(tmp_path: Path, arguments: tuple[str, ...], most: int) -> None:
     # Each one takes about 1 ms before anything runs. If you need one more in every run, raise the number.

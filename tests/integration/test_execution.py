@@ -16,6 +16,7 @@ import pytest
 
 from sim_action.core.errors import Location
 from sim_action.core.process import Interruption
+from sim_action.results.events import Event, RunEnded
 from sim_action.results.outcome import Outcome
 from sim_action.runner.isolation.child_process import ChildProcess
 from sim_action.runner.isolation.linux_child import LinuxChild
@@ -38,9 +39,7 @@ GOOD = "{twist: [{linear: 0.5}]}"
 
 
 class Silent:
-    def progress(self, name: str, sim_time: float, real_time_factor: float) -> None: ...
-
-    def finished(self, outcome: Outcome) -> None: ...
+    def __call__(self, event: Event) -> None: ...
 
 
 def scenario(folder: Path, name: str, commands: str = GOOD, wall_limit: float = 60) -> Path:
@@ -73,8 +72,9 @@ def test_while_children_run_the_caller_is_made_ready_once(tmp_path: Path) -> Non
     told: list[str] = []
 
     class Told(Silent):
-        def finished(self, outcome: Outcome) -> None:
-            told.append(outcome.status)
+        def __call__(self, event: Event) -> None:
+            if isinstance(event, RunEnded):
+                told.append(event.outcome.status)
 
     scenarios = [load_scenario(scenario(tmp_path, name)) for name in "abc"]
     with Interruption() as interruption:

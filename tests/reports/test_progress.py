@@ -9,8 +9,8 @@ import pytest
 
 from sim_action.reports import Verbosity
 from sim_action.reports.progress import ProgressListener
+from sim_action.results.events import Finished, Progressed, RunEnded, Started
 from sim_action.results.results_json import Results
-from sim_action.runner.process_pool import Listener
 
 Samples = dict[str, Results]
 
@@ -24,10 +24,11 @@ class Terminal(io.StringIO):
 
 def told(samples: Samples, stream: io.StringIO, verbosity: Verbosity = "normal") -> str:
     listener = ProgressListener(total=7, verbosity=verbosity, stream=stream)
-    as_execution_sees_it: Listener = listener
-    as_execution_sees_it.progress("burger drives straight", 1.25, 31.4)
-    as_execution_sees_it.finished(samples["passed"].outcomes[0])
-    as_execution_sees_it.finished(samples["crash"].outcomes[0])
+    listener(Started(0, 1, "burger drives straight"))
+    listener(Progressed(0, 1, "burger drives straight", 1.25, 31.4))
+    for place, name in enumerate(("passed", "crash")):
+        listener(RunEnded(place, 1, samples[name].outcomes[0]))
+        listener(Finished(place, samples[name].outcomes[0]))
     listener.close()
     return stream.getvalue()
 
@@ -52,7 +53,7 @@ def test_nothing_when_quiet(samples: Samples) -> None:
 
 def test_a_name_never_takes_two_lines(samples: Samples) -> None:
     stream = Terminal()
-    ProgressListener(1, "normal", stream).progress("宽" * 500 + "\nx", 1.0, 1.0)
+    ProgressListener(1, "normal", stream)(Progressed(0, 1, "宽" * 500 + "\nx", 1.0, 1.0))
     line = stream.getvalue().removeprefix("\r\x1b[K")
     assert "\n" not in line
     assert line.count("宽") * 2 < shutil.get_terminal_size().columns
@@ -61,7 +62,7 @@ def test_a_name_never_takes_two_lines(samples: Samples) -> None:
 def test_hostile_names_command_nothing(samples: Samples, hostile: str) -> None:
     stream = io.StringIO()
     listener = ProgressListener(1, "normal", stream)
-    listener.finished(samples["hostile"].outcomes[0])
+    listener(RunEnded(0, 1, samples["hostile"].outcomes[0]))
     (line,) = stream.getvalue().splitlines()
     assert line.startswith("[1/1] failed  a|b")
     assert "##[" not in line
@@ -72,7 +73,8 @@ def test_children_are_forked_from_a_light_process() -> None:
     code = """
 import sys, threading
 from sim_action.reports.progress import ProgressListener
-ProgressListener(1, "normal").progress("a", 1.0, 1.0)
+from sim_action.results.events import Progressed
+ProgressListener(1, "normal")(Progressed(0, 1, "a", 1.0, 1.0))
 assert "rich" not in sys.modules
 assert threading.active_count() == 1
 """

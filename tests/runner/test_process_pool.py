@@ -16,6 +16,7 @@ from unittest.mock import Mock
 import pytest
 
 from sim_action.core.process import Interruption
+from sim_action.results.events import Event, Progressed, RunEnded
 from sim_action.results.outcome import Outcome
 from sim_action.runner.isolation.child_process import ChildProcess
 from sim_action.runner.job import Job
@@ -65,13 +66,13 @@ class Listener:
     def __init__(self) -> None:
         self.told: list[str] = []
 
-    def progress(self, name: str, sim_time: float, real_time_factor: float) -> None:
-        assert sim_time == 0.5
-        assert real_time_factor > 0
-        self.told.append(f"{name} goes on")
-
-    def finished(self, outcome: Outcome) -> None:
-        self.told.append(f"{outcome.name} is done")
+    def __call__(self, event: Event) -> None:
+        if isinstance(event, Progressed):
+            assert event.sim_time == 0.5
+            assert event.real_time_factor > 0
+            self.told.append(f"{event.name} goes on")
+        if isinstance(event, RunEnded):
+            self.told.append(f"{event.outcome.name} is done")
 
 
 def test_each_child_is_looked_at_while_those_before_it_still_run(

@@ -8,7 +8,8 @@ from pathlib import Path
 
 from sim_action.core.files import append_whole
 from sim_action.reports import ReportOptions
-from sim_action.reports.links import REPORT_FILE, replay_link
+from sim_action.reports.links import replay_link
+from sim_action.results.artifacts import REPORT_FILE
 from sim_action.results.results_json import RESULTS_FILE, Results
 
 

@@ -25,9 +25,8 @@ from sim_action.reports.escaping import one_line, shortened
 from sim_action.reports.formatting import counts_text, shard_text, speed_text
 from sim_action.reports.html.document import Html, Page, element, joined
 from sim_action.reports.html.scenario_article import article, drawn, status_mark
-from sim_action.reports.links import REPORT_FILE
 from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios, worst_first
-from sim_action.results.artifacts import namesake_number, stored_file
+from sim_action.results.artifacts import REPORT_FILE, namesake_number, stored_file
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
 

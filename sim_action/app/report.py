@@ -1,0 +1,14 @@
+"""The use case `report`: make the results and every report from the journal of a call, also of one that was killed."""
+
+from __future__ import annotations
+
+from sim_action.core.errors import ExitCode
+from sim_action.reports import ReportRequest, open_reports, write_reports
+from sim_action.results.journal import read_journal
+
+
+def report_journal(request: ReportRequest) -> ExitCode:
+    """Write every report into the folder of the journal, and return the exit code. Raises UsageError."""
+    results = read_journal(request.folder).results()
+    with open_reports(request) as options:
+        return write_reports(results, options)

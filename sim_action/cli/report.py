@@ -1,0 +1,31 @@
+"""`sim-action report`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from sim_action.cli.options import report_flags, report_request
+from sim_action.core.errors import ExitCode
+
+
+@click.command(short_help="Make the reports of a run that was killed.")
+@click.argument("folder", required=False)
+@report_flags
+def report(folder: str | None, **flags: Any) -> ExitCode:
+    """Make all reports from results.jsonl, the journal of a run, also if the run was killed.
+
+    FOLDER is the output folder of the run. The default is the folder of --output-dir. Scenarios without an outcome are
+    listed as not finished.
+
+    Exit code: as for `run`; 130 if a scenario has not finished.
+    """
+    from dataclasses import replace
+    from pathlib import Path
+
+    from sim_action.app.report import report_journal
+
+    # The name of this command is also that of the option --report, whose value is in `flags`.
+    request = report_request(flags)
+    return report_journal(request if folder is None else replace(request, folder=Path(folder)))

@@ -1,0 +1,68 @@
+"""The events of a call, in the order in which they happen: the terminal, the journal and `--watch` read them.
+
+    Started, Progressed ..., RunEnded     one run of one scenario, in a child process
+    Finished                              an outcome of the results is final
+
+A scenario has several runs with `--repeat`, and several outcomes with several engines. `Finished` comes after the last
+run that its outcome depends on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from sim_action.results.outcome import Outcome
+
+
+@dataclass(frozen=True, slots=True)
+class Started:
+    """A run has started.
+
+    Attributes:
+        place: the index of its outcome in the results.
+        turn: the number of the repetition, counted from 1.
+        name: the name of the scenario.
+    """
+
+    place: int
+    turn: int
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Progressed:
+    """A run has reached a sim time in s; the other attributes are those of `Started`."""
+
+    place: int
+    turn: int
+    name: str
+    sim_time: float
+    real_time_factor: float
+
+
+@dataclass(frozen=True, slots=True)
+class RunEnded:
+    """A run has ended; the other attributes are those of `Started`.
+
+    Attributes:
+        outcome: the outcome of this run alone.
+        is_one_of_several: True if the final outcome depends on other runs, too.
+    """
+
+    place: int
+    turn: int
+    outcome: Outcome
+    is_one_of_several: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Finished:
+    """An outcome is final; `place`: its index in the results."""
+
+    place: int
+    outcome: Outcome
+
+
+Event = Started | Progressed | RunEnded | Finished
+Listener = Callable[[Event], None]

@@ -1,0 +1,328 @@
+"""The journal `results.jsonl`: each outcome of a call, written as soon as it is known.
+
+The first line is the header: the planned outcomes, and the files that the call may write. Each other line is a record:
+a start, the outcome of one of several runs, a final outcome, or the end of the call. `results.json` and all reports are
+assembled from these records, at the end of the call or later by `sim-action report`.
+
+A record is handed to the operating system at once, so that a killed process loses none. It is on the disk a tenth of a
+second later. A journal that is read may come from anywhere, so its content is validated.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
+from functools import partial
+from itertools import islice
+from pathlib import Path
+from typing import Annotated, Final, Literal, Self
+
+from pydantic import Field, ValidationError
+
+from sim_action.core.errors import ExitCode, UsageError
+from sim_action.core.field_types import FrozenModel
+from sim_action.core.files import open_regular, whole_file
+from sim_action.core.wording import escaped_line, system_reason
+from sim_action.results.events import Event, Finished, RunEnded, Started
+from sim_action.results.outcome import Failure, NotNegative, Outcome, audited_over_variations
+from sim_action.results.results_json import MAX_OUTCOMES, Results
+from sim_action.results.shards import Shard
+from sim_action.scenario.source import Varied
+
+JOURNAL_FILE: Final = "results.jsonl"
+
+_MAX_HEADER_BYTES: Final = 64_000_000
+_SYNC_PERIOD_S: Final = 0.1
+_MAX_LINE_BYTES: Final = 64_000_000
+_MAX_RECORDS: Final = 4 * MAX_OUTCOMES
+_NO_LINK: Final = getattr(os, "O_NOFOLLOW", 0)
+
+Place = Annotated[int, Field(ge=0)]
+Kind = Literal["started", "run", "finished", "ended"]
+
+
+class Planned(FrozenModel):
+    """One planned outcome; the attributes are those of `Outcome`.
+
+    Attributes:
+        key: the digest of everything that the outcome may depend on; None: it is not known.
+    """
+
+    name: str
+    file: str
+    line: Annotated[int, Field(ge=1)] | None = None
+    number: Annotated[int, Field(ge=1)] | None = None
+    group: str | None = None
+    variation: tuple[Varied, ...] = ()
+    key: str | None = None
+
+    @classmethod
+    def of(cls, outcome: Outcome) -> Self:
+        """Return the plan of an outcome."""
+        return cls(**{name: getattr(outcome, name) for name in cls.model_fields if name != "key"})
+
+    def unfinished(self, message: str) -> Outcome:
+        """Return the outcome of a scenario that has not finished."""
+        known = {name: getattr(self, name) for name in type(self).model_fields if name != "key"}
+        failure = Failure(kind="interrupted", title="not finished", message=message)
+        return Outcome(**known, status="error", failures=(failure,))
+
+
+class Header(FrozenModel):
+    """The first line of a journal.
+
+    Attributes:
+        journal: the version of the format.
+        shard, selected: as in `Results`.
+        files: the files that the call may write, relative to the journal; the next call removes them.
+        planned: the planned outcomes, in the order of the results.
+    """
+
+    journal: Literal[1]
+    sim_action: str
+    python: str
+    platform: str
+    shard: Shard | None = None
+    selected: bool = False
+    files: tuple[str, ...] = ()
+    planned: Annotated[tuple[Planned, ...], Field(max_length=MAX_OUTCOMES)] = ()
+
+
+class Record(FrozenModel):
+    """A line of the journal.
+
+    Attributes:
+        at: the wall time in s since the start of the call.
+        event: the kind of the record; "ended": the call has ended, and has no `place`.
+        place: the index of the planned outcome.
+        turn: the number of the repetition, counted from 1; None for a final outcome.
+        taken_over: True for an outcome of an earlier call, see `run --resume`.
+    """
+
+    at: NotNegative
+    event: Kind
+    place: Place | None = None
+    turn: Annotated[int, Field(ge=1)] | None = None
+    taken_over: bool = False
+    outcome: Outcome | None = None
+
+    @property
+    def is_interrupted(self) -> bool:
+        """Return True for the outcome of an interrupted scenario. It is not written: it is no result."""
+        return self.outcome is not None and self.outcome.exit_code is ExitCode.INTERRUPTED
+
+
+class Recorded:
+    """The content of a journal.
+
+    Attributes:
+        header: the first line.
+        records: all other lines.
+        finished: the place of each final outcome -> its record.
+    """
+
+    def __init__(self, header: Header) -> None:
+        self.header = header
+        self.records: list[Record] = []
+        self.finished: dict[int, Record] = {}
+
+    def add(self, record: Record) -> None:
+        """Add a record. Raise ValueError if it does not fit the header."""
+        if record.event != "ended" and (record.place is None or record.place >= len(self.header.planned)):
+            raise ValueError("it has no place in the plan")
+        if record.event in ("run", "finished"):
+            planned = self.header.planned[record.place or 0]
+            if record.outcome is None or (record.outcome.name, record.outcome.file) != (planned.name, planned.file):
+                raise ValueError("it has no outcome of the planned scenario")
+        self.records.append(record)
+        if record.event == "finished" and record.place is not None:
+            self.finished[record.place] = record
+
+    def results(self) -> Results:
+        """Return the results: every planned outcome, those that are not final as not finished."""
+        header = self.header
+        known = self._known()
+        outcomes = [self._outcome(place, planned, known) for place, planned in enumerate(header.planned)]
+        return Results(
+            sim_action=header.sim_action,
+            python=header.python,
+            platform=header.platform,
+            wall_time=max((record.at for record in self.records), default=0.0),
+            shard=header.shard,
+            selected=header.selected,
+            outcomes=tuple(audited_over_variations(outcomes)),
+        )
+
+    def _outcome(self, place: int, planned: Planned, known: Mapping[int, Sequence[str]]) -> Outcome:
+        if place in self.finished and (outcome := self.finished[place].outcome) is not None:
+            return outcome
+        started = "ended" if place in known else "started"
+        message = f"sim-action ended before this scenario {started}"
+        return planned.unfinished("; ".join((message, *known.get(place, ()))))
+
+    def _known(self) -> dict[int, list[str]]:
+        """Return the verdicts of runs for each place that has started and may not be final."""
+        known: dict[int, list[str]] = {}
+        for record in self.records:
+            if record.place is None or record.place in self.finished:
+                continue
+            words = known.setdefault(record.place, [])
+            if record.event == "run" and record.outcome is not None:
+                words.append(f"run {record.turn} {record.outcome.ending}")
+        return known
+
+
+class Journal:
+    """A listener that writes the journal of a call, and keeps its records.
+
+    If the journal cannot be written, the call goes on with the records in memory, and `warn` is called once with the
+    reason of the system. Each later record is a new attempt to write the whole journal.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        header: Header,
+        warn: Callable[[str], None],
+        started: float,
+        taken_over: Iterable[Record] = (),
+    ) -> None:
+        """Begin the journal in a folder.
+
+        Args:
+            folder: the output folder.
+            header: the plan of the call.
+            warn: receives the reason if the journal cannot be written.
+            started: the start of the call on `time.monotonic()`.
+            taken_over: records of final outcomes of an earlier call, with their places in this one.
+        """
+        self._path = folder.absolute() / JOURNAL_FILE
+        self._warn = warn
+        self._has_warned = False
+        self._started = started
+        self._synced = float("-inf")
+        self._is_synced = False
+        self._descriptor: int | None = None
+        self._recorded = Recorded(header)
+        for record in taken_over:
+            self._recorded.add(record.model_copy(update={"at": 0.0, "taken_over": True}))
+        self._attempt(self._write_whole)
+
+    def __call__(self, event: Event) -> None:
+        """Record an event."""
+        match event:
+            case Finished(place, outcome):
+                self._record("finished", place, None, outcome)
+            case RunEnded(place, turn, outcome, is_one_of_several=True):
+                self._record("run", place, turn, outcome)
+            case Started(place, turn, _):
+                self._record("started", place, turn)
+        if not self._is_synced and time.monotonic() - self._synced >= _SYNC_PERIOD_S:
+            self._attempt(self._sync)
+
+    def close(self) -> Results:
+        """End the journal, and return the results of the call."""
+        self._record("ended")
+        self._attempt(self._sync)
+        self._leave()
+        return self._recorded.results()
+
+    def _record(
+        self, event: Kind, place: int | None = None, turn: int | None = None, outcome: Outcome | None = None
+    ) -> None:
+        at = round(max(0.0, time.monotonic() - self._started), 3)
+        record = Record(at=at, event=event, place=place, turn=turn, outcome=outcome)
+        self._recorded.add(record)
+        if not record.is_interrupted:
+            self._attempt(partial(self._append, record))
+
+    def _attempt(self, step: Callable[[], None]) -> None:
+        """Do a step; after an error of the system, the next step writes the whole journal again."""
+        try:
+            step()
+        except OSError as error:
+            self._leave()
+            if not self._has_warned:
+                self._has_warned = True
+                reason = system_reason(error)
+                self._warn(f"the journal {self._path.name} cannot be written: {reason}; verdicts are kept in memory")
+
+    def _append(self, record: Record) -> None:
+        """Write a record. Raise OSError."""
+        # A controller may have removed the output folder.
+        if self._descriptor is None or not os.fstat(self._descriptor).st_nlink:
+            self._leave()
+            self._write_whole()
+            return
+        _write_all(self._descriptor, _line(record))
+        self._is_synced = False
+
+    def _write_whole(self) -> None:
+        """Write the header and all records to a new file. Raise OSError."""
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        with whole_file(self._path) as file:
+            file.write(_line(self._recorded.header))
+            file.writelines(_line(record) for record in self._recorded.records if not record.is_interrupted)
+        self._descriptor = os.open(self._path, os.O_WRONLY | os.O_APPEND | getattr(os, "O_BINARY", 0) | _NO_LINK)
+        self._is_synced = False
+
+    def _sync(self) -> None:
+        """Wait until everything that was written is on the disk. Raise OSError."""
+        if self._descriptor is not None:
+            os.fsync(self._descriptor)
+            self._is_synced = True
+            self._synced = time.monotonic()
+
+    def _leave(self) -> None:
+        if self._descriptor is not None:
+            os.close(self._descriptor)
+            self._descriptor = None
+
+
+def read_journal(folder: Path) -> Recorded:
+    """Read the journal of an output folder. Raise UsageError.
+
+    Lines that are not valid are left out: a killed process may leave the last line unfinished.
+    """
+    path = folder / JOURNAL_FILE
+    try:
+        with open_regular(path, follow_link=False) as file:
+            recorded = Recorded(_header(file.readline(_MAX_HEADER_BYTES)))
+            for line in islice(iter(partial(file.readline, _MAX_LINE_BYTES), b""), _MAX_RECORDS):
+                with suppress(ValueError):
+                    recorded.add(Record.model_validate_json(line))
+    except OSError as error:
+        reason = system_reason(error)
+    except ValidationError as error:
+        reason = f"it does not begin with a header of format version 1: {error.errors(include_url=False)[0]['msg']}"
+    else:
+        return recorded
+    raise UsageError(escaped_line(f"{path} is not a valid journal: {reason}"))
+
+
+def manifest(folder: Path) -> tuple[str, ...]:
+    """Return the names of the files that the earlier call in a folder may have written; empty without a valid journal.
+
+    The names may come from anywhere.
+    """
+    try:
+        with open_regular(folder / JOURNAL_FILE, follow_link=False) as file:
+            return _header(file.readline(_MAX_HEADER_BYTES)).files
+    except (OSError, ValidationError):
+        return ()
+
+
+def _header(line: bytes) -> Header:
+    """Return the header. Raise ValidationError."""
+    return Header.model_validate_json(line)
+
+
+def _line(data: Header | Record) -> bytes:
+    return data.model_dump_json(exclude_defaults=True).encode() + b"\n"
+
+
+def _write_all(descriptor: int, data: bytes) -> None:
+    while data:
+        data = data[os.write(descriptor, data) :]

@@ -1,0 +1,196 @@
+from __future__ import annotations
+
+import errno
+import json
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from sim_action.core.errors import ExitCode, UsageError
+from sim_action.results.events import Finished, Progressed, RunEnded, Started
+from sim_action.results.journal import JOURNAL_FILE, Header, Journal, Planned, manifest, read_journal
+from sim_action.results.outcome import Failure, Outcome
+from tests.outcomes import outcome as of_file
+
+NAMES = ("a", "b", "c")
+FAILED = Failure(kind="crash", title="SIGSEGV", message="it crashed")
+INTERRUPTED = Failure(kind="interrupted", title="interrupted", message="it was interrupted")
+
+
+def outcome(name: str, failure: Failure | None = None) -> Outcome:
+    found = of_file("s.sim.yml").model_copy(update={"name": name})
+    return found if failure is None else Outcome(name=name, file="s.sim.yml", status="error", failures=(failure,))
+
+
+def header(names: tuple[str, ...] = NAMES, files: tuple[str, ...] = ()) -> Header:
+    planned = tuple(Planned(name=name, file="s.sim.yml") for name in names)
+    return Header(journal=1, sim_action="1", python="3", platform="p", files=files, planned=planned)
+
+
+def unheard(message: str) -> None:
+    raise AssertionError(message)
+
+
+def begun(folder: Path, warn: Callable[[str], None] = unheard) -> Journal:
+    return Journal(folder, header(), warn, time.monotonic())
+
+
+def statuses(folder: Path) -> list[str]:
+    return [each.status for each in read_journal(folder).results().outcomes]
+
+
+def test_each_final_outcome_is_in_the_file_at_once(tmp_path: Path) -> None:
+    journal = begun(tmp_path)
+    journal(Started(1, 1, "b"))
+    journal(Finished(1, outcome("b")))
+    results = read_journal(tmp_path).results()
+    assert [each.status for each in results.outcomes] == ["error", "passed", "error"]
+    assert results.outcomes[1] == outcome("b")
+    assert results.exit_code is ExitCode.INTERRUPTED
+
+
+def test_results_from_the_file_are_those_of_the_call(tmp_path: Path) -> None:
+    journal = begun(tmp_path)
+    for place, name in enumerate(NAMES):
+        journal(Started(place, 1, name))
+        journal(Progressed(place, 1, name, 1.0, 1.0))
+        journal(RunEnded(place, 1, outcome(name)))
+        journal(Finished(place, outcome(name, FAILED if name == "b" else None)))
+    results = journal.close()
+    assert [each.status for each in results.outcomes] == ["passed", "error", "passed"]
+    assert read_journal(tmp_path).results() == results
+
+
+def test_scenarios_without_an_outcome_are_not_finished(tmp_path: Path) -> None:
+    journal = begun(tmp_path)
+    journal(Started(0, 1, "a"))
+    first, second, _ = read_journal(tmp_path).results().outcomes
+    assert first.failures[0].title == "not finished"
+    assert first.failures[0].message == "sim-action ended before this scenario ended"
+    assert second.failures[0].message == "sim-action ended before this scenario started"
+
+
+def test_runs_that_have_ended_are_told_if_others_are_missing(tmp_path: Path) -> None:
+    journal = begun(tmp_path)
+    journal(RunEnded(0, 1, outcome("a"), is_one_of_several=True))
+    journal(RunEnded(0, 2, outcome("a", FAILED), is_one_of_several=True))
+    (failure,) = read_journal(tmp_path).results().outcomes[0].failures
+    assert failure.message.endswith("scenario ended; run 1 passed; run 2 ended in an error (SIGSEGV: it crashed)")
+
+
+def test_an_interrupted_scenario_has_no_outcome_in_the_file(tmp_path: Path) -> None:
+    journal = begun(tmp_path)
+    journal(Finished(0, outcome("a", INTERRUPTED)))
+    assert journal.close().outcomes[0].failures == (INTERRUPTED,)
+    assert read_journal(tmp_path).finished == {}
+
+
+def test_a_last_line_that_is_cut_off_is_left_out(tmp_path: Path) -> None:
+    journal = begun(tmp_path)
+    journal(Finished(0, outcome("a")))
+    journal(Finished(1, outcome("b")))
+    path = tmp_path / JOURNAL_FILE
+    whole = path.read_bytes()
+    start = whole.rindex(b"\n", 0, -1) + 1
+    for end in range(start, len(whole) - 1):
+        path.write_bytes(whole[:end])
+        assert statuses(tmp_path) == ["passed", "error", "error"]
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        b"\xff",
+        b"[]",
+        b"null",
+        b'{"at":1,"event":"finished","place":0}',
+        b'{"at":1,"event":"finished","outcome":{"name":"a","file":"s.sim.yml","status":"passed"}}',
+        b'{"at":1,"event":"finished","place":3,"outcome":{"name":"a","file":"s.sim.yml","status":"passed"}}',
+        b'{"at":1,"event":"finished","place":-1,"outcome":{"name":"a","file":"s.sim.yml","status":"passed"}}',
+        b'{"at":1,"event":"finished","place":0,"outcome":{"name":"other","file":"s.sim.yml","status":"passed"}}',
+        b'{"at":-1,"event":"ended"}',
+        b"[" * 100_000,
+    ],
+)
+def test_a_line_that_is_not_valid_counts_for_nothing(tmp_path: Path, line: bytes) -> None:
+    journal = begun(tmp_path)
+    journal(Finished(1, outcome("b")))
+    with (tmp_path / JOURNAL_FILE).open("ab") as file:
+        file.write(line + b"\n")
+    journal(Finished(2, outcome("c")))
+    assert statuses(tmp_path) == ["error", "passed", "passed"]
+
+
+@pytest.mark.parametrize("text", ["", "\n", "{}\n", "[]\n", '{"journal":2}\n', "x" * 10_000])
+def test_a_journal_without_a_header_is_refused(tmp_path: Path, text: str) -> None:
+    (tmp_path / JOURNAL_FILE).write_text(text)
+    with pytest.raises(UsageError, match=r"results\.jsonl is not a valid journal: "):
+        read_journal(tmp_path)
+    assert manifest(tmp_path) == ()
+
+
+def test_no_journal_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"results\.jsonl is not a valid journal: no such file"):
+        read_journal(tmp_path)
+    assert manifest(tmp_path) == ()
+
+
+def test_the_manifest_lists_the_files_of_the_call(tmp_path: Path) -> None:
+    Journal(tmp_path, header(files=("results.json", "traces/a.npz")), unheard, 0.0)
+    assert manifest(tmp_path) == ("results.json", "traces/a.npz")
+
+
+def test_a_removed_folder_is_made_again_with_everything_known(tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    journal = begun(folder)
+    journal(Finished(0, outcome("a")))
+    (folder / JOURNAL_FILE).unlink()
+    folder.rmdir()
+    journal(Finished(2, outcome("c")))
+    assert statuses(folder) == ["passed", "error", "passed"]
+
+
+def test_a_full_disk_is_reported_once_and_the_outcomes_are_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[str] = []
+    journal = begun(tmp_path, told.append)
+    real = os.write
+
+    def full(descriptor: int, data: bytes) -> int:
+        if len(data) < 100:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return real(descriptor, data[:50])
+
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "write", full)
+        patched.setattr("sim_action.results.journal.whole_file", lambda _: Path("/dev/full").open("wb"))  # noqa: SIM115 - its caller closes it
+        for place, name in enumerate(NAMES):
+            journal(Finished(place, outcome(name)))
+    assert told == ["the journal results.jsonl cannot be written: no space left on device; verdicts are kept in memory"]
+    assert {each.status for each in journal.close().outcomes} == {"passed"}
+    # There was space again when the call ended.
+    assert statuses(tmp_path) == ["passed"] * 3
+
+
+def test_outcomes_of_an_earlier_call_are_marked(tmp_path: Path) -> None:
+    journal = begun(tmp_path)
+    journal(Finished(1, outcome("b")))
+    earlier = read_journal(tmp_path).finished.values()
+    again = Journal(tmp_path, header(), unheard, time.monotonic(), earlier)
+    assert statuses(tmp_path) == ["error", "passed", "error"]
+    again(Finished(0, outcome("a")))
+    kept = read_journal(tmp_path).finished
+    assert [kept[place].taken_over for place in (0, 1)] == [False, True]
+    assert kept[1].at == 0.0
+
+
+def test_a_record_is_one_line_of_json(tmp_path: Path) -> None:
+    journal = begun(tmp_path)
+    journal(Finished(0, outcome("a").model_copy(update={"output": "two\nlines\u2028three"})))
+    first, second = (tmp_path / JOURNAL_FILE).read_bytes().splitlines()
+    assert json.loads(first)["journal"] == 1
+    assert json.loads(second)["outcome"]["output"] == "two\nlines\u2028three"
