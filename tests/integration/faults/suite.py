@@ -1,4 +1,4 @@
-"""The suite that runs under faults: six short scenarios; with and without those that fail."""
+"""The suites that run under faults: six short scenarios of all kinds, and three that pass."""
 
 from __future__ import annotations
 
@@ -51,11 +51,12 @@ _SCENARIOS: Final = {
     "stands": ("turtlebot3_burger", "", _UPRIGHT),
     "too fast": ("turtlebot3_burger", _DRIVES, "max_speed: {linear: 0.1}"),
 }
-_FAILING: Final = ("stays short", "too fast")
+# A script has an interpreter of its own, which takes as long as all others together.
+_LEFT_OUT: Final = ("stays short", "too fast", "script")
 
 NAMES: Final = {
     "mixed": tuple(_SCENARIOS),
-    "passing": tuple(name for name in _SCENARIOS if name not in _FAILING),
+    "passing": tuple(name for name in _SCENARIOS if name not in _LEFT_OUT),
 }
 """Name of a suite -> the names of its scenarios. The exit code of the second shows each verdict that is lost."""
 
