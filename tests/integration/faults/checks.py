@@ -31,8 +31,13 @@ class Undisturbed:
 
 
 def undisturbed(run: Run, cache: Path) -> Undisturbed:
-    """Return the results of a run without a fault."""
-    return Undisturbed(run.code, _outcomes(run.output / "results.json"), cache)
+    """Return the results of a run without a fault; all ways to know a verdict agree on them."""
+    outcomes = _outcomes(run.output / "results.json")
+    statuses = _statuses(outcomes)
+    assert set(statuses.values()) <= _JUDGED
+    assert _known(run) == _statuses(_printed(run)) == statuses
+    assert not list(_same_in_junit(run.output / "junit.xml", outcomes))
+    return Undisturbed(run.code, outcomes, cache)
 
 
 def broken_promises(run: Run, fault: Fault, usual: Undisturbed) -> Iterator[str]:
@@ -66,6 +71,8 @@ def _kept_in_reports(run: Run, fault: Fault, usual: Undisturbed) -> Iterator[str
         yield f"without a verdict: {sorted(lost)}"
     for name, outcome in found.items():
         yield from _same_verdict(name, outcome, fault, usual)
+    if forgotten := _known(run).items() - _statuses(found).items():
+        yield f"reported as finished, and lost later: {sorted(forgotten)}"
     if junit.exists():
         yield from _same_in_junit(junit, found)
     elif _printed(run).keys() != usual.outcomes.keys():
@@ -102,9 +109,9 @@ def _same_in_junit(path: Path, found: Mapping[str, Any]) -> Iterator[str]:
 
 def _kept_in_journal(run: Run, usual: Undisturbed) -> Iterator[str]:
     """Yield the promises about a command that was killed: its journal has all that was known."""
-    journal, said = _journal(run.output), _known(run)
-    if missing := said - journal.keys():
-        yield f"not in the journal: {sorted(missing)}"
+    journal = _journal(run.output)
+    if missing := _known(run).items() - _statuses(journal).items():
+        yield f"reported as finished, and not in the journal: {sorted(missing)}"
     for name, outcome in journal.items():
         if outcome["status"] in _JUDGED and outcome["digest"] != usual.outcomes[name]["digest"]:
             yield f"'{name}' has another digest in the journal"
@@ -144,7 +151,11 @@ def _journal(folder: Path) -> dict[str, Any]:
     """Return the outcomes in the journal; its last line may be cut off."""
     path = folder / "results.jsonl"
     lines = path.read_text(encoding="utf-8").split("\n")[:-1] if path.exists() else []
-    return {_name(event["outcome"]): event["outcome"] for event in map(json.loads, lines) if "outcome" in event}
+    return {
+        _name(event["outcome"]): event["outcome"]
+        for event in map(json.loads, lines)
+        if event.get("event") == "finished"
+    }
 
 
 def _printed(run: Run) -> dict[str, Any]:
@@ -156,6 +167,11 @@ def _printed(run: Run) -> dict[str, Any]:
     return {name: {"status": status} for name, status in found.items()}
 
 
-def _known(run: Run) -> set[str]:
-    """Return the names of the scenarios that were reported as finished."""
-    return {name for _, name in _ON_PROGRESS.findall(run.printed + run.errors)}
+def _known(run: Run) -> dict[str, str]:
+    """Return the verdict of each scenario that was reported as finished while others ran."""
+    progress = _ON_PROGRESS.findall(run.printed + run.errors)
+    return {name: status for status, name in progress if status in _JUDGED}
+
+
+def _statuses(outcomes: Mapping[str, Any]) -> dict[str, str]:
+    return {name: outcome["status"] for name, outcome in outcomes.items()}
