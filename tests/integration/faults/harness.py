@@ -44,7 +44,7 @@ class Injector:
     def inject(self, fault: Fault, nth: int) -> Injection:
         """Run a suite with the fault at its n-th call."""
         # The exit code of one suite shows verdicts that are lost; the other one has all kinds of verdicts.
-        suite = tuple(NAMES)[nth % 2]
+        suite = fault.suite or tuple(NAMES)[nth % 2]
         usual = self._usual(suite)
         run = self._run(suite, fault, nth)
         broken = tuple(broken_promises(run, fault, usual)) if run.fired else ()

@@ -42,6 +42,7 @@ class Fault:
         jump: s that the clock jumps.
         most_lost: the number of scenarios that may end without a verdict.
         exempt: names of scenarios that may also end without a verdict.
+        suite: the suite that runs; empty: one for odd n, and the other for even n.
         short: the n that are tried in the short form.
         stride: the long form tries every n-th call, up to the last one.
     """
@@ -58,6 +59,7 @@ class Fault:
     jump: int = 0
     most_lost: int = 0
     exempt: tuple[str, ...] = ()
+    suite: str = ""
     short: tuple[int, ...] = (1,)
     stride: int = 1
 

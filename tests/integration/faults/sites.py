@@ -41,7 +41,7 @@ FAULTS: Final = (
     Fault("EMFILE", "a child, once", "open", "", "child", error=errno.EMFILE, most_lost=1, short=(20,)),
     Fault("EAGAIN", "the command, lasting", "fork", "", "parent", lasting=True, error=errno.EAGAIN, most_lost=_ALL),
     Fault("EAGAIN", "the command, once", "fork", "", "parent", error=errno.EAGAIN, short=(2,)),
-    Fault("EAGAIN", "a child, once", "fork", "", "child", error=errno.EAGAIN, most_lost=1),
+    Fault("EAGAIN", "a child, once", "fork", "", "child", error=errno.EAGAIN, most_lost=1, suite="mixed"),
     Fault("EIO on mesh", "source", "read", "{suite}/box.stl", error=errno.EIO, exempt=(MESH,)),
     Fault("EIO on mesh", "cached hull", "open,read", "{cache}/*", error=errno.EIO, exempt=(MESH,), short=(2,)),
     *_signals(),
@@ -49,8 +49,8 @@ FAULTS: Final = (
         "SIGKILL of a child", "it writes", "create,rename", "", "child", signal=signal.SIGKILL, most_lost=1, short=(7,)
     ),
     Fault("SIGKILL of a child", "it reads", "open", "", "child", signal=signal.SIGKILL, most_lost=1, short=(30,)),
-    Fault("clock jump", "a day forward", "clock", lasting=True, jump=_DAY_S, short=(2,)),
-    Fault("clock jump", "a day back", "clock", lasting=True, jump=-_DAY_S, short=(1,)),
+    Fault("clock jump", "a day forward", "clock", lasting=True, jump=_DAY_S, suite="mixed", short=(2,)),
+    Fault("clock jump", "a day back", "clock", lasting=True, jump=-_DAY_S, suite="mixed", short=(1,)),
     # As when a machine was paused. The default wall limit is 60 s.
     Fault("clock jump", "half a minute is lost", "monotonic", lasting=True, jump=_PAUSE_S, short=(50,), stride=500),
 )
