@@ -8,6 +8,7 @@ heightfield is centred between its lowest and highest sample and folds its cells
 from __future__ import annotations
 
 import math
+import re
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -37,6 +38,7 @@ _CONTACT_BREAKING_THRESHOLD: Final = 0.02
 _RESIDUAL_THRESHOLD: Final = 1e-7
 # Cylinders as hulls would ride 1 mm high and cost twice as much. The default inertia is that of the collision shapes.
 _LOAD_FLAGS: Final = pybullet.URDF_USE_IMPLICIT_CYLINDER | pybullet.URDF_USE_INERTIA_FROM_FILE
+_COLLISION: Final = re.compile(r"<collision[\s/>]")
 # A gear is stronger than any motor, and corrects most of its error within one step.
 _GEAR_FORCE: Final = 1e5
 _GEAR_CORRECTION: Final = 0.8
@@ -101,14 +103,40 @@ def add_pieces(
 
 
 def load_robot(client: int, scene: Scene) -> int:
-    """Add the robot at the origin; return its number. Raise OSError."""
+    """Add the robot at the origin; return its number. Raise OSError or pybullet.error."""
     # PyBullet reads models only from files. It looks for meshes in the folder of the model first.
     with tempfile.TemporaryDirectory(prefix="sim-action-") as folder:
         for name, text in scene.model.hull_files.items():
             Path(folder, name).write_bytes(text)
         path = Path(folder, "robot.urdf")
         path.write_text(scene.model.urdf, encoding="utf-8")
-        return int(pybullet.loadURDF(str(path), useFixedBase=scene.bolted, flags=_LOAD_FLAGS, physicsClientId=client))
+        try:
+            return _loaded(client, path, scene)
+        except pybullet.error:
+            # PyBullet opens each file several times. A lack of open files may have passed by now.
+            return _loaded(client, path, scene)
+
+
+def _loaded(client: int, path: Path, scene: Scene) -> int:
+    """Return the number of the robot in a URDF file. Raise pybullet.error, also if the robot is not complete."""
+    robot = int(pybullet.loadURDF(str(path), useFixedBase=scene.bolted, flags=_LOAD_FLAGS, physicsClientId=client))
+    made, expected = _complete_shapes(client, robot), len(_COLLISION.findall(scene.model.urdf))
+    if made < expected:
+        pybullet.removeBody(robot, client)
+        raise pybullet.error(
+            f"PyBullet made {made} of {expected} collision shapes of the robot; it may lack open files or memory"
+        )
+    return robot
+
+
+def _complete_shapes(client: int, robot: int) -> int:
+    """Return the number of collision shapes; a mesh whose file could not be opened is left out, or has no points."""
+    return sum(
+        shape[2] != pybullet.GEOM_MESH
+        or bool(pybullet.getMeshData(robot, link, collisionShapeIndex=index, physicsClientId=client)[0])
+        for link in range(BASE, pybullet.getNumJoints(robot, client))
+        for index, shape in enumerate(pybullet.getCollisionShapeData(robot, link, client))
+    )
 
 
 def set_surfaces(client: int, robot: int, surfaces: Mapping[int, Surface]) -> None:

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +13,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_action.core import geometry
+from sim_action.core.errors import EngineError
+from sim_action.engines import ENGINES
+from sim_action.scenario.loading import build_scene
+from sim_action.world.scene import Scene
+from tests.mesh_files import stl
+from tests.scenarios import load
 
 pytestmark = pytest.mark.pybullet
 
@@ -26,3 +35,57 @@ def test_the_quaternion_of_a_matrix_turns_as_the_matrix(roll: float, pitch: floa
     found = _turned(np.array(columns).T)
     assert math.hypot(*found) == pytest.approx(1.0)
     assert [geometry.rotate(found, axis) for axis in AXES] == [pytest.approx(column, abs=1e-9) for column in columns]
+
+
+BOX = """\
+<robot name="box">
+  <link name="base">
+    <inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
+    <collision><geometry><mesh filename="box.stl"/></geometry></collision>
+  </link>
+</robot>
+"""
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Scene:
+    (tmp_path / "box.urdf").write_text(BOX)
+    (tmp_path / "box.stl").write_bytes(stl())
+    return build_scene(load(tmp_path, "name: a\nrobot: {model: box.urdf}\nexpect: [upright]\ntime_limit: 1 s\n"))
+
+
+def without_mesh(load: Callable[..., int], times: int) -> Callable[..., int]:
+    """PyBullet's loader, where the mesh cannot be read the first few times."""
+    left = [times]
+
+    def loaded(path: str, **options: Any) -> int:
+        if not left[0]:
+            return load(path, **options)
+        left[0] -= 1
+        # PyBullet finds the file, and reads nothing, as when its second attempt to open it fails.
+        (mesh,) = Path(path).parent.glob("*.obj")
+        text = mesh.read_bytes()
+        mesh.write_bytes(b"")
+        try:
+            return load(path, **options)
+        finally:
+            mesh.write_bytes(text)
+
+    return loaded
+
+
+def test_a_mesh_that_cannot_be_read_for_a_moment_is_not_left_out(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    import pybullet
+
+    monkeypatch.setattr(pybullet, "loadURDF", without_mesh(pybullet.loadURDF, 1))
+    engine = ENGINES.load("pybullet")(scene)
+    assert engine.observe(0, contacts=False).pose.position_xyz[2] == pytest.approx(0.3, abs=1e-3)
+    engine.close()
+
+
+def test_a_robot_without_one_of_its_meshes_is_refused(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    import pybullet
+
+    monkeypatch.setattr(pybullet, "loadURDF", without_mesh(pybullet.loadURDF, 2))
+    with pytest.raises(EngineError, match="PyBullet made 0 of 1 collision shapes of the robot"):
+        ENGINES.load("pybullet")(scene)
