@@ -10,5 +10,5 @@ from sim_action.results.journal import read_journal
 def report_journal(request: ReportRequest) -> ExitCode:
     """Write every report into the folder of the journal, and return the exit code. Raises UsageError."""
     results = read_journal(request.folder).results()
-    with open_reports(request) as options:
+    with open_reports(request, keeps_earlier=True) as options:
         return write_reports(results, options)

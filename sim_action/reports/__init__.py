@@ -18,8 +18,8 @@ from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.registry import Table
 from sim_action.core.wording import escaped_line, system_reason
 from sim_action.results.artifacts import REPORT_FILE, RUN_FILE_FOLDERS, with_existing_files
-from sim_action.results.journal import JOURNAL_FILE
-from sim_action.results.output_folder import create_folder, locked, remove_regular
+from sim_action.results.journal import JOURNAL_FILE, manifest
+from sim_action.results.output_folder import JUNIT_FILE, create_folder, locked, remove_earlier_files, remove_regular
 from sim_action.results.results_json import RESULTS_FILE, Results
 
 Verbosity = Literal["quiet", "normal", "verbose"]
@@ -101,10 +101,11 @@ class ReportRequest:
 
 
 @contextmanager
-def open_reports(request: ReportRequest) -> Iterator[ReportOptions]:
+def open_reports(request: ReportRequest, *, keeps_earlier: bool = False) -> Iterator[ReportOptions]:
     """Open the output folder for one call until its reports are written, and yield the options of the reports.
 
-    The folder is created and locked, and the reports of an earlier call are removed. Raises UsageError.
+    The folder is created and locked. Unless `keeps_earlier`, the files of the earlier call are removed: a call that is
+    killed must not leave reports that are not its own. Raises UsageError.
     """
     for place in (
         *(request.folder / name for name in RUN_FILE_FOLDERS),
@@ -115,13 +116,14 @@ def open_reports(request: ReportRequest) -> Iterator[ReportOptions]:
         _refuse_special_file(request.junit)
     folder = _created_folder(request.folder)
     with locked(folder):
-        if request.junit is not None:
-            # A call that is killed must not leave the JUnit XML of an earlier one.
-            with suppress(OSError):
-                remove_regular(request.junit)
+        if not keeps_earlier:
+            remove_earlier_files(folder, manifest(folder))
+            if request.junit is not None:
+                with suppress(OSError):
+                    remove_regular(request.junit)
         yield ReportOptions(
             folder=folder,
-            junit=request.junit or folder / "junit.xml",
+            junit=request.junit or folder / JUNIT_FILE,
             junit_strict=request.junit_strict,
             environment=os.environ,
             workspace=Path(os.environ.get("GITHUB_WORKSPACE") or Path.cwd()),

@@ -18,14 +18,19 @@ from typing import Final
 
 from sim_action.core.errors import UsageError
 from sim_action.core.files import whole_file
-from sim_action.core.wording import escaped_line, log_line, system_reason
+from sim_action.core.wording import escaped_line, system_reason, warn
 from sim_action.recording.export import EXPORTS
-from sim_action.results.artifacts import RECORDING_FOLDER, REPLAY_FOLDER, TRACE_FOLDER
+from sim_action.results.artifacts import RECORDING_FOLDER, REPLAY_FOLDER, REPORT_FILE, TRACE_FOLDER
+from sim_action.results.journal import JOURNAL_FILE
+from sim_action.results.results_json import RESULTS_FILE
 
 LOCK_FILE: Final = ".sim-action.lock"
 """The locked file; a name of our own, because the output folder may hold files of the user."""
 
-_REPORT_FILES: Final = frozenset({"results.json", "results.jsonl", "junit.xml", "report.html"})
+JUNIT_FILE: Final = "junit.xml"
+"""The default name of the JUnit XML."""
+
+_REPORT_FILES: Final = frozenset({JOURNAL_FILE, RESULTS_FILE, JUNIT_FILE, REPORT_FILE})
 _SUFFIXES: Final = {
     TRACE_FOLDER: (".npz",),
     REPLAY_FOLDER: (".json.gz",),
@@ -81,7 +86,7 @@ def locked(folder: Path) -> Iterator[None]:
             raise UsageError(
                 escaped_line(f"cannot write to the output folder {folder}: {system_reason(error)}")
             ) from None
-        _warn(f"the output folder {folder} is not locked against other runs: {system_reason(error)}")
+        warn(f"the output folder {folder} is not locked against other runs: {system_reason(error)}")
         descriptor = None
     _locked.add(place)
     try:
@@ -184,12 +189,6 @@ def _release(path: Path, descriptor: int) -> None:
             path.unlink()
     with suppress(OSError):
         os.close(descriptor)
-
-
-def _warn(message: str) -> None:
-    with suppress(OSError):
-        sys.stderr.write(log_line(f"sim-action: warning: {message}") + "\n")
-        sys.stderr.flush()
 
 
 def remove_earlier_files(folder: Path, names: Iterable[str]) -> None:

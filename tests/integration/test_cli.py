@@ -221,6 +221,24 @@ def test_a_script_that_removes_the_output_folder_loses_no_verdict(tmp_path: Path
     assert "traces/a.npz" not in (tmp_path / "sim-results/junit.xml").read_text()
 
 
+def test_a_run_begins_without_the_files_of_the_earlier_one(tmp_path: Path) -> None:
+    (tmp_path / "a.sim.yml").write_text(VALID.format(name="a"))
+    assert sim_action(tmp_path, "run", "--record", "csv", "--junit", "sim-results/mine.xml").returncode == 0
+    (tmp_path / "sim-results/traces/mine.npz").touch()
+    (tmp_path / "b.sim.yml").write_text(VALID.format(name="b").replace("{twist: [{linear: 1.0}]}", "{script: b.py}"))
+    (tmp_path / "b.py").write_text(
+        "from pathlib import Path\n"
+        "here = Path(__file__).parent\n"
+        "found = [path.relative_to(here).as_posix() for path in here.glob('sim-results/**/*') if path.is_file()]\n"
+        "(here / 'found.txt').write_text(' '.join(sorted(found)))\n"
+        "def control(observation):\n"
+        "    return 1.0, 0.0\n"
+    )
+    sim_action(tmp_path, "run", "b.sim.yml", "--junit", "sim-results/mine.xml")
+    found = {"sim-results/.gitignore", "sim-results/.sim-action.lock", "sim-results/results.jsonl"}
+    assert set((tmp_path / "found.txt").read_text().split()) == {*found, "sim-results/traces/mine.npz"}
+
+
 def test_a_file_name_that_is_no_text_is_written_out(tmp_path: Path) -> None:
     for name in (b"odd-\xff.sim.yml", b"bad-\xff.sim.yml"):
         (tmp_path / os.fsdecode(name)).write_text(VALID.format(name="odd") if name.startswith(b"odd") else "")

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 import os
 from pathlib import Path
 
@@ -7,6 +8,7 @@ import pytest
 
 from sim_action.core.errors import UsageError
 from sim_action.reports import ReportRequest, open_reports
+from sim_action.results.output_folder import locked
 
 
 @pytest.fixture
@@ -92,3 +94,45 @@ def test_git_ignores_a_folder_that_was_created_here_and_no_other(workspace: Path
         "made/deep/.gitignore"
     ]
     assert (workspace / "made/deep/.gitignore").read_text() == "*\n"
+
+
+def journal_of(folder: Path, *files: str) -> None:
+    """Write the first line of a journal that lists these files, and make all of them."""
+    header = {"journal": 1, "sim_action": "0", "python": "3.11", "platform": "here", "files": files}
+    for name in files:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(name)
+    (folder / "results.jsonl").write_text(json.dumps(header) + "\n")
+
+
+def test_files_of_the_earlier_call_that_its_journal_lists_are_removed(workspace: Path) -> None:
+    listed = ("results.jsonl", "results.json", "junit.xml", "report.html", "traces/a.npz", "robot.urdf", "../x.npz")
+    journal_of(workspace / "out", *listed)
+    (workspace / "out/traces/unlisted.npz").touch()
+    with open_reports(asked("out"), keeps_earlier=True):
+        assert all((workspace / "out" / name).exists() for name in listed)
+    with open_reports(asked("out")):
+        found = {path.relative_to(workspace).as_posix() for path in workspace.rglob("*") if path.is_file()}
+    assert found - {"out/.sim-action.lock"} == {"out/traces/unlisted.npz", "out/robot.urdf", "x.npz"}
+
+
+@pytest.mark.parametrize("journal", ["", "[]", "{}", '{"journal": 1, "files": ["results.json"]}', '{"journal": 2}'])
+def test_a_file_that_is_no_journal_lists_nothing(journal: str, workspace: Path) -> None:
+    (workspace / "results.jsonl").write_text(journal)
+    (workspace / "results.json").touch()
+    with open_reports(asked(".")):
+        assert (workspace / "results.json").exists()
+    assert (workspace / "results.jsonl").read_text() == journal
+
+
+def test_a_call_that_may_not_use_the_folder_removes_nothing(workspace: Path) -> None:
+    journal_of(workspace / "out", "results.json")
+    (workspace / "junit.xml").touch()
+    with (
+        locked(Path("out")),
+        pytest.raises(UsageError, match="in use by another run"),
+        open_reports(asked("out", "junit.xml")),
+    ):
+        pass
+    assert (workspace / "out/results.json").exists()
+    assert (workspace / "junit.xml").exists()
