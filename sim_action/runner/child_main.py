@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import mmap
 import os
 import pickle
@@ -9,14 +10,13 @@ import signal
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
-from contextlib import suppress
-from dataclasses import replace
-from pathlib import Path
+from contextlib import nullcontext, suppress
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final, NoReturn
 
+from pydantic_core import PydanticSerializationError, to_json
+
 from sim_action.commands import COMMANDS
-from sim_action.core.discovery import file_name
 from sim_action.core.errors import (
     BadSource,
     BadStart,
@@ -32,84 +32,43 @@ from sim_action.core.errors import (
     ScriptError,
     SimulationUnstable,
 )
-from sim_action.core.files import whole_file
-from sim_action.core.wording import escaped_line
+from sim_action.core.wording import escaped_line, system_reason
 from sim_action.core.workspace import Permissions
 from sim_action.core.yaml_document import Document, KeyPath
 from sim_action.results.outcome import ExpectationOutcome, Failure, FailureKind, Outcome, Scope, status_of
+from sim_action.runner.child_files import ChildFiles, OutcomeWriter
+from sim_action.runner.evidence import remove_earlier, run_to_record, store_evidence
 from sim_action.runner.job import JUDGED, Job, out_of_memory
 from sim_action.runner.process_output import dump_stack_before, redirect_output
+from sim_action.runner.user_code import guarded
 from sim_action.scenario.loading import build_scene, checked
 from sim_action.scenario.model import LoadedScenario, Scenario
 from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.simulation.recorder import RunRecorder
-from sim_action.state.trace_storage import save_trace
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
     from sim_action.recording.export.recorded_run import RecordedRun
 
 
-def store_artifacts(job: Job, scene: Scene, footage: RunRecorder) -> tuple[str, ...]:
-    """Write the trace and the replay of a run to their places, and return notes. Raise OSError."""
-    trace, film = footage.trace(), footage.film()
-    if trace is None:
-        return ()
-    job.trace.parent.mkdir(parents=True, exist_ok=True)
-    save_trace(trace, job.trace)
-    if job.replay is None or film is None or footage.start is None:
-        return ()
-    try:
-        # Imported only if it is needed.
-        from sim_action.recording.replay.build import make_replay
-
-        make_replay(job.loaded.scenario, scene, footage.start, film, job.replay)
-    except Exception as error:  # noqa: BLE001 - the verdict does not depend on the replay
-        return (f"no replay was written: {escaped_line(str(error))}",)
-    return ()
-
-
-def _store_motion(job: Job, scene: Scene, footage: RunRecorder) -> Iterator[str]:
-    """Write the motion at every step if it is compared; yield a note if this is impossible."""
-    if job.motion is None:
-        return
-    try:
-        motion = footage.motion(scene)
-        if motion is not None:
-            motion.save(job.motion)
-    except (OSError, MemoryError) as error:
-        # The verdict does not depend on the comparison.
-        reason = escaped_line(str(error) or type(error).__name__)
-        yield f"the motion was not stored, so it is not compared with that in another engine: {reason}"
-
-
-def to_record(job: Job, scene: Scene, footage: RunRecorder) -> Iterator[RecordedRun]:
-    """Yield the run for recordings, if they are asked for, it has data, and it fits into memory."""
-    if not job.recordings:
-        return
-    from sim_action.recording.export.recorded_run import RecordedRun
-
-    with suppress(MemoryError):
-        trace, film = footage.trace(), footage.film()
-        if trace is not None and film is not None:
-            yield RecordedRun.of(scene, film, trace, job.loaded.scenario.sensors, footage.twists())
-
-
 _PROGRESS_PERIOD_S: Final = 0.1
 _RESERVE_BYTES: Final = 32 << 20  # bytes of address space; nothing is written there
 
 
-def received_job() -> Job:
-    """Return the job from standard input, in a fresh interpreter."""
-    job: Job = pickle.load(sys.stdin.buffer)  # noqa: S301 - from the parent, before any code of the user's has run
-    return job
+def received_job() -> tuple[Job, ChildFiles]:
+    """Return the job and its files from standard input, in a fresh interpreter."""
+    received: tuple[Job, ChildFiles] = pickle.load(sys.stdin.buffer)  # noqa: S301 - from the parent, before any user code
+    return received
 
 
-def become_child(job: Job) -> None:
-    """Turn this process into the child process of the job: keep its output, and let the parent decide when it ends."""
-    redirect_output(job.output_file)
+def become_child(files: ChildFiles, progress_descriptor: int) -> None:
+    """Turn this process into a child process: keep its output, and let the parent decide when it ends."""
+    redirect_output(files.output)
+    for descriptor in (*files.descriptors, progress_descriptor):
+        # Programs that user code starts have no use for them.
+        os.set_inheritable(descriptor, False)
     # A killed process leaves no files: the parent removes this folder.
-    tempfile.tempdir = str(job.folder)
+    tempfile.tempdir = str(files.scratch)
     # Ctrl-C reaches all foreground processes, but the parent decides.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
@@ -117,38 +76,63 @@ def become_child(job: Job) -> None:
         signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
-def run_job(job: Job, progress_descriptor: int) -> None:
+def run_job(job: Job, files: ChildFiles, progress_descriptor: int) -> None:
     """Run the scenario in this process, and write its outcome."""
-    # A script may change the current folder.
-    started, here = time.perf_counter(), Path.cwd()
-    _clear(job)
+    started = time.perf_counter()
+    writer, progress = OutcomeWriter(files.outcome), _Progress(progress_descriptor)
+    remove_earlier(job)
     if job.deadline is not None and job.loaded.scenario.python_files:
-        dump_stack_before(job.deadline, job.stack_dump_file)
-    progress = _Progress(progress_descriptor)
-    kept: list[RecordedRun] = []
-    outcome = _outcome(job, progress, here, kept)
-    outcome = outcome.model_copy(update={"wall_time": max(0.0, time.perf_counter() - started)})
-    _write(outcome, job)
-    for run in kept:
+        dump_stack_before(job.deadline, files.stack_dump)
+    kept = _Kept()
+    outcome = _outcome(job, progress, kept)
+    wall_time = max(0.0, time.perf_counter() - started)
+    outcome = outcome.model_copy(update={"notes": (*outcome.notes, *kept.notes), "wall_time": wall_time})
+    written = encoded(outcome)
+    try:
+        writer.write(written)
+    except ValueError as error:
+        outcome = _failed(job, Failure(kind="crash", title="outcome too large", message=str(error)))
+        writer.write(encoded(outcome))
+    for run in kept.runs:
         # From here on the verdict is safe, however long the recordings take.
         progress.say(JUDGED)
         from sim_action.recording.export import write_recordings
 
-        notes = tuple(write_recordings(run, job.recordings))
-        if notes:
-            _write(outcome.model_copy(update={"notes": (*outcome.notes, *notes)}), job)
+        if notes := tuple(write_recordings(run, job.recordings)):
+            with suppress(OSError, ValueError):
+                writer.write(encoded(outcome.model_copy(update={"notes": (*outcome.notes, *notes)})))
 
 
-def _write(outcome: Outcome, job: Job) -> None:
-    with whole_file(job.outcome_file) as file:
-        file.write(outcome.model_dump_json().encode())
+def encoded(outcome: Outcome) -> bytes:
+    """Return an outcome as JSON; lone surrogates, which UTF-8 does not have, are escaped."""
+    try:
+        return outcome.model_dump_json().encode()
+    except PydanticSerializationError:
+        return to_json(_without_surrogates(outcome.model_dump()), inf_nan_mode="null")
 
 
-def _clear(job: Job) -> None:
-    """Remove files of an earlier run in the same place."""
-    for path in filter(None, (job.trace, job.replay, job.motion, *job.recordings)):
-        with suppress(OSError):
-            path.unlink(missing_ok=True)
+def _without_surrogates(value: object) -> object:
+    match value:
+        case str():
+            return value.encode("utf-8", "backslashreplace").decode()
+        case dict():
+            return {key: _without_surrogates(each) for key, each in value.items()}
+        case list() | tuple():
+            return tuple(map(_without_surrogates, value))
+    return value
+
+
+@dataclass(slots=True)
+class _Kept:
+    """The remains of a run besides its verdict.
+
+    Attributes:
+        notes: remarks about evidence that was not written.
+        runs: the run, if it is recorded.
+    """
+
+    notes: list[str] = field(default_factory=list)
+    runs: list[RecordedRun] = field(default_factory=list)
 
 
 def exit_child() -> NoReturn:
@@ -181,28 +165,32 @@ class _Progress:
             self._next = float("inf")
 
 
-def _outcome(job: Job, progress: _Progress, here: Path, kept: list[RecordedRun]) -> Outcome:
-    """Return the outcome; `here`: the folder that files are named from; `kept` receives the run to record."""
-    scenario = job.loaded.scenario
+def _outcome(job: Job, progress: _Progress, kept: _Kept) -> Outcome:
+    """Return the outcome; `kept` receives the rest."""
     try:
-        run = _stored_run(job, progress, kept)
+        return _judged(job, job.loaded.scenario, _stored_run(job, progress, kept))
     except InvalidScenario as error:
         return _invalid(job, error)
     except (RunError, ModelError) as error:
-        if isinstance(error, RunError):
-            error.location = _place_of(error, job.loaded, here)
-        if isinstance(error.__context__, MemoryError):
-            return _error(job, _OUT_OF_MEMORY, f"{error}; {out_of_memory(job)}", error)
-        return _error(job, _KINDS.get(type(error), ("engine", "run error")), str(error), error)
+        return _of_run_error(job, error)
     except MemoryError:
         return _error(job, _OUT_OF_MEMORY, out_of_memory(job))
     except Exception as error:  # noqa: BLE001 - an internal error is an outcome too
+        if isinstance(error, OSError) and error.errno in _REFUSALS:
+            return _refused_by_system(job, error)
         return _failed(job, Failure.of_fault(InternalError.of(error)))
-    return _judged(job, scenario, run)
 
 
-def _stored_run(job: Job, progress: _Progress, kept: list[RecordedRun]) -> SimulationRun:
-    """Return the run after its trace is stored. Raise the error of a run without a verdict."""
+def _of_run_error(job: Job, error: RunError | ModelError) -> Outcome:
+    if isinstance(error, RunError):
+        error.location = _place_of(error, job)
+    if isinstance(error.__context__, MemoryError):
+        return _error(job, _OUT_OF_MEMORY, f"{error}; {out_of_memory(job)}", error)
+    return _error(job, _KINDS.get(type(error), ("engine", "run error")), str(error), error)
+
+
+def _stored_run(job: Job, progress: _Progress, kept: _Kept) -> SimulationRun:
+    """Return the run after its trace is stored. Raise the error of a run without a verdict, OSError."""
     # Reporting a lack of memory needs memory. This reserves addresses only: they cost nothing, while filling them with
     # zeros would take 20 ms.
     with _reserved():
@@ -214,17 +202,16 @@ def _stored_run(job: Job, progress: _Progress, kept: list[RecordedRun]) -> Simul
             run = _simulated(loaded, scene, footage, progress)
         except RunError:
             # The recorded part shows the problem.
-            with suppress(OSError, MemoryError):
-                store_artifacts(job, scene, footage)
-            kept += to_record(job, scene, footage)
+            kept.notes += store_evidence(job, scene, footage)
+            kept.runs += run_to_record(job, scene, footage)
             raise
-        notes = (*store_artifacts(job, scene, footage), *_store_motion(job, scene, footage))
+        kept.notes += store_evidence(job, scene, footage)
         if loaded.workspace.updates_golden and (trace := footage.trace()) is not None:
             from sim_action.runner.golden_update import write_goldens
 
-            notes += write_goldens(loaded, scene, trace)
-        kept += to_record(job, scene, footage)
-    return replace(run, notes=(*run.notes, *notes))
+            kept.notes += write_goldens(loaded, scene, trace)
+        kept.runs += run_to_record(job, scene, footage)
+    return run
 
 
 def _reserved() -> mmap.mmap:
@@ -254,8 +241,10 @@ def _checked(loaded: LoadedScenario) -> LoadedScenario:
 def _simulated(loaded: LoadedScenario, scene: Scene, footage: RunRecorder, progress: _Progress) -> SimulationRun:
     """Return the run, in the process that started it only. Raise RunError, ModelError, InvalidScenario."""
     born, own = os.getpid(), {1: "standard output", 2: "standard error", progress.descriptor: "progress"}
+    guard = guarded(progress.say) if loaded.scenario.runs_user_code else nullcontext()
     try:
-        run = simulate(loaded.scenario, scene, progress, footage)
+        with guard:
+            run = simulate(loaded.scenario, scene, progress, footage)
     except BadStart as error:
         raise InvalidScenario(loaded.document.problem(*problem) for problem in error.problems) from None
     except BadSource as error:
@@ -283,11 +272,11 @@ def _path_of_source(document: Document, index: int) -> KeyPath:
     return listed if listed in document.marks else ("commands",)
 
 
-def _place_of(error: RunError, loaded: LoadedScenario, here: Path) -> Location | None:
-    """Return the place in the user's file, or else in the scenario; files are named from the folder `here`."""
+def _place_of(error: RunError, job: Job) -> Location | None:
+    """Return the place in the user's file, or else in the scenario."""
+    loaded = job.loaded
     if (place := error.location) is not None:
-        file = Path(place.file)
-        return replace(place, file=file_name(file.relative_to(here))) if file.is_relative_to(here) else place
+        return job.named_from_here(place)
     if error.keys is not None:
         return loaded.document.location(error.keys)
     if not isinstance(error, ScriptError) or error.source is None:
@@ -304,6 +293,13 @@ def _is_open(descriptor: int) -> bool:
     return True
 
 
+_REFUSALS: Final = frozenset(
+    getattr(errno, name)
+    for name in ("EMFILE", "ENFILE", "ENOSPC", "EDQUOT", "EFBIG", "EROFS", "EIO", "EAGAIN", "EACCES", "EPERM")
+    if hasattr(errno, name)
+)
+"""The errors by which the system refuses a file or a process, whatever sim-action asks for."""
+
 _OUT_OF_MEMORY: Final[tuple[FailureKind, str]] = ("memory", "out of memory")
 _KINDS: Final[dict[type[Exception], tuple[FailureKind, str]]] = {
     EngineError: ("engine", "engine error"),
@@ -318,6 +314,15 @@ _KINDS: Final[dict[type[Exception], tuple[FailureKind, str]]] = {
 def _error(job: Job, kind: tuple[FailureKind, str], message: str, error: Exception | None = None) -> Outcome:
     location, details = getattr(error, "location", None), getattr(error, "details", "")
     return _failed(job, Failure(kind=kind[0], title=kind[1], message=message, location=location, details=details))
+
+
+def _refused_by_system(job: Job, error: OSError) -> Outcome:
+    """Return the outcome after the system refused a file or a process outside of user code."""
+    what = ": ".join(filter(None, (escaped_line(str(error.filename or "")), system_reason(error))))
+    if error.errno == errno.EMFILE and job.loaded.scenario.runs_user_code:
+        hint = "does user code leave files open?"
+        return _error(job, ("script", "script error"), f"no file descriptors were left ({what}): {hint}")
+    return _error(job, ("crash", "system error"), what)
 
 
 def _failed(job: Job, failure: Failure) -> Outcome:
@@ -352,6 +357,4 @@ def _judged(job: Job, scenario: Scenario, run: SimulationRun) -> Outcome:
         engine=run.engine,
         warnings=(*job.loaded.warnings, *(each.warning(job.loaded.document) for each in run.findings)),
         notes=run.notes,
-        trace=job.trace_name,
-        replay=job.named(job.replay) if job.replay and job.replay.is_file() else None,
     )

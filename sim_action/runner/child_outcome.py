@@ -1,41 +1,35 @@
 """The outcome of a child process: the one that it wrote, if it can be trusted, or the reason why there is none.
 
-The child process may have run untrusted code: its files are read as data, with limits, and only if they are regular
-files. Names, places and paths that the parent knows are not taken from it.
+The child process may have run untrusted code: its files are read as data, with limits. Names, places and paths that the
+parent knows are not taken from it.
 """
 
 from __future__ import annotations
 
-import os
 import signal
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Final, Literal
 
 from pydantic import ValidationError
 
 from sim_action import __version__
 from sim_action.core import units
-from sim_action.core.discovery import file_name
 from sim_action.core.errors import Location
-from sim_action.core.files import open_regular
 from sim_action.core.provenance import Provenance, provenance
+from sim_action.core.wording import escaped_line
 from sim_action.core.workspace import PathError
 from sim_action.core.yaml_document import Document
 from sim_action.engines import PACKAGES, chosen, named_version
 from sim_action.results.outcome import Failure, FailureKind, Outcome, status_of
 from sim_action.runner.isolation.child_process import ChildProcess
-from sim_action.runner.job import Job, out_of_memory
+from sim_action.runner.job import out_of_memory
 from sim_action.runner.process_output import place_in_stack_dump, split_output
 from sim_action.scenario.model import LoadedScenario, Scenario
 
-_MAX_OUTPUT_BYTES: Final = 64_000
 _MAX_DETAILS_CHARS: Final = 2_000
 _MAX_DETAILS_LINES: Final = 20
-_MAX_OUTCOME_BYTES: Final = 50_000_000
-_MAX_STACK_DUMP_BYTES: Final = 1_000_000
 
 
 Limit = Literal["wall limit", "output limit"]
@@ -47,8 +41,8 @@ Ending = int | Limit
 def outcome_of(child: ChildProcess, ending: Ending) -> Outcome:
     """Return the outcome of a child process that has ended."""
     job = child.job
-    diagnostics, output = split_output(_end_of(job.output_file, _MAX_OUTPUT_BYTES).decode("utf-8", errors="replace"))
-    written = _written(job) if ending == 0 or child.judged is not None else None
+    diagnostics, output = split_output(child.report.output.decode("utf-8", errors="replace"))
+    written = _written(child) if ending == 0 or child.judged is not None else None
     outcome = written or without_verdict(job.loaded, _failure(child, ending, output))
     return outcome.model_copy(
         update={
@@ -58,9 +52,9 @@ def outcome_of(child: ChildProcess, ending: Ending) -> Outcome:
             "number": job.loaded.source.number,
             "group": job.loaded.source.group,
             "variation": job.loaded.source.variation,
-            "trace": job.trace_name if _is_regular(job.trace) else None,
-            "replay": job.named(job.replay) if job.replay and _is_regular(job.replay) else None,
-            "recordings": tuple(job.named(path) for path in job.recordings if _is_regular(path)),
+            "trace": job.trace_name if child.wrote(job.trace) else None,
+            "replay": job.named(job.replay) if job.replay and child.wrote(job.replay) else None,
+            "recordings": tuple(job.named(path) for path in job.recordings if child.wrote(path)),
             "notes": (*outcome.notes, *(_afterwards(child, ending) if written else ())),
             "engine": outcome.engine or _engine(job.loaded),
             "provenance": engine_provenance(job.loaded.scenario.backend),
@@ -120,12 +114,12 @@ def unjudged(loaded: LoadedScenario) -> Outcome:
     )
 
 
-def _written(job: Job) -> Outcome | None:
+def _written(child: ChildProcess) -> Outcome | None:
     try:
-        outcome = Outcome.model_validate_json(_end_of(job.outcome_file, _MAX_OUTCOME_BYTES))
+        outcome = Outcome.model_validate_json(child.report.outcome)
     except ValidationError:
         return None
-    return outcome if _is_consistent(outcome, job.loaded.scenario) else None
+    return outcome if _is_consistent(outcome, child.job.loaded.scenario) else None
 
 
 def _is_consistent(outcome: Outcome, scenario: Scenario) -> bool:
@@ -153,7 +147,7 @@ def _left_behind(child: ChildProcess) -> tuple[str, ...]:
 
 
 def _failure(child: ChildProcess, ending: Ending, output: str) -> Failure:
-    place = _stuck_at(child.job) if ending == "wall limit" else None
+    place = _stuck_at(child) if ending == "wall limit" else _exit_call(child, ending)
     kind, title, cause = _cause(child, ending, output, place)
     message = "; ".join((cause, f"its last report was at {child.sim_time:.2f} s of sim time", *_left_behind(child)))
     if place is None and ending == "wall limit":
@@ -161,18 +155,23 @@ def _failure(child: ChildProcess, ending: Ending, output: str) -> Failure:
     return Failure(kind=kind, title=title, message=message, location=place, details=_last_words(output))
 
 
-def _stuck_at(job: Job) -> Location | None:
+def _stuck_at(child: ChildProcess) -> Location | None:
     """Return the line of user code that was running when the time was up."""
-    noted = _end_of(job.stack_dump_file, _MAX_STACK_DUMP_BYTES).decode("utf-8", errors="replace")
-    loaded = job.loaded
+    loaded = child.job.loaded
     try:
         files = [loaded.workspace.file(name) for name in loaded.scenario.python_files]
     except PathError:  # a script may have deleted itself
         return None
-    place = place_in_stack_dump(noted, files)
-    if place is None or not (file := Path(place.file)).is_relative_to(Path.cwd()):
-        return place
-    return replace(place, file=file_name(file.relative_to(Path.cwd())))
+    place = place_in_stack_dump(child.report.stack_dump.decode("utf-8", errors="replace"), files)
+    return None if place is None else child.job.named_from_here(place)
+
+
+def _exit_call(child: ChildProcess, ending: Ending) -> Location | None:
+    """Return the line of user code that called `os._exit`, if that ended the process."""
+    place = child.exit_call
+    if place is None or isinstance(ending, str) or _signal_name(ending) is not None:
+        return None
+    return child.job.named_from_here(replace(place, file=escaped_line(place.file)))
 
 
 def _limiting_key(document: Document) -> Location:
@@ -194,9 +193,9 @@ def _cause(child: ChildProcess, ending: Ending, output: str, place: Location | N
         printed = f"more than {units.display(scenario.output_bytes, 'B')} were printed"
         return "crash", "output limit", f"{printed} (output_limit): does a controller print at every step?"
     if (by := _signal_name(ending)) is None:
-        hint = "; did its script call os._exit()?" if scenario.runs_user_code else ""
-        message = f"the process of this scenario ended by itself, with exit code {ending} and no verdict{hint}"
-        return "crash", f"exit {ending}", message
+        message = f"the process of this scenario ended by itself, with exit code {ending} and no verdict"
+        called = "" if place is None else f"{place} called os._exit({ending}): "
+        return "crash", f"exit {ending}", f"{called}{message}"
     return _cause_of_signal(child, by, output)
 
 
@@ -256,18 +255,3 @@ def _signal_name(ending: int) -> str | None:
         return signal.Signals(-ending).name
     except ValueError:
         return f"signal {-ending}"
-
-
-def _is_regular(path: Path) -> bool:
-    return path.is_file() and not path.is_symlink()
-
-
-def _end_of(path: Path, most: int) -> bytes:
-    """Return the last bytes of a file; nothing if it is not a regular file."""
-    try:
-        file = open_regular(path, follow_link=False)
-    except OSError:
-        return b""
-    with file:
-        file.seek(max(0, os.fstat(file.fileno()).st_size - most))
-        return file.read(most)

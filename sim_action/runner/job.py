@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
+from sim_action.core.discovery import file_name
+from sim_action.core.errors import Location
 from sim_action.scenario.model import LoadedScenario
 
 JUDGED: Final = b"judged"
@@ -17,60 +19,56 @@ JUDGED: Final = b"judged"
 class Job:
     """The order to run one scenario, with the places of its files.
 
+    All paths are absolute: a script may change the current folder, or remove it.
+
     Attributes:
         trace: the file for the trace.
         results: the folder that outcomes name the trace from.
-        folder: the folder of the child process, for `outcome.json`, `output.txt` and `hang.txt`.
         memory_is_limited: True if the scenario's `memory_limit` is enforced.
         replay: the file for the replay; None: no replay is written.
         recordings: the files for recordings; each suffix names the format.
         motion: the file for the motion at every step; None: the run is not compared with another one.
         hash_seed: the hash seed of a fresh interpreter; None: a fork is allowed.
         deadline: the time on `time.monotonic()` at which the child process is ended; None: never.
+        here: the folder that reports name files from.
     """
 
     loaded: LoadedScenario
     trace: Path
     results: Path
-    folder: Path
     memory_is_limited: bool = True
     replay: Path | None = None
     recordings: tuple[Path, ...] = ()
     hash_seed: int | None = None
     deadline: float | None = None
     motion: Path | None = None
+    here: Path = field(default_factory=Path.cwd)
+
+    def __post_init__(self) -> None:
+        """Make all paths absolute."""
+        for name in ("trace", "results", "replay", "motion"):
+            if (path := getattr(self, name)) is not None:
+                object.__setattr__(self, name, path.absolute())
+        object.__setattr__(self, "recordings", tuple(path.absolute() for path in self.recordings))
+
+    @property
+    def evidence(self) -> tuple[Path, ...]:
+        """All files that the run may write for reports and comparisons."""
+        return tuple(path for path in (self.trace, self.replay, self.motion, *self.recordings) if path is not None)
 
     @property
     def trace_name(self) -> str:
         """The name of the trace in outcomes, the same on every system."""
         return self.named(self.trace)
 
+    def named_from_here(self, place: Location) -> Location:
+        """Return a place as reports name it: files below the caller's folder from there."""
+        file = Path(place.file)
+        return replace(place, file=file_name(file.relative_to(self.here))) if file.is_relative_to(self.here) else place
+
     def named(self, path: Path) -> str:
         """Return the name of a file of the run in outcomes, the same on every system."""
         return Path(os.path.relpath(path, self.results)).as_posix()
-
-    @property
-    def outcome_file(self) -> Path:
-        """The file for the outcome."""
-        return self.folder / "outcome.json"
-
-    @property
-    def stack_dump_file(self) -> Path:
-        """The file for the stack dump that the child process writes just before its time is up."""
-        return self.folder / "hang.txt"
-
-    @property
-    def output_file(self) -> Path:
-        """The file for everything that the child process prints."""
-        return self.folder / "output.txt"
-
-    @property
-    def printed(self) -> int:
-        """The size of the printed output in bytes."""
-        try:
-            return self.output_file.lstat().st_size
-        except OSError:
-            return 0
 
 
 def out_of_memory(job: Job) -> str:

@@ -29,15 +29,18 @@ _LEVELS: Final[dict[str, Literal["note", "warning", "error"]]] = {
 }
 _UNBUFFERED: Final = 2  # _IONBF of glibc's stdio.h
 _MAX_DIAGNOSTICS: Final = 50
+_APPEND: Final = os.O_WRONLY | os.O_CREAT | os.O_APPEND | getattr(os, "O_BINARY", 0)
 
 
-def redirect_output(path: Path) -> None:
+def redirect_output(place: int | Path) -> None:
     """Send everything that this process and its children print to a file, and leave standard input empty.
+
+    `place`: a descriptor that appends, or a path. Raise OSError.
 
     On Linux, the buffer of C's stdout is switched off, so that the last output of a crashed process is kept: PyBullet
     uses it, and runs on Linux only.
     """
-    target = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | getattr(os, "O_BINARY", 0), 0o600)
+    target = place if isinstance(place, int) else os.open(place, _APPEND, 0o600)
     nothing = os.open(os.devnull, os.O_RDONLY)
     for source, descriptor in ((nothing, 0), (target, 1), (target, 2)):
         os.dup2(source, descriptor)
@@ -89,8 +92,10 @@ _BEFORE_SHARE: Final = 0.1
 _FRAME: Final = re.compile(r'^  File "(?P<file>.*)", line (?P<line>\d{1,9}) in ', re.MULTILINE)
 
 
-def dump_stack_before(deadline: float, file: Path) -> None:
+def dump_stack_before(deadline: float, place: int | Path) -> None:
     """Write a stack dump of this process to a file just before a deadline on `time.monotonic()`.
+
+    `place`: a descriptor, or a path. Raise OSError.
 
     It also works while native code hangs, because no Python code runs for it. If user code sets its own alarm, there
     is no dump.
@@ -99,7 +104,8 @@ def dump_stack_before(deadline: float, file: Path) -> None:
     until = left - min(_BEFORE_S, _BEFORE_SHARE * left)
     if until <= 0:
         return
-    noted = file.open("w", encoding="ascii")
+    # `faulthandler` keeps the file open.
+    noted = open(place, "w", encoding="ascii")  # noqa: PTH123, SIM115 - it may be a descriptor
     if sys.platform == "win32":
         faulthandler.dump_traceback_later(until, file=noted)
     else:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
@@ -88,28 +87,23 @@ def execute(
     if child_type.forks and repeat == 1:
         forked = [loaded for loaded in scenarios if not loaded.scenario.runs_user_code]
         _warm_up(forked, formats, replays=replays)
-    # On Windows, processes that a script left running may keep files open in it.
-    with tempfile.TemporaryDirectory(prefix="sim-action-", ignore_cleanup_errors=True) as scratch:
-        runs = [(loaded, None if repeat == 1 else turn) for turn in range(repeat) for loaded in scenarios]
-        files = run_files(
-            [loaded.scenario.name for loaded, _ in runs], folder.absolute(), replays=replays, formats=formats
-        )
-        made = partial(_job, results=folder.absolute(), child_type=child_type)
-        made_jobs = [
-            made(loaded, of_run, own=_subfolder(Path(scratch), index), hash_seed=hash_seed)
-            for index, ((loaded, hash_seed), of_run) in enumerate(zip(runs, files, strict=True))
-        ]
-        if motions is not None:
-            # Repeated runs are equal, or have no verdict: the first one is enough.
-            for index, loaded in enumerate(scenarios):
-                if loaded.compared:
-                    made_jobs[index] = replace(made_jobs[index], motion=motion_file(motions, index))
-        waiting = deque(enumerate(made_jobs))
-        numbered = [(place, turn) for turn in range(1, repeat + 1) for place in places or range(len(scenarios))]
-        scheduler = _Scheduler(
-            child_type, waiting, jobs, emit, interruption, places_and_turns=numbered, fail_fast=fail_fast
-        )
-        outcomes = scheduler.run(partial(_make_ready, scenarios, meanwhile))
+    runs = [(loaded, None if repeat == 1 else turn) for turn in range(repeat) for loaded in scenarios]
+    files = run_files([loaded.scenario.name for loaded, _ in runs], folder.absolute(), replays=replays, formats=formats)
+    made = partial(_job, results=folder.absolute(), child_type=child_type)
+    made_jobs = [
+        made(loaded, of_run, hash_seed=hash_seed) for (loaded, hash_seed), of_run in zip(runs, files, strict=True)
+    ]
+    if motions is not None:
+        # Repeated runs are equal, or have no verdict: the first one is enough.
+        for index, loaded in enumerate(scenarios):
+            if loaded.compared:
+                made_jobs[index] = replace(made_jobs[index], motion=motion_file(motions, index))
+    waiting = deque(enumerate(made_jobs))
+    numbered = [(place, turn) for turn in range(1, repeat + 1) for place in places or range(len(scenarios))]
+    scheduler = _Scheduler(
+        child_type, waiting, jobs, emit, interruption, places_and_turns=numbered, fail_fast=fail_fast
+    )
+    outcomes = scheduler.run(partial(_make_ready, scenarios, meanwhile))
     left = interrupted if interruption.happened else skipped
     return [outcomes.get(index) or left(loaded) for index, (loaded, _) in enumerate(runs)]
 
@@ -124,17 +118,10 @@ def _job(
     files: RunFiles,
     *,
     results: Path,
-    own: Path,
     child_type: type[ChildProcess],
     hash_seed: int | None,
 ) -> Job:
-    return Job(loaded, files.trace, results, own, child_type.limits_memory, files.replay, files.recordings, hash_seed)
-
-
-def _subfolder(scratch: Path, index: int) -> Path:
-    folder = scratch / str(index)
-    folder.mkdir()
-    return folder
+    return Job(loaded, files.trace, results, child_type.limits_memory, files.replay, files.recordings, hash_seed)
 
 
 def _warm_up(scenarios: Sequence[LoadedScenario], formats: Iterable[str], *, replays: bool) -> None:
@@ -282,4 +269,4 @@ def _exceeded(child: ChildProcess) -> Limit | None:
     """Return the limit that a running child process has reached."""
     if time.monotonic() >= _deadline(child):
         return "wall limit"
-    return "output limit" if child.job.printed > child.job.loaded.scenario.output_bytes else None
+    return "output limit" if child.printed > child.job.loaded.scenario.output_bytes else None

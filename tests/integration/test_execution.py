@@ -233,9 +233,9 @@ def test_a_controller_that_does_not_end_is_told_with_its_line(tmp_path: Path, ru
 FORGED = """\
 import json, os, sys
 frame = sys._getframe()
-while 'job' not in frame.f_locals:
+while 'files' not in frame.f_locals:
     frame = frame.f_back
-job = frame.f_locals['job']
+files, writer = frame.f_locals['files'], frame.f_locals['writer']
 """
 
 
@@ -243,16 +243,18 @@ def test_a_verdict_that_a_script_forges_is_none(tmp_path: Path, run: Run) -> Non
     body = (
         FORGED
         + "forged = {'name': '::error::x', 'file': '/etc/shadow', 'status': 'passed', 'trace': '/etc/passwd'}\n"
-        + "job.outcome_file.write_text(json.dumps(forged))\nos._exit(0)"
+        + "writer.write(json.dumps(forged).encode())\nos._exit(0)"
     )
     (outcome,) = run([script(tmp_path, "forger", body)], tmp_path)
     assert (outcome.name, Path(outcome.file).name, outcome.status) == ("forger", "forger.sim.yml", "error")
     assert outcome.trace is None
 
 
-@pytest.mark.parametrize("victim", ["outcome_file", "output_file"])
+@pytest.mark.parametrize("victim", ["outcome", "output"])
 def test_a_pipe_in_the_place_of_a_file_holds_nobody_up(tmp_path: Path, run: Run, victim: str) -> None:
-    body = f"{FORGED}job.{victim}.unlink(missing_ok=True)\nos.mkfifo(job.{victim})\nos._exit(0)"
+    in_folder = f"files.{victim}.unlink(missing_ok=True)\n    os.mkfifo(files.{victim})"
+    in_memory = f"os.dup2(os.pipe()[0], files.{victim})"
+    body = f"{FORGED}if isinstance(files.{victim}, int):\n    {in_memory}\nelse:\n    {in_folder}\nos._exit(0)"
     (outcome,) = run([script(tmp_path, "piper", body)], tmp_path)
     assert outcome.status == "error"
 

@@ -65,7 +65,7 @@ KILLERS: Final = {
         "memory",
         "more than the 1 GiB of memory that it is allowed (memory_limit)",
     ),
-    "exit": ("os._exit(0)", "", "crash", "with exit code 0 and no verdict; did its script call os._exit()?"),
+    "exit": ("os._exit(0)", "", "crash", "exit.py:4 called os._exit(0): the process of this"),
     "forks and leaves": (
         "if os.fork() == 0: time.sleep(600)\nos._exit(7)",
         "",

@@ -19,9 +19,9 @@ from sim_action.runner.isolation import linux_child
 
 run_job = linux_child.run_job
 
-def listing(job, progress):
+def listing(job, files, progress):
     before = set(sys.modules)
-    run_job(job, progress)
+    run_job(job, files, progress)
     more = sorted(name for name in set(sys.modules) - before if name.startswith("sim_action"))
     with Path("imported.txt").open("a") as file:
         print(job.loaded.scenario.name, *more, file=file)

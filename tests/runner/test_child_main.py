@@ -24,6 +24,7 @@ COUNT: Final = """
 import os, sys
 from pathlib import Path
 from sim_action.scenario.loading import load_scenario
+from sim_action.runner.child_files import ChildFiles
 from sim_action.runner.job import Job
 from sim_action.runner.child_main import run_job, become_child
 
@@ -36,9 +37,10 @@ here = Path.cwd()
 out = os.dup(1)
 loaded = load_scenario(Path("s.sim.yml"))
 before = opened
-job = Job(loaded, here / "trace.npz", here, here)
-become_child(job)
-run_job(job, os.open(os.devnull, os.O_WRONLY))
+job, files = Job(loaded, here / "trace.npz", here), ChildFiles.in_folder(here)
+progress = os.open(os.devnull, os.O_WRONLY)
+become_child(files, progress)
+run_job(job, files, progress)
 os.write(out, f"{before} {opened - before}".encode())
 """
 
@@ -47,13 +49,15 @@ COMPARED: Final = """
 import os
 from pathlib import Path
 from sim_action.scenario.loading import load_scenario
+from sim_action.runner.child_files import ChildFiles
 from sim_action.runner.job import Job
 from sim_action.runner.child_main import run_job, become_child
 
 here = Path.cwd()
-job = Job(load_scenario(Path("s.sim.yml")), here / "trace.npz", here, here, motion=here / "missing" / "motion.npz")
-become_child(job)
-run_job(job, os.open(os.devnull, os.O_WRONLY))
+job = Job(load_scenario(Path("s.sim.yml")), here / "trace.npz", here, motion=here / "missing" / "motion.npz")
+files, progress = ChildFiles.in_folder(here), os.open(os.devnull, os.O_WRONLY)
+become_child(files, progress)
+run_job(job, files, progress)
 """
 
 
@@ -88,4 +92,4 @@ def test_a_motion_that_cannot_be_written_costs_no_verdict(tmp_path: Path) -> Non
     outcome, _ = outcome_of(COMPARED, tmp_path)
     assert outcome.status == "passed"
     (note,) = (note for note in outcome.notes if "motion" in note)
-    assert note.startswith("the motion was not stored, so it is not compared with that in another engine: ")
+    assert note == "motion: no such file or directory; it is not compared with that in another engine"

@@ -8,6 +8,7 @@ from typing import Self
 import pytest
 
 from sim_action.core.errors import Location
+from sim_action.runner.child_files import ChildReport
 from sim_action.runner.child_outcome import Ending, outcome_of
 from sim_action.runner.isolation.child_process import ChildProcess
 from sim_action.runner.job import Job
@@ -47,7 +48,7 @@ class Gone(ChildProcess):
 )
 def test_what_windows_ends_is_told_from_what_ends_itself(tmp_path: Path, code: int, title: str, cause: str) -> None:
     (tmp_path / "a.sim.yml").write_text(SCENARIO)
-    job = Job(load_scenario(tmp_path / "a.sim.yml"), tmp_path / "t.npz", tmp_path, tmp_path, memory_is_limited=False)
+    job = Job(load_scenario(tmp_path / "a.sim.yml"), tmp_path / "t.npz", tmp_path, memory_is_limited=False)
     (failure,) = outcome_of(Gone.start(job), code).failures
     assert (failure.kind, failure.title) == ("crash", title)
     assert cause in failure.message
@@ -55,9 +56,10 @@ def test_what_windows_ends_is_told_from_what_ends_itself(tmp_path: Path, code: i
 
 def test_memory_that_is_not_limited_is_not_said_to_be(tmp_path: Path) -> None:
     (tmp_path / "a.sim.yml").write_text(SCENARIO)
-    job = Job(load_scenario(tmp_path / "a.sim.yml"), tmp_path / "t.npz", tmp_path, tmp_path, memory_is_limited=False)
-    job.output_file.write_text("terminate called after throwing an instance of 'std::bad_alloc'\n")
-    (failure,) = outcome_of(Gone.start(job), -6).failures
+    job = Job(load_scenario(tmp_path / "a.sim.yml"), tmp_path / "t.npz", tmp_path, memory_is_limited=False)
+    gone = Gone.start(job)
+    gone.report = ChildReport(output=b"terminate called after throwing an instance of 'std::bad_alloc'\n")
+    (failure,) = outcome_of(gone, -6).failures
     assert failure.kind == "memory"
     assert "it needs more memory than this machine has" in failure.message
 
@@ -69,7 +71,7 @@ BY_SCRIPT = SCENARIO.replace("expect:", "commands: {script: ctl.py, function: st
 def child(folder: Path, text: str = SCENARIO) -> Gone:
     (folder / "ctl.py").write_text(SCRIPT)
     (folder / "a.sim.yml").write_text(text)
-    return Gone.start(Job(load_scenario(folder / "a.sim.yml"), folder / "t.npz", folder, folder))
+    return Gone.start(Job(load_scenario(folder / "a.sim.yml"), folder / "t.npz", folder))
 
 
 @pytest.mark.parametrize(
@@ -96,7 +98,8 @@ def test_a_wall_limit_names_what_may_be_stuck_and_the_key_to_change(
 
 def test_a_line_that_did_not_return_is_named(tmp_path: Path) -> None:
     stuck = child(tmp_path, BY_SCRIPT)
-    stuck.job.stack_dump_file.write_text(f'Stack:\n  File "{tmp_path}/ctl.py", line 2 in stand\n')
+    stack = f'Stack:\n  File "{tmp_path}/ctl.py", line 2 in stand\n'
+    stuck.report = ChildReport(stack_dump=stack.encode())
     (failure,) = outcome_of(stuck, "wall limit").failures
     assert f"{tmp_path}/ctl.py:2 did not return or a limit that is too low;" in failure.message
     assert "a stuck controller" not in failure.message
@@ -112,7 +115,7 @@ def test_a_line_that_did_not_return_is_named(tmp_path: Path) -> None:
             "output limit",
             "were printed (output_limit): does a controller print at every step?",
         ),
-        (3, "crash", "exit 3", "ended by itself, with exit code 3 and no verdict; did its script call os._exit()?"),
+        (3, "crash", "exit 3", "ended by itself, with exit code 3 and no verdict; its last report was at 0.00 s"),
         (-11, "crash", "SIGSEGV", "was ended by SIGSEGV: native code crashed, in the engine or in a library of the"),
         (-9, "crash", "SIGKILL", "was ended by SIGKILL: it killed itself, or the machine ran out of memory"),
         (-15, "crash", "SIGTERM", "the process of this scenario was ended by SIGTERM; its last report"),
@@ -134,6 +137,29 @@ def test_a_crash_with_full_memory_is_for_want_of_memory(tmp_path: Path, ending: 
     crashed.peak_memory = crashed.job.loaded.scenario.memory_bytes - (256 << 20) - short
     (failure,) = outcome_of(crashed, ending).failures
     assert failure.kind == kind
+
+
+def test_a_line_that_called_exit_is_named_only_if_it_is_known(tmp_path: Path) -> None:
+    gone = child(tmp_path, BY_SCRIPT)
+    gone._take(f"exit 2 {tmp_path}/ctl\x1b.py".encode())
+    (failure,) = outcome_of(gone, 7).failures
+    assert failure.title == "exit 7"
+    assert failure.message.startswith(
+        f"{tmp_path}/ctl\\x1b.py:2 called os._exit(7): the process of this scenario ended by itself, with exit code 7"
+    )
+    assert failure.location == Location(f"{tmp_path}/ctl\\x1b.py", 2)
+    (failure,) = outcome_of(gone, -9).failures
+    assert "os._exit" not in failure.message
+    assert failure.location is None
+
+
+def test_a_file_that_was_there_before_is_not_that_of_the_run(tmp_path: Path) -> None:
+    (tmp_path / "t.npz").write_text("old")
+    assert outcome_of(child(tmp_path), -9).trace is None
+    gone = child(tmp_path)
+    (tmp_path / "t.npz").unlink()
+    (tmp_path / "t.npz").write_text("of this run")
+    assert outcome_of(gone, -9).trace == "t.npz"
 
 
 @pytest.mark.parametrize(

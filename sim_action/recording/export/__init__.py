@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, BinaryIO, ClassVar, Final, Protocol
 from sim_action.core.errors import UsageError
 from sim_action.core.files import whole_file
 from sim_action.core.registry import Table
-from sim_action.core.wording import did_you_mean, escaped_line
+from sim_action.core.wording import did_you_mean, escaped_line, system_reason
 
 if TYPE_CHECKING:
     from sim_action.recording.export.recorded_run import RecordedRun
@@ -80,4 +80,5 @@ def write_recordings(run: RecordedRun, paths: Iterable[Path]) -> Iterator[str]:
             with whole_file(path) as file:
                 EXPORTS.load(name).write(run, file)
         except Exception as error:  # noqa: BLE001 - a run has its verdict, whether it is recorded or not
-            yield f"the recording as {name} was not written: {escaped_line(f'{type(error).__name__}: {error}')}"
+            reason = system_reason(error) if isinstance(error, OSError) else f"{type(error).__name__}: {error}"
+            yield f"recording as {name}: {escaped_line(reason)}"

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import os
+import re
 import socket
+import stat
+import tempfile
 import time
 from abc import ABC, abstractmethod
 from contextlib import suppress
 from pathlib import Path
 from typing import ClassVar, Final, Self
 
+from sim_action.core.errors import Location
+from sim_action.runner.child_files import ChildReport
 from sim_action.runner.job import JUDGED, Job
 
 # Variables that user scripts must not see (the names that GitHub documents for runners).
@@ -36,6 +41,8 @@ class ChildProcess(ABC):
         peak_memory: after `close`, the largest resident memory of one of its processes in bytes; 0 if not known.
         silent: True if there will be no more progress.
         judged: `time.monotonic()` when it reported that its outcome is written; None: not yet.
+        exit_call: the line that called `os._exit`, as the child process says.
+        report: after `close`, the content of its files.
         started: `time.monotonic()` at its start.
         refusal: the error of the system if it could not begin, before any code of the scenario has run; else None.
     """
@@ -53,9 +60,12 @@ class ChildProcess(ABC):
         self.peak_memory = 0
         self.silent = False
         self.judged: float | None = None
+        self.exit_call: Location | None = None
+        self.report = ChildReport()
         self.started = time.monotonic()
         self.refusal: OSError | None = None
         self._unread = b""
+        self._former = {path: _identity(path) for path in job.evidence}
 
     @classmethod
     @abstractmethod
@@ -72,7 +82,16 @@ class ChildProcess(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Clean up after its end: end the processes that it left behind, as far as they are known."""
+        """Clean up after its end: end the processes that it left behind, as far as they are known; set `report`."""
+
+    @property
+    def printed(self) -> int:
+        """The size of the printed output in bytes, as far as known."""
+        return 0
+
+    def wrote(self, path: Path) -> bool:
+        """Return True if a regular file is here that was not there before the start."""
+        return _identity(path) not in (None, self._former[path])
 
     def listen(self) -> None:
         """Read the progress of the child process: sim times, one per line."""
@@ -92,12 +111,39 @@ class ChildProcess(ABC):
         elif line.startswith(REFUSED):
             number = int(line.removeprefix(REFUSED))
             self.refusal = OSError(number, os.strerror(number))
+        elif (call := _EXIT_CALL.fullmatch(line)) is not None:
+            self.exit_call = Location(os.fsdecode(call["file"]), int(call["line"]))
         else:
             self.sim_time = float(line)
 
     @abstractmethod
     def _heard(self) -> bytes:
         """Return the available bytes; nothing at the end. Raise BlockingIOError while there are none yet."""
+
+
+# The message of `child_main` that user code calls `os._exit`.
+_EXIT_CALL: Final = re.compile(rb"exit (?P<line>[0-9]{1,9}) (?P<file>.+)")
+
+
+def scratch_folder() -> tempfile.TemporaryDirectory[str]:
+    """Make the scratch folder of a child process. Raise OSError."""
+    # On Windows, processes that a script left running may keep files open in it.
+    return tempfile.TemporaryDirectory(prefix="sim-action-", ignore_cleanup_errors=True)
+
+
+def remove(scratch: tempfile.TemporaryDirectory[str]) -> None:
+    """Remove a scratch folder, as far as possible: a script may have put anything into it."""
+    with suppress(OSError, RecursionError):
+        scratch.cleanup()
+
+
+def _identity(path: Path) -> tuple[int, int, int] | None:
+    """Return the identity of a regular file, which a rewritten file does not keep; None: there is none."""
+    try:
+        found = path.lstat()
+    except OSError:
+        return None
+    return (found.st_ino, found.st_mtime_ns, found.st_size) if stat.S_ISREG(found.st_mode) else None
 
 
 def environment(hash_seed: int | None = None) -> dict[str, str]:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import gc
 import os
-import pickle
 import signal
 import subprocess
 import sys
@@ -16,12 +15,15 @@ import tempfile
 import threading
 import time
 import traceback
-from contextlib import suppress
+from contextlib import ExitStack, suppress
+from pathlib import Path
 from typing import Final, NoReturn, Self
 
+from sim_action.runner.child_files import ChildFiles
 from sim_action.runner.child_main import become_child, run_job
 from sim_action.runner.isolation import process_control
-from sim_action.runner.isolation.child_process import ChildProcess, environment
+from sim_action.runner.isolation.child_process import ChildProcess, environment, remove, scratch_folder
+from sim_action.runner.isolation.memory_files import MemoryFiles, pickled
 from sim_action.runner.job import Job
 
 assert sys.platform == "linux"
@@ -39,10 +41,21 @@ class LinuxChild(ChildProcess):
     # Its progress and its files.
     descriptors = 4
 
-    def __init__(self, job: Job, pid: int, progress: int, *, supervised: bool) -> None:
+    def __init__(
+        self,
+        job: Job,
+        pid: int,
+        progress: int,
+        files: MemoryFiles,
+        scratch: tempfile.TemporaryDirectory[str],
+        *,
+        supervised: bool,
+    ) -> None:
         super().__init__(job, progress)
         self._progress = progress
         self._pid = pid
+        self._files = files
+        self._scratch = scratch
         self._supervised = supervised
 
     @classmethod
@@ -51,20 +64,25 @@ class LinuxChild(ChildProcess):
 
         Raises OSError.
         """
-        reader, writer = os.pipe()
-        os.set_blocking(reader, False)
-        # The child process must not wait for a caller that does not read.
-        os.set_blocking(writer, False)
-        try:
-            of_others = job.loaded.scenario.runs_user_code or job.hash_seed is not None
-            alone = of_others or threading.active_count() > 1
-            pid = _spawn(job, writer) if alone else _fork(job, writer)
-        except BaseException:
-            os.close(reader)
-            raise
-        finally:
-            os.close(writer)
-        return cls(job, pid, reader, supervised=alone)
+        with ExitStack() as undone:
+            scratch = scratch_folder()
+            undone.callback(remove, scratch)
+            files = MemoryFiles(Path(scratch.name))
+            undone.callback(files.close)
+            reader, writer = os.pipe()
+            undone.callback(os.close, reader)
+            try:
+                os.set_blocking(reader, False)
+                # The child process must not wait for a caller that does not read.
+                os.set_blocking(writer, False)
+                of_others = job.loaded.scenario.runs_user_code or job.hash_seed is not None
+                alone = of_others or threading.active_count() > 1
+                pid = _spawn(job, files, writer) if alone else _fork(job, files, writer)
+            finally:
+                os.close(writer)
+            # From here on `close` cleans up.
+            undone.pop_all()
+        return cls(job, pid, reader, files, scratch, supervised=alone)
 
     def poll(self) -> int | None:
         """Return the exit status after the end (negative: the signal that ended it), else None.
@@ -95,6 +113,14 @@ class LinuxChild(ChildProcess):
             self.peak_memory = usage.ru_maxrss << 10
         self.listen()
         os.close(self._progress)
+        self.report = self._files.read()
+        self._files.close()
+        remove(self._scratch)
+
+    @property
+    def printed(self) -> int:
+        """The size of the printed output in bytes."""
+        return self._files.printed
 
     def _heard(self) -> bytes:
         return os.read(self._progress, 65536)
@@ -125,7 +151,7 @@ class LinuxChild(ChildProcess):
                     os.kill(process.number, signal.SIGKILL)
 
 
-def _fork(job: Job, writer: int) -> int:
+def _fork(job: Job, files: MemoryFiles, writer: int) -> int:
     sys.stdout.flush()
     sys.stderr.flush()
     # Existing objects are not garbage of the child: scanning them would take time and copy all their pages.
@@ -133,21 +159,21 @@ def _fork(job: Job, writer: int) -> int:
     try:
         pid = os.fork()
         if pid == 0:
-            _child_main(job, writer)
+            _child_main(job, files.inherited, writer)
     finally:
         gc.unfreeze()
     return pid
 
 
-def _child_main(job: Job, writer: int) -> NoReturn:
+def _child_main(job: Job, files: ChildFiles, writer: int) -> NoReturn:
     """Run the job in the fork; never return into the parent's code."""
     code = 1
     try:
         signal.set_wakeup_fd(-1)
         os.setsid()
-        become_child(job)
+        become_child(files, writer)
         process_control.impose_limits(job.loaded.scenario.memory_bytes)
-        run_job(job, writer)
+        run_job(job, files, writer)
         code = 0
     except BaseException:  # noqa: BLE001 - nothing may return into the parent's code
         traceback.print_exc()
@@ -158,16 +184,14 @@ def _child_main(job: Job, writer: int) -> NoReturn:
         os._exit(code)
 
 
-def _spawn(job: Job, writer: int) -> int:
-    with tempfile.TemporaryFile() as stdin:
-        pickle.dump(job, stdin)
-        stdin.seek(0)
+def _spawn(job: Job, files: MemoryFiles, writer: int) -> int:
+    with pickled((job, files.inherited)) as stdin:
         process = subprocess.Popen(  # noqa: S603 - this interpreter, and nothing from a scenario
             [sys.executable, "-P", "-m", "sim_action.runner.isolation.scenario_supervisor", str(writer)],
             stdin=stdin,
             stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            pass_fds=(writer,),
+            stderr=files.output,
+            pass_fds=(writer, *files.inherited.descriptors),
             start_new_session=True,
             env=environment(job.hash_seed),
         )

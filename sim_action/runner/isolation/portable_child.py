@@ -20,12 +20,25 @@ import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import threading
 import traceback
-from contextlib import suppress
+from contextlib import ExitStack, suppress
+from pathlib import Path
 from typing import Final, NoReturn, Self
 
-from sim_action.runner.isolation.child_process import ChildProcess, environment
+from sim_action.core.files import open_regular
+from sim_action.runner.child_files import (
+    MAX_OUTCOME_BYTES,
+    MAX_OUTPUT_BYTES,
+    MAX_STACK_DUMP_BYTES,
+    OUTCOME_FILE,
+    OUTPUT_FILE,
+    STACK_DUMP_FILE,
+    ChildFiles,
+    ChildReport,
+)
+from sim_action.runner.isolation.child_process import ChildProcess, environment, remove, scratch_folder
 from sim_action.runner.job import Job
 
 # A process that the script left behind may keep the pipe open.
@@ -40,14 +53,18 @@ class PortableChild(ChildProcess):
     descriptors = 4
     tasks = 3
 
-    def __init__(self, job: Job, process: subprocess.Popen[bytes]) -> None:
+    def __init__(self, job: Job, process: subprocess.Popen[bytes], scratch: tempfile.TemporaryDirectory[str]) -> None:
+        """Send the job to the process. Raise OSError."""
         progress, passed_on = socket.socketpair()
         try:
             progress.setblocking(False)
             super().__init__(job, progress)
             self._progress = progress
             self._process = process
-            self._relay = threading.Thread(target=_relay, args=(pickle.dumps(job), process, passed_on), daemon=True)
+            self._scratch = scratch
+            self._folder = Path(scratch.name)
+            sent = pickle.dumps((job, ChildFiles.in_folder(self._folder)))
+            self._relay = threading.Thread(target=_relay, args=(sent, process, passed_on), daemon=True)
             _start_thread(self._relay)
         except OSError:
             progress.close()
@@ -57,26 +74,32 @@ class PortableChild(ChildProcess):
     @classmethod
     def start(cls, job: Job) -> Self:
         """Start a fresh interpreter. Raise OSError."""
-        # Errors before the child redirects its output go to the same file.
-        with job.output_file.open("ab") as words:
-            process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "sim_action.runner.isolation.portable_child"],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=words,
-                env=environment(job.hash_seed),
-                # Ctrl-C goes to this process alone: the first is for POSIX, the second for Windows.
-                start_new_session=True,
-                creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
-            )
-        try:
-            return cls(job, process)
-        except OSError:
-            process.kill()
-            process.wait()
-            for pipe in filter(None, (process.stdin, process.stdout)):
-                pipe.close()
-            raise
+        with ExitStack() as undone:
+            scratch = scratch_folder()
+            undone.callback(remove, scratch)
+            # Errors before the child redirects its output go to the same file.
+            with Path(scratch.name, OUTPUT_FILE).open("ab") as words:
+                process = subprocess.Popen(
+                    [sys.executable, "-P", "-m", "sim_action.runner.isolation.portable_child"],
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE,
+                    stderr=words,
+                    env=environment(job.hash_seed),
+                    # Ctrl-C goes to this process alone: the first is for POSIX, the second for Windows.
+                    start_new_session=True,
+                    creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
+                )
+            try:
+                child = cls(job, process, scratch)
+            except OSError:
+                process.kill()
+                process.wait()
+                for pipe in filter(None, (process.stdin, process.stdout)):
+                    pipe.close()
+                raise
+            # From here on `close` cleans up.
+            undone.pop_all()
+            return child
 
     def poll(self) -> int | None:
         """Return the exit status after the end (negative: the signal that ended it), else None.
@@ -101,6 +124,20 @@ class PortableChild(ChildProcess):
         if self._process.stdin:
             with suppress(OSError):
                 self._process.stdin.close()
+        self.report = ChildReport(
+            _end_of(self._folder / OUTCOME_FILE, MAX_OUTCOME_BYTES),
+            _end_of(self._folder / OUTPUT_FILE, MAX_OUTPUT_BYTES),
+            _end_of(self._folder / STACK_DUMP_FILE, MAX_STACK_DUMP_BYTES),
+        )
+        remove(self._scratch)
+
+    @property
+    def printed(self) -> int:
+        """The size of the printed output in bytes."""
+        try:
+            return (self._folder / OUTPUT_FILE).lstat().st_size
+        except OSError:
+            return 0
 
     def _kill_group(self) -> None:
         if sys.platform != "win32":
@@ -121,6 +158,17 @@ def _start_thread(thread: threading.Thread) -> None:
         thread.start()
     except RuntimeError:
         raise OSError(errno.EAGAIN, os.strerror(errno.EAGAIN)) from None
+
+
+def _end_of(path: Path, most: int) -> bytes:
+    """Return the last bytes of a file; nothing if it is not a regular file."""
+    try:
+        file = open_regular(path, follow_link=False)
+    except OSError:
+        return b""
+    with file:
+        file.seek(max(0, os.fstat(file.fileno()).st_size - most))
+        return file.read(most)
 
 
 def _relay(job: bytes, process: subprocess.Popen[bytes], progress: socket.socket) -> None:
@@ -145,11 +193,11 @@ def main() -> NoReturn:
 
     try:
         caller, progress = os.dup(0), os.dup(1)
-        job = received_job()
-        become_child(job)
+        job, files = received_job()
+        become_child(files, progress)
         # Only after standard input is replaced: on Windows, each call on a pipe waits for a pending read.
         threading.Thread(target=_end_with, args=(caller,), daemon=True).start()
-        run_job(job, progress)
+        run_job(job, files, progress)
         exit_child()
     except BaseException:  # noqa: BLE001 - threads of user code would delay the end
         traceback.print_exc()

@@ -46,10 +46,10 @@ def _work(progress: int) -> NoReturn:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, process_control.AWAITED_SIGNALS)
         from sim_action.runner.child_main import become_child, exit_child, received_job, run_job
 
-        job = received_job()
-        become_child(job)
+        job, files = received_job()
+        become_child(files, progress)
         process_control.impose_limits(job.loaded.scenario.memory_bytes)
-        run_job(job, progress)
+        run_job(job, files, progress)
         exit_child()
     except BaseException:  # noqa: BLE001 - nothing may return into the supervisor's code
         traceback.print_exc()

@@ -78,5 +78,5 @@ def test_what_cannot_be_written_is_told_and_the_others_are(tmp_path: Path, monke
     monkeypatch.setattr(csv_tum, "CsvTable", Breaking)
     folder = tmp_path / "recordings"
     (note,) = write_recordings(run(), [folder / "a.csv", folder / "a.tum"])
-    assert note == "the recording as csv was not written: OSError: no space\\nleft"
+    assert note == "recording as csv: no space\\nleft"
     assert [path.name for path in folder.iterdir()] == ["a.tum"]

@@ -43,7 +43,7 @@ def test_a_process_that_cannot_be_listened_to_is_ended(tmp_path: Path, monkeypat
         raise OSError(errno.EMFILE, "Too many open files")
 
     (tmp_path / "a.sim.yml").write_text(SCENARIO)
-    job = Job(load_scenario(tmp_path / "a.sim.yml"), tmp_path / "t.npz", tmp_path, tmp_path)
+    job = Job(load_scenario(tmp_path / "a.sim.yml"), tmp_path / "t.npz", tmp_path)
     monkeypatch.setattr(subprocess, "Popen", Started)
     monkeypatch.setattr(socket, "socketpair", refuse)
     with pytest.raises(OSError, match="Too many open files"):
@@ -56,7 +56,7 @@ def test_a_process_without_a_thread_that_listens_is_ended(tmp_path: Path, monkey
         raise RuntimeError("can't start new thread")
 
     (tmp_path / "a.sim.yml").write_text(SCENARIO)
-    job = Job(load_scenario(tmp_path / "a.sim.yml"), tmp_path / "t.npz", tmp_path, tmp_path)
+    job = Job(load_scenario(tmp_path / "a.sim.yml"), tmp_path / "t.npz", tmp_path)
     monkeypatch.setattr(subprocess, "Popen", Started)
     pair = socket.socketpair()
     monkeypatch.setattr(socket, "socketpair", lambda: pair)

@@ -1,0 +1,65 @@
+"""A child process on Linux that cannot start leaves nothing behind."""
+
+from __future__ import annotations
+
+import errno
+import gc
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import NoReturn
+
+import pytest
+
+from sim_action.runner.job import Job
+from sim_action.scenario.loading import load_scenario
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="other systems use another class")
+
+if sys.platform == "linux":
+    from sim_action.runner.isolation.linux_child import LinuxChild
+
+SCENARIO = "name: n\nrobot: {model: turtlebot3_burger}\nexpect: [upright]\ntime_limit: 1 s\n"
+
+
+def refuse(*_: object, **__: object) -> NoReturn:
+    raise OSError(errno.EAGAIN, "Resource temporarily unavailable")
+
+
+def job(folder: Path, hash_seed: int | None) -> Job:
+    (folder / "a.sim.yml").write_text(SCENARIO)
+    return Job(load_scenario(folder / "a.sim.yml"), folder / "t.npz", folder, hash_seed=hash_seed)
+
+
+def open_descriptors() -> int:
+    return len(list(Path("/proc/self/fd").iterdir()))
+
+
+@pytest.mark.parametrize(
+    ("module", "name", "hash_seed"),
+    [(os, "fork", None), (subprocess, "Popen", 1), (os, "pipe", None), (os, "memfd_create", 1)],
+)
+def test_a_start_that_fails_leaves_no_file_and_no_descriptor(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, module: object, name: str, hash_seed: int | None
+) -> None:
+    ordered, scratch = job(tmp_path, hash_seed), tmp_path / "scratch"
+    scratch.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(scratch))
+    monkeypatch.setattr(module, name, refuse)
+    before, frozen = open_descriptors(), gc.get_freeze_count()
+    with pytest.raises(OSError, match="temporarily unavailable"):
+        LinuxChild.start(ordered)
+    assert open_descriptors() == before
+    assert gc.get_freeze_count() == frozen
+    assert list(scratch.iterdir()) == []
+
+
+def test_a_scratch_folder_that_cannot_be_made_is_an_error_of_the_start(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ordered = job(tmp_path, None)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "missing"))
+    with pytest.raises(FileNotFoundError):
+        LinuxChild.start(ordered)

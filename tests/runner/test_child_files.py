@@ -1,0 +1,35 @@
+"""The outcome that a child process writes for its parent, in a file and in memory."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from sim_action.runner import child_files
+from sim_action.runner.child_files import ChildFiles, OutcomeWriter
+
+
+def test_files_lie_in_the_scratch_folder(tmp_path: Path) -> None:
+    files = ChildFiles.in_folder(tmp_path)
+    assert files.descriptors == ()
+    assert {files.outcome, files.output, files.stack_dump} == {
+        tmp_path / name for name in ("outcome.json", "output.txt", "hang.txt")
+    }
+
+
+def test_a_later_outcome_replaces_the_earlier(tmp_path: Path) -> None:
+    writer = OutcomeWriter(tmp_path / "outcome.json")
+    writer.write(b"first")
+    writer.write(b"second")
+    assert (tmp_path / "outcome.json").read_bytes() == b"second"
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_an_outcome_that_is_too_large_leaves_the_earlier(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(child_files, "MAX_OUTCOME_BYTES", 10)
+    writer = OutcomeWriter(tmp_path / "outcome.json")
+    writer.write(b"first")
+    with pytest.raises(ValueError, match="the outcome is larger than"):
+        writer.write(b"x" * 11)
+    assert (tmp_path / "outcome.json").read_bytes() == b"first"
