@@ -108,7 +108,11 @@ SUBCOMMANDS: Final = {
         arguments=("old", "new"),
         lists={},
         options={"margin": "--margin", "slower": "--slower", "markdown": "--markdown"},
-        switches={"strict": ("--strict",), "summary": ("--summary", "--no-summary")},
+        switches={
+            "strict": ("--strict",),
+            "allow-removed": ("--allow-removed",),
+            "summary": ("--summary", "--no-summary"),
+        },
     ),
     "merge": Subcommand(
         arguments=("results",), lists={**_SELECTION, "scenario": "--scenarios"}, options=_REPORTS, switches=_SWITCHES

@@ -32,6 +32,7 @@ class CompareRequest:
         strict: treat warnings as failures.
         markdown: file for the Markdown; "-" prints it instead of the text for terminals; None writes none.
         summary: add the comparison to the job summary on GitHub.
+        allow_removed: accept a new run that has no scenario of the old run.
     """
 
     old: str
@@ -40,11 +41,14 @@ class CompareRequest:
     strict: bool = False
     markdown: str | None = None
     summary: bool = True
+    allow_removed: bool = False
 
 
 def compare_results(request: CompareRequest) -> ExitCode:
     """Report the changes and return the exit code. Raises UsageError."""
-    comparison = compare_outcomes(_outcomes(request.old), _outcomes(request.new), request.thresholds)
+    comparison = compare_outcomes(
+        _outcomes(request.old), _outcomes(request.new), request.thresholds, allow_removed=request.allow_removed
+    )
     if request.markdown not in (None, STANDARD_OUTPUT):
         _write(Path(request.markdown), comparison)
     _write_for_github(comparison, request, os.environ)

@@ -152,7 +152,8 @@ def _rerun(
         return {}
     found = {file_name(file): list[Outcome]() for file in touched} | collected.by_file()
     before = [outcome for file in found for outcome in outcomes.get(file, [])]
-    comparison = compare_outcomes(before, [outcome for several in found.values() for outcome in several], _THRESHOLDS)
+    now = [outcome for several in found.values() for outcome in several]
+    comparison = compare_outcomes(before, now, _THRESHOLDS, allow_removed=True)
     if rows(comparison):
         print_comparison(comparison, os.environ)
     return found

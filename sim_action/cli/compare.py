@@ -30,6 +30,7 @@ from sim_action.core.errors import ExitCode
     "value.",
 )
 @click.option("--strict", is_flag=True, help="Treat warnings as failures.")
+@click.option("--allow-removed", is_flag=True, help="Accept a new run that has no scenario of the old run.")
 @click.option(
     "--markdown",
     metavar="FILE",
@@ -39,18 +40,26 @@ from sim_action.core.errors import ExitCode
     "--summary/--no-summary", default=True, help="On GitHub, add the comparison to the job summary.  [default: yes]"
 )
 def compare(
-    old: str, new: str, *, margin: float, slower: float, strict: bool, markdown: str | None, summary: bool
+    old: str,
+    new: str,
+    *,
+    margin: float,
+    slower: float,
+    strict: bool,
+    allow_removed: bool,
+    markdown: str | None,
+    summary: bool,
 ) -> ExitCode:
     """Compare two runs: new failures, fixed scenarios, weaker checks, smaller margins.
 
     OLD and NEW are results.json files, or folders. A folder contains one results.json, or the results.json files of all
     shards.
 
-    Exit code: 0 no scenario newly fails; 1 a scenario newly fails or is flaky; 2 the results are missing or unreadable,
-    or the command line is invalid; 3 internal error of sim-action.
+    Exit code: 0 no scenario newly fails; 1 a scenario newly fails or is flaky, or every scenario was removed; 2 the
+    results are missing or unreadable, or the command line is invalid; 3 internal error of sim-action.
     """
     from sim_action.app.compare import CompareRequest, compare_results
     from sim_action.results.comparison import Thresholds
 
     thresholds = Thresholds(margin, slower)
-    return compare_results(CompareRequest(old, new, thresholds, strict, markdown, summary))
+    return compare_results(CompareRequest(old, new, thresholds, strict, markdown, summary, allow_removed))

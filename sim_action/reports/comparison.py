@@ -82,6 +82,12 @@ def headline(comparison: Comparison) -> str:
     return ", ".join(told) or "no scenarios"
 
 
+NOTHING_COMPARED: Final = (
+    "every scenario of the old run was removed, so nothing was compared; check the new results, or allow it with "
+    "--allow-removed"
+)
+
+
 def _rows_of(change: Change) -> Iterator[Row]:
     if look := _LOOKS.get(change.kind):
         yield Row(look, change.kind, change.outcome, _detail(change))
@@ -208,7 +214,10 @@ def _terminal_lines(comparison: Comparison, shown: Console) -> Iterator[Text]:
     symbols = _LOOK_SYMBOLS if log_text("✗·✓", encoding) == "✗·✓" else _ASCII_LOOK_SYMBOLS
     for each in reversed(listed):
         yield _terminal_line(each, symbols[each.look], width, encoding)
-    worst: Look = "bad" if comparison.failures else "warning" if comparison.warnings else "good"
+    if comparison.is_empty:
+        yield Text(NOTHING_COMPARED, _LOOK_STYLES["bad"])
+    bad = comparison.failures or comparison.is_empty
+    worst: Look = "bad" if bad else "warning" if comparison.warnings else "good"
     yield Text(headline(comparison), _LOOK_STYLES[worst])
 
 
@@ -239,6 +248,7 @@ def comparison_markdown(comparison: Comparison) -> str:
     parts = [
         f"## {_title(comparison)}",
         f"**{headline(comparison)}**, compared with the previous run",
+        f"{NOTHING_COMPARED[0].upper()}{NOTHING_COMPARED[1:]}." if comparison.is_empty else "",
         table(("", "Change", "Scenario", "What happened"), written) if written else "",
         f"_{len(found) - len(written)} more changes are not shown._" if len(found) > len(written) else "",
     ]
@@ -250,6 +260,8 @@ def _title(comparison: Comparison) -> str:
     if failing:
         more = f", {flaky} flaky" if flaky else ""
         return f"❌ {failing} {'scenario newly fails' if failing == 1 else 'scenarios newly fail'}{more}"
+    if comparison.is_empty:
+        return "❌ Every scenario was removed"
     if flaky:
         return f"🎲 {flaky} {'scenario is' if flaky == 1 else 'scenarios are'} flaky"
     if count := comparison.warnings:

@@ -130,9 +130,21 @@ class Change:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """The comparison of two runs: first the scenarios of the new run in its order, then the removed ones."""
+    """The comparison of two runs.
+
+    Attributes:
+        changes: first the scenarios of the new run in its order, then the removed ones.
+        allow_removed: True if the new run may lack every scenario of the old run.
+    """
 
     changes: tuple[Change, ...]
+    allow_removed: bool = False
+
+    @property
+    def is_empty(self) -> bool:
+        """Return True if the new run has no scenario of the old run, although it must have one: nothing is compared."""
+        old = [change for change in self.changes if change.old is not None and change.old.file]
+        return bool(old) and not self.allow_removed and all(change.kind == "removed" for change in old)
 
     @property
     def failures(self) -> int:
@@ -150,16 +162,21 @@ class Comparison:
 
     def exit_code(self, *, strict: bool = False) -> ExitCode:
         """Return the exit code of the process; with `strict`, warnings make it fail, too."""
-        bad = self.failures or (strict and self.warnings)
+        bad = self.failures or self.is_empty or (strict and self.warnings)
         return ExitCode.FAILED if bad else ExitCode.PASSED
 
 
 def compare_outcomes(
-    old: Iterable[Outcome], new: Iterable[Outcome], thresholds: Thresholds | None = None
+    old: Iterable[Outcome],
+    new: Iterable[Outcome],
+    thresholds: Thresholds | None = None,
+    *,
+    allow_removed: bool = False,
 ) -> Comparison:
     """Compare the outcomes of a new run with those of an old one."""
     thresholds = thresholds or Thresholds()
-    return Comparison(tuple(_change(before, now, thresholds) for before, now in _paired(list(old), list(new))))
+    pairs = _paired(list(old), list(new))
+    return Comparison(tuple(_change(before, now, thresholds) for before, now in pairs), allow_removed)
 
 
 def _paired(old: Sequence[Outcome], new: Sequence[Outcome]) -> Iterator[tuple[Outcome | None, Outcome | None]]:

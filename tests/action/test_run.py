@@ -85,10 +85,12 @@ def test_merge_names_each_scenario_that_must_be_there() -> None:
 
 def test_compare_names_the_earlier_results_first() -> None:
     given = {"old": "before", "new": "--after", "margin": "0.3", "slower": "", "strict": "true", "markdown": "a.md"}
+    given["allow-removed"] = "true"
     assert list(SUBCOMMANDS["compare"].command_line({**given, "summary": "false"})) == [
         "--margin=0.3",
         "--markdown=a.md",
         "--strict",
+        "--allow-removed",
         "--no-summary",
         "--",
         "before",

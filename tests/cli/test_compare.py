@@ -26,8 +26,11 @@ def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ("typed", "code"),
     [
         ("old old", 0),
-        ("old none", 0),
-        ("old none --strict", 1),
+        ("old none", 1),
+        ("old none --allow-removed", 0),
+        ("old none --allow-removed --strict", 1),
+        ("none old", 0),
+        ("none none", 0),
         ("old slow --strict", 0),
         ("old slow --strict --slower 0.6", 1),
         ("old slow --slower 60", 2),

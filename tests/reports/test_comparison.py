@@ -155,6 +155,20 @@ def test_runs_that_are_alike_have_a_headline_alone(samples: Samples) -> None:
     assert headline(compare_outcomes([], [])) == "no scenarios"
 
 
+def test_a_run_that_lacks_every_scenario_is_told(samples: Samples) -> None:
+    old = samples["passed"].outcomes
+    gone = compare_outcomes(old, [])
+    *_, message, counts = printed(gone).splitlines()
+    assert message.startswith("every scenario of the old run was removed, so nothing was compared")
+    assert counts == "1 warning"
+    title, counts, message, *_ = comparison_markdown(gone).split("\n\n")
+    assert title == "## ❌ Every scenario was removed"
+    assert "nothing was compared; check the new results, or allow it with --allow-removed." in message
+    allowed = compare_outcomes(old, [], allow_removed=True)
+    assert printed(allowed).splitlines()[-1] == "1 warning"
+    assert "nothing was compared" not in printed(allowed) + comparison_markdown(allowed)
+
+
 def test_hostile_text_is_text_in_markdown(samples: Samples) -> None:
     hostile = samples["hostile"].outcomes
     (table,) = comparison_markdown(compare_outcomes([], hostile)).split("\n\n")[2:]

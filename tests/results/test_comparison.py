@@ -90,7 +90,7 @@ def test_what_became_of_a_scenario(old: Status | None, new: Status | None, kind:
     change = changed(old and outcome(status=old), new and outcome(status=new))
     assert change.kind == kind
     assert Comparison((change,)).exit_code() is (
-        ExitCode.FAILED if kind in ("newly fails", "flaky") else ExitCode.PASSED
+        ExitCode.FAILED if kind in ("newly fails", "flaky", "removed") else ExitCode.PASSED
     )
     assert change.warnings == (kind in ("removed", "not run", "not repeated"))
 
@@ -100,8 +100,18 @@ def test_what_was_flaky_is_mended_once_several_runs_are_the_same() -> None:
     assert changed(outcome(status="flaky"), outcome(repeats=repeats)).kind == "fixed"
 
 
+def test_a_run_without_any_old_scenario_compares_nothing() -> None:
+    other = outcome("b", file="b.sim.yml")
+    assert compare_outcomes([outcome(), other], []).is_empty
+    assert compare_outcomes([outcome()], [other]).is_empty
+    for old, new in (([outcome(), other], [outcome()]), ([], [outcome()]), ([], []), ([outcome(file="")], [other])):
+        assert not compare_outcomes(old, new).is_empty
+    allowed = compare_outcomes([outcome()], [], allow_removed=True)
+    assert (allowed.is_empty, allowed.exit_code(), allowed.warnings) == (False, ExitCode.PASSED, 1)
+
+
 def test_warnings_fail_only_if_they_are_to() -> None:
-    comparison = compare_outcomes([outcome()], [])
+    comparison = compare_outcomes([outcome(), outcome("b")], [outcome()])
     assert comparison.exit_code() is ExitCode.PASSED
     assert comparison.exit_code(strict=True) is ExitCode.FAILED
     assert compare_outcomes([outcome()], [outcome()]).exit_code(strict=True) is ExitCode.PASSED
