@@ -33,6 +33,8 @@ def log_line(text: str) -> str:
 
 def system_reason(error: Exception) -> str:
     """Return the reason of an error of the operating system as the end of a sentence: "no space left on device"."""
+    if isinstance(error, MemoryError):
+        return "out of memory"
     reason = (error.strerror if isinstance(error, OSError) else None) or str(error) or type(error).__name__
     return reason[:1].lower() + reason[1:]
 

@@ -69,15 +69,18 @@ class Report(Protocol):
 REPORTS: Final = Table[Report](
     "report",
     {
-        "report": "sim_action.reports.html.report:write_html",
         "junit": "sim_action.reports.junit:write_junit",
+        "report": "sim_action.reports.html.report:write_html",
         "summary": "sim_action.reports.github.job_summary:write_summary",
         "outputs": "sim_action.reports.github.step_outputs:write_outputs",
         "terminal": "sim_action.reports.terminal:print_results",
         "annotations": "sim_action.reports.github.annotations:write_annotations",
     },
 )
-"""The reports in the order of writing: files first, because the reader of the terminal output may have closed it."""
+"""The reports in the order of writing: files first, because the reader of the terminal output may have closed it.
+
+The JUnit XML comes before the large `report.html`, which may fill the disk.
+"""
 
 _VARIABLES: Final = MappingProxyType(
     {"summary": "GITHUB_STEP_SUMMARY", "outputs": "GITHUB_OUTPUT", "annotations": "GITHUB_ACTIONS"}

@@ -221,6 +221,25 @@ def test_a_fault_of_one_report_loses_no_other(
     assert written(opened.folder) == {"results.json", "junit.xml", "report.html"} - {files.get(name)}
 
 
+def test_a_lack_of_memory_is_a_reason_and_no_fault(
+    samples: dict[str, Results],
+    opened: ReportOptions,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def exhausted(*_: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr(Results, "write", exhausted)
+    assert write_reports(samples["passed"], opened) is ExitCode.FAILED
+    assert capsys.readouterr().err.endswith("results.json: out of memory\n")
+
+
+def test_the_junit_comes_before_the_large_report() -> None:
+    names = list(REPORTS)
+    assert names.index("junit") < names.index("report") < names.index("outputs") < names.index("terminal")
+
+
 def test_text_that_the_file_system_cannot_name_is_a_reason(
     samples: dict[str, Results], opened: ReportOptions, capsys: pytest.CaptureFixture[str]
 ) -> None:
