@@ -12,8 +12,9 @@ import click
 from sim_action import __version__
 from sim_action.cli import INTERRUPTIBLE, SUBCOMMANDS, TAKE_DEFAULTS
 from sim_action.cli.options import complain
-from sim_action.core.errors import ExitCode, SimActionError
+from sim_action.core.errors import ExitCode, SimActionError, SystemRefusal, is_refusal
 from sim_action.core.process import collect_garbage_rarely, forgive_closed_output, release_signals
+from sim_action.core.wording import escaped_line
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -75,12 +76,18 @@ def call(arguments: Sequence[str]) -> int:
     except BrokenPipeError:
         # The reader of our output has gone.
         return ExitCode.FAILED
-    except Exception:  # noqa: BLE001 - any other exception is a fault of sim-action
-        sys.excepthook(*sys.exc_info())
-        click.echo(
-            "sim-action: this is an internal error of sim-action; please report it with the lines above", err=True
-        )
-        return ExitCode.INTERNAL
+    except Exception as error:  # noqa: BLE001 - the last place where it can be caught
+        return _report_unexpected(error)
+
+
+def _report_unexpected(error: Exception) -> ExitCode:
+    """Print an error that no other code expects, and return the exit code."""
+    if is_refusal(error):
+        complain(escaped_line(str(SystemRefusal(error))))
+        return ExitCode.FAILED
+    sys.excepthook(type(error), error, error.__traceback__)
+    click.echo("sim-action: this is an internal error of sim-action; please report it with the lines above", err=True)
+    return ExitCode.INTERNAL
 
 
 def _blame_variable(error: click.ClickException) -> None:

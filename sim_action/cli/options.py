@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import click
 
 from sim_action.core.errors import ExitCode, UsageError
-from sim_action.core.wording import note, shown, warn
+from sim_action.core.wording import log_line, note, shown, warn
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -95,9 +96,14 @@ def _numbers(
 
 def complain(message: str) -> None:
     """Print an error on standard error; on GitHub, as an annotation."""
-    from sim_action.reports.github.annotations import complaint
+    line = log_line(f"sim-action: {message}")
+    if os.environ.get("GITHUB_ACTIONS") == "true":
+        # Without the files of this module, the line is better than nothing.
+        with suppress(OSError, ImportError):
+            from sim_action.reports.github.annotations import complaint
 
-    click.echo(complaint(message, os.environ), err=True)
+            line = complaint(message, os.environ)
+    click.echo(line, err=True)
 
 
 Command = Callable[..., ExitCode]

@@ -54,8 +54,8 @@ def validate(paths: Sequence[str], allow_outside: bool) -> ExitCode:
 
 def _messages(refused: Refused) -> list[str]:
     """Return the messages of a refused scenario."""
-    details = f"\n{refused.error.details.rstrip()}" if isinstance(refused.error, InternalError) else ""
-    return [f"{problem}{details}" for problem in refused.problems]
+    details = refused.error.details if isinstance(refused.error, InternalError) else ""
+    return [f"{problem}\n{details}".rstrip() for problem in refused.problems]
 
 
 def _count(refused: Sequence[Refused]) -> str:

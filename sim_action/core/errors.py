@@ -2,6 +2,7 @@
 
     SimActionError                3    an internal error of sim-action, unless a subclass says otherwise
     ├── InternalError                  an internal error while one scenario was handled
+    │   └── SystemRefusal         1    the system lacks open files, memory or space
     ├── UsageError                2    the command line asks for something that is not possible
     ├── InvalidScenario           2    a scenario cannot be run as it is written
     ├── ModelError                2    a robot model cannot be read
@@ -23,9 +24,10 @@ Exit code 0: all scenarios passed; 5: no scenario was found; 130: the run was in
 
 from __future__ import annotations
 
+import errno
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -79,12 +81,39 @@ class InternalError(SimActionError):
         super().__init__(message)
 
     @classmethod
-    def of(cls, error: Exception) -> Self:
-        """Return the error that reports an unexpected exception."""
+    def of(cls, error: Exception) -> InternalError:
+        """Return the error that reports an unexpected exception; a `SystemRefusal` if the system is the cause."""
+        if is_refusal(error):
+            return SystemRefusal(error)
         from traceback import format_exception
 
         what = f"an internal error of sim-action: {type(error).__name__}: {error}; please report it"
         return cls(what, "".join(format_exception(error)))
+
+
+class SystemRefusal(InternalError):
+    """The system lacks something that every program needs, such as open files or memory: sim-action is not at fault."""
+
+    exit_code = ExitCode.FAILED
+
+    def __init__(self, error: Exception) -> None:
+        from sim_action.core.wording import system_reason
+
+        place = f": {error.filename}" if isinstance(error, OSError) and error.filename is not None else ""
+        reason = "out of memory" if isinstance(error, MemoryError) else system_reason(error)
+        super().__init__(f"the system refused a request: {reason}{place}")
+
+
+def is_refusal(error: Exception) -> bool:
+    """Return True if the system lacks something that every program needs."""
+    return isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno in _REFUSALS)
+
+
+# Those that Windows lacks are absent there.
+_REFUSALS: Final = {
+    getattr(errno, name, None)
+    for name in ("EMFILE", "ENFILE", "ENOMEM", "ENOSPC", "EDQUOT", "EAGAIN", "EIO", "EROFS", "ENOBUFS")
+} - {None}
 
 
 class UsageError(SimActionError):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal, Self, get_args
 
 from pydantic import Field
 
-from sim_action.core.errors import ExitCode, InternalError, InvalidScenario, Location, Problem
+from sim_action.core.errors import ExitCode, InternalError, InvalidScenario, Location, Problem, SystemRefusal
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.provenance import Provenance
 from sim_action.core.wording import escaped_line
@@ -81,7 +81,9 @@ class Failure(FrozenModel):
 
     @classmethod
     def of_fault(cls, fault: InternalError) -> Self:
-        """Return the failure for an error inside sim-action itself."""
+        """Return the failure for an error inside sim-action itself, or for what the system refused it."""
+        if isinstance(fault, SystemRefusal):
+            return cls(kind="crash", title="system error", message=str(fault))
         return cls(kind="internal", title="internal error", message=str(fault), details=fault.details)
 
 

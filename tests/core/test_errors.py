@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+
 import pytest
 
 from sim_action.core import errors
@@ -126,3 +128,24 @@ def test_a_long_value_is_cut() -> None:
 )
 def test_a_line_is_no_workflow_command(text: str, line: str) -> None:
     assert log_line(text) == line
+
+
+@pytest.mark.parametrize(
+    ("error", "message"),
+    [
+        (OSError(errno.EMFILE, "Too many open files", "a.py"), "too many open files: a.py"),
+        (OSError(errno.ENOSPC, "No space left on device"), "no space left on device"),
+        (MemoryError(), "out of memory"),
+    ],
+)
+def test_what_the_system_refuses_is_no_internal_error(error: Exception, message: str) -> None:
+    found = errors.InternalError.of(error)
+    assert isinstance(found, errors.SystemRefusal)
+    assert found.exit_code == ExitCode.FAILED
+    assert (str(found), found.details) == (f"the system refused a request: {message}", "")
+
+
+def test_other_errors_of_the_system_are_internal_errors() -> None:
+    found = errors.InternalError.of(FileNotFoundError(errno.ENOENT, "No such file or directory", "a.py"))
+    assert found.exit_code == ExitCode.INTERNAL
+    assert "FileNotFoundError" in found.details
