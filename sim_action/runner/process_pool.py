@@ -84,10 +84,8 @@ def execute(
     child_type = child_type or child_type_here()
     for loaded in scenarios:
         chosen(loaded.scenario.backend)
-    if child_type.forks and repeat == 1:
-        forked = [loaded for loaded in scenarios if not loaded.scenario.runs_user_code]
-        _warm_up(forked, formats, replays=replays)
-    runs = [(loaded, None if repeat == 1 else turn) for turn in range(repeat) for loaded in scenarios]
+    is_warm = child_type.forks and repeat == 1 and _warmed_up(scenarios, formats, replays=replays)
+    runs = [(loaded, None if is_warm else turn) for turn in range(repeat) for loaded in scenarios]
     files = run_files([loaded.scenario.name for loaded, _ in runs], folder.absolute(), replays=replays, formats=formats)
     made = partial(_job, results=folder.absolute(), child_type=child_type)
     made_jobs = [
@@ -122,6 +120,19 @@ def _job(
     hash_seed: int | None,
 ) -> Job:
     return Job(loaded, files.trace, results, child_type.limits_memory, files.replay, files.recordings, hash_seed)
+
+
+def _warmed_up(scenarios: Sequence[LoadedScenario], formats: Iterable[str], *, replays: bool) -> bool:
+    """Prepare this process for forks; return False if the system refuses it, such as for a lack of descriptors.
+
+    An interpreter of its own then runs each scenario: a package that was imported in part may not be imported again.
+    """
+    forked = [loaded for loaded in scenarios if not loaded.scenario.runs_user_code]
+    try:
+        _warm_up(forked, formats, replays=replays)
+    except (OSError, ImportError, MemoryError):
+        return False
+    return True
 
 
 def _warm_up(scenarios: Sequence[LoadedScenario], formats: Iterable[str], *, replays: bool) -> None:

@@ -324,6 +324,39 @@ def test_preparations_that_the_system_refuses_cost_no_verdict(
     assert Waiting.ended == ["a", "b"]
 
 
+class Forking(Ended):
+    """A child that could be a fork of this process."""
+
+    forks = True
+    seeds: ClassVar[list[int | None]] = []
+
+    @classmethod
+    def start(cls, job: Job) -> Self:
+        cls.seeds.append(job.hash_seed)
+        return super().start(job)
+
+
+@pytest.mark.parametrize(
+    ("error", "seeds"),
+    [
+        (None, [None, None]),
+        (refusal(errno.EMFILE), [0, 0]),
+        (ImportError("cannot open shared object file"), [0, 0]),
+        (MemoryError(), [0, 0]),
+    ],
+)
+def test_without_preparation_each_scenario_gets_an_interpreter_of_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception | None, seeds: list[int | None]
+) -> None:
+    monkeypatch.setattr(Waiting, "ended", [])
+    monkeypatch.setattr(Forking, "seeds", [])
+    monkeypatch.setattr("sim_action.runner.process_pool._warm_up", Mock(side_effect=error))
+    with Patient() as patient:
+        execute(loaded(tmp_path, "ab"), tmp_path, 2, Listener(), patient, child_type=Forking)
+    assert Forking.seeds == seeds
+    assert Waiting.ended == ["a", "b"]
+
+
 def test_an_interruption_ends_the_attempts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Refused, "script", [refusal(errno.EMFILE)])
     with InterruptedAtLook(4) as interruption:
