@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-from typing import Final
 
 import pytest
 
@@ -24,16 +23,9 @@ def injector(tmp_path_factory: pytest.TempPathFactory) -> Injector:
     return Injector(tmp_path_factory.mktemp("faults"))
 
 
-_OPEN: Final = ("ENOSPC on trace", "ENOSPC on TMPDIR", "EMFILE", "EAGAIN", "SIGKILL of the command")
-
-
-def _marks(fault: Fault) -> list[pytest.MarkDecorator]:
-    return [pytest.mark.xfail(reason="not handled yet", strict=False)] if fault.name in _OPEN else []
-
-
 @pytest.mark.parametrize(
     ("fault", "nth"),
-    [pytest.param(each, n, id=f"{each}, {n}", marks=_marks(each)) for each in FAULTS for n in each.short],
+    [pytest.param(each, n, id=f"{each}, {n}") for each in FAULTS for n in each.short],
 )
 def test_a_fault_costs_no_finished_verdict(injector: Injector, fault: Fault, nth: int) -> None:
     found = injector.inject(fault, nth)
@@ -43,7 +35,7 @@ def test_a_fault_costs_no_finished_verdict(injector: Injector, fault: Fault, nth
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize("fault", [pytest.param(each, id=str(each), marks=_marks(each)) for each in FAULTS])
+@pytest.mark.parametrize("fault", [pytest.param(each, id=str(each)) for each in FAULTS])
 def test_a_fault_at_any_call_costs_no_finished_verdict(injector: Injector, fault: Fault) -> None:
     found = list(injector.inject_everywhere(fault))
     sys.stdout.write("\n".join(map(str, found)))

@@ -36,6 +36,7 @@ def undisturbed(run: Run, cache: Path) -> Undisturbed:
     statuses = _statuses(outcomes)
     assert set(statuses.values()) <= _JUDGED
     assert _known(run) == _statuses(_printed(run)) == statuses
+    assert _statuses(_journal(run.output)) == statuses
     assert not list(_same_in_junit(run.output / "junit.xml", outcomes))
     return Undisturbed(run.code, outcomes, cache)
 
@@ -64,6 +65,8 @@ def _kept_in_reports(run: Run, fault: Fault, usual: Undisturbed) -> Iterator[str
     """Yield the promises about a run that came to its end."""
     stored, junit = _outcomes(run.output / "results.json"), run.output / "junit.xml"
     found = stored or _printed(run)
+    if not found and _is_refused(run, fault):
+        return
     if missing := usual.outcomes.keys() - found.keys():
         yield f"not accounted for: {sorted(missing)}"
     lost = [name for name, outcome in found.items() if outcome["status"] not in _JUDGED]
@@ -82,6 +85,12 @@ def _kept_in_reports(run: Run, fault: Fault, usual: Undisturbed) -> Iterator[str
     complete = not lost and stored and junit.exists() and (run.output / "report.html").exists()
     if complete and not fault.signal and run.code != usual.code:
         yield f"every verdict and report is there, but the exit code is {run.code} and not {usual.code}"
+
+
+def _is_refused(run: Run, fault: Fault) -> bool:
+    """Return True if the command ended with the reason of the system before any scenario started."""
+    reason = bool(fault.error) and os.strerror(fault.error).lower() in run.errors.lower()
+    return reason and run.code in (1, 2) and not _journal(run.output, "started")
 
 
 def _same_verdict(name: str, outcome: Any, fault: Fault, usual: Undisturbed) -> Iterator[str]:
@@ -147,14 +156,15 @@ def _name(outcome: Any) -> str:
     return str(outcome["name"]).removesuffix(SUFFIX)
 
 
-def _journal(folder: Path) -> dict[str, Any]:
-    """Return the outcomes in the journal; its last line may be cut off."""
+def _journal(folder: Path, event: str = "finished") -> dict[str, Any]:
+    """Return the last record of each scenario that has one for this event; the last line may be cut off."""
     path = folder / "results.jsonl"
     lines = path.read_text(encoding="utf-8").split("\n")[:-1] if path.exists() else []
+    header, *records = map(json.loads, lines) if lines else [{}]
     return {
-        _name(event["outcome"]): event["outcome"]
-        for event in map(json.loads, lines)
-        if event.get("event") == "finished"
+        _name(header["planned"][record["place"]]): record.get("outcome")
+        for record in records
+        if record["event"] == event
     }
 
 
