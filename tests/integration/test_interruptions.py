@@ -15,6 +15,7 @@ from typing import IO, Final
 
 import junitparser
 import pytest
+import yaml
 
 from sim_action.results.results_json import Results
 from tests.soak import soaked
@@ -181,6 +182,25 @@ def at_import(folder: Path, module: str, number: signal.Signals, *arguments: str
     words = [sys.executable, "at_import.py", str(int(number)), module, *arguments]
     ran = subprocess.run(words, cwd=folder, env=ENVIRONMENT, capture_output=True, check=False, timeout=PATIENCE)
     return ran.returncode
+
+
+def test_a_cancelled_action_reports_from_its_start_on(folder: Path) -> None:
+    finder = AT_IMPORT.split("class Finder")[1].split("from sim_action")[0]
+    held = f"import os\nimport sys\n\nnumber, module = {int(signal.SIGTERM)}, 'click'\n\n\nclass Finder{finder}"
+    (folder / "sitecustomize.py").write_text(f"{held}sys.meta_path.insert(0, Finder)\n")
+    inputs = yaml.safe_load((ROOT / "action.yml").read_text())["inputs"]
+    given = {f"INPUT_{name.upper().replace('-', '_')}": str(inputs[name]["default"]) for name in inputs}
+    ran = subprocess.run(
+        [sys.executable, "-P", ROOT / "action" / "run.py", "run"],
+        cwd=folder,
+        env={**ENVIRONMENT, **given, "PYTHONPATH": f"{folder}:{ROOT}"},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=PATIENCE,
+    )
+    assert ran.returncode == 130, ran.stderr
+    assert set(reported(folder).values()) == {"interrupted"}
 
 
 def test_children_get_the_signals_that_their_parent_held(folder: Path) -> None:
