@@ -21,9 +21,8 @@ from typing import Final, NoReturn, Self
 
 from sim_action.runner.child_files import ChildFiles
 from sim_action.runner.child_main import become_child, run_job
-from sim_action.runner.isolation import process_control
+from sim_action.runner.isolation import memory_files, process_control
 from sim_action.runner.isolation.child_process import ChildProcess, environment, remove, scratch_folder
-from sim_action.runner.isolation.memory_files import MemoryFiles, pickled
 from sim_action.runner.job import Job
 
 assert sys.platform == "linux"
@@ -46,7 +45,7 @@ class LinuxChild(ChildProcess):
         job: Job,
         pid: int,
         progress: int,
-        files: MemoryFiles,
+        files: memory_files.MemoryFiles,
         scratch: tempfile.TemporaryDirectory[str],
         *,
         supervised: bool,
@@ -67,7 +66,7 @@ class LinuxChild(ChildProcess):
         with ExitStack() as undone:
             scratch = scratch_folder()
             undone.callback(remove, scratch)
-            files = MemoryFiles(Path(scratch.name))
+            files = memory_files.MemoryFiles(Path(scratch.name))
             undone.callback(files.close)
             reader, writer = os.pipe()
             undone.callback(os.close, reader)
@@ -151,7 +150,7 @@ class LinuxChild(ChildProcess):
                     os.kill(process.number, signal.SIGKILL)
 
 
-def _fork(job: Job, files: MemoryFiles, writer: int) -> int:
+def _fork(job: Job, files: memory_files.MemoryFiles, writer: int) -> int:
     sys.stdout.flush()
     sys.stderr.flush()
     # Existing objects are not garbage of the child: scanning them would take time and copy all their pages.
@@ -184,8 +183,8 @@ def _child_main(job: Job, files: ChildFiles, writer: int) -> NoReturn:
         os._exit(code)
 
 
-def _spawn(job: Job, files: MemoryFiles, writer: int) -> int:
-    with pickled((job, files.inherited)) as stdin:
+def _spawn(job: Job, files: memory_files.MemoryFiles, writer: int) -> int:
+    with memory_files.pickled((job, files.inherited)) as stdin:
         process = subprocess.Popen(  # noqa: S603 - this interpreter, and nothing from a scenario
             [sys.executable, "-P", "-m", "sim_action.runner.isolation.scenario_supervisor", str(writer)],
             stdin=stdin,
