@@ -10,6 +10,7 @@ import signal
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Final, Literal
 
 from pydantic import ValidationError
@@ -158,12 +159,16 @@ def _failure(child: ChildProcess, ending: Ending, output: str) -> Failure:
 def _stuck_at(child: ChildProcess) -> Location | None:
     """Return the line of user code that was running when the time was up."""
     loaded = child.job.loaded
-    try:
-        files = [loaded.workspace.file(name) for name in loaded.scenario.python_files]
-    except PathError:  # a script may have deleted itself
-        return None
+    files = [_script_file(loaded, name) for name in loaded.scenario.python_files]
     place = place_in_stack_dump(child.report.stack_dump.decode("utf-8", errors="replace"), files)
     return None if place is None else child.job.named_from_here(place)
+
+
+def _script_file(loaded: LoadedScenario, name: str) -> Path:
+    try:
+        return loaded.workspace.file(name)
+    except PathError:  # a script may have deleted itself
+        return loaded.workspace.directory / name
 
 
 def _exit_call(child: ChildProcess, ending: Ending) -> Location | None:

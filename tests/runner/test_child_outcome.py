@@ -96,8 +96,11 @@ def test_a_wall_limit_names_what_may_be_stuck_and_the_key_to_change(
     assert failure.location.line == line
 
 
-def test_a_line_that_did_not_return_is_named(tmp_path: Path) -> None:
+@pytest.mark.parametrize("deleted", [False, True])
+def test_a_line_that_did_not_return_is_named(tmp_path: Path, deleted: bool) -> None:
     stuck = child(tmp_path, BY_SCRIPT)
+    if deleted:
+        (tmp_path / "ctl.py").unlink()
     stack = f'Stack:\n  File "{tmp_path}/ctl.py", line 2 in stand\n'
     stuck.report = ChildReport(stack_dump=stack.encode())
     (failure,) = outcome_of(stuck, "wall limit").failures

@@ -121,14 +121,37 @@ class ChildProcess(ABC):
         """Return the available bytes; nothing at the end. Raise BlockingIOError while there are none yet."""
 
 
+_PROBE_BYTES: Final = 4096
 # The message of `child_main` that user code calls `os._exit`.
 _EXIT_CALL: Final = re.compile(rb"exit (?P<line>[0-9]{1,9}) (?P<file>.+)")
 
 
 def scratch_folder() -> tempfile.TemporaryDirectory[str]:
-    """Make the scratch folder of a child process. Raise OSError."""
+    """Make the scratch folder of a child process, in another place if TMPDIR is full or missing. Raise OSError."""
+    try:
+        return _writable_folder()
+    except OSError as error:
+        former, tempfile.tempdir = tempfile.tempdir, None
+        try:
+            # `tempfile` searches again for a folder that can be written.
+            return _writable_folder()
+        except OSError:
+            tempfile.tempdir = former
+            raise error from None
+
+
+def _writable_folder() -> tempfile.TemporaryDirectory[str]:
     # On Windows, processes that a script left running may keep files open in it.
-    return tempfile.TemporaryDirectory(prefix="sim-action-", ignore_cleanup_errors=True)
+    folder = tempfile.TemporaryDirectory(prefix="sim-action-", ignore_cleanup_errors=True)
+    try:
+        # On a full disk, an empty folder can often be made.
+        probe = Path(folder.name, "probe")
+        probe.write_bytes(bytes(_PROBE_BYTES))
+        probe.unlink()
+    except OSError:
+        remove(folder)
+        raise
+    return folder
 
 
 def remove(scratch: tempfile.TemporaryDirectory[str]) -> None:

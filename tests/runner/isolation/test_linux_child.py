@@ -54,12 +54,3 @@ def test_a_start_that_fails_leaves_no_file_and_no_descriptor(
     assert open_descriptors() == before
     assert gc.get_freeze_count() == frozen
     assert list(scratch.iterdir()) == []
-
-
-def test_a_scratch_folder_that_cannot_be_made_is_an_error_of_the_start(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    ordered = job(tmp_path, None)
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "missing"))
-    with pytest.raises(FileNotFoundError):
-        LinuxChild.start(ordered)
