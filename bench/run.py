@@ -17,6 +17,7 @@ from pathlib import Path
 
 from bench.engines import PACKAGES, SideBySide, engines
 from bench.filming import filming_costs
+from bench.journal_cost import COUNT, journal_calls
 from bench.lidar import lidar_cost
 from bench.recording_cost import recording_cost
 from bench.reporting import opening_cost, report_cost
@@ -143,6 +144,12 @@ def variations(folder: Path) -> Ratio:
     took, by_hand = least_seconds(VARIATIONS // BATCH - 1, ours, raw)
     each = f"each of {VARIATIONS} variations, against the raw loop"
     return Ratio(each, took / BATCH + reading / VARIATIONS, by_hand / BATCH, 1.2)
+
+
+def journal_cost(folder: Path) -> Ratio:
+    """A suite that writes each outcome to the journal against one that does not."""
+    ours, without = least_seconds(3, *journal_calls(folder / "journal"))
+    return Ratio(f"{COUNT} short scenarios with a journal, against none", ours, without, 1.02)
 
 
 def parallel(folder: Path) -> Ratio:
@@ -280,6 +287,7 @@ def measurements(folder: Path) -> Sequence[Measurement]:
         Measurement("whole process", lambda: [whole_process(folder)]),
         Measurement("each further scenario", lambda: [further_scenario(folder)]),
         Measurement("variations", lambda: [variations(folder)]),
+        Measurement("journal", lambda: [journal_cost(folder)]),
         Measurement("two jobs", lambda: [parallel(folder)]),
         Measurement("scripts", scripts),
         Measurement("lidars", lidars),

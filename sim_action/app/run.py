@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import platform
 import tempfile
 import time
 from collections.abc import Iterable, Iterator, Sequence
@@ -11,7 +10,6 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from sim_action import __version__
 from sim_action.core.errors import ExitCode
 from sim_action.core.process import Interruption
 from sim_action.core.wording import warn
@@ -125,15 +123,12 @@ def _header(
     """Return the header of the journal; `every`: all runs."""
     names = [run.scenario.name for run in every] * request.repeat
     of_runs = run_files(names, options.folder, replays=_has_replays(request), formats=request.recordings)
-    return Header(
-        journal=1,
-        sim_action=__version__,
-        python=platform.python_version(),
-        platform=platform.platform(),
-        shard=found.shard,
+    names_of_files = (path.relative_to(options.folder).as_posix() for files in of_runs for path in files)
+    return Header.of_call(
+        planned_outcomes(plans, _of_patterns(found)),
+        (*options.files, *names_of_files),
+        found.shard,
         selected=bool(request.plan.suite.numbers),
-        files=(*options.files, *(path.relative_to(options.folder).as_posix() for files in of_runs for path in files)),
-        planned=tuple(planned_outcomes(plans, _of_patterns(found))),
     )
 
 

@@ -11,6 +11,7 @@ second later. A journal that is read may come from anywhere, so its content is v
 from __future__ import annotations
 
 import os
+import platform
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -21,11 +22,12 @@ from typing import Annotated, Final, Literal, Self
 
 from pydantic import Field, ValidationError
 
+from sim_action import __version__
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.files import open_regular, whole_file
 from sim_action.core.wording import escaped_line, system_reason
-from sim_action.results.events import Event, Finished, RunEnded, Started
+from sim_action.results.events import Event, Finished, Progressed, RunEnded, Started
 from sim_action.results.outcome import Failure, NotNegative, Outcome, audited_over_variations
 from sim_action.results.results_json import MAX_OUTCOMES, Results
 from sim_action.results.shards import Shard
@@ -37,6 +39,8 @@ _MAX_HEADER_BYTES: Final = 64_000_000
 _SYNC_PERIOD_S: Final = 0.1
 _MAX_LINE_BYTES: Final = 64_000_000
 _MAX_RECORDS: Final = 4 * MAX_OUTCOMES
+# The content and the length of a file are enough.
+_to_disk: Final[Callable[[int], None]] = getattr(os, "fdatasync", os.fsync)
 _NO_LINK: Final = getattr(os, "O_NOFOLLOW", 0)
 
 Place = Annotated[int, Field(ge=0)]
@@ -88,6 +92,22 @@ class Header(FrozenModel):
     selected: bool = False
     files: tuple[str, ...] = ()
     planned: Annotated[tuple[Planned, ...], Field(max_length=MAX_OUTCOMES)] = ()
+
+    @classmethod
+    def of_call(
+        cls, planned: Iterable[Planned], files: Iterable[str], shard: Shard | None = None, *, selected: bool = False
+    ) -> Self:
+        """Return the header of a call by this version on this machine."""
+        return cls(
+            journal=1,
+            sim_action=__version__,
+            python=platform.python_version(),
+            platform=platform.platform(),
+            shard=shard,
+            selected=selected,
+            files=tuple(files),
+            planned=tuple(planned),
+        )
 
 
 class Record(FrozenModel):
@@ -215,10 +235,17 @@ class Journal:
         match event:
             case Finished(place, outcome):
                 self._record("finished", place, None, outcome)
-            case RunEnded(place, turn, outcome, is_one_of_several=True):
-                self._record("run", place, turn, outcome)
+            case RunEnded(place, turn, outcome, is_one_of_several):
+                if is_one_of_several:
+                    self._record("run", place, turn, outcome)
             case Started(place, turn, _):
                 self._record("started", place, turn)
+                self._sync_if_due()
+            case Progressed():
+                self._sync_if_due()
+
+    def _sync_if_due(self) -> None:
+        """Wait for the disk, if there is something new. This is called only while a child process runs."""
         if not self._is_synced and time.monotonic() - self._synced >= _SYNC_PERIOD_S:
             self._attempt(self._sync)
 
@@ -257,7 +284,7 @@ class Journal:
             self._write_whole()
             return
         _write_all(self._descriptor, _line(record))
-        self._is_synced = False
+        self._is_synced &= record.event == "started"
 
     def _write_whole(self) -> None:
         """Write the header and all records to a new file. Raise OSError."""
@@ -271,7 +298,7 @@ class Journal:
     def _sync(self) -> None:
         """Wait until everything that was written is on the disk. Raise OSError."""
         if self._descriptor is not None:
-            os.fsync(self._descriptor)
+            _to_disk(self._descriptor)
             self._is_synced = True
             self._synced = time.monotonic()
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import platform
 import socket
 import tempfile
 import time
@@ -13,14 +12,14 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from sim_action import __version__
 from sim_action.core.errors import ExitCode, InvalidScenario, Location, Problem
 from sim_action.core.process import Interruption
-from sim_action.core.wording import did_you_mean, escaped_line
+from sim_action.core.wording import did_you_mean, escaped_line, warn
 from sim_action.reports import ReportOptions, ReportRequest, make_ready, open_reports, write_reports
 from sim_action.results.artifacts import copy_or_reason, replay_path, trace_paths
+from sim_action.results.events import Finished
+from sim_action.results.journal import Header, Journal, Planned
 from sim_action.results.outcome import Outcome
-from sim_action.results.results_json import Results
 from sim_action.ros.ros1.catkin_packages import find_launch_file
 from sim_action.ros.ros1.installation import Ros, find_ros
 from sim_action.ros.ros1.launch.launch_process import Launch, Watch
@@ -138,14 +137,12 @@ def run(request: LaunchRequest, reports: ReportRequest, interruption: Interrupti
     ros = find_ros()
     with open_reports(reports) as options:
         outcomes = _launched(request, ros, options, interruption)
-        results = Results(
-            sim_action=__version__,
-            python=platform.python_version(),
-            platform=platform.platform(),
-            wall_time=time.monotonic() - started,
-            outcomes=outcomes,
-        )
-        return write_reports(results, options)
+        stored = (name for outcome in outcomes for name in (outcome.trace, outcome.replay) if name is not None)
+        header = Header.of_call(map(Planned.of, outcomes), (*options.files, *stored))
+        journal = Journal(options.folder, header, warn, started)
+        for place, outcome in enumerate(outcomes):
+            journal(Finished(place, outcome))
+        return write_reports(journal.close(), options)
 
 
 def _launched(
