@@ -22,7 +22,7 @@ from typing import Final, NoReturn, Self
 from sim_action.runner.child_files import ChildFiles
 from sim_action.runner.child_main import become_child, run_job
 from sim_action.runner.isolation import memory_files, process_control
-from sim_action.runner.isolation.child_process import ChildProcess, environment, remove, scratch_folder
+from sim_action.runner.isolation.child_process import REFUSED, ChildProcess, environment, remove, scratch_folder
 from sim_action.runner.job import Job
 
 assert sys.platform == "linux"
@@ -170,8 +170,12 @@ def _child_main(job: Job, files: ChildFiles, writer: int) -> NoReturn:
     try:
         signal.set_wakeup_fd(-1)
         os.setsid()
-        become_child(files, writer)
-        process_control.impose_limits(job.loaded.scenario.memory_bytes)
+        try:
+            become_child(files, writer)
+            process_control.impose_limits(job.loaded.scenario.memory_bytes)
+        except OSError as error:
+            os.write(writer, REFUSED + b"%d\n" % (error.errno or 0))
+            os._exit(code)
         run_job(job, files, writer)
         code = 0
     except BaseException:  # noqa: BLE001 - nothing may return into the parent's code
