@@ -85,6 +85,7 @@ SUBCOMMANDS: Final = {
             "backend": "--backend",
             "seed": "--seed",
             "repeat": "--repeat",
+            "unexercised": "--unexercised",
             "jobs": "--jobs",
             "shard": "--shard",
             "record": "--record",

@@ -25,6 +25,7 @@ INPUTS = {
     "fail-fast": "false",
     "seed": "",
     "repeat": "",
+    "unexercised": "",
     "jobs": "",
     "shard": "2/3",
     "report": "false",
@@ -53,6 +54,11 @@ def test_inputs_become_a_command_line() -> None:
         "b *.sim.yml",
         "--help",
     ]
+
+
+@pytest.mark.parametrize("effect", ["error", "warn"])
+def test_the_effect_of_an_unjudged_expectation_is_an_option(effect: str) -> None:
+    assert f"--unexercised={effect}" in list(SUBCOMMANDS["run"].command_line({**INPUTS, "unexercised": f" {effect} "}))
 
 
 def test_a_switch_without_an_opposite_is_left_out() -> None:
