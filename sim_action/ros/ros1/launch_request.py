@@ -78,6 +78,7 @@ class SimulationResult(FrozenModel):
         in_step: True if nodes and clock were in lock-step from beginning to end.
         losses: parts of the world and of the robot that were not simulated.
         missing_world: the world file that does not exist, if that is the failure.
+        claims: the findings of the audit of claims after the run: rule -> message.
     """
 
     end: End
@@ -94,6 +95,7 @@ class SimulationResult(FrozenModel):
     in_step: bool = True
     losses: tuple[Loss, ...] = ()
     missing_world: str | None = None
+    claims: dict[str, str] = Field(default_factory=dict)
 
     def write(self, folder: Path) -> None:
         """Write `run.json` in one step: a reader finds all of it or no file."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from sim_action.core.geometry import Vector3
 from sim_action.core.wording import escaped_line
@@ -18,6 +18,14 @@ if TYPE_CHECKING:
     from sim_action.ros.ros1.node.episode import Episode
 
 
+# A test of sensors needs no command, so a robot without any is not a finding.
+_SILENT: Final = "silent-controller"
+_ZEROS: Final = (
+    "the nodes sent the robot no command other than zero in the whole run; check that they work, or run for longer"
+)
+_CLAIMS: Final = frozenset({"never-moved", _SILENT})
+
+
 class EpisodeRecord:
     """Grows with each episode, and is complete also when the last one fails."""
 
@@ -26,6 +34,7 @@ class EpisodeRecord:
         self.engine: str | None = None
         self._notes: list[str] = []
         self._digests: list[str] = []
+        self._claims: dict[str, str] | None = None
         self._first: Vector3 | None = None
         self._last: Episode | None = None
 
@@ -33,6 +42,14 @@ class EpisodeRecord:
     def notes(self) -> tuple[str, ...]:
         """The notes of all runs, each once."""
         return tuple(dict.fromkeys(self._notes))
+
+    @property
+    def claims(self) -> dict[str, str]:
+        """The findings of the audit of claims that all runs have: rule -> message."""
+        found = self._claims or {}
+        if self.first_command is None:
+            return {}
+        return {rule: _ZEROS if rule == _SILENT else message for rule, message in found.items()}
 
     @property
     def digest(self) -> str | None:
@@ -63,7 +80,11 @@ class EpisodeRecord:
             self.engine = run.engine
             self._notes += run.notes
             # An episode that ended at once, by a change of the world, has no motion.
-            self._digests += [run.digest] if run.sim_time > 0 else []
+            if run.sim_time > 0:
+                self._digests.append(run.digest)
+                found = {each.rule: each.message for each in run.findings if each.rule in _CLAIMS}
+                earlier = found if self._claims is None else self._claims
+                self._claims = {rule: message for rule, message in found.items() if rule in earlier}
 
     def store(self, folder: Path) -> None:
         """Write trace and replay of the last episode."""

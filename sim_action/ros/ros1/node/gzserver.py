@@ -195,6 +195,7 @@ class _Server:
             in_step=self._lockstep.is_kept,
             losses=self._all_losses(),
             missing_world=self._missing_world,
+            claims=record.claims,
         )
 
 

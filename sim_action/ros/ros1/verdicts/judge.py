@@ -27,6 +27,7 @@ from sim_action.ros.ros1.verdicts.launch_output import (
 )
 from sim_action.ros.ros1.verdicts.launch_tags import LaunchTags
 from sim_action.ros.ros1.verdicts.rostest_files import Case
+from sim_action.scenario.claim_audit import AuditWarning
 from sim_action.state.verdict import Judged, Verdict
 
 _MAX_CALLBACKS: Final = 3
@@ -60,7 +61,10 @@ class Judge:
         return [(self._with_losses(outcome, test.run, absent), test.run) for outcome, test in judged]
 
     def _with_losses(self, outcome: Outcome, run: Run | None, absent: AbsentNodes) -> Outcome:
-        """Return an outcome with everything that was not launched or simulated: errors, or warnings if allowed."""
+        """Return an outcome with everything that was not launched or simulated: errors, or warnings if allowed.
+
+        The findings of the audit of claims are warnings too.
+        """
         result = run.result if run else None
         losses = (*absent.losses, *map(_with_shown_place, result.losses if result else ()))
         refused = (*absent.failures, *(() if self.request.allows_losses else loss_failures(losses)))
@@ -72,7 +76,10 @@ class Judge:
             return outcome.model_copy(update={"status": "error", "failures": failures, "expectations": ()})
         if outcome.status == "error":
             return outcome
-        return outcome.model_copy(update={"warnings": loss_warnings(losses, Location(self.file))})
+        where = Location(self.file)
+        claims = result.claims if result else {}
+        audited = (AuditWarning(rule=rule, message=message, location=where) for rule, message in claims.items())
+        return outcome.model_copy(update={"warnings": (*loss_warnings(losses, where), *audited)})
 
     def _test(self, test: TestFindings, found: Findings) -> Outcome:
         where = Location(self.file, test.tag.line if test.tag else None)

@@ -63,6 +63,15 @@ def test_an_allowed_loss_is_a_warning(program: Program, suite: Suite | None) -> 
     assert (kept.verdict.passed, warning.message, warning.location) == (True, LOSS.message, LOSS.location)
 
 
+@pytest.mark.parametrize(("program", "suite"), BOTH)
+def test_a_finding_about_the_run_is_a_warning(program: Program, suite: Suite | None) -> None:
+    outcome = judged(program, suite=suite, claims={"never-moved": "it never moved"})
+
+    (warning,) = outcome.warnings
+    assert (outcome.status, outcome.exit_code) == ("passed", 0)
+    assert (str(warning), warning.location.file) == ("it never moved [never-moved]", "a.launch")
+
+
 @pytest.mark.process
 @pytest.mark.parametrize(("program", "suite"), BOTH)
 def test_a_node_that_was_not_started_is_a_loss(program: Program, suite: Suite | None) -> None:
