@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from sim_action.assertions.monitors import State
 from sim_action.assertions.monitors.window import Window
-from sim_action.assertions.odometry_error import OdometryError
+from sim_action.assertions.odometry_error import OdometryError, _around
 from sim_action.core import units
 from sim_action.core.geometry import quaternion_from_rpy
 from sim_action.state.trace import Trace
@@ -98,6 +98,14 @@ def test_the_way_before_its_window_counts_as_way() -> None:
     verdict = Window(monitor(OdometryError(drift=0.5)), 2.5).observe(AHEAD).verdict()
     assert verdict.measured == pytest.approx(0.25 / 3)
     assert verdict.time == 3.0
+
+
+def test_a_reading_of_a_step_is_compared_with_this_step_alone_however_its_time_is_rounded() -> None:
+    time = np.array([0.1, 0.2, 0.3, 0.4])
+    # 0.1 + 0.2 is a bit more than 0.3, and the others a bit less.
+    before, after, share = _around(np.array([0.1 + 0.2, 0.3 - 5e-10, 0.4 - 5e-10, 0.35]), time)
+    assert (before.tolist(), after.tolist()) == ([2, 2, 3, 2], [2, 2, 3, 3])
+    assert share.tolist() == [0.0, 0.0, 0.0, pytest.approx(0.5)]
 
 
 def test_a_stored_trace_has_fewer_moments_than_readings() -> None:
