@@ -113,7 +113,8 @@ class SweptSearch:
             motion = self._motion(block, frames, part)
             if other != FIXED:
                 motion = motion.seen_from(self._motion(block, frames, len(self._parts.links) + other))
-            miss = _Search(motion, self._obstacle(other), first).first_miss(end)
+            is_body = part >= len(self._parts.links)
+            miss = _Search(motion, self._obstacle(other), first, is_body=is_body).first_miss(end)
             if miss is not None:
                 best, end = miss, miss.row
         return best
@@ -185,11 +186,11 @@ def _is_driven(block: Block) -> _Known:
 class _Search:
     """The search for steps in which a piece passes through an obstacle; `first`: number of the state after the first.
 
-    It works in the frame of the obstacle.
+    It works in the frame of the obstacle. `is_body`: True for a body of the world, whose contacts no expectation sees.
     """
 
-    def __init__(self, motion: _Motion, obstacle: Obstacle, first: int) -> None:
-        self._motion, self._obstacle, self._first = motion, obstacle, first
+    def __init__(self, motion: _Motion, obstacle: Obstacle, first: int, *, is_body: bool) -> None:
+        self._motion, self._obstacle, self._first, self._is_body = motion, obstacle, first, is_body
         (x, y, z), turns = motion.frames.position_xyz, motion.frames.orientation_xyzw
         count = len(motion.turning) + 1
         self._places = np.column_stack([np.broadcast_to(column, count) for column in (x, y, z)])
@@ -202,8 +203,8 @@ class _Search:
             for row, way, extent in self._fast_steps(piece, end):
                 body = self._passed(piece, row)
                 if body is not None:
-                    name, thickness = body
-                    best, end = Miss(row, self._motion.name, f"body '{name}'", way, extent, thickness), row
+                    name, thickness, is_late = body
+                    best, end = Miss(row, self._motion.name, f"body '{name}'", way, extent, thickness, is_late), row
                     break
         return best
 
@@ -231,8 +232,8 @@ class _Search:
         found = moved > extents + thickness
         return list(zip(rows[found].tolist(), moved[found].tolist(), extents[found].tolist(), strict=True))
 
-    def _passed(self, piece: Piece, row: int) -> tuple[str, float] | None:
-        """Return the name and the thickness in m of a body that a piece passes through in a step."""
+    def _passed(self, piece: Piece, row: int) -> tuple[str, float, bool] | None:
+        """Return the name and the thickness in m of a body that a piece passes through in a step, and if they touch."""
         obstacle = self._obstacle
         poses = list(self._poses(piece, row))
         ends = [turned(piece.points - piece.centre, turns) + place for place, turns in (poses[0], poses[-1])]
@@ -247,8 +248,11 @@ class _Search:
         for index in near:
             other, reach = obstacle.corners(index), float(obstacle.radius[index])
             limit = piece.radius * (1 - _GRAZE) + reach
-            if any(_overlap(sweep, other, limit) for sweep in sweeps) and not self._touches(piece, ends, near, index):
-                return obstacle.names[int(obstacle.bodies[index])], float(obstacle.thickness[index])
+            if not any(_overlap(sweep, other, limit) for sweep in sweeps):
+                continue
+            is_late = self._touches(piece, ends, near, index)
+            if not is_late or (self._is_body and _overlap(middles, other, reach)):
+                return obstacle.names[int(obstacle.bodies[index])], float(obstacle.thickness[index]), is_late
         return None
 
     def _touches(self, piece: Piece, ends: Sequence[FloatArray], near: Sequence[int], index: int) -> bool:

@@ -2,6 +2,8 @@
 
 An engine looks for contacts at the poses of each step only. A ball of 4 cm that moves 25 cm in a step can be in front
 of a thin wall at one step and behind it at the next. Such a run would pass `no_collision`, so it has no verdict.
+No expectation sees a contact between two bodies of the world. So a body whose centre moves into or through another one
+in such a step is reported also if they touch at an end of the step: the engine may push it out on the far side.
 
 Few runs are that fast. The speeds of each block of steps give an upper bound on the motion of each link and body in a
 step. Only if it exceeds the width of the link or body and of what it may meet, `swept_search` looks at each step.
@@ -48,6 +50,7 @@ class Miss(NamedTuple):
         way: the motion in the step in m, relative to the other piece.
         extent: of the piece along the way, in m.
         thickness: of the other piece, in m.
+        is_late: True if the engine saw a contact at the end of the step or before it.
     """
 
     row: int
@@ -56,6 +59,7 @@ class Miss(NamedTuple):
     way: float
     extent: float
     thickness: float
+    is_late: bool = False
 
 
 class Mover(NamedTuple):
@@ -230,6 +234,7 @@ class Tunnelling:
         way, extent = (units.display(length, "m", 3) for length in (miss.way, miss.extent))
         thick = f"{units.display(miss.thickness, 'm', 3)} thick" if miss.thickness else "a surface without thickness"
         speed = units.display(miss.way * self._rate, "m/s", 3)
+        seen = "with a contact that came too late" if miss.is_late else "without a contact"
         # A multiple of the present rate suits all ticks that suit it.
         size = max(miss.extent + miss.thickness, _LEAST_SIZE_M)
         wanted = math.ceil(_STEPS_WITHIN * miss.way / size) * self._rate
@@ -239,7 +244,7 @@ class Tunnelling:
             else f"no physics.rate up to {MAX_PHYSICS_RATE_HZ:,.0f} Hz would see it: make it slower or thicker"
         )
         return MissedContact(
-            f"{miss.mover} passed through {miss.body} without a contact, in the step that ends at {time:.4f} s: it "
+            f"{miss.mover} passed through {miss.body} {seen}, in the step that ends at {time:.4f} s: it "
             f"moved {way} ({speed} at {self._rate:g} Hz), but it is only {extent} long in that direction, and "
             f"{miss.body} is {thick}; {remedy}",
             keys=("physics", "rate"),

@@ -130,12 +130,12 @@ shots = st.builds(
 ).filter(lambda shot: shot.depths(np.array([[shot.start, shot.aside, HEIGHT]]))[0] < -0.05)
 
 
-def check(shot: Shot, places: FloatArray, *, missed: bool) -> None:
+def check(shot: Shot, places: FloatArray, *, missed: MissedContact | None) -> None:
     """A way that leads through the wall has a pose in the wall, or is an error; an error is nothing else."""
     deepest, touches = shot.deepest_between(places), bool((shot.depths(places) > -1e-6).any())
-    if missed:
+    if missed is not None:
         assert deepest > 0
-        assert not touches
+        assert touches == ("too late" in str(missed))
     elif np.abs(np.diff(places[1:, 0])).max() > 2 * shot.radius + shot.thickness:
         # Slower balls cannot miss it, but for an edge.
         assert touches or deepest < 0.05 * shot.radius
@@ -147,7 +147,20 @@ def check(shot: Shot, places: FloatArray, *, missed: bool) -> None:
 def test_a_body_never_passes_a_wall_unseen(engine: str, shot: Shot) -> None:
     with tempfile.TemporaryDirectory() as folder:
         places, error = body_shot(Path(folder), engine, shot)
-    check(shot, places, missed=error is not None)
+    check(shot, places, missed=error)
+
+
+@on_every_engine
+@pytest.mark.parametrize("offset", [-0.02, -0.01, 0.0, 0.0005, 0.005, 0.015, 0.02, 0.1])
+def test_a_body_is_never_behind_a_wall_without_an_error(engine: str, offset: float, tmp_path: Path) -> None:
+    # Two steps of 0.25 m end at the middle of the wall, plus the offset.
+    shot = Shot(radius=0.02, speed=60, thickness=0.002, start=-0.5 + offset)
+    places, error = body_shot(tmp_path, engine, shot)
+    is_behind = bool((places[:, 0] > 0.1).any())
+    assert is_behind == (error is not None)
+    if error is not None:
+        how = "with a contact that came too late" if offset < 0.021 else "without a contact"
+        assert str(error).startswith(f"body 'shot' passed through body 'wall' {how}, in the step that ends at ")
 
 
 @on_every_engine
