@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
+from bench.counting import counting_costs
 from bench.engines import PACKAGES, SideBySide, engines
 from bench.filming import filming_costs
 from bench.journal_cost import COUNT, journal_calls
@@ -227,6 +228,13 @@ def watching() -> Iterator[Ratio]:
         yield Ratio(name, cost.watching, cost.by_hand, watched)
 
 
+def counting() -> Iterator[Ratio]:
+    """A run with seven expectations, against the same without the time in which their moments are counted."""
+    for cost in counting_costs():
+        name = f"{cost.engine}: a run with seven expectations, against the same without counting moments"
+        yield Ratio(name, cost.whole, cost.bare, 1.02)
+
+
 def filming() -> Iterator[Ratio]:
     """Measure the cost of a replay for a run of 30 s, against the same run on PyBullet without it."""
     for cost in filming_costs():
@@ -293,6 +301,7 @@ def measurements(folder: Path) -> Sequence[Measurement]:
         Measurement("lidars", lidars),
         Measurement("worlds", worlds),
         Measurement("watching", watching),
+        Measurement("counted moments", counting),
         Measurement("replays", filming),
         Measurement("recordings", recordings),
         Measurement("reports", reporting),
