@@ -102,9 +102,13 @@ class OutcomeAssembly:
             self._emit(event)
             return
         scenario = self._scenarios[event.place]
-        several = self._repeat > 1 or scenario.is_compared
-        self._emit(replace(event, is_one_of_several=several))
-        self._take(event.place, event.turn, event.outcome)
+        if self._repeat > 1 or scenario.is_compared:
+            self._emit(replace(event, is_one_of_several=True))
+            self._take(event.place, event.turn, event.outcome)
+        else:
+            # A final outcome is in the journal before the terminal reports its run.
+            self._take(event.place, event.turn, event.outcome)
+            self._emit(event)
 
     def end(self, outcomes: Sequence[Outcome]) -> None:
         """Report the outcomes of scenarios with runs that did not take place; `outcomes`: those of all runs."""
