@@ -4,8 +4,8 @@
     Finished                              an outcome of the results is final
 
 A scenario has several runs with `--repeat`, and several outcomes with several engines. `Finished` comes after the last
-run that its outcome depends on. If it depends on one run alone, it comes before the `RunEnded` of that run: a verdict is in
-the journal before anything reports it.
+run that its outcome depends on. If it depends on one run alone, it comes before the `RunEnded` of that run: a verdict
+is in the journal before anything reports it.
 """
 
 from __future__ import annotations

@@ -19,8 +19,11 @@ pytestmark = [
 
 
 @pytest.fixture(scope="session")
-def injector(tmp_path_factory: pytest.TempPathFactory) -> Injector:
-    return Injector(tmp_path_factory.mktemp("faults"))
+def injector(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Injector:
+    session = tmp_path_factory.getbasetemp()
+    shared = (session if worker_id == "master" else session.parent) / "undisturbed"
+    shared.mkdir(exist_ok=True)
+    return Injector(tmp_path_factory.mktemp("faults"), shared)
 
 
 @pytest.mark.parametrize(

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cache
 from itertools import count
 from pathlib import Path
 
+from tests.integration.conftest import locked
 from tests.integration.faults.checks import Undisturbed, broken_promises, kept, undisturbed
 from tests.integration.faults.injection import Fault, Run, compiled, run_suite
 from tests.integration.faults.suite import NAMES, write_suite
@@ -33,13 +35,15 @@ class Injection:
 
 
 class Injector:
-    """Runs suites below a folder, each in a new one."""
+    """Runs suites below a folder, each in a new one; `shared`: a folder for all workers of a test session."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, shared: Path | None = None) -> None:
         self._folder = folder
-        self._library = compiled(folder)
+        self._shared = shared or folder
         self._numbers = count()
         self._usual = cache(self._undisturbed)
+        with locked(self._shared / "lock"):
+            self._library = compiled(self._shared)
 
     def inject(self, fault: Fault, nth: int) -> Injection:
         """Run a suite with the fault at its n-th call."""
@@ -64,9 +68,15 @@ class Injector:
     def _run(self, suite: str, fault: Fault | None, nth: int) -> Run:
         folder = self._folder / f"{next(self._numbers)}"
         write_suite(folder / "suite", suite)
-        return run_suite(folder, self._folder / "cache", self._library, fault, nth)
+        return run_suite(folder, self._shared / "cache", self._library, fault, nth)
 
     def _undisturbed(self, suite: str) -> Undisturbed:
-        run = self._run(suite, None, 1)
-        assert run.code == (suite == "mixed"), run.printed + run.errors
-        return undisturbed(run, self._folder / "cache")
+        """Return the results without a fault, from the worker that was the first to need them."""
+        file, meshes = self._shared / f"{suite}.json", self._shared / "cache"
+        with locked(self._shared / "lock"):
+            if not file.exists():
+                run = self._run(suite, None, 1)
+                assert run.code == (suite == "mixed"), run.printed + run.errors
+                file.write_text(json.dumps(asdict(undisturbed(run, meshes)), default=str))
+            found = json.loads(file.read_text())
+        return Undisturbed(found["code"], found["outcomes"], meshes)

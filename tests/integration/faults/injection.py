@@ -96,10 +96,11 @@ class Run:
 
 
 def compiled(folder: Path) -> Path:
-    """Compile the library and return its path."""
+    """Compile the library, unless the folder has it, and return its path."""
     library = folder / "injector.so"
-    options = ["-Wall", "-Wextra", "-Werror", "-O1", "-shared", "-fPIC"]
-    subprocess.run([str(COMPILER), *options, "-o", str(library), str(_SOURCE), "-ldl"], check=True)
+    if not library.exists():
+        options = ["-Wall", "-Wextra", "-Werror", "-O1", "-shared", "-fPIC"]
+        subprocess.run([str(COMPILER), *options, "-o", str(library), str(_SOURCE), "-ldl"], check=True)
     return library
 
 

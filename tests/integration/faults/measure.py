@@ -2,7 +2,8 @@
 
 TEXT selects faults by a part of their names. A line shows the fault, the number of the call, the calls reached, the
 faults fired, the exit code, the scenarios whose verdict was kept, and the promises that were broken. `--short` injects
-at the places of `make test` alone. `--write` writes the table into docs/contributing/faults.md.
+at the places of `make test` alone, `--every N` at every N-th place of the long form. `--write` writes the table into
+docs/contributing/faults.md.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Final
@@ -52,9 +54,11 @@ def main() -> int:
     parser.add_argument("--short", action="store_true")
     parser.add_argument("--write", action="store_true")
     parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--every", type=int, default=1)
     parser.add_argument("--folder", type=Path, default=None)
     options = parser.parse_args()
-    faults = [fault for fault in FAULTS if options.text.lower() in str(fault).lower()]
+    chosen = [fault for fault in FAULTS if options.text.lower() in str(fault).lower()]
+    faults = [replace(fault, stride=fault.stride * options.every) for fault in chosen]
     folder = options.folder or Path(tempfile.mkdtemp(prefix="faults-"))
     folder.mkdir(exist_ok=True)
     injector = Injector(folder)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import errno
 import signal
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import Final
 
@@ -21,24 +21,32 @@ _EVIDENCE: Final = "{output}/traces*:{output}/replays*"
 _REPORTS: Final = "{output}/[!tr]*:{output}/report*:{output}/results*"
 
 
+_SHORT: Final[Mapping[signal.Signals, Sequence[tuple[int, ...]]]] = {
+    signal.SIGTERM: ((2,), (), (13,)),
+    signal.SIGHUP: ((), (9,), (16,)),
+    signal.SIGKILL: ((), (9,), (15,)),
+}
+
+
 def _signals() -> Iterator[Fault]:
     for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGKILL):
         to_parent = partial(Fault, f"{number.name} of the command", signal=number, target="parent", most_lost=_ALL)
-        yield to_parent("children start", "fork", role="parent", short=(2,))
-        yield to_parent("children write", "create,rename", role="child", short=(9,))
-        yield to_parent("reports", _DISK, _REPORTS, "parent", short=(3, 7) if number == signal.SIGKILL else (5,))
+        starts, writes, reports = _SHORT[number]
+        yield to_parent("children start", "fork", role="parent", short=starts)
+        yield to_parent("children write", "create,rename", role="child", short=writes)
+        yield to_parent("reports", _DISK, _REPORTS, "parent", short=reports)
 
 
 FAULTS: Final = (
-    Fault("ENOSPC on output", "lasting", _DISK, _REPORTS, "parent", lasting=True, error=errno.ENOSPC, short=(1, 4)),
-    Fault("ENOSPC on output", "once", _DISK, _REPORTS, "parent", error=errno.ENOSPC, short=(2,)),
+    Fault("ENOSPC on output", "lasting", _DISK, _REPORTS, "parent", lasting=True, error=errno.ENOSPC, short=(1,)),
+    Fault("ENOSPC on output", "once", _DISK, _REPORTS, "parent", error=errno.ENOSPC, short=(4,)),
     Fault("ENOSPC on trace", "lasting", _DISK, _EVIDENCE, "child", lasting=True, error=errno.ENOSPC, short=(1,)),
     Fault("ENOSPC on trace", "once", _DISK, _EVIDENCE, "child", error=errno.ENOSPC, short=(4,)),
-    Fault("ENOSPC on TMPDIR", "lasting", _DISK, _TMP, lasting=True, error=errno.ENOSPC, most_lost=_ALL, short=(1, 6)),
+    Fault("ENOSPC on TMPDIR", "lasting", _DISK, _TMP, lasting=True, error=errno.ENOSPC, most_lost=_ALL, short=(6,)),
     Fault("ENOSPC on TMPDIR", "once", _DISK, _TMP, error=errno.ENOSPC, most_lost=1, short=(3,)),
     Fault("EMFILE", "the command, lasting", "open", "", "parent", lasting=True, error=errno.EMFILE, most_lost=_ALL),
     Fault("EMFILE", "the command, once", "open", "", "parent", error=errno.EMFILE, most_lost=1),
-    Fault("EMFILE", "a child, once", "open", "", "child", error=errno.EMFILE, most_lost=1, short=(20,)),
+    Fault("EMFILE", "a child, once", "open", "", "child", error=errno.EMFILE, most_lost=1, short=(20,), stride=7),
     Fault("EAGAIN", "the command, lasting", "fork", "", "parent", lasting=True, error=errno.EAGAIN, most_lost=_ALL),
     Fault("EAGAIN", "the command, once", "fork", "", "parent", error=errno.EAGAIN, short=(2,)),
     Fault("EAGAIN", "a child, once", "fork", "", "child", error=errno.EAGAIN, most_lost=1, suite="mixed"),
@@ -48,10 +56,12 @@ FAULTS: Final = (
     Fault(
         "SIGKILL of a child", "it writes", "create,rename", "", "child", signal=signal.SIGKILL, most_lost=1, short=(7,)
     ),
-    Fault("SIGKILL of a child", "it reads", "open", "", "child", signal=signal.SIGKILL, most_lost=1, short=(30,)),
+    Fault(
+        "SIGKILL of a child", "it reads", "open", "", "child", signal=signal.SIGKILL, most_lost=1, short=(30,), stride=7
+    ),
     Fault("clock jump", "a day forward", "clock", lasting=True, jump=_DAY_S, suite="mixed", short=(2,)),
-    Fault("clock jump", "a day back", "clock", lasting=True, jump=-_DAY_S, suite="mixed", short=(1,)),
+    Fault("clock jump", "a day back", "clock", lasting=True, jump=-_DAY_S, suite="mixed", short=()),
     # As when a machine was paused. The default wall limit is 60 s.
-    Fault("clock jump", "half a minute is lost", "monotonic", lasting=True, jump=_PAUSE_S, short=(50,), stride=500),
+    Fault("clock jump", "half a minute is lost", "monotonic", lasting=True, jump=_PAUSE_S, short=(51,), stride=500),
 )
 """All faults; those with the same name are one row of the table in docs/contributing."""
