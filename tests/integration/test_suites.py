@@ -249,8 +249,10 @@ def test_each_pattern_of_a_selection_must_match(folder: Path) -> None:
     ):
         for command in (("run", "--list"), ("run", "--shard", "1/2", "--list"), ("matrix", "--shards", "2")):
             refused = sim_action(folder, *command, *flags)
-            assert (refused.returncode, refused.stdout) == (2, "")
+            assert refused.returncode == 2
             assert told in refused.stderr
+            # A matrix has no place for an error; a run reports it, and runs the scenarios that are selected.
+            assert bool(refused.stdout) == (command[0] == "run")
     excluded = sim_action(folder, "run", "--list", "--exclude", "push", "--exclude", "tree", "--exclude-tag", "dri")
     assert excluded.returncode == 0
     assert len(excluded.stdout.splitlines()) == 3
