@@ -148,11 +148,6 @@ class RosCommands(CommandSource):
     ros1: Annotated[RosNodes, Field(description="launch file or list of nodes")]
     rate: Annotated[PositiveHertz, Field(description="rate of /clock, and of reading commands")] = 120.0
 
-    @property
-    def code(self) -> str:
-        """See CommandSource.code."""
-        return "ros1"
-
     def problems(self, workspace: Workspace) -> SpecProblems:
         """See CommandSource.problems. This launches nothing and works without ROS."""
         from sim_action.ros.ros1.command_source.file_problems import file_problems
