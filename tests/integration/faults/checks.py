@@ -21,6 +21,10 @@ _ON_TERMINAL: Final = re.compile(r"^(✓|✗|passed|failed|error) {1,2}(\w.*?)(?
 _ON_PROGRESS: Final = re.compile(r"^\[\d+/\d+\] (\w+) +(.+?)(?:  .*)?$", re.MULTILINE)
 
 
+_HALF: Final = re.compile(r"\.[0-9a-f]{16}\.").match
+"""True for the name of a file that is not completely written."""
+
+
 @dataclass(frozen=True)
 class Undisturbed:
     """A run of the same suite without a fault: its exit code and the outcome of each scenario."""
@@ -52,6 +56,8 @@ def broken_promises(run: Run, fault: Fault, usual: Undisturbed) -> Iterator[str]
     killed = run.code == -signal.SIGKILL
     if not killed and (files := [path.name for path in run.tmp.iterdir()]):
         yield f"temporary files are left: {files}"
+    if fault.signal != signal.SIGKILL and (files := [path.name for path in run.output.rglob(".*") if _HALF(path.name)]):
+        yield f"unfinished files are left in the output folder: {files}"
     yield from _kept_in_journal(run, usual) if killed else _kept_in_reports(run, fault, usual)
 
 
@@ -74,23 +80,36 @@ def _kept_in_reports(run: Run, fault: Fault, usual: Undisturbed) -> Iterator[str
         yield f"without a verdict: {sorted(lost)}"
     for name, outcome in found.items():
         yield from _same_verdict(name, outcome, fault, usual)
+        yield from _evidence(name, stored.get(name, {}), run, fault, usual)
     if forgotten := _known(run).items() - _statuses(found).items():
         yield f"reported as finished, and lost later: {sorted(forgotten)}"
     if junit.exists():
         yield from _same_in_junit(junit, found)
     elif _printed(run).keys() != usual.outcomes.keys():
         yield "there is no JUnit XML, and the verdicts are not on standard output"
-    if (lost or missing or not junit.exists()) and run.code == 0:
-        yield "the exit code is 0, and a verdict or the JUnit XML is missing"
-    complete = not lost and stored and junit.exists() and (run.output / "report.html").exists()
-    if complete and not fault.signal and run.code != usual.code:
+    yield from _exit_code(run, fault, usual, complete=bool(stored) and not lost and not missing)
+
+
+def _exit_code(run: Run, fault: Fault, usual: Undisturbed, *, complete: bool) -> Iterator[str]:
+    """Yield a wrong exit code; `complete`: the results hold every verdict."""
+    written = [(run.output / name).exists() for name in ("junit.xml", "report.html")]
+    if run.code == 0 and not (complete and written[0]):
+        yield "the exit code is 0, and a verdict, the results or the JUnit XML is missing"
+    if complete and all(written) and not fault.signal and run.code != usual.code:
         yield f"every verdict and report is there, but the exit code is {run.code} and not {usual.code}"
+
+
+def _cause(fault: Fault) -> str:
+    """Return words that the message of a scenario without a verdict must contain."""
+    if fault.error:
+        return os.strerror(fault.error).lower()
+    return "sigkill" if fault.target == "self" else "interrupted" if fault.signal else ""
 
 
 def _is_refused(run: Run, fault: Fault) -> bool:
     """Return True if the command ended with the reason of the system before any scenario started."""
-    reason = bool(fault.error) and os.strerror(fault.error).lower() in run.errors.lower()
-    return reason and run.code in (1, 2) and not _journal(run.output, "started")
+    has_reason = bool(fault.error) and _cause(fault) in run.errors.lower()
+    return has_reason and run.code in (1, 2) and not _journal(run.output, "started")
 
 
 def _same_verdict(name: str, outcome: Any, fault: Fault, usual: Undisturbed) -> Iterator[str]:
@@ -100,8 +119,19 @@ def _same_verdict(name: str, outcome: Any, fault: Fault, usual: Undisturbed) -> 
         differing = [key for key in ("status", "digest") if outcome.get(key, expected[key]) != expected[key]]
         if differing:
             yield f"'{name}' has another {' and '.join(differing)} than usual"
-    elif (messages := _messages(outcome)) and fault.error and os.strerror(fault.error).lower() not in messages.lower():
-        yield f"'{name}' does not name the cause, {os.strerror(fault.error)}: {messages}"
+    elif (messages := _messages(outcome)) and _cause(fault) not in messages.lower():
+        yield f"'{name}' does not name the cause, {_cause(fault)}: {messages}"
+
+
+def _evidence(name: str, outcome: Any, run: Run, fault: Fault, usual: Undisturbed) -> Iterator[str]:
+    """Yield a file that is named and does not exist, and one that is missing without a note of the cause."""
+    for kind in ("trace", "replay"):
+        file, notes = outcome.get(kind), " ".join(outcome.get("notes", ())).lower()
+        if file is not None and not (run.output / file).is_file():
+            yield f"'{name}' names a {kind} that does not exist: {file}"
+        is_missing = file is None and bool(outcome) and bool(usual.outcomes[name].get(kind))
+        if is_missing and outcome["status"] in _JUDGED and _cause(fault) not in notes:
+            yield f"'{name}' has no {kind}, and no note about it: {notes}"
 
 
 def _same_in_junit(path: Path, found: Mapping[str, Any]) -> Iterator[str]:
