@@ -22,8 +22,8 @@ _REPORTS: Final = "{output}/[!tr]*:{output}/report*:{output}/results*"
 
 
 _SHORT: Final[Mapping[signal.Signals, Sequence[tuple[int, ...]]]] = {
-    signal.SIGTERM: ((2,), (), (13,)),
-    signal.SIGHUP: ((), (9,), (16,)),
+    signal.SIGTERM: ((3,), (), (13,)),
+    signal.SIGHUP: ((), (9,), (17,)),
     signal.SIGKILL: ((), (9,), (15,)),
 }
 
@@ -41,14 +41,14 @@ FAULTS: Final = (
     Fault("ENOSPC on output", "lasting", _DISK, _REPORTS, "parent", lasting=True, error=errno.ENOSPC, short=(1,)),
     Fault("ENOSPC on output", "once", _DISK, _REPORTS, "parent", error=errno.ENOSPC, short=(4,)),
     Fault("ENOSPC on trace", "lasting", _DISK, _EVIDENCE, "child", lasting=True, error=errno.ENOSPC, short=(1,)),
-    Fault("ENOSPC on trace", "once", _DISK, _EVIDENCE, "child", error=errno.ENOSPC, short=(4,)),
+    Fault("ENOSPC on trace", "once", _DISK, _EVIDENCE, "child", error=errno.ENOSPC, short=(5,)),
     Fault("ENOSPC on TMPDIR", "lasting", _DISK, _TMP, lasting=True, error=errno.ENOSPC, most_lost=_ALL, short=(6,)),
     Fault("ENOSPC on TMPDIR", "once", _DISK, _TMP, error=errno.ENOSPC, most_lost=1, short=(3,)),
     Fault("EMFILE", "the command, lasting", "open", "", "parent", lasting=True, error=errno.EMFILE, most_lost=_ALL),
     Fault("EMFILE", "the command, once", "open", "", "parent", error=errno.EMFILE, most_lost=1),
-    Fault("EMFILE", "a child, once", "open", "", "child", error=errno.EMFILE, most_lost=1, short=(20,), stride=7),
+    Fault("EMFILE", "a child, once", "open", "", "child", error=errno.EMFILE, most_lost=1, short=(21,), stride=7),
     Fault("EAGAIN", "the command, lasting", "fork", "", "parent", lasting=True, error=errno.EAGAIN, most_lost=_ALL),
-    Fault("EAGAIN", "the command, once", "fork", "", "parent", error=errno.EAGAIN, short=(2,)),
+    Fault("EAGAIN", "the command, once", "fork", "", "parent", error=errno.EAGAIN, short=(3,)),
     Fault("EAGAIN", "a child, once", "fork", "", "child", error=errno.EAGAIN, most_lost=1, suite="mixed"),
     Fault("EIO on mesh", "source", "read", "{suite}/box.stl", error=errno.EIO, exempt=(MESH,)),
     Fault("EIO on mesh", "cached hull", "open,read", "{cache}/*", error=errno.EIO, exempt=(MESH,), short=(2,)),
