@@ -5,32 +5,39 @@ from __future__ import annotations
 import tempfile
 import time
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
 from sim_action.core.errors import ExitCode
 from sim_action.core.process import Interruption
-from sim_action.core.wording import warn
-from sim_action.reports import ReportOptions, ReportRequest, make_ready, open_reports, write_reports
+from sim_action.core.wording import note, warn
+from sim_action.reports import ReportOptions, ReportRequest, make_ready, open_reports, remove_earlier, write_reports
 from sim_action.reports.progress import ProgressListener
 from sim_action.results.artifacts import run_files
 from sim_action.results.events import Event, Listener
-from sim_action.results.journal import Header, Journal
+from sim_action.results.journal import JOURNAL_FILE, Header, Journal
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
 from sim_action.runner.child_outcome import skipped
 from sim_action.runner.outcome_assembly import OutcomeAssembly, planned_outcomes
 from sim_action.runner.process_pool import execute
-from sim_action.runner.run_plan import Plan, PlanRequest, RunPlan, plan_runs
+from sim_action.runner.resume import TakenOver, take_over
+from sim_action.runner.run_keys import RunKeys, RunOptions
+from sim_action.runner.run_plan import PlanRequest, RunPlan, plan_runs
 from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.source import Refused
 
 
 @dataclass(frozen=True, slots=True)
 class RunRequest:
-    """The options of `run`; `recordings`: the formats to record each run in."""
+    """The options of `run`.
+
+    Attributes:
+        recordings: the formats to record each run in.
+        resume: True to take over outcomes of the earlier call in the output folder.
+    """
 
     plan: PlanRequest
     reports: ReportRequest
@@ -38,6 +45,7 @@ class RunRequest:
     fail_fast: bool
     recordings: tuple[str, ...] = ()
     repeat: int = 1
+    resume: bool = False
 
 
 def run_scenarios(request: RunRequest, interruption: Interruption, listener: Listener | None = None) -> ExitCode:
@@ -46,57 +54,108 @@ def run_scenarios(request: RunRequest, interruption: Interruption, listener: Lis
     `listener` receives all events.
     """
     started = time.monotonic()
-    found = plan_runs(request.plan)
-    with open_reports(request.reports) as options:
-        results = _results(request, found, options, interruption, started=started, listener=listener)
-        return write_reports(results, options)
+    with closing(_keys(request)) as keys:
+        found = plan_runs(request.plan)
+        with open_reports(request.reports, keeps_earlier=request.resume) as options:
+            call = _Call(request, found, options, keys, started)
+            results = call.results(interruption, listener)
+            return write_reports(results, replace(options, taken_over=call.taken.finals if request.resume else None))
 
 
-def _results(
-    request: RunRequest,
-    found: RunPlan,
-    options: ReportOptions,
-    interruption: Interruption,
-    *,
-    started: float,
-    listener: Listener | None,
-) -> Results:
-    """Run all scenarios and return the results; `started` is the monotonic time in s of the start."""
-    plans = found.plans
-    if request.plan.permissions.updates_golden:
-        from sim_action.runner.golden_update import refuse_shared_goldens
+def _keys(request: RunRequest) -> RunKeys:
+    options = RunOptions(request.plan.permissions, request.repeat, request.recordings, _has_replays(request))
+    outputs = [path for path in (request.reports.folder, request.reports.junit) if path is not None]
+    return RunKeys(request.plan.suite.files, options, outputs)
 
-        plans = refuse_shared_goldens(plans)
-    every = [run for plan in plans if not isinstance(plan, Refused) for run in plan]
-    if request.repeat > 1:
-        every = [run.traced_at_every_step() for run in every]
-    journal = Journal(options.folder, _header(request, found, plans, every, options), warn, started)
-    terminal = ProgressListener(total=len(every) * request.repeat, verbosity=request.reports.verbosity)
-    listeners = [each for each in (journal, terminal, listener) if each is not None]
-    with _folder_of_motions(every) as motions:
-        assembly = OutcomeAssembly(plans, request.repeat, options.folder, motions, partial(_emit, listeners))
-        assembly.begin(_of_patterns(found))
-        if request.fail_fast and any(isinstance(plan, Refused) for plan in plans):
-            assembly.end([skipped(run) for run in every])
-        else:
-            assembly.end(
-                execute(
-                    every,
-                    options.folder,
-                    request.jobs,
-                    assembly,
-                    interruption,
-                    places=assembly.places,
-                    fail_fast=request.fail_fast,
-                    replays=_has_replays(request),
-                    formats=request.recordings,
-                    repeat=request.repeat,
-                    motions=motions,
-                    meanwhile=partial(make_ready, options),
-                )
-            )
-        terminal.close()
-    return journal.close()
+
+class _Call:
+    """One call with its plan: `started` is the time on `time.monotonic()` of its start.
+
+    Attributes:
+        taken: the outcomes that are taken over from an earlier call.
+    """
+
+    def __init__(
+        self, request: RunRequest, found: RunPlan, options: ReportOptions, keys: RunKeys, started: float
+    ) -> None:
+        self._request, self._found, self._options, self._keys, self._started = request, found, options, keys, started
+        self._plans = found.plans
+        if request.plan.permissions.updates_golden:
+            from sim_action.runner.golden_update import refuse_shared_goldens
+
+            self._plans = refuse_shared_goldens(self._plans)
+        every = [run for plan in self._plans if not isinstance(plan, Refused) for run in plan]
+        self._every = [run.traced_at_every_step() for run in every] if request.repeat > 1 else every
+        names = [run.scenario.name for run in every] * request.repeat
+        self._files = run_files(names, options.folder, replays=_has_replays(request), formats=request.recordings)
+        self.taken = TakenOver()
+
+    def results(self, interruption: Interruption, listener: Listener | None) -> Results:
+        """Run all scenarios and return the results."""
+        request, options, header = self._request, self._options, self._header()
+        listeners: list[Listener] = []
+        with _folder_of_motions(self._every) as motions:
+            assembly = OutcomeAssembly(self._plans, request.repeat, options.folder, motions, partial(_emit, listeners))
+            if request.resume:
+                self._resume(header, assembly)
+            journal = Journal(options.folder, header, warn, self._started, self.taken.records)
+            runs = len(self._every) * request.repeat - self.taken.runs(request.repeat)
+            terminal = ProgressListener(total=runs, verbosity=request.reports.verbosity)
+            listeners += [each for each in (journal, terminal, listener) if each is not None]
+            assembly.begin(_of_patterns(self._found))
+            assembly.take_over(self.taken.records)
+            stopped = self.taken.not_passed or any(isinstance(plan, Refused) for plan in self._plans)
+            if request.fail_fast and stopped:
+                assembly.end([skipped(run) for run in self._every * request.repeat])
+            else:
+                assembly.end(self._executed(assembly, motions, interruption))
+            terminal.close()
+        return journal.close()
+
+    def _resume(self, header: Header, assembly: OutcomeAssembly) -> None:
+        """Take over outcomes of the earlier call, and remove all other files that it has left."""
+        options = self._options
+        self.taken = take_over(
+            options.folder, header.planned, self._every, assembly, files=self._files, keys=self._keys
+        )
+        for remark in self.taken.remarks:
+            note(f"--resume: {remark}")
+        # The journal is replaced as a whole.
+        remove_earlier(self._request.reports, self.taken.files | {JOURNAL_FILE})
+
+    def _executed(self, assembly: OutcomeAssembly, motions: Path | None, interruption: Interruption) -> list[Outcome]:
+        request = self._request
+        return execute(
+            self._every,
+            self._options.folder,
+            request.jobs,
+            assembly,
+            interruption,
+            places=assembly.places,
+            fail_fast=request.fail_fast,
+            replays=_has_replays(request),
+            formats=request.recordings,
+            repeat=request.repeat,
+            motions=motions,
+            ended=assembly.ended,
+            keys=self._keys,
+            meanwhile=self._make_ready,
+        )
+
+    def _make_ready(self) -> None:
+        self._keys.prepare()
+        make_ready(self._options)
+
+    def _header(self) -> Header:
+        """Return the header of the journal."""
+        found, options = self._found, self._options
+        of_runs = [path.relative_to(options.folder).as_posix() for files in self._files for path in files]
+        return Header.of_call(
+            planned_outcomes(self._plans, _of_patterns(found)),
+            (*options.files, *of_runs),
+            found.shard,
+            selected=bool(self._request.plan.suite.numbers),
+        )
 
 
 def _emit(listeners: Iterable[Listener], event: Event) -> None:
@@ -111,25 +170,6 @@ def _of_patterns(found: RunPlan) -> list[Outcome]:
 
 def _has_replays(request: RunRequest) -> bool:
     return "report" not in request.reports.silenced
-
-
-def _header(
-    request: RunRequest,
-    found: RunPlan,
-    plans: Sequence[Plan],
-    every: Sequence[LoadedScenario],
-    options: ReportOptions,
-) -> Header:
-    """Return the header of the journal; `every`: all runs."""
-    names = [run.scenario.name for run in every] * request.repeat
-    of_runs = run_files(names, options.folder, replays=_has_replays(request), formats=request.recordings)
-    names_of_files = (path.relative_to(options.folder).as_posix() for files in of_runs for path in files)
-    return Header.of_call(
-        planned_outcomes(plans, _of_patterns(found)),
-        (*options.files, *names_of_files),
-        found.shard,
-        selected=bool(request.plan.suite.numbers),
-    )
 
 
 @contextmanager

@@ -36,7 +36,7 @@ _ENDLESS_KEY: Final = re.compile(r"(?:[\"']?[A-Za-z0-9_-]++[\"']?\s*+\.\s*+){100
 
 _REPORTS: Final = ("output_dir", "junit", "junit_strict", "report", "summary", "annotations", "verbose", "quiet")
 _OPTIONS: Final[Mapping[str, tuple[str, ...]]] = {
-    "run": ("paths", "backend", "seed", "repeat", "unexercised", "jobs", "fail_fast", "record", *_REPORTS),
+    "run": ("paths", "backend", "seed", "repeat", "unexercised", "jobs", "fail_fast", "resume", "record", *_REPORTS),
     "merge": _REPORTS,
     "validate": ("paths",),
     "matrix": ("paths",),

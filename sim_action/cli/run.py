@@ -41,6 +41,13 @@ if TYPE_CHECKING:
     help="Start no more scenarios after one did not pass. Scenarios that are running finish.",
 )
 @click.option(
+    "--resume",
+    envvar="SIM_ACTION_RESUME",
+    is_flag=True,
+    help="Continue the earlier run in the output folder: take over each verdict that nothing has changed for, and run "
+    "the other scenarios.",
+)
+@click.option(
     "--list", "list_only", is_flag=True, help="Print name, file, line and tags of each scenario, and run nothing."
 )
 @click.option("--watch", is_flag=True, help="Run scenarios again when their files change, until Ctrl-C.")
@@ -114,6 +121,7 @@ def run(
     paths: Sequence[str],
     *,
     fail_fast: bool,
+    resume: bool,
     list_only: bool,
     watch: bool,
     shard: str | None,
@@ -150,12 +158,14 @@ def run(
 
         if repeat > 1 and update_golden:
             raise UsageError("--update-golden cannot be combined with --repeat")
+        if resume and (update_golden or watch):
+            raise UsageError("--resume cannot be combined with --update-golden or --watch")
         permissions = Permissions(allow_outside, scripts_refused(allow_scripts, os.environ), update_golden)
         recordings = wanted_formats(record)
         plan = PlanRequest(discovered(paths, flags), permissions, shard, backend, seed, unexercised)
         if list_only:
             return _listed(plan)
-        request = RunRequest(plan, report_request(flags), jobs or _cores(), fail_fast, recordings, repeat)
+        request = RunRequest(plan, report_request(flags), jobs or _cores(), fail_fast, recordings, repeat, resume)
         if not watch:
             return run_scenarios(request, interruption)
         if shard is not None or update_golden:

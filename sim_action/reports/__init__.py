@@ -8,6 +8,7 @@ from __future__ import annotations
 import importlib
 import os
 from collections.abc import Iterator, Mapping
+from collections.abc import Set as AbstractSet
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -42,6 +43,7 @@ class ReportOptions:
         workspace: the folder to which paths in reports are relative.
         verbosity: the amount of text on the terminal.
         silenced: the names of reports that are not written.
+        taken_over: the number of outcomes of an earlier call, see `run --resume`; None: it was not asked for.
     """
 
     folder: Path
@@ -51,6 +53,7 @@ class ReportOptions:
     workspace: Path
     verbosity: Verbosity = "normal"
     silenced: frozenset[str] = frozenset()
+    taken_over: int | None = None
 
     @property
     def files(self) -> tuple[str, ...]:
@@ -120,10 +123,7 @@ def open_reports(request: ReportRequest, *, keeps_earlier: bool = False) -> Iter
     folder = _created_folder(request.folder)
     with locked(folder):
         if not keeps_earlier:
-            remove_earlier_files(folder, manifest(folder))
-            if request.junit is not None:
-                with suppress(OSError):
-                    remove_regular(request.junit)
+            remove_earlier(request)
         yield ReportOptions(
             folder=folder,
             junit=request.junit or folder / JUNIT_FILE,
@@ -133,6 +133,14 @@ def open_reports(request: ReportRequest, *, keeps_earlier: bool = False) -> Iter
             verbosity=request.verbosity,
             silenced=request.silenced,
         )
+
+
+def remove_earlier(request: ReportRequest, kept: AbstractSet[str] = frozenset()) -> None:
+    """Remove the files of the earlier call in the output folder, apart from those named in `kept`."""
+    remove_earlier_files(request.folder, set(manifest(request.folder)) - kept)
+    if request.junit is not None:
+        with suppress(OSError):
+            remove_regular(request.junit)
 
 
 def make_ready(options: ReportOptions) -> None:

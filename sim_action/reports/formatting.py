@@ -23,6 +23,11 @@ def user_output(outcome: Outcome) -> str:
     return "" if told else outcome.output.strip("\n")
 
 
+def taken_over_text(taken_over: int, results: Results) -> str:
+    """Return how many outcomes come from an earlier call, such as "212 of 300 scenarios taken over ..."."""
+    return f"{taken_over} of {counted(results.total, 'scenario')} taken over from the earlier run"
+
+
 def counts_text(results: Results) -> str:
     """Return counts such as "3 passed, 1 failed, 2 warnings": scenarios by status, and all warnings."""
     warnings = sum(expected.warned for outcome in results.outcomes for expected in outcome.expectations)

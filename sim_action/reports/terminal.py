@@ -23,6 +23,7 @@ from sim_action.reports.formatting import (
     repeats_text,
     shard_text,
     speed_text,
+    taken_over_text,
     user_output,
 )
 from sim_action.reports.links import stored_trace
@@ -131,10 +132,14 @@ class _Printer:
         statuses = {outcome.display_status for outcome in results.outcomes}
         of_nothing: DisplayStatus = "passed" if results.exit_code is ExitCode.PASSED else "error"
         worst = max(statuses, key=_BEST_FIRST.index, default=of_nothing)
-        fast = f" ({speed_text(results.real_time_factor)})" if results.real_time_factor else ""
+        taken_over = self._options.taken_over
+        # The simulations of the earlier call took time, too.
+        fast = f" ({speed_text(results.real_time_factor)})" if results.real_time_factor and not taken_over else ""
         part = f"; {shard_text(results.shard)}" if results.shard else ""
         took = f" in {results.wall_time:.1f} s{fast}{part}"
         self._line("", (counts_text(results), STATUS_DISPLAYS[worst].style), (took, ""))
+        if taken_over is not None:
+            self._line("", (taken_over_text(taken_over, results), ""))
         if self._verbosity != "quiet":
             for name, path in _files(results, self._options):
                 self._line("", (f"{name:<10} {path}", "dim"))

@@ -48,21 +48,27 @@ class RunEnded:
 
     Attributes:
         outcome: the outcome of this run alone.
+        key: the digest of everything that the outcome may depend on; None: it is not known.
         is_one_of_several: True if the final outcome depends on other runs, too.
+        taken_over: True if an earlier call has run it, see `run --resume`.
     """
 
     place: int
     turn: int
     outcome: Outcome
+    key: str | None = None
     is_one_of_several: bool = False
+    taken_over: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Finished:
-    """An outcome is final; `place`: its index in the results."""
+    """An outcome is final; `place`: its index in the results. The other attributes are those of `RunEnded`."""
 
     place: int
     outcome: Outcome
+    key: str | None = None
+    taken_over: bool = False
 
 
 Event = Started | Progressed | RunEnded | Finished

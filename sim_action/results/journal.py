@@ -48,11 +48,7 @@ Kind = Literal["started", "run", "finished", "ended"]
 
 
 class Planned(FrozenModel):
-    """One planned outcome; the attributes are those of `Outcome`.
-
-    Attributes:
-        key: the digest of everything that the outcome may depend on; None: it is not known.
-    """
+    """One planned outcome; the attributes are those of `Outcome`."""
 
     name: str
     file: str
@@ -60,16 +56,15 @@ class Planned(FrozenModel):
     number: Annotated[int, Field(ge=1)] | None = None
     group: str | None = None
     variation: tuple[Varied, ...] = ()
-    key: str | None = None
 
     @classmethod
     def of(cls, outcome: Outcome) -> Self:
         """Return the plan of an outcome."""
-        return cls(**{name: getattr(outcome, name) for name in cls.model_fields if name != "key"})
+        return cls(**{name: getattr(outcome, name) for name in cls.model_fields})
 
     def unfinished(self, message: str) -> Outcome:
         """Return the outcome of a scenario that has not finished."""
-        known = {name: getattr(self, name) for name in type(self).model_fields if name != "key"}
+        known = {name: getattr(self, name) for name in type(self).model_fields}
         failure = Failure(kind="interrupted", title="not finished", message=message)
         return Outcome(**known, status="error", failures=(failure,))
 
@@ -118,6 +113,7 @@ class Record(FrozenModel):
         event: the kind of the record; "ended": the call has ended, and has no `place`.
         place: the index of the planned outcome.
         turn: the number of the repetition, counted from 1; None for a final outcome.
+        key: the digest of everything that the outcome may depend on; None: it is not known.
         taken_over: True for an outcome of an earlier call, see `run --resume`.
     """
 
@@ -125,6 +121,7 @@ class Record(FrozenModel):
     event: Kind
     place: Place | None = None
     turn: Annotated[int, Field(ge=1)] | None = None
+    key: str | None = None
     taken_over: bool = False
     outcome: Outcome | None = None
 
@@ -216,7 +213,7 @@ class Journal:
             header: the plan of the call.
             warn: receives the reason if the journal cannot be written.
             started: the start of the call on `time.monotonic()`.
-            taken_over: records of final outcomes of an earlier call, with their places in this one.
+            taken_over: records of outcomes of an earlier call, with their places in this one.
         """
         self._path = folder.absolute() / JOURNAL_FILE
         self._warn = warn
@@ -233,11 +230,12 @@ class Journal:
     def __call__(self, event: Event) -> None:
         """Record an event."""
         match event:
-            case Finished(place, outcome):
-                self._record("finished", place, None, outcome)
-            case RunEnded(place, turn, outcome, is_one_of_several):
-                if is_one_of_several:
-                    self._record("run", place, turn, outcome)
+            # Outcomes that were taken over are in the journal from its beginning.
+            case Finished(taken_over=False):
+                self._record("finished", event.place, key=event.key, outcome=event.outcome)
+            case RunEnded(taken_over=False):
+                if event.is_one_of_several:
+                    self._record("run", event.place, event.turn, key=event.key, outcome=event.outcome)
             case Started(place, turn, _):
                 self._record("started", place, turn)
                 self._sync_if_due()
@@ -257,10 +255,16 @@ class Journal:
         return self._recorded.results()
 
     def _record(
-        self, event: Kind, place: int | None = None, turn: int | None = None, outcome: Outcome | None = None
+        self,
+        event: Kind,
+        place: int | None = None,
+        turn: int | None = None,
+        *,
+        key: str | None = None,
+        outcome: Outcome | None = None,
     ) -> None:
         at = round(max(0.0, time.monotonic() - self._started), 3)
-        record = Record(at=at, event=event, place=place, turn=turn, outcome=outcome)
+        record = Record(at=at, event=event, place=place, turn=turn, key=key, outcome=outcome)
         self._recorded.add(record)
         if not record.is_interrupted:
             self._attempt(partial(self._append, record))

@@ -252,7 +252,7 @@ def _raise_unreadable(error: OSError) -> NoReturn:
 def _read_consistent(path: Path) -> Results:
     results = Results.read(path)
     for outcome in results.outcomes:
-        if _is_inconsistent(outcome):
+        if is_inconsistent(outcome):
             _reject(
                 f"{path} is not a valid results file: the status of '{outcome.file}' contradicts its failures "
                 "or expectations"
@@ -260,7 +260,7 @@ def _read_consistent(path: Path) -> Results:
     return results
 
 
-def _is_inconsistent(outcome: Outcome) -> bool:
+def is_inconsistent(outcome: Outcome) -> bool:
     """Return True for an error without a reason, a pass without expectations or with a failed one, and the like."""
     if outcome.status in ("error", "flaky"):
         return not outcome.failures

@@ -70,6 +70,16 @@ class ChildReport:
     output: bytes = b""
     stack_dump: bytes = b""
 
+    @property
+    def verdict(self) -> bytes:
+        """The outcome as JSON."""
+        return self.outcome.partition(b"\n")[0]
+
+    @property
+    def inputs(self) -> bytes:
+        """The files that user code has read, as JSON."""
+        return self.outcome.partition(b"\n")[2]
+
 
 class OutcomeWriter:
     """Writes the outcome of this process so that a killed process leaves a whole one, or none.

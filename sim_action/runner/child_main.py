@@ -39,6 +39,7 @@ from sim_action.results.outcome import ExpectationOutcome, Failure, FailureKind,
 from sim_action.runner.child_files import ChildFiles, OutcomeWriter
 from sim_action.runner.evidence import remove_earlier, run_to_record, store_evidence
 from sim_action.runner.job import JUDGED, Job, out_of_memory
+from sim_action.runner.observed_inputs import ObservedInputs, observed_inputs
 from sim_action.runner.process_output import dump_stack_before, redirect_output
 from sim_action.runner.user_code import guarded
 from sim_action.scenario.loading import build_scene, checked
@@ -83,11 +84,12 @@ def run_job(job: Job, files: ChildFiles, progress_descriptor: int) -> None:
     remove_earlier(job)
     if job.deadline is not None and job.loaded.scenario.python_files:
         dump_stack_before(job.deadline, files.stack_dump)
+    inputs = observed_inputs(job, files.scratch)
     kept = _Kept()
     outcome = _outcome(job, progress, kept)
     wall_time = max(0.0, time.perf_counter() - started)
     outcome = outcome.model_copy(update={"notes": (*outcome.notes, *kept.notes), "wall_time": wall_time})
-    written = encoded(outcome)
+    written = encoded(outcome, inputs)
     try:
         writer.write(written)
     except ValueError as error:
@@ -100,15 +102,19 @@ def run_job(job: Job, files: ChildFiles, progress_descriptor: int) -> None:
 
         if notes := tuple(write_recordings(run, job.recordings)):
             with suppress(OSError, ValueError):
-                writer.write(encoded(outcome.model_copy(update={"notes": (*outcome.notes, *notes)})))
+                writer.write(encoded(outcome.model_copy(update={"notes": (*outcome.notes, *notes)}), inputs))
 
 
-def encoded(outcome: Outcome) -> bytes:
-    """Return an outcome as JSON; lone surrogates, which UTF-8 does not have, are escaped."""
+def encoded(outcome: Outcome, inputs: ObservedInputs | None = None) -> bytes:
+    """Return an outcome as JSON, and in a second line the inputs of user code.
+
+    Lone surrogates, which UTF-8 does not have, are escaped.
+    """
     try:
-        return outcome.model_dump_json().encode()
+        written = outcome.model_dump_json().encode()
     except PydanticSerializationError:
-        return to_json(_without_surrogates(outcome.model_dump()), inf_nan_mode="null")
+        written = to_json(_without_surrogates(outcome.model_dump()), inf_nan_mode="null")
+    return written if inputs is None else written + b"\n" + inputs.encoded()
 
 
 def _without_surrogates(value: object) -> object:

@@ -26,6 +26,7 @@ from sim_action.engines import PACKAGES, chosen, named_version
 from sim_action.results.outcome import Failure, FailureKind, Outcome, status_of
 from sim_action.runner.isolation.child_process import ChildProcess
 from sim_action.runner.job import out_of_memory
+from sim_action.runner.observed_inputs import inputs_in
 from sim_action.runner.process_output import place_in_stack_dump, split_output
 from sim_action.scenario.model import LoadedScenario, Scenario
 
@@ -64,6 +65,13 @@ def outcome_of(child: ChildProcess, ending: Ending) -> Outcome:
             "wall_time": time.monotonic() - child.started,
         }
     )
+
+
+def inputs_of(child: ChildProcess) -> tuple[str, ...] | None:
+    """Return the files that user code of a child process has read; None: it may have read anything."""
+    if not child.job.loaded.scenario.runs_user_code:
+        return ()
+    return None if child.left else inputs_in(child.report.inputs)
 
 
 def engine_provenance(backend: str) -> Provenance:
@@ -117,7 +125,7 @@ def unjudged(loaded: LoadedScenario) -> Outcome:
 
 def _written(child: ChildProcess) -> Outcome | None:
     try:
-        outcome = Outcome.model_validate_json(child.report.outcome)
+        outcome = Outcome.model_validate_json(child.report.verdict)
     except ValidationError:
         return None
     return outcome if _is_consistent(outcome, child.job.loaded.scenario) else None

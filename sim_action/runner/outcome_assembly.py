@@ -6,12 +6,13 @@ the outcomes of one scenario are compared.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from sim_action.results.events import Event, Finished, Listener, RunEnded
-from sim_action.results.journal import Planned
+from sim_action.results.journal import Planned, Record
 from sim_action.results.outcome import Outcome
 from sim_action.runner.child_outcome import unjudged
 from sim_action.runner.process_pool import motion_file
@@ -60,6 +61,7 @@ class OutcomeAssembly:
 
     Attributes:
         places: for each run, the index of its outcome in the results.
+        repeat: the number of runs for each scenario and engine.
     """
 
     def __init__(self, plans: Sequence[Plan], repeat: int, folder: Path, motions: Path | None, emit: Listener) -> None:
@@ -72,10 +74,11 @@ class OutcomeAssembly:
             motions: the folder for the motion of runs that are compared.
             emit: receives the events.
         """
-        self._repeat, self._folder, self._motions, self._emit = repeat, folder, motions, emit
+        self.repeat, self._folder, self._motions, self._emit = repeat, folder, motions, emit
         self._scenarios: dict[int, _Scenario] = {}
         self._refused: dict[int, Refused] = {}
         self._ended: dict[int, dict[int, Outcome]] = {}
+        self._keys: dict[int, set[str | None]] = {}
         self.places: list[int] = []
         place = 0
         for plan in plans:
@@ -102,27 +105,58 @@ class OutcomeAssembly:
             self._emit(event)
             return
         scenario = self._scenarios[event.place]
-        if self._repeat > 1 or scenario.is_compared:
+        if self.repeat > 1 or scenario.is_compared:
             self._emit(replace(event, is_one_of_several=True))
-            self._take(event.place, event.turn, event.outcome)
+            self._take(event.place, event.turn, event.outcome, event.key)
         else:
             # A final outcome is in the journal before the terminal reports its run.
-            self._take(event.place, event.turn, event.outcome)
+            self._take(event.place, event.turn, event.outcome, event.key)
             self._emit(event)
+
+    @property
+    def scenarios(self) -> Iterator[range]:
+        """Yield the places of each scenario that runs, one for each engine."""
+        return (scenario.places for place, scenario in self._scenarios.items() if place == scenario.place)
+
+    def is_compared(self, place: int) -> bool:
+        """Return True if the outcome at a place depends on runs at other places."""
+        return self._scenarios[place].is_compared
+
+    def take_over(self, records: Iterable[Record]) -> None:
+        """Report outcomes of an earlier call: final ones, and those of single repetitions."""
+        for record in records:
+            assert record.place is not None
+            assert record.outcome is not None
+            if record.turn is None:
+                self._ended[record.place] = dict.fromkeys(range(1, self.repeat + 1), record.outcome)
+                self._emit(Finished(record.place, record.outcome, record.key, taken_over=True))
+            else:
+                self(RunEnded(record.place, record.turn, record.outcome, record.key, taken_over=True))
+
+    @property
+    def ended(self) -> AbstractSet[tuple[int, int]]:
+        """The place and the turn of each run that needs no process any more."""
+        return {(place, turn) for place, turns in self._ended.items() for turn in turns}
 
     def end(self, outcomes: Sequence[Outcome]) -> None:
         """Report the outcomes of scenarios with runs that did not take place; `outcomes`: those of all runs."""
         for index, outcome in enumerate(outcomes):
             turn, run = divmod(index, len(self.places))
             if turn + 1 not in self._ended.get(self.places[run], {}):
-                self._take(self.places[run], turn + 1, outcome)
+                self._take(self.places[run], turn + 1, outcome, None)
 
-    def _take(self, place: int, turn: int, outcome: Outcome) -> None:
+    def _take(self, place: int, turn: int, outcome: Outcome, key: str | None) -> None:
         self._ended.setdefault(place, {})[turn] = outcome
+        self._keys.setdefault(place, set()).add(key)
         scenario = self._scenarios[place]
-        if all(len(self._ended.get(each, {})) == self._repeat for each in scenario.places):
+        if all(len(self._ended.get(each, {})) == self.repeat for each in scenario.places):
             for final, each in zip(scenario.places, self._outcomes(scenario), strict=True):
-                self._emit(Finished(final, each))
+                self._emit(Finished(final, each, self._key(final)))
+
+    def _key(self, place: int) -> str | None:
+        """Return the key of all runs of an outcome; None if one of them has no key."""
+        first, *others = self._keys[place]
+        return None if others else first
 
     def _outcomes(self, scenario: _Scenario) -> tuple[Outcome, ...]:
         """Return the final outcomes of a scenario, all of whose runs have ended."""
@@ -137,7 +171,7 @@ class OutcomeAssembly:
 
     def _merged(self, run: LoadedScenario, place: int) -> Outcome:
         """Return one outcome for all repetitions of a run."""
-        turns = [self._ended[place][turn] for turn in range(1, self._repeat + 1)]
+        turns = [self._ended[place][turn] for turn in range(1, self.repeat + 1)]
         if len(turns) == 1:
             return turns[0]
         from sim_action.runner.repeat import merge_repeats

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Set as AbstractSet
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -22,6 +23,7 @@ from sim_action.runner.child_outcome import (
     Ending,
     Limit,
     engine_provenance,
+    inputs_of,
     interrupted,
     not_started,
     outcome_of,
@@ -32,6 +34,7 @@ from sim_action.runner.isolation.capacity import cause_of, most_children
 from sim_action.runner.isolation.child_process import ChildProcess
 from sim_action.runner.job import Job
 from sim_action.runner.process_output import muted
+from sim_action.runner.run_keys import RunKeys
 from sim_action.scenario.model import LoadedScenario
 
 # The pipe of a child closes at once, but the process table follows later; a grandchild may keep the pipe open.
@@ -56,6 +59,8 @@ def execute(
     formats: Sequence[str] = (),
     repeat: int = 1,
     motions: Path | None = None,
+    ended: AbstractSet[tuple[int, int]] = frozenset(),
+    keys: RunKeys | None = None,
     child_type: type[ChildProcess] | None = None,
     meanwhile: Callable[[], object] = lambda: None,
 ) -> list[Outcome]:
@@ -76,6 +81,8 @@ def execute(
         repeat: how often the whole list is run, one time after the other; if more than once, each run has its own
             interpreter and its own seed of hashes.
         motions: the folder for the motion of runs that are compared, see `motion_file`.
+        ended: the place and the turn of each run that an earlier call has ended; they get no process.
+        keys: gives the keys of runs; by default, they have none.
         child_type: how child processes are started; by default, as this system allows.
         meanwhile: called once the first children run, when this process only waits.
 
@@ -84,7 +91,9 @@ def execute(
     child_type = child_type or child_type_here()
     for loaded in scenarios:
         chosen(loaded.scenario.backend)
-    is_warm = child_type.forks and repeat == 1 and _warmed_up(scenarios, formats, replays=replays)
+    numbered = [(place, turn) for turn in range(1, repeat + 1) for place in places or range(len(scenarios))]
+    left = [loaded for index, loaded in enumerate(scenarios) if numbered[index] not in ended]
+    is_warm = child_type.forks and repeat == 1 and _warmed_up(left, formats, replays=replays)
     runs = [(loaded, None if is_warm else turn) for turn in range(repeat) for loaded in scenarios]
     files = run_files([loaded.scenario.name for loaded, _ in runs], folder.absolute(), replays=replays, formats=formats)
     made = partial(_job, results=folder.absolute(), child_type=child_type)
@@ -96,14 +105,13 @@ def execute(
         for index, loaded in enumerate(scenarios):
             if loaded.compared:
                 made_jobs[index] = replace(made_jobs[index], motion=motion_file(motions, index))
-    waiting = deque(enumerate(made_jobs))
-    numbered = [(place, turn) for turn in range(1, repeat + 1) for place in places or range(len(scenarios))]
+    waiting = deque((index, job) for index, job in enumerate(made_jobs) if numbered[index] not in ended)
     scheduler = _Scheduler(
-        child_type, waiting, jobs, emit, interruption, places_and_turns=numbered, fail_fast=fail_fast
+        child_type, waiting, jobs, emit, interruption, places_and_turns=numbered, fail_fast=fail_fast, keys=keys
     )
     outcomes = scheduler.run(partial(_make_ready, scenarios, meanwhile))
-    left = interrupted if interruption.happened else skipped
-    return [outcomes.get(index) or left(loaded) for index, (loaded, _) in enumerate(runs)]
+    without = interrupted if interruption.happened else skipped
+    return [outcomes.get(index) or without(loaded) for index, (loaded, _) in enumerate(runs)]
 
 
 def motion_file(folder: Path, index: int) -> Path:
@@ -177,6 +185,7 @@ class _Scheduler:
         *,
         places_and_turns: Sequence[tuple[int, int]],
         fail_fast: bool,
+        keys: RunKeys | None,
     ) -> None:
         self._child_type = child_type
         self._fail_fast = fail_fast
@@ -187,6 +196,7 @@ class _Scheduler:
         self._starts_more = True
         self._places_and_turns = places_and_turns
         self._emit = emit
+        self._keys = keys
         self._running: dict[int, ChildProcess] = {}
         self._outcomes: dict[int, Outcome] = {}
 
@@ -260,11 +270,18 @@ class _Scheduler:
                 self._put_back(index, child.job, child.refusal)
                 continue
             self._attempts = _MAX_ATTEMPTS
-            self._finish(index, outcome_of(child, ending))
+            outcome = outcome_of(child, ending)
+            self._finish(index, outcome, self._key(child, outcome))
 
-    def _finish(self, index: int, outcome: Outcome) -> None:
+    def _key(self, child: ChildProcess, outcome: Outcome) -> str | None:
+        """Return the key of a run that has ended; None: it has no verdict, or may depend on anything."""
+        if self._keys is None or not outcome.has_verdict:
+            return None
+        return self._keys.of(child.job.loaded, inputs_of(child))
+
+    def _finish(self, index: int, outcome: Outcome, key: str | None = None) -> None:
         self._outcomes[index] = outcome
-        self._emit(RunEnded(*self._places_and_turns[index], outcome))
+        self._emit(RunEnded(*self._places_and_turns[index], outcome, key))
         if self._fail_fast and outcome.status != "passed":
             self._waiting.clear()
             self._starts_more = False

@@ -87,11 +87,19 @@ class RunKeys:
         for listing in self._listings.values():
             listing.close()
 
-    def of(self, loaded: LoadedScenario) -> str | None:
-        """Return the key of a run; None: its outcome may depend on something that is not known."""
-        # The motion of compared runs is not kept.
-        if self._options.permissions.updates_golden or loaded.compared:
+    def of(self, loaded: LoadedScenario, inputs: Iterable[str] | None = ()) -> str | None:
+        """Return the key of a run; None: its outcome may depend on something that is not known.
+
+        `inputs`: the paths of files that its code has read, see `ObservedInputs`; None: it may have read anything.
+        """
+        if self._options.permissions.updates_golden or inputs is None:
             return None
+        try:
+            return self._digest(loaded) if all(self._knows(loaded, path) for path in inputs) else None
+        except (OSError, ValueError):  # a NUL in a name
+            return None
+
+    def _digest(self, loaded: LoadedScenario) -> str | None:
         runs_code = loaded.scenario.runs_user_code
         tree = self._tree(loaded.workspace.root)
         if runs_code and not isinstance(tree, GitTree):
@@ -110,14 +118,20 @@ class RunKeys:
         ]
         return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
 
+    def prepare(self) -> None:
+        """Read everything that the keys of several runs share."""
+        for root in self._listings:
+            self._tree(root)
+        _ = self._call
+
     def unknown(self, loaded: LoadedScenario) -> str | None:
         """Return the reason why the files of the workspace are not known; None if they are."""
         tree = self._tree(loaded.workspace.root)
         return tree if isinstance(tree, str) else None
 
-    def knows(self, loaded: LoadedScenario, path: Path) -> bool:
-        """Return True if the key of a scenario includes the content of a file; links in `path` must be resolved."""
-        tree = self._tree(loaded.workspace.root)
+    def _knows(self, loaded: LoadedScenario, name: str) -> bool:
+        """Return True if the key of a run includes the content of a file, also behind a link."""
+        tree, path = self._tree(loaded.workspace.root), Path(os.path.realpath(name))
         return (isinstance(tree, GitTree) and tree.holds(path)) or path in self._named.of(loaded.source)
 
     def _tree(self, root: Path) -> GitTree | str:
@@ -202,7 +216,7 @@ def _scenario(loaded: LoadedScenario) -> list[object]:
     return [
         *(source.document.data, source.document.file, source.line, source.number, source.group, source.scenario_seed),
         [(varied.key, varied.value) for varied in source.variation],
-        *(scenario.name, scenario.backend, scenario.seed, scenario.unexercised, scenario.trace.rate),
+        *(scenario.name, scenario.backend, scenario.seed, scenario.unexercised, scenario.trace.rate, loaded.compared),
         *(str(loaded.workspace.directory), str(loaded.workspace.root)),
     ]
 

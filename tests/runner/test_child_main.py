@@ -10,6 +10,7 @@ from typing import Final
 import pytest
 
 from sim_action.results.outcome import Outcome
+from sim_action.runner.child_files import ChildReport
 from tests.robot.bad_models import GOOD
 
 pytestmark = pytest.mark.process
@@ -65,7 +66,7 @@ def outcome_of(program: str, folder: Path, *arguments: str) -> tuple[Outcome, by
     """Return the outcome that a program writes, and its output."""
     command = [sys.executable, "-c", program, *arguments]
     ran = subprocess.run(command, cwd=folder, env={"PYTHONPATH": str(ROOT)}, capture_output=True, check=True)
-    return Outcome.model_validate_json((folder / "outcome.json").read_bytes()), ran.stdout
+    return Outcome.model_validate_json(ChildReport((folder / "outcome.json").read_bytes()).verdict), ran.stdout
 
 
 def times_opened(folder: Path, model: str) -> tuple[int, int]:

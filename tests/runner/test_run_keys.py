@@ -263,10 +263,6 @@ def test_nothing_has_a_key_while_golden_files_are_written() -> None:
     assert key(plan("native.sim.yml", options), options) is None
 
 
-def test_compared_runs_have_no_key() -> None:
-    assert key(replace(plan("native.sim.yml"), compared=True)) is None
-
-
 def test_too_many_files_leave_no_key(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "MAX_FILES", 2)
     assert native() is None
@@ -282,16 +278,23 @@ def test_a_file_that_changes_during_the_call_leaves_no_key(monkeypatch: pytest.M
     keys.close()
 
 
-def test_known_files_are_those_of_git_and_of_the_scenario(folder: Path) -> None:
+@pytest.mark.parametrize("name", ["notes", "rock.obj", "native.sim.yml", "link", ".git/../notes"])
+def test_code_may_read_files_of_git_and_of_the_scenario(folder: Path, name: str) -> None:
+    Path("link").symlink_to("notes")
     run = plan("native.sim.yml")
     keys = RunKeys([run.source.path], OPTIONS, [])
-    edited("ignored")
-    known = [
-        name for name in ("notes", "rock.obj", "ignored", "none", "..") if keys.knows(run, (folder / name).resolve())
-    ]
-    assert known == ["notes", "rock.obj"]
+    assert keys.of(run, [str(folder / name)]) == keys.of(run) is not None
     assert keys.unknown(run) is None
-    assert not RunKeys([], OPTIONS, []).knows(run, Path("/etc/passwd"))
+
+
+@pytest.mark.parametrize("name", ["ignored", "none", "..", ".", "/etc/passwd", "link", "notes/none", "a\0b"])
+def test_a_run_that_reads_another_file_has_no_key(folder: Path, name: str) -> None:
+    edited("ignored")
+    Path("link").symlink_to("ignored")
+    run = plan("native.sim.yml")
+    keys = RunKeys([run.source.path], OPTIONS, [])
+    assert keys.of(run, [str(folder / "notes"), str(folder / name)]) is None
+    assert keys.of(run, None) is None
 
 
 def test_the_reason_is_known_if_the_workspace_is_not(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -22,6 +22,7 @@ from sim_action.reports.formatting import (
     repeats_text,
     shard_text,
     speed_text,
+    taken_over_text,
     user_output,
 )
 from sim_action.reports.github.markdown import code, code_of_link, folded, row, shell_block, source_link, table
@@ -66,7 +67,7 @@ def summary(results: Results, options: ReportOptions, most_bytes: int = MAX_BYTE
     unfolded = sum(group.status != "passed" for group in found[: len(sections)])
     parts = [
         f"## {_run_headline(results)}",
-        _counts(results),
+        _counts(results, options.taken_over),
         *_overview(found, rows),
         *sections[:unfolded],
         folded(f"Measurements of passed scenarios ({len(sections) - unfolded})", "\n\n".join(sections[unfolded:]))
@@ -95,12 +96,14 @@ def _run_headline(results: Results) -> str:
     )
 
 
-def _counts(results: Results) -> str:
-    speed = f" ({speed_text(results.real_time_factor)})" if results.real_time_factor else ""
+def _counts(results: Results, taken_over: int | None) -> str:
+    # The simulations of the earlier call took time, too.
+    speed = f" ({speed_text(results.real_time_factor)})" if results.real_time_factor and not taken_over else ""
     versions = (f"sim-action {results.sim_action}", f"Python {results.python}", results.platform)
     version = " · ".join(map(markdown_text, versions))
     part = f" · {shard_text(results.shard)}" if results.shard else ""
-    return f"**{counts_text(results)}** in {results.wall_time:.1f} s{speed}{part} · {version}"
+    earlier = "" if taken_over is None else f" · {taken_over_text(taken_over, results)}"
+    return f"**{counts_text(results)}** in {results.wall_time:.1f} s{speed}{part}{earlier} · {version}"
 
 
 def _overview(found: list[ScenarioGroup], rows: list[str]) -> Iterable[str]:

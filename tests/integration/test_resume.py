@@ -1,0 +1,390 @@
+"""`run --resume` as people have it: a run that was killed, and a second one that continues it."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.soak import soaked
+
+SWEEP = """\
+name: burger drives
+robot: {{model: turtlebot3_burger}}
+commands: {{rate: 10 Hz, twist: [{{linear: 1.0}}]}}
+expect: [{{travel: {{at_least: 10 cm}}}}]
+time_limit: 0.2 s
+variations: {{expect.0.travel.at_least: {limits}}}
+"""
+ONE = """\
+name: {name}
+robot: {{model: turtlebot3_burger}}
+commands: {{rate: 10 Hz, {commands}}}
+expect: [{{travel: {{at_least: 1 cm}}}}]
+time_limit: 0.3 s
+"""
+TWIST = "twist: [{linear: 1.0}]"
+DRIVES = """\
+import os
+from sim_action import Twist
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+
+
+def control(observation):
+    return Twist.planar(1.0, 0.0)
+"""
+JOURNAL = Path("sim-results/results.jsonl")
+RESULTS = Path("sim-results/results.json")
+# s; long enough for every run.
+PATIENCE = 600
+
+
+def command(folder: Path, *arguments: str, **variables: str) -> tuple[list[str], dict[str, Any]]:
+    environment = {**os.environ, "GITHUB_ACTIONS": "", "PYTHONDONTWRITEBYTECODE": "1", **variables}
+    words = [sys.executable, "-P", "-m", "sim_action", "run", *arguments]
+    return words, {
+        "cwd": folder,
+        "env": environment,
+        "stdout": subprocess.PIPE,
+        "stderr": subprocess.STDOUT,
+        "text": True,
+    }
+
+
+def run(folder: Path, *arguments: str, **variables: str) -> str:
+    """A whole call: what it prints."""
+    words, options = command(folder, *arguments, **variables)
+    found = subprocess.run(words, **options, check=False, timeout=PATIENCE)
+    assert found.returncode in (0, 1), found.stdout
+    return str(found.stdout)
+
+
+def killed(folder: Path, finished: int, *arguments: str) -> None:
+    """A call that is killed once its journal has so many verdicts, or at its end."""
+    words, options = command(folder, *arguments)
+    with subprocess.Popen(words, **options) as process:
+        while process.poll() is None and verdicts(folder) < finished:
+            time.sleep(0.005)
+        process.send_signal(signal.SIGKILL)
+
+
+def verdicts(folder: Path) -> int:
+    try:
+        return (folder / JOURNAL).read_bytes().count(b'"event":"finished"')
+    except FileNotFoundError:
+        return 0
+
+
+def records(folder: Path, event: str = "finished") -> list[dict[str, Any]]:
+    lines = [json.loads(line) for line in (folder / JOURNAL).read_text(encoding="utf-8").splitlines()]
+    return [line for line in lines if line.get("event") == event]
+
+
+def taken_over(folder: Path) -> list[str]:
+    """The names of the scenarios that were not run again."""
+    return sorted(each["outcome"]["name"] for each in records(folder) if each.get("taken_over"))
+
+
+def without_times(data: Any) -> Any:
+    if isinstance(data, dict):
+        return {key: without_times(each) for key, each in data.items() if key not in ("wall_time", "real_time_factor")}
+    return [without_times(each) for each in data] if isinstance(data, list) else data
+
+
+def results(folder: Path) -> Any:
+    return without_times(json.loads((folder / RESULTS).read_text(encoding="utf-8")))
+
+
+def files(folder: Path) -> set[str]:
+    return {path.relative_to(folder).as_posix() for path in (folder / "sim-results").rglob("*") if path.is_file()}
+
+
+def suite(folder: Path, **commands: str) -> Path:
+    """A folder with a scenario for each command source."""
+    folder.mkdir(exist_ok=True)
+    for name, each in commands.items():
+        (folder / f"{name}.sim.yml").write_text(ONE.format(name=name, commands=each), encoding="utf-8")
+    return folder
+
+
+def repository(folder: Path, files: Mapping[str, str]) -> Path:
+    for name, text in {".gitignore": "ignored*\n", **files}.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    for words in (("init", "-q"), ("add", ".")):
+        subprocess.run(["git", *words], cwd=folder, check=True, capture_output=True)
+    return folder
+
+
+@pytest.mark.parametrize(("count", "kills"), soaked([(20, 2), (300, 4)], short=[(20, 2)]))
+def test_a_sweep_that_is_killed_and_resumed_gives_the_same_results(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], count: int, kills: int
+) -> None:
+    seed = random.SystemRandom().randrange(2**32)
+    chosen = random.Random(seed)
+    for name in ("whole", "resumed"):
+        limits = [round(0.002 * number, 4) for number in range(1, count + 1)]
+        suite(tmp_path / name)
+        (tmp_path / name / "sweep.sim.yml").write_text(SWEEP.format(limits=limits), encoding="utf-8")
+    # One folder after the other has the same path.
+    folder = tmp_path / "resumed"
+    run(folder)
+    whole, stored = results(folder), files(folder)
+    shutil.rmtree(folder / "sim-results")
+    known = []
+    for _ in range(kills):
+        killed(folder, chosen.randrange(count), "--resume")
+        known.append(verdicts(folder))
+    printed = run(folder, "--resume")
+    with capsys.disabled():
+        sys.stdout.write(f"\n{count} runs, seed {seed}: verdicts before kills {known}\n")
+    assert len(whole["outcomes"]) == count
+    assert {outcome["status"] for outcome in whole["outcomes"]} == {"passed", "failed"}
+    assert results(folder) == whole
+    assert files(folder) == stored
+    assert len(taken_over(folder)) >= known[-1]
+    assert f"{len(taken_over(folder))} of {count} scenarios taken over from the earlier run" in printed
+
+
+def test_everything_is_taken_over_if_nothing_has_changed(tmp_path: Path) -> None:
+    folder = suite(tmp_path, a=TWIST, b=TWIST)
+    run(folder)
+    before, traces = results(folder), {path: path.stat().st_mtime_ns for path in folder.rglob("*.npz")}
+    assert "2 of 2 scenarios taken over from the earlier run" in run(folder, "--resume")
+    assert results(folder) == before
+    assert {path: path.stat().st_mtime_ns for path in folder.rglob("*.npz")} == traces
+    assert "taken over" not in run(folder)
+
+
+def test_a_change_runs_what_it_may_concern(tmp_path: Path) -> None:
+    folder = suite(tmp_path, a=TWIST, b=TWIST)
+    run(folder)
+    suite(tmp_path, b="twist: [{linear: 0.5}]")
+    run(folder, "--resume")
+    assert taken_over(folder) == ["a"]
+    assert "no verdict of the earlier run is taken over" in run(folder, "--resume", "--seed", "7")
+    assert "2 of 2 scenarios" in run(folder, "--resume", SIM_ACTION_SEED="7")
+
+
+def test_files_of_the_earlier_run_that_nobody_needs_are_removed(tmp_path: Path) -> None:
+    folder = suite(tmp_path, a=TWIST, b=TWIST)
+    run(folder)
+    (folder / "b.sim.yml").unlink()
+    run(folder, "--resume", "--no-report")
+    left = (".gitignore", "results.json", "results.jsonl", "junit.xml", "traces/a.npz")
+    assert files(folder) == {f"sim-results/{name}" for name in left}
+
+
+def cut(journal: Path) -> None:
+    whole = journal.read_bytes()
+    lines = whole.splitlines(keepends=True)
+    journal.write_bytes(b"".join(lines[:-2]) + lines[-2][:50])
+
+
+def fill_with_garbage(journal: Path) -> None:
+    header, *lines = journal.read_bytes().splitlines(keepends=True)
+    journal.write_bytes(header + b"\xff\n[]\n{}\n" + b"[" * 10_000 + b"\n" + b"".join(lines))
+
+
+def change_version(journal: Path) -> None:
+    journal.write_bytes(journal.read_bytes().replace(b'"journal":1', b'"journal":2'))
+
+
+def empty(journal: Path) -> None:
+    journal.write_bytes(b"")
+
+
+def forge(journal: Path) -> None:
+    """A pass with an expectation that failed."""
+    journal.write_bytes(journal.read_bytes().replace(b'"passed":true', b'"passed":false'))
+
+
+def rename_scenario(journal: Path) -> None:
+    journal.write_bytes(journal.read_bytes().replace(b'"name":"a"', b'"name":"other"'))
+
+
+def point_elsewhere(journal: Path) -> None:
+    journal.write_bytes(journal.read_bytes().replace(b"traces/", b"../traces/"))
+
+
+def forget_keys(journal: Path) -> None:
+    journal.write_bytes(re.sub(rb'"key":"\w+"', b'"key":null', journal.read_bytes()))
+
+
+def remove_trace(journal: Path) -> None:
+    (journal.parent / "traces/a.npz").unlink()
+
+
+def empty_trace(journal: Path) -> None:
+    (journal.parent / "traces/a.npz").write_bytes(b"")
+
+
+def link_trace(journal: Path) -> None:
+    trace = journal.parent / "traces/a.npz"
+    trace.rename(journal.parent / "a.npz")
+    trace.symlink_to(journal.parent / "a.npz")
+
+
+def remove_replay(journal: Path) -> None:
+    (journal.parent / "replays/a.json.gz").unlink()
+
+
+def remove_journal(journal: Path) -> None:
+    journal.unlink()
+
+
+def link_journal(journal: Path) -> None:
+    journal.rename(journal.parent.parent / "elsewhere.jsonl")
+    journal.symlink_to(journal.parent.parent / "elsewhere.jsonl")
+
+
+@pytest.mark.parametrize(
+    ("damage", "left"),
+    [
+        (cut, ["a"]),
+        (fill_with_garbage, ["a", "b"]),
+        (change_version, []),
+        (empty, []),
+        (forge, []),
+        (rename_scenario, ["b"]),
+        (point_elsewhere, []),
+        (forget_keys, []),
+        (remove_trace, ["b"]),
+        (empty_trace, ["b"]),
+        (link_trace, ["b"]),
+        (remove_replay, ["b"]),
+        (remove_journal, []),
+        (link_journal, []),
+    ],
+)
+def test_only_valid_verdicts_are_taken_over(tmp_path: Path, damage: Callable[[Path], None], left: list[str]) -> None:
+    folder = suite(tmp_path, a=TWIST, b=TWIST)
+    run(folder, "-j1")
+    before = results(folder)
+    damage(folder / JOURNAL)
+    printed = run(folder, "--resume")
+    assert taken_over(folder) == left
+    assert f"{len(left)} of 2 scenarios taken over" in printed
+    assert "Traceback" not in printed
+    assert results(folder) == before
+
+
+def test_without_an_earlier_run_it_says_so(tmp_path: Path) -> None:
+    assert "there is no earlier run to resume" in run(suite(tmp_path, a=TWIST), "--resume")
+
+
+@pytest.mark.parametrize("option", ["--watch", "--update-golden"])
+def test_it_goes_with_no_watching_and_no_golden_files(tmp_path: Path, option: str) -> None:
+    words, options = command(suite(tmp_path, a=TWIST), "--resume", option)
+    found = subprocess.run(words, **options, check=False)
+    assert found.returncode == 2
+    assert "--resume cannot be combined with --update-golden or --watch" in found.stdout
+
+
+def test_a_part_of_the_scenarios_takes_over_its_part(tmp_path: Path) -> None:
+    folder = suite(tmp_path, a=TWIST, b=TWIST, c=TWIST)
+    run(folder)
+    assert "2 of 2 scenarios taken over" in run(folder, "--resume", "--only", "a", "--only", "c")
+    assert "2 of 3 scenarios taken over" in run(folder, "--resume")
+    assert "1 of 1 scenario taken over" in run(folder, "--resume", "--shard", "2/3")
+
+
+def test_a_repeated_run_takes_over_each_repetition(tmp_path: Path) -> None:
+    folder = suite(tmp_path, a=TWIST, b=TWIST)
+    run(folder, "--repeat", "2")
+    before = results(folder)
+    lines = (folder / JOURNAL).read_bytes().splitlines(keepends=True)
+    last = next(index for index, line in reversed([*enumerate(lines)]) if b'"event":"run"' in line)
+    # Killed before the last repetition: the first one of each scenario has ended.
+    shutil.copy(folder / "sim-results/traces/a.npz", folder / "sim-results/traces/a-2.npz")
+    (folder / JOURNAL).write_bytes(b"".join(lines[:last]))
+    printed = run(folder, "--repeat", "2", "--resume")
+    assert len(taken_over(folder)) == 1
+    assert sum(bool(each.get("taken_over")) for each in records(folder, "run")) == 1
+    assert "1 of 2 scenarios taken over" in printed
+    assert results(folder) == before
+    assert "2 of 2 scenarios taken over" in run(folder, "--repeat", "2", "--resume")
+    assert results(folder) == before
+
+
+def test_a_comparison_of_engines_is_taken_over_as_a_whole(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    folder = suite(tmp_path, a=TWIST, b=TWIST)
+    run(folder, "--backend", "all")
+    before = results(folder)
+    assert "4 of 4 scenarios taken over" in run(folder, "--backend", "all", "--resume")
+    assert results(folder) == before
+    (folder / "sim-results/traces/a-mujoco.npz").unlink()
+    run(folder, "--backend", "all", "--resume")
+    assert taken_over(folder) == ["b [mujoco]", "b [pybullet]"]
+    assert results(folder) == before
+
+
+def test_a_failure_that_is_taken_over_is_the_first_with_fail_fast(tmp_path: Path) -> None:
+    folder = suite(tmp_path, a="twist: [{linear: 0.0}]", b=TWIST)
+    run(folder)
+    (folder / "b.sim.yml").write_text(ONE.format(name="b", commands=TWIST) + "seed: 3\n")
+    assert "1 failed, 1 not run" in run(folder, "--resume", "--fail-fast")
+    assert taken_over(folder) == ["a"]
+
+
+READERS = {
+    "plain": "",
+    "tracked": "open(HERE + '/data.txt').read()",
+    "imported": "import helper",
+    "written": "open(HERE + '/ignored.log', 'w').write('1'); open(HERE + '/ignored.log').read()",
+    "scratch": "import tempfile; tempfile.mkdtemp(); tempfile.TemporaryFile().write(b'1')",
+    "library": "import asyncio, decimal, json, uuid, numpy; os.urandom(4)",
+    "listed": "os.listdir(HERE)",
+}
+OUTSIDERS = {
+    "ignored": "open(HERE + '/ignored.txt').read()",
+    "elsewhere": "open('/etc/passwd').read()",
+    "root": "os.listdir('/')",
+    "program": "import subprocess; subprocess.run(['true'])",
+    "forked": "os.fork() or os._exit(0)",
+    "network": "import socket; socket.socket()",
+    "native": "import ctypes; ctypes.CDLL('libm.so.6')",
+    "aborted": "os.abort()",
+    "absent": "with __import__('contextlib').suppress(OSError):\n    open(HERE + '/none')",
+}
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="files of Linux")
+def test_code_that_may_read_anything_runs_again(tmp_path: Path) -> None:
+    files = {"data.txt": "1", "helper.py": "", "ignored.txt": "1"}
+    for name, line in (READERS | OUTSIDERS).items():
+        files[f"u_{name}.py"] = f"{DRIVES}\n\n{line}\n"
+        files[f"{name}.sim.yml"] = ONE.format(name=name, commands=f"script: u_{name}.py")
+    folder = repository(tmp_path, files)
+    run(folder)
+    before = results(folder)
+    assert [each["name"] for each in before["outcomes"] if each["status"] != "passed"] == ["aborted"]
+    run(folder, "--resume")
+    assert taken_over(folder) == sorted(READERS)
+    assert results(folder) == before
+    (folder / "data.txt").write_text("2")
+    printed = run(folder, "--resume")
+    assert taken_over(folder) == []
+    assert "no verdict of the earlier run is taken over" in printed
+
+
+def test_code_without_git_runs_again_and_the_reason_is_printed(tmp_path: Path) -> None:
+    folder = suite(tmp_path, a="script: drive.py", b=TWIST)
+    (folder / "drive.py").write_text(DRIVES)
+    run(folder)
+    printed = run(folder, "--resume")
+    assert taken_over(folder) == ["b"]
+    assert "verdicts of user code are not taken over: " in printed
+    assert "not the root of a git repository" in printed
