@@ -8,9 +8,11 @@ heightfield is centred between its lowest and highest sample and folds its cells
 from __future__ import annotations
 
 import math
+import os
 import re
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -39,6 +41,8 @@ _RESIDUAL_THRESHOLD: Final = 1e-7
 # Cylinders as hulls would ride 1 mm high and cost twice as much. The default inertia is that of the collision shapes.
 _LOAD_FLAGS: Final = pybullet.URDF_USE_IMPLICIT_CYLINDER | pybullet.URDF_USE_INERTIA_FROM_FILE
 _COLLISION: Final = re.compile(r"<collision[\s/>]")
+# PyBullet has fewer files open at the same time while it reads a model.
+_OPEN_FILES: Final = 8
 # A gear is stronger than any motor, and corrects most of its error within one step.
 _GEAR_FORCE: Final = 1e5
 _GEAR_CORRECTION: Final = 0.8
@@ -106,6 +110,7 @@ def load_robot(client: int, scene: Scene) -> int:
     """Add the robot at the origin; return its number. Raise OSError or pybullet.error."""
     # PyBullet reads models only from files. It looks for meshes in the folder of the model first.
     with tempfile.TemporaryDirectory(prefix="sim-action-") as folder:
+        _check_open_files()
         for name, text in scene.model.hull_files.items():
             Path(folder, name).write_bytes(text)
         path = Path(folder, "robot.urdf")
@@ -115,6 +120,13 @@ def load_robot(client: int, scene: Scene) -> int:
         except pybullet.error:
             # PyBullet opens each file several times. A lack of open files may have passed by now.
             return _loaded(client, path, scene)
+
+
+def _check_open_files() -> None:
+    """Raise OSError if the files of a model could not be opened: PyBullet leaves out what it cannot open."""
+    with ExitStack() as files:
+        for _ in range(_OPEN_FILES):
+            files.enter_context(Path(os.devnull).open("rb"))
 
 
 def _loaded(client: int, path: Path, scene: Scene) -> int:
@@ -131,12 +143,21 @@ def _loaded(client: int, path: Path, scene: Scene) -> int:
 
 def _complete_shapes(client: int, robot: int) -> int:
     """Return the number of collision shapes; a mesh whose file could not be opened is left out, or has no points."""
-    return sum(
-        shape[2] != pybullet.GEOM_MESH
-        or bool(pybullet.getMeshData(robot, link, collisionShapeIndex=index, physicsClientId=client)[0])
+    links = (
+        (link, pybullet.getCollisionShapeData(robot, link, client))
         for link in range(BASE, pybullet.getNumJoints(robot, client))
-        for index, shape in enumerate(pybullet.getCollisionShapeData(robot, link, client))
     )
+    return sum(len(shapes) - _is_empty_mesh(client, robot, link, shapes) for link, shapes in links)
+
+
+def _is_empty_mesh(client: int, robot: int, link: int, shapes: Sequence[Any]) -> bool:
+    """Return True if the only shape of a link is a mesh without points.
+
+    Of several shapes, PyBullet returns the points of the first one only.
+    """
+    if len(shapes) != 1 or shapes[0][2] != pybullet.GEOM_MESH:
+        return False
+    return not pybullet.getMeshData(robot, link, physicsClientId=client)[0]
 
 
 def set_surfaces(client: int, robot: int, surfaces: Mapping[int, Surface]) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import math
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -17,7 +19,7 @@ from sim_action.core.errors import EngineError
 from sim_action.engines import ENGINES
 from sim_action.scenario.loading import build_scene
 from sim_action.world.scene import Scene
-from tests.mesh_files import stl
+from tests.mesh_files import CORNERS, moved, stl
 from tests.scenarios import load
 
 pytestmark = pytest.mark.pybullet
@@ -52,6 +54,43 @@ def scene(tmp_path: Path) -> Scene:
     (tmp_path / "box.urdf").write_text(BOX)
     (tmp_path / "box.stl").write_bytes(stl())
     return build_scene(load(tmp_path, "name: a\nrobot: {model: box.urdf}\nexpect: [upright]\ntime_limit: 1 s\n"))
+
+
+MORE = '<collision><origin xyz="1 0 0"/><geometry>{}</geometry></collision>'
+
+
+@pytest.mark.parametrize(
+    "shapes", [('<mesh filename="box.stl"/>',), ('<mesh filename="other.stl"/>', '<box size="1 1 1"/>')], ids=str
+)
+@pytest.mark.parametrize("first", [True, False])
+def test_a_link_may_have_several_meshes(first: bool, shapes: tuple[str, ...], tmp_path: Path) -> None:
+    more, mark = "".join(map(MORE.format, shapes)), "<collision>" if first else "</link>"
+    (tmp_path / "box.urdf").write_text(BOX.replace(mark, more + mark, 1))
+    (tmp_path / "box.stl").write_bytes(stl())
+    (tmp_path / "other.stl").write_bytes(stl(moved(CORNERS, 2)))
+    text = "name: a\nrobot: {model: box.urdf}\nexpect: [upright]\ntime_limit: 1 s\n"
+    engine = ENGINES.load("pybullet")(build_scene(load(tmp_path, text)))
+    assert engine.observe(0, contacts=False).pose.position_xyz[2] > 0.29
+    engine.close()
+
+
+def test_a_model_is_not_read_without_open_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    more = MORE.format('<mesh filename="box.stl"/>')
+    (tmp_path / "box.urdf").write_text(BOX.replace("</link>", f"{more}</link>"))
+    (tmp_path / "box.stl").write_bytes(stl())
+    text = "name: a\nrobot: {model: box.urdf}\nexpect: [upright]\ntime_limit: 1 s\n"
+    scene = build_scene(load(tmp_path, text))
+    left, opened = [3], Path.open
+
+    def limited(path: Path, *options: Any) -> Any:
+        left[0] -= 1
+        if not left[0]:
+            raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))
+        return opened(path, *options)
+
+    monkeypatch.setattr(Path, "open", limited)
+    with pytest.raises(EngineError, match="Too many open files"):
+        ENGINES.load("pybullet")(scene)
 
 
 def without_mesh(load: Callable[..., int], times: int) -> Callable[..., int]:
