@@ -109,8 +109,8 @@ screenshots: $(VENV)/.dev viewer ## take the pictures of report.html for the doc
 bench: $(VENV)/.dev viewer ## ratios against the raw engine; what cannot be measured here is named with its reason
 	$(BIN)/python -m bench.run
 
-fuzz: $(VENV)/.dev ## a quarter of an hour of robot models that nobody has written
-	$(BIN)/python -m tests.fuzz_urdf
+fuzz: $(VENV)/.dev ## a quarter of an hour of scenarios, models and other files that nobody has written
+	$(BIN)/python -m tests.fuzz
 
 # Arguments: SAMPLE, how many; SEED, which ones.
 mutants: $(VENV)/.dev viewer ## change lines of sim_action at random, and list the changes that no test notices

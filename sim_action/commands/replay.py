@@ -87,7 +87,7 @@ class ReplayCommands(CommandSource):
         """See CommandSource.model_problems: joints that no motor can move."""
         troubles = (self._why_not_moved(name, scene.model) for name in sorted(self.joints(scene)))
         if trouble := next(filter(None, troubles), None):
-            yield ("only_joints" if self.only_joints else "replay",), trouble
+            yield (("only_joints",), trouble) if self.only_joints else (("replay",), f"{self.replay}: {trouble}")
 
     def gives_twists(self, scene: Scene) -> bool:
         """See CommandSource.gives_twists."""
@@ -156,9 +156,9 @@ class ReplayCommands(CommandSource):
 
     def _why_not_moved(self, name: str, model: RobotModel) -> str | None:
         trouble = model.why_not_driven(name)
-        return (
-            trouble if trouble is None or self.only_joints else f"{trouble}; list the joints to move in 'only_joints'"
-        )
+        if trouble is None or self.only_joints:
+            return trouble
+        return f"{trouble}; list the joints to move in 'only_joints'"
 
 
 def _holding(first: Command, scene: Scene) -> JointTargets:

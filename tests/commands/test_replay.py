@@ -156,7 +156,7 @@ CSV_PROBLEMS = [
         "9:3",
         "the log has no joint 'wheel_lift_joint'",
     ),
-    ({"replay": "strange.csv"}, "8:3", "the model has no moving joint 'wheel_lift_joint'; did you mean"),
+    ({"replay": "strange.csv"}, "8:3", "strange.csv: the model has no moving joint 'wheel_lift_joint'; did you mean"),
 ]
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Final
 from xml.sax.saxutils import quoteattr
 
-from tests.urdf_texts import ODD_NAMES, Chance, robot_text
+from tests.fuzz.urdf_texts import ODD_NAMES, Chance, robot_text
 
 _ODD_TEXTS: Final = (
     "", " ", "nan", "-nan", "inf", "1e308", "-1e308", "1e999", "1e-320", "-0", "+5", "0x1", "0x1p3", ".5", "5.", "1_0",
