@@ -37,7 +37,7 @@ from sim_action.state.golden_trajectory import (
     rows_of,
 )
 from sim_action.state.observation import Observation
-from sim_action.state.verdict import Mark, Polyline, Signal, Verdict
+from sim_action.state.verdict import Judged, Mark, Polyline, Signal, Verdict
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -270,7 +270,12 @@ class MatchesMonitor:
         """Return the verdict on the quantity that left its tolerance first, else on the smallest relative margin."""
         seen = [one for one in self.deviations if one.largest >= 0 or one.left is not None]
         if not seen:
-            return Verdict(False, None, None, None, "", None, f"no physics step to compare with {self.name}")
+            first, last = float(self.golden.time[0]), float(self.golden.time[-1])
+            message = (
+                f"never checked: {self.name} lasts from {first:g} s to {last:g} s, and no step of the check lies in "
+                f"this time; move the window, or record {self.name} again from a longer run"
+            )
+            return Verdict(False, message=message, judged=Judged())
         left = sorted((one for one in seen if one.left is not None), key=lambda one: one.left or 0.0)
         lasting = self._lasting
         if not left and lasting is not None:

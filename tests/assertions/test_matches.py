@@ -21,7 +21,7 @@ from sim_action.core.workspace import Workspace
 from sim_action.state.golden_trajectory import Golden
 from sim_action.state.observation import JointState
 from sim_action.state.trace import FloatArray, Trace
-from sim_action.state.verdict import Polyline, Verdict
+from sim_action.state.verdict import Judged, Polyline, Verdict
 from sim_action.world.scene import Scene
 from tests.soak import examples
 from tests.traces import START, WHEELS, scene, trace
@@ -126,7 +126,19 @@ def test_it_needs_a_moment(tmp_path: Path) -> None:
     spec = Matches(trace="x.csv", position=0.02)
     kept(tmp_path, driven(), spec)
     verdict = spec.monitor(there(tmp_path), STANDING).verdict()
-    assert (verdict.passed, verdict.message) == (False, "no physics step to compare with x.csv")
+    assert (verdict.status, verdict.judged) == ("not_exercised", Judged())
+
+
+def test_a_window_after_the_end_of_the_golden_run_compares_nothing(tmp_path: Path) -> None:
+    spec = Matches(trace="x.csv", position=0.02)
+    kept(tmp_path, driven(1.0), spec)
+    window = Window(spec.monitor(there(tmp_path), STANDING), after=1.2, before=1.8)
+    verdict = window.observe(driven()).verdict()
+    assert (verdict.passed, verdict.status) == (False, "not_exercised")
+    assert verdict.message == (
+        "never checked: x.csv lasts from 0 s to 1 s, and no step of the check lies in this time; "
+        "move the window, or record x.csv again from a longer run"
+    )
 
 
 @examples(25)
