@@ -91,7 +91,7 @@ SUBCOMMANDS: Final = {
             "record": "--record",
             "allow-scripts": "--allow-scripts",
         },
-        switches={**_SWITCHES, "fail-fast": ("--fail-fast",)},
+        switches={**_SWITCHES, "fail-fast": ("--fail-fast",), "resume": ("--resume",)},
     ),
     "rostest": Subcommand(
         arguments=("rostest",),

@@ -50,6 +50,7 @@ BLOCKS: dict[str, Callable[..., str]] = {
     "rules": lists.rules,
     "recordings": lists.recordings,
     "statuses": lists.statuses,
+    "volatile-variables": lists.volatile_variables,
     "exit-codes": lists.exit_codes,
     "defaults": lists.defaults,
     "accuracy": accuracy.errors,

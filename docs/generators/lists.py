@@ -14,6 +14,7 @@ from sim_action.recording.export import EXPORTS
 from sim_action.reports.statuses import STATUS_DISPLAYS, StatusDisplay
 from sim_action.results.outcome import WORST_FIRST, DisplayStatus, Failure, FailureKind, Outcome, Status
 from sim_action.robot.audit.rules import RULES
+from sim_action.runner.run_keys import VARIABLES_BY_SOURCE
 from sim_action.scenario.claim_audit import RULES as CLAIM_RULES
 from sim_action.state.readings import READING_COLUMNS, ReadingColumn
 
@@ -31,6 +32,12 @@ LEVELS = {"fatal": "refused", "error": "refused, unless allowed", "warning": "a 
 def entries(family: Iterable[Entry], kind: str) -> str:
     """Return a table of names and summaries."""
     return table((kind, "meaning"), ((f"`{entry.name}`", entry.summary) for entry in family))
+
+
+def volatile_variables() -> str:
+    """Return the table of environment variables that `--resume` does not compare."""
+    rows = ((source, ", ".join(f"`{name}`" for name in names)) for source, names in VARIABLES_BY_SOURCE.items())
+    return table(("of", "variables"), rows)
 
 
 def rules() -> str:

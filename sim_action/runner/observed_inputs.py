@@ -80,10 +80,10 @@ class ObservedInputs:
         if path is None:
             return
         if flags & _READS == os.O_WRONLY or flags & _EMPTIES:
-            if _is_inside(path, self._written_in):
-                self._written.add(path)
-            else:
+            if not _is_inside(path, self._written_in):
                 self._add(path)
+            elif flags & _EMPTIES:
+                self._written.add(path)
         elif path not in self._written:
             self._add(path)
 

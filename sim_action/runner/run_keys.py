@@ -32,14 +32,27 @@ from sim_action.scenario.watched_files import MAX_FILES, NamedFiles
 
 _VERSION: Final = 1
 
-VOLATILE_VARIABLES: Final = (
-    *("GITHUB_*", "RUNNER_*", "ACTIONS_*", "INPUT_*", "AGENT_*", "STATE_*", "ImageOS", "ImageVersion", "SIM_ACTION_*"),
-    *("PWD", "OLDPWD", "SHLVL", "_", "TMPDIR", "TEMP", "TMP", "HOSTNAME", "MAKEFLAGS", "MAKELEVEL", "MFLAGS"),
-    *("TERM", "TERM_*", "COLORTERM", "COLUMNS", "LINES", "LS_COLORS", "WINDOWID", "TMUX*", "STY", "WT_SESSION"),
-    *("SSH_*", "XDG_SESSION_*", "XDG_RUNTIME_DIR", "DBUS_SESSION_BUS_ADDRESS", "DISPLAY", "WAYLAND_DISPLAY"),
-    *("INVOCATION_ID", "JOURNAL_STREAM", "SYSTEMD_EXEC_PID", "MEMORY_PRESSURE_*", "VSCODE_*", "PYTEST_CURRENT_TEST"),
-)
+VARIABLES_BY_SOURCE: Final = {
+    "workflows": (
+        *("GITHUB_*", "RUNNER_*", "ACTIONS_*", "INPUT_*", "STATE_*", "AGENT_*"),
+        *("ImageOS", "ImageVersion", "SIM_ACTION_*"),
+    ),
+    "shells, make and pytest": (
+        *("PWD", "OLDPWD", "SHLVL", "_", "TMPDIR", "TEMP", "TMP", "HOSTNAME"),
+        *("MAKEFLAGS", "MAKELEVEL", "MFLAGS", "PYTEST_CURRENT_TEST"),
+    ),
+    "terminals": (
+        *("TERM", "TERM_*", "COLORTERM", "COLUMNS", "LINES", "LS_COLORS", "WINDOWID", "TMUX*", "STY"),
+        *("WT_SESSION", "VSCODE_*"),
+    ),
+    "sessions and services": (
+        *("SSH_*", "XDG_SESSION_*", "XDG_RUNTIME_DIR", "DBUS_SESSION_BUS_ADDRESS", "DISPLAY", "WAYLAND_DISPLAY"),
+        *("INVOCATION_ID", "JOURNAL_STREAM", "SYSTEMD_EXEC_PID", "MEMORY_PRESSURE_*"),
+    ),
+}
 """Environment variables that differ from call to call; `*` at the end stands for any text. A key leaves them out."""
+
+_VOLATILE_VARIABLES: Final = tuple(name for names in VARIABLES_BY_SOURCE.values() for name in names)
 
 _NATIVE_VARIABLES: Final = ("LD_*", "DYLD_*", "OMP_*", "OPENBLAS_*", "MKL_*", "NPY_*", "MUJOCO_*", "PYTHON*")
 """Environment variables that may change a run without user code."""
@@ -189,7 +202,7 @@ class RunKeys:
 
 def stable_variables(variables: Mapping[str, str]) -> dict[str, str]:
     """Return the environment variables that do not differ from call to call."""
-    return {name: variables[name] for name in sorted(variables) if not _matches(name, VOLATILE_VARIABLES)}
+    return {name: variables[name] for name in sorted(variables) if not _matches(name, _VOLATILE_VARIABLES)}
 
 
 def _matches(name: str, patterns: Iterable[str]) -> bool:

@@ -23,6 +23,7 @@ INPUTS = {
     "tags": "",
     "exclude-tags": "",
     "fail-fast": "false",
+    "resume": "false",
     "seed": "",
     "repeat": "",
     "unexercised": "",
@@ -62,9 +63,9 @@ def test_the_effect_of_an_unjudged_expectation_is_an_option(effect: str) -> None
 
 
 def test_a_switch_without_an_opposite_is_left_out() -> None:
-    line = list(SUBCOMMANDS["run"].command_line({**INPUTS, "junit-strict": "true"}))
-    assert "--junit-strict" in line
-    assert "--junit-strict" not in list(SUBCOMMANDS["run"].command_line(INPUTS))
+    line = list(SUBCOMMANDS["run"].command_line({**INPUTS, "junit-strict": "true", "resume": "true"}))
+    assert {"--junit-strict", "--resume"} <= {*line}
+    assert {"--junit-strict", "--resume"}.isdisjoint(SUBCOMMANDS["run"].command_line(INPUTS))
 
 
 def test_what_is_selected_is_an_option_for_each_line() -> None:
@@ -104,7 +105,9 @@ def test_compare_names_the_earlier_results_first() -> None:
     ]
 
 
-@pytest.mark.parametrize("name", ["report", "summary", "annotations", "junit-strict", "fail-on-failure", "fail-fast"])
+@pytest.mark.parametrize(
+    "name", ["report", "summary", "annotations", "junit-strict", "fail-on-failure", "fail-fast", "resume"]
+)
 @pytest.mark.parametrize("value", ["", "yes", "True", "true\nfalse"])
 def test_switches_are_true_or_false(name: str, value: str) -> None:
     with pytest.raises(InputError, match=f"input {name} must be true or false, and is '{value}'"):

@@ -124,6 +124,22 @@ def test_the_nightly_run_finds_what_is_flaky(run_template: RunTemplate, reposito
     assert "4 identical runs" in result.jobs["repeats"].summary
 
 
+def test_a_second_attempt_resumes_the_first(run_template: RunTemplate, repository: Path, tmp_path: Path) -> None:
+    (repository / "simulation/d.sim.yml").unlink()
+    (tmp_path / "caches").mkdir()
+    # Both attempts have the number of one run.
+    one_run, cache = ("${{ github.run_id }}", "1"), CacheStore(tmp_path / "caches")
+    first = run_template("resume", one_run, cache=cache)
+    assert "0 of 3 scenarios taken over from the earlier run" in first.jobs["simulation"].summary
+    # And its folders.
+    (folder,) = tmp_path.glob("run *")
+    shutil.rmtree(folder)
+    write(repository / "simulation/c.sim.yml", STUCK)
+    second = run_template("resume", one_run, cache=cache)
+    assert second.conclusion == "failure"
+    assert "2 of 3 scenarios taken over from the earlier run" in second.jobs["simulation"].summary
+
+
 def test_shards_are_reported_as_one_run(run_template: RunTemplate, repository: Path) -> None:
     whole = run_template("sharded")
     assert whole.conclusion == "success"
@@ -183,7 +199,8 @@ def test_rostest(run_template: RunTemplate, repository: Path) -> None:
 
 
 def test_every_template_is_tried() -> None:
-    tried = {"simulation", "pull-request-gate", "nightly", "sharded", *REPORTERS, "reusable", "reusable-caller", "ros1"}
+    tried = {"simulation", "pull-request-gate", "nightly", "sharded", "resume", *REPORTERS, "ros1"}
+    tried |= {"reusable", "reusable-caller"}
     assert {path.stem for path in TEMPLATES.glob("*.yml")} == tried
 
 
