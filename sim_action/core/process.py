@@ -28,13 +28,13 @@ def hold_signals() -> None:
 
     Imports take a moment. A signal meanwhile would end the process without any report. Windows cannot do this.
     """
-    if hasattr(signal, "pthread_sigmask"):
+    if sys.platform != "win32":
         signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
 
 
 def release_signals() -> None:
     """Deliver the signals that `hold_signals` has held, and those that come later."""
-    if hasattr(signal, "pthread_sigmask"):
+    if sys.platform != "win32":
         signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
 
 
@@ -73,7 +73,7 @@ class Interruption:
     def wait(self, seconds: float, *readable: int | socket.socket) -> None:
         """Wait until a signal arrives, one of `readable` can be read, or the time is over."""
         awaited = (self._awakened, *readable)
-        if not hasattr(select, "poll"):
+        if sys.platform == "win32":
             select.select(awaited, [], [], seconds)
             return
         # `select.select` refuses descriptors from 1024 on, and epoll needs a descriptor of its own.

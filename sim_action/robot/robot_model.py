@@ -230,9 +230,11 @@ class RobotModel:
     @cached_property
     def hull_files(self) -> dict[str, bytes]:
         """File name in `urdf` -> text of each clean mesh."""
+        texts = {shape.hulls for link in self.links for shape in link.collisions if shape.hulls}
+        if not texts:
+            return {}
         from sim_action.meshes.hull_file import hull_file_name
 
-        texts = {shape.hulls for link in self.links for shape in link.collisions if shape.hulls}
         return {hull_file_name(text): text for text in texts}
 
     @cached_property
