@@ -119,6 +119,8 @@ def test_an_alias_bomb(tmp_path: Path) -> None:
         # Rates, windows, claims
         ("10 Hz", "7 Hz", "5:3: commands.rate: 7 Hz does not divide physics.rate, 240 Hz; nearest: 6 Hz and 8 Hz"),
         ("10 Hz", "1e-323", "5:3: commands.rate: 9.88131e-324 Hz does not divide physics.rate, 240 Hz; nearest: 1 Hz"),
+        ("10 Hz", "1e-300", "5:3: commands.rate: 1e-300 Hz does not divide physics.rate, 240 Hz; nearest: 1 Hz"),
+        ("time_limit: 30 s", "trace: {rate: 1e-300}\ntime_limit: 30 s", "10:9: trace.rate: 1e-300 Hz does not divide"),
         ("1.5 m}", "1.5 m}\n    before: 31 s", "10:5: expect.0.before: 31 s is later than time_limit (30 s)"),
         ("  - travel: {at_least: 1.5 m}", "  []", "8:1: expect: must not be empty"),
         ("travel: {at_least: 1.5 m}", "travel: {}", "9:5: expect.0.travel: give 'at_least', 'at_most' or both"),

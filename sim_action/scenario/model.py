@@ -291,10 +291,13 @@ class Scenario(FrozenModel):
         return round(self.physics.rate / rate)
 
 
+_MAX_STEPS_BETWEEN_TICKS: Final = 1e15
+
+
 def rate_divides(physics_rate: float, rate: float) -> bool:
-    """Return True if ticks at `rate` fall on physics steps."""
+    """Return True if ticks at `rate` fall on physics steps, whose number fits into the integers of arrays."""
     steps = physics_rate / rate
-    return math.isfinite(steps) and round(steps) >= 1 and abs(steps - round(steps)) < STEP_EPSILON
+    return steps <= _MAX_STEPS_BETWEEN_TICKS and round(steps) >= 1 and abs(steps - round(steps)) < STEP_EPSILON
 
 
 @dataclass(frozen=True, slots=True)

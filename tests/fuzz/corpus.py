@@ -5,7 +5,55 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from tests.fuzz.cases import Case
+from tests.fuzz.cases import SCENARIO, Case
+from tests.mesh_files import obj
 
-CORPUS: Final[Mapping[str, Case]] = {}
+_KEYS: Final = "name: s\ntime_limit: 0.1 s\n"
+_PLAIN: Final = f"{_KEYS}expect: [upright: {{max_tilt: 20 deg}}]\n"
+_BURGER: Final = f"{_PLAIN}robot: {{model: turtlebot3_burger}}\n"
+_ROBOT: Final = f"{_PLAIN}robot: {{model: r.urdf}}\n"
+_LINK: Final = """\
+<robot name="a"><link name="b"><inertial><mass value="1"/>
+<inertia ixx=".1" iyy=".1" izz=".1" ixy="0" ixz="0" iyz="0"/></inertial>SHAPES</link></robot>
+"""
+_SHAPE: Final = '<collision><origin xyz="{} 0 0"/><geometry>{}</geometry></collision>'
+
+
+def _case(kind: str, scenario: str, victim: str = SCENARIO, **files: str | bytes) -> Case:
+    """A case; `_` in the name of a file stands for a dot."""
+    written = {name.replace("_", "."): data for name, data in files.items()} | {SCENARIO: scenario}
+    return Case(
+        kind, {name: data.encode() if isinstance(data, str) else data for name, data in written.items()}, victim
+    )
+
+
+def _obj_with(corner: str) -> Case:
+    world = "world: {objects: [{name: w, mesh: {file: m.obj}, pose: {x: 9}}]}\n"
+    return _case("mesh", f"{_BURGER}{world}", "m.obj", m_obj=obj() + f"f 1 2 {corner}\n".encode())
+
+
+def _link_of(*shapes: str) -> Case:
+    several = "".join(_SHAPE.format(place, shape) for place, shape in enumerate(shapes))
+    return _case("model", _ROBOT, "r.urdf", r_urdf=_LINK.replace("SHAPES", several), m_obj=obj(), n_obj=obj() + b"\n")
+
+
+_MESHES: Final = ('<mesh filename="m.obj"/>', '<mesh filename="n.obj"/>')
+
+CORPUS: Final[Mapping[str, Case]] = {
+    # An OverflowError, and exit code 3.
+    "OBJ index beyond 64 bits": _obj_with("9223372036854775808"),
+    "OBJ index below 64 bits": _obj_with("-9223372036854775809"),
+    "OBJ index of 400 digits": _obj_with("1" + "0" * 399),
+    # An IndexError, and exit code 3: the steps between two rows were beyond 64 bits.
+    "trace rate near zero": _case("scenario", f"{_BURGER}trace: {{rate: 1e-300}}\n"),
+    "command rate near zero": _case("scenario", f"{_BURGER}commands: {{twist: [{{linear: 1}}], rate: 1e-300 Hz}}\n"),
+    # Refused by PyBullet's engine, although nothing is wrong with it.
+    "two meshes on a link": _link_of(*_MESHES),
+    "box and mesh on a link": _link_of('<box size="1 1 1"/>', _MESHES[0]),
+    # The message did not name the file.
+    "joint of a log": _case("log", f"{_BURGER}commands: {{replay: f.csv, rate: 20 Hz}}\n", "f.csv",
+                            f_csv="time,velocity.elbow\n0,1\n"),
+    "image of a map": _case("map", f"{_BURGER}world: {{objects: [{{name: w, map: {{file: f.yaml}}}}]}}\n", "f.yaml",
+                            f_yaml="image: m.png<<\nresolution: 0.1\norigin: [0, 0, 0]\n"),
+}  # fmt: skip
 """Name -> input."""

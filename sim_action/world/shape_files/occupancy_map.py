@@ -104,9 +104,10 @@ def _map_file(name: str, data: bytes) -> MapFile:
 
 
 def _image(image: str, name: str, beside: Workspace) -> Grey:
-    path = found_file(beside, image)
     try:
-        return read_image(read_bytes(path, image, MAX_BYTES))
+        return read_image(read_bytes(found_file(beside, image), image, MAX_BYTES))
+    except ShapeError as error:
+        raise ShapeError(f"{name}: image: {error}", error.key) from None
     except ImageError as error:
         raise ShapeError(f"'{image}', the image of '{name}', {error}") from None
 
