@@ -48,24 +48,26 @@ _WHOLE: Final = ("tests", "-m", "not process", "--ignore", "tests/integration")
 # Files of tests/integration that look at a folder; those of ROS take minutes.
 _INTEGRATION: Final = {
     "app": "cli suites inspect templates shards watch",
-    "assertions": "temporal_logic signals driven_worlds suites",
+    "assertions": "temporal_logic signals driven_worlds suites check_nothing still_green verdicts_of_runs",
     "cli": "cli suites shards inspect",
     "commands": "probe saturation joint_trajectories driven_paths faults robots",
     "core": "cli bad_models execution probe",
     "drives": "drives driven_backends driven_paths odometry wheel_limits robots",
     "engines": "backends joint_physics contact_physics physics pybullet clearances rays worlds moving_worlds "
     "mesh_physics engine_tables motor_work driven_backends driven_worlds first_clashes imu lidar camera contact_sensor "
-    "native_robots",
-    "meshes": "meshes mesh_physics",
+    "native_robots bolted_contacts contact_limits joint_damping integrator engine_differences",
+    "meshes": "meshes mesh_physics mesh_cache",
     "recording": "recordings replays replay replayed_links filming report_in_browser",
     "reports": "cli suites report_in_browser replay",
-    "results": "cli suites shards repeats",
+    "results": "cli suites shards repeats not_exercised kept_verdicts resume journal",
     "robot": "robots bad_models sdf native_robots meshes inspect allowed templates",
-    "ros": "patches ros1_processes ros1_launches ros1_scenarios ros1",
-    "runner": "execution processes repeats golden_runs agreement killers resource_guards shards inspection_process",
-    "scenario": "cli suites worlds moving_worlds watch",
+    "ros": "patches ros1_processes ros1_launches ros1_scenarios ros1_losses ros1",
+    "runner": "execution processes repeats golden_runs agreement killers resource_guards shards inspection_process "
+    "kept_verdicts resume journal interruptions injected_faults",
+    "scenario": "cli suites worlds moving_worlds watch checked_nothing check_nothing selecting_nothing",
     "sensors": "imu lidar camera contact_sensor odometry rays",
-    "simulation": "execution physics faults driven_worlds odometry templates golden_runs",
+    "simulation": "execution physics faults driven_worlds odometry templates golden_runs tunnelling pinned_robots "
+    "accuracy_notes jumps verdicts_of_runs preloading wall_followers",
     "state": "repeats golden_runs signals agreement recordings",
     "world": "worlds moving_worlds first_clashes patches meshes",
 }

@@ -16,9 +16,11 @@ from sim_action.engines.motion_bound import motion_factors
 from sim_action.robot.kinematics import link_poses
 from sim_action.robot.robot_model import Joint, Link, RobotModel, Shape
 from sim_action.simulation.convex_pieces import Obstacle, link_pieces, part_pieces, part_soups
-from sim_action.simulation.swept_search import frames_of, link_frames
-from sim_action.state.trace import FloatArray
+from sim_action.simulation.swept_search import _is_driven, frames_of, link_frames
+from sim_action.simulation.tunnelling import Block
+from sim_action.state.trace import FloatArray, Trace
 from sim_action.world.parts import BoxPart, CylinderPart, GridPart, SpherePart, SurfacePart
+from tests import traces
 
 ROD: Final = Shape("box", Pose((0.2, 0.0, 0.0)), None, (-0.2, -0.01, -0.02), (0.2, 0.01, 0.02))
 ROUND: Final = Shape("cylinder", Pose(), 0.1, (-0.1, -0.1, -0.02), (0.1, 0.1, 0.02))
@@ -126,3 +128,11 @@ def test_an_obstacle_finds_what_is_near_and_there() -> None:
     assert made.corners(1).shape == (3, 3)
     assert made.corners(3).shape == (6, 3)
     assert made.least_thickness == 0.0
+
+
+def test_a_step_in_which_the_base_was_set_elsewhere_is_no_motion() -> None:
+    before = Trace.of_observation(traces.START).state[0]
+    there = traces.trace([0.1, 0.2, 0.3], x=[0.0, 5.0, 5.0])
+    assert _is_driven(Block(before, there, np.zeros((4, 0, 7)))).tolist() == [True, False, True]
+    # The first step of a block is compared with the last one of the block before.
+    assert _is_driven(Block(there.state[0], there.rows(slice(1, 3)), np.zeros((3, 0, 7)))).tolist() == [False, True]
