@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from sim_action.core.geometry import Pose, Twist, quaternion_from_rpy, rotate
 from sim_action.sensors import Measure, Mount
@@ -132,3 +133,13 @@ def test_what_is_kept_is_numbers() -> None:
         "angular_velocity_xyz": 3,
         "linear_acceleration_xyz": 3,
     }
+
+
+@pytest.mark.parametrize("key", ["gyro_noise", "gyro_bias", "accelerometer_noise", "accelerometer_bias"])
+@pytest.mark.parametrize(("width", "is_allowed"), [(-0.001, False), (0.0, True), (0.5, True)])
+def test_noise_may_be_small_but_not_negative(key: str, width: float, is_allowed: bool) -> None:
+    if is_allowed:
+        assert getattr(Imu.model_validate({key: width}), key) == width
+    else:
+        with pytest.raises(ValidationError):
+            Imu.model_validate({key: width})

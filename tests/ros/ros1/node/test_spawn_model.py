@@ -1,15 +1,13 @@
-"""The program spawn_model, without ROS: stand-ins take the place of rospy and of its messages."""
+"""The program spawn_model, without ROS."""
 
 from __future__ import annotations
 
-import importlib
 import signal
-import sys
-from types import ModuleType
 from typing import Any
-from unittest.mock import MagicMock
 
 import pytest
+
+from tests.ros.ros1.node.without_ros import imported
 
 # roslaunch kills a node 15 s after the signal SIGINT.
 PATIENCE_OF_ROSLAUNCH_S = 15
@@ -17,15 +15,7 @@ PATIENCE_OF_ROSLAUNCH_S = 15
 
 @pytest.fixture
 def spawn_model(monkeypatch: pytest.MonkeyPatch) -> Any:
-    for name in ("rospy", "gazebo_msgs", "gazebo_msgs.srv", "geometry_msgs", "geometry_msgs.msg", "std_srvs.srv"):
-        monkeypatch.setitem(sys.modules, name, MagicMock())
-    name = "sim_action.ros.ros1.node.spawn_model"
-    monkeypatch.delitem(sys.modules, name, raising=False)
-    module: ModuleType = importlib.import_module(name)
-    # The next import must find the real modules again.
-    monkeypatch.setitem(sys.modules, name, module)
-    monkeypatch.delitem(sys.modules, name)
-    return module
+    return imported("spawn_model", monkeypatch)
 
 
 def test_the_end_does_not_wait_for_a_simulation_that_answers_no_more(
@@ -44,3 +34,10 @@ def test_the_end_does_not_wait_for_a_simulation_that_answers_no_more(
     _, (_, seconds), (_, model) = calls
     assert 0 < seconds < PATIENCE_OF_ROSLAUNCH_S
     assert model == "two"
+
+
+def test_the_services_are_those_of_gazebo_unless_another_namespace_is_asked_for(spawn_model: Any) -> None:
+    spawn_model.rospy.get_namespace = lambda: "/"
+    parser = spawn_model._parser()
+    assert parser.parse_args(["-model", "two"]).gazebo_namespace == "/gazebo"
+    assert parser.parse_args(["-model", "two", "-gazebo_namespace", "/sim"]).gazebo_namespace == "/sim"
