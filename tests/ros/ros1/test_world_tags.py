@@ -85,3 +85,9 @@ def test_a_neutral_value_counts_however_it_is_written(text: str) -> None:
 @given(st.floats(allow_nan=False, allow_infinity=False).filter(bool))
 def test_any_other_value_is_lost(value: float) -> None:
     assert len(lost(f"<collision><laser_retro>{value!r}</laser_retro></collision>")) == 1
+
+
+def test_an_element_does_not_move_unless_it_is_said_to() -> None:
+    link = ET.fromstring("<link><gravity>0</gravity></link>")
+    assert list(lost_tags(link)) == []
+    assert len(list(lost_tags(link, moves=True))) == 1
