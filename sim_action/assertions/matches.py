@@ -17,6 +17,7 @@ from sim_action.assertions.monitors.deviation import Deviation, Tolerance
 from sim_action.core import units
 from sim_action.core.errors import FileProblem
 from sim_action.core.field_types import (
+    VARIATION,
     JointPosition,
     NamesFile,
     NonNegativeSeconds,
@@ -49,8 +50,6 @@ _MIN_TOLERANCE: Final = 2 * RESOLUTION
 _MIN_YAW_TOLERANCE: Final = math.radians(0.02)
 _MAX_DRAWN: Final = 2_000
 _PLACEHOLDER: Final = re.compile(r"\$\w*")
-VARIATION: Final = "$variation"
-"""The placeholder in the name of a golden file for the values of a variation."""
 
 # Quantities named in a message.
 _MAX_NAMED: Final = 3

@@ -92,6 +92,10 @@ def _refused(reason: str) -> PydanticCustomError:
     return PydanticCustomError("quantity", "{reason}", {"reason": reason})
 
 
+VARIATION: Final = "$variation"
+"""The placeholder in the name of a golden file for the values of a variation."""
+
+
 @dataclass(frozen=True, slots=True)
 class NamesFile:
     """An annotation that makes a text, or each text in a list or map, the name of a file relative to the scenario.

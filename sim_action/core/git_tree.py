@@ -66,7 +66,12 @@ class GitTree:
 
     def holds(self, path: Path) -> bool:
         """Return True for a file of the tree; links in `path` must be resolved."""
-        return path.is_relative_to(self.root) and path.relative_to(self.root).as_posix() in self.contents
+        name, root = path.as_posix(), self._beginning
+        return name.startswith(root) and name.removeprefix(root) in self.contents
+
+    @cached_property
+    def _beginning(self) -> str:
+        return f"{self.root.as_posix().rstrip('/')}/"
 
 
 class GitListing:

@@ -57,8 +57,8 @@ _VOLATILE_VARIABLES: Final = tuple(name for names in VARIABLES_BY_SOURCE.values(
 _NATIVE_VARIABLES: Final = ("LD_*", "DYLD_*", "OMP_*", "OPENBLAS_*", "MKL_*", "NPY_*", "MUJOCO_*", "PYTHON*")
 """Environment variables that may change a run without user code."""
 
-_UNRELATED: Final = frozenset({"__pycache__", "reports", "cli", "app"})
-"""Folders of sim-action's source that no outcome of a run depends on."""
+_UNRELATED: Final = frozenset({"__pycache__", "app", "cli", "reports", "ros"})
+"""Folders of sim-action's source that no outcome with a key depends on; nodes of ROS are processes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +117,7 @@ class RunKeys:
         tree = self._tree(loaded.workspace.root)
         if runs_code and not isinstance(tree, GitTree):
             return None
-        files = self._files_of(loaded)
+        files = self._files_of(loaded, tree)
         if files is None:
             return None
         parts = [
@@ -129,7 +129,7 @@ class RunKeys:
             self._engine_build(loaded.scenario.backend),
             self._of_user_code if runs_code else self._of_native_code,
         ]
-        return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
+        return _digest_of(parts)
 
     def prepare(self) -> None:
         """Read everything that the keys of several runs share."""
@@ -145,7 +145,7 @@ class RunKeys:
     def _knows(self, loaded: LoadedScenario, name: str) -> bool:
         """Return True if the key of a run includes the content of a file, also behind a link."""
         tree, path = self._tree(loaded.workspace.root), Path(os.path.realpath(name))
-        return (isinstance(tree, GitTree) and tree.holds(path)) or path in self._named.of(loaded.source)
+        return _is_in(path, tree) or path in self._named.of(loaded.source)
 
     def _tree(self, root: Path) -> GitTree | str:
         """Return the files of a workspace, or the reason why they are not known."""
@@ -157,14 +157,17 @@ class RunKeys:
                 self._trees[root] = str(error)
         return self._trees[root]
 
-    def _files_of(self, loaded: LoadedScenario) -> list[tuple[str, str]] | None:
-        """Return the files that a scenario names, with their contents; None if one is not known."""
+    def _files_of(self, loaded: LoadedScenario, tree: GitTree | str) -> list[tuple[str, str]] | None:
+        """Return the files that a scenario names, with their contents; None if one is not known.
+
+        The contents of files in `tree` are in its digest.
+        """
         named = sorted(self._named.of(loaded.source))
         if len(named) >= MAX_FILES:
             return None
         found: list[tuple[str, str]] = []
         for path in named:
-            content = self._digests.of(path)
+            content = "in the workspace" if _is_in(path, tree) else self._digests.of(path)
             if content is None:
                 return None
             found.append((str(path), content))
@@ -176,10 +179,10 @@ class RunKeys:
         return self._builds[backend]
 
     @cached_property
-    def _call(self) -> dict[str, Any]:
-        """The part of the keys that all runs of the call share."""
+    def _call(self) -> str:
+        """The digest of everything that all runs of the call share."""
         options = self._options
-        return {
+        parts: dict[str, Any] = {
             "permissions": asdict(options.permissions),
             "repeat": options.repeat,
             "formats": sorted(options.formats),
@@ -190,14 +193,24 @@ class RunKeys:
             "machine": [sys.platform, platform.machine(), *platform.libc_ver(), cpu_model()],
             "packages": _packages(),
         }
+        return _digest_of(parts)
 
     @cached_property
-    def _of_user_code(self) -> list[object]:
-        return [os.cpu_count(), stable_variables(environment())]
+    def _of_user_code(self) -> str:
+        return _digest_of([os.cpu_count(), stable_variables(environment())])
 
     @cached_property
-    def _of_native_code(self) -> dict[str, str]:
-        return {name: os.environ[name] for name in sorted(os.environ) if _matches(name, _NATIVE_VARIABLES)}
+    def _of_native_code(self) -> str:
+        return _digest_of({name: os.environ[name] for name in sorted(os.environ) if _matches(name, _NATIVE_VARIABLES)})
+
+
+def _is_in(path: Path, tree: GitTree | str) -> bool:
+    return isinstance(tree, GitTree) and tree.holds(path)
+
+
+def _digest_of(parts: object) -> str:
+    """Return the digest of JSON values."""
+    return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
 
 
 def stable_variables(variables: Mapping[str, str]) -> dict[str, str]:
@@ -237,15 +250,28 @@ def _scenario(loaded: LoadedScenario) -> list[object]:
 def _source_digest(folder: Path) -> str:
     """Return a digest of the files of sim-action that a run may depend on."""
     digest = hashlib.sha256()
-    for parent, folders, files in os.walk(folder):
-        folders[:] = sorted(set(folders) - _UNRELATED)
-        for path in (Path(parent, name) for name in sorted(files)):
-            # An editor may have left a link to nothing.
-            with suppress(OSError):
-                content = path.read_bytes()
-                digest.update(f"{path.relative_to(folder).as_posix()} {len(content)}\n".encode())
-                digest.update(content)
+    _add_source(os.fspath(folder), "", digest)
     return digest.hexdigest()
+
+
+def _add_source(folder: str, name: str, digest: hashlib._Hash) -> None:
+    """Add all files in a folder, which has this name, to a digest. There are hundreds: a Path for each takes longer."""
+    with os.scandir(folder) as entries:
+        found = sorted(entries, key=lambda entry: entry.name)
+    for entry in found:
+        if entry.is_dir():
+            if entry.name not in _UNRELATED:
+                _add_source(entry.path, f"{name}{entry.name}/", digest)
+            continue
+        # An editor may have left a link to nothing.
+        with suppress(OSError):
+            descriptor = os.open(entry.path, os.O_RDONLY | getattr(os, "O_BINARY", 0))
+            try:
+                content = os.read(descriptor, entry.stat().st_size)
+            finally:
+                os.close(descriptor)
+            digest.update(f"{name}{entry.name} {len(content)}\n".encode())
+            digest.update(content)
 
 
 def _packages() -> list[tuple[str, str]]:

@@ -15,8 +15,8 @@ from itertools import islice
 from pathlib import Path
 from typing import Final
 
-from sim_action.assertions.matches import VARIATION
 from sim_action.core.errors import InvalidScenario
+from sim_action.core.field_types import VARIATION
 from sim_action.core.files import read_at_most
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_document import MAX_BYTES, read_document
