@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 # On Windows, a cancelled workflow sends Ctrl-C, then Ctrl-Break. A closed terminal sends SIGHUP.
 _SIGNALS: Final = tuple(
-    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if name in signal.Signals.__members__
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name)
 )
 
 

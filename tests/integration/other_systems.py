@@ -40,6 +40,10 @@ import ctypes, os, select, shutil, signal, socket, stat, subprocess, sys, syscon
 sysconfig.get_config_vars()
 # Other packages ask for the system when they are imported: they are to believe in their own.
 import click, mujoco, numpy, pydantic, rich.console, xacro, yaml
+import fcntl
+def locking(descriptor, mode, size, lockf=fcntl.lockf, how=fcntl.LOCK_EX | fcntl.LOCK_NB):
+    lockf(descriptor, how, size, os.lseek(descriptor, 0, os.SEEK_CUR))
+sys.modules["msvcrt"] = types.SimpleNamespace(locking=locking, LK_NBLCK=2)
 for name in ("fcntl", "grp", "pwd", "pybullet", "resource", "termios", "tty"):
     sys.modules[name] = None
 # Python's own parts are to go on.
