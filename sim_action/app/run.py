@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from sim_action.core.errors import ExitCode
+from sim_action.core.errors import ExitCode, SystemRefusal, is_refusal
 from sim_action.core.process import Interruption
 from sim_action.core.wording import note, warn
 from sim_action.reports import ReportOptions, ReportRequest, make_ready, open_reports, remove_earlier, write_reports
@@ -18,9 +18,9 @@ from sim_action.reports.progress import ProgressListener
 from sim_action.results.artifacts import run_files
 from sim_action.results.events import Event, Listener
 from sim_action.results.journal import JOURNAL_FILE, Header, Journal
-from sim_action.results.outcome import Outcome
+from sim_action.results.outcome import Failure, Outcome
 from sim_action.results.results_json import Results
-from sim_action.runner.child_outcome import skipped
+from sim_action.runner.child_outcome import skipped, without_verdict
 from sim_action.runner.outcome_assembly import OutcomeAssembly, planned_outcomes
 from sim_action.runner.process_pool import execute
 from sim_action.runner.resume import TakenOver, take_over
@@ -124,6 +124,16 @@ class _Call:
         remove_earlier(self._request.reports, self.taken.files | {JOURNAL_FILE})
 
     def _executed(self, assembly: OutcomeAssembly, motions: Path | None, interruption: Interruption) -> list[Outcome]:
+        """Run all scenarios and return one outcome for each run; runs that ended before an error keep theirs."""
+        try:
+            return self._unguarded(assembly, motions, interruption)
+        except (OSError, MemoryError) as error:
+            if not is_refusal(error):
+                raise
+            failure = Failure.of_fault(SystemRefusal(error))
+            return [without_verdict(run, failure) for run in self._every * self._request.repeat]
+
+    def _unguarded(self, assembly: OutcomeAssembly, motions: Path | None, interruption: Interruption) -> list[Outcome]:
         request = self._request
         return execute(
             self._every,

@@ -113,6 +113,8 @@ def open_reports(request: ReportRequest, *, keeps_earlier: bool = False) -> Iter
     The folder is created and locked. Unless `keeps_earlier`, the files of the earlier call are removed: a call that is
     killed must not leave reports that are not its own. Raises UsageError.
     """
+    # At the end there may be no descriptor left for an import.
+    importlib.import_module(_UNWRITTEN)
     for place in (
         *(request.folder / name for name in RUN_FILE_FOLDERS),
         *([request.junit.parent] if request.junit else []),
@@ -150,7 +152,6 @@ def make_ready(options: ReportOptions) -> None:
     """
     # An import that fails now may succeed later; otherwise it is reported as the fault of its report.
     with suppress(OSError, ImportError):
-        importlib.import_module(_UNWRITTEN)
         for name in _enabled_reports(options):
             REPORTS.load(name)
 

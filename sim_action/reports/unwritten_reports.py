@@ -65,11 +65,13 @@ def complain_about(unwritten: Mapping[str, Exception], results: Results, options
 
 
 def _complaint(message: str, environment: Mapping[str, str]) -> str:
-    if environment.get("GITHUB_ACTIONS") != "true":
-        return log_line(f"sim-action: {message}")
-    from sim_action.reports.github.annotations import complaint
+    if environment.get("GITHUB_ACTIONS") == "true":
+        # Without the files of this module, the line is better than nothing.
+        with suppress(OSError, ImportError):
+            from sim_action.reports.github.annotations import complaint
 
-    return complaint(message, environment)
+            return complaint(message, environment)
+    return log_line(f"sim-action: {message}")
 
 
 def _print(text: str, stream: TextIO) -> bool:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import signal
 import time
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Final, Literal
@@ -59,7 +60,7 @@ def outcome_of(child: ChildProcess, ending: Ending) -> Outcome:
             "recordings": tuple(job.named(path) for path in job.recordings if child.wrote(path)),
             "notes": (*outcome.notes, *(_afterwards(child, ending) if written else ())),
             "engine": outcome.engine or _engine(job.loaded),
-            "provenance": engine_provenance(job.loaded.scenario.backend),
+            "provenance": _provenance(job.loaded),
             "diagnostics": diagnostics,
             "output": output,
             "wall_time": time.monotonic() - child.started,
@@ -80,8 +81,19 @@ def engine_provenance(backend: str) -> Provenance:
 
 
 def _engine(loaded: LoadedScenario) -> str:
-    """Return the name and version of the engine that runs a scenario."""
-    return named_version(chosen(loaded.scenario.backend))
+    """Return the name of the engine that runs a scenario, and its version if this can be read."""
+    engine = chosen(loaded.scenario.backend)
+    try:
+        return named_version(engine)
+    except (OSError, ImportError):
+        return engine
+
+
+def _provenance(loaded: LoadedScenario) -> Provenance | None:
+    """Return the provenance of an outcome; None if it cannot be read: no verdict depends on it."""
+    with suppress(OSError, ImportError):
+        return engine_provenance(loaded.scenario.backend)
+    return None
 
 
 def interrupted(loaded: LoadedScenario) -> Outcome:

@@ -13,7 +13,7 @@ import pytest
 
 from sim_action.core.errors import ExitCode
 from sim_action.core.wording import log_line
-from sim_action.reports import REPORTS, ReportOptions, make_ready, write_reports
+from sim_action.reports import REPORTS, ReportOptions, ReportRequest, make_ready, open_reports, write_reports
 from sim_action.reports.escaping import one_line
 from sim_action.reports.statuses import STATUS_DISPLAYS
 from sim_action.results.results_json import Results
@@ -189,6 +189,27 @@ def test_without_free_descriptors_each_verdict_is_on_standard_output(
     shown = capfd.readouterr()
     assert PASSED_LINE in shown.out.splitlines()
     assert "too many open files" in shown.err
+
+
+def test_the_last_resort_is_imported_before_descriptors_can_run_out(tmp_path: Path) -> None:
+    request = ReportRequest(tmp_path / "out", None, junit_strict=False, verbosity="normal", silenced=frozenset(REPORTS))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delitem(sys.modules, "sim_action.reports.unwritten_reports", raising=False)
+        with open_reports(request):
+            assert "sim_action.reports.unwritten_reports" in sys.modules
+
+
+def test_on_github_a_line_stands_for_an_annotation_that_cannot_be_imported(
+    samples: dict[str, Results], opened: ReportOptions, capsys: pytest.CaptureFixture[str]
+) -> None:
+    environment = {"GITHUB_OUTPUT": FULL, "GITHUB_ACTIONS": "true"}
+    options = replace(opened, environment=environment, silenced=opened.silenced | {"annotations"})
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(sys.modules, "sim_action.reports.github.annotations", None)
+        assert write_reports(samples["passed"], options) is ExitCode.FAILED
+    shown = capsys.readouterr()
+    assert f"sim-action: the outputs cannot be written to {FULL}: {NO_SPACE}" in shown.err
+    assert PASSED_LINE in shown.out.splitlines()
 
 
 def test_an_output_folder_that_vanished_is_made_again(samples: dict[str, Results], opened: ReportOptions) -> None:

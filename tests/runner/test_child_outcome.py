@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import errno
 from pathlib import Path
 from typing import Self
+from unittest.mock import Mock
 
 import pytest
 
 from sim_action.core.errors import Location
+from sim_action.engines import installed
 from sim_action.runner.child_files import ChildReport
 from sim_action.runner.child_outcome import Ending, outcome_of
 from sim_action.runner.isolation.child_process import ChildProcess
@@ -173,3 +176,14 @@ def test_processes_that_were_left_behind_are_counted(tmp_path: Path, left: int, 
     gone.left = left
     (failure,) = outcome_of(gone, 3).failures
     assert told in failure.message
+
+
+@pytest.mark.parametrize("error", [OSError(errno.EMFILE, "Too many open files"), ImportError("no metadata")])
+def test_an_outcome_needs_no_file_of_this_process(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
+    """It may have no descriptor left; only the version and the provenance are missing then."""
+    for name in ("named_version", "engine_provenance"):
+        monkeypatch.setattr(f"sim_action.runner.child_outcome.{name}", Mock(side_effect=error))
+    found = outcome_of(child(tmp_path), -9)
+    assert (found.status, found.engine, found.provenance) == ("error", installed()[0], None)

@@ -156,6 +156,9 @@ def _writable_folder() -> tempfile.TemporaryDirectory[str]:
 
 def remove(scratch: tempfile.TemporaryDirectory[str]) -> None:
     """Remove a scratch folder, as far as possible: a script may have put anything into it."""
+    with suppress(OSError):
+        # An empty folder can be removed even without a free descriptor.
+        Path(scratch.name).rmdir()
     with suppress(OSError, RecursionError):
         scratch.cleanup()
 

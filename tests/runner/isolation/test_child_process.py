@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import errno
+import os
 import tempfile
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
@@ -54,3 +56,14 @@ def test_a_folder_that_is_gone_is_removed_without_an_error(tmp_path: Path, monke
     scratch = scratch_folder()
     Path(scratch.name).rmdir()
     remove(scratch)
+
+
+def test_an_empty_folder_is_removed_without_a_free_descriptor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    use(monkeypatch, tmp_path)
+    scratch = scratch_folder()
+    too_many = OSError(errno.EMFILE, os.strerror(errno.EMFILE))
+    with monkeypatch.context() as patch:
+        patch.setattr(scratch, "cleanup", Mock(side_effect=too_many))
+        remove(scratch)
+    assert list(tmp_path.iterdir()) == []
+    scratch.cleanup()
