@@ -18,6 +18,8 @@ _LINK: Final = """\
 """
 _SHAPE: Final = '<collision><origin xyz="{} 0 0"/><geometry>{}</geometry></collision>'
 
+_VISUAL: Final = '<visual><geometry><mesh filename="m.obj" scale="-"/></geometry></visual>'
+
 
 def _case(kind: str, scenario: str, victim: str = SCENARIO, **files: str | bytes) -> Case:
     """A case; `_` in the name of a file stands for a dot."""
@@ -50,6 +52,8 @@ CORPUS: Final[Mapping[str, Case]] = {
     # Refused by PyBullet's engine, although nothing is wrong with it.
     "two meshes on a link": _link_of(*_MESHES),
     "box and mesh on a link": _link_of('<box size="1 1 1"/>', _MESHES[0]),
+    # A ValueError, and exit code 3: the scale of a mesh that is only drawn was not checked.
+    "scale of a visual": _case("model", _ROBOT, "r.urdf", m_obj=obj(), r_urdf=_LINK.replace("SHAPES", _VISUAL)),
     # The message did not name the file.
     "joint of a log": _case("log", f"{_BURGER}commands: {{replay: f.csv, rate: 20 Hz}}\n", "f.csv",
                             f_csv="time,velocity.elbow\n0,1\n"),

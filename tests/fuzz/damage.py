@@ -179,7 +179,7 @@ def structure_damaged(data: Any, chance: Chance, words: tuple[str, ...]) -> Any:
     for _ in range(chance.choice((1, 1, 1, 2, 3))):
         paths = [path for path in places(data) if path]
         if not paths:
-            return chance.choice(ODD_VALUES)
+            return _odd(chance)
         path = chance.choice(paths)
         owner, key = at(data, path[:-1]), path[-1]
         if isinstance(owner, dict) and chance.random() < 0.25:
@@ -191,6 +191,11 @@ def structure_damaged(data: Any, chance: Chance, words: tuple[str, ...]) -> Any:
     return data
 
 
+def _odd(chance: Chance) -> Any:
+    """An odd value; a copy, because later damage changes it in place."""
+    return deepcopy(chance.choice(ODD_VALUES))
+
+
 def _key_damaged(owner: dict[Any, Any], key: Any, chance: Chance, words: tuple[str, ...]) -> None:
     match chance.randrange(3):
         case 0:
@@ -199,7 +204,7 @@ def _key_damaged(owner: dict[Any, Any], key: Any, chance: Chance, words: tuple[s
             value = owner.pop(key)
             owner[chance.choice((*words, f"{key}s", str(key)[:-1], str(key).upper(), ""))] = value
         case _:
-            owner[chance.choice(words)] = chance.choice(ODD_VALUES)
+            owner[chance.choice(words)] = _odd(chance)
 
 
 def _value_damaged(owner: Any, key: Any, chance: Chance) -> None:
@@ -208,15 +213,15 @@ def _value_damaged(owner: Any, key: Any, chance: Chance) -> None:
         case 0 if isinstance(owner, list):
             del owner[key]
         case 1:
-            owner[key] = chance.choice(([old], {str(key): old}, [old] * 2, str(old)))
+            owner[key] = chance.choice(([old], {str(key): old}, [old, deepcopy(old)], str(old)))
         case 2:
             owner[key] = _nested(old, chance)
         case 3 | 4 if isinstance(old, (int, float)) and not isinstance(old, bool):
             owner[key] = chance.choice((f"{old} m", f"{old} deg", -old, old * 1e9, old * 1.01))
         case 5 if isinstance(old, list) and old:
-            owner[key] = old * chance.choice((2, 3, 100))
+            owner[key] = [deepcopy(each) for _ in range(chance.choice((2, 3, 100))) for each in old]
         case _:
-            owner[key] = chance.choice(ODD_VALUES)
+            owner[key] = _odd(chance)
 
 
 def _nested(value: Any, chance: Chance) -> Any:

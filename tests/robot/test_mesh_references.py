@@ -43,6 +43,21 @@ def test_a_mesh_is_refused_on_the_line_that_names_it(
     assert problem.message.endswith(f"[{rule}]")
 
 
+@pytest.mark.parametrize("scale", ["-", "1 1", "1 1 x", "nan nan nan", "1e999 1 1", "ä" * 700, "1_0 1 1"])
+@pytest.mark.parametrize("tag", ["visual", "collision"])
+def test_a_scale_that_is_no_three_numbers_is_refused_on_its_line(tag: str, scale: str, tmp_path: Path) -> None:
+    (tmp_path / "part.obj").write_text(CUBE)
+    mesh = f'<{tag}><geometry><mesh filename="part.obj" scale="{scale}"/></geometry></{tag}>'
+    path = tmp_path / "robot.urdf"
+    path.write_text(GOOD.replace("</link>", f"\n{mesh}</link>", 1))
+    line = path.read_text().partition("scale=")[0].count("\n") + 1
+    with pytest.raises(RefusedModel) as refused:
+        read_urdf(path)
+    (problem,) = refused.value.problems
+    assert problem.location.line == line
+    assert "scale" in problem.message
+
+
 def test_a_good_mesh_is_rewritten_in_metres(tmp_path: Path) -> None:
     urdf = read_urdf(model(tmp_path, "part.obj", CUBE, ' scale="0.001 0.001 0.001"')).urdf
     assert "scale" not in urdf

@@ -51,6 +51,7 @@ _NUMBERS: Final = {
     "link/collision/geometry/cylinder": {"radius": 1, "length": 1},
     "link/collision/geometry/capsule": {"radius": 1, "length": 1},
     "link/collision/geometry/mesh": {"scale": 3},
+    "link/visual/geometry/mesh": {"scale": 3},
     "joint/origin": {"xyz": 3, "rpy": 3},
     "joint/axis": {"xyz": 3},
     "joint/limit": {"lower": 1, "upper": 1, "effort": 1, "velocity": 1},
