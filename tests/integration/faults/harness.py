@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cache
 from itertools import count
 from pathlib import Path
@@ -58,12 +58,17 @@ class Injector:
         return found
 
     def inject_everywhere(self, fault: Fault) -> Iterator[Injection]:
-        """Inject a fault at one call after the other, until it is not reached any more."""
-        for nth in count(1, fault.stride):
-            found = self.inject(fault, nth)
-            if not found.fired:
+        """Inject a fault at one call after the other, in one suite and the other, until it is not reached any more."""
+        suites = [fault.suite] if fault.suite else list(NAMES)
+        for index in count():
+            if not suites:
                 return
-            yield found
+            suite = suites[index % len(suites)]
+            found = self.inject(replace(fault, suite=suite), 1 + index * fault.stride)
+            if found.fired:
+                yield found
+            else:
+                suites.remove(suite)
 
     def _run(self, suite: str, fault: Fault | None, nth: int) -> Run:
         folder = self._folder / f"{next(self._numbers)}"
