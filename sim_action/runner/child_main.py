@@ -38,7 +38,7 @@ from sim_action.core.yaml_document import Document, KeyPath
 from sim_action.results.outcome import ExpectationOutcome, Failure, FailureKind, Outcome, Scope, status_of
 from sim_action.runner.child_files import ChildFiles, OutcomeWriter
 from sim_action.runner.evidence import remove_earlier, run_to_record, store_evidence
-from sim_action.runner.job import JUDGED, Job, out_of_memory
+from sim_action.runner.job import BEGUN, JUDGED, Job, out_of_memory
 from sim_action.runner.observed_inputs import ObservedInputs, observed_inputs
 from sim_action.runner.process_output import dump_stack_before, redirect_output
 from sim_action.runner.user_code import guarded
@@ -81,6 +81,7 @@ def run_job(job: Job, files: ChildFiles, progress_descriptor: int) -> None:
     """Run the scenario in this process, and write its outcome."""
     started = time.perf_counter()
     writer, progress = OutcomeWriter(files.outcome), _Progress(progress_descriptor)
+    progress.say(BEGUN)
     remove_earlier(job)
     if job.deadline is not None and job.loaded.scenario.python_files:
         dump_stack_before(job.deadline, files.stack_dump)

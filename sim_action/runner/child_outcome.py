@@ -6,6 +6,8 @@ parent knows are not taken from it.
 
 from __future__ import annotations
 
+import os
+import re
 import signal
 import time
 from collections.abc import Iterator, Mapping
@@ -18,7 +20,7 @@ from pydantic import ValidationError
 
 from sim_action import __version__
 from sim_action.core import units
-from sim_action.core.errors import Location
+from sim_action.core.errors import Location, is_refusal
 from sim_action.core.provenance import Provenance, provenance
 from sim_action.core.wording import escaped_line
 from sim_action.core.workspace import PathError
@@ -66,6 +68,21 @@ def outcome_of(child: ChildProcess, ending: Ending) -> Outcome:
             "wall_time": time.monotonic() - child.started,
         }
     )
+
+
+def refusal_of(child: ChildProcess, ending: Ending) -> OSError | None:
+    """Return the error of the system if a child process ended before it could begin; no user code has run then.
+
+    An interpreter that cannot open its files ends with a traceback.
+    """
+    if child.refusal is not None or child.begun or not isinstance(ending, int) or ending <= 0:
+        return child.refusal
+    *_, number = (0, *map(int, _SYSTEM_ERROR.findall(child.report.output)))
+    error = OSError(number, os.strerror(number))
+    return error if is_refusal(error) else None
+
+
+_SYSTEM_ERROR: Final = re.compile(rb"^\w*Error: \[Errno (\d{1,5})\]", re.MULTILINE)
 
 
 def inputs_of(child: ChildProcess) -> tuple[str, ...] | None:

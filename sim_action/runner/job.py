@@ -11,6 +11,9 @@ from sim_action.core.discovery import file_name
 from sim_action.core.errors import Location
 from sim_action.scenario.model import LoadedScenario
 
+BEGUN: Final = b"begun"
+"""The message of a child process that has its job and begins to run it."""
+
 JUDGED: Final = b"judged"
 """The message of a child process that its outcome is written while it still writes recordings."""
 

@@ -27,6 +27,7 @@ from sim_action.runner.child_outcome import (
     interrupted,
     not_started,
     outcome_of,
+    refusal_of,
     skipped,
 )
 from sim_action.runner.isolation import child_type_here
@@ -266,8 +267,8 @@ class _Scheduler:
                 continue
             child.close()
             del self._running[index]
-            if child.refusal is not None:
-                self._put_back(index, child.job, child.refusal)
+            if (refusal := refusal_of(child, ending)) is not None:
+                self._put_back(index, child.job, refusal)
                 continue
             self._attempts = _MAX_ATTEMPTS
             outcome = outcome_of(child, ending)

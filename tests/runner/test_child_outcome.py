@@ -12,7 +12,7 @@ import pytest
 from sim_action.core.errors import Location
 from sim_action.engines import installed
 from sim_action.runner.child_files import ChildReport
-from sim_action.runner.child_outcome import Ending, outcome_of
+from sim_action.runner.child_outcome import Ending, outcome_of, refusal_of
 from sim_action.runner.isolation.child_process import ChildProcess
 from sim_action.runner.job import Job
 from sim_action.scenario.loading import load_scenario
@@ -187,3 +187,30 @@ def test_an_outcome_needs_no_file_of_this_process(
         monkeypatch.setattr(f"sim_action.runner.child_outcome.{name}", Mock(side_effect=error))
     found = outcome_of(child(tmp_path), -9)
     assert (found.status, found.engine, found.provenance) == ("error", installed()[0], None)
+
+
+NO_FILE = "Traceback (most recent call last):\nOSError: [Errno 24] Too many open files: 'a.py'\n"
+
+
+@pytest.mark.parametrize(
+    ("printed", "heard", "ending", "is_refused"),
+    [
+        (NO_FILE, b"", 1, True),
+        # User code may have run, and may print anything.
+        (NO_FILE, b"begun\n0.5\n", 1, False),
+        (NO_FILE, b"", -9, False),
+        (NO_FILE, b"", "wall limit", False),
+        (NO_FILE.replace("24", "2"), b"", 1, False),
+        ("ImportError: no module named a\n", b"", 1, False),
+    ],
+)
+def test_an_interpreter_that_could_not_open_its_files_has_not_begun(
+    tmp_path: Path, printed: str, heard: bytes, ending: Ending, is_refused: bool
+) -> None:
+    gone = child(tmp_path)
+    gone.report = ChildReport(output=printed.encode())
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(gone, "_heard", lambda: heard)
+        gone.listen()
+    refusal = refusal_of(gone, ending)
+    assert (refusal is not None and refusal.errno == errno.EMFILE) is is_refused

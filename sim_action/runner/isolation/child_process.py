@@ -15,7 +15,7 @@ from typing import ClassVar, Final, Self
 
 from sim_action.core.errors import Location
 from sim_action.runner.child_files import ChildReport
-from sim_action.runner.job import JUDGED, Job
+from sim_action.runner.job import BEGUN, JUDGED, Job
 
 # Variables that user scripts must not see (the names that GitHub documents for runners).
 _SECRET_NAMES: Final = frozenset(
@@ -25,6 +25,10 @@ _SECRET_PREFIXES: Final = ("ACTIONS_", "INPUT_")
 # The message that a child process cannot begin, with the number of the error.
 REFUSED: Final = b"refused "
 _PACKAGE_ROOT: Final = Path(__file__).resolve().parents[3]
+
+
+_Identity = tuple[int, int, int]
+Former = dict[Path, _Identity | None]
 
 
 class ChildProcess(ABC):
@@ -44,6 +48,7 @@ class ChildProcess(ABC):
         exit_call: the line that called `os._exit`, as the child process says.
         report: after `close`, the content of its files.
         started: `time.monotonic()` at its start.
+        begun: True if it has begun to run its job.
         refusal: the error of the system if it could not begin, before any code of the scenario has run; else None.
     """
 
@@ -52,7 +57,11 @@ class ChildProcess(ABC):
     descriptors: ClassVar[int] = 1
     tasks: ClassVar[int] = 2
 
-    def __init__(self, job: Job, progress: int | socket.socket) -> None:
+    def __init__(self, job: Job, progress: int | socket.socket, former: Former | None = None) -> None:
+        """Take the process of a job; `former`: the files that were there before it started, None: it waits for the job.
+
+        A process that does not wait may have written its files by now.
+        """
         self.job = job
         self.progress = progress
         self.sim_time = 0.0
@@ -64,8 +73,9 @@ class ChildProcess(ABC):
         self.report = ChildReport()
         self.started = time.monotonic()
         self.refusal: OSError | None = None
+        self.begun = False
         self._unread = b""
-        self._former = {path: _identity(path) for path in job.evidence}
+        self._former = former_files(job) if former is None else former
 
     @classmethod
     @abstractmethod
@@ -100,6 +110,7 @@ class ChildProcess(ABC):
             self.silent = not heard
             self._unread += heard
         *lines, self._unread = self._unread[-65536:].split(b"\n")
+        self.begun = self.begun or BEGUN in lines
         for line in lines[-2:]:
             with suppress(ValueError):
                 self._take(line)
@@ -163,7 +174,12 @@ def remove(scratch: tempfile.TemporaryDirectory[str]) -> None:
         scratch.cleanup()
 
 
-def _identity(path: Path) -> tuple[int, int, int] | None:
+def former_files(job: Job) -> Former:
+    """Return the identity of each file that the job may write."""
+    return {path: _identity(path) for path in job.evidence}
+
+
+def _identity(path: Path) -> _Identity | None:
     """Return the identity of a regular file, which a rewritten file does not keep; None: there is none."""
     try:
         found = path.lstat()

@@ -22,7 +22,15 @@ from typing import Final, NoReturn, Self
 from sim_action.runner.child_files import ChildFiles
 from sim_action.runner.child_main import become_child, run_job
 from sim_action.runner.isolation import memory_files, process_control
-from sim_action.runner.isolation.child_process import REFUSED, ChildProcess, environment, remove, scratch_folder
+from sim_action.runner.isolation.child_process import (
+    REFUSED,
+    ChildProcess,
+    Former,
+    environment,
+    former_files,
+    remove,
+    scratch_folder,
+)
 from sim_action.runner.job import Job
 
 assert sys.platform == "linux"
@@ -48,9 +56,10 @@ class LinuxChild(ChildProcess):
         files: memory_files.MemoryFiles,
         scratch: tempfile.TemporaryDirectory[str],
         *,
+        former: Former,
         supervised: bool,
     ) -> None:
-        super().__init__(job, progress)
+        super().__init__(job, progress, former)
         self._progress = progress
         self._pid = pid
         self._files = files
@@ -63,6 +72,7 @@ class LinuxChild(ChildProcess):
 
         Raises OSError.
         """
+        former = former_files(job)
         with ExitStack() as undone:
             scratch = scratch_folder()
             undone.callback(remove, scratch)
@@ -81,7 +91,7 @@ class LinuxChild(ChildProcess):
                 os.close(writer)
             # From here on `close` cleans up.
             undone.pop_all()
-        return cls(job, pid, reader, files, scratch, supervised=alone)
+        return cls(job, pid, reader, files, scratch, former=former, supervised=alone)
 
     def poll(self) -> int | None:
         """Return the exit status after the end (negative: the signal that ended it), else None.

@@ -1,4 +1,4 @@
-"""A child process on Linux that cannot start leaves nothing behind."""
+"""Child processes on Linux: those that cannot start leave nothing behind, and quick ones keep their files."""
 
 from __future__ import annotations
 
@@ -54,3 +54,26 @@ def test_a_start_that_fails_leaves_no_file_and_no_descriptor(
     assert open_descriptors() == before
     assert gc.get_freeze_count() == frozen
     assert list(scratch.iterdir()) == []
+
+
+@pytest.mark.process
+def test_a_file_that_is_written_before_the_parent_goes_on_is_that_of_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A busy machine may let the child run to its end first."""
+    ordered, fork = job(tmp_path, None), os.fork
+    (tmp_path / "t.npz").write_text("of an earlier run")
+
+    def quick() -> int:
+        pid = fork()
+        if pid == 0:
+            (tmp_path / "t.npz").unlink()
+            (tmp_path / "t.npz").write_text("of this run")
+            os._exit(0)
+        os.waitid(os.P_PID, pid, os.WEXITED | os.WNOWAIT)
+        return pid
+
+    monkeypatch.setattr(os, "fork", quick)
+    child = LinuxChild.start(ordered)
+    child.close()
+    assert child.wrote(tmp_path / "t.npz")
