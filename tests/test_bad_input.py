@@ -119,6 +119,14 @@ def test_an_alias_bomb(tmp_path: Path) -> None:
         # Rates, windows, claims
         ("10 Hz", "7 Hz", "5:3: commands.rate: 7 Hz does not divide physics.rate, 240 Hz; nearest: 6 Hz and 8 Hz"),
         ("10 Hz", "1e-323", "5:3: commands.rate: 9.88131e-324 Hz does not divide physics.rate, 240 Hz; nearest: 1 Hz"),
+        ("1.0}", "1.0, for: 1e-320}", "7:21: commands.twist.0.for: no tick falls between 0 s and 1e-320 s"),
+        (
+            "1.5 m}",
+            "1.5 m}\n    after: 1.7e308",
+            "10:5: expect.0.after: 1.7e+308 s is not earlier than time_limit (30 s)",
+        ),
+        ("twist:\n    - {linear: 1.0}", f"process: {'x' * 5000}", "6:3: commands.process: program 'x"),
+        (f"\n  {MODEL}", f" {{model: 'package://{'x' * 5000}/a.urdf'}}", "2:"),
         ("10 Hz", "1e-300", "5:3: commands.rate: 1e-300 Hz does not divide physics.rate, 240 Hz; nearest: 1 Hz"),
         ("time_limit: 30 s", "trace: {rate: 1e-300}\ntime_limit: 30 s", "10:9: trace.rate: 1e-300 Hz does not divide"),
         ("1.5 m}", "1.5 m}\n    before: 31 s", "10:5: expect.0.before: 31 s is later than time_limit (30 s)"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Final
 
@@ -62,7 +63,7 @@ def files(schema: str) -> dict[str, str]:
 def write_scaffold(folder: Path, schema: str, *, force: bool) -> list[Path]:
     """Writes the files; returns their paths. Raises UsageError, and writes nothing, if one is there already."""
     targets = {folder / name: text for name, text in files(schema).items()}
-    existing = [str(path) for path in targets if path.exists()]
+    existing = [str(path) for path in targets if os.path.exists(path)]  # noqa: PTH110 - a name may be too long
     if existing and not force:
         raise UsageError(f"file exists already: {', '.join(existing)}; use --force to overwrite it")
     for path, text in targets.items():

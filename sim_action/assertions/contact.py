@@ -21,6 +21,7 @@ from sim_action.core.units import STEP_EPSILON
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.trace_channels import Channels, ClearanceWatch
+from sim_action.world import MAX_PHYSICS_RATE_HZ
 from sim_action.world.ground import GROUND
 from sim_action.world.scene import Scene
 
@@ -171,9 +172,10 @@ class Touch(Assertion):
             yield (), f"{found} move, and neither gives way; remove the limits, or name a link that can move"
         rate = scene.physics.rate
         if (self.has_least or self.has_most) and self.window * rate < 1 - STEP_EPSILON:
-            step, least = duration_text(1 / rate), math.ceil(1 / self.window - STEP_EPSILON)
+            step, least = duration_text(1 / rate), 1 / self.window - STEP_EPSILON
             found = f"{duration_text(self.window)} is shorter than a physics step of {step} (physics.rate: {rate:g} Hz)"
-            yield ("window",), f"{found}; raise physics.rate to at least {least} Hz, or the window"
+            faster = f"physics.rate to at least {math.ceil(least)} Hz, or " if least <= MAX_PHYSICS_RATE_HZ else ""
+            yield ("window",), f"{found}; raise {faster}the window"
 
     def _is_of(self, link: str) -> bool:
         return self.link is None or link == self.link or fnmatchcase(link, self.link)

@@ -19,6 +19,7 @@ from sim_action.commands.robot_description import RobotDescription
 from sim_action.commands.saturation import Saturation
 from sim_action.core.errors import ScriptError
 from sim_action.core.field_types import NamesFile, PositiveSeconds
+from sim_action.core.wording import shown
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.robot_model import RobotModel
@@ -196,6 +197,7 @@ def find_program(word: str, workspace: Workspace) -> Path:
     on_path = shutil.which(word)
     if on_path is None:
         beside = workspace.directory / word
-        hint = f"; for the file next to the scenario, write './{word}'" if beside.is_file() else ""
-        raise PathError(f"program '{word}' was not found on PATH{hint}")
+        # A name that is too long is no file either.
+        hint = f"; for the file next to the scenario, write './{word}'" if os.path.isfile(beside) else ""  # noqa: PTH113
+        raise PathError(f"program {shown(word)} was not found on PATH{hint}")
     return Path(on_path).absolute()

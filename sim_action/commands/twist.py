@@ -15,10 +15,13 @@ from sim_action.core.units import display
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.command import Command
+from sim_action.world import MAX_PHYSICS_RATE_HZ
 from sim_action.world.scene import Scene
 
 # Sim time is step / rate, so equal times may differ by rounding.
 _ROUNDING: Final = 1e-9
+# Beyond, floats do not tell ticks apart.
+_MAX_TICK: Final = 2.0**53
 
 
 class TwistSegment(FrozenModel):
@@ -54,12 +57,13 @@ class TwistCommands(CommandSource):
             return
         start = 0.0
         for index, (segment, end) in enumerate(zip(self.twist, self._ends, strict=True)):
-            first_tick = math.ceil((start - _ROUNDING) * self.rate) / self.rate
+            first_tick = math.ceil(min((start - _ROUNDING) * self.rate, _MAX_TICK)) / self.rate
             if segment.duration is not None and first_tick + _ROUNDING >= end:
                 missed = f"no tick falls between {display(start, 's')} and {display(end, 's')}, so it has no effect"
                 apart = f"ticks are {display(1 / self.rate, 's')} apart (rate: {self.rate:g} Hz)"
-                remedy = f"make it at least that long, or set rate: {math.ceil(1 / segment.duration - _ROUNDING)} Hz"
-                yield ("twist", index, "for"), f"{missed}; {apart}: {remedy}"
+                least = 1 / segment.duration - _ROUNDING
+                faster = f", or set rate: {math.ceil(least)} Hz" if least <= MAX_PHYSICS_RATE_HZ else ""
+                yield ("twist", index, "for"), f"{missed}; {apart}: make it at least that long{faster}"
             start = end
 
     @property

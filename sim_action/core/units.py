@@ -169,6 +169,10 @@ STEP_EPSILON: Final = 1e-6
 """A share of a step: a time that is later than a step by at most this belongs to the step."""
 
 
+# Beyond, floats do not tell steps apart.
+_MAX_STEP: Final = 2.0**53
+
+
 def first_step(time: float, rate: float) -> int:
-    """Return the first physics step at or after a sim time in s, at `rate` Hz."""
-    return math.ceil(time * rate - STEP_EPSILON)
+    """Return the first physics step at or after a sim time in s, at `rate` Hz; it fits into 64 bits."""
+    return math.ceil(min(time * rate - STEP_EPSILON, _MAX_STEP))

@@ -11,6 +11,7 @@ from tests.mesh_files import obj
 _KEYS: Final = "name: s\ntime_limit: 0.1 s\n"
 _PLAIN: Final = f"{_KEYS}expect: [upright: {{max_tilt: 20 deg}}]\n"
 _BURGER: Final = f"{_PLAIN}robot: {{model: turtlebot3_burger}}\n"
+_LATE: Final = _BURGER.replace("[upright", "[{upright").replace("deg}]", "deg}, after: 1.7e308}]")
 _ROBOT: Final = f"{_PLAIN}robot: {{model: r.urdf}}\n"
 _LINK: Final = """\
 <robot name="a"><link name="b"><inertial><mass value="1"/>
@@ -49,6 +50,20 @@ CORPUS: Final[Mapping[str, Case]] = {
     # An IndexError, and exit code 3: the steps between two rows were beyond 64 bits.
     "trace rate near zero": _case("scenario", f"{_BURGER}trace: {{rate: 1e-300}}\n"),
     "command rate near zero": _case("scenario", f"{_BURGER}commands: {{twist: [{{linear: 1}}], rate: 1e-300 Hz}}\n"),
+    # An OverflowError, and exit code 3.
+    "segment of no length": _case("scenario", f"{_BURGER}commands: {{twist: [{{linear: 1, for: 1e-320}}, {{}}]}}\n"),
+    "segment without end": _case(
+        "scenario", f"{_BURGER}commands: {{twist: [{{linear: 1, for: 1.7e308}}, {{for: 1}}], rate: 20 Hz}}\n"
+    ),
+    "window after all time": _case("scenario", _LATE),
+    "window of no length": _case(
+        "scenario",
+        f"{_KEYS}robot: {{model: turtlebot3_burger}}\n"
+        "world: {objects: [{name: w, box: [1, 1, 1], pose: {x: 9}}]}\n"
+        "expect: [contact: {with: w, window: 1e-320, at_most: 1}]\n",
+    ),
+    # An OSError, and exit code 3.
+    "long name of a program": _case("scenario", f"{_BURGER}commands: {{process: {'x' * 5000}, rate: 20 Hz}}\n"),
     # Refused by PyBullet's engine, although nothing is wrong with it.
     "two meshes on a link": _link_of(*_MESHES),
     "box and mesh on a link": _link_of('<box size="1 1 1"/>', _MESHES[0]),

@@ -126,8 +126,8 @@ def _bad_problem(problem: Problem, tried: Case, folder: Path) -> Iterator[str]:
         more = sum(tried.files[name].count(end) for end in ("\u2028".encode(), "\u2029".encode(), "\x85".encode()))
         if not 1 <= place.line <= lines[name] + more:
             yield f"line {place.line} of {lines[name]}: {text[:500]}"
-    # A model may be right, and too little for what is expected of it.
-    is_claim = tried.kind in ("model", "mesh") and problem.message.startswith("expect.")
+    # A model may be right, and not fit the scenario.
+    is_claim = tried.kind in ("model", "mesh") and problem.message.startswith(("expect.", "robot: "))
     if tried.victim != SCENARIO and not is_claim and tried.victim not in text:
         yield f"the damaged file {tried.victim} is not named: {text[:500]}"
     if not problem.message.replace("\n", "").isprintable():
