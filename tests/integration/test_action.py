@@ -156,7 +156,6 @@ def test_crash_of_a_scenario_is_an_error_of_its_own(runner: Runner) -> None:
 def test_cancelled_workflow_gets_its_reports(runner: Runner, forgiving: str) -> None:
     endless = STUCK.replace("30 s", "80000 s")
     write(runner.workspace / "endless.sim.yml", endless)
-    scratch = write(runner.workspace / "scratch/empty", "").parent
     inputs = {
         name: str(spec["default"])
         for name, spec in yaml.safe_load((ACTION / "action.yml").read_text())["inputs"].items()
@@ -164,20 +163,19 @@ def test_cancelled_workflow_gets_its_reports(runner: Runner, forgiving: str) -> 
     inputs |= {"scenario": "endless.sim.yml", "output-directory": "out", "fail-on-failure": forgiving}
     variables = {
         **os.environ,
-        "TMPDIR": str(scratch),
         "PYTHONPATH": str(ACTION),
         **{f"INPUT_{name.upper().replace('-', '_')}": value for name, value in inputs.items()},
     }
     command: list[str | Path] = [environment(runner.temp) / "bin/python", "-P", ACTION / "action/run.py", "run"]
     with subprocess.Popen(command, cwd=runner.workspace, env=variables) as process:
-        wait_until_it_runs(process, scratch)
+        wait_until_it_runs(process, runner.workspace / "out/results.jsonl")
         process.send_signal(signal.SIGINT)
         assert process.wait(timeout=30) == 130
     [outcome] = json.loads((runner.workspace / "out/results.json").read_text(encoding="utf-8"))["outcomes"]
     assert outcome["failures"][0]["kind"] == "interrupted"
 
 
-def wait_until_it_runs(process: subprocess.Popen[bytes], scratch: Path) -> None:
-    while not list(scratch.rglob("output.txt")):
+def wait_until_it_runs(process: subprocess.Popen[bytes], journal: Path) -> None:
+    while not (journal.is_file() and '"event":"started"' in journal.read_text(encoding="utf-8")):
         assert process.poll() is None
         time.sleep(0.05)
