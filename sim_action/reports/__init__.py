@@ -115,13 +115,7 @@ def open_reports(request: ReportRequest, *, keeps_earlier: bool = False) -> Iter
     """
     # At the end there may be no descriptor left for an import.
     importlib.import_module(_UNWRITTEN)
-    for place in (
-        *(request.folder / name for name in RUN_FILE_FOLDERS),
-        *([request.junit.parent] if request.junit else []),
-    ):
-        _refuse_links(place)
-    if request.junit is not None:
-        _refuse_special_file(request.junit)
+    _check_targets(request)
     folder = _created_folder(request.folder)
     with locked(folder):
         if not keeps_earlier:
@@ -135,6 +129,21 @@ def open_reports(request: ReportRequest, *, keeps_earlier: bool = False) -> Iter
             verbosity=request.verbosity,
             silenced=request.silenced,
         )
+
+
+def _check_targets(request: ReportRequest) -> None:
+    """Raise UsageError if a report must not be written to its place, or the place cannot be looked at."""
+    junit = request.junit
+    try:
+        for place in (*(request.folder / name for name in RUN_FILE_FOLDERS), *([junit.parent] if junit else [])):
+            _refuse_links(place)
+        if junit is not None:
+            _refuse_special_file(junit)
+    except (OSError, ValueError) as error:
+        where = (
+            f"--output-dir {request.folder}" if junit is None else f"--output-dir {request.folder} or --junit {junit}"
+        )
+        raise UsageError(escaped_line(f"{where} cannot be used: {system_reason(error)}")) from None
 
 
 def remove_earlier(request: ReportRequest, kept: AbstractSet[str] = frozenset()) -> None:

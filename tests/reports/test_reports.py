@@ -136,3 +136,10 @@ def test_a_call_that_may_not_use_the_folder_removes_nothing(workspace: Path) -> 
         pass
     assert (workspace / "out/results.json").exists()
     assert (workspace / "junit.xml").exists()
+
+
+@pytest.mark.parametrize(("folder", "junit"), [("x" * 300, None), ("out", "x" * 300)])
+def test_a_name_that_is_too_long_is_refused(folder: str, junit: str | None, workspace: Path) -> None:
+    with pytest.raises(UsageError, match="cannot be used: file name too long"), open_reports(asked(folder, junit)):
+        pass
+    assert not (workspace / "out").exists()
