@@ -29,7 +29,7 @@ from sim_action.core.files import open_regular, whole_file
 from sim_action.core.wording import escaped_line, system_reason
 from sim_action.results.events import Event, Finished, Progressed, RunEnded, Started
 from sim_action.results.outcome import Failure, NotNegative, Outcome, audited_over_variations
-from sim_action.results.results_json import MAX_OUTCOMES, Results
+from sim_action.results.results_json import MAX_OUTCOMES, Results, is_inconsistent
 from sim_action.results.shards import Shard
 from sim_action.scenario.source import Varied
 
@@ -222,6 +222,7 @@ class Journal:
         self._synced = float("-inf")
         self._is_synced = False
         self._descriptor: int | None = None
+        self._size = 0
         self._recorded = Recorded(header)
         for record in taken_over:
             self._recorded.add(record.model_copy(update={"at": 0.0, "taken_over": True}))
@@ -282,20 +283,32 @@ class Journal:
 
     def _append(self, record: Record) -> None:
         """Write a record. Raise OSError."""
-        # A controller may have removed the output folder.
-        if self._descriptor is None or not os.fstat(self._descriptor).st_nlink:
+        if self._descriptor is None or not self._is_unchanged(self._descriptor):
             self._leave()
             self._write_whole()
             return
-        _write_all(self._descriptor, _line(record))
+        line = _line(record)
+        _write_all(self._descriptor, line)
+        self._size += len(line)
         self._is_synced &= record.event == "started"
+
+    def _is_unchanged(self, descriptor: int) -> bool:
+        """Return True if the open file is still at its path, with its size. User code may change, move or remove it."""
+        opened = os.fstat(descriptor)
+        try:
+            found = self._path.lstat()
+        except OSError:
+            return False
+        return opened.st_size == self._size and found.st_ino == opened.st_ino
 
     def _write_whole(self) -> None:
         """Write the header and all records to a new file. Raise OSError."""
         self._path.parent.mkdir(parents=True, exist_ok=True)
         with whole_file(self._path) as file:
-            file.write(_line(self._recorded.header))
-            file.writelines(_line(record) for record in self._recorded.records if not record.is_interrupted)
+            self._size = file.write(_line(self._recorded.header))
+            for record in self._recorded.records:
+                if not record.is_interrupted:
+                    self._size += file.write(_line(record))
         self._descriptor = os.open(self._path, os.O_WRONLY | os.O_APPEND | getattr(os, "O_BINARY", 0) | _NO_LINK)
         self._is_synced = False
 
@@ -315,7 +328,8 @@ class Journal:
 def read_journal(folder: Path) -> Recorded:
     """Read the journal of an output folder. Raise UsageError.
 
-    Lines that are not valid are left out: a killed process may leave the last line unfinished.
+    Lines that are not valid are left out: a killed process may leave the last line unfinished. A final outcome whose
+    status contradicts its failures or expectations is not valid.
     """
     path = folder / JOURNAL_FILE
     try:
@@ -323,7 +337,7 @@ def read_journal(folder: Path) -> Recorded:
             recorded = Recorded(_header(file.readline(_MAX_HEADER_BYTES)))
             for line in islice(iter(partial(file.readline, _MAX_LINE_BYTES), b""), _MAX_RECORDS):
                 with suppress(ValueError):
-                    recorded.add(Record.model_validate_json(line))
+                    recorded.add(_record(line))
     except OSError as error:
         reason = system_reason(error)
     except ValidationError as error:
@@ -348,6 +362,14 @@ def manifest(folder: Path) -> tuple[str, ...]:
 def _header(line: bytes) -> Header:
     """Return the header. Raise ValidationError."""
     return Header.model_validate_json(line)
+
+
+def _record(line: bytes) -> Record:
+    """Return a record. Raise ValueError if it is not valid."""
+    record = Record.model_validate_json(line)
+    if record.event == "finished" and record.outcome is not None and is_inconsistent(record.outcome):
+        raise ValueError("its status contradicts its failures or expectations")
+    return record
 
 
 def _line(data: Header | Record) -> bytes:

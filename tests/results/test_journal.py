@@ -107,10 +107,10 @@ def test_a_last_line_that_is_cut_off_is_left_out(tmp_path: Path) -> None:
         b"[]",
         b"null",
         b'{"at":1,"event":"finished","place":0}',
-        b'{"at":1,"event":"finished","outcome":{"name":"a","file":"s.sim.yml","status":"passed"}}',
-        b'{"at":1,"event":"finished","place":3,"outcome":{"name":"a","file":"s.sim.yml","status":"passed"}}',
-        b'{"at":1,"event":"finished","place":-1,"outcome":{"name":"a","file":"s.sim.yml","status":"passed"}}',
-        b'{"at":1,"event":"finished","place":0,"outcome":{"name":"other","file":"s.sim.yml","status":"passed"}}',
+        b'{"at":1,"event":"finished","outcome":{"name":"a","file":"s.sim.yml","status":"skipped"}}',
+        b'{"at":1,"event":"finished","place":3,"outcome":{"name":"a","file":"s.sim.yml","status":"skipped"}}',
+        b'{"at":1,"event":"finished","place":-1,"outcome":{"name":"a","file":"s.sim.yml","status":"skipped"}}',
+        b'{"at":1,"event":"finished","place":0,"outcome":{"name":"other","file":"s.sim.yml","status":"skipped"}}',
         b'{"at":-1,"event":"ended"}',
         b"[" * 100_000,
     ],
@@ -122,6 +122,23 @@ def test_a_line_that_is_not_valid_counts_for_nothing(tmp_path: Path, line: bytes
         file.write(line + b"\n")
     journal(Finished(2, outcome("c")))
     assert statuses(tmp_path) == ["error", "passed", "passed"]
+
+
+CONTRADICTIONS = {
+    "a failed verdict": {"expectations": of_file("s.sim.yml", holds=False).expectations},
+    "a failure": {"failures": (FAILED,)},
+    "no expectation": {"expectations": ()},
+    "no reason": {"status": "error"},
+}
+
+
+@pytest.mark.parametrize("changed", CONTRADICTIONS.values(), ids=CONTRADICTIONS)
+def test_an_outcome_that_contradicts_itself_is_no_final_outcome(tmp_path: Path, changed: dict[str, object]) -> None:
+    journal = begun(tmp_path)
+    journal(Finished(0, outcome("a").model_copy(update=changed)))
+    journal(Finished(1, outcome("b")))
+    assert statuses(tmp_path) == ["error", "passed", "error"]
+    assert read_journal(tmp_path).results().outcomes[0].failures[0].title == "not finished"
 
 
 @pytest.mark.parametrize("text", ["", "\n", "{}\n", "[]\n", '{"journal":2}\n', "x" * 10_000])
@@ -151,6 +168,45 @@ def test_a_removed_folder_is_made_again_with_everything_known(tmp_path: Path) ->
     folder.rmdir()
     journal(Finished(2, outcome("c")))
     assert statuses(folder) == ["passed", "error", "passed"]
+
+
+def garbage_appended(folder: Path) -> None:
+    with (folder / JOURNAL_FILE).open("ab") as file:
+        file.write(b"\xff\x00 garbage")
+
+
+def truncated(folder: Path) -> None:
+    os.truncate(folder / JOURNAL_FILE, 20)
+
+
+def replaced(folder: Path) -> None:
+    (folder / JOURNAL_FILE).replace(folder / "other")
+    (folder / JOURNAL_FILE).write_bytes((folder / "other").read_bytes())
+
+
+def folder_renamed(folder: Path) -> None:
+    folder.rename(folder.with_name("moved"))
+
+
+@pytest.mark.parametrize("change", [garbage_appended, truncated, replaced, folder_renamed])
+def test_a_file_that_user_code_changed_is_written_again(tmp_path: Path, change: Callable[[Path], None]) -> None:
+    folder = tmp_path / "out"
+    journal = begun(folder)
+    journal(Finished(0, outcome("a")))
+    change(folder)
+    journal(Finished(1, outcome("b", FAILED)))
+    journal(Finished(2, outcome("c")))
+    assert statuses(folder) == ["passed", "error", "passed"]
+    assert read_journal(folder).finished[1].outcome == outcome("b", FAILED)
+    assert len((folder / JOURNAL_FILE).read_bytes().splitlines()) == 4
+
+
+def test_a_file_without_changes_is_not_written_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    journal = begun(tmp_path)
+    monkeypatch.setattr("sim_action.results.journal.whole_file", unheard)
+    for place, name in enumerate(NAMES):
+        journal(Finished(place, outcome(name)))
+    assert statuses(tmp_path) == ["passed"] * 3
 
 
 def test_a_full_disk_is_reported_once_and_the_outcomes_are_kept(
@@ -186,6 +242,14 @@ def test_outcomes_of_an_earlier_call_are_marked(tmp_path: Path) -> None:
     kept = read_journal(tmp_path).finished
     assert [kept[place].taken_over for place in (0, 1)] == [False, True]
     assert kept[1].at == 0.0
+
+
+def test_a_new_outcome_replaces_one_of_an_earlier_call(tmp_path: Path) -> None:
+    begun(tmp_path)(Finished(1, outcome("b", FAILED)))
+    again = Journal(tmp_path, header(), unheard, time.monotonic(), read_journal(tmp_path).finished.values())
+    again(Finished(1, outcome("b")))
+    assert again.close() == read_journal(tmp_path).results()
+    assert statuses(tmp_path) == ["error", "passed", "error"]
 
 
 def test_a_record_is_one_line_of_json(tmp_path: Path) -> None:
