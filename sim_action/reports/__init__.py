@@ -90,6 +90,7 @@ _VARIABLES: Final = MappingProxyType(
 )
 """Name of a report that only GitHub reads -> the variable that GitHub sets for it. Elsewhere it is not imported."""
 
+_SCENARIO_SUFFIXES: Final = frozenset({".yml", ".yaml"})
 _RESULTS: Final = "results"
 _PRINTED: Final = frozenset({"terminal", "annotations"})
 _UNWRITTEN: Final = "sim_action.reports.unwritten_reports"
@@ -139,6 +140,7 @@ def _check_targets(request: ReportRequest) -> None:
             _refuse_links(place)
         if junit is not None:
             _refuse_special_file(junit)
+            _refuse_other_file(junit, request.folder)
     except (OSError, ValueError) as error:
         where = (
             f"--output-dir {request.folder}" if junit is None else f"--output-dir {request.folder} or --junit {junit}"
@@ -231,6 +233,16 @@ def _refuse_special_file(junit: Path) -> None:
         raise UsageError(escaped_line(f"--junit {junit} is a folder; name a file"))
     if junit.exists() and not junit.is_file():
         raise UsageError(escaped_line(f"--junit {junit} is not a regular file; name a file"))
+
+
+def _refuse_other_file(junit: Path, folder: Path) -> None:
+    """Raise UsageError for a path of another report of this call, or of a scenario file."""
+    advice = f"name another file, such as {JUNIT_FILE}"
+    for name in (JOURNAL_FILE, RESULTS_FILE, REPORT_FILE):
+        if os.path.realpath(junit) == os.path.realpath(folder / name):
+            raise UsageError(escaped_line(f"--junit {junit} is the {name} of this call; {advice}"))
+    if junit.suffix.lower() in _SCENARIO_SUFFIXES:
+        raise UsageError(escaped_line(f"--junit {junit} ends like a scenario file; {advice}"))
 
 
 def _refuse_links(path: Path) -> None:

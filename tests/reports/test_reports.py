@@ -77,6 +77,26 @@ def test_a_junit_path_that_no_file_can_replace_is_refused_before_anything_runs(w
     assert not (workspace / "out").exists()
 
 
+@pytest.mark.parametrize("name", ["results.jsonl", "results.json", "report.html"])
+def test_the_junit_is_not_written_onto_another_report(workspace: Path, name: str) -> None:
+    (workspace / "out/deeper").mkdir(parents=True)
+    (workspace / "out" / name).write_text("of an earlier call")
+    for path in (f"out/{name}", f"out/deeper/../{name}", str(workspace / "out" / name)):
+        with pytest.raises(UsageError, match=f"is the {name} of this call"), open_reports(asked("out", path)):
+            pass
+    assert (workspace / "out" / name).read_text() == "of an earlier call"
+    with open_reports(asked("out", f"out/deeper/{name}")):
+        pass
+
+
+@pytest.mark.parametrize("name", ["a.sim.yml", "a.YAML"])
+def test_the_junit_is_not_written_onto_a_scenario(workspace: Path, name: str) -> None:
+    (workspace / name).write_text("name: a")
+    with pytest.raises(UsageError, match="ends like a scenario file"), open_reports(asked("out", name)):
+        pass
+    assert (workspace / name).read_text() == "name: a"
+
+
 def test_the_junit_of_an_earlier_call_is_removed_at_the_start(workspace: Path) -> None:
     for name in ("stale.xml", "other.xml"):
         (workspace / name).write_text("<testsuites/>")
