@@ -11,9 +11,8 @@ from typing import Final
 from sim_action import __version__
 from sim_action.core.discovery import compared_name
 from sim_action.core.errors import ExitCode, UsageError
-from sim_action.core.wording import escaped_line, note
+from sim_action.core.wording import escaped_line, note, shortened
 from sim_action.reports import ReportRequest, open_reports, write_reports
-from sim_action.reports.escaping import shortened
 from sim_action.results.artifacts import RUN_FILE_FOLDERS, StoredFile, stored_files_of, trace_paths, with_copied_files
 from sim_action.results.outcome import Outcome, audited_over_variations
 from sim_action.results.results_json import RESULTS_FILE, Results, ResultsFile, find_all, read_all

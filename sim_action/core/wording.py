@@ -9,7 +9,9 @@ from contextlib import suppress
 from itertools import islice
 from typing import Final
 
-_MAX_MESSAGE_CHARS: Final = 2000
+MAX_MESSAGE_CHARS: Final = 2_000
+"""The largest number of characters of a message."""
+
 _MAX_VALUE_CHARS: Final = 60
 # Limits on the cost of files with any number of names.
 _MAX_NAMES_COMPARED: Final = 1_000
@@ -21,8 +23,13 @@ _VOWELS: Final = frozenset("aeiou")
 
 def escaped_line(text: str) -> str:
     """Return text as one printable line of limited length; control characters are escaped."""
-    safe = "".join(char if char.isprintable() else repr(char)[1:-1] for char in text[:_MAX_MESSAGE_CHARS])
-    return safe if len(text) <= _MAX_MESSAGE_CHARS else f"{safe}..."
+    safe = "".join(char if char.isprintable() else repr(char)[1:-1] for char in text[:MAX_MESSAGE_CHARS])
+    return safe if len(text) <= MAX_MESSAGE_CHARS else f"{safe}..."
+
+
+def shortened(text: str, most: int) -> str:
+    """Return text cut to at most `most` characters, with an ellipsis at the end if it was cut."""
+    return text if len(text) <= most else f"{text[: most - 1]}…"
 
 
 def log_line(text: str) -> str:

@@ -11,7 +11,8 @@ from rich.console import Console
 from rich.text import Text
 
 from sim_action.core import units
-from sim_action.reports.escaping import log_text, markdown_text, shortened
+from sim_action.core.wording import shortened
+from sim_action.reports.escaping import log_text, markdown_text
 from sim_action.reports.formatting import measurements, quantity, speed_text
 from sim_action.reports.github.markdown import code, row, table
 from sim_action.reports.statuses import STATUS_DISPLAYS

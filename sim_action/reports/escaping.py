@@ -39,11 +39,6 @@ def one_line(text: str) -> str:
     return " ".join(plain_text(text).split())
 
 
-def shortened(text: str, most: int) -> str:
-    """Return text cut to at most `most` characters, with an ellipsis at the end if it was cut."""
-    return text if len(text) <= most else f"{text[: most - 1]}…"
-
-
 def markdown_text(text: str) -> str:
     """Return text for one line of Markdown, HTML or a table cell, without any effective markup, link or mention."""
     escaped = _MARKUP_UNDERSCORE.sub("&#95;", one_line(text).translate(_MARKDOWN))

@@ -22,7 +22,7 @@ from sim_action import __version__
 from sim_action.core import units
 from sim_action.core.errors import Location, is_refusal
 from sim_action.core.provenance import Provenance, provenance
-from sim_action.core.wording import escaped_line
+from sim_action.core.wording import MAX_MESSAGE_CHARS, escaped_line, shortened
 from sim_action.core.workspace import PathError
 from sim_action.core.yaml_document import Document
 from sim_action.engines import PACKAGES, chosen, named_version
@@ -33,8 +33,9 @@ from sim_action.runner.observed_inputs import inputs_in
 from sim_action.runner.process_output import place_in_stack_dump, split_output
 from sim_action.scenario.model import LoadedScenario, Scenario
 
-_MAX_DETAILS_CHARS: Final = 2_000
-_MAX_DETAILS_LINES: Final = 20
+_MAX_DETAILS_CHARS: Final = 20_000
+_MAX_LAST_WORDS_CHARS: Final = 2_000
+_MAX_LAST_WORDS_LINES: Final = 20
 
 
 Limit = Literal["wall limit", "output limit"]
@@ -157,7 +158,32 @@ def _written(child: ChildProcess) -> Outcome | None:
         outcome = Outcome.model_validate_json(child.report.verdict)
     except ValidationError:
         return None
-    return outcome if _is_consistent(outcome, child.job.loaded.scenario) else None
+    return _of_limited_length(outcome) if _is_consistent(outcome, child.job.loaded.scenario) else None
+
+
+def _of_limited_length(outcome: Outcome) -> Outcome:
+    """Return the outcome with its texts cut: user code may raise an exception with a text of many megabytes."""
+    expectations = tuple(
+        each.model_copy(update={"verdict": replace(verdict, message=_cut(verdict.message), unit=_cut(verdict.unit))})
+        for each in outcome.expectations
+        for verdict in [each.verdict]
+    )
+    failures = tuple(
+        each.model_copy(
+            update={
+                "message": _cut(each.message),
+                "details": shortened(each.details, _MAX_DETAILS_CHARS),
+                "location": each.location and replace(each.location, file=_cut(each.location.file)),
+            }
+        )
+        for each in outcome.failures
+    )
+    notes = tuple(map(_cut, outcome.notes))
+    return outcome.model_copy(update={"expectations": expectations, "failures": failures, "notes": notes})
+
+
+def _cut(text: str) -> str:
+    return shortened(text, MAX_MESSAGE_CHARS)
 
 
 def _is_consistent(outcome: Outcome, scenario: Scenario) -> bool:
@@ -222,7 +248,7 @@ def _limiting_key(document: Document) -> Location:
 
 
 def _last_words(output: str) -> str:
-    return "\n".join(output[-_MAX_DETAILS_CHARS:].split("\n")[-_MAX_DETAILS_LINES:])
+    return "\n".join(output[-_MAX_LAST_WORDS_CHARS:].split("\n")[-_MAX_LAST_WORDS_LINES:])
 
 
 def _cause(child: ChildProcess, ending: Ending, output: str, place: Location | None) -> tuple[FailureKind, str, str]:

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from markdown_it import MarkdownIt
 
+from sim_action.core.wording import shortened
 from sim_action.reports.escaping import (
     command_data,
     command_property,
@@ -14,7 +15,6 @@ from sim_action.reports.escaping import (
     markdown_text,
     one_line,
     plain_text,
-    shortened,
     shortened_command,
 )
 

@@ -11,11 +11,13 @@ import pytest
 
 from sim_action.core.errors import Location
 from sim_action.engines import installed
+from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
 from sim_action.runner.child_files import ChildReport
 from sim_action.runner.child_outcome import Ending, outcome_of, refusal_of
 from sim_action.runner.isolation.child_process import ChildProcess
 from sim_action.runner.job import Job
 from sim_action.scenario.loading import load_scenario
+from sim_action.state.verdict import Verdict
 
 SCENARIO = "name: n\nrobot: {model: turtlebot3_burger}\nexpect: [upright]\ntime_limit: 1 s\n"
 
@@ -187,6 +189,39 @@ def test_an_outcome_needs_no_file_of_this_process(
         monkeypatch.setattr(f"sim_action.runner.child_outcome.{name}", Mock(side_effect=error))
     found = outcome_of(child(tmp_path), -9)
     assert (found.status, found.engine, found.provenance) == ("error", installed()[0], None)
+
+
+def test_texts_of_user_code_are_cut(tmp_path: Path) -> None:
+    long = "x" * 100_000
+    gone = child(tmp_path)
+    failure = Failure(kind="script", title="script error", message=long, location=Location(long, 3), details=long)
+    written = Outcome(name="n", file="a.sim.yml", status="error", failures=(failure,), notes=(long,))
+    gone.report = ChildReport(outcome=written.model_dump_json().encode())
+    found = outcome_of(gone, 0)
+    cut = f"{'x' * 1_999}…"
+    details = f"{'x' * 19_999}…"
+    assert found.failures == (
+        failure.model_copy(update={"message": cut, "location": Location(cut, 3), "details": details}),
+    )
+    assert found.notes == (cut,)
+
+
+def test_messages_of_verdicts_are_cut(tmp_path: Path) -> None:
+    gone = child(tmp_path)
+    (expected,) = gone.job.loaded.scenario.expect
+    judged = ExpectationOutcome(
+        name=expected.name,
+        assertion="upright",
+        severity=expected.severity,
+        location=expected.location,
+        verdict=Verdict(passed=True, unit="x" * 100_000, message="x" * 100_000),
+    )
+    written = Outcome(name="n", file="a.sim.yml", status="passed", expectations=(judged,))
+    gone.report = ChildReport(outcome=written.model_dump_json().encode())
+    found = outcome_of(gone, 0)
+    assert found.status == "passed"
+    verdict = found.expectations[0].verdict
+    assert (len(verdict.message), len(verdict.unit)) == (2_000, 2_000)
 
 
 NO_FILE = "Traceback (most recent call last):\nOSError: [Errno 24] Too many open files: 'a.py'\n"

@@ -9,14 +9,13 @@ from pathlib import Path
 from typing import Final
 
 from sim_action.core.errors import Location
-from sim_action.core.wording import log_line
+from sim_action.core.wording import log_line, shortened
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import (
     command_data,
     command_property,
     log_text,
     one_line,
-    shortened,
     shortened_command,
 )
 from sim_action.reports.formatting import moment

@@ -11,9 +11,10 @@ from typing import Final
 import numpy as np
 
 from sim_action.core import units
+from sim_action.core.wording import shortened
 from sim_action.recording.replay.replay_file import Replay, ReplayError, SignalData, read_replay
 from sim_action.reports import ReportOptions
-from sim_action.reports.escaping import one_line, shortened
+from sim_action.reports.escaping import one_line
 from sim_action.results.artifacts import stored_file
 from sim_action.results.outcome import Outcome
 from sim_action.state.trace import FloatArray

@@ -17,11 +17,11 @@ from pathlib import Path
 from typing import Final
 
 from sim_action.core.files import whole_file
-from sim_action.core.wording import counted
+from sim_action.core.wording import counted, shortened
 from sim_action.recording.replay.replay_file import Replay, ReplayError, read_replay
 from sim_action.recording.replay.shapes import MeshData
 from sim_action.reports import ReportOptions
-from sim_action.reports.escaping import one_line, shortened
+from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import counts_text, shard_text, speed_text
 from sim_action.reports.html.document import Html, Page, element, joined
 from sim_action.reports.html.scenario_article import article, drawn, status_mark
