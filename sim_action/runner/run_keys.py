@@ -88,7 +88,7 @@ class RunKeys:
         """
         self._digests = FileDigests(time.time_ns())
         self._options = options
-        self._outputs = [path.absolute().resolve() for path in outputs]
+        self._outputs = list(filter(None, map(_real, outputs)))
         self._named = NamedFiles()
         self._trees: dict[Path, GitTree | str] = {}
         self._builds: dict[str, str | None] = {}
@@ -222,6 +222,14 @@ def _matches(name: str, patterns: Iterable[str]) -> bool:
     return any(
         name.startswith(pattern.removesuffix("*")) if pattern.endswith("*") else name == pattern for pattern in patterns
     )
+
+
+def _real(path: Path) -> Path | None:
+    """Return the path without links; None if no file can have this path."""
+    try:
+        return Path(os.path.realpath(path))
+    except (OSError, ValueError):  # a NUL in it
+        return None
 
 
 def _roots(files: Iterable[Path], *, outside: bool) -> list[Path]:

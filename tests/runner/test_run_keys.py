@@ -135,6 +135,12 @@ def test_outputs_do_not_count(kind: Kind) -> None:
     assert kind() == before
 
 
+@pytest.mark.parametrize("output", ["a\0b", "loop/results", "x" * 5000])
+def test_any_output_folder_is_allowed(output: str) -> None:
+    Path("loop").symlink_to("loop")
+    assert key(output=output) is not None
+
+
 @KINDS
 @pytest.mark.parametrize("name", ["GITHUB_SHA", "RUNNER_TEMP", "PWD", "COLUMNS", "TMPDIR", "SIM_ACTION_RESUME", "_"])
 def test_volatile_variables_do_not_count(kind: Kind, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
