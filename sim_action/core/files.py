@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import secrets
 import stat
 import sys
@@ -32,6 +33,9 @@ def open_regular(path: Path, *, follow_link: bool) -> BinaryIO:
         raise OSError(errno.EINVAL, "it is a folder" if stat.S_ISDIR(mode) else "it is not a regular file", str(path))
     return os.fdopen(descriptor, "rb")
 
+
+UNFINISHED_FILE: Final = re.compile(r"\.[0-9a-f]{16}(\.[a-z0-9]+)?")
+"""The names of temporary files of `whole_file`. A killed process leaves them."""
 
 # On Windows, a file that is open for reading cannot be replaced; sim-action itself never reads for so long.
 _REPLACE_TIMEOUT_S: Final = 2.0

@@ -20,7 +20,14 @@ from sim_action.core.registry import Table
 from sim_action.core.wording import escaped_line, system_reason
 from sim_action.results.artifacts import REPORT_FILE, RUN_FILE_FOLDERS, with_existing_files
 from sim_action.results.journal import JOURNAL_FILE, manifest
-from sim_action.results.output_folder import JUNIT_FILE, create_folder, locked, remove_earlier_files, remove_regular
+from sim_action.results.output_folder import (
+    JUNIT_FILE,
+    create_folder,
+    locked,
+    remove_earlier_files,
+    remove_regular,
+    remove_unfinished_files,
+)
 from sim_action.results.results_json import RESULTS_FILE, Results
 
 Verbosity = Literal["quiet", "normal", "verbose"]
@@ -151,6 +158,7 @@ def _check_targets(request: ReportRequest) -> None:
 def remove_earlier(request: ReportRequest, kept: AbstractSet[str] = frozenset()) -> None:
     """Remove the files of the earlier call in the output folder, apart from those named in `kept`."""
     remove_earlier_files(request.folder, set(manifest(request.folder)) - kept)
+    remove_unfinished_files(request.folder)
     if request.junit is not None:
         with suppress(OSError):
             remove_regular(request.junit)

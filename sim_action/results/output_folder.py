@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Final
 
 from sim_action.core.errors import UsageError
-from sim_action.core.files import whole_file
+from sim_action.core.files import UNFINISHED_FILE, whole_file
 from sim_action.core.wording import escaped_line, system_reason, warn
 from sim_action.recording.export import EXPORTS
 from sim_action.results.artifacts import RECORDING_FOLDER, REPLAY_FOLDER, REPORT_FILE, TRACE_FOLDER
@@ -203,6 +203,15 @@ def remove_earlier_files(folder: Path, names: Iterable[str]) -> None:
             with suppress(OSError, ValueError):
                 if path.parent == folder or not path.parent.is_symlink():
                     remove_regular(path)
+
+
+def remove_unfinished_files(folder: Path) -> None:
+    """Remove the temporary files that a killed call has left in the locked output folder."""
+    for place in (folder, *(folder / name for name in _SUFFIXES)):
+        with suppress(OSError):
+            unfinished = [path for path in place.iterdir() if UNFINISHED_FILE.fullmatch(path.name)]
+            for path in unfinished if place == folder or not place.is_symlink() else ():
+                remove_regular(path)
 
 
 def remove_regular(path: Path) -> None:

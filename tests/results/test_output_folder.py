@@ -18,7 +18,13 @@ from hypothesis import strategies as st
 
 from sim_action.core.errors import UsageError
 from sim_action.results import output_folder
-from sim_action.results.output_folder import LOCK_FILE, create_folder, locked, remove_earlier_files
+from sim_action.results.output_folder import (
+    LOCK_FILE,
+    create_folder,
+    locked,
+    remove_earlier_files,
+    remove_unfinished_files,
+)
 
 # It holds the lock until its standard input ends, and says first whether it has it.
 HOLDER = """
@@ -328,3 +334,15 @@ def test_a_file_in_place_of_the_folder_is_an_error(tmp_path: Path) -> None:
     for path in ("file", "file/below"):
         with pytest.raises(OSError, match=r"File exists|Not a directory"):
             create_folder(tmp_path / path)
+
+
+def test_unfinished_files_of_a_killed_call_are_removed(tmp_path: Path) -> None:
+    unfinished = (".0123456789abcdef.json", "traces/.0123456789abcdef.npz", "recordings/.fedcba9876543210")
+    for name in (*unfinished, *(others := (".0123456789abcde.npz", "traces/.x.npz", "other/.0123456789abcdef.npz"))):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    (tmp_path / "replays").symlink_to(tmp_path / "other")
+    (tmp_path / ".aaaaaaaaaaaaaaaa.json").symlink_to("other")
+    remove_unfinished_files(tmp_path)
+    assert files(tmp_path) == {tmp_path / name for name in others}
+    assert (tmp_path / ".aaaaaaaaaaaaaaaa.json").is_symlink()
