@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import pickle
+import signal
 import subprocess
 import sys
 import traceback
@@ -71,8 +72,9 @@ def main() -> None:
     with os.fdopen(os.dup(1), "wb") as answer:
         redirect_output(Path(os.devnull))
         if sys.platform == "linux":
-            from sim_action.runner.isolation.process_control import impose_limits
+            from sim_action.runner.isolation.process_control import end_with_parent, impose_limits
 
+            end_with_parent(os.getppid(), signal.SIGKILL)
             impose_limits(memory)
         answer.write(_looked(robot, workspace, memory).model_dump_json().encode())
 

@@ -21,20 +21,21 @@ _NOT_STARTED = 127
 
 def main() -> NoReturn:
     """Run the program in a fresh interpreter."""
-    process_control.become_subreaper()
+    process_control.become_subreaper(os.getppid())
+    supervisor = os.getpid()
     command = os.fork()
     if command == 0:
-        _become(sys.argv[1:])
+        _become(sys.argv[1:], supervisor)
     status = process_control.wait_for_child(command)
     process_control.end_descendants(command)
     process_control.exit_as(status)
 
 
-def _become(words: list[str]) -> NoReturn:
+def _become(words: list[str], supervisor: int) -> NoReturn:
     """Become the command; never return."""
     try:
         os.setpgid(0, 0)
-        process_control.prctl(process_control.PR_SET_PDEATHSIG, signal.SIGKILL)
+        process_control.end_with_parent(supervisor, signal.SIGKILL)
         # The supervisor ignores Ctrl-C; the command does not.
         signal.signal(signal.SIGINT, signal.SIG_DFL)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, process_control.AWAITED_SIGNALS)

@@ -165,19 +165,21 @@ def _fork(job: Job, files: memory_files.MemoryFiles, writer: int) -> int:
     sys.stderr.flush()
     # Existing objects are not garbage of the child: scanning them would take time and copy all their pages.
     gc.freeze()
+    parent = os.getpid()
     try:
         pid = os.fork()
         if pid == 0:
-            _child_main(job, files.inherited, writer)
+            _child_main(job, files.inherited, writer, parent)
     finally:
         gc.unfreeze()
     return pid
 
 
-def _child_main(job: Job, files: ChildFiles, writer: int) -> NoReturn:
+def _child_main(job: Job, files: ChildFiles, writer: int, parent: int) -> NoReturn:
     """Run the job in the fork; never return into the parent's code."""
     code = 1
     try:
+        process_control.end_with_parent(parent, signal.SIGKILL)
         signal.set_wakeup_fd(-1)
         os.setsid()
         try:
@@ -200,7 +202,14 @@ def _child_main(job: Job, files: ChildFiles, writer: int) -> NoReturn:
 def _spawn(job: Job, files: memory_files.MemoryFiles, writer: int) -> int:
     with memory_files.pickled((job, files.inherited)) as stdin:
         process = subprocess.Popen(  # noqa: S603 - this interpreter, and nothing from a scenario
-            [sys.executable, "-P", "-m", "sim_action.runner.isolation.scenario_supervisor", str(writer)],
+            [
+                sys.executable,
+                "-P",
+                "-m",
+                "sim_action.runner.isolation.scenario_supervisor",
+                str(writer),
+                str(os.getpid()),
+            ],
             stdin=stdin,
             stdout=subprocess.DEVNULL,
             stderr=files.output,

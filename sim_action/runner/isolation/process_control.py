@@ -18,7 +18,7 @@ from typing import Final, NamedTuple, NoReturn
 
 assert sys.platform == "linux"
 
-PR_SET_PDEATHSIG: Final = 1
+_PR_SET_PDEATHSIG: Final = 1
 """A constant of Linux's sys/prctl.h, like those below."""
 
 
@@ -27,10 +27,18 @@ def prctl(option: int, value: int) -> None:
     ctypes.CDLL(None).prctl(option, value, 0, 0, 0)
 
 
+def end_with_parent(parent: int, number: signal.Signals) -> None:
+    """Let this process get a signal when its parent ends, also if the parent ended before this call.
+
+    A parent that is killed by SIGKILL cannot end its children.
+    """
+    prctl(_PR_SET_PDEATHSIG, number)
+    if os.getppid() != parent:
+        os.kill(os.getpid(), number)
+
+
 def impose_limits(memory: int) -> None:
     """Set the resource limits of this process; `memory`: address space, in bytes."""
-    # A parent that is killed by SIGKILL cannot end its children.
-    prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
     _limit(resource.RLIMIT_AS, memory)
     # The caller also limits printed output, but only checks now and then. A trace was in memory before it becomes a
     # file. The number of processes is not limited: RLIMIT_NPROC counts all processes of the user.
@@ -73,17 +81,16 @@ _PR_SET_DUMPABLE: Final = 4
 _PR_SET_CHILD_SUBREAPER: Final = 36
 
 
-def become_subreaper() -> None:
+def become_subreaper(parent: int) -> None:
     """Make this process adopt its descendants; SIGTERM, also at its parent's end, is blocked and waits."""
     prctl(_PR_SET_CHILD_SUBREAPER, 1)
-    # A caller that is killed by SIGKILL cannot ask for the end.
-    prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
     # `exit_as` with the signal of a crash must not dump a second core.
     prctl(_PR_SET_DUMPABLE, 0)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     signal.pthread_sigmask(signal.SIG_BLOCK, AWAITED_SIGNALS)
+    end_with_parent(parent, signal.SIGTERM)
 
 
 def wait_for_child(worker: int) -> int:

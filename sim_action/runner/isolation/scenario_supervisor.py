@@ -23,9 +23,13 @@ assert sys.platform == "linux"
 
 
 def main() -> NoReturn:
-    """Run in a fresh interpreter: the job comes on standard input, the progress descriptor as the argument."""
-    progress = int(sys.argv[1])
-    process_control.become_subreaper()
+    """Run in a fresh interpreter: the job comes on standard input.
+
+    The arguments are the progress descriptor and the number of the parent process.
+    """
+    progress, parent = map(int, sys.argv[1:])
+    process_control.become_subreaper(parent)
+    supervisor = os.getpid()
     try:
         worker = os.fork()
     except OSError as error:
@@ -33,15 +37,16 @@ def main() -> NoReturn:
         os.write(progress, b"refused %d\n" % (error.errno or 0))
         os._exit(1)
     if worker == 0:
-        _work(progress)
+        _work(progress, supervisor)
     status = process_control.wait_for_child(worker)
     _report(progress, left=process_control.end_descendants(worker))
     process_control.exit_as(status)
 
 
-def _work(progress: int) -> NoReturn:
+def _work(progress: int, supervisor: int) -> NoReturn:
     """Become the scenario's process; never return."""
     try:
+        process_control.end_with_parent(supervisor, signal.SIGKILL)
         os.setpgid(0, 0)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, process_control.AWAITED_SIGNALS)
         from sim_action.runner.child_main import become_child, exit_child, received_job, run_job
