@@ -48,7 +48,8 @@ def outcome_of(child: ChildProcess, ending: Ending) -> Outcome:
     """Return the outcome of a child process that has ended."""
     job = child.job
     diagnostics, output = split_output(child.report.output.decode("utf-8", errors="replace"))
-    written = _written(child) if ending == 0 or child.judged is not None else None
+    # It is written once everything is judged, so whatever happens afterwards changes no verdict.
+    written = _written(child)
     outcome = written or without_verdict(job.loaded, _failure(child, ending, output))
     return outcome.model_copy(
         update={
@@ -200,7 +201,8 @@ def _afterwards(child: ChildProcess, ending: Ending) -> Iterator[str]:
     yield from _left_behind(child)
     if ending != 0:
         by = ending if isinstance(ending, str) else _signal_name(ending) or f"exit {ending}"
-        yield f"the recordings were cut off: {by}"
+        what = "after the verdict, its process ended" if child.judged is None else "the recordings were cut off"
+        yield f"{what}: {by}"
 
 
 def _left_behind(child: ChildProcess) -> tuple[str, ...]:

@@ -467,3 +467,40 @@ def test_a_forked_copy_of_a_run_gives_no_verdict_of_its_own(tmp_path: Path, run:
     body = copy + "return Twist.planar(0.5)"
     (outcome,) = run([script(tmp_path, "twin", body)], tmp_path)
     assert outcome.status == "passed"
+
+
+STREAMS = {
+    "without": "sys.stdout = None",
+    "unfit": "class Tee:\n    def write(self, text): pass\nsys.stderr = Tee()",
+    "failing": "class Tee:\n    def flush(self): raise RuntimeError('never flush me')\nsys.stdout = Tee()",
+}
+
+
+@pytest.mark.parametrize("way", STREAMS)
+def test_streams_that_user_code_replaces_lose_no_verdict(way: str, tmp_path: Path) -> None:
+    (outcome,) = Run(LinuxChild)(
+        [script(tmp_path, way, "return Twist.planar(0.5)", before=f"import sys\n{STREAMS[way]}")], tmp_path, 1
+    )
+    assert outcome.status == "passed", outcome.failures
+
+
+def test_a_process_that_dies_after_its_verdict_keeps_it(tmp_path: Path) -> None:
+    body = "global steps\nsteps += 1\nreturn Twist.planar(0.5)"
+    before = (
+        "import os, signal, sys\nsteps = 0\n"
+        "class Last:\n    def write(self, text): pass\n    def flush(self): os.kill(os.getpid(), signal.SIGKILL)\n"
+        "sys.stdout = Last()"
+    )
+    (outcome,) = Run(LinuxChild)([script(tmp_path, "dies", body, before=before)], tmp_path, 1)
+    assert outcome.status == "passed", outcome.failures
+    assert "after the verdict, its process ended: SIGKILL" in outcome.notes
+
+
+def test_a_full_disk_behind_standard_error_changes_no_verdict(tmp_path: Path) -> None:
+    for name in "abcd":
+        scenario(tmp_path, name)
+    with Path("/dev/full").open("w") as full:
+        ran = subprocess.run(
+            [sys.executable, "-m", "sim_action", "run", "--jobs", "1"], cwd=tmp_path, stderr=full, check=False
+        )
+    assert ran.returncode == 0

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from sim_action.core import geometry
 from sim_action.core.errors import EngineError
 from sim_action.core.geometry import Pose, Twist, Vector3
+from sim_action.core.wording import system_reason
 from sim_action.engines import NO_CHANNELS, UNLIMITED_EFFORT, named_version
 from sim_action.engines.body_control import base_wrench
 from sim_action.engines.clearances import ClearanceRecorder
@@ -86,7 +87,9 @@ class PyBulletEngine:
             raise EngineError(f"the engine refused the world: {error}") from None
         except OSError as error:
             self.close()
-            raise EngineError(f"the files of the model could not be written for the engine: {error}") from None
+            raise EngineError(
+                f"the engine cannot open the files of the model: {system_reason(error)}"
+            ) from None
         self._rate = scene.physics.rate
         self._watches_contacts = channels.contacts and bool(self._objects)
         self._read_joints(scene)

@@ -110,7 +110,8 @@ def load_robot(client: int, scene: Scene) -> int:
     """Add the robot at the origin; return its number. Raise OSError or pybullet.error."""
     # PyBullet reads models only from files. It looks for meshes in the folder of the model first.
     with tempfile.TemporaryDirectory(prefix="sim-action-") as folder:
-        _check_open_files()
+        if scene.model.hull_files:
+            _check_open_files()
         for name, text in scene.model.hull_files.items():
             Path(folder, name).write_bytes(text)
         path = Path(folder, "robot.urdf")

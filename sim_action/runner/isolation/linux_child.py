@@ -161,8 +161,10 @@ class LinuxChild(ChildProcess):
 
 
 def _fork(job: Job, files: memory_files.MemoryFiles, writer: int) -> int:
-    sys.stdout.flush()
-    sys.stderr.flush()
+    # A stream on a full disk is no reason not to run.
+    with suppress(OSError, ValueError):
+        sys.stdout.flush()
+        sys.stderr.flush()
     # Existing objects are not garbage of the child: scanning them would take time and copy all their pages.
     gc.freeze()
     parent = os.getpid()
