@@ -49,6 +49,8 @@ def loaded(scene: Scene, client: int) -> int:
 
     path = scene.workspace.directory / "engine.urdf"
     path.write_text(scene.model.urdf)
+    for name, text in scene.model.hull_files.items():
+        path.with_name(name).write_bytes(text)
     flags = pybullet.URDF_USE_IMPLICIT_CYLINDER | pybullet.URDF_USE_INERTIA_FROM_FILE
     body = int(pybullet.loadURDF(str(path), flags=flags, physicsClientId=client))
     com = pybullet.getDynamicsInfo(body, -1, client)[3:5]

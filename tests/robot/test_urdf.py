@@ -57,10 +57,10 @@ TETRAHEDRON = (
 )
 
 
-def mesh_file(model: RobotModel) -> Path:
+def mesh_text(model: RobotModel) -> str:
     """What the engine is given for the one mesh of a model."""
     (mesh,) = ET.fromstring(model.urdf).iter("mesh")
-    return Path(mesh.attrib["filename"])
+    return model.hull_files[mesh.attrib["filename"]].decode()
 
 
 def read(folder: Path, text: str | bytes) -> RobotModel:
@@ -136,11 +136,11 @@ def test_the_engine_gets_short_lines(tmp_path: Path) -> None:
     assert ET.fromstring(model.urdf).tag == "robot"
 
 
-def test_meshes_become_absolute(tmp_path: Path) -> None:
+def test_meshes_are_given_as_text(tmp_path: Path) -> None:
     (tmp_path / "meshes").mkdir()
     (tmp_path / "meshes/part.stl").write_text(TETRAHEDRON)
     model = read(tmp_path, ARM.replace('<sphere radius="0.5"/>', '<mesh filename="meshes/part.stl"/>'))
-    assert mesh_file(model).read_text().count("\nv ") == 4
+    assert mesh_text(model).count("\nv ") == 4
     assert model.links[0].collisions[0].kind == "mesh"
     assert model.links[0].collisions[0].radius is None
 
@@ -153,7 +153,7 @@ def test_meshes_lie_in_the_workspace(tmp_path: Path) -> None:
     root = (tmp_path / "robot").resolve()
     path = root / "urdf/robot.urdf"
     path.write_text(ARM.replace('<sphere radius="0.5"/>', '<mesh filename="../meshes/part.stl"/>'))
-    assert mesh_file(read_urdf(path, Packages(Workspace(root, root)))).is_file()
+    assert mesh_text(read_urdf(path, Packages(Workspace(root, root))))
     path.write_text(ARM.replace('<sphere radius="0.5"/>', '<mesh filename="../../secret.stl"/>'))
     with pytest.raises(ModelError, match=r"robot\.urdf:6: '\.\./\.\./secret\.stl' is outside the workspace"):
         read_urdf(path, Packages(Workspace(root, root)))
@@ -167,7 +167,7 @@ def test_the_nearer_of_two_packages_is_taken_and_that_is_told(tmp_path: Path) ->
     path = tmp_path / "near/robot.urdf"
     path.write_text(ARM.replace('<sphere radius="0.5"/>', '<mesh filename="package://other/part.stl"/>'))
     model = read_urdf(path, Packages(Workspace(path.parent, tmp_path)))
-    assert mesh_file(model).is_file()
+    assert mesh_text(model)
     assert [finding.rule for finding in model.findings] == ["missing-inertia", "several-packages"]
 
 

@@ -87,9 +87,7 @@ class PyBulletEngine:
             raise EngineError(f"the engine refused the world: {error}") from None
         except OSError as error:
             self.close()
-            raise EngineError(
-                f"the engine cannot open the files of the model: {system_reason(error)}"
-            ) from None
+            raise EngineError(f"the engine cannot open the files of the model: {system_reason(error)}") from None
         self._rate = scene.physics.rate
         self._watches_contacts = channels.contacts and bool(self._objects)
         self._read_joints(scene)

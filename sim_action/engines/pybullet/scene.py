@@ -108,19 +108,26 @@ def add_pieces(
 
 def load_robot(client: int, scene: Scene) -> int:
     """Add the robot at the origin; return its number. Raise OSError or pybullet.error."""
+    try:
+        return _load_from_files(client, scene)
+    except (OSError, pybullet.error):
+        # PyBullet opens each file several times. A lack of open files may have passed by now. The script of another
+        # scenario may have removed all scratch folders.
+        Path(tempfile.gettempdir()).mkdir(parents=True, exist_ok=True)
+        return _load_from_files(client, scene)
+
+
+def _load_from_files(client: int, scene: Scene) -> int:
+    """Load the robot as `load_robot` does, once."""
     # PyBullet reads models only from files. It looks for meshes in the folder of the model first.
-    with tempfile.TemporaryDirectory(prefix="sim-action-") as folder:
+    with tempfile.TemporaryDirectory(prefix="sim-action-", ignore_cleanup_errors=True) as folder:
         if scene.model.hull_files:
             _check_open_files()
         for name, text in scene.model.hull_files.items():
             Path(folder, name).write_bytes(text)
         path = Path(folder, "robot.urdf")
         path.write_text(scene.model.urdf, encoding="utf-8")
-        try:
-            return _loaded(client, path, scene)
-        except pybullet.error:
-            # PyBullet opens each file several times. A lack of open files may have passed by now.
-            return _loaded(client, path, scene)
+        return _loaded(client, path, scene)
 
 
 def _check_open_files() -> None:

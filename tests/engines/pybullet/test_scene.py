@@ -84,12 +84,12 @@ def test_a_model_is_not_read_without_open_files(tmp_path: Path, monkeypatch: pyt
 
     def limited(path: Path, *options: Any) -> Any:
         left[0] -= 1
-        if not left[0]:
+        if left[0] <= 0:
             raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))
         return opened(path, *options)
 
     monkeypatch.setattr(Path, "open", limited)
-    with pytest.raises(EngineError, match="Too many open files"):
+    with pytest.raises(EngineError, match="too many open files"):
         ENGINES.load("pybullet")(scene)
 
 

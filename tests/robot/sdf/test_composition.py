@@ -10,7 +10,7 @@ from sim_action.core.errors import RefusedModel
 from sim_action.core.geometry import Vector3
 from sim_action.robot.robot_model import RobotModel
 from tests.robot.sdf.models import joint, link, load, load_named, near, position, sdf
-from tests.robot.test_urdf import TETRAHEDRON, mesh_file
+from tests.robot.test_urdf import TETRAHEDRON, mesh_text
 from tests.ros_workspace import written
 
 CONFIG = "<model><name>wheel</name>{}</model>"
@@ -135,7 +135,7 @@ def test_meshes_lie_beside_the_file_that_names_them(tmp_path: Path) -> None:
     written(tmp_path / "parts/wheel/model.sdf", sdf(link("rim", MESH.format("meshes/rim.stl"))))
     written(tmp_path / "parts/wheel/meshes/rim.stl", TETRAHEDRON)
     model = load(tmp_path, sdf(link("base"), include("model://wheel", "<name>w</name>"), joint("j", "base", "w::rim")))
-    assert mesh_file(model).is_file()
+    assert mesh_text(model)
 
 
 def test_a_finding_names_the_file_that_it_is_in(tmp_path: Path) -> None:
