@@ -82,11 +82,11 @@ def test_a_model_is_not_read_without_open_files(tmp_path: Path, monkeypatch: pyt
     scene = build_scene(load(tmp_path, text))
     left, opened = [3], Path.open
 
-    def limited(path: Path, *options: Any) -> Any:
+    def limited(path: Path, *options: Any, **named: Any) -> Any:
         left[0] -= 1
         if left[0] <= 0:
             raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))
-        return opened(path, *options)
+        return opened(path, *options, **named)
 
     monkeypatch.setattr(Path, "open", limited)
     with pytest.raises(EngineError, match="too many open files"):
