@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from sim_action.state.trace import Trace
     from sim_action.state.verdict import Verdict
 
-__version__ = "0.1.0"
+__version__ = "0.9.0"
 
 __all__ = [
     "CameraImage",

@@ -27,7 +27,7 @@ PUBLISHING = {
     "docs.yml": {("pages", "write"), ("id-token", "write")},  # to publish on GitHub Pages
 }
 
-OWN = re.compile(r"(?:\./|sim-action/sim-action/?)(?P<folder>[\w-]*)(?:@v1)?")
+OWN = re.compile(r"(?:\./|sim-action/sim-action/?)(?P<folder>[\w-]*)(?:@v0)?")
 USES = re.compile(r"^\s*(?:- )?uses: (?P<action>\S+)(?P<comment>.*)$", re.MULTILINE)
 REUSABLE = "./.github/workflows/"
 PINNED = re.compile(r"[\w.-]+/[\w./-]+@[0-9a-f]{40}")

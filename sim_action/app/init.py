@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 from typing import Final
 
+from sim_action import __version__
 from sim_action.core.errors import UsageError
 
 _SCENARIO: Final = """\
@@ -35,7 +36,10 @@ expect:                         # expectations (sim-action assertions lists what
 time_limit: 20 s                # sim time at which the scenario fails if a goal is not met
 """
 
-_WORKFLOW: Final = """\
+# The tag that moves to the newest release of this major version.
+_MOVING_TAG: Final = f"v{__version__.partition('.')[0]}"
+
+_WORKFLOW: Final = f"""\
 name: simulation
 on: [push, pull_request]
 permissions:
@@ -45,7 +49,7 @@ jobs:
     runs-on: ubuntu-latest
     steps:
       - uses: actions/checkout@3d3c42e5aac5ba805825da76410c181273ba90b1 # v7.0.1
-      - uses: sim-action/sim-action@v1
+      - uses: sim-action/sim-action@{_MOVING_TAG}
         with:
           scenario: simulation
 """

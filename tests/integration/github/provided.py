@@ -13,6 +13,7 @@ from typing import Final
 
 import pytest
 
+from sim_action import __version__
 from tests.integration.github.artifacts import DOWNLOAD, UPLOAD
 from tests.integration.github.caching import RESTORE, SAVE
 from tests.integration.github.composite import Action, run_composite
@@ -25,7 +26,7 @@ from tests.integration.github.steps import Use
 from tests.integration.github.stores import copy
 
 OWN_NAME: Final = "sim-action/sim-action"
-OWN_VERSION: Final = "v1"
+OWN_VERSION: Final = f"v{__version__.partition('.')[0]}"
 OWN_FOLDER: Final = Path(__file__).parents[3]
 
 

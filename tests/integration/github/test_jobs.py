@@ -117,7 +117,7 @@ def test_own_actions_are_those_of_this_checkout(perform: Perform) -> None:
     jobs = (
         job("a", runs_on="x")
         .replace("ubuntu-latest\n    runs-on: x", "macos-15-intel")
-        .replace("run: true", "uses: sim-action/sim-action@v1")
+        .replace("run: true", "uses: sim-action/sim-action@v0")
     )
     result = perform(workflow(jobs)).jobs["a"]
     assert result.result == "failure"
@@ -125,7 +125,7 @@ def test_own_actions_are_those_of_this_checkout(perform: Perform) -> None:
 
 
 @pytest.mark.parametrize(
-    "uses", ["sim-action/sim-action@v2", "sim-action/sim-action/nothing@v1", "sim-action/other@v1"]
+    "uses", ["sim-action/sim-action@v2", "sim-action/sim-action/nothing@v0", "sim-action/other@v0"]
 )
 def test_actions_that_are_not_there_are_refused(perform: Perform, uses: str) -> None:
     with pytest.raises(UnsupportedFeature, match=uses):
