@@ -16,7 +16,7 @@ import os
 import sys
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 from sim_action.cli.main import call, leave
@@ -24,6 +24,9 @@ from sim_action.core.errors import ExitCode
 from sim_action.reports.github.annotations import complaint
 
 TRUE_OR_FALSE: Final = ("true", "false")
+ROSTEST_ACTION: Final = (
+    "a rostest has its own action, sim-action/sim-action/rostest@v0, with the inputs package, file and arguments"
+)
 
 
 class InputError(Exception):
@@ -39,15 +42,22 @@ class Subcommand:
         lists: input -> option that is given for each line.
         options: input -> option that takes its value.
         switches: input -> the options for true and for false.
+        required: inputs that must not be empty.
+        single: inputs with one line at most.
+        moved: input of earlier versions -> its replacement.
     """
 
     arguments: tuple[str, ...]
     lists: Mapping[str, str]
     options: Mapping[str, str]
     switches: Mapping[str, tuple[str, ...]]
+    required: tuple[str, ...] = ()
+    single: tuple[str, ...] = ()
+    moved: Mapping[str, str] = field(default_factory=dict)
 
     def command_line(self, inputs: Mapping[str, str]) -> Iterator[str]:
-        """Its arguments. Raises InputError."""
+        """Yield its arguments. Raises InputError."""
+        self._check(inputs)
         for name, option in self.options.items():
             if value := inputs[name].strip():
                 yield f"{option}={value}"
@@ -60,12 +70,17 @@ class Subcommand:
         for name in self.arguments:
             yield from lines(inputs[name])
 
-
-def words_of(inputs: Mapping[str, str]) -> Mapping[str, str]:
-    """The inputs, with each word of a rostest in a line of its own. Raises InputError."""
-    if len(lines(inputs["rostest"])) > 1:
-        raise InputError("the input rostest is one line, PACKAGE FILE.test; use the action once for each")
-    return {**inputs, "rostest": "\n".join(inputs["rostest"].split())}
+    def _check(self, inputs: Mapping[str, str]) -> None:
+        """Raise InputError for an input that was moved, is missing, or has too many lines."""
+        for name, replacement in self.moved.items():
+            if inputs.get(name, "").strip():
+                raise InputError(f"the input {name} was removed: {replacement}")
+        for name in self.required:
+            if not lines(inputs[name]):
+                raise InputError(f"the input {name} is required, and is empty")
+        for name in self.single:
+            if len(lines(inputs[name])) > 1:
+                raise InputError(f"the input {name} must be one line, and has {len(lines(inputs[name]))}")
 
 
 _REPORTS: Final = {"output-directory": "--output-dir", "junit-path": "--junit"}
@@ -92,12 +107,21 @@ SUBCOMMANDS: Final = {
             "allow-scripts": "--allow-scripts",
         },
         switches={**_SWITCHES, "fail-fast": ("--fail-fast",), "resume": ("--resume",)},
+        moved=dict.fromkeys(("rostest", "sim-time-limit", "allow-losses"), ROSTEST_ACTION),
     ),
     "rostest": Subcommand(
-        arguments=("rostest",),
+        arguments=("package", "file", "arguments"),
         lists={},
-        options={**_REPORTS, "backend": "--backend", "seed": "--seed", "sim-time-limit": "--sim-time-limit"},
+        options={
+            **_REPORTS,
+            "backend": "--backend",
+            "seed": "--seed",
+            "sim-time-limit": "--sim-time-limit",
+            "allow-scripts": "--allow-scripts",
+        },
         switches={**_SWITCHES, "allow-losses": ("--allow-losses",)},
+        required=("package", "file"),
+        single=("package", "file"),
     ),
     "matrix": Subcommand(
         arguments=("scenario",),
@@ -158,8 +182,6 @@ def run(name: str, inputs: Mapping[str, str]) -> int:
     """The exit code. Raises InputError."""
     forgiving = "fail-on-failure" in inputs and one_of(TRUE_OR_FALSE, "fail-on-failure", inputs) == "false"
     enter(inputs["working-directory"].strip())
-    if name == "run" and inputs.get("rostest", "").strip():
-        name, inputs = "rostest", words_of(inputs)
     code = call([name, *SUBCOMMANDS[name].command_line(inputs)])
     return ExitCode.PASSED if forgiving and code == ExitCode.FAILED else code
 

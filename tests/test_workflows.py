@@ -15,6 +15,8 @@ from typing import Any
 import pytest
 import yaml
 
+from action.run import SUBCOMMANDS
+
 ROOT = Path(__file__).parent.parent
 VENV = sys.prefix
 ACTIONS = [ROOT / "action.yml", *sorted(ROOT.glob("*/action.yml"))]
@@ -126,8 +128,9 @@ def test_jobs_end_by_themselves_and_leave_no_token_on_disk(file: Path) -> None:
 def test_our_actions_get_inputs_that_they_have(file: Path) -> None:
     for step in steps(file):
         if action := own_action(step):
-            required = {key for key, value in action["inputs"].items() if value.get("required")}
-            assert required <= set(step.get("with", {})) <= set(action["inputs"])
+            inputs = {key: value for key, value in action["inputs"].items() if "deprecationMessage" not in value}
+            required = {key for key, value in inputs.items() if value.get("required")}
+            assert required <= set(step.get("with", {})) <= set(inputs)
 
 
 @every_workflow
@@ -296,9 +299,21 @@ def test_a_bad_gitlab_template_is_refused(tmp_path: Path) -> None:
     assert_refused(lint_workflows(GITLAB=template), "'allways' is not one of")
 
 
-@pytest.mark.parametrize("path", ["action.yml", "compare/action.yml", "matrix/action.yml", "merge/action.yml"])
-def test_every_input_reaches_the_command_and_every_output_comes_back(path: str) -> None:
-    action = yaml.safe_load((ROOT / path).read_text(encoding="utf-8"))
+@every_action
+def test_an_input_of_an_earlier_version_is_declared_so_that_its_value_is_seen_and_refused(file: Path) -> None:
+    removed = {name: entry for name, entry in load(file)["inputs"].items() if "deprecationMessage" in entry}
+    subcommand = SUBCOMMANDS["run" if file.parent == ROOT else file.parent.name]
+    assert removed.keys() == subcommand.moved.keys()
+    for name, entry in removed.items():
+        assert entry["default"] == ""
+        replacement = entry["deprecationMessage"].removeprefix("use ")
+        assert replacement in subcommand.moved[name]
+        assert own_action({"uses": replacement})
+
+
+@every_action
+def test_every_input_reaches_the_command_and_every_output_comes_back(file: Path) -> None:
+    action = load(file)
     last = action["runs"]["steps"][-1]
     passed = {name: value for name, value in last["env"].items() if name.startswith("INPUT_")}
     # What is installed, and whether wheels are kept, is decided before.

@@ -16,8 +16,9 @@ MOST_USED = ("scenario", "working-directory", "backend", "only", "repeat", "jobs
 
 
 def inputs(action: str, *names: str) -> str:
-    """Return the table of an action's inputs, or of the named ones only."""
-    entries = _read(action)["inputs"]
+    """Return the table of an action's inputs, or of the named ones only. Removed inputs are left out."""
+    read = _read(action)["inputs"].items()
+    entries = {name: entry for name, entry in read if "deprecationMessage" not in entry}
     rows = ((f"`{name}`", _default(entries[name]), _description(entries[name])) for name in names or entries)
     return table(("input", "default", "meaning"), rows)
 

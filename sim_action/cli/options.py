@@ -29,6 +29,14 @@ ALLOW_OUTSIDE: Final = click.option(
     help="Allow files outside the workspace. The workspace is the git repository of the scenario, else the current "
     "folder.",
 )
+ALLOW_SCRIPTS: Final = click.option(
+    "--allow-scripts",
+    type=click.Choice(("auto", "true", "false")),
+    default="auto",
+    show_default=True,
+    help="Allow code of the repository to run, such as controllers and nodes. auto: yes, except in GitHub workflows on "
+    "pull_request_target and workflow_run.",
+)
 
 
 class Bounded(click.ParamType):  # type: ignore[type-arg] # generic in new versions of click only

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from sim_action.cli.options import SEED, Bounded, report_flags, report_request
+from sim_action.cli.options import ALLOW_SCRIPTS, SEED, Bounded, report_flags, report_request
 from sim_action.core.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
@@ -65,6 +66,7 @@ _OPTIONS: Final = (
         is_flag=True,
         help="Warn about parts of the launch that are not simulated.  [default: they are an error]",
     ),
+    ALLOW_SCRIPTS,
 )
 
 
@@ -111,7 +113,10 @@ def _called(program: Program, flags: dict[str, Any]) -> ExitCode:
     from pathlib import Path
 
     from sim_action.core.process import Interruption
+    from sim_action.core.workspace import scripts_refused
 
+    if refused := scripts_refused(flags["allow_scripts"], os.environ):
+        raise UsageError(f"{program} runs nodes and launch files: {refused}")
     if sys.platform != "linux":
         raise UsageError("ROS 1 needs Linux: its packages exist for Debian 12 and Ubuntu")
     arguments: Sequence[str] = flags["arguments"]

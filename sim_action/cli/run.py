@@ -10,6 +10,7 @@ import click
 
 from sim_action.cli.options import (
     ALLOW_OUTSIDE,
+    ALLOW_SCRIPTS,
     PATHS,
     SEED,
     Bounded,
@@ -108,14 +109,7 @@ if TYPE_CHECKING:
     help="Record each run as mcap, csv, tum, gif or mp4; repeatable. mcap needs pip install '.[mcap]'; gif and mp4 "
     "need '.[video]'.",
 )
-@click.option(
-    "--allow-scripts",
-    type=click.Choice(("auto", "true", "false")),
-    default="auto",
-    show_default=True,
-    help="Allow scenarios to run code, such as controllers. auto: yes, except in GitHub workflows on "
-    "pull_request_target and workflow_run.",
-)
+@ALLOW_SCRIPTS
 @ALLOW_OUTSIDE
 def run(
     paths: Sequence[str],

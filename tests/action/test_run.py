@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from action.run import SUBCOMMANDS, InputError, enter, lines, run, set_up_time, words_of
+from action.run import SUBCOMMANDS, InputError, enter, lines, run, set_up_time
 
 ROOT = Path(__file__).parents[2]
 INPUTS = {
@@ -31,9 +31,6 @@ INPUTS = {
     "shard": "2/3",
     "report": "false",
     "record": "tum, csv",
-    "rostest": "",
-    "sim-time-limit": "",
-    "allow-losses": "false",
     "summary": "true",
     "annotations": "false",
     "fail-on-failure": "true",
@@ -148,12 +145,24 @@ def test_a_runner_gets_utf_8_whatever_the_code_page_of_the_console_is(tmp_path: 
     assert b"\r" not in ran.stdout + ran.stderr
 
 
-def test_words_of_a_rostest_are_arguments_and_never_options() -> None:
-    inputs = {**INPUTS, "rostest": " robot  moves.test side:=left --help;$(x) \n", "seed": "3", "sim-time-limit": "9"}
-    assert list(SUBCOMMANDS["rostest"].command_line(words_of(inputs))) == [
+ROSTEST = {
+    **{name: INPUTS[name] for name in ("working-directory", "output-directory", "junit-path", "junit-strict")},
+    **{name: INPUTS[name] for name in ("backend", "report", "summary", "annotations", "allow-scripts")},
+    "package": " robot\n",
+    "file": "moves.test",
+    "arguments": "side:=left\n\n --help;$(x) \n",
+    "seed": "3",
+    "sim-time-limit": "9",
+    "allow-losses": "false",
+}
+
+
+def test_inputs_of_a_rostest_are_arguments_and_never_options() -> None:
+    assert list(SUBCOMMANDS["rostest"].command_line(ROSTEST)) == [
         "--output-dir=what came out",
         "--seed=3",
         "--sim-time-limit=9",
+        "--allow-scripts=auto",
         "--no-report",
         "--summary",
         "--no-annotations",
@@ -162,12 +171,23 @@ def test_words_of_a_rostest_are_arguments_and_never_options() -> None:
     ]
 
 
-def test_one_use_of_the_action_is_one_rostest() -> None:
-    with pytest.raises(InputError, match="one line, PACKAGE FILE"):
-        words_of({**INPUTS, "rostest": "a a.test\nb b.test"})
+@pytest.mark.parametrize("name", ["package", "file"])
+@pytest.mark.parametrize(
+    ("value", "problem"), [("", "is required, and is empty"), (" \n", "empty"), ("a\nb", "must be one line, and has 2")]
+)
+def test_one_use_of_the_action_is_one_rostest(name: str, value: str, problem: str) -> None:
+    with pytest.raises(InputError, match=f"the input {name} .*{problem}"):
+        list(SUBCOMMANDS["rostest"].command_line({**ROSTEST, name: value}))
 
 
 def test_losses_are_allowed_only_if_the_input_says_so() -> None:
     for stated in ("true", "false"):
-        inputs = words_of({**INPUTS, "rostest": "a a.test", "allow-losses": stated})
+        inputs = {**ROSTEST, "allow-losses": stated}
         assert ("--allow-losses" in SUBCOMMANDS["rostest"].command_line(inputs)) == (stated == "true")
+
+
+@pytest.mark.parametrize("name", ["rostest", "sim-time-limit", "allow-losses"])
+def test_a_removed_input_names_the_action_that_has_it(name: str) -> None:
+    removed = f"the input {name} was removed: .* sim-action/sim-action/rostest@v0, with the inputs package, file and"
+    with pytest.raises(InputError, match=removed):
+        run("run", {**INPUTS, name: "false"})

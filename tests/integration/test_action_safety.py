@@ -155,6 +155,35 @@ def test_scripts_of_strangers_wait_for_permission(runner: Runner, event: str) ->
     assert (runner.workspace / "pwned").exists()
 
 
+@pytest.mark.parametrize("event", ["pull_request_target", "workflow_run"])
+def test_nodes_of_strangers_wait_for_permission(runner: Runner, event: str) -> None:
+    refused = replace(runner, event_name=event).run(ACTION / "rostest", ROSTEST)
+    assert refused.exit_code == 2
+    assert refused.annotations[0].message.startswith("rostest runs nodes and launch files: scripts are not run on")
+    assert event in refused.annotations[0].message
+    refused = runner.run(ACTION / "rostest", {**ROSTEST, "allow-scripts": "false"})
+    assert "allow-scripts is false" in refused.annotations[0].message
+
+
+ROSTEST = {"package": "robot", "file": "a.test", "ros1": "false"}
+
+
+@pytest.mark.parametrize("text", soaked(HOSTILE, short=SOME_HOSTILE))
+def test_inputs_of_rostest_are_text(runner: Runner, text: str) -> None:
+    inputs = {"package": text, "file": text, "arguments": text, "sim-time-limit": text}
+    result = runner.run(ACTION / "rostest", {**ROSTEST, **inputs})
+    assert result.exit_code == 2, result.log
+    assert_harmless(result, runner)
+
+
+def test_a_removed_input_is_refused_with_its_replacement(runner: Runner) -> None:
+    write(runner.workspace / "straight.sim.yml", TUTORIAL)
+    result = runner.run(ACTION, {"rostest": "robot a.test"})
+    assert result.exit_code == 2
+    assert "the input rostest was removed: a rostest has its own action" in result.annotations[0].message
+    assert not (runner.workspace / "sim-results").exists()
+
+
 def test_modules_of_the_caller_do_not_stand_in_for_ours(runner: Runner) -> None:
     for name in ("click", "yaml", "sim_action", "sitecustomize"):
         write(runner.workspace / f"{name}.py", IMPOSTOR)

@@ -218,7 +218,7 @@ def repository_with_some_examples(tmp_path: Path) -> Path:
     """
     folder = tmp_path / "small repository"
     shutil.copytree(ACTION / ".github", folder / ".github")
-    for name in ("action", "matrix", "merge", "compare", "sim_action"):
+    for name in ("action", "matrix", "merge", "compare", "rostest", "sim_action"):
         shutil.copytree(ACTION / name, folder / name)
     for file in (ACTION / "action.yml", *ACTION.glob("*.lock")):
         shutil.copy(file, folder)
