@@ -42,6 +42,11 @@ def scripts_refused(choice: AllowScripts, environment: Mapping[str, str]) -> str
     return None
 
 
+def is_of_git(path: Path) -> bool:
+    """Return True if a path leads into a folder of git; some systems do not distinguish `.git` and `.GIT`."""
+    return any(part.casefold() == ".git" for part in path.parts)
+
+
 class PathError(ValueError):
     """A path that leads to no file, or out of the workspace."""
 
@@ -87,6 +92,17 @@ class Workspace:
         """Return the absolute path of a file or folder that a scenario names. Raise PathError."""
         return self._found(path)[0]
 
+    def refusal(self, found: Path) -> str | None:
+        """Return the reason why a file may not be read, which continues a sentence with its name; None: it may.
+
+        :param found: an absolute path whose links are resolved.
+        """
+        if not found.is_relative_to(self.root):
+            return None if self.allow_outside else f"is outside the workspace {self.root}"
+        if is_of_git(found.relative_to(self.root)):
+            return f"is in the folder .git of {self.root}, which can hold credentials and is never read"
+        return None
+
     def new_file(self, path: str) -> Path:
         """Return the absolute path of a file to write, inside the root and not behind a link.
 
@@ -100,7 +116,7 @@ class Workspace:
             is_folder = new.is_dir()
         except OSError as error:  # too long
             raise PathError(f"{path!r} is not a valid path: {error}") from None
-        if not new.is_relative_to(self.root) or ".git" in new.relative_to(self.root).parts:
+        if not new.is_relative_to(self.root) or is_of_git(new.relative_to(self.root)):
             raise PathError(f"'{path}' cannot be written: it is outside the workspace {self.root}")
         if links:
             raise PathError(f"'{path}' cannot be written: {links[-1]} is a link; remove it")
@@ -122,8 +138,9 @@ class Workspace:
             is_file, is_folder = found.is_file(), found.is_dir()
         except (OSError, ValueError, RuntimeError) as error:  # too long, a NUL in it, links in a circle
             raise PathError(f"{path!r} is not a valid path: {error}") from None
-        if not self.allow_outside and not found.is_relative_to(self.root):
-            raise PathError(f"'{path}' is outside the workspace {self.root}; allow it with --allow-outside")
+        if refusal := self.refusal(found):
+            remedy = "name another file" if found.is_relative_to(self.root) else "allow it with --allow-outside"
+            raise PathError(f"'{path}' {refusal}; {remedy}")
         if not is_file and not is_folder:
             raise PathError(f"'{path}' does not exist (looked for {found})")
         return found, is_folder

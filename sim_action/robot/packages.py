@@ -122,26 +122,14 @@ class Packages:
 
     def may_read(self, path: Path) -> bool:
         """Return True if a file or folder may be read; links in `path` must be resolved."""
-        return (
-            self.workspace.allow_outside
-            or path.is_relative_to(self.workspace.root)
-            or self._environment_folders.contains(path)
-        )
+        if path.is_relative_to(self.workspace.root):
+            return self.workspace.refusal(path) is None
+        return self.workspace.refusal(path) is None or self._environment_folders.contains(path)
 
     def file(self, path: Path, reference: str) -> Path:
         """Return the file at an absolute path; `reference` is its text in the referring file. Raises PackageError."""
-        try:
-            found = path.resolve()
-            # %20 means a space, as in a URL, if no file has the literal name.
-            if not found.exists() and "%" in reference:
-                found = Path(unquote(str(path))).resolve()
-            is_file, is_folder, is_there = found.is_file(), found.is_dir(), found.exists()
-        except (OSError, ValueError, RuntimeError) as error:  # too long, contains a NUL, or a loop of links
-            raise PackageError("bad-reference", f"{reference!r} is not a valid path: {error}") from None
-        if not self.may_read(found):
-            portable = "; better: a path relative to the referring file, or package://, works on every machine"
-            is_absolute = reference.startswith(("/", "file:"))
-            raise self._outside(f"'{reference}'", found, portable if is_absolute else "")
+        found = self.place(path, reference)
+        is_file, is_folder, is_there = found.is_file(), found.is_dir(), found.exists()
         if is_there and not is_file and not is_folder:
             raise PackageError("missing-file", f"'{reference}' is not a regular file (looked for {found})")
         if not is_file:
@@ -149,6 +137,25 @@ class Packages:
             raise PackageError(
                 "missing-file", f"'{reference}' {reason} (looked for {found}){self._similar_name(found)}"
             )
+        return found
+
+    def place(self, path: Path, reference: str) -> Path:
+        """Return the absolute path of a file that may be read, with its links resolved; it may be missing.
+
+        Raises PackageError.
+        """
+        try:
+            found = path.resolve()
+            # %20 means a space, as in a URL, if no file has the literal name.
+            if not found.exists() and "%" in reference:
+                found = Path(unquote(str(path))).resolve()
+                found.exists()
+        except (OSError, ValueError, RuntimeError) as error:  # too long, contains a NUL, or a loop of links
+            raise PackageError("bad-reference", f"{reference!r} is not a valid path: {error}") from None
+        if not self.may_read(found):
+            portable = "; better: a path relative to the referring file, or package://, works on every machine"
+            is_absolute = reference.startswith(("/", "file:"))
+            raise self._outside(f"'{reference}'", found, portable if is_absolute else "")
         return found
 
     def _package(self, name: str, here: Path) -> Found | None:
@@ -188,8 +195,9 @@ class Packages:
         return EnvironmentFolders(self.environment)
 
     def _outside(self, what: str, found: Path, advice: str = "") -> PackageError:
-        where = f"is outside the workspace {self.workspace.root} (it is {found})"
-        return PackageError("outside-workspace", f"{what} {where}; allow it with --allow-outside{advice}")
+        where = f"{self.workspace.refusal(found)} (it is {found})"
+        lifted = "name another file" if found.is_relative_to(self.workspace.root) else "allow it with --allow-outside"
+        return PackageError("outside-workspace", f"{what} {where}; {lifted}{advice}")
 
     def _missing(self, kind: str, name: str, here: Path, variables: Iterable[str]) -> PackageError:
         inside, root = self._inside, self.workspace.root

@@ -8,6 +8,7 @@ import pytest
 
 from sim_action.core.errors import InvalidScenario
 from sim_action.core.workspace import PathError, Permissions, Workspace, scripts_refused
+from sim_action.robot.packages import PackageError, Packages
 from sim_action.scenario.loading import load_scenario
 
 SCRIPTED = """\
@@ -121,6 +122,28 @@ def test_a_path_that_leads_outside_is_refused(repository: Path, path: str) -> No
 @pytest.mark.parametrize("path", ["../../outside.urdf", "../link.urdf", "../folder_link/outside.urdf"])
 def test_allow_outside_lifts_it(repository: Path, path: str) -> None:
     assert around(repository, allow_outside=True).file(path).name == "outside.urdf"
+
+
+@pytest.mark.parametrize(
+    "path", [".git/config", "scenarios/../.git/config", ".GIT/config", "linked", "sub/.git/config"]
+)
+@pytest.mark.parametrize("allow_outside", [False, True])
+def test_files_of_git_are_never_read(path: str, allow_outside: bool, repository: Path) -> None:
+    (repository / "linked").symlink_to(".git/config")
+    for folder in (".git", ".GIT", "sub/.git"):
+        (repository / folder).mkdir(parents=True, exist_ok=True)
+        (repository / folder / "config").write_text("secret")
+    workspace = Workspace(repository, repository, allow_outside=allow_outside)
+    with pytest.raises(PathError, match=r"is in the folder \.git of .*; name another file"):
+        workspace.file(path)
+    with pytest.raises(PackageError, match=r"is in the folder \.git of .*; name another file"):
+        Packages(workspace, {}).file(repository / path, path)
+
+
+def test_a_name_that_resembles_that_of_git_is_fine(repository: Path) -> None:
+    (repository / ".github").mkdir()
+    (repository / ".github/a.csv").write_text("x")
+    assert Workspace(repository, repository).file(".github/a.csv").name == "a.csv"
 
 
 def test_a_sibling_whose_name_begins_alike_is_outside(repository: Path) -> None:
