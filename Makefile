@@ -6,7 +6,7 @@ LOCK := $(BIN)/uv pip compile pyproject.toml --quiet --universal --generate-hash
   --only-binary :all: --no-annotate --no-emit-index-url --no-emit-find-links --custom-compile-command 'make lock'
 
 ACTIONS := $(wildcard action.yml */action.yml)
-WORKFLOWS := $(wildcard .github/workflows/*.yml examples/workflows/*.yml)
+WORKFLOWS := $(wildcard .github/workflows/*.yml examples/workflows/*.yml demo/.github/workflows/*.yml)
 GITLAB := $(wildcard examples/gitlab/.gitlab-ci.yml)
 PRE_COMMIT := .pre-commit-hooks.yaml examples/pre-commit/.pre-commit-config.yaml
 
@@ -20,7 +20,7 @@ HAS_NODE = $(WITH_NODE) node -e 'process.exit(parseInt(process.versions.node) < 
 # A shell that forbids bytecode would have each of the thousands of processes of a test run compile what it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: viewer screenshots demo check check-tests test soak coverage lint lint-style lint-layers $(TYPES) lint-workflows lint-viewer format docs robots accuracy picture bench fuzz mutants lock clean
+.PHONY: viewer screenshots demo demo-pictures check check-tests test soak coverage lint lint-style lint-layers $(TYPES) lint-workflows lint-viewer format docs robots accuracy picture bench fuzz mutants lock clean
 
 demo: $(VENV)/.installed ## run the scenario at the top of README.md
 	@$(BIN)/sim-action run examples/turtlebot3/straight_line.sim.yml
@@ -105,6 +105,9 @@ picture: $(VENV)/.dev ## draw the pictures for the documents
 
 screenshots: $(VENV)/.dev viewer ## take the pictures of report.html for the documents
 	$(BIN)/python docs/screenshots.py
+
+demo-pictures: $(VENV)/.dev viewer ## take the pictures of demo/: the views of a reviewer after its patch
+	$(BIN)/python -m docs.demo_pictures
 
 bench: $(VENV)/.dev viewer ## ratios against the raw engine; what cannot be measured here is named with its reason
 	$(BIN)/python -m bench.run

@@ -22,6 +22,7 @@ VENV = sys.prefix
 ACTIONS = [ROOT / "action.yml", *sorted(ROOT.glob("*/action.yml"))]
 TEMPLATES = sorted((ROOT / "examples/workflows").glob("*.yml"))
 WORKFLOWS = sorted((ROOT / ".github/workflows").glob("*.yml")) + TEMPLATES
+WORKFLOWS += sorted((ROOT / "demo/.github/workflows").glob("*.yml"))
 LEAST = ROOT / "examples/workflows/simulation.yml"  # ten lines, to be read at a glance
 
 PUBLISHING = {

@@ -1,11 +1,11 @@
-/** `node screenshot.mjs PAGE PICTURE WIDTH HEIGHT BROWSER [dark]`: what somebody sees who opens the page. */
+/** `node screenshot.mjs PAGE PICTURE WIDTH HEIGHT BROWSER [light|dark] [SELECTOR]`: a picture of a page, once an element is there. */
 
 import { pathToFileURL } from "node:url";
 import { visit } from "./browser.mjs";
 
-const [file, picture, width, height, executable, dark] = process.argv.slice(2);
-const how = { executable, width: Number(width), height: Number(height), dark: dark === "dark" };
+const [file, picture, width, height, executable, colours, selector] = process.argv.slice(2);
+const how = { executable, width: Number(width), height: Number(height), dark: colours === "dark" };
 await visit(pathToFileURL(file).href, how, async (page) => {
-  await page.waitForSelector(".scenario.live .view canvas[data-kind]");
+  await page.waitForSelector(selector ?? ".scenario.live .view canvas[data-kind]");
   await page.screenshot({ path: picture });
 });
