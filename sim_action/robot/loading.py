@@ -121,7 +121,9 @@ def check_text(robot: Robot, workspace: Workspace) -> tuple[str, ...]:
     packages = Packages(workspace, robot.packages)
     path = _path(robot.model, packages)
     if robot.is_mjcf:
-        read_document(path)
+        from sim_action.robot.mjcf_files import collect_files
+
+        collect_files(path, packages)
         return (f"links and joints of {robot.model}: MuJoCo reads the file when the scenario runs",)
     from sim_action.robot.xacro_check import check_xacro_text
 

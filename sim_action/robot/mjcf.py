@@ -20,7 +20,8 @@ from sim_action.core.errors import Location, ModelError
 from sim_action.core.geometry import Pose
 from sim_action.robot.audit.elements import no_bounce
 from sim_action.robot.audit.rules import finding, refuse_errors
-from sim_action.robot.packages import PackageError, Packages
+from sim_action.robot.mjcf_files import MjcfFiles, collect_files
+from sim_action.robot.packages import Packages
 from sim_action.robot.robot_model import (
     WORLD,
     Finding,
@@ -33,14 +34,13 @@ from sim_action.robot.robot_model import (
     Surface,
     Visual,
 )
-from sim_action.robot.xml_document import ModelDocument, read_document, shown_file
+from sim_action.robot.xml_document import shown_file
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
 
-_MAX_INCLUDED: Final = 100
 # Elements that the scenario defines itself, or that have no effect.
 _UNUSED: Final = ("keys", "sensors", "actuators", "tuples", "pairs", "excludes")
 # MuJoCo's default colour of a geom.
@@ -64,15 +64,15 @@ def read_mjcf(path: Path, packages: Packages, allow: Iterable[str] = ()) -> Robo
     :param allow: rules of the audit whose errors are accepted.
     """
     mujoco = _engine(path)
-    documents = list(_documents(path, path, packages, []))
+    files = collect_files(path, packages)
     warnings: list[str] = []
     before = mujoco.get_mju_user_warning()
     # By default, MuJoCo writes warnings into a file in the working directory.
     mujoco.set_mju_user_warning(warnings.append)
     try:
-        model = _read(mujoco, path, documents, packages)
+        model = _read(mujoco, path, files)
     except (ValueError, OSError, mujoco.FatalError) as error:
-        raise _refusal(path, error) from None
+        raise _refusal(path, files, error) from None
     finally:
         mujoco.set_mju_user_warning(before)
     numberless = next((warning for warning in warnings if "NaN" in warning), None)
@@ -83,10 +83,9 @@ def read_mjcf(path: Path, packages: Packages, allow: Iterable[str] = ()) -> Robo
     return replace(model, findings=findings)
 
 
-def _read(mujoco: Any, path: Path, documents: list[tuple[Path, ModelDocument]], packages: Packages) -> RobotModel:
-
-    spec = _parsed(mujoco, path, documents)
-    _embed_meshes(spec, path, packages)
+def _read(mujoco: Any, path: Path, files: MjcfFiles) -> RobotModel:
+    spec = mujoco.MjSpec.from_string(files.text, include=dict(files.models))
+    _embed_meshes(spec, files)
     limits = _actuator_limits(mujoco, spec)
     _leave_out(spec, path)
     _name_all(spec)
@@ -103,53 +102,27 @@ def _engine(path: Path) -> Any:
     return mujoco
 
 
-def _documents(file: Path, main: Path, packages: Packages, above: list[Path]) -> Iterator[tuple[Path, ModelDocument]]:
-    document = read_document(file)
-    yield file, document
-    for element in document.root.iter("include"):
-        place = document.places[element]
-        # In MJCF, all paths are relative to the main file.
-        included = _inside(main.parent / element.get("file", ""), element.get("file", ""), packages, place)
-        if included in above or len(above) > _MAX_INCLUDED:
-            raise ModelError(
-                f"'{element.get('file', '')}' includes itself, or more than {_MAX_INCLUDED} files are nested", place
-            )
-        yield from _documents(included, main, packages, [*above, included])
-
-
-def _inside(path: Path, reference: str, packages: Packages, place: Location) -> Path:
-    try:
-        return packages.file(path, reference)
-    except PackageError as error:
-        raise ModelError(str(error), place) from None
-
-
-def _parsed(mujoco: Any, path: Path, documents: list[tuple[Path, ModelDocument]]) -> Any:
-    included = {str(file.relative_to(path.parent)): file.read_bytes() for file, _ in documents[1:]}
-    return mujoco.MjSpec.from_string(path.read_text(encoding="utf-8"), include=included)
-
-
-def _refusal(path: Path, error: Exception) -> ModelError:
+def _refusal(path: Path, files: MjcfFiles, error: Exception) -> ModelError:
     message = " ".join(str(error).split())
-    line = re.search(r"line (\d+)", message)
-    return ModelError(
-        f"MuJoCo cannot read the model: {message}", Location(shown_file(path), int(line[1]) if line else None)
-    )
+    numbers = [int(number) for number in re.findall(r"line (\d+)", message)]
+    places = [place for place in map(files.place, numbers) if place]
+    for number, place in zip(numbers, places, strict=False):
+        message = message.replace(f"line {number}", f"line {place.line}")
+    return ModelError(f"MuJoCo cannot read the model: {message}", places[0] if places else Location(shown_file(path)))
 
 
-def _embed_meshes(spec: Any, path: Path, packages: Packages) -> None:
+def _embed_meshes(spec: Any, files: MjcfFiles) -> None:
     """Replace mesh files by vertices and faces from our own readers: MuJoCo must not open untrusted files."""
     from sim_action.meshes import MeshError, parsed_mesh
 
-    where = Location(shown_file(path))
     for mesh in spec.meshes:
         if not mesh.file:
             continue
-        file = _inside(path.parent / spec.compiler.meshdir / mesh.file, mesh.file, packages, where)
+        found = files.meshes[mesh.file]
         try:
-            parsed = parsed_mesh(file)
+            parsed = parsed_mesh(found.path)
         except MeshError as error:
-            raise ModelError(f"mesh '{mesh.file}': {error} [{error.rule}]", where) from None
+            raise ModelError(f"mesh '{found.name}': {error} [{error.rule}]", found.place) from None
         mesh.file = ""
         mesh.uservert = parsed.points_xyz.ravel().tolist()
         mesh.userface = [int(row) for part in parsed.parts for row in part.ravel()]
@@ -170,11 +143,9 @@ def _actuator_limits(mujoco: Any, spec: Any) -> dict[str, float]:
 
 def _leave_out(spec: Any, path: Path) -> None:
     bodies = [body for body in spec.worldbody.bodies if not body.mocap]
-    if len(bodies) != 1 or spec.flexes or spec.plugins:
-        found = f"{len(bodies)} bodies in its world" if len(bodies) != 1 else "soft bodies or plugins"
-        raise ModelError(
-            f"a robot must be one body with its children, but the model has {found}", Location(shown_file(path))
-        )
+    if len(bodies) != 1:
+        found = f"the model has {len(bodies)} bodies in its world"
+        raise ModelError(f"a robot must be one body with its children, but {found}", Location(shown_file(path)))
     dropped = [element for kind in (*_UNUSED, *_VISUAL) for element in getattr(spec, kind)]
     dropped += [*spec.worldbody.geoms, *spec.worldbody.sites]
     dropped += [body for body in spec.worldbody.bodies if body.mocap]
@@ -182,6 +153,19 @@ def _leave_out(spec: Any, path: Path) -> None:
         _keep_colour(spec, geom)
     for element in dropped:
         spec.delete(element)
+    _leave_out_heightfields(spec, path)
+
+
+def _leave_out_heightfields(spec: Any, path: Path) -> None:
+    """Leave out heightfields that the robot does not use, and refuse files of the others."""
+    used = {geom.hfieldname: geom.name for geom in spec.geoms if geom.hfieldname}
+    for field in list(spec.hfields):
+        if field.name in used and field.file:
+            found = f"heightfield '{field.name}' of geom '{used[field.name]}' is read from a file"
+            remedy = "state its 'elevation' in the model, or make it a body of the scenario's world"
+            raise ModelError(f"{found}, which is not supported; {remedy}", Location(shown_file(path)))
+        if field.name not in used:
+            spec.delete(field)
 
 
 def _keep_colour(spec: Any, geom: Any) -> None:
