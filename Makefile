@@ -51,6 +51,7 @@ lint-style: $(VENV)/.dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/python -m docs.style
+	$(BIN)/python -m docs.release check
 
 lint-layers: $(VENV)/.dev
 	$(BIN)/lint-imports

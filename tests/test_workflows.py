@@ -16,6 +16,7 @@ import pytest
 import yaml
 
 from action.run import SUBCOMMANDS
+from docs.release import moving_tag, read_version
 
 ROOT = Path(__file__).parent.parent
 VENV = sys.prefix
@@ -30,7 +31,7 @@ PUBLISHING = {
     "docs.yml": {("pages", "write"), ("id-token", "write")},  # to publish on GitHub Pages
 }
 
-OWN = re.compile(r"(?:\./|sim-action/sim-action/?)(?P<folder>[\w-]*)(?:@v0)?")
+OWN = re.compile(rf"(?:\./|sim-action/sim-action/?)(?P<folder>[\w-]*)(?:@{moving_tag(read_version())})?")
 USES = re.compile(r"^\s*(?:- )?uses: (?P<action>\S+)(?P<comment>.*)$", re.MULTILINE)
 REUSABLE = "./.github/workflows/"
 PINNED = re.compile(r"[\w.-]+/[\w./-]+@[0-9a-f]{40}")
