@@ -2,8 +2,10 @@
 PYTHON ?= $(shell for name in python3.11 python3.12 python3.13 python3.14 python3 python; do "$$name" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 14))' 2>/dev/null && echo "$$name" && break; done)
 VENV := .venv
 BIN := $(VENV)/bin
-LOCK := $(BIN)/uv pip compile pyproject.toml --quiet --universal --generate-hashes --python-version 3.11 \
+COMPILE := $(BIN)/uv pip compile --quiet --universal --generate-hashes --python-version 3.11 \
   --only-binary :all: --no-annotate --no-emit-index-url --no-emit-find-links --custom-compile-command 'make lock'
+LOCK := $(COMPILE) pyproject.toml
+RELEASE_LOCK := $(COMPILE) .ci/release/requirements.in
 
 ACTIONS := $(wildcard action.yml */action.yml)
 WORKFLOWS := $(wildcard .github/workflows/*.yml examples/workflows/*.yml demo/.github/workflows/*.yml)
@@ -130,6 +132,8 @@ lock: $(VENV)/.installed ## what the action installs
 	# The same versions without what simulates, for the actions that only deal, and join: reports read traces.
 	$(LOCK) --constraint requirements.lock --no-emit-package numpy --no-emit-package pybullet --no-emit-package mujoco-core --output-file requirements-core.lock
 	$(LOCK) --constraint requirements.lock --no-emit-package pybullet --no-emit-package mujoco-core --output-file requirements-reports.lock
+	# The tools of release.yml.
+	$(RELEASE_LOCK) --upgrade --output-file .ci/release/requirements.txt
 
 $(VENV)/bin/python:
 	@test -n "$(PYTHON)" || { echo "sim-action needs Python 3.11 to 3.14, for which its engines have wheels; install python3.11 and its venv module"; exit 1; }

