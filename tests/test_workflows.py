@@ -27,7 +27,8 @@ WORKFLOWS += sorted((ROOT / "demo/.github/workflows").glob("*.yml"))
 LEAST = ROOT / "examples/workflows/simulation.yml"  # ten lines, to be read at a glance
 
 PUBLISHING = {
-    "release.yml": {("contents", "write")},  # to push tags
+    # To push tags and make a release, to attest and publish, and to read what came of CI.
+    "release.yml": {("contents", "write"), ("id-token", "write"), ("attestations", "write"), ("actions", "read")},
     "docs.yml": {("pages", "write"), ("id-token", "write")},  # to publish on GitHub Pages
 }
 
@@ -115,7 +116,7 @@ def test_where_a_job_may_write_no_code_of_the_repository_runs(file: Path) -> Non
         if "write" in job.get("permissions", {}).values():
             assert not any(own_action(step) for step in job["steps"])
             commands = [line for step in job["steps"] for line in step.get("run", "").splitlines()]
-            assert all(command.startswith("git ") for command in commands)
+            assert all(command.startswith(("git ", "gh ")) for command in commands)
 
 
 @every_workflow

@@ -1,0 +1,230 @@
+"""The steps of release.yml do what they should, once and when they are repeated; no other machine is reached."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.integration.release_steps import DATE, ROOT, Machine, git, jobs
+
+VIEWER = "sim_action/reports/viewer/viewer3d.json"
+PACKAGE = "sim_action/__init__.py"
+
+
+@pytest.fixture
+def machine(tmp_path: Path) -> Machine:
+    """A machine, and the repository on its server: a commit on main with what the steps read."""
+    machine = Machine(tmp_path)
+    source = tmp_path / "source"
+    for name, text in {
+        PACKAGE: '__version__ = "0.9.0"\n',
+        "CHANGELOG.md": "# Changelog\n\n## Unreleased\n\n## 0.9.0 (2026-11-30)\n\nThe first one.\n",
+        ".gitignore": (ROOT / ".gitignore").read_text(encoding="utf-8"),
+        "sim_action/reports/viewer/page.js": "",
+    }.items():
+        (source / name).parent.mkdir(parents=True, exist_ok=True)
+        (source / name).write_text(text, encoding="utf-8")
+    (source / "docs").mkdir()
+    shutil.copy(ROOT / "docs/release.py", source / "docs")
+    git(tmp_path, "init", "--quiet", "--initial-branch=main", "source")
+    git(source, "add", ".")
+    git(source, "commit", "--quiet", "--message", "The tree of main")
+    machine.server.mkdir()
+    git(machine.server, "clone", "--quiet", "--bare", str(source), "octocat/robots")
+    return machine
+
+
+def checkout(machine: Machine, name: str, ref: str = "main") -> Path:
+    """A checkout as the action of that name makes it: one commit, and no credentials."""
+    address = f"file://{machine.server}/octocat/robots"
+    git(machine.folder, "clone", "--quiet", "--depth=1", f"--branch={ref}", address, name)
+    return machine.folder / name
+
+
+def tags(machine: Machine) -> dict[str, str]:
+    lines = git(
+        machine.server / "octocat/robots", "for-each-ref", "refs/tags", "--format=%(refname:short) %(objectname)"
+    )
+    return dict(line.split() for line in lines.splitlines())
+
+
+def tag(machine: Machine, name: str, viewer: str = "{}") -> int:
+    """Runs the job `tag` in a fresh checkout, and returns the exit code of its push."""
+    folder = checkout(machine, name)
+    (folder / VIEWER).write_text(viewer, encoding="utf-8")
+    committed = machine.run("tag", "Commit and tag", folder)
+    assert committed.returncode == 0, committed.stderr
+    return machine.run("tag", "Push the tag", folder).returncode
+
+
+def test_the_version_is_checked_before_anything_else(machine: Machine) -> None:
+    folder = checkout(machine, "work")
+    ran = machine.run("check", "Check that everything agrees", folder)
+    assert (ran.returncode, ran.stdout) == (0, "release: everything agrees on version 0.9.0\n")
+    other = Machine(machine.folder, version="0.9.1; true")
+    ran = other.run("check", "Check that everything agrees", folder)
+    assert (ran.returncode, ran.stdout) == (
+        1,
+        f'{PACKAGE}:1: __version__ is "0.9.0", but the tag is v0.9.1; true\n',
+    )
+
+
+@pytest.mark.parametrize(
+    ("printed", "code", "message"),
+    [
+        ("success", 0, ""),
+        ("failure", 1, "::error::CI has not passed for c0ffee (failure): "),
+        ("", 1, "::error::CI has not passed for c0ffee (no result yet): "),
+    ],
+)
+def test_a_commit_without_a_pass_of_ci_is_refused(tmp_path: Path, printed: str, code: int, message: str) -> None:
+    machine = Machine(tmp_path, programs={"gh": f"echo '{printed}'"})
+    ran = machine.run("check", "Check that CI", tmp_path)
+    assert ran.returncode == code
+    assert ran.stdout.startswith(message)
+    (call,) = machine.called("gh")
+    assert call.startswith("run list --repo octocat/robots --workflow ci.yml --event push --commit c0ffee --limit 1 ")
+
+
+def test_a_commit_is_refused_if_github_does_not_answer(tmp_path: Path) -> None:
+    machine = Machine(tmp_path, programs={"gh": "exit 4"})
+    assert machine.run("check", "Check that CI", tmp_path).returncode == 4
+
+
+def test_the_tag_is_main_with_the_viewer_and_the_same_commit_when_repeated(machine: Machine) -> None:
+    folder = checkout(machine, "work")
+    assert machine.run("check", "Read the date", folder).returncode == 0
+    assert (machine.temp / "GITHUB_OUTPUT").read_text(encoding="utf-8") == f"date={DATE}\n"
+    assert tag(machine, "first") == 0
+    assert tags(machine).keys() == {"v0.9.0"}
+    first = tags(machine)
+    server = machine.server / "octocat/robots"
+    assert git(server, "rev-parse", "v0.9.0^") == git(server, "rev-parse", "main")
+    assert git(server, "diff", "--name-status", "main", "v0.9.0") == f"A\t{VIEWER}"
+    assert tag(machine, "again") == 0
+    assert tags(machine) == first
+    assert tag(machine, "other", viewer="[]") != 0
+    assert tags(machine) == first
+
+
+def test_the_tag_of_the_major_version_moves_to_the_new_release(machine: Machine) -> None:
+    assert tag(machine, "first") == 0
+    work = checkout(machine, "work", "v0.9.0")
+    for _ in range(2):
+        assert machine.run("move", "Push the tag", work).returncode == 0
+        assert tags(machine)["v0"] == tags(machine)["v0.9.0"]
+    later = Machine(machine.folder, version="0.10.0")
+    (later.folder / "source/new").write_text("")
+    source = later.folder / "source"
+    git(source, "add", ".")
+    git(source, "commit", "--quiet", "--message", "More")
+    git(source, "push", "--quiet", str(later.server / "octocat/robots"), "main")
+    assert tag(later, "second") == 0
+    assert later.run("move", "Push the tag", checkout(later, "moved", "v0.10.0")).returncode == 0
+    assert tags(later)["v0"] == tags(later)["v0.10.0"] != tags(later)["v0.9.0"]
+    assert Machine(machine.folder, version="1.2.3").run("move", "Push the tag", work).returncode == 0
+    assert tags(machine).keys() == {"v0", "v0.9.0", "v0.10.0", "v1"}
+
+
+# As `gh` does: a release is there as soon as it has been made, also as a draft.
+RELEASES = """
+case "$1 $2" in
+  "release view") test -e released ;;
+  "release create") touch released ;;
+esac
+"""
+
+
+def test_a_release_is_made_once_and_completed_when_repeated(tmp_path: Path) -> None:
+    for name in ("dist/a.whl", "dist/b.tar.gz", "release/notes.md", "release/sim-action-0.9.0.cdx.json"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(name)
+    machine = Machine(tmp_path, programs={"gh": RELEASES})
+    assert machine.run("github", "Make the release", tmp_path).returncode == 0
+    create = "release create v0.9.0 --draft --verify-tag --title v0.9.0 --notes-file release/notes.md"
+    upload = "release upload v0.9.0 dist/a.whl dist/b.tar.gz release/sim-action-0.9.0.cdx.json --clobber"
+    publish = "release edit v0.9.0 --draft=false --latest --notes-file release/notes.md"
+    assert machine.called("gh") == ["release view v0.9.0", create, upload, publish]
+    assert machine.run("github", "Make the release", tmp_path).returncode == 0
+    assert machine.called("gh")[4:] == ["release view v0.9.0", upload, publish]
+
+
+def test_a_release_stays_a_draft_if_a_file_is_missing_from_it(tmp_path: Path) -> None:
+    machine = Machine(tmp_path, programs={"gh": RELEASES + 'test "$2" != upload'})
+    assert machine.run("github", "Make the release", tmp_path).returncode != 0
+    assert not any("--draft=false" in call for call in machine.called("gh"))
+
+
+def test_the_published_package_is_awaited_and_runs_the_tutorial(tmp_path: Path) -> None:
+    (tmp_path / "work").mkdir()
+    programs = {
+        # The index lags: the third attempt finds the version.
+        "python": f'test "$(wc -l < "{tmp_path}/python.log")" -ge 3',
+        "sleep": "",
+        "sim-action": f'export PYTHONPATH="{ROOT}"; exec "{sys.executable}" -m sim_action "$@"',
+    }
+    machine = Machine(tmp_path, programs=programs)
+    installed = machine.run("install", "Install", tmp_path / "work")
+    assert installed.returncode == 0, installed.stderr
+    assert machine.called("python") == ["-m pip install --quiet --no-cache-dir sim-action==0.9.0"] * 3
+    assert machine.called("sleep") == ["30"] * 2
+    ran = machine.run("install", "Run the first steps", tmp_path / "work")
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    assert machine.called("sim-action") == ["--version", "init hello", "run hello", "run hello"]
+
+
+@pytest.mark.parametrize(
+    "printed", ["sim-action, version 0.8.0", "sim-action, version 0.9.0.dev1", ""], ids=["older", "other", "none"]
+)
+def test_another_version_on_the_index_fails(tmp_path: Path, printed: str) -> None:
+    programs = {"python": "exit 1", "sleep": "", "sim-action": f"echo '{printed}'"}
+    assert Machine(tmp_path, programs=programs).run("install", "Install", tmp_path).returncode == 1
+
+
+def test_the_tutorial_fails_if_the_wall_is_not_noticed(tmp_path: Path) -> None:
+    (tmp_path / "hello/simulation").mkdir(parents=True)
+    (tmp_path / "hello/simulation/drive_straight.sim.yml").write_text("")
+    machine = Machine(tmp_path, programs={"sim-action": ""})
+    assert machine.run("install", "Run the first steps", tmp_path).returncode == 1
+
+
+def test_the_action_at_the_moved_tag_is_the_released_one(tmp_path: Path) -> None:
+    (tmp_path / "sim-results").mkdir()
+    for version, passes in (("0.9.0", True), ("0.9.01", False), ("0x9y0", False)):
+        (tmp_path / "sim-results/results.json").write_text(f'{{\n  "version": 4,\n  "sim_action": "{version}",\n')
+        ran = Machine(tmp_path).run("action", "Check the verdict", tmp_path)
+        assert (ran.returncode == 0) is passes
+    (tmp_path / "sim-results/results.json").write_text('  "sim_action": "0.9.0",\n')
+    ran = Machine(tmp_path).run("action", "Check the verdict", tmp_path, CONCLUSION="failure")
+    assert ran.returncode == 1
+
+
+def test_the_tag_of_the_major_version_moves_after_everything_else() -> None:
+    listed = jobs()
+    awaited: set[str] = set()
+    waiting = ["move"]
+    while waiting:
+        needs = listed[waiting.pop()].get("needs", [])
+        fresh = {needs} if isinstance(needs, str) else set(needs)
+        awaited |= fresh
+        waiting += fresh
+    assert awaited == listed.keys() - {"move", "action"}
+    assert listed["action"]["needs"] == "move"
+
+
+def test_only_the_jobs_that_need_a_right_have_it() -> None:
+    writers = {
+        name: sorted(right for right, level in job["permissions"].items() if level == "write")
+        for name, job in jobs().items()
+    }
+    assert {name: rights for name, rights in writers.items() if rights} == {
+        "tag": ["contents"],
+        "attest": ["attestations", "id-token"],
+        "pypi": ["id-token"],
+        "github": ["contents"],
+        "move": ["contents"],
+    }
+    assert [name for name, job in jobs().items() if "environment" in job] == ["pypi"]
