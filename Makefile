@@ -80,12 +80,14 @@ web/node_modules/.installed: web/package.json web/package-lock.json
 $(VIEWER): web/node_modules/.installed web/build.mjs $(wildcard web/src/*.ts)
 	$(WITH_NODE) node web/build.mjs
 
-lint-workflows: $(VENV)/.dev $(VENV)/.node ## actions and workflows: schemas, GitHub's own parser, actionlint, security
+lint-workflows: $(VENV)/.dev $(VENV)/.node ## actions, workflows and Dockerfile: schemas, GitHub's own parser, actionlint, security
 	$(BIN)/check-jsonschema --builtin-schema vendor.github-actions $(ACTIONS)
 	$(BIN)/check-jsonschema --builtin-schema vendor.github-workflows $(WORKFLOWS)
 	$(BIN)/check-jsonschema --builtin-schema vendor.gitlab-ci $(GITLAB)
 	PATH="$(abspath $(BIN)):$$PATH" node .ci/workflows/check.mjs $(ACTIONS) $(WORKFLOWS)
 	$(BIN)/zizmor --offline --quiet --persona auditor --strict-collection --config .github/zizmor.yml $(ACTIONS) $(WORKFLOWS) $(PRE_COMMIT)
+	@if [ -x $(BIN)/hadolint ]; then $(BIN)/hadolint Dockerfile; \
+	else echo "hadolint has no wheel for this system: Dockerfile is not checked"; fi
 
 format: $(VENV)/.dev
 	$(BIN)/ruff check --fix .
