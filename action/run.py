@@ -35,22 +35,22 @@ class InputError(Exception):
 
 @dataclass(frozen=True)
 class Subcommand:
-    """The way from inputs to a command line. An empty input is left out.
+    """The way from inputs to a command line. An empty input is left out: defaults are those of the command line.
 
     Attributes:
         arguments: inputs with one argument per line.
         lists: input -> option that is given for each line.
-        options: input -> option that takes its value.
+        options: input -> option that takes its value, one line.
         switches: input -> the options for true and for false.
         required: inputs that must not be empty.
-        single: inputs with one line at most.
+        single: inputs among the arguments with one line at most.
         moved: input of earlier versions -> its replacement.
     """
 
     arguments: tuple[str, ...]
     lists: Mapping[str, str]
     options: Mapping[str, str]
-    switches: Mapping[str, tuple[str, ...]]
+    switches: Mapping[str, tuple[str, str]]
     required: tuple[str, ...] = ()
     single: tuple[str, ...] = ()
     moved: Mapping[str, str] = field(default_factory=dict)
@@ -62,30 +62,35 @@ class Subcommand:
             if value := inputs[name].strip():
                 yield f"{option}={value}"
         for name, spellings in self.switches.items():
-            value = one_of(TRUE_OR_FALSE, name, inputs)
-            yield from spellings[TRUE_OR_FALSE.index(value) :][:1]
+            if inputs[name].strip():
+                yield spellings[TRUE_OR_FALSE.index(one_of(TRUE_OR_FALSE, name, inputs))]
         for name, option in self.lists.items():
             yield from (f"{option}={line}" for line in lines(inputs[name]))
         yield "--"
         for name in self.arguments:
             yield from lines(inputs[name])
 
+    @property
+    def names(self) -> Mapping[str, str]:
+        """Option -> input, for messages."""
+        options = {option: name for name, option in {**self.options, **self.lists}.items()}
+        return options | {option: name for name, spellings in self.switches.items() for option in spellings}
+
     def _check(self, inputs: Mapping[str, str]) -> None:
-        """Raise InputError for an input that was moved, is missing, or has too many lines."""
+        """Raise InputError for an input that was removed, is missing, or has too many lines."""
         for name, replacement in self.moved.items():
             if inputs.get(name, "").strip():
                 raise InputError(f"the input {name} was removed: {replacement}")
         for name in self.required:
-            if not lines(inputs[name]):
-                raise InputError(f"the input {name} is required, and is empty")
-        for name in self.single:
+            refuse_empty(name, inputs)
+        for name in (*self.options, *self.single):
             if len(lines(inputs[name])) > 1:
                 raise InputError(f"the input {name} must be one line, and has {len(lines(inputs[name]))}")
 
 
 _REPORTS: Final = {"output-directory": "--output-dir", "junit-path": "--junit"}
 _SWITCHES: Final = {
-    "junit-strict": ("--junit-strict",),
+    "junit-strict": ("--junit-strict", "--no-junit-strict"),
     "report": ("--report", "--no-report"),
     "summary": ("--summary", "--no-summary"),
     "annotations": ("--annotations", "--no-annotations"),
@@ -106,7 +111,12 @@ SUBCOMMANDS: Final = {
             "record": "--record",
             "allow-scripts": "--allow-scripts",
         },
-        switches={**_SWITCHES, "fail-fast": ("--fail-fast",), "resume": ("--resume",)},
+        switches={
+            **_SWITCHES,
+            "fail-fast": ("--fail-fast", "--no-fail-fast"),
+            "resume": ("--resume", "--no-resume"),
+        },
+        required=("allow-scripts",),
         moved=dict.fromkeys(("rostest", "sim-time-limit", "allow-losses"), ROSTEST_ACTION),
     ),
     "rostest": Subcommand(
@@ -119,8 +129,8 @@ SUBCOMMANDS: Final = {
             "sim-time-limit": "--sim-time-limit",
             "allow-scripts": "--allow-scripts",
         },
-        switches={**_SWITCHES, "allow-losses": ("--allow-losses",)},
-        required=("package", "file"),
+        switches={**_SWITCHES, "allow-losses": ("--allow-losses", "--no-allow-losses")},
+        required=("package", "file", "allow-losses", "allow-scripts"),
         single=("package", "file"),
     ),
     "matrix": Subcommand(
@@ -128,19 +138,26 @@ SUBCOMMANDS: Final = {
         lists=_SELECTION,
         options={"shards": "--shards", "durations": "--durations"},
         switches={},
+        required=("shards",),
     ),
     "compare": Subcommand(
         arguments=("old", "new"),
         lists={},
         options={"margin": "--margin", "slower": "--slower", "markdown": "--markdown"},
         switches={
-            "strict": ("--strict",),
-            "allow-removed": ("--allow-removed",),
+            "strict": ("--strict", "--no-strict"),
+            "allow-removed": ("--allow-removed", "--no-allow-removed"),
             "summary": ("--summary", "--no-summary"),
         },
+        required=("old", "strict", "allow-removed"),
+        single=("old", "new"),
     ),
     "merge": Subcommand(
-        arguments=("results",), lists={**_SELECTION, "scenario": "--scenarios"}, options=_REPORTS, switches=_SWITCHES
+        arguments=("results",),
+        lists={**_SELECTION, "scenario": "--scenarios"},
+        options=_REPORTS,
+        switches=_SWITCHES,
+        required=("results",),
     ),
 }
 
@@ -151,17 +168,24 @@ def lines(text: str) -> list[str]:
 
 
 def one_of(allowed: tuple[str, ...], name: str, inputs: Mapping[str, str]) -> str:
-    """The value of an input. Raises InputError."""
+    """Return the value of an input. Raises InputError."""
     value = inputs[name].strip()
     if value not in allowed:
-        raise InputError(f"the input {name} must be {' or '.join(allowed)}, and is '{value}'")
+        found = f"'{value}'" if value else "empty"
+        raise InputError(f"the input {name} must be {' or '.join(allowed)}, and is {found}")
     return value
+
+
+def refuse_empty(name: str, inputs: Mapping[str, str]) -> None:
+    """Raise InputError for an input that must have a value."""
+    if not inputs[name].strip():
+        raise InputError(f"the input {name} is empty; an expression may have no value, such as a misspelled one")
 
 
 def enter(folder: str) -> None:
     """Goes where paths start from. Raises InputError."""
     try:
-        os.chdir(folder or ".")
+        os.chdir(folder)
     except (OSError, ValueError) as error:
         raise InputError(f"the input working-directory names no folder that can be entered: {error}") from None
 
@@ -181,8 +205,10 @@ def set_up_time(instants: str) -> str:
 def run(name: str, inputs: Mapping[str, str]) -> int:
     """The exit code. Raises InputError."""
     forgiving = "fail-on-failure" in inputs and one_of(TRUE_OR_FALSE, "fail-on-failure", inputs) == "false"
+    refuse_empty("working-directory", inputs)
     enter(inputs["working-directory"].strip())
-    code = call([name, *SUBCOMMANDS[name].command_line(inputs)])
+    subcommand = SUBCOMMANDS[name]
+    code = call([name, *subcommand.command_line(inputs)], subcommand.names)
     return ExitCode.PASSED if forgiving and code == ExitCode.FAILED else code
 
 

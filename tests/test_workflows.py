@@ -315,6 +315,17 @@ def test_an_input_of_an_earlier_version_is_declared_so_that_its_value_is_seen_an
 
 
 @every_action
+def test_an_input_without_a_default_of_its_own_is_empty_and_each_other_one_is_refused_if_it_is_empty(
+    file: Path,
+) -> None:
+    subcommand = SUBCOMMANDS["run" if file.parent == ROOT else file.parent.name]
+    inputs = load(file)["inputs"].items()
+    filled = {name for name, entry in inputs if entry.get("required") or entry["default"]}
+    decided_before = {"cache", "ros1", "working-directory", "fail-on-failure"}
+    assert filled - decided_before == set(subcommand.required)
+
+
+@every_action
 def test_every_input_reaches_the_command_and_every_output_comes_back(file: Path) -> None:
     action = load(file)
     last = action["runs"]["steps"][-1]

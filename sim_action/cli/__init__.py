@@ -42,7 +42,7 @@ SUBCOMMANDS: Final[tuple[click.Command, ...]] = (
     schema,
 )
 
-TAKE_DEFAULTS: Final = ("run", "validate", "matrix", "merge", "report", "view")
+TAKE_DEFAULTS: Final = ("run", "validate", "matrix", "merge", "report", "view", "compare", "rostest", "roslaunch")
 """The subcommands whose options can be set in pyproject.toml."""
 
 INTERRUPTIBLE: Final = ("run", "rostest", "roslaunch")

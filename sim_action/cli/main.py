@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 from contextlib import suppress
 from typing import TYPE_CHECKING, NoReturn
@@ -17,7 +18,7 @@ from sim_action.core.process import collect_garbage_rarely, forgive_closed_outpu
 from sim_action.core.wording import escaped_line
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
 _BEFORE_IMPORTS = {
     # A process that forks must not have threads, and results must not depend on the number of cores.
@@ -56,28 +57,40 @@ def _open_closed_streams() -> None:
             setattr(sys, name, os.fdopen(descriptor, "w" if descriptor else "r", closefd=False))
 
 
-def call(arguments: Sequence[str]) -> int:
-    """Run a command line and return its exit code. All errors are caught here."""
+def call(arguments: Sequence[str], inputs: Mapping[str, str] | None = None) -> int:
+    """Run a command line and return its exit code. All errors are caught here.
+
+    `inputs`: option -> the name of the action's input for it. Errors then name inputs instead of options.
+    """
     os.environ.update(_BEFORE_IMPORTS)
     try:
         return program.main(list(arguments), standalone_mode=False, prog_name="sim-action") or ExitCode.PASSED
     except click.ClickException as error:
         _blame_variable(error)
-        complain(error.format_message())
-        if isinstance(error, click.UsageError) and error.ctx:
+        complain(_with_inputs(error.format_message(), inputs))
+        if isinstance(error, click.UsageError) and error.ctx and inputs is None:
             click.echo(f"Try '{error.ctx.command_path} --help'.", err=True)
         return error.exit_code
     except (click.Abort, KeyboardInterrupt):
         return ExitCode.INTERRUPTED
     except SimActionError as error:
         for line in str(error).split("\n"):
-            complain(line)
+            complain(_with_inputs(line, inputs))
         return error.exit_code
     except BrokenPipeError:
         # The reader of our output has gone.
         return ExitCode.FAILED
     except Exception as error:  # noqa: BLE001 - the last place where it can be caught
         return _report_unexpected(error)
+
+
+def _with_inputs(message: str, inputs: Mapping[str, str] | None) -> str:
+    """Return a message with the names of inputs instead of options."""
+
+    def named(option: re.Match[str]) -> str:
+        return f"the input {inputs[option[1]]}" if inputs and option[1] in inputs else option[0]
+
+    return re.sub(r"(?<!\S)'?(--[a-z-]+)\b'?(?: / '-[a-z]')?", named, message)
 
 
 def _report_unexpected(error: Exception) -> ExitCode:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from sim_action.cli.options import PATHS, Bounded, discovered, selection_flags
+from sim_action.cli.options import PATHS, Bounded, discovered, not_empty, selection_flags
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.wording import note
 
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--durations",
+    callback=not_empty,
     metavar="FILE",
     help="The results.json of an earlier run: shards get about the same total duration. Without it, all scenarios "
     "count the same.",

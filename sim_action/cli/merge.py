@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from sim_action.cli.options import discovered, report_flags, report_request, selection_flags, taken_selection
+from sim_action.cli.options import (
+    discovered,
+    not_empty,
+    report_flags,
+    report_request,
+    selection_flags,
+    taken_selection,
+    typed,
+)
 from sim_action.core.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
@@ -19,6 +27,7 @@ if TYPE_CHECKING:
 @click.option(
     "--scenarios",
     multiple=True,
+    callback=not_empty,
     metavar="PATH",
     help="A scenario file, folder or glob: the results must cover these scenarios; repeatable.",
 )
@@ -37,6 +46,9 @@ def merge(results: Sequence[str], scenarios: Sequence[str], **flags: Any) -> Exi
     from sim_action.core.workspace import Permissions
     from sim_action.results.shard_results import Listing
 
+    if not scenarios and (selecting := typed("only", "exclude", "tags", "exclude_tags")):
+        needs = "needs" if len(selecting) == 1 else "need"
+        raise UsageError(f"{', '.join(selecting)} {needs} --scenarios, the scenarios to select from")
     selection = taken_selection(flags)
     listing = None
     if scenarios:

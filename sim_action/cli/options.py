@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import click
+from click.core import ParameterSource
 
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.wording import log_line, note, shown, warn
@@ -50,6 +51,30 @@ class Bounded(click.ParamType):  # type: ignore[type-arg] # generic in new versi
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """See click.ParamType."""
         return self._number.convert(value, param, ctx)
+
+
+def not_empty(_: click.Context, param: click.Parameter, value: Any) -> Any:
+    """Return the value of an option, or raise BadParameter for an empty text: a shell variable may be unset."""
+    if value == "" or (isinstance(value, tuple) and "" in value):
+        raise click.BadParameter("it is empty; leave the option out, or give it a value", param=param)
+    return value
+
+
+def typed(*names: str) -> list[str]:
+    """Return the options on the command line among the given parameters; defaults and variables do not count."""
+    context = click.get_current_context()
+    found = []
+    for param in context.command.params:
+        if param.name in names and context.get_parameter_source(param.name) is ParameterSource.COMMANDLINE:
+            is_off = context.params[param.name] is False and param.secondary_opts
+            found.append((param.secondary_opts if is_off else param.opts)[0])
+    return found
+
+
+def refuse_typed(reason: str, *names: str) -> None:
+    """Raise UsageError if one of the parameters is on the command line: it would be ignored."""
+    if found := typed(*names):
+        raise UsageError(f"{reason} cannot be combined with {', '.join(found)}")
 
 
 SEED: Final = Bounded(click.IntRange(0, 2**63 - 1))
@@ -120,18 +145,32 @@ _SELECTION: Final = (
     click.option(
         "--only",
         multiple=True,
+        callback=not_empty,
         metavar="PATTERN",
         help="Select scenarios by name; * and ? are wildcards; repeatable.",
     ),
     click.option(
         "--exclude",
         multiple=True,
+        callback=not_empty,
         metavar="PATTERN",
         help="Skip scenarios by name; * and ? are wildcards; repeatable.",
     ),
-    click.option("--tag", "tags", multiple=True, metavar="TAG", help="Select scenarios with this tag; repeatable."),
     click.option(
-        "--exclude-tag", "exclude_tags", multiple=True, metavar="TAG", help="Skip scenarios with this tag; repeatable."
+        "--tag",
+        "tags",
+        multiple=True,
+        callback=not_empty,
+        metavar="TAG",
+        help="Select scenarios with this tag; repeatable.",
+    ),
+    click.option(
+        "--exclude-tag",
+        "exclude_tags",
+        multiple=True,
+        callback=not_empty,
+        metavar="TAG",
+        help="Skip scenarios with this tag; repeatable.",
     ),
 )
 
@@ -150,26 +189,33 @@ def taken_selection(flags: dict[str, Any]) -> Selection:
     return Selection(**{name: tuple(flags.pop(name)) for name in ("only", "exclude", "tags", "exclude_tags")})
 
 
-_FILES: Final = (
-    click.option(
+def output_dir(purpose: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Return the option for the output folder; `purpose` is its help."""
+    return click.option(
         "--output-dir",
         envvar="SIM_ACTION_OUTPUT_DIR",
         default="sim-results",
+        callback=not_empty,
         show_default=True,
         metavar="FOLDER",
-        help="Folder for results, JUnit XML, traces and reports.",
-    ),
+        help=purpose,
+    )
+
+
+_FILES: Final = (
+    output_dir("Folder for results, JUnit XML, traces and reports."),
     click.option(
         "--junit",
         envvar="SIM_ACTION_JUNIT",
+        callback=not_empty,
         metavar="FILE",
         help="File for the JUnit XML.  [default: junit.xml in the output folder]",
     ),
     click.option(
-        "--junit-strict",
+        "--junit-strict/--no-junit-strict",
         envvar="SIM_ACTION_JUNIT_STRICT",
-        is_flag=True,
-        help="Write JUnit XML for strict readers: only what the schema junit-10.xsd of Jenkins allows.",
+        default=False,
+        help="Write JUnit XML for strict readers: only what the schema junit-10.xsd of Jenkins allows.  [default: no]",
     ),
 )
 _SWITCHES: Final = (
@@ -223,13 +269,18 @@ def report_request(flags: Mapping[str, Any]) -> ReportRequest:
 
     from sim_action.reports import ReportRequest
 
-    if flags["verbose"] and flags["quiet"]:
-        raise UsageError("--verbose and --quiet cannot be combined")
+    quiet, verbose = flags["quiet"], flags["verbose"]
+    if quiet and verbose:
+        # The command line is stronger than a variable or pyproject.toml.
+        given = typed("quiet", "verbose")
+        if len(given) != 1:
+            raise UsageError("--verbose and --quiet cannot be combined")
+        verbose = given == ["--verbose"]
     return ReportRequest(
         folder=Path(flags["output_dir"]),
         junit=Path(flags["junit"]) if flags["junit"] else None,
         junit_strict=flags["junit_strict"],
-        verbosity="verbose" if flags["verbose"] else "quiet" if flags["quiet"] else "normal",
+        verbosity="verbose" if verbose else "quiet" if quiet else "normal",
         silenced=frozenset(name for name in ("report", "summary", "annotations") if not flags[name]),
     )
 
@@ -271,5 +322,7 @@ def _pairs(option: str, texts: Iterable[str]) -> dict[str, Any]:
         name, equals, value = text.partition("=")
         if not name or not equals:
             raise UsageError(f"{option} takes NAME=VALUE, found {shown(text)}")
+        if name in pairs:
+            raise UsageError(f"{option} names {shown(name)} twice; remove one")
         pairs[name] = value
     return pairs

@@ -42,6 +42,9 @@ _OPTIONS: Final[Mapping[str, tuple[str, ...]]] = {
     "matrix": ("paths",),
     "report": _REPORTS,
     "view": ("output_dir",),
+    "compare": ("output_dir", "summary"),
+    "rostest": _REPORTS,
+    "roslaunch": _REPORTS,
 }
 """Subcommand -> the keys that it takes."""
 

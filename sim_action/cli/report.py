@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from sim_action.cli.options import report_flags, report_request
+from sim_action.cli.options import refuse_typed, report_flags, report_request
 from sim_action.core.errors import ExitCode
 
 
@@ -26,6 +26,8 @@ def report(folder: str | None, **flags: Any) -> ExitCode:
 
     from sim_action.app.report import report_journal
 
+    if folder is not None:
+        refuse_typed("FOLDER", "output_dir")
     # The name of this command is also that of the option --report, whose value is in `flags`.
     request = report_request(flags)
     return report_journal(request if folder is None else replace(request, folder=Path(folder)))

@@ -61,9 +61,9 @@ _OPTIONS: Final = (
         help="Stop after S seconds of real time.  [default: enough for all time limits]",
     ),
     click.option(
-        "--allow-losses",
+        "--allow-losses/--no-allow-losses",
         envvar="SIM_ACTION_ALLOW_LOSSES",
-        is_flag=True,
+        default=False,
         help="Warn about parts of the launch that are not simulated.  [default: they are an error]",
     ),
     ALLOW_SCRIPTS,

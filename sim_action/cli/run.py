@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
@@ -16,6 +16,8 @@ from sim_action.cli.options import (
     Bounded,
     discovered,
     named_paths,
+    not_empty,
+    refuse_typed,
     report_flags,
     report_request,
     selection_flags,
@@ -31,22 +33,28 @@ if TYPE_CHECKING:
     from sim_action.scenario.selection import Unmatched
     from sim_action.scenario.source import Refused, Source
 
+_OF_RUNS: Final = (
+    *("fail_fast", "resume", "watch", "output_dir", "junit", "junit_strict", "report", "summary", "annotations"),
+    *("verbose", "quiet", "repeat", "unexercised", "update_golden", "jobs", "record"),
+)
+"""The options without any effect on --list."""
+
 
 @click.command(short_help="Run scenarios and report their verdicts.")
 @PATHS
 @selection_flags
 @click.option(
-    "--fail-fast",
+    "--fail-fast/--no-fail-fast",
     envvar="SIM_ACTION_FAIL_FAST",
-    is_flag=True,
-    help="Start no more scenarios after one did not pass. Scenarios that are running finish.",
+    default=False,
+    help="Start no more scenarios after one did not pass. Scenarios that are running finish.  [default: no]",
 )
 @click.option(
-    "--resume",
+    "--resume/--no-resume",
     envvar="SIM_ACTION_RESUME",
-    is_flag=True,
+    default=False,
     help="Continue the earlier run in the output folder: take over each verdict that nothing has changed for, and run "
-    "the other scenarios.",
+    "the other scenarios.  [default: no]",
 )
 @click.option(
     "--list", "list_only", is_flag=True, help="Print name, file, line and tags of each scenario, and run nothing."
@@ -55,6 +63,7 @@ if TYPE_CHECKING:
 @report_flags
 @click.option(
     "--shard",
+    callback=not_empty,
     metavar="I/N",
     help="Run shard I of N: every N-th scenario or variation, starting with the I-th. "
     'To balance shards by duration, use "sim-action matrix".',
@@ -105,6 +114,7 @@ if TYPE_CHECKING:
     "--record",
     envvar="SIM_ACTION_RECORD",
     multiple=True,
+    callback=not_empty,
     metavar="FORMAT",
     help="Record each run as mcap, csv, tum, gif or mp4; repeatable. mcap needs pip install '.[mcap]'; gif and mp4 "
     "need '.[video]'.",
@@ -150,6 +160,8 @@ def run(
         from sim_action.recording.export import wanted_formats
         from sim_action.runner.run_plan import PlanRequest
 
+        if list_only:
+            refuse_typed("--list runs nothing, and", *_OF_RUNS)
         if repeat > 1 and update_golden:
             raise UsageError("--update-golden cannot be combined with --repeat")
         if resume and (update_golden or watch):

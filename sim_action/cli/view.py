@@ -4,19 +4,12 @@ from __future__ import annotations
 
 import click
 
-from sim_action.cli.options import Bounded
+from sim_action.cli.options import Bounded, output_dir, refuse_typed
 
 
 @click.command(short_help="Open a report in the browser.")
 @click.argument("report", required=False)
-@click.option(
-    "--output-dir",
-    envvar="SIM_ACTION_OUTPUT_DIR",
-    default="sim-results",
-    show_default=True,
-    metavar="FOLDER",
-    help="Folder of the results if REPORT is not given.",
-)
+@output_dir("Folder of the results if REPORT is not given.")
 @click.option("--only", metavar="NAME", help="Open the report at this scenario.")
 @click.option(
     "--time",
@@ -34,4 +27,6 @@ def view(report: str | None, *, output_dir: str, only: str | None, time: float |
 
     from sim_action.app.view import ViewRequest, view_report
 
+    if report is not None:
+        refuse_typed("REPORT", "output_dir")
     view_report(ViewRequest(Path(report or output_dir), only, time), print_only=print_only)

@@ -1,14 +1,17 @@
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from action.run import SUBCOMMANDS, InputError, enter, lines, run, set_up_time
+from sim_action.cli import SUBCOMMANDS as COMMANDS
 
 ROOT = Path(__file__).parents[2]
 INPUTS = {
@@ -44,9 +47,12 @@ def test_inputs_become_a_command_line() -> None:
         "--shard=2/3",
         "--record=tum, csv",
         "--allow-scripts=auto",
+        "--no-junit-strict",
         "--no-report",
         "--summary",
         "--no-annotations",
+        "--no-fail-fast",
+        "--no-resume",
         "--",
         "a.sim.yml",
         "b *.sim.yml",
@@ -59,10 +65,77 @@ def test_the_effect_of_an_unjudged_expectation_is_an_option(effect: str) -> None
     assert f"--unexercised={effect}" in list(SUBCOMMANDS["run"].command_line({**INPUTS, "unexercised": f" {effect} "}))
 
 
-def test_a_switch_without_an_opposite_is_left_out() -> None:
-    line = list(SUBCOMMANDS["run"].command_line({**INPUTS, "junit-strict": "true", "resume": "true"}))
-    assert {"--junit-strict", "--resume"} <= {*line}
-    assert {"--junit-strict", "--resume"}.isdisjoint(SUBCOMMANDS["run"].command_line(INPUTS))
+SWITCHES = [(name, switch) for name, subcommand in SUBCOMMANDS.items() for switch in subcommand.switches]
+
+
+@pytest.mark.parametrize(("name", "switch"), SWITCHES)
+def test_a_switch_overrides_the_project_both_ways_and_an_empty_one_leaves_it_alone(name: str, switch: str) -> None:
+    subcommand = replace(SUBCOMMANDS[name], required=())
+    inputs = dict.fromkeys((*subcommand.arguments, *subcommand.lists, *subcommand.options, *subcommand.switches), "")
+    for value, expected in {"true": [f"--{switch}"], "false": [f"--no-{switch}"], "": [], " ": []}.items():
+        assert list(subcommand.command_line({**inputs, switch: value})) == [*expected, "--"]
+
+
+@pytest.mark.parametrize("name", SUBCOMMANDS)
+def test_every_option_of_an_action_is_one_of_its_command(name: str) -> None:
+    [command] = (command for command in COMMANDS if command.name == name)
+    known = {opt for param in command.params for opt in (*param.opts, *param.secondary_opts)}
+    assert SUBCOMMANDS[name].names.keys() <= known
+
+
+def test_an_input_that_must_have_a_value_is_refused_if_it_is_empty() -> None:
+    for name in ("working-directory", "allow-scripts"):
+        for value in ("", " \n"):
+            with pytest.raises(InputError, match=f"the input {name} is empty"):
+                run("run", {**INPUTS, name: value})
+
+
+@pytest.mark.parametrize("name", ["output-directory", "junit-path", "backend", "shard", "jobs"])
+def test_an_input_for_one_value_has_one_line(name: str) -> None:
+    with pytest.raises(InputError, match=f"the input {name} must be one line, and has 2"):
+        list(SUBCOMMANDS["run"].command_line({**INPUTS, name: "1\n2"}))
+
+
+@pytest.mark.parametrize(
+    ("subcommand", "inputs", "message"),
+    [
+        ("run", {"repeat": "0"}, "Invalid value for the input repeat: 0 is not in the range"),
+        ("run", {"jobs": "many"}, "Invalid value for the input jobs: 'many' is not a valid integer"),
+        ("run", {"backend": "bullet"}, "Invalid value for the input backend: 'bullet' is not one of"),
+        ("run", {"junit-path": "."}, "the input junit-path . is a folder; name a file"),
+        ("merge", {"only": "a", "tags": "b"}, "the input only, the input tags need the input scenario"),
+        ("merge", {"exclude": "a"}, "the input exclude needs the input scenario"),
+    ],
+)
+def test_an_error_names_the_input_and_not_the_option(
+    subcommand: str, inputs: dict[str, str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given = {**INPUTS, "results": "x", "shard": "", "scenario": "action" if subcommand == "run" else ""}
+    assert run(subcommand, {**given, **inputs}) == 2
+    captured = capsys.readouterr()
+    assert message in captured.err
+    assert "--help" not in captured.err
+
+
+def test_defaults_are_those_of_the_project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "suite").mkdir()
+    for name in ("suite/a", "b"):
+        (tmp_path / f"{name}.sim.yml").write_text("name: a\nexpect: []\n", encoding="utf-8")
+    table = '[tool.sim-action]\npaths = ["suite"]\noutput-dir = "out"\njunit = "out/tests.xml"\nreport = false\n'
+    (tmp_path / "pyproject.toml").write_text(table, encoding="utf-8")
+    outputs = tmp_path / "outputs"
+    monkeypatch.setenv("GITHUB_OUTPUT", str(outputs))
+    switches = ("junit-strict", "report", "summary", "annotations", "fail-fast", "resume")
+    empty = dict.fromkeys((*switches, "scenario", "output-directory", "shard", "record"), "")
+    assert run("run", {**INPUTS, **empty}) == 2
+    stated = outputs.read_text(encoding="utf-8").splitlines()
+    assert {str(tmp_path / "out"), str(tmp_path / "out/tests.xml"), str(tmp_path / "out/results.json")} <= set(stated)
+    assert not list(tmp_path.rglob("report.html"))
+    [outcome] = json.loads((tmp_path / "out/results.json").read_text(encoding="utf-8"))["outcomes"]
+    assert outcome["file"] == "suite/a.sim.yml"
+    assert run("run", {**INPUTS, **empty, "output-directory": "other", "report": "true"}) == 2
+    assert (tmp_path / "other/report.html").is_file()
 
 
 def test_what_is_selected_is_an_option_for_each_line() -> None:
@@ -105,10 +178,15 @@ def test_compare_names_the_earlier_results_first() -> None:
 @pytest.mark.parametrize(
     "name", ["report", "summary", "annotations", "junit-strict", "fail-on-failure", "fail-fast", "resume"]
 )
-@pytest.mark.parametrize("value", ["", "yes", "True", "true\nfalse"])
+@pytest.mark.parametrize("value", ["yes", "True", "TRUE", "1", "true\nfalse"])
 def test_switches_are_true_or_false(name: str, value: str) -> None:
     with pytest.raises(InputError, match=f"input {name} must be true or false, and is '{value}'"):
         run("run", {**INPUTS, name: value})
+
+
+def test_a_switch_that_only_the_action_has_is_not_empty() -> None:
+    with pytest.raises(InputError, match="input fail-on-failure must be true or false, and is empty"):
+        run("run", {**INPUTS, "fail-on-failure": ""})
 
 
 @pytest.mark.parametrize("folder", ["missing", "a.txt", "x" * 5000, "nul\0"])
@@ -163,9 +241,11 @@ def test_inputs_of_a_rostest_are_arguments_and_never_options() -> None:
         "--seed=3",
         "--sim-time-limit=9",
         "--allow-scripts=auto",
+        "--no-junit-strict",
         "--no-report",
         "--summary",
         "--no-annotations",
+        "--no-allow-losses",
         "--",
         *("robot", "moves.test", "side:=left", "--help;$(x)"),
     ]
@@ -173,7 +253,7 @@ def test_inputs_of_a_rostest_are_arguments_and_never_options() -> None:
 
 @pytest.mark.parametrize("name", ["package", "file"])
 @pytest.mark.parametrize(
-    ("value", "problem"), [("", "is required, and is empty"), (" \n", "empty"), ("a\nb", "must be one line, and has 2")]
+    ("value", "problem"), [("", "is empty"), (" \n", "is empty"), ("a\nb", "must be one line, and has 2")]
 )
 def test_one_use_of_the_action_is_one_rostest(name: str, value: str, problem: str) -> None:
     with pytest.raises(InputError, match=f"the input {name} .*{problem}"):

@@ -1,11 +1,15 @@
-"""What is typed beside a model's name."""
+"""Options that several subcommands share, and options that cannot be combined."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
+from sim_action.cli.main import call
 from sim_action.cli.options import asked_model
 from sim_action.core.errors import UsageError
+from sim_action.reports import ReportRequest
 from sim_action.robot.spec import Robot
 
 
@@ -26,3 +30,69 @@ def test_what_is_no_pair_is_refused(text: str) -> None:
         asked_model("a.xacro", flags(text))
     with pytest.raises(UsageError, match="--package takes NAME=VALUE, found"):
         asked_model("a.xacro", flags(packages=(text,)))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            ["run", "--list", "--jobs", "3", "--no-report"],
+            "--list runs nothing, and cannot be combined with --no-report, --jobs",
+        ),
+        (["run", "--list", "--resume"], "--list runs nothing, and cannot be combined with --resume"),
+        (["run", "--list", "--watch"], "--list runs nothing, and cannot be combined with --watch"),
+        (["run", "--resume", "--watch"], "--resume cannot be combined with --update-golden or --watch"),
+        (["run", "--repeat", "2", "--update-golden"], "--update-golden cannot be combined with --repeat"),
+        (["run", "--verbose", "--quiet"], "--verbose and --quiet cannot be combined"),
+        (["merge", "x", "--only", "a"], "--only needs --scenarios, the scenarios to select from"),
+        (["merge", "x", "--only", "a", "--exclude-tag", "b"], "--only, --exclude-tag need --scenarios"),
+        (["compare", "a", "b", "--output-dir", "c"], "NEW cannot be combined with --output-dir"),
+        (["view", "a", "--output-dir", "c"], "REPORT cannot be combined with --output-dir"),
+        (["report", "a", "--output-dir", "c"], "FOLDER cannot be combined with --output-dir"),
+        (["inspect", "a.urdf", "--arg", "a=1", "--arg", "a=2"], "--arg names 'a' twice"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_an_option_that_would_be_ignored_is_an_error(
+    arguments: list[str],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.sim.yml").touch()
+    assert call(arguments) == 2
+    assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        *(
+            ["run", f"--{name}="]
+            for name in ("only", "exclude", "tag", "exclude-tag", "shard", "record", "junit", "output-dir")
+        ),
+        ["matrix", "--shards=2", "--durations="],
+        ["merge", "x", "--scenarios="],
+        ["compare", "a", "b", "--markdown="],
+    ],
+    ids=lambda arguments: arguments[-1],
+)
+def test_an_option_with_an_empty_text_is_an_error(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert call(arguments) == 2
+    option = arguments[-1].removesuffix("=")
+    assert f"Invalid value for '{option}'" in (printed := capsys.readouterr().err)
+    assert "it is empty; leave the option out, or give it a value" in printed
+
+
+@pytest.mark.parametrize(("option", "verbosity"), [("--quiet", "quiet"), ("--verbose", "verbose")])
+def test_the_command_line_is_stronger_than_the_project(
+    option: str, verbosity: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "pyproject.toml").write_text("[tool.sim-action]\nverbose = true\nquiet = true\n", encoding="utf-8")
+    asked: list[ReportRequest] = []
+    monkeypatch.setattr("sim_action.app.report.report_journal", asked.append)
+    assert call(["report", option]) == 0
+    assert asked[0].verbosity == verbosity

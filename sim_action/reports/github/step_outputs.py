@@ -40,6 +40,7 @@ def outputs(results: Results, options: ReportOptions) -> dict[str, str]:
         "not-exercised": str(results.count("not_exercised")),
         "errors": str(results.count("error")),
         "skipped": str(results.count("skipped")),
+        "output-directory": str(options.folder.absolute()),
         "junit-path": "" if "junit" in options.silenced else str(options.junit.absolute()),
         "results-path": "" if "results" in options.silenced else str((options.folder / RESULTS_FILE).absolute()),
         "report-path": "" if "report" in options.silenced else str((options.folder / REPORT_FILE).absolute()),

@@ -39,6 +39,7 @@ def test_what_later_steps_can_ask_for(samples: dict[str, Results], options: Repo
         "not-exercised": "0",
         "errors": "0",
         "skipped": "0",
+        "output-directory": str(tmp_path / "sim-results"),
         "junit-path": str(tmp_path / "sim-results" / "junit.xml"),
         "results-path": str(tmp_path / "sim-results" / "results.json"),
         "report-path": str(tmp_path / "sim-results" / "report.html"),
