@@ -3,11 +3,15 @@
 A testsuite is a scenario with all of its variations. A testcase is an expectation, with a failure if it did not hold,
 and an error of the type "not_exercised" if it was never judged. If a scenario has no verdict, each reason is a
 testcase with an error. If it was not run, one testcase is skipped.
+
+Reporters title a testcase by its file, class name, name or suite, and each of them omits some of these. So the name of
+a testcase begins with the name of its scenario, and its class name is the file.
 """
 
 from __future__ import annotations
 
 import json
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 from pathlib import PurePosixPath
@@ -24,6 +28,7 @@ from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
 from sim_action.results.results_json import Results
 
+_ENDINGS: Final = re.compile(r"(?<=[^/])(\.sim)?\.(yml|yaml|test|launch)$")
 # The properties of each variation: variations may have run on different machines.
 _OF_EACH: Final = ("engine", "seed", "digest", "repeats", "cpu", "engine_build")
 
@@ -66,7 +71,7 @@ class _Document:
         suite = element("testsuite", {"name": _name(group.name), **totals, "time": _seconds(time), "file": file})
         add_properties(suite, self._suite_properties(group))
         for outcome, run in zip(group.outcomes, several, strict=True):
-            add_properties(suite, _measured(outcome, run, group.values(outcome)))
+            add_properties(suite, _measured(group, outcome, run))
         suite.extend(cases)
         return suite
 
@@ -131,22 +136,29 @@ class _Document:
         return case
 
     def _case(self, group: ScenarioGroup, outcome: Outcome, name: str, location: Location | None) -> ET.Element:
-        classname = _name(group.name)
-        varied = f"{name} {group.values(outcome)}" if group.varies else name
-        names = {"classname": classname, "name": self._unique(classname, _name(varied))}
+        classname = self._classname(group)
+        file = relative_path(self._options.workspace, location.file) if location else ""
+        full = f"{_prefix(group)}{_name(f'{name} {group.values(outcome)}' if group.varies else name)}"
+        names = {"classname": classname, "name": self._unique((classname, file), full)}
         if self._options.junit_strict or location is None:
             return element("testcase", names)
-        file = relative_path(self._options.workspace, location.file)
         return element("testcase", {**names, "file": file, "line": location.line})
 
-    def _unique(self, classname: str, name: str) -> str:
-        """Return a unique name: tools identify a testcase by class name and name across suites."""
-        unique, number = name, self._numbers.get((classname, name), 1)
-        while (classname, unique) in self._taken:
+    def _classname(self, group: ScenarioGroup) -> str:
+        """Return the file of a scenario without its endings; the name of a scenario without a file."""
+        if group.location is None:
+            return _name(group.name)
+        file = relative_path(self._options.workspace, group.location.file)
+        return _name(_ENDINGS.sub("", file))
+
+    def _unique(self, places: tuple[str, str], name: str) -> str:
+        """Return a unique name: tools identify a testcase across suites by its name, and by its class name or file."""
+        unique, number = name, self._numbers.get((places[0], name), 1)
+        while any((place, unique) in self._taken for place in places):
             number += 1
             unique = f"{name} ({number})"
-        self._numbers[classname, name] = number
-        self._taken.add((classname, unique))
+        self._numbers[places[0], name] = number
+        self._taken.update((place, unique) for place in places)
         return unique
 
     def _body(self, message: str, name: str, location: Location | None) -> str:
@@ -248,15 +260,14 @@ def _case_properties(expected: ExpectationOutcome) -> dict[str, object]:
     }
 
 
-def _measured(outcome: Outcome, cases: list[ET.Element], values: str) -> dict[str, object]:
-    """Return the measured values as properties of the suite: a strict schema has no properties of testcases.
-
-    `values`: those of the variation, if it is one.
-    """
-    pairs = zip(cases, (expected.verdict for expected in outcome.expectations), strict=False)
+def _measured(group: ScenarioGroup, outcome: Outcome, cases: list[ET.Element]) -> dict[str, object]:
+    """Return the measured values as properties of the suite: a strict schema has no properties of testcases."""
+    values = group.values(outcome)
+    names = (case.attrib["name"].removeprefix(_prefix(group)) for case in cases)
+    pairs = zip(names, (expected.verdict for expected in outcome.expectations), strict=False)
     judged: dict[str, object] = {
-        f"measured: {case.get('name')}": f"{verdict.measured:.9g} {verdict.unit}".rstrip()
-        for case, verdict in pairs
+        f"measured: {name}": f"{verdict.measured:.9g} {verdict.unit}".rstrip()
+        for name, verdict in pairs
         if verdict.measured is not None
     }
     # They are no testcases: a testcase without a failure would be a pass.
@@ -265,6 +276,11 @@ def _measured(outcome: Outcome, cases: list[ET.Element], values: str) -> dict[st
         for each in outcome.measurements
     }
     return judged | unjudged
+
+
+def _prefix(group: ScenarioGroup) -> str:
+    """Return the beginning of the names of testcases: a reporter may show nothing else of the scenario."""
+    return f"{_name(group.name)}: "
 
 
 def _name(text: str) -> str:
