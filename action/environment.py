@@ -20,8 +20,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-# They run with the rights of the base branch, and so would what they leave in its cache.
-_NEVER_CACHED_ON: Final = frozenset({"pull_request_target", "workflow_run"})
+# They run with the rights of the base branch, and so would what they leave in its cache. The same events as in
+# sim_action/core/permissions.py, which cannot be imported before the installation.
+_NEVER_CACHED_ON: Final = frozenset(
+    {
+        *("pull_request_target", "workflow_run"),
+        *("issue_comment", "issues", "discussion", "discussion_comment", "fork", "gollum", "watch"),
+        *("check_run", "check_suite", "deployment", "deployment_status", "status"),
+    }
+)
 # Each has a lock file of its own: of a name that a workflow makes up, nothing is installed.
 _EXTRAS: Final = ("mcap", "rosbags", "video")
 _ENTRY: Final = re.compile(r"^[^\s#].*(?:\n[ \t].*)*", re.MULTILINE)

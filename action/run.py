@@ -99,7 +99,7 @@ _SELECTION: Final = {"only": "--only", "exclude": "--exclude", "tags": "--tag", 
 SUBCOMMANDS: Final = {
     "run": Subcommand(
         arguments=("scenario",),
-        lists=_SELECTION,
+        lists={**_SELECTION, "pass-env": "--pass-env"},
         options={
             **_REPORTS,
             "backend": "--backend",
@@ -121,7 +121,7 @@ SUBCOMMANDS: Final = {
     ),
     "rostest": Subcommand(
         arguments=("package", "file", "arguments"),
-        lists={},
+        lists={"pass-env": "--pass-env"},
         options={
             **_REPORTS,
             "backend": "--backend",

@@ -22,8 +22,8 @@ variations:
 def journal_calls(folder: Path) -> tuple[Callable[[], object], Callable[[], object]]:
     """Return two calls that run the suite: with a journal in `folder`, and without."""
     os.environ["OPENBLAS_NUM_THREADS"] = "1"  # as the command line does
+    from sim_action.core.permissions import Permissions
     from sim_action.core.process import Interruption
-    from sim_action.core.workspace import Permissions
     from sim_action.results.events import Event, Finished, Listener, RunEnded
     from sim_action.results.journal import Header, Journal, Planned
     from sim_action.runner.process_pool import execute

@@ -9,7 +9,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Final
 
-from sim_action.core.workspace import Permissions, Workspace
+from sim_action.core.permissions import Permissions
+from sim_action.core.workspace import Workspace
 from sim_action.robot.spec import Robot
 from sim_action.scenario.loading import load_scenario
 from sim_action.scenario.model import LoadedScenario

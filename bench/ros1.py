@@ -82,7 +82,7 @@ def _parts(ros: Ros) -> Parts:
             (folder / made).mkdir()
         before = _processor()
         began = time.time()
-        overlay = build_overlay(folder / "overlay", ros, EXAMPLES)
+        overlay = build_overlay(folder / "overlay", ros, EXAMPLES, os.environ)
         launched = time.time()
         call = LaunchCall(request, ros, overlay, folder / "call")
         (run,) = call.launched(call.file(), interruption).runs

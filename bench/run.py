@@ -111,8 +111,8 @@ def variations(folder: Path) -> Ratio:
     """Measure one of many variations of a scenario, with its share of the reading, against the raw loop."""
     os.environ["OPENBLAS_NUM_THREADS"] = "1"  # as the command line does
     from bench.raw_loop import drive
+    from sim_action.core.permissions import Permissions
     from sim_action.core.process import Interruption
-    from sim_action.core.workspace import Permissions
     from sim_action.reports.progress import ProgressListener
     from sim_action.runner.process_pool import execute
     from sim_action.scenario.files import read_file

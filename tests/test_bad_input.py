@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from sim_action.core.errors import InvalidScenario
-from sim_action.core.workspace import Permissions, Workspace
+from sim_action.core.permissions import Permissions
+from sim_action.core.workspace import Workspace
 from sim_action.robot.loading import load_model
 from sim_action.robot.spec import Robot
 from sim_action.scenario.loading import load_scenario

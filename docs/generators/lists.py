@@ -9,12 +9,13 @@ from docs.generators.markdown import table
 from sim_action.app import catalogue
 from sim_action.app.catalogue import Entry, FieldEntry
 from sim_action.cli.pyproject_keys import Defaults
+from sim_action.core.child_environment import PASSED
 from sim_action.core.errors import ExitCode
+from sim_action.core.permissions import PRIVILEGED_BY_REASON
 from sim_action.recording.export import EXPORTS
 from sim_action.reports.statuses import STATUS_DISPLAYS, StatusDisplay
 from sim_action.results.outcome import WORST_FIRST, DisplayStatus, Failure, FailureKind, Outcome, Status
 from sim_action.robot.audit.rules import RULES
-from sim_action.runner.run_keys import VARIABLES_BY_SOURCE
 from sim_action.scenario.claim_audit import RULES as CLAIM_RULES
 from sim_action.state.readings import READING_COLUMNS, ReadingColumn
 
@@ -34,10 +35,22 @@ def entries(family: Iterable[Entry], kind: str) -> str:
     return table((kind, "meaning"), ((f"`{entry.name}`", entry.summary) for entry in family))
 
 
-def volatile_variables() -> str:
-    """Return the table of environment variables that `--resume` does not compare."""
-    rows = ((source, ", ".join(f"`{name}`" for name in names)) for source, names in VARIABLES_BY_SOURCE.items())
-    return table(("of", "variables"), rows)
+def passed_variables() -> str:
+    """Return the table of environment variables that code of the repository sees."""
+    rows = (
+        (group.purpose, _listed(group.names), "yes" if group.is_compared else "no", "yes" if group.may_be_set else "no")
+        for group in PASSED
+    )
+    return table(("of", "variables", "compared by `--resume`", "a scenario may set them"), rows)
+
+
+def privileged_events() -> str:
+    """Return the table of events on which code of the repository is not run."""
+    return table(("events", "reason"), ((_listed(names), reason) for reason, names in PRIVILEGED_BY_REASON.items()))
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(f"`{name}`" for name in names)
 
 
 def rules() -> str:

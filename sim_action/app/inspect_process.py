@@ -51,9 +51,10 @@ def inspect_apart(
 
 def _asked(robot: Robot, workspace: Workspace, seconds: float, memory: int) -> _Answer:
     task, quiet = pickle.dumps((robot, workspace, memory)), subprocess.DEVNULL
+    variables = environment(workspace.pass_env)
     try:
         ended = subprocess.run(  # noqa: S603 - this interpreter, and nothing from a model
-            _CALL, input=task, stdout=subprocess.PIPE, stderr=quiet, timeout=seconds, env=environment(), check=False
+            _CALL, input=task, stdout=subprocess.PIPE, stderr=quiet, timeout=seconds, env=variables, check=False
         )
     except subprocess.TimeoutExpired:
         message = (

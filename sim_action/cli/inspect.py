@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from sim_action.cli.options import asked_model, model_flags
+from sim_action.cli.options import asked_model, code_flags, model_flags
 from sim_action.core.errors import ExitCode
 
 
@@ -14,6 +14,7 @@ from sim_action.core.errors import ExitCode
 @click.argument("model")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @model_flags
+@code_flags
 @click.option(
     "--allow-outside",
     is_flag=True,

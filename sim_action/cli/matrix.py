@@ -69,8 +69,8 @@ def _files(suite: Suite) -> list[FileOfScenarios]:
     """
     from sim_action.app.matrix import FileOfScenarios
     from sim_action.core.discovery import file_name
+    from sim_action.core.permissions import Permissions
     from sim_action.core.wording import escaped_line
-    from sim_action.core.workspace import Permissions
 
     contents = suite.read(Permissions())
     if contents.unmatched:

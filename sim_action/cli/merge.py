@@ -43,7 +43,7 @@ def merge(results: Sequence[str], scenarios: Sequence[str], **flags: Any) -> Exi
     Exit code: as for `run`.
     """
     from sim_action.app.merge import MergeRequest, merge_results
-    from sim_action.core.workspace import Permissions
+    from sim_action.core.permissions import Permissions
     from sim_action.results.shard_results import Listing
 
     if not scenarios and (selecting := typed("only", "exclude", "tags", "exclude_tags")):

@@ -17,11 +17,13 @@ from sim_action.core.wording import log_line, note, shown, warn
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from sim_action.core.permissions import Permissions
     from sim_action.core.workspace import Workspace
     from sim_action.reports import ReportRequest
     from sim_action.robot.spec import Robot
     from sim_action.scenario.selection import Selection, Suite
 
+Command = Callable[..., ExitCode]
 
 PATHS: Final = click.argument("paths", nargs=-1, metavar="[PATHS]...")
 ALLOW_OUTSIDE: Final = click.option(
@@ -30,14 +32,42 @@ ALLOW_OUTSIDE: Final = click.option(
     help="Allow files outside the workspace. The workspace is the git repository of the scenario, else the current "
     "folder.",
 )
-ALLOW_SCRIPTS: Final = click.option(
-    "--allow-scripts",
-    type=click.Choice(("auto", "true", "false")),
-    default="auto",
-    show_default=True,
-    help="Allow code of the repository to run, such as controllers and nodes. auto: yes, except in GitHub workflows on "
-    "pull_request_target and workflow_run.",
+_CODE: Final = (
+    click.option(
+        "--allow-scripts",
+        type=click.Choice(("auto", "true", "false")),
+        default="auto",
+        show_default=True,
+        help="Allow code of the repository to run: scripts, processes, assertion classes, xacro, ROS nodes and launch "
+        "files. auto: yes, except in GitHub workflows on events that strangers can trigger with the rights of the "
+        "repository, and in checkouts of a fork or a pull request on events other than pull_request.",
+    ),
+    click.option(
+        "--pass-env",
+        multiple=True,
+        metavar="NAME",
+        help="Let code of the repository see this environment variable; repeatable. Reports show its value as ***.",
+    ),
 )
+
+
+def code_flags(command: Command) -> Command:
+    """Add the options of every command that may run code of the repository."""
+    for option in reversed(_CODE):
+        command = option(command)
+    return command
+
+
+def code_permissions(flags: dict[str, Any], folders: Iterable[Path] = ()) -> Permissions:
+    """Return the permissions that the options of `code_flags` give, and remove these options from `flags`.
+
+    `folders`: the folders of the files that may run code, besides the current folder. Raises UsageError.
+    """
+    from sim_action.core.permissions import Permissions, checked_names, scripts_refused
+
+    names = checked_names(flags.pop("pass_env"))
+    refused = scripts_refused(flags.pop("allow_scripts"), os.environ, (Path.cwd(), *folders))
+    return Permissions(scripts_refused=refused, pass_env=names)
 
 
 class Bounded(click.ParamType):  # type: ignore[type-arg] # generic in new versions of click only
@@ -138,8 +168,6 @@ def complain(message: str) -> None:
             line = complaint(message, os.environ)
     click.echo(line, err=True)
 
-
-Command = Callable[..., ExitCode]
 
 _SELECTION: Final = (
     click.option(
@@ -307,13 +335,20 @@ def model_flags(command: Command) -> Command:
     return command
 
 
-def asked_model(model: str, flags: Mapping[str, Any]) -> tuple[Robot, Workspace]:
-    """Return the robot that the command line names, and the workspace of its files. Raises UsageError."""
+def asked_model(model: str, flags: dict[str, Any]) -> tuple[Robot, Workspace]:
+    """Return the robot that the command line names, and the workspace of its files.
+
+    Raises UsageError, also for a model whose code may not run.
+    """
     from sim_action.core.workspace import Workspace
     from sim_action.robot.spec import Robot
 
     robot = Robot(model=model, args=_pairs("--arg", flags["args"]), packages=_pairs("--package", flags["packages"]))
-    return robot, Workspace.around(Path("a scenario"), allow_outside=flags["allow_outside"])
+    permissions = code_permissions(flags)
+    if robot.is_xacro:
+        permissions.require_scripts(f"{shown(model)} is xacro, which runs code")
+    outside = flags["allow_outside"]
+    return robot, Workspace.around(Path("a scenario"), allow_outside=outside, pass_env=permissions.pass_env)
 
 
 def _pairs(option: str, texts: Iterable[str]) -> dict[str, Any]:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from sim_action.cli.options import ALLOW_SCRIPTS, SEED, Bounded, report_flags, report_request
+from sim_action.cli.options import SEED, Bounded, code_flags, code_permissions, report_flags, report_request
 from sim_action.core.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
@@ -66,7 +65,6 @@ _OPTIONS: Final = (
         default=False,
         help="Warn about parts of the launch that are not simulated.  [default: they are an error]",
     ),
-    ALLOW_SCRIPTS,
 )
 
 
@@ -85,6 +83,7 @@ def _ros_options(sim_time_limit: str) -> Callable[[Command], Command]:
 @click.command(short_help="Run a rostest of ROS 1.")
 @_ros_options("End the simulation after this sim time in s.  [default: the longest time-limit of the tests]")
 @report_flags
+@code_flags
 def rostest(**flags: Any) -> ExitCode:
     """Run a rostest of a ROS 1 package, with sim-action as simulator instead of Gazebo.
 
@@ -98,6 +97,7 @@ def rostest(**flags: Any) -> ExitCode:
 @click.command(short_help="Run a ROS 1 launch file.")
 @_ros_options("End the launch after this sim time in s.  [default: 30]")
 @report_flags
+@code_flags
 def roslaunch(**flags: Any) -> ExitCode:
     """Run a launch file of ROS 1, with sim-action as simulator instead of Gazebo.
 
@@ -113,10 +113,9 @@ def _called(program: Program, flags: dict[str, Any]) -> ExitCode:
     from pathlib import Path
 
     from sim_action.core.process import Interruption
-    from sim_action.core.workspace import scripts_refused
 
-    if refused := scripts_refused(flags["allow_scripts"], os.environ):
-        raise UsageError(f"{program} runs nodes and launch files: {refused}")
+    permissions = code_permissions(flags, [Path(flags["workspace"])])
+    permissions.require_scripts(f"{program} runs nodes and launch files")
     if sys.platform != "linux":
         raise UsageError("ROS 1 needs Linux: its packages exist for Debian 12 and Ubuntu")
     arguments: Sequence[str] = flags["arguments"]
@@ -138,6 +137,7 @@ def _called(program: Program, flags: dict[str, Any]) -> ExitCode:
             flags["wall_limit"],
             replays=flags["report"],
             allows_losses=flags["allow_losses"],
+            pass_env=permissions.pass_env,
         )
         return command.run(request, report_request(flags), interruption)
 

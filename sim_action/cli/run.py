@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import os
 import sys
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 import click
 
 from sim_action.cli.options import (
     ALLOW_OUTSIDE,
-    ALLOW_SCRIPTS,
     PATHS,
     SEED,
     Bounded,
+    code_flags,
+    code_permissions,
     discovered,
     named_paths,
     not_empty,
@@ -27,7 +29,6 @@ from sim_action.core.errors import ExitCode, UsageError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from sim_action.core.workspace import AllowScripts
     from sim_action.runner.run_plan import PlanRequest
     from sim_action.scenario.model import Unexercised
     from sim_action.scenario.selection import Unmatched
@@ -119,7 +120,7 @@ _OF_RUNS: Final = (
     help="Record each run as mcap, csv, tum, gif or mp4; repeatable. mcap needs pip install '.[mcap]'; gif and mp4 "
     "need '.[video]'.",
 )
-@ALLOW_SCRIPTS
+@code_flags
 @ALLOW_OUTSIDE
 def run(
     paths: Sequence[str],
@@ -136,7 +137,6 @@ def run(
     update_golden: bool,
     jobs: int | None,
     record: tuple[str, ...],
-    allow_scripts: AllowScripts,
     allow_outside: bool,
     **flags: Any,
 ) -> ExitCode:
@@ -156,7 +156,6 @@ def run(
 
     with Interruption() as interruption:
         from sim_action.app.run import RunRequest, run_scenarios
-        from sim_action.core.workspace import Permissions, scripts_refused
         from sim_action.recording.export import wanted_formats
         from sim_action.runner.run_plan import PlanRequest
 
@@ -166,9 +165,11 @@ def run(
             raise UsageError("--update-golden cannot be combined with --repeat")
         if resume and (update_golden or watch):
             raise UsageError("--resume cannot be combined with --update-golden or --watch")
-        permissions = Permissions(allow_outside, scripts_refused(allow_scripts, os.environ), update_golden)
         recordings = wanted_formats(record)
-        plan = PlanRequest(discovered(paths, flags), permissions, shard, backend, seed, unexercised)
+        suite = discovered(paths, flags)
+        allowed = code_permissions(flags, {path.parent: None for path in suite.files})
+        permissions = replace(allowed, outside=allow_outside, updates_golden=update_golden)
+        plan = PlanRequest(suite, permissions, shard, backend, seed, unexercised)
         if list_only:
             return _listed(plan)
         request = RunRequest(plan, report_request(flags), jobs or _cores(), fail_fast, recordings, repeat, resume)

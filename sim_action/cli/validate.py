@@ -27,8 +27,8 @@ def validate(paths: Sequence[str], allow_outside: bool) -> ExitCode:
     Exit code: 0 all scenarios are valid; 2 a scenario or the command line is invalid; 3 internal error of sim-action; 5
     no scenario found.
     """
+    from sim_action.core.permissions import Permissions
     from sim_action.core.wording import log_line
-    from sim_action.core.workspace import Permissions
     from sim_action.scenario.loading import load_all
     from sim_action.scenario.source import Refused
 

@@ -83,9 +83,7 @@ class ProcessCommands(CommandSource):
 
     Numbers have enough digits (17) to give the same 64-bit floats when they are read. Write as many in answers: then
     the same controller in another language gives the same run. An answer may have at most 1 MB. `memory_limit` limits
-    the address space of the program. The program gets the environment of the job without `GITHUB_TOKEN`, `GH_TOKEN`,
-    the files for communication with the runner (`GITHUB_ENV`, `GITHUB_OUTPUT`, ...), and variables that start with
-    `ACTIONS_` or `INPUT_`.
+    the address space of the program. The program gets the environment variables that scripts get.
     """
 
     runs_user_code: ClassVar[bool] = True

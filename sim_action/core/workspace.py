@@ -1,45 +1,10 @@
-"""The workspace of a scenario: the files that it may read and write, and what the caller permits."""
+"""The workspace of a scenario: the files that it may read and write."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Literal
-
-AllowScripts = Literal["auto", "true", "false"]
-
-_PRIVILEGED_EVENTS: Final = frozenset({"pull_request_target", "workflow_run"})
-"""Events that give a workflow the rights and secrets of the base branch, even for a pull request from a fork."""
-
-
-@dataclass(frozen=True, slots=True)
-class Permissions:
-    """The permissions that the caller gives.
-
-    Attributes:
-        outside: True if files may be outside the workspace.
-        scripts_refused: the reason why user code is not run; None: it is run.
-        updates_golden: True if golden trajectories are written, inside the workspace.
-    """
-
-    outside: bool = False
-    scripts_refused: str | None = None
-    updates_golden: bool = False
-
-
-def scripts_refused(choice: AllowScripts, environment: Mapping[str, str]) -> str | None:
-    """Return the reason why scripts are not run here, or None; `auto` depends on the event of the GitHub workflow."""
-    if choice == "false":
-        return "scripts are not allowed to run here (allow-scripts is false)"
-    event = environment.get("GITHUB_EVENT_NAME", "")
-    if choice == "auto" and event in _PRIVILEGED_EVENTS:
-        return (
-            f"scripts are not run on {event}: a pull request from a fork could run code with the secrets of this "
-            "repository; run simulations on pull_request, or set allow-scripts to true if all files here can be trusted"
-        )
-    return None
 
 
 def is_of_git(path: Path) -> bool:
@@ -59,15 +24,24 @@ class Workspace:
         directory: the folder of the scenario file; relative paths start here.
         root: files outside this folder are refused, unless `allow_outside` is set.
         updates_golden: True if golden trajectories are written instead of compared.
+        pass_env: names of environment variables that code of the scenario may see, in addition to the harmless ones.
     """
 
     directory: Path
     root: Path
     allow_outside: bool = False
     updates_golden: bool = False
+    pass_env: tuple[str, ...] = ()
 
     @classmethod
-    def around(cls, scenario_file: Path, *, allow_outside: bool = False, updates_golden: bool = False) -> Workspace:
+    def around(
+        cls,
+        scenario_file: Path,
+        *,
+        allow_outside: bool = False,
+        updates_golden: bool = False,
+        pass_env: tuple[str, ...] = (),
+    ) -> Workspace:
         """Return the workspace of a scenario: its repository, else the current directory, else its own folder.
 
         A link does not move a scenario into another workspace. Raise PathError if it leads out of this one.
@@ -79,7 +53,7 @@ class Workspace:
         file = scenario_file.resolve()
         if not allow_outside and not file.is_relative_to(root):
             raise PathError(f"is a link to {file}, outside the workspace {root}; allow it with --allow-outside")
-        return cls(file.parent, root, allow_outside, updates_golden)
+        return cls(file.parent, root, allow_outside, updates_golden, pass_env)
 
     def file(self, path: str) -> Path:
         """Return the absolute path of a file that a scenario names. Raise PathError."""

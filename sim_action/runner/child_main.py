@@ -32,8 +32,8 @@ from sim_action.core.errors import (
     ScriptError,
     SimulationUnstable,
 )
+from sim_action.core.permissions import Permissions
 from sim_action.core.wording import escaped_line, system_reason
-from sim_action.core.workspace import Permissions
 from sim_action.core.yaml_document import Document, KeyPath
 from sim_action.results.outcome import ExpectationOutcome, Failure, FailureKind, Outcome, Scope, status_of
 from sim_action.runner.child_files import ChildFiles, OutcomeWriter

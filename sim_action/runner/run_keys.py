@@ -13,7 +13,7 @@ import os
 import platform
 import sys
 import time
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import cached_property
@@ -21,38 +21,17 @@ from pathlib import Path
 from typing import Any, Final
 
 import sim_action
+from sim_action.core.child_environment import compared_variables
 from sim_action.core.file_digests import FileDigests
 from sim_action.core.git_tree import GitError, GitListing, GitTree
+from sim_action.core.permissions import Permissions
 from sim_action.core.provenance import cpu_model
-from sim_action.core.workspace import PathError, Permissions, Workspace
+from sim_action.core.workspace import PathError, Workspace
 from sim_action.runner.child_outcome import engine_provenance
-from sim_action.runner.isolation.child_process import environment
 from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.watched_files import MAX_FILES, NamedFiles
 
 _VERSION: Final = 1
-
-VARIABLES_BY_SOURCE: Final = {
-    "workflows": (
-        *("GITHUB_*", "RUNNER_*", "ACTIONS_*", "INPUT_*", "STATE_*", "AGENT_*"),
-        *("ImageOS", "ImageVersion", "SIM_ACTION_*"),
-    ),
-    "shells, make and pytest": (
-        *("PWD", "OLDPWD", "SHLVL", "_", "TMPDIR", "TEMP", "TMP", "HOSTNAME"),
-        *("MAKEFLAGS", "MAKELEVEL", "MFLAGS", "PYTEST_CURRENT_TEST"),
-    ),
-    "terminals": (
-        *("TERM", "TERM_*", "COLORTERM", "COLUMNS", "LINES", "LS_COLORS", "WINDOWID", "TMUX*", "STY"),
-        *("WT_SESSION", "VSCODE_*"),
-    ),
-    "sessions and services": (
-        *("SSH_*", "XDG_SESSION_*", "XDG_RUNTIME_DIR", "DBUS_SESSION_BUS_ADDRESS", "DISPLAY", "WAYLAND_DISPLAY"),
-        *("INVOCATION_ID", "JOURNAL_STREAM", "SYSTEMD_EXEC_PID", "MEMORY_PRESSURE_*"),
-    ),
-}
-"""Environment variables that differ from call to call; `*` at the end stands for any text. A key leaves them out."""
-
-_VOLATILE_VARIABLES: Final = tuple(name for names in VARIABLES_BY_SOURCE.values() for name in names)
 
 _NATIVE_VARIABLES: Final = ("LD_*", "DYLD_*", "OMP_*", "OPENBLAS_*", "MKL_*", "NPY_*", "MUJOCO_*", "PYTHON*")
 """Environment variables that may change a run without user code."""
@@ -197,7 +176,8 @@ class RunKeys:
 
     @cached_property
     def _of_user_code(self) -> str:
-        return _digest_of([os.cpu_count(), stable_variables(environment())])
+        names = self._options.permissions.pass_env
+        return _digest_of([os.cpu_count(), compared_variables(os.environ, names)])
 
     @cached_property
     def _of_native_code(self) -> str:
@@ -211,11 +191,6 @@ def _is_in(path: Path, tree: GitTree | str) -> bool:
 def _digest_of(parts: object) -> str:
     """Return the digest of JSON values."""
     return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
-
-
-def stable_variables(variables: Mapping[str, str]) -> dict[str, str]:
-    """Return the environment variables that do not differ from call to call."""
-    return {name: variables[name] for name in sorted(variables) if not _matches(name, _VOLATILE_VARIABLES)}
 
 
 def _matches(name: str, patterns: Iterable[str]) -> bool:

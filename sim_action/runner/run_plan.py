@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from sim_action.core.errors import InternalError, InvalidScenario, UsageError
-from sim_action.core.workspace import Permissions
+from sim_action.core.permissions import Permissions
 from sim_action.core.yaml_document import KeyPath
 from sim_action.engines import INSTALL_HINTS, chosen, installed
 from sim_action.results.shards import Shard

@@ -18,8 +18,9 @@ from sim_action.core.discovery import file_name
 from sim_action.core.errors import InternalError, InvalidScenario, Location, Problem
 from sim_action.core.field_types import is_plain_name
 from sim_action.core.files import read_at_most
+from sim_action.core.permissions import Permissions
 from sim_action.core.wording import escaped_line, nearest, shown
-from sim_action.core.workspace import PathError, Permissions, Workspace
+from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_document import MAX_BYTES, Document, location_after, read_document
 from sim_action.scenario.extends import entries_of, merged, seen_from, without
 from sim_action.scenario.source import Refused, Source
@@ -95,7 +96,12 @@ def read_only_scenario(path: Path, permissions: Permissions) -> Source:
 
 def _workspace(path: Path, permissions: Permissions) -> Workspace:
     try:
-        return Workspace.around(path, allow_outside=permissions.outside, updates_golden=permissions.updates_golden)
+        return Workspace.around(
+            path,
+            allow_outside=permissions.outside,
+            updates_golden=permissions.updates_golden,
+            pass_env=permissions.pass_env,
+        )
     except (PathError, OSError, RuntimeError) as error:
         raise InvalidScenario([Problem(Location(file_name(path)), escaped_line(str(error)))]) from None
 

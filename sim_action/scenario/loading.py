@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from sim_action.core.errors import InternalError, InvalidScenario, ModelError, Problem, RefusedModel, UsageError
-from sim_action.core.workspace import Permissions
+from sim_action.core.permissions import Permissions
 from sim_action.core.yaml_errors import ProblemList, SpecProblems
 from sim_action.robot.loading import ModelLibrary, check_text, load_model
 from sim_action.robot.robot_model import RobotModel

@@ -7,11 +7,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Self
 
-from pydantic import Field, JsonValue, model_validator
+from pydantic import AfterValidator, Field, JsonValue, model_validator
 
 from sim_action.assertions import Assertion
 from sim_action.commands import CommandSource
 from sim_action.core import units
+from sim_action.core.child_environment import MAX_SET, problem_of
 from sim_action.core.errors import Location
 from sim_action.core.field_types import (
     FrozenModel,
@@ -175,6 +176,14 @@ class Agreement(FrozenModel):
         return self
 
 
+def _checked_environment(variables: dict[str, str]) -> dict[str, str]:
+    """Return the variables. Raise ValueError for one that a scenario cannot set."""
+    for name, value in variables.items():
+        if (problem := problem_of(name, value)) is not None:
+            raise ValueError(f"{shown(name)} {problem}")
+    return variables
+
+
 class Scenario(FrozenModel):
     """One scenario; the fields are the keys of its file.
 
@@ -216,6 +225,14 @@ class Scenario(FrozenModel):
         PositiveSeconds | None,
         Field(description="real time after which a stuck run is stopped; default: max(60 s, 10 x time_limit)"),
     ] = None
+    environment: Annotated[
+        dict[str, str],
+        Field(
+            max_length=MAX_SET,
+            description="names and values of environment variables for its code: scripts, processes, xacro, ROS nodes",
+        ),
+        AfterValidator(_checked_environment),
+    ] = Field(default_factory=dict)
     memory_limit: Annotated[
         PositiveBytes | None,
         Field(ge=_MIN_MEMORY, le=_MAX_MEMORY, description="address space of each process; default: 4 GiB"),

@@ -13,9 +13,10 @@ from pydantic import BaseModel, ValidationError
 from sim_action.assertions import ASSERTIONS, Assertion
 from sim_action.commands import COMMANDS, CommandSource
 from sim_action.core.field_types import BARE_ANGLE_RULE
+from sim_action.core.permissions import Permissions
 from sim_action.core.registry import Table
 from sim_action.core.wording import did_you_mean, shown
-from sim_action.core.workspace import Permissions, Workspace
+from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import Document, KeyPath
 from sim_action.core.yaml_errors import ProblemList, SpecProblems, spec_errors
 from sim_action.drives import DRIVES, Drive

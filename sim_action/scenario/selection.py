@@ -14,8 +14,8 @@ from typing import Final
 
 from sim_action.core.discovery import file_name
 from sim_action.core.errors import Location, Problem, UsageError
+from sim_action.core.permissions import Permissions
 from sim_action.core.wording import counted, did_you_mean, escaped_line
-from sim_action.core.workspace import Permissions
 from sim_action.engines import ENGINES
 from sim_action.scenario.files import read_file
 from sim_action.scenario.source import Refused, Source

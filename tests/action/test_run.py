@@ -38,6 +38,7 @@ INPUTS = {
     "annotations": "false",
     "fail-on-failure": "true",
     "allow-scripts": "auto",
+    "pass-env": "",
 }
 
 
@@ -232,6 +233,7 @@ ROSTEST = {
     "seed": "3",
     "sim-time-limit": "9",
     "allow-losses": "false",
+    "pass-env": "",
 }
 
 

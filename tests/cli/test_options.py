@@ -14,7 +14,7 @@ from sim_action.robot.spec import Robot
 
 
 def flags(*args: str, packages: tuple[str, ...] = ()) -> dict[str, object]:
-    return {"args": args, "packages": packages, "allow_outside": True}
+    return {"args": args, "packages": packages, "allow_outside": True, "allow_scripts": "auto", "pass_env": ()}
 
 
 def test_pairs_become_what_a_scenario_would_say() -> None:
@@ -96,3 +96,10 @@ def test_the_command_line_is_stronger_than_the_project(
     monkeypatch.setattr("sim_action.app.report.report_journal", asked.append)
     assert call(["report", option]) == 0
     assert asked[0].verbosity == verbosity
+
+
+def test_a_model_that_is_code_is_refused_where_code_is() -> None:
+    with pytest.raises(UsageError, match=r"'a.xacro' is xacro, which runs code: scripts are not allowed"):
+        asked_model("a.xacro", {**flags(), "allow_scripts": "false"})
+    assert asked_model("a.urdf", {**flags(), "allow_scripts": "false"})[1].pass_env == ()
+    assert asked_model("a.xacro", {**flags(), "pass_env": ("B", "A")})[1].pass_env == ("A", "B")

@@ -29,7 +29,8 @@ from sim_action.commands.controller_answers import answer_problem
 from sim_action.commands.external_program import ProcessCommands
 from sim_action.commands.json_protocol import AnswerError, parse_answer
 from sim_action.core.errors import InternalError, InvalidScenario, Problem
-from sim_action.core.workspace import Permissions, Workspace
+from sim_action.core.permissions import Permissions
+from sim_action.core.workspace import Workspace
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
 from sim_action.robot.loading import load_model

@@ -7,12 +7,12 @@ from pathlib import Path
 
 
 def processes_of(folder: Path) -> list[int]:
-    """Those that have MARK=folder in their environment."""
+    """Those that have ROS_MARK=folder in their environment."""
     found = []
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():
             try:
-                if f"MARK={folder}".encode() in (entry / "environ").read_bytes().split(b"\0"):
+                if f"ROS_MARK={folder}".encode() in (entry / "environ").read_bytes().split(b"\0"):
                     found.append(int(entry.name))
             except OSError:
                 continue

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from sim_action.core.errors import InvalidScenario, MissedContact
 from sim_action.core.field_types import Placement
-from sim_action.core.workspace import Permissions
+from sim_action.core.permissions import Permissions
 from sim_action.engines.path_contacts import MIN_OVERLAP_M
 from sim_action.robot.spec import Robot
 from sim_action.scenario.loading import build_scene, load_scenario

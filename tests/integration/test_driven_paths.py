@@ -20,7 +20,7 @@ import pytest
 
 from bench.robots import BURGER, ROBOTS
 from sim_action.commands.pure_pursuit import Leg, Point
-from sim_action.core.workspace import Permissions
+from sim_action.core.permissions import Permissions
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.simulation.loop import SimulationRun, simulate
 from tests.integration.engines import on_every_engine

@@ -23,7 +23,7 @@ import numpy as np
 import pytest
 
 from bench.robots import BURGER, ROBOTS, KnownRobot
-from sim_action.core.workspace import Permissions
+from sim_action.core.permissions import Permissions
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.state.trace import FloatArray, Trace

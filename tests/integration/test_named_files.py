@@ -16,7 +16,7 @@ READS = """
 import json, os, sys
 from pathlib import Path
 
-from sim_action.core.workspace import Permissions
+from sim_action.core.permissions import Permissions
 from sim_action.runner.observed_inputs import python_folders
 from sim_action.scenario.files import read_file
 from sim_action.scenario.loading import Libraries, build_scene, checked

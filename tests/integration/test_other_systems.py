@@ -73,7 +73,7 @@ def start(folder: Path, variables: Mapping[str, str], *options: str) -> subproce
     return subprocess.Popen(
         [sys.executable, "-m", "sim_action", "run", ".", *options],
         cwd=folder,
-        env={**variables, "MARK": str(folder)},
+        env={**variables, "ROS_MARK": str(folder)},
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from sim_action.core.errors import SimulationUnstable
-from sim_action.core.workspace import Permissions
+from sim_action.core.permissions import Permissions
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.simulation.loop import SimulationRun, simulate
 from tests.integration.engines import on_every_engine

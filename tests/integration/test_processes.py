@@ -100,7 +100,7 @@ def environment(folder: Path) -> dict[str, str]:
     """Of a call whose processes can be told from all others; `python` is the one of these tests."""
     kept = {name: value for name, value in os.environ.items() if not name.startswith("GITHUB_")}
     path = os.pathsep.join((str(Path(sys.executable).parent), kept.get("PATH", "")))
-    return {**kept, "PATH": path, "PYTHONPATH": str(ROOT), "MARK": str(folder)}
+    return {**kept, "PATH": path, "PYTHONPATH": str(ROOT), "ROS_MARK": str(folder)}
 
 
 def run(folder: Path, *options: str, paths: str = ".", variables: dict[str, str] | None = None) -> dict[str, Outcome]:
@@ -399,7 +399,7 @@ def test_programs_run_as_on_linux_where_python_has_what_it_has_on_other_systems(
     write(tmp_path, "good", "process: python ctl.py")
     for name in ("too slow", "raises", "a gigabyte of lines", "a gigabyte on stderr", "killed"):
         write_bad(tmp_path, name, HEAD + BAD[name][0] + "\n")
-    variables = {**environment(tmp_path), **variables_of(system, tmp_path), "MARK": str(tmp_path)}
+    variables = {**environment(tmp_path), **variables_of(system, tmp_path), "ROS_MARK": str(tmp_path)}
     path = os.pathsep.join((str(plain_python(tmp_path)), variables["PATH"]))
     outcomes = run(tmp_path, "--backend", "mujoco", variables={**variables, "PATH": path, "PATHEXT": ".exe"})
     wait_for(0, tmp_path)

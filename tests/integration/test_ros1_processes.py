@@ -30,7 +30,7 @@ while not rospy.is_shutdown():
     publisher.publish(Twist())
     rate.sleep()
     if rospy.get_time() > 0.5:
-        open(os.environ["BEGUN"], "w").close()
+        open(os.environ["ROS_BEGUN"], "w").close()
 """
 TEST = """\
 #!/usr/bin/env python
@@ -60,7 +60,7 @@ def marked(folder: Path) -> dict[int, str]:
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():
             try:
-                if f"MARK={folder}".encode() in (entry / "environ").read_bytes().split(b"\0"):
+                if f"ROS_MARK={folder}".encode() in (entry / "environ").read_bytes().split(b"\0"):
                     found[int(entry.name)] = (entry / "cmdline").read_bytes().replace(b"\0", b" ").decode()
             except OSError:
                 continue
@@ -86,7 +86,7 @@ def ended_by(folder: Path, end: Callable[[int], None], program: str = "rostest")
     files = {"mover.py": MOVER, "waits.py": TEST, "waits.test": LAUNCH}
     package(workspace, "waiting", files)
     begun = folder / "begun"
-    variables = {**os.environ, "PYTHONPATH": str(ROOT), "MARK": str(folder), "BEGUN": str(begun)}
+    variables = {**os.environ, "PYTHONPATH": str(ROOT), "ROS_MARK": str(folder), "ROS_BEGUN": str(begun)}
     command = [sys.executable, "-m", "sim_action", program, "--workspace", "ws", "waiting", "waits.test", *limit]
     call = subprocess.Popen(
         command, cwd=folder, env=variables, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True

@@ -381,7 +381,7 @@ def test_nothing_of_a_run_is_left_whoever_ends_it(number: signal.Signals, tmp_pa
     call = subprocess.Popen(
         [sys.executable, "-m", "sim_action", "run", "ws/s.sim.yml", "--no-report"],
         cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(ROOT), "MARK": str(tmp_path)},
+        env={**os.environ, "PYTHONPATH": str(ROOT), "ROS_MARK": str(tmp_path)},
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         start_new_session=True,

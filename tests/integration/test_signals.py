@@ -16,7 +16,7 @@ from sim_action.assertions.combined import Combined, Negation
 from sim_action.assertions.monitors import State
 from sim_action.assertions.monitors.window import signals_of
 from sim_action.core.geometry import Pose, Twist
-from sim_action.core.workspace import Permissions
+from sim_action.core.permissions import Permissions
 from sim_action.reports import ReportOptions
 from sim_action.reports.github.mermaid_chart import chart, load_replay, signal_of_verdict
 from sim_action.results.results_json import Results

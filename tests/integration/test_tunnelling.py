@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from sim_action.core.errors import MissedContact, SimulationUnstable
 from sim_action.core.geometry import quaternion_from_rpy, rotate
-from sim_action.core.workspace import Permissions
+from sim_action.core.permissions import Permissions
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.simulation.tunnelling import Tunnelling

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from sim_action.core.workspace import Permissions
+from sim_action.core.permissions import Permissions
 from sim_action.runner.golden_update import refuse_shared_goldens
 from sim_action.runner.run_plan import Plan, engine_runs
 from sim_action.scenario.files import read_file

@@ -11,13 +11,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from sim_action.core.workspace import Permissions
+from sim_action.core.permissions import Permissions
 from sim_action.runner import run_keys as module
 from sim_action.runner.child_outcome import engine_provenance
-from sim_action.runner.run_keys import RunKeys, RunOptions, stable_variables
+from sim_action.runner.run_keys import RunKeys, RunOptions
 from sim_action.runner.run_plan import engine_runs
 from sim_action.scenario.files import read_file
 from sim_action.scenario.loading import checked
@@ -151,9 +149,23 @@ def test_volatile_variables_do_not_count(kind: Kind, name: str, monkeypatch: pyt
 
 def test_other_variables_count_for_user_code(monkeypatch: pytest.MonkeyPatch) -> None:
     before, other = scripted(), native()
-    monkeypatch.setenv("MY_ROBOT", "fast")
+    monkeypatch.setenv("ROS_DISTRO", "fast")
     assert scripted() != before
     assert native() == other
+
+
+def test_passed_variables_count_for_user_code(monkeypatch: pytest.MonkeyPatch) -> None:
+    passing = RunOptions(Permissions(pass_env=("MY_ROBOT",)))
+    before, other = key(options=passing), key(plan("native.sim.yml"), passing)
+    monkeypatch.setenv("MY_ROBOT", "fast")
+    assert key(options=passing) not in (None, before)
+    assert key(plan("native.sim.yml"), passing) == other
+
+
+def test_variables_of_the_scenario_count() -> None:
+    before = scripted()
+    edited("scripted.sim.yml", "environment: {MY_ROBOT: fast}\n")
+    assert scripted() not in (None, before)
 
 
 @KINDS
@@ -165,7 +177,8 @@ def test_variables_of_native_code_count(kind: Kind, monkeypatch: pytest.MonkeyPa
 
 def test_secrets_do_not_count_because_code_does_not_see_them(monkeypatch: pytest.MonkeyPatch) -> None:
     before = scripted()
-    monkeypatch.setenv("GH_TOKEN", "secret")
+    for name in ("GH_TOKEN", "ROS_TOKEN", "MY_ROBOT", "DATABASE_URL"):
+        monkeypatch.setenv(name, "secret")
     assert scripted() == before
 
 
@@ -307,11 +320,3 @@ def test_the_reason_is_known_if_the_workspace_is_not(monkeypatch: pytest.MonkeyP
     monkeypatch.setenv("PATH", os.devnull)
     run = plan("scripted.sim.yml")
     assert "git cannot be started" in (RunKeys([run.source.path], OPTIONS, []).unknown(run) or "")
-
-
-@given(st.dictionaries(st.text(min_size=1), st.text()))
-def test_stable_variables_are_some_of_all(variables: dict[str, str]) -> None:
-    kept = stable_variables(variables)
-    assert kept.items() <= variables.items()
-    assert list(kept) == sorted(kept)
-    assert not any(name.startswith(("GITHUB_", "SSH_")) or name == "PWD" for name in kept)

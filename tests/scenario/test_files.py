@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from sim_action.core.errors import InvalidScenario, Location
-from sim_action.core.workspace import Permissions
+from sim_action.core.permissions import Permissions
 from sim_action.results.outcome import Outcome
 from sim_action.scenario.files import MAX_BASES, MAX_SCENARIOS, read_file
 from sim_action.scenario.loading import build_scene, load_all, load_scenario

@@ -13,7 +13,7 @@ from sim_action.assertions.travel import Travel
 from sim_action.assertions.upright import Upright
 from sim_action.commands.twist import TwistCommands
 from sim_action.core.errors import InvalidScenario, Location
-from sim_action.core.workspace import Permissions
+from sim_action.core.permissions import Permissions
 from sim_action.drives.diff import DiffDrive
 from sim_action.scenario.files import read_only_scenario
 from sim_action.scenario.loading import build_scene, load_all, load_scenario

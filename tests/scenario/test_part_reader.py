@@ -13,7 +13,7 @@ from sim_action.assertions.temporal_logic.stl_assertion import Stl
 from sim_action.assertions.travel import Travel
 from sim_action.assertions.user_assertion import UserAssertion
 from sim_action.core.errors import InvalidScenario
-from sim_action.core.workspace import Permissions
+from sim_action.core.permissions import Permissions
 from sim_action.scenario.loading import load_scenario
 from sim_action.scenario.model import Scenario
 from sim_action.state.trace_channels import Channels

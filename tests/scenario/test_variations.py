@@ -15,7 +15,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_action.core.errors import InvalidScenario
-from sim_action.core.workspace import Permissions, Workspace
+from sim_action.core.permissions import Permissions
+from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import read_document
 from sim_action.results.outcome import Outcome
 from sim_action.scenario.files import read_file

@@ -29,6 +29,7 @@ from sim_action.ros.ros1.verdicts.findings import LOGS, RESULTS, Findings, Launc
 from sim_action.ros.ros1.verdicts.judge import Judge
 from sim_action.ros.ros1.verdicts.launch_tags import LaunchTags
 from sim_action.ros.ros1.verdicts.rostest_files import TestTag, test_tags
+from sim_action.runner.isolation.child_process import environment
 
 # Sim time of a launch without tests and without a limit; wall time of each test in addition to its own limit.
 _LAUNCH_TIME_S: Final = 30.0
@@ -151,7 +152,8 @@ def _launched(
     """Launch in a scratch folder and return the outcomes. Raises UsageError."""
     with tempfile.TemporaryDirectory(prefix="sim-action-", dir=scratch_parent(), ignore_cleanup_errors=True) as scratch:
         folder = Path(os.path.realpath(scratch))
-        overlay = build_overlay(_made(folder / "overlay"), ros, request.workspace.resolve())
+        variables = environment(request.pass_env)
+        overlay = build_overlay(_made(folder / "overlay"), ros, request.workspace.resolve(), variables)
         call = LaunchCall(request, ros, overlay, _made(folder / "call"))
         return tuple(_outcomes(call, options, interruption))
 

@@ -145,6 +145,7 @@ class LaunchRequest:
         wall_limit: s of wall time for the whole call; None: enough for all tests.
         replays: True if replays are stored.
         allows_losses: True if parts that are not simulated are warnings instead of errors.
+        pass_env: names of environment variables that nodes may see, in addition to the harmless ones.
     """
 
     program: Program
@@ -159,6 +160,7 @@ class LaunchRequest:
     wall_limit: float | None = None
     replays: bool = True
     allows_losses: bool = False
+    pass_env: tuple[str, ...] = ()
 
     @property
     def words(self) -> tuple[str, ...]:
@@ -183,3 +185,5 @@ class LaunchRequest:
                 yield from (option, repr(number).removesuffix(".0"))
         if self.allows_losses:
             yield OPTION
+        for name in self.pass_env:
+            yield from ("--pass-env", name)

@@ -9,19 +9,16 @@ import stat
 import tempfile
 import time
 from abc import ABC, abstractmethod
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import ClassVar, Final, Self
 
+from sim_action.core.child_environment import code_environment
 from sim_action.core.errors import Location
 from sim_action.runner.child_files import ChildReport
 from sim_action.runner.job import BEGUN, JUDGED, Job
 
-# Variables that user scripts must not see (the names that GitHub documents for runners).
-_SECRET_NAMES: Final = frozenset(
-    {"GITHUB_TOKEN", "GH_TOKEN", "GITHUB_ENV", "GITHUB_OUTPUT", "GITHUB_PATH", "GITHUB_STATE", "GITHUB_STEP_SUMMARY"}
-)
-_SECRET_PREFIXES: Final = ("ACTIONS_", "INPUT_")
 # The message that a child process cannot begin, with the number of the error.
 REFUSED: Final = b"refused "
 _PACKAGE_ROOT: Final = Path(__file__).resolve().parents[3]
@@ -188,13 +185,20 @@ def _identity(path: Path) -> _Identity | None:
     return (found.st_ino, found.st_mtime_ns, found.st_size) if stat.S_ISREG(found.st_mode) else None
 
 
-def environment(hash_seed: int | None = None) -> dict[str, str]:
-    """Return the caller's environment without secrets and workflow files. This is hygiene, not a security boundary."""
-    kept = {
-        name: value
-        for name, value in os.environ.items()
-        if name not in _SECRET_NAMES and not name.startswith(_SECRET_PREFIXES)
-    }
+def environment(
+    pass_env: Collection[str] = (), stated: Mapping[str, str] | None = None, hash_seed: int | None = None
+) -> dict[str, str]:
+    """Return the environment of a process of this package that runs code of the repository.
+
+    `pass_env`: names that the caller passes; `stated`: variables of the scenario.
+    """
+    variables = code_environment(os.environ, pass_env, stated)
     path = os.pathsep.join(filter(None, (str(_PACKAGE_ROOT), os.environ.get("PYTHONPATH"))))
     # With a random hash seed, a controller that iterates over a set would differ in every run.
-    return {**kept, "PYTHONPATH": path, "PYTHONHASHSEED": str(hash_seed or 0)}
+    return {**variables, "PYTHONPATH": path, "PYTHONHASHSEED": str(hash_seed or 0)}
+
+
+def job_environment(job: Job) -> dict[str, str]:
+    """Return the environment of a fresh interpreter that runs a job."""
+    loaded = job.loaded
+    return environment(loaded.workspace.pass_env, loaded.scenario.environment, job.hash_seed)

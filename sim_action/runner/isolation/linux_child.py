@@ -26,8 +26,8 @@ from sim_action.runner.isolation.child_process import (
     REFUSED,
     ChildProcess,
     Former,
-    environment,
     former_files,
+    job_environment,
     remove,
     scratch_folder,
 )
@@ -217,7 +217,7 @@ def _spawn(job: Job, files: memory_files.MemoryFiles, writer: int) -> int:
             stderr=files.output,
             pass_fds=(writer, *files.inherited.descriptors),
             start_new_session=True,
-            env=environment(job.hash_seed),
+            env=job_environment(job),
         )
     # Popen must not wait for the process too; only its number is used from here on.
     process.returncode = 0

@@ -38,7 +38,7 @@ from sim_action.runner.child_files import (
     ChildFiles,
     ChildReport,
 )
-from sim_action.runner.isolation.child_process import ChildProcess, environment, remove, scratch_folder
+from sim_action.runner.isolation.child_process import ChildProcess, job_environment, remove, scratch_folder
 from sim_action.runner.job import Job
 
 # A process that the script left behind may keep the pipe open.
@@ -84,7 +84,7 @@ class PortableChild(ChildProcess):
                     stdin=subprocess.PIPE,
                     stdout=subprocess.PIPE,
                     stderr=words,
-                    env=environment(job.hash_seed),
+                    env=job_environment(job),
                     # Ctrl-C goes to this process alone: the first is for POSIX, the second for Windows.
                     start_new_session=True,
                     creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),

@@ -110,8 +110,8 @@ def run_suite(folder: Path, cache: Path, library: Path | None = None, fault: Fau
     counters = folder / "counters"
     counters.write_bytes(bytes(_COUNTERS.size))
     settings = {} if fault is None else _settings(fault, nth, folder, cache)
-    injected = {} if library is None else {"LD_PRELOAD": str(library), "FAULT_COUNTERS": str(counters)}
-    variables = {**injected, **settings, "MARK": str(folder), "TMPDIR": str(folder / "tmp")}
+    injected = {} if library is None else {"LD_PRELOAD": str(library), "ROS_FAULT_COUNTERS": str(counters)}
+    variables = {**injected, **settings, "ROS_MARK": str(folder), "TMPDIR": str(folder / "tmp")}
     run = sim_action(folder / "suite", cache, variables, "run", ".", "--jobs", "2")
     left = _left(folder, run.returncode)
     _, _, reached, fired = _COUNTERS.unpack(counters.read_bytes())
@@ -137,17 +137,17 @@ def sim_action(folder: Path, cache: Path, variables: dict[str, str], *words: str
 def _settings(fault: Fault, nth: int, folder: Path, cache: Path) -> dict[str, str]:
     places = {"output": folder / "suite/sim-results", "tmp": folder / "tmp", "cache": cache, "suite": folder / "suite"}
     return {
-        "FAULT_CALLS": fault.calls,
-        "FAULT_PATHS": fault.paths.format(**places),
-        "FAULT_ROLE": fault.role,
+        "ROS_FAULT_CALLS": fault.calls,
+        "ROS_FAULT_PATHS": fault.paths.format(**places),
+        "ROS_FAULT_ROLE": fault.role,
         # Earlier calls are those of a Python that starts: sim-action is not there yet.
-        "FAULT_AFTER": "*.sim.yml",
-        "FAULT_FIRST": str(nth),
-        "FAULT_TIMES": "0" if fault.lasting else "1",
-        "FAULT_ERROR": str(fault.error),
-        "FAULT_SIGNAL": str(fault.signal),
-        "FAULT_TARGET": fault.target,
-        "FAULT_JUMP": str(fault.jump),
+        "ROS_FAULT_AFTER": "*.sim.yml",
+        "ROS_FAULT_FIRST": str(nth),
+        "ROS_FAULT_TIMES": "0" if fault.lasting else "1",
+        "ROS_FAULT_ERROR": str(fault.error),
+        "ROS_FAULT_SIGNAL": str(fault.signal),
+        "ROS_FAULT_TARGET": fault.target,
+        "ROS_FAULT_JUMP": str(fault.jump),
     }
 
 

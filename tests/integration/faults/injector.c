@@ -43,19 +43,19 @@ static const char *setting(const char *name) {
 }
 
 __attribute__((constructor)) static void start(void) {
-    int file = open(setting("FAULT_COUNTERS"), O_RDWR | O_CLOEXEC);
+    int file = open(setting("ROS_FAULT_COUNTERS"), O_RDWR | O_CLOEXEC);
     if (file < 0)
         return;
-    calls = setting("FAULT_CALLS");
-    paths = setting("FAULT_PATHS");
-    role = setting("FAULT_ROLE");
-    after = setting("FAULT_AFTER");
-    first = (unsigned)atoi(setting("FAULT_FIRST"));
-    times = (unsigned)atoi(setting("FAULT_TIMES"));
-    error = atoi(setting("FAULT_ERROR"));
-    number = atoi(setting("FAULT_SIGNAL"));
-    to_parent = !strcmp(setting("FAULT_TARGET"), "parent");
-    jump = atol(setting("FAULT_JUMP"));
+    calls = setting("ROS_FAULT_CALLS");
+    paths = setting("ROS_FAULT_PATHS");
+    role = setting("ROS_FAULT_ROLE");
+    after = setting("ROS_FAULT_AFTER");
+    first = (unsigned)atoi(setting("ROS_FAULT_FIRST"));
+    times = (unsigned)atoi(setting("ROS_FAULT_TIMES"));
+    error = atoi(setting("ROS_FAULT_ERROR"));
+    number = atoi(setting("ROS_FAULT_SIGNAL"));
+    to_parent = !strcmp(setting("ROS_FAULT_TARGET"), "parent");
+    jump = atol(setting("ROS_FAULT_JUMP"));
     struct counters *found = mmap(NULL, sizeof *found, PROT_READ | PROT_WRITE, MAP_SHARED, file, 0);
     close(file);
     if (found == MAP_FAILED)

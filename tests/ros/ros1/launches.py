@@ -57,7 +57,7 @@ def launched(folder: Path, request: LaunchRequest) -> Findings:
     overlay_folder, call = folder / "overlay", folder / "call"
     overlay_folder.mkdir(parents=True)
     call.mkdir()
-    overlay = build_overlay(overlay_folder, ros(), request.workspace.resolve())
+    overlay = build_overlay(overlay_folder, ros(), request.workspace.resolve(), os.environ)
     made = LaunchCall(request, ros(), overlay, call)
     with Interruption() as interruption:
         return made.launched(made.file(), interruption)

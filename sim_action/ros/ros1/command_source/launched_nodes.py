@@ -80,7 +80,7 @@ class LaunchedNodes:
             self._workspace = asked.workspace
             self.folder = Path(path.realpath(tempfile.mkdtemp(prefix="sim-action-", dir=scratch_parent())))
             undo.callback(shutil.rmtree, self.folder, ignore_errors=True)
-            self.overlay = build_overlay(_made(self.folder / "overlay"), asked.ros, asked.workspace)
+            self.overlay = build_overlay(_made(self.folder / "overlay"), asked.ros, asked.workspace, os.environ)
             self._events = Events(self.folder / "events")
             undo.callback(self._events.close)
             self._launch = self._start(asked)

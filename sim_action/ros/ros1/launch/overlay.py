@@ -24,7 +24,6 @@ from typing import Final
 from sim_action.core.errors import UsageError
 from sim_action.ros.ros1.catkin_packages import exported_models, packages_below, packages_of, sources
 from sim_action.ros.ros1.installation import Ros
-from sim_action.runner.isolation.child_process import environment
 
 _SITECUSTOMIZE: Final = Path(__file__).with_name("ros_patches.py")
 _PACKAGES: Final = Path(__file__).parent / "packages"
@@ -89,8 +88,8 @@ class Overlay:
     packages: Mapping[str, Path]
 
 
-def build_overlay(folder: Path, ros: Ros, workspace: Path) -> Overlay:
-    """Write the overlay into an empty folder. Raises UsageError."""
+def build_overlay(folder: Path, ros: Ros, workspace: Path, environment: Mapping[str, str]) -> Overlay:
+    """Write the overlay into an empty folder; `environment`: the variables for code of the user. Raises UsageError."""
     share, programs, modules = (folder / name for name in ("share", "bin", "modules"))
     for made in (share, programs, modules):
         made.mkdir()
@@ -108,13 +107,13 @@ def build_overlay(folder: Path, ros: Ros, workspace: Path) -> Overlay:
     for name in ("python", "python3"):
         _write_program(programs / name, f'exec {ros.python} "$@"')
     python_path = os.pathsep.join((str(modules), *_modules_of(users), *_paths("PYTHONPATH")))
-    return Overlay(_variables(folder, ros, workspace, packages), python_path, packages)
+    variables = _variables(folder, ros, workspace, packages)
+    return Overlay({**environment, **variables}, python_path, packages)
 
 
 def _variables(folder: Path, ros: Ros, workspace: Path, packages: Mapping[str, Path]) -> dict[str, str]:
     built = [str(path) for path in (workspace / "devel", workspace / "install") if path.is_dir()]
     return {
-        **environment(),
         "PATH": os.pathsep.join((str(folder / "bin"), os.environ.get("PATH", os.defpath))),
         "ROS_PACKAGE_PATH": str(folder / "share"),
         "ROS_ROOT": str(ros.share / "ros"),

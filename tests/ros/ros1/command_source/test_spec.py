@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from sim_action.core.errors import InvalidScenario, SourceProblem
-from sim_action.core.workspace import Permissions, Workspace
+from sim_action.core.permissions import Permissions
+from sim_action.core.workspace import Workspace
 from sim_action.ros.ros1 import installation
 from sim_action.ros.ros1.command_source.file_problems import why_no_ros
 from sim_action.ros.ros1.command_source.spec import RosCommands, topic_problems, topics_of

@@ -17,7 +17,7 @@ pytestmark = [needs_ros, pytest.mark.process]
 
 def built(folder: Path) -> Overlay:
     (folder / "overlay").mkdir()
-    return build_overlay(folder / "overlay", ros(), folder / "ws")
+    return build_overlay(folder / "overlay", ros(), folder / "ws", os.environ)
 
 
 def said(overlay: Overlay, *words: str) -> str:

@@ -1,0 +1,212 @@
+"""Signs of strangers in a checkout: files of `.git` as actions/checkout and git leave them."""
+
+from __future__ import annotations
+
+import subprocess
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sim_action.core.checkout import foreign_checkout
+
+OWN, OTHER = "1" * 40, "2" * 40
+PUSH: Mapping[str, str] = {
+    "GITHUB_EVENT_NAME": "push",
+    "GITHUB_REPOSITORY": "owner/robot",
+    "GITHUB_REPOSITORY_OWNER": "owner",
+    "GITHUB_SHA": OWN,
+    "GITHUB_REF": "refs/heads/main",
+}
+CONFIG = (
+    '[core]\n\tbare = false\n[remote "upstream"]\n\turl = x\n[remote "origin"]\n\turl = {}\n\tfetch = +refs\n[gc]\n'
+)
+
+
+def repository(root: Path, head: str = OWN, **files: str) -> Path:
+    """A checkout; `files`: contents of files of `.git`, with `__` for a slash."""
+    git = root / ".git"
+    git.mkdir(parents=True)
+    every = {"HEAD": f"{head}\n", "config": CONFIG.format("https://github.com/owner/robot"), **files}
+    for name, text in every.items():
+        path = git / name.replace("__", "/")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    return root
+
+
+def sign(folder: Path, **variables: str) -> str | None:
+    return foreign_checkout({**PUSH, **variables}, [folder])
+
+
+def test_a_branch_of_ones_own_has_no_sign(tmp_path: Path) -> None:
+    fetched = f"{OWN}\t\tbranch 'main' of https://github.com/owner/robot\n"
+    here = repository(tmp_path, "ref: refs/heads/main", refs__heads__main=OWN, FETCH_HEAD=fetched)
+    assert sign(here) is None
+    assert sign(tmp_path / "deep/below") is None
+
+
+def test_no_checkout_has_no_sign(tmp_path: Path) -> None:
+    assert sign(tmp_path) is None
+    assert foreign_checkout({}, []) is None
+
+
+@pytest.mark.parametrize(
+    ("files", "named"),
+    [
+        ({"refs__remotes__pull__7__merge": OTHER}, "refs/remotes/pull/7/merge"),
+        ({"refs__remotes__pull__7__head": OTHER}, "refs/remotes/pull/7/head"),
+        ({"refs__remotes__origin__pull__7__head": OTHER}, "refs/remotes/origin/pull/7/head"),
+        ({"refs__pull__7__head": OTHER}, "refs/pull/7/head"),
+        ({"packed-refs": f"# pack-refs\n{OWN} refs/heads/main\n{OTHER} refs/remotes/pull/7/merge\n"}, "pull/7/merge"),
+        ({"FETCH_HEAD": f"{OTHER}\t\t'refs/pull/7/head' of https://github.com/owner/robot\n"}, "refs/pull/7/"),
+        ({"config": CONFIG.format("x") + '[branch "try"]\n\tmerge = refs/pull/7/head\n'}, "a branch in its configur"),
+    ],
+)
+def test_a_pull_request_leaves_a_sign(files: dict[str, str], named: str, tmp_path: Path) -> None:
+    found = sign(repository(tmp_path, OTHER, **files))
+    assert found is not None
+    assert "pull request" in found
+    assert named in found
+
+
+def test_refs_of_earlier_jobs_mean_nothing_if_the_commit_of_the_event_is_there(tmp_path: Path) -> None:
+    here = repository(tmp_path, OWN, refs__remotes__pull__7__merge=OTHER)
+    assert sign(here) is None
+    assert sign(here, GITHUB_SHA=OTHER) is not None
+    assert sign(here, GITHUB_SHA="") is not None
+
+
+def test_a_branch_is_followed_to_its_commit(tmp_path: Path) -> None:
+    refs = {"refs__remotes__pull__7__merge": OTHER}
+    loose = repository(tmp_path / "a", "ref: refs/heads/main", refs__heads__main=OWN, **refs)
+    packed = {"packed-refs": f"{OWN} refs/heads/main\n^{OTHER}\n"}
+    assert sign(loose) is None
+    assert sign(repository(tmp_path / "b", "ref: refs/heads/main", **refs, **packed)) is None
+    assert sign(repository(tmp_path / "c", "ref: ../../x", **refs)) is not None
+
+
+@pytest.mark.parametrize(
+    "address",
+    [
+        *("https://github.com/stranger/robot", "https://token@github.com/stranger/robot.git/"),
+        *(
+            "git@github.com:stranger/robot.git",
+            "ssh://git@ssh.github.com:443/stranger/robot",
+            "github.com:stranger/robot",
+        ),
+    ],
+)
+def test_another_owner_is_a_stranger(address: str, tmp_path: Path) -> None:
+    for name, files in (
+        ("origin", {"config": CONFIG.format(address)}),
+        ("fetched", {"FETCH_HEAD": f"{OWN}\t\t{address}\n"}),
+        ("branch", {"FETCH_HEAD": f"{OWN}\tnot-for-merge\tbranch 'x of y' of {address}\n"}),
+    ):
+        found = sign(repository(tmp_path / name, **files))
+        assert found is not None, name
+        assert "is of a repository of 'stranger', not of 'owner'" in found
+        assert sign(tmp_path / name, GITHUB_REPOSITORY_OWNER="Stranger") is None or name != "origin"
+
+
+@pytest.mark.parametrize(
+    "address", ["https://github.com/Owner/robot", "git@github.com:owner/other.git", "/srv/robot", "../robot", "x", ""]
+)
+def test_the_same_owner_and_paths_are_no_strangers(address: str, tmp_path: Path) -> None:
+    assert sign(repository(tmp_path, config=CONFIG.format(address))) is None
+
+
+def test_the_owner_is_also_known_from_the_repository(tmp_path: Path) -> None:
+    here = repository(tmp_path, config=CONFIG.format("https://github.com/stranger/robot"))
+    assert sign(here, GITHUB_REPOSITORY_OWNER="") is not None
+    assert sign(here, GITHUB_REPOSITORY_OWNER="", GITHUB_REPOSITORY="") is None
+
+
+def test_a_workflow_for_a_pull_request_is_refused_without_a_checkout() -> None:
+    assert "refs/pull/7/merge" in (foreign_checkout({**PUSH, "GITHUB_REF": "refs/pull/7/merge"}, []) or "")
+
+
+def test_another_commit_than_that_of_a_dispatch_may_be_anything(tmp_path: Path) -> None:
+    here = repository(tmp_path, OTHER)
+    assert sign(here) is None
+    assert "may be of a pull request" in (sign(here, GITHUB_EVENT_NAME="repository_dispatch") or "")
+    assert sign(here, GITHUB_EVENT_NAME="repository_dispatch", GITHUB_SHA=OTHER) is None
+
+
+def test_checkouts_below_the_workspace_count_for_pull_requests_and_not_for_owners(tmp_path: Path) -> None:
+    repository(tmp_path)
+    workspace = {"GITHUB_WORKSPACE": str(tmp_path)}
+    repository(tmp_path / "src/messages", config=CONFIG.format("https://github.com/stranger/messages"))
+    assert sign(tmp_path, **workspace) is None
+    assert sign(tmp_path / "src/messages", **workspace) is not None
+    repository(tmp_path / "src/pull", OTHER, refs__remotes__pull__7__merge=OTHER)
+    assert "src/pull" in (sign(tmp_path, **workspace) or "")
+
+
+@pytest.mark.process
+def test_a_worktree_is_read_through_its_file(tmp_path: Path) -> None:
+    git("init", "-q", "-b", "main", folder=tmp_path)
+    git("-c", "user.name=a", "-c", "user.email=a@b", "commit", "-q", "--allow-empty", "-m", "x", folder=tmp_path)
+    git("worktree", "add", "-q", "tree", folder=tmp_path)
+    commit = git("rev-parse", "HEAD", folder=tmp_path)
+    assert (tmp_path / "tree/.git").is_file()
+    assert sign(tmp_path / "tree") is None
+    git("update-ref", "refs/remotes/pull/7/merge", commit, folder=tmp_path)
+    assert "tree" in (sign(tmp_path / "tree") or "")
+    assert sign(tmp_path / "tree", GITHUB_SHA=commit) is None
+    git("pack-refs", "--all", folder=tmp_path)
+    assert sign(tmp_path / "tree") is not None
+
+
+def test_a_submodule_has_the_commit_that_its_parent_says(tmp_path: Path) -> None:
+    parent, module = repository(tmp_path), tmp_path / "robots/spot"
+    inner = parent / ".git/modules/robots/spot"
+    inner.mkdir(parents=True)
+    (inner / "config").write_text(CONFIG.format("https://github.com/stranger/spot"))
+    (inner / "HEAD").write_text(OTHER)
+    module.mkdir(parents=True)
+    (module / ".git").write_text("gitdir: ../../.git/modules/robots/spot\n")
+    assert sign(module) is None
+    (inner / "FETCH_HEAD").write_text(f"{OTHER}\t\t'refs/pull/7/head' of https://github.com/stranger/spot\n")
+    assert "robots/spot" in (sign(module) or "")
+
+
+@pytest.mark.process
+def test_what_git_itself_leaves_after_a_fetch_is_a_sign(tmp_path: Path) -> None:
+    there, here = tmp_path / "there", tmp_path / "here"
+    for folder in (there, here):
+        folder.mkdir()
+        git("init", "-q", "-b", "main", folder=folder)
+    git("-c", "user.name=a", "-c", "user.email=a@b", "commit", "-q", "--allow-empty", "-m", "x", folder=there)
+    git("update-ref", "refs/pull/7/merge", "HEAD", folder=there)
+    # As actions/checkout does.
+    git("fetch", "-q", str(there), "+refs/pull/7/merge:refs/remotes/pull/7/merge", folder=here)
+    git("checkout", "-q", "--force", "refs/remotes/pull/7/merge", folder=here)
+    assert "refs/pull/7/" in (sign(here) or "")
+    (here / ".git/FETCH_HEAD").unlink()
+    assert "refs/remotes/pull/7/merge" in (sign(here) or "")
+
+
+@settings(max_examples=50)
+@given(st.sampled_from(["HEAD", "FETCH_HEAD", "config", "packed-refs", "commondir"]), st.binary(max_size=200))
+def test_any_content_of_files_is_read(name: str, content: bytes) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        read_all(Path(folder), name, content)
+
+
+def read_all(folder: Path, name: str, content: bytes) -> None:
+    (folder / ".git").mkdir()
+    (folder / ".git" / name).write_bytes(content)
+    sign(folder)
+    link = folder / "link"
+    link.mkdir()
+    (link / ".git").write_bytes(b"gitdir: " + content)
+    sign(link)
+
+
+def git(*words: str, folder: Path) -> str:
+    done = subprocess.run(["git", *words], cwd=folder, check=True, capture_output=True, text=True)
+    return done.stdout.strip()
