@@ -116,5 +116,6 @@ class Workspace:
             remedy = "name another file" if found.is_relative_to(self.root) else "allow it with --allow-outside"
             raise PathError(f"'{path}' {refusal}; {remedy}")
         if not is_file and not is_folder:
-            raise PathError(f"'{path}' does not exist (looked for {found})")
+            reason = "is not a regular file" if found.exists() else "does not exist"
+            raise PathError(f"'{path}' {reason} (looked for {found})")
         return found, is_folder

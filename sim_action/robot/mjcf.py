@@ -20,6 +20,7 @@ from sim_action.core.errors import Location, ModelError
 from sim_action.core.geometry import Pose
 from sim_action.robot.audit.elements import no_bounce
 from sim_action.robot.audit.rules import finding, refuse_errors
+from sim_action.robot.mjcf_elements import refusal
 from sim_action.robot.mjcf_files import MjcfFiles, collect_files
 from sim_action.robot.packages import Packages
 from sim_action.robot.robot_model import (
@@ -108,7 +109,7 @@ def _refusal(path: Path, files: MjcfFiles, error: Exception) -> ModelError:
     places = [place for place in map(files.place, numbers) if place]
     for number, place in zip(numbers, places, strict=False):
         message = message.replace(f"line {number}", f"line {place.line}")
-    return ModelError(f"MuJoCo cannot read the model: {message}", places[0] if places else Location(shown_file(path)))
+    return refusal(f"MuJoCo cannot read the model: {message}", places[0] if places else Location(shown_file(path)))
 
 
 def _embed_meshes(spec: Any, files: MjcfFiles) -> None:
@@ -122,7 +123,7 @@ def _embed_meshes(spec: Any, files: MjcfFiles) -> None:
         try:
             parsed = parsed_mesh(found.path)
         except MeshError as error:
-            raise ModelError(f"mesh '{found.name}': {error} [{error.rule}]", found.place) from None
+            raise refusal(f"mesh '{found.name}': {error} [{error.rule}]", found.place) from None
         mesh.file = ""
         mesh.uservert = parsed.points_xyz.ravel().tolist()
         mesh.userface = [int(row) for part in parsed.parts for row in part.ravel()]

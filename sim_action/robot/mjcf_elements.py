@@ -13,7 +13,7 @@ from types import MappingProxyType
 from typing import Final, Literal, NoReturn
 from xml.etree.ElementTree import Element
 
-from sim_action.core.errors import Location, ModelError
+from sim_action.core.errors import Location, Problem, RefusedModel
 from sim_action.core.wording import shown
 from sim_action.robot.xml_document import MAX_ELEMENTS
 
@@ -103,11 +103,16 @@ _SIZE: Final = re.compile(r"(-?\d{1,18})([KMGTPE]?)", re.IGNORECASE)
 _MAX_SHOWN: Final = 60
 
 
+def refusal(message: str, place: Location) -> RefusedModel:
+    """Return the error of a model with one problem."""
+    return RefusedModel([Problem(place, message)])
+
+
 def check_element(element: Element, place: Location) -> None:
-    """Raise ModelError if an element is not simulated, may not name a file, or demands too much memory."""
+    """Raise RefusedModel if an element is not simulated, may not name a file, or demands too much memory."""
     tag = element.tag
     if tag in REFUSED:
-        raise ModelError(f"<{tag}> is not simulated, because {REFUSED[tag]}; remove it from the model", place)
+        raise refusal(f"<{tag}> is not simulated, because {REFUSED[tag]}; remove it from the model", place)
     check_attributes(element, place)
     for name, text in element.attrib.items():
         most = LIMITS.get((tag, name))
@@ -116,7 +121,7 @@ def check_element(element: Element, place: Location) -> None:
 
 
 def check_attributes(element: Element, place: Location) -> None:
-    """Raise ModelError if an element has an attribute that may name a file, and that is not in the table."""
+    """Raise RefusedModel if an element has an attribute that may name a file, and that is not in the table."""
     known = FILES[element.tag].attributes if element.tag in FILES else ()
     for name in element.attrib:
         if not LIKE_A_FILE.search(name) or name in known or (element.tag, name) in NO_FILES:
@@ -125,7 +130,7 @@ def check_attributes(element: Element, place: Location) -> None:
             continue
         allowed = ", ".join(f"<{tag} {row.attributes[0]}>" for tag, row in FILES.items())
         found = f"<{shown_name(element.tag)} {shown_name(name)}> may not name a file"
-        raise ModelError(f"{found}; allowed are {allowed}: remove the attribute", place)
+        raise refusal(f"{found}; allowed are {allowed}: remove the attribute", place)
 
 
 def shown_name(name: str) -> str:
@@ -134,10 +139,10 @@ def shown_name(name: str) -> str:
 
 
 def _check_number(tag: str, name: str, text: str, most: int, place: Location) -> None:
-    """Raise ModelError if a number is above the limit, or is not a plain number."""
+    """Raise RefusedModel if a number is above the limit, or is not a plain number."""
 
     def refuse(found: str) -> NoReturn:
-        raise ModelError(f"<{tag} {name}={shown(text)}>: {found}; at most {most:,} is allowed", place)
+        raise refusal(f"<{tag} {name}={shown(text)}>: {found}; at most {most:,} is allowed", place)
 
     if name == "memory":
         size = _SIZE.fullmatch(text.strip())

@@ -15,9 +15,9 @@ from typing import Final
 from xml.etree.ElementTree import Element
 from xml.sax.saxutils import quoteattr
 
-from sim_action.core.errors import Location, ModelError
+from sim_action.core.errors import Location
 from sim_action.core.wording import shown
-from sim_action.robot.mjcf_elements import DROPPED, FILES, FileRow, check_attributes, check_element, shown_name
+from sim_action.robot.mjcf_elements import DROPPED, FILES, FileRow, check_attributes, check_element, refusal, shown_name
 from sim_action.robot.packages import PackageError, Packages
 from sim_action.robot.xml_document import MAX_BYTES, MAX_ELEMENTS, ModelDocument, read_document
 
@@ -60,7 +60,7 @@ class MjcfFiles:
 
 
 def collect_files(path: Path, packages: Packages) -> MjcfFiles:
-    """Read an MJCF file with its includes and attached models, and resolve its other files. Raise ModelError."""
+    """Read an MJCF file with its includes and attached models, and resolve its other files. Raise RefusedModel."""
     return _Collector(packages).collected(path)
 
 
@@ -103,7 +103,7 @@ class _Collector:
         """Return the text of a model, and the number of its elements after the engine has expanded it."""
         document = self._read(path, named_at)
         if document.root.tag != "mujoco":
-            raise ModelError(
+            raise refusal(
                 f"the root element of an MJCF file is <mujoco>, but this file has <{shown_name(document.root.tag)}>",
                 document.places[document.root],
             )
@@ -132,11 +132,9 @@ class _Collector:
         where = place or document.places[document.root]
         self._bytes += document.size
         if self._files > MAX_FILES:
-            raise ModelError(f"a model may have at most {MAX_FILES} files, all included files together", where)
+            raise refusal(f"a model may have at most {MAX_FILES} files, all included files together", where)
         if self._bytes > MAX_BYTES:
-            raise ModelError(
-                f"a model may have at most {MAX_BYTES // 1_000_000} MB, all included files together", where
-            )
+            raise refusal(f"a model may have at most {MAX_BYTES // 1_000_000} MB, all included files together", where)
         return document
 
     def _copy(self, element: Element, source: _Source, merged: _Merged, target: Element, depth: int = 1) -> None:
@@ -149,9 +147,9 @@ class _Collector:
                 continue
             self._elements += 1
             if depth > _MAX_DEPTH:
-                raise ModelError(f"more than {_MAX_DEPTH} elements inside each other", place)
+                raise refusal(f"more than {_MAX_DEPTH} elements inside each other", place)
             if self._elements > MAX_ELEMENTS:
-                raise ModelError(f"more than {MAX_ELEMENTS:,} elements, all included files together", place)
+                raise refusal(f"more than {MAX_ELEMENTS:,} elements, all included files together", place)
             copy = Element(child.tag, child.attrib)
             target.append(copy)
             merged.places[copy], merged.sources[copy] = place, source
@@ -162,12 +160,12 @@ class _Collector:
         check_attributes(element, place)
         name = _file_name(element, place)
         if len(element):
-            raise ModelError("<include> has elements in it; move them out of it", place)
+            raise refusal("<include> has elements in it; move them out of it", place)
         folder = merged.path.parent
         # MuJoCo looks for the file in the folder of the main file first.
         path = self._file([folder / name, folder / source.folder / name], name, place)
         if path in merged.read:
-            raise ModelError(f"'{name}' includes itself, or is included twice; include each file once", place)
+            raise refusal(f"'{name}' includes itself, or is included twice; include each file once", place)
         merged.read.add(path)
         beside = Path(name).parent
         is_nested = not (folder / name).is_file()
@@ -178,9 +176,9 @@ class _Collector:
         name = _file_name(element, place)
         path = self._file([merged.path.parent / merged.sources[element].folder / name], name, place)
         if path in above:
-            raise ModelError(f"'{name}' attaches itself", place)
+            raise refusal(f"'{name}' attaches itself", place)
         if len(above) > _MAX_DEPTH:
-            raise ModelError(f"more than {_MAX_DEPTH} models attach each other", place)
+            raise refusal(f"more than {_MAX_DEPTH} models attach each other", place)
         text, size = self._model(path, place, above)
         known = element.get("name", "")
         sizes[known] = max(size, sizes.get(known, 0))
@@ -211,7 +209,7 @@ class _Collector:
         return f"sim-action-{self._named}{suffix}"
 
     def _file(self, paths: list[Path], reference: str, place: Location) -> Path:
-        """Return the first of several paths that names a file. Raise ModelError with the problem of the first one."""
+        """Return the first of several paths that names a file. Raise RefusedModel with the problem of the first one."""
         problems = []
         _check_name(reference, place)
         for path in paths:
@@ -219,20 +217,20 @@ class _Collector:
                 return self._packages.file(path, reference)
             except PackageError as error:
                 problems.append(error)
-        raise ModelError(str(problems[0]), place)
+        raise refusal(str(problems[0]), place)
 
     def _place(self, path: Path, reference: str, place: Location) -> None:
-        """Raise ModelError if a file may not be read, whether it exists or not."""
+        """Raise RefusedModel if a file may not be read, whether it exists or not."""
         _check_name(reference, place)
         try:
             self._packages.place(path, reference)
         except PackageError as error:
-            raise ModelError(str(error), place) from None
+            raise refusal(str(error), place) from None
 
     # --- checks ---
 
     def _expanded(self, element: Element, merged: _Merged, sizes: Mapping[str, int]) -> int:
-        """Return the number of elements after <replicate> and <attach> are expanded. Raise ModelError."""
+        """Return the number of elements after <replicate> and <attach> are expanded. Raise RefusedModel."""
         inside = sum(self._expanded(child, merged, sizes) for child in element)
         if element.tag == "replicate":
             inside *= int(element.get("count", "1"))
@@ -241,9 +239,7 @@ class _Collector:
             inside += sizes.get(element.get("model", ""), max(sizes.values(), default=0))
         if inside >= MAX_ELEMENTS:
             found = f"<{element.tag}> makes {inside:,} elements"
-            raise ModelError(
-                f"{found}; at most {MAX_ELEMENTS:,} are allowed: reduce the counts", merged.places[element]
-            )
+            raise refusal(f"{found}; at most {MAX_ELEMENTS:,} are allowed: reduce the counts", merged.places[element])
         return inside + 1
 
     # --- writing ---
@@ -273,7 +269,7 @@ def _folders(root: Element) -> dict[str, str]:
 
 def _file_name(element: Element, place: Location) -> str:
     if not element.get("file"):
-        raise ModelError(f"<{element.tag}> has no attribute 'file', or it is empty", place)
+        raise refusal(f"<{element.tag}> has no attribute 'file', or it is empty", place)
     return element.attrib["file"]
 
 
@@ -283,4 +279,4 @@ def _base_name(reference: str) -> str:
 
 def _check_name(reference: str, place: Location) -> None:
     if not reference.isprintable() or len(reference) > _MAX_NAME:
-        raise ModelError(f"{shown(reference)} is not a valid path", place)
+        raise refusal(f"{shown(reference)} is not a valid path", place)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -146,6 +147,13 @@ def test_a_sibling_whose_name_begins_alike_is_outside(repository: Path) -> None:
 def test_what_names_no_file_is_a_path_error(repository: Path, path: str, message: str) -> None:
     with pytest.raises(PathError, match=message):
         around(repository).file(path)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no named pipes")
+def test_a_pipe_is_not_a_file(repository: Path) -> None:
+    os.mkfifo(repository / "scenarios/pipe")
+    with pytest.raises(PathError, match=r"'pipe' is not a regular file \(looked for .*/scenarios/pipe\)"):
+        around(repository).file("pipe")
 
 
 def test_links_in_a_circle_are_a_path_error(repository: Path) -> None:

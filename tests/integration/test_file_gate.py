@@ -1,0 +1,170 @@
+"""No model or scenario opens a file outside the workspace. Each opened file is traced, in all processes of a run."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections import Counter
+from pathlib import Path
+from typing import Final
+
+import pytest
+
+import sim_action
+from sim_action.engines import installed
+from sim_action.results.outcome import Outcome
+from sim_action.results.results_json import Results
+from tests.integration.faults.injection import COMPILER
+from tests.integration.faults.tracing import Traced, compiled, traced
+from tests.integration.hostile_files import CASES, NORMAL, SENTINEL, Case, write_cases
+from tests.mesh_files import stl
+
+pytestmark = [
+    pytest.mark.skipif(sys.platform != "linux", reason="the tracer needs LD_PRELOAD, which is a feature of Linux"),
+    pytest.mark.skipif(COMPILER is None, reason="no C compiler compiles the tracer"),
+    pytest.mark.skipif("mujoco" not in installed(), reason="MJCF is read by MuJoCo, which is not installed"),
+]
+
+PRIVILEGED: Final = {"GITHUB_EVENT_NAME": "pull_request_target"}
+
+NEVER: Final = ("/etc/passwd", "/dev/zero", "/proc/N/environ")
+"""Files of the system that the hostile models name."""
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return compiled(tmp_path_factory.mktemp("tracer"))
+
+
+class Suite:
+    """A suite that has run, with all files that it opened."""
+
+    def __init__(self, root: Path, library: Path, cases: tuple[Case, ...]) -> None:
+        self.root, self.workspace = root, write_cases(root, cases)
+        self.run = self.call(library, "run")
+        results = Results.read(self.workspace / "sim-results/results.json")
+        self.outcomes = {Path(outcome.file).parent.name: outcome for outcome in results.outcomes}
+
+    def call(self, library: Path, command: str) -> Traced:
+        """Call the command line for all scenarios."""
+        temp, cache = self.root / "temp", self.root / "cache"
+        temp.mkdir(exist_ok=True)
+        own = {"TMPDIR": str(temp), "XDG_CACHE_HOME": str(cache)}
+        return traced(self.workspace, library, {**PRIVILEGED, **own}, "-m", "sim_action", command, ".")
+
+    def foreign(self, run: Traced) -> set[str]:
+        """Return the opened files that are neither in the workspace nor a part of an installed program."""
+        own = [self.workspace, self.root / "temp", self.root / "cache", Path(sim_action.__file__).parent]
+        installed = {Path(place).resolve() for place in (*sys.path, sys.prefix, sys.base_prefix) if place}
+        outside = {
+            path for path in run.opened if not any(Path(path).is_relative_to(place) for place in (*own, *installed))
+        }
+        return {re.sub(r"\d+", "N", path) for path in outside}
+
+
+@pytest.fixture(scope="module")
+def hostile(library: Path, tmp_path_factory: pytest.TempPathFactory) -> Suite:
+    return Suite(tmp_path_factory.mktemp("hostile"), library, CASES)
+
+
+@pytest.fixture(scope="module")
+def normal(library: Path, tmp_path_factory: pytest.TempPathFactory) -> Suite:
+    return Suite(tmp_path_factory.mktemp("normal"), library, NORMAL)
+
+
+# --- controls: the tracer sees what it must see ---
+
+
+RAW: Final = """
+import mujoco
+mesh = '<mesh name="m" file="{}"/>'
+mujoco.MjModel.from_xml_string(f'<mujoco><asset>{{mesh}}</asset></mujoco>')
+"""
+
+
+def test_the_tracer_sees_a_mesh_that_the_engine_opens(library: Path, tmp_path: Path) -> None:
+    outside = tmp_path / "outside.stl"
+    outside.write_bytes(stl())
+    run = traced(tmp_path, library, {}, "-c", RAW.format(outside))
+    assert run.code == 0, run.printed
+    assert str(outside) in run.opened
+
+
+@pytest.mark.skipif("pybullet" not in installed(), reason="PyBullet is not installed")
+def test_the_tracer_sees_a_model_that_the_other_engine_opens(library: Path, tmp_path: Path) -> None:
+    outside = tmp_path / "outside.urdf"
+    outside.write_text('<robot name="a"><link name="b"/></robot>')
+    program = f"import pybullet as p; p.connect(p.DIRECT); p.loadURDF({str(outside)!r})"
+    assert str(outside) in traced(tmp_path, library, {}, "-c", program).opened
+
+
+def test_the_tracer_sees_what_a_script_opens(library: Path, tmp_path: Path) -> None:
+    outside = tmp_path / "outside.txt"
+    outside.write_text(SENTINEL)
+    folder = tmp_path / "inside"
+    folder.mkdir()
+    (folder / "link.txt").symlink_to(outside)
+    (folder / "c.py").write_text("def control(observation):\n    open('link.txt').read()\n")
+    (folder / "s.sim.yml").write_text(
+        "name: s\nrobot: {model: turtlebot3_burger}\nexpect: [no_collision]\ntime_limit: 0.1 s\n"
+        "commands: {script: c.py, rate: 10 Hz}\n"
+    )
+    run = traced(folder, library, PRIVILEGED, "-m", "sim_action", "run", ".", "--allow-scripts", "true")
+    assert run.code == 0, run.printed
+    assert str(outside) in run.opened
+
+
+def test_the_tracer_sees_the_child_of_each_scenario(normal: Suite) -> None:
+    read = {Path(path).relative_to(normal.workspace).as_posix() for path in normal.run.opened
+            if Path(path).is_relative_to(normal.workspace)}  # fmt: skip
+    for case in NORMAL:
+        for name in case.files:
+            assert f"{case.folder}/{name}" in read, name
+
+
+# --- the models ---
+
+
+def test_normal_models_run(normal: Suite) -> None:
+    assert {case.name: normal.outcomes[case.folder].status for case in NORMAL} == dict.fromkeys(
+        (case.name for case in NORMAL), "passed"
+    ), normal.run.printed
+    assert not {*NEVER} & normal.foreign(normal.run)
+
+
+def test_the_names_and_folders_of_all_cases_are_different() -> None:
+    assert len(CASES) >= 40
+    assert max(Counter(case.folder for case in CASES).values()) == 1
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+def test_a_hostile_model_is_an_error_with_its_file_and_line(case: Case, hostile: Suite) -> None:
+    outcome: Outcome = hostile.outcomes[case.folder]
+    if not case.message:
+        assert outcome.status == "passed", outcome
+        return
+    assert outcome.status == "error", outcome
+    failure = outcome.failures[0]
+    assert case.message in failure.message
+    assert "\n" not in failure.message
+    assert failure.message.isprintable()
+    assert failure.location is not None
+    assert f"{failure.location.file}:{failure.location.line}" == f"{case.folder}/{case.place}"
+
+
+@pytest.mark.parametrize("command", ["run", "validate"])
+def test_no_file_outside_is_opened(command: str, hostile: Suite, normal: Suite, library: Path) -> None:
+    run = hostile.run if command == "run" else hostile.call(library, command)
+    assert run.code == 2, run.printed
+    outside = hostile.root / "outside"
+    assert not [path for path in run.opened if Path(path).is_relative_to(outside)]
+    assert not [path for path in run.opened if Path(path).is_relative_to(hostile.workspace / ".git")]
+    # What is opened besides is what any run opens.
+    assert hostile.foreign(run) <= normal.foreign(normal.run)
+    assert SENTINEL not in run.printed
+
+
+def test_nothing_of_a_file_outside_is_in_a_report(hostile: Suite) -> None:
+    reports = [path for path in (hostile.workspace / "sim-results").rglob("*") if path.is_file()]
+    assert {"results.json", "junit.xml"} <= {path.name for path in reports}
+    assert not [path.name for path in reports if SENTINEL.encode() in path.read_bytes()]
