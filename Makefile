@@ -22,7 +22,7 @@ HAS_NODE = $(WITH_NODE) node -e 'process.exit(parseInt(process.versions.node) < 
 # A shell that forbids bytecode would have each of the thousands of processes of a test run compile what it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: viewer screenshots demo demo-pictures check check-tests test soak coverage lint lint-style lint-layers $(TYPES) lint-workflows lint-viewer format docs robots accuracy picture bench fuzz mutants lock clean
+.PHONY: viewer screenshots demo demo-pictures check check-tests test soak coverage lint lint-style lint-layers $(TYPES) lint-workflows lint-viewer format docs robots accuracy picture bench fuzz mutants workflow lock clean
 
 demo: $(VENV)/.installed ## run the scenario at the top of README.md
 	@$(BIN)/sim-action run examples/turtlebot3/straight_line.sim.yml
@@ -119,6 +119,10 @@ bench: $(VENV)/.dev viewer ## ratios against the raw engine; what cannot be meas
 
 fuzz: $(VENV)/.dev ## a quarter of an hour of scenarios, models and other files that nobody has written
 	$(BIN)/python -m tests.fuzz
+
+# Arguments: FILE; EVENT, such as pull_request.
+workflow: $(VENV)/.dev ## run a workflow of any repository on this machine, as GitHub would
+	@$(BIN)/python -m tests.integration.github $(FILE) --event $(or $(EVENT),push) --folder .workflow_cache
 
 # Arguments: SAMPLE, how many; SEED, which ones.
 mutants: $(VENV)/.dev viewer ## change lines of sim_action at random, and list the changes that no test notices

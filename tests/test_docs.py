@@ -225,10 +225,14 @@ def commands_in(text: str) -> list[list[str]]:
 @in_each_page
 def test_commands_in_pages_exist(name: str) -> None:
     subcommands: dict[str | None, Any] = {command.name: command for command in SUBCOMMANDS}
-    targets = set(re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+    makefile = (ROOT / "Makefile").read_text()
+    targets, used = set(re.findall(r"^([\w-]+):", makefile, re.MULTILINE)), set(re.findall(r"\$\(([A-Z]+)\)", makefile))
+    used |= set(re.findall(r"\$\(or \$\(([A-Z]+)\)", makefile))
     for program, *words in commands_in(TEXTS[name]):
         if program == "make":
-            assert set(words) <= targets, words
+            variables = {name for name, given, _ in (word.partition("=") for word in words) if given}
+            assert variables <= used, words
+            assert {word for word in words if "=" not in word} <= targets, words
         if program == "sim-action":
             subcommands[words[0]].make_context(words[0], words[1:])
 
