@@ -280,20 +280,32 @@ def test_a_bad_action_is_refused(good: str, bad: str, complaint: str, tmp_path: 
     assert_refused(lint_workflows(ACTIONS=action), complaint)
 
 
-@pytest.mark.process
-def test_what_is_no_yaml_is_refused_with_its_line(tmp_path: Path) -> None:
-    workflow = tmp_path / "workflow.yml"
-    workflow.write_text("name: one\non: push\njobs: a: b\n", encoding="utf-8")
-    checked = subprocess.run(
-        ["node", ".ci/workflows/check.mjs", workflow],
+def check_workflows(*files: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        ["node", ".ci/workflows/check.mjs", *files],
         cwd=ROOT,
         env={**os.environ, "PATH": f"{VENV}/bin:{os.environ['PATH']}"},
         capture_output=True,
         text=True,
         check=False,
     )
+
+
+@pytest.mark.process
+def test_findings_of_actionlint_are_shown_where_github_complains_first(tmp_path: Path) -> None:
+    no_yaml, workflow = tmp_path / "no_yaml.yml", tmp_path / "workflow.yml"
+    no_yaml.write_text("name: one\non: push\njobs: a: b\n", encoding="utf-8")
+    workflow.write_text(
+        "on: push\njobs:\n  a:\n    runs-on: ubuntu-lastest\n    steps:\n      - run: echo\n        shel: bash\n",
+        encoding="utf-8",
+    )
+    checked = check_workflows(no_yaml, workflow)
     assert checked.returncode == 1
-    assert checked.stdout.startswith(f"{workflow}:3:7: ")
+    assert checked.stdout.startswith(f"{no_yaml}:3:7: ")
+    assert f"{no_yaml}:1:1: actionlint cannot read this file: " in checked.stdout
+    assert f"{workflow}:7:9: Unexpected value 'shel'" in checked.stdout
+    assert f'{workflow}:4:14: label "ubuntu-lastest" is unknown' in checked.stdout
+    assert f'{workflow}:7:9: unexpected key "shel" for "step" section' in checked.stdout
 
 
 @pytest.mark.process

