@@ -14,14 +14,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 from docs.generators import accuracy, actions, command_line, lists, scenario
-from sim_action.app.schema import results_schema, scenario_schema, schema_text
+from sim_action.app.schema import SCHEMAS, schema_text
 from sim_action.scenario.model import ExpectationOptions
 from sim_action.sensors import Mounting
 from sim_action.world import Disturbance, PathPoint
 
 ROOT = Path(__file__).resolve().parent.parent
 SITE = ROOT / "docs/_site"
-SCHEMAS = {"docs/scenario.schema.json": scenario_schema, "docs/results.schema.json": results_schema}
 BLOCK = re.compile(r"(<!-- generated: ([a-z-]+)((?: [\w./-]+)*) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 BLOCKS: dict[str, Callable[..., str]] = {
@@ -67,7 +66,7 @@ def pages() -> list[Path]:
 def generated() -> dict[Path, str]:
     """Return each generated file with the text that it should hold."""
     texts = {path: _filled(path) for path in pages()}
-    return texts | {ROOT / name: schema_text(schema()) for name, schema in SCHEMAS.items()}
+    return texts | {ROOT / f"docs/{name}.schema.json": schema_text(schema()) for name, schema in SCHEMAS.items()}
 
 
 def _filled(page: Path) -> str:

@@ -1,15 +1,17 @@
-"""JSON Schemas: of scenario files, for editors, and of `results.json`, for programs that read it."""
+"""JSON Schemas: of scenario files and base files, for editors, and of `results.json`, for programs that read it."""
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
+from types import MappingProxyType
 from typing import Any, Final
 
 from pydantic import BaseModel, ValidationError
 from pydantic.json_schema import GenerateJsonSchema, models_json_schema
 
+from sim_action.app.editor_schema import EditorSchemas, Schema, chosen_by_key
 from sim_action.assertions import ASSERTIONS, Assertion
 from sim_action.assertions.combined import Combined
 from sim_action.commands import COMMANDS
@@ -19,7 +21,8 @@ from sim_action.results.results_json import Results
 from sim_action.scenario.model import ExpectationOptions, Scenario
 from sim_action.sensors import SENSORS, Mounting
 
-Schema = dict[str, Any]
+SITE: Final = "https://sim-action.github.io/sim-action"
+"""The address of the documents, where the schemas are published."""
 
 
 class _Untitled(GenerateJsonSchema):
@@ -43,7 +46,73 @@ def results_schema() -> Schema:
 
 
 def scenario_schema() -> Schema:
-    """The schema of one scenario file."""
+    """The schema of a scenario file, for editors: one scenario, or several, or one that other keys complete."""
+    scenario, schemas = _for_editors()
+    root = {
+        "type": "object",
+        "if": {"anyOf": [{"required": [key], "properties": {key: {}}} for key in _COMPLETING]},
+        "then": _merged(scenario, schemas, _OF_A_FILE),
+        "else": scenario,
+    }
+    return schemas.document(_head("scenario", "simulation scenario", scenario["description"]), root)
+
+
+def base_schema() -> Schema:
+    """The schema of a base file, for editors: keys that scenarios share with `extends`, none of which is required."""
+    scenario, schemas = _for_editors()
+    head = _head(
+        "base", "base of simulation scenarios", "Keys that scenarios share: they name this file with `extends`."
+    )
+    return schemas.document(head, _merged(scenario, schemas, ("extends",)))
+
+
+def plain_schema() -> Schema:
+    """The schema of one scenario as pydantic writes it, in draft 2020-12."""
+    scenario, definitions = _models()
+    return {"$schema": GenerateJsonSchema.schema_dialect, **scenario, "$defs": _reachable(definitions, scenario)}
+
+
+def _head(kind: str, title: str, description: str) -> Schema:
+    return {"$id": f"{SITE}/{kind}.schema.json", "title": f"sim-action {title}", "description": description}
+
+
+def _for_editors() -> tuple[Schema, EditorSchemas]:
+    scenario, definitions = _models()
+    description = scenario["properties"]["commands"]["description"]
+    for name in COMMANDS:
+        kind = definitions[COMMANDS.load(name).__name__]
+        kind["properties"][name].setdefault("description", kind["description"])
+    shared = {key: each for name in COMMANDS for key, each in _properties(definitions, COMMANDS.load(name)).items()}
+    source = chosen_by_key({name: _ref(COMMANDS.load(name)) for name in COMMANDS}, shared)
+    part = {"type": "object", "properties": shared, "additionalProperties": False}
+    definitions |= {"CommandSource": source, "SharedCommands": part}
+    several = {"type": "array", "items": {"$ref": "#/$defs/CommandSource"}}
+    commands = {"description": description, "anyOf": [several, {"$ref": "#/$defs/CommandSource"}]}
+    scenario["properties"]["commands"] = commands
+    return scenario, EditorSchemas(definitions)
+
+
+def _properties(definitions: Schema, model: type[BaseModel]) -> Schema:
+    properties: Schema = definitions[model.__name__]["properties"]
+    return properties
+
+
+def _merged(scenario: Schema, schemas: EditorSchemas, of_a_file: tuple[str, ...]) -> Schema:
+    """Return the schema of a file whose keys are merged with others."""
+    described = scenario["properties"]
+    commands = described["commands"]
+    several, _ = commands["anyOf"]
+    shared = {**commands, "anyOf": [several, {"$ref": "#/$defs/SharedCommands"}]}
+    keys = {key: value for key, value in described.items() if key not in _OF_A_FILE} | {"commands": shared}
+    entry = schemas.partial({"type": "object", "properties": keys, "additionalProperties": False})
+    properties = entry["properties"] | {key: described[key] for key in of_a_file}
+    if "scenarios" in of_a_file:
+        properties["scenarios"] = _list(described["scenarios"]["description"], schemas.define("ScenarioEntry", entry))
+    return {**entry, "properties": {key: properties[key] for key in described if key in properties}}
+
+
+def _models() -> tuple[Schema, Schema]:
+    """Return the schema of one scenario and the definitions that it refers to."""
     families = [table.load(name) for table in (ASSERTIONS, COMMANDS, DRIVES, SENSORS) for name in table]
     models: list[type[BaseModel]] = [Scenario, ExpectationOptions, Mounting, *families]
     _, schema = models_json_schema(
@@ -61,9 +130,7 @@ def scenario_schema() -> Schema:
     definitions["Sensor"] = _one_of(SENSORS, definitions.pop(Mounting.__name__)["properties"])
     robot = definitions["DrivenRobot"]["properties"]
     robot["drive"] = {"description": robot["drive"]["description"], **_choice(_drive_keys())}
-    _loosen(scenario, definitions)
-    head = {"$schema": GenerateJsonSchema.schema_dialect, "title": "sim-action scenario"}
-    return {**head, **scenario, "$defs": _reachable(definitions, scenario)}
+    return scenario, definitions
 
 
 def _combined_assertions(definitions: Schema) -> Schema:
@@ -77,25 +144,13 @@ def _combined_assertions(definitions: Schema) -> Schema:
     return {Assertion.__name__: _one_of(ASSERTIONS, {}), **combined}
 
 
-def _loosen(scenario: Schema, definitions: Schema) -> None:
-    """Drop required keys where other files or shared keys may supply them."""
-    parts = scenario["properties"]
-    strict = {"commands": parts["commands"], "robot": {"required": definitions["DrivenRobot"].pop("required")}}
-    alone = {"required": scenario.pop("required"), "properties": strict}
-    parts["commands"] = {"description": strict["commands"]["description"]}
-    entry = {key: value for key, value in parts.items() if key not in _OF_A_FILE}
-    items = {"type": "object", "properties": entry, "additionalProperties": False}
-    parts["scenarios"] = _list(parts["scenarios"]["description"], items)
-    scenario["if"] = {"anyOf": [{"required": [key]} for key in _OF_A_FILE]}
-    scenario["then"] = True
-    scenario["else"] = alone
-
-
 def _list(description: str, items: Schema) -> Schema:
     return {"description": description, "type": "array", "minItems": 1, "items": items}
 
 
 _OF_A_FILE: Final = ("extends", "scenarios")
+_COMPLETING: Final = (*_OF_A_FILE, "variations")
+"""The keys that may supply what a file itself does not have."""
 
 
 def _described(definition: Schema) -> Schema:
@@ -176,3 +231,9 @@ def _referred(part: Any) -> Iterator[str]:
     elif isinstance(part, list):
         for value in part:
             yield from _referred(value)
+
+
+SCHEMAS: Final[Mapping[str, Callable[[], Schema]]] = MappingProxyType(
+    {"scenario": scenario_schema, "base": base_schema, "results": results_schema}
+)
+"""Each schema by the name that `sim-action schema` and the files in docs/ have for it."""

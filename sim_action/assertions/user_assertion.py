@@ -59,7 +59,12 @@ class UserAssertion(Assertion):
     path: Annotated[
         str,
         NamesFile(),
-        Field(alias="class", pattern=r"^[^:].*:[^\W\d]\w*$", description="FILE.py:CLASS; may be the whole value"),
+        Field(
+            alias="class",
+            pattern=r"^[^:].*:[^\W\d]\w*$",
+            description="FILE.py:CLASS; may be the whole value",
+            json_schema_extra={"pattern": r"^[^:\n][^\n]*:[^0-9\n][^\n]*$"},
+        ),
     ]
     settings: Annotated[
         Mapping[str, Any], Field(alias="with", description="keyword arguments of the class; numbers without units")

@@ -37,10 +37,14 @@ def sensors() -> None:
     click.echo(catalogue.listing(catalogue.sensors()))
 
 
-@click.command(short_help="Print the JSON Schema of scenarios.")
-@click.argument("kind", type=click.Choice(("scenario", "results")), default="scenario")
+@click.command(short_help="Print a JSON Schema, for editors.")
+@click.argument("kind", type=click.Choice(("scenario", "base", "results")), default="scenario")
 def schema(kind: str) -> None:
-    """Print the JSON Schema of scenario files (the default), or of results.json."""
-    from sim_action.app.schema import results_schema, scenario_schema, schema_text
+    """Print the JSON Schema of scenario files (the default), of base files (*.base.yml), or of results.json.
 
-    click.echo(schema_text(scenario_schema() if kind == "scenario" else results_schema()), nl=False)
+    Editors use the first two to complete keys, to explain them and to mark mistakes. Save the schema as a file, and
+    name the file in the first line of a scenario: "# yaml-language-server: $schema=scenario.schema.json".
+    """
+    from sim_action.app.schema import SCHEMAS, schema_text
+
+    click.echo(schema_text(SCHEMAS[kind]()), nl=False)

@@ -7,7 +7,6 @@ describes them in the JSON Schema.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Annotated, Any, Final, get_args
@@ -61,8 +60,15 @@ class Quantity:
         symbols = [symbol for dimension in self.dimensions for symbol in dimension.factors if symbol]
         if not symbols:
             return number
-        pattern = f"^\\s*[-+]?[0-9.]+([eE][-+]?[0-9]+)?\\s*({'|'.join(re.escape(s) for s in symbols)})?\\s*$"
-        return {"anyOf": [number, {"type": "string", "pattern": pattern, "examples": [f"1 {symbols[0]}"]}]}
+        example = self.dimensions[0].example
+        needs = f"number, or text such as {example}"
+        text = {
+            "type": "string",
+            "pattern": _text_pattern(needs, symbols),
+            "examples": [example],
+            "description": f"{needs}; units: {', '.join(symbols)}",
+        }
+        return {"anyOf": [number, text]}
 
     def _read(self, value: object, info: ValidationInfo) -> object:
         try:
@@ -85,6 +91,32 @@ class Written(Quantity):
     def _read(self, value: object, info: ValidationInfo) -> object:
         super()._read(value, info)
         return value
+
+
+_ANY_SIGN: Final = "[-+]?"
+_NOT_NEGATIVE: Final = "[+]?"
+_POSITIVE: Final = r"[+]?(?=[0.]*[1-9])"
+
+END_OF_TEXT: Final = r"[ \n]*$"
+"""The end of a pattern for text that may end with line breaks, as a YAML block does."""
+
+
+def _text_pattern(needs: str, symbols: Iterable[str]) -> str:
+    """Return the regular expression of a quantity in text, which has one meaning in Python and in ECMA-262.
+
+    Validators show the pattern in their messages. Its first alternative never matches: it is the message for people.
+    """
+    unit = "|".join(symbol.replace("^", r"\^") for symbol in symbols)
+    number = r"([0-9]+[.]?[0-9]*|[.][0-9]+)([eE][-+]?[0-9]+)?"
+    return rf"(?!){needs}|^ *{_ANY_SIGN}{number} *({unit})?{END_OF_TEXT}"
+
+
+def pattern_at_least(pattern: str, bound: float, *, exclusive: bool) -> str:
+    """Return the pattern of a quantity in text without the signs, and without the zero, that a lower bound forbids."""
+    if bound < 0:
+        return pattern
+    sign = _POSITIVE if exclusive or bound > 0 else _NOT_NEGATIVE
+    return pattern.replace(f"^ *{_ANY_SIGN}", f"^ *{sign}", 1)
 
 
 def _refused(reason: str) -> PydanticCustomError:

@@ -24,24 +24,29 @@ _ALL_DIGITS: Final = 18
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Dimension:
-    """A kind of quantity: its name, its SI unit, and the factor from each accepted unit to SI."""
+    """A kind of quantity: its name, its SI unit, and the factor from each accepted unit to SI.
+
+    Attributes:
+        example: a usual value in text, for descriptions.
+    """
 
     name: str
     si: str
     factors: MappingProxyType[str, float]
+    example: str
 
 
-def _dimension(name: str, si: str, others: dict[str, float] | None = None) -> Dimension:
-    return Dimension(name, si, MappingProxyType({si: 1.0, **(others or {})}))
+def _dimension(name: str, si: str, others: dict[str, float] | None = None, example: str = "") -> Dimension:
+    return Dimension(name, si, MappingProxyType({si: 1.0, **(others or {})}), example or f"20 {si}")
 
 
 TIME: Final = _dimension("time", "s", {"ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0})
 LENGTH: Final = _dimension("length", "m", {"mm": 1e-3, "cm": 1e-2, "km": 1e3})
-ANGLE: Final = _dimension("angle", "rad", {"deg": _DEGREE})
+ANGLE: Final = _dimension("angle", "rad", {"deg": _DEGREE}, "90 deg")
 FREQUENCY: Final = _dimension("frequency", "Hz", {"kHz": 1e3})
 MASS: Final = _dimension("mass", "kg", {"g": 1e-3, "t": 1e3})
 SPEED: Final = _dimension("speed", "m/s", {"mm/s": 1e-3, "cm/s": 1e-2, "km/h": 1 / 3.6})
-ANGULAR_SPEED: Final = _dimension("angular speed", "rad/s", {"deg/s": _DEGREE, "rpm": 2 * math.pi / 60})
+ANGULAR_SPEED: Final = _dimension("angular speed", "rad/s", {"deg/s": _DEGREE, "rpm": 2 * math.pi / 60}, "90 deg/s")
 ACCELERATION: Final = _dimension("acceleration", "m/s^2", {"cm/s^2": 1e-2})
 FORCE: Final = _dimension("force", "N", {"mN": 1e-3, "kN": 1e3})
 IMPULSE: Final = _dimension("impulse", "N s", {"Ns": 1.0, "mN s": 1e-3, "kN s": 1e3})
@@ -49,9 +54,9 @@ TORQUE: Final = _dimension("torque", "N m", {"Nm": 1.0})
 ENERGY: Final = _dimension("energy", "J", {"mJ": 1e-3, "kJ": 1e3, "Wh": 3600.0, "kWh": 3.6e6})
 INERTIA: Final = _dimension("moment of inertia", "kg m^2", {"g m^2": 1e-3})
 RATIO: Final = _dimension("ratio", "")
-SHARE: Final = _dimension("share", "", {"%": 1e-2})
+SHARE: Final = _dimension("share", "", {"%": 1e-2}, "20 %")
 DATA: Final = _dimension(
-    "amount of data", "B", {"kB": 1e3, "MB": 1e6, "GB": 1e9, "KiB": 2.0**10, "MiB": 2.0**20, "GiB": 2.0**30}
+    "amount of data", "B", {"kB": 1e3, "MB": 1e6, "GB": 1e9, "KiB": 2.0**10, "MiB": 2.0**20, "GiB": 2.0**30}, "2 GB"
 )
 
 _DIMENSIONS: Final = (

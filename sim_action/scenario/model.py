@@ -197,7 +197,7 @@ class Scenario(FrozenModel):
         tuple[dict[str, Any], ...] | None,
         Field(min_length=1, description="several scenarios; each adds to the keys of the file"),
     ] = None
-    name: Name
+    name: Annotated[Name, Field(description="the name in reports")]
     tags: Annotated[tuple[Tag, ...], Field(description="words for --tag and --exclude-tag")] = ()
     version: Annotated[Literal[1], Field(description="version of the format")] = 1
     robot: DrivenRobot

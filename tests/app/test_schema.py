@@ -1,6 +1,13 @@
+"""The JSON Schemas of scenario files, of base files and of `results.json`.
+
+How editors word mistakes is in tests/integration/test_editors.py.
+"""
+
 from __future__ import annotations
 
 import json
+import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -8,11 +15,15 @@ import jsonschema
 import pytest
 import yaml
 
-from sim_action.app.schema import results_schema, scenario_schema, schema_text
-from sim_action.core.errors import Location
+from sim_action.app.init import files
+from sim_action.app.schema import SCHEMAS, base_schema, results_schema, scenario_schema, schema_text
+from sim_action.core.errors import InvalidScenario, Location
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
 from sim_action.results.results_json import Results
+from sim_action.scenario.loading import load_scenario
 from sim_action.state.verdict import Verdict
+from tests.app.typos import SCENARIO, TYPOS, Typo
+from tests.scenarios import FULL
 
 ROOT = Path(__file__).parents[2]
 LEAST: dict[str, Any] = {
@@ -23,20 +34,80 @@ LEAST: dict[str, Any] = {
 }
 
 
+def validator_of(schema: dict[str, Any]) -> jsonschema.Draft7Validator:
+    jsonschema.Draft7Validator.check_schema(schema)
+    return jsonschema.Draft7Validator(schema)
+
+
 @pytest.fixture(scope="module")
-def validator() -> jsonschema.Draft202012Validator:
-    schema = scenario_schema()
-    jsonschema.Draft202012Validator.check_schema(schema)
-    return jsonschema.Draft202012Validator(schema)
+def validator() -> jsonschema.Draft7Validator:
+    return validator_of(scenario_schema())
 
 
-def test_it_names_its_dialect_and_is_json() -> None:
-    assert json.loads(schema_text(scenario_schema()))["$schema"] == "https://json-schema.org/draft/2020-12/schema"
+@pytest.fixture(scope="module")
+def of_bases() -> jsonschema.Draft7Validator:
+    return validator_of(base_schema())
+
+
+def test_they_name_their_dialect_and_address_and_are_json() -> None:
+    for name in ("scenario", "base"):
+        schema = json.loads(schema_text(SCHEMAS[name]()))
+        assert schema["$schema"] == "http://json-schema.org/draft-07/schema#"
+        assert schema["$id"] == f"https://sim-action.github.io/sim-action/{name}.schema.json"
+
+
+@pytest.mark.parametrize("name", SCHEMAS)
+def test_the_published_file_is_as_the_code_says(name: str) -> None:
+    published = ROOT / f"docs/{name}.schema.json"
+    assert published.read_text(encoding="utf-8") == schema_text(SCHEMAS[name]())
+    assert f'"{published.name}"' in (ROOT / "docs/conf.py").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("path", sorted(ROOT.glob("examples/**/*.sim.yml")), ids=lambda path: path.stem)
-def test_the_examples_are_valid(path: Path, validator: jsonschema.Draft202012Validator) -> None:
+def test_the_examples_are_valid(path: Path, validator: jsonschema.Draft7Validator) -> None:
     validator.validate(yaml.safe_load(path.read_text()))
+
+
+def test_base_files_need_nothing_and_have_no_list_of_scenarios(of_bases: jsonschema.Draft7Validator) -> None:
+    for path in ROOT.glob("examples/**/*.base.yml"):
+        of_bases.validate(yaml.safe_load(path.read_text()))
+    for part in ({}, {"extends": "other.base.yml"}, {"name": "n", "variations": {"seed": [1, 2]}}):
+        of_bases.validate(part)
+    for mistake in ({"scenarios": [{"name": "a"}]}, {"time_limt": 1}, {"expect": ["travel"]}, {"seed": "x"}):
+        assert not of_bases.is_valid(mistake)
+
+
+def test_the_scenario_of_init_is_valid(validator: jsonschema.Draft7Validator) -> None:
+    validator.validate(yaml.safe_load(files("")["simulation/drive_straight.sim.yml"]))
+
+
+def scenario_texts() -> Iterator[str]:
+    """Yield the whole scenarios in the documents."""
+    for page in (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))):
+        for text in re.findall(r"```yaml\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL):
+            if re.search(r"^extends:|^name:(.|\n)*^time_limit:", text, re.MULTILINE):
+                yield text
+
+
+@pytest.mark.parametrize("text", [FULL, SCENARIO, *scenario_texts()], ids=lambda text: str(text.count("\n")))
+def test_scenarios_of_tests_and_documents_are_valid(text: str, validator: jsonschema.Draft7Validator) -> None:
+    validator.validate(yaml.safe_load(text))
+
+
+@pytest.mark.parametrize("typo", TYPOS, ids=lambda typo: typo.wrong.strip() or f"no {typo.right.strip()}")
+def test_a_typo_is_found_or_is_for_the_loader(
+    typo: Typo, validator: jsonschema.Draft7Validator, tmp_path: Path
+) -> None:
+    assert validator.is_valid(yaml.safe_load(typo.text)) is not bool(typo.message)
+    path = tmp_path / "a.sim.yml"
+    path.write_text(typo.text, encoding="utf-8")
+    with pytest.raises(InvalidScenario):
+        load_scenario(path)
+
+
+def test_at_least_forty_of_fifty_typos_are_found() -> None:
+    assert len(TYPOS) >= 50
+    assert sum(bool(typo.message) for typo in TYPOS) >= 0.8 * len(TYPOS)
 
 
 @pytest.mark.parametrize(
@@ -61,7 +132,7 @@ def test_the_examples_are_valid(path: Path, validator: jsonschema.Draft202012Val
         {"world": {"objects": [{"name": "wall", "box": [0.1, "2 m", 0.5], "pose": {"yaw": "90 deg"}}]}},
     ],
 )
-def test_what_the_loader_takes_is_valid(change: dict[str, Any], validator: jsonschema.Draft202012Validator) -> None:
+def test_what_the_loader_takes_is_valid(change: dict[str, Any], validator: jsonschema.Draft7Validator) -> None:
     validator.validate(LEAST | change)
 
 
@@ -87,7 +158,7 @@ def test_what_the_loader_takes_is_valid(change: dict[str, Any], validator: jsons
         {"version": 2},
     ],
 )
-def test_what_the_loader_refuses_is_invalid(change: dict[str, Any], validator: jsonschema.Draft202012Validator) -> None:
+def test_what_the_loader_refuses_is_invalid(change: dict[str, Any], validator: jsonschema.Draft7Validator) -> None:
     assert not validator.is_valid(LEAST | change)
 
 
@@ -99,18 +170,18 @@ def test_what_the_loader_refuses_is_invalid(change: dict[str, Any], validator: j
     ],
 )
 def test_a_file_that_others_complete_need_not_be_whole(
-    file: dict[str, Any], validator: jsonschema.Draft202012Validator
+    file: dict[str, Any], validator: jsonschema.Draft7Validator
 ) -> None:
     validator.validate(file)
     assert not validator.is_valid(file | {"robot": {"modl": 1}})
     assert not validator.is_valid({key: value for key, value in file.items() if key not in ("extends", "scenarios")})
 
 
-def test_every_reference_leads_somewhere() -> None:
-    schema = scenario_schema()
-    text = json.dumps(schema)
-    for name in schema["$defs"]:
-        assert f'"#/$defs/{name}"' in text
+def test_every_definition_is_referred_to() -> None:
+    for schema in (scenario_schema(), base_schema()):
+        text = json.dumps(schema)
+        for name in schema["definitions"]:
+            assert f'"#/definitions/{name}"' in text
 
 
 def test_results_are_as_their_schema_says() -> None:

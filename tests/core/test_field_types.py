@@ -26,6 +26,7 @@ from sim_action.core.field_types import (
     Ratio,
     bound_text,
     bounds_text,
+    pattern_at_least,
     unit_of,
 )
 
@@ -129,6 +130,61 @@ def test_the_schema_takes_the_units_that_are_read(kind: Any, text: str, fits: bo
     schema = TypeAdapter(kind).json_schema()
     (pattern,) = (branch["pattern"] for branch in schema["anyOf"] if branch["type"] == "string")
     assert bool(re.search(pattern, text)) is fits
+
+
+def text_schema(kind: Any) -> dict[str, Any]:
+    (found,) = (branch for branch in TypeAdapter(kind).json_schema()["anyOf"] if branch["type"] == "string")
+    assert isinstance(found, dict)
+    return found
+
+
+def is_read(text: str, dimensions: tuple[units.Dimension, ...]) -> bool:
+    try:
+        units.parse(text, *dimensions)
+    except units.UnitError:
+        return False
+    return True
+
+
+DIMENSIONS = [value for value in vars(units).values() if isinstance(value, units.Dimension) and value.si]
+SYMBOLS = sorted({symbol for dimension in DIMENSIONS for symbol in dimension.factors if symbol})
+PIECES = ("0", "1", "25", ".", "-", "+", "e", "E", "e3", "E-2", " ", "  ", "\n", "x", "^", "/")
+NUMBERS = st.floats(-1e9, 1e9) | st.integers(-99, 99) | st.sampled_from(["0", "-0.0", "+0.50", ".5", "5.", "0e5", "-1"])
+TEXTS = st.lists(st.sampled_from([*SYMBOLS, *PIECES]), max_size=7).map("".join) | st.builds(
+    "{}{}{}".format, NUMBERS, st.sampled_from(["", " ", "\n"]), st.sampled_from(SYMBOLS)
+)
+
+
+@given(TEXTS, st.sampled_from(DIMENSIONS))
+def test_the_pattern_of_a_quantity_takes_what_is_read(text: str, dimension: units.Dimension) -> None:
+    pattern = text_schema(Annotated[float, Quantity((dimension,))])["pattern"]
+    # Spaces other than " " are read, too.
+    if "\n" not in text.strip() and not text.startswith("\n"):
+        assert bool(re.search(pattern, text)) is is_read(text, (dimension,))
+
+
+@given(NUMBERS, st.sampled_from(["", "m", " cm", " kg"]))
+def test_a_lower_bound_takes_signs_and_zero_from_the_pattern(number: float | str, unit: str) -> None:
+    plain = text_schema(Metres)["pattern"]
+    assert pattern_at_least(plain, -1, exclusive=True) == plain
+    text, fits = f"{number}{unit}", unit != " kg"
+    assert bool(re.search(plain, text)) is fits
+    for pattern, is_positive in (
+        (pattern_at_least(plain, 0, exclusive=False), not text.startswith("-")),
+        (pattern_at_least(plain, 0, exclusive=True), float(number) > 0),
+        (pattern_at_least(plain, 0.1, exclusive=False), float(number) > 0),
+    ):
+        assert bool(re.search(pattern, text)) is (fits and is_positive)
+
+
+def test_the_schema_says_how_a_quantity_is_written() -> None:
+    for kind, text in ((Metres, "20 m"), (PositiveSeconds, "20 s"), (PositiveRadians, "90 deg")):
+        schema = text_schema(kind)
+        assert schema["description"].startswith(f"number, or text such as {text}; units: ")
+        # Validators show the pattern.
+        assert schema["pattern"].startswith(f"(?!)number, or text such as {text}|")
+        assert not re.search(schema["pattern"], f"number, or text such as {text}")
+        assert re.search(schema["pattern"], schema["examples"][0])
 
 
 def test_the_schema_of_a_ratio_is_a_number() -> None:

@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 import yaml
 
-from sim_action.app.schema import scenario_schema
+from sim_action.app.schema import plain_schema
 from sim_action.commands import COMMANDS
 from tests.fuzz.damage import NUMBERS, TOKENS, damaged, structure_damaged
 from tests.fuzz.schema_values import value
@@ -86,7 +86,7 @@ def _examples() -> tuple[tuple[str, str, Any], ...]:
 
 @cache
 def _schema() -> dict[str, Any]:
-    return scenario_schema()
+    return plain_schema()
 
 
 @cache
@@ -102,7 +102,8 @@ def _drawn(chance: Chance) -> Any:
     """A scenario from the models, which may still be wrong in its meaning."""
     schema = _schema()
     properties = {name: each for name, each in schema["properties"].items() if name not in ("extends", "scenarios")}
-    data = value({**schema, "properties": properties}, schema, chance)
+    optional = {"type": "object", "properties": {**properties, "commands": {}}}
+    data = value(optional, schema, chance)
     if chance.random() < 0.5:
         command = COMMANDS.load(chance.choice([name for name in COMMANDS if name not in ("ros1", "process")]))
         data["commands"] = value(schema["$defs"][command.__name__], schema, chance)

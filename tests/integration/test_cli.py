@@ -323,7 +323,7 @@ def test_lists_are_printed(tmp_path: Path, command: str) -> None:
         "assertions": "at_least",
         "commands": "rate",
         "sensors": "contact",
-        "schema": "$defs",
+        "schema": "Quantity_",
     }
     assert has[command] in ran.stdout
 

@@ -79,7 +79,7 @@ class NodeSpec(FrozenModel):
         """Add the short form of a node, a text, to the schema."""
         full = handler.resolve_ref_schema(handler(schema))
         full.pop("title", None)
-        return {"anyOf": [{"type": "string", "pattern": "^[^/]+/.+$"}, full]}
+        return {"anyOf": [{"type": "string", "pattern": r"^[^/]+/[\s\S]"}, full]}
 
     @property
     def called(self) -> str:
