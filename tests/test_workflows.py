@@ -28,9 +28,13 @@ LEAST = ROOT / "examples/workflows/simulation.yml"  # ten lines, to be read at a
 
 PUBLISHING = {
     # To push tags and make a release, to attest and publish, and to read what came of CI.
-    "release.yml": {("contents", "write"), ("id-token", "write"), ("attestations", "write"), ("actions", "read")},
+    "release.yml": {("contents", "write"), ("id-token", "write"), ("attestations", "write"), ("actions", "read")}
+    | {("packages", "write")},  # to push the image
     "docs.yml": {("pages", "write"), ("id-token", "write")},  # to publish on GitHub Pages
 }
+
+# They start no container.
+MOVES_IMAGES = tuple(f"docker {verb} " for verb in ("load", "login", "push", "tag", "image inspect"))
 
 OWN = re.compile(rf"(?:\./|sim-action/sim-action/?)(?P<folder>[\w-]*)(?:@{moving_tag(read_version())})?")
 USES = re.compile(r"^\s*(?:- )?uses: (?P<action>\S+)(?P<comment>.*)$", re.MULTILINE)
@@ -116,7 +120,7 @@ def test_where_a_job_may_write_no_code_of_the_repository_runs(file: Path) -> Non
         if "write" in job.get("permissions", {}).values():
             assert not any(own_action(step) for step in job["steps"])
             commands = [line for step in job["steps"] for line in step.get("run", "").splitlines()]
-            assert all(command.startswith(("git ", "gh ")) for command in commands)
+            assert all(command.startswith(("git ", "gh ", *MOVES_IMAGES)) for command in commands)
 
 
 @every_workflow

@@ -73,7 +73,9 @@ class Machine:
     def _evaluated(self, given: Mapping[str, Any]) -> dict[str, str]:
         contexts = {
             "inputs": Known({"version": self.version}),
-            "github": Known({"server_url": str(self.server), "repository": "octocat/robots", "token": "secret"}),
+            "github": Known(
+                {"server_url": str(self.server), "repository": "octocat/robots", "token": "secret", "actor": "octocat"}
+            ),
             "needs": Known({"check": Known({"outputs": Known({"date": DATE})})}),
             "steps": Known({"simulation": Known({"outputs": Known({"conclusion": "success"})})}),
         }

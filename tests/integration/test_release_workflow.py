@@ -224,6 +224,7 @@ def test_only_the_jobs_that_need_a_right_have_it() -> None:
         "tag": ["contents"],
         "attest": ["attestations", "id-token"],
         "pypi": ["id-token"],
+        "registry": ["attestations", "id-token", "packages"],
         "github": ["contents"],
         "move": ["contents"],
     }
