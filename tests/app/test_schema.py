@@ -17,6 +17,7 @@ import yaml
 
 from sim_action.app.init import files
 from sim_action.app.schema import SCHEMAS, base_schema, results_schema, scenario_schema, schema_text
+from sim_action.core.discovery import SUFFIXES
 from sim_action.core.errors import InvalidScenario, Location
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
 from sim_action.results.results_json import Results
@@ -61,6 +62,22 @@ def test_the_published_file_is_as_the_code_says(name: str) -> None:
     published = ROOT / f"docs/{name}.schema.json"
     assert published.read_text(encoding="utf-8") == schema_text(SCHEMAS[name]())
     assert f'"{published.name}"' in (ROOT / "docs/conf.py").read_text(encoding="utf-8")
+
+
+def test_the_entry_for_schemastore_names_the_published_schema_and_the_files_that_are_run() -> None:
+    entry = json.loads((ROOT / ".github/schemastore.json").read_text(encoding="utf-8"))
+    assert entry.keys() == {"name", "description", "fileMatch", "url"}
+    assert entry["url"] == scenario_schema()["$id"]
+    assert sorted(entry["fileMatch"]) == sorted(f"*{suffix}" for suffix in SUFFIXES)
+
+
+def test_the_page_about_editors_names_the_published_schemas() -> None:
+    page = (ROOT / "docs/scenario/editors.md").read_text(encoding="utf-8")
+    (settings,) = re.findall(r"```json\n(.*?)```", page, re.DOTALL)
+    addresses = json.loads(settings)["yaml.schemas"]
+    assert list(addresses) == [scenario_schema()["$id"], base_schema()["$id"]]
+    for address in addresses:
+        assert page.count(address) >= 2
 
 
 @pytest.mark.parametrize("path", sorted(ROOT.glob("examples/**/*.sim.yml")), ids=lambda path: path.stem)
