@@ -1,190 +1,276 @@
-"""The private environment of the action, made from a lock file: LOCK names it, or for INPUT_EXTRAS those beside it.
+"""The private environment of the actions: the packages of a lock file, in a virtual environment without pip.
 
-    environment.py look       says what is there, and whether and where wheels are kept between runs
-    environment.py install    makes the environment, once per job
+    environment.py look            prints the plan: the engines to install, what exists already, and the cache to use
+    environment.py install         makes the environment, unless an earlier step of the job has made it
+    environment.py add FOLDER ...  installs an engine that was left out, when it is first imported
 
-Nothing is installed when this runs: it needs the standard library alone. What it says are outputs of the step.
+LOCK names the lock file; for INPUT_EXTRAS, those beside it are used. This needs the standard library alone. `look` and
+`install` write outputs of their step.
 """
 
 from __future__ import annotations
 
+if __name__ == "__main__":
+    import sys
+    from pathlib import Path
+
+    # -I leaves out the folder of this file.
+    sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
 import hashlib
+import json
 import os
-import re
 import shutil
-import subprocess
 import sys
+import sysconfig
+import tempfile
 import time
-from collections.abc import Iterable
+import venv
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-# They run with the rights of the base branch, and so would what they leave in its cache. The same events as in
-# sim_action/core/permissions.py, which cannot be imported before the installation.
-_NEVER_CACHED_ON: Final = frozenset(
+from action import lock as locks
+from action import placeholder, wheels
+from action.asked_engines import asked_engines
+from action.lock import Entry, LockError
+from action.wheels import InstallError, Target, WheelError
+
+# These events have the rights of the base branch, and could leave files in its cache. They are the same as in
+# sim_action/core/permissions.py, which is not imported here: the installation must not depend on it.
+NEVER_CACHED_ON: Final = frozenset(
     {
         *("pull_request_target", "workflow_run"),
         *("issue_comment", "issues", "discussion", "discussion_comment", "fork", "gollum", "watch"),
         *("check_run", "check_suite", "deployment", "deployment_status", "status"),
     }
 )
-# Each has a lock file of its own: of a name that a workflow makes up, nothing is installed.
-_EXTRAS: Final = ("mcap", "rosbags", "video")
-_ENTRY: Final = re.compile(r"^[^\s#].*(?:\n[ \t].*)*", re.MULTILINE)
-# A job's settings of pip say where packages come from, and must not say where they go.
-_PIP_VARIABLES: Final = ("PIP_PYTHON", "PIP_TARGET", "PIP_PREFIX", "PIP_ROOT", "PIP_USER", "PIP_DRY_RUN")
-_PIP_OPTIONS: Final = (
-    *("--quiet", "--disable-pip-version-check", "--no-input"),
-    *("--require-hashes", "--only-binary", ":all:", "--no-deps"),
-)
-
-
-class InstallError(Exception):
-    """Dependencies that could not be installed; what ran has said why."""
+_PREFIX: Final = "sim-action-"
+_MARKER: Final = "requirements.lock"
+_CACHE: Final = ".cache/sim-action-wheels"
+_TITLE: Final = "::error title=sim-action::"
 
 
 @dataclass(frozen=True)
-class Environment:
-    """The virtual environment that a lock file describes.
+class Plan:
+    """The decisions of `look`, which `install` carries out.
 
     Attributes:
-        lock: names every wheel with its version and hash.
-        folder: a virtual environment; it is complete if it holds a copy of the lock file.
-        wheels: the folder of the downloaded wheels.
+        ready: the folder of a complete environment that an earlier step of the job has made; empty: there is none.
+        left_out: the engines that are not installed.
+        kept: the folder of the wheels that are cached, from `~`; empty: nothing is cached.
     """
 
-    lock: Path
-    folder: Path
-    wheels: Path
+    ready: str
+    left_out: tuple[str, ...]
+    kept: str
+
+    def text(self) -> str:
+        """Return the plan as JSON of one line."""
+        return json.dumps({"ready": self.ready, "left_out": self.left_out, "kept": self.kept})
 
     @classmethod
-    def of(cls, lock: Path, temp: Path) -> Environment:
-        """Two versions of the action in one job have two environments."""
-        name = f"sim-action-{_digest(lock)[:12]}"
-        return cls(lock, temp / name, temp / f"{name}-wheels")
-
-    @property
-    def python(self) -> Path:
-        """Its interpreter."""
-        return self.folder / ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
-
-    @property
-    def key(self) -> str:
-        """The cache key: everything that the wheels depend on."""
-        machine = f"{os.environ['RUNNER_OS']}-{os.environ['RUNNER_ARCH']}"
-        return f"sim-action-{machine}-{sys.implementation.cache_tag}-{_digest(self.lock)}"
-
-    @property
-    def ready(self) -> bool:
-        """Return True if an earlier step of the job has made the environment."""
-        copy = self.folder / self.lock.name
-        return copy.is_file() and copy.read_bytes() == self.lock.read_bytes()
-
-    def install(self) -> bool:
-        """Makes it; returns whether wheels had to be fetched. Raises InstallError."""
-        if self.wheels.is_dir():
-            try:
-                self._unpack()
-            except InstallError:
-                print("The cached wheels are not those of the lock file: fetching them.")
-                shutil.rmtree(self.wheels)
-            else:
-                return False
-        _python("pip", "download", "--dest", self.wheels, *_PIP_OPTIONS, "--requirement", self.lock)
-        self._unpack()
-        return True
-
-    def _unpack(self) -> None:
-        # pip serves from outside: to install it into the environment would take longer than to make it.
-        _python("venv", "--clear", "--without-pip", self.folder)
-        # Most of what is installed is never imported, so nothing is compiled ahead.
-        where = ("--no-index", "--find-links", self.wheels, "--requirement", self.lock)
-        _python("pip", "--isolated", "--python", self.python, "install", "--no-compile", *_PIP_OPTIONS, *where)
-        # Last: with it, the environment is complete.
-        shutil.copy(self.lock, self.folder)
+    def parse(cls, text: str) -> Plan:
+        """Return the plan of a text."""
+        values = json.loads(text)
+        return cls(values["ready"], tuple(values["left_out"]), values["kept"])
 
 
-def look(environment: Environment) -> dict[str, object]:
-    """Return the facts that the next steps need."""
-    wanted = os.environ.get("INPUT_CACHE", "false")
+def look(packages: Sequence[Entry], temp: Path, variables: Mapping[str, str]) -> dict[str, object]:
+    """Return the outputs that the next steps need. Raises LockError.
+
+    `packages`: all of the lock files. `temp`: RUNNER_TEMP.
+    """
+    wanted = variables.get("INPUT_CACHE", "false")
     if wanted not in {"true", "false"}:
-        sys.exit("::error title=sim-action::the input cache must be true or false")
-    cached = wanted == "true" and os.environ.get("GITHUB_EVENT_NAME") not in _NEVER_CACHED_ON
+        raise LockError("the input cache must be true or false")
+    available = locks.engines_of(packages)
+    asked = asked_engines(variables) & set(available) if len(available) > 1 else ()
+    left_out = tuple(engine for engine in available if asked and engine not in asked)
+    chosen = locks.without_engines(packages, left_out)
+    ready = _ready(chosen, temp)
+    is_cached = wanted == "true" and variables.get("GITHUB_EVENT_NAME") not in NEVER_CACHED_ON and bool(_home())
+    kept = f"~/{_CACHE}/{locks.digest(chosen)[:16]}" if is_cached else ""
+    plan = Plan(str(ready) if ready else "", left_out, kept)
+    restores = bool(kept) and not ready and not wheels.are_there(chosen, Path(kept).expanduser())
     return {
-        "wheels": environment.wheels,
-        "key": environment.key,
-        "ready": environment.ready,
-        "cache": cached and not environment.ready,
+        "plan": plan.text(),
+        "cache": restores,
+        "wheels": kept,
+        "key": key(chosen, variables),
         "at": time.time(),
     }
 
 
-def install(environment: Environment) -> dict[str, object]:
-    """Install the environment and return the work that was done, with its times.
+def key(packages: Sequence[Entry], variables: Mapping[str, str]) -> str:
+    """Return the cache key: everything that the wheels depend on, and where they lie as seen from the workspace.
 
-    READY in the environment variables states what existed before any cache was restored.
+    A cache holds paths that are relative to the workspace. On runners where the home folder lies elsewhere from there,
+    they would lead to another folder.
     """
+    machine = f"{variables['RUNNER_OS']}-{variables['RUNNER_ARCH']}-{sys.implementation.cache_tag}"
+    content = "-".join(locks.engines_of(packages)) or "no-engine"
+    try:
+        place = os.path.relpath(_home() or ".", variables.get("GITHUB_WORKSPACE") or ".")
+    except ValueError:  # another drive
+        place = _home()
+    position = hashlib.sha256(place.replace(os.sep, "/").encode()).hexdigest()[:8]
+    return f"{_PREFIX}{machine}-{content}-{locks.digest(packages)}-{position}"
+
+
+def install(packages: Sequence[Entry], plan: Plan, temp: Path) -> dict[str, object]:
+    """Install the packages that the plan leaves, and return the outputs of the step. Raises InstallError, OSError."""
     began = time.time()
-    ready = os.environ.get("READY", str(environment.ready).lower()) == "true"
-    fetched = not ready and environment.install()
-    if not ready:
-        size = sum(wheel.stat().st_size for wheel in environment.wheels.iterdir()) / 1e6
-        print(f"Installed {size:.0f} MB of wheels in {time.time() - began:.0f} s.")
-    return {"python": environment.python, "fetched": fetched, "began": began, "ended": time.time()}
+    fetched = False
+    if plan.ready:
+        folder = Path(plan.ready)
+    else:
+        chosen = locks.without_engines(packages, plan.left_out)
+        folder, size, fetched = _made(chosen, plan, temp)
+        placeholders = [entry for entry in packages if entry not in chosen]
+        _complete(folder, chosen, placeholders)
+        engines = ", ".join(locks.engines_of(chosen)) or "no engine"
+        print(f"Installed {size / 1e6:.0f} MB of wheels in {time.time() - began:.1f} s ({engines}).")
+    return {"python": _python(folder), "fetched": fetched and bool(plan.kept), "began": began, "ended": time.time()}
 
 
-def _python(module: str, *arguments: str | Path) -> None:
-    # pip starts a second interpreter, which -I does not reach.
-    foreign = {"PYTHONPATH", "PYTHONHOME", *_PIP_VARIABLES}
-    variables = {name: value for name, value in os.environ.items() if name not in foreign}
-    variables["PIP_REQUIRE_VIRTUALENV"] = "0"
-    process = subprocess.run([sys.executable, "-I", "-m", module, *arguments], env=variables, check=False)
-    if process.returncode:
-        raise InstallError
+def add(folder: Path, lock: Path, engine: str) -> None:
+    """Install an engine that was left out. Raises InstallError, WheelError, OSError.
+
+    Processes that need it at the same time can do so together: each moves complete files into their place.
+    """
+    packages = [entry for entry in locks.entries_here([lock]) if entry.name == locks.ENGINES[engine]]
+    with tempfile.TemporaryDirectory(dir=folder, prefix="adding-") as name:
+        staging = Path(name, "site-packages")
+        wheels.download(packages, Path(name, "wheels"))
+        wheels.install(packages, Path(name, "wheels"), Target(_python(folder), dict.fromkeys(_PACKAGES, staging)))
+        placeholder.replace(engine, staging, _folders(folder)["purelib"])
+    present = locks.entries((folder / _MARKER).read_text(encoding="utf-8"))
+    _mark(folder, tuple(dict.fromkeys((*present, *packages))))
 
 
-def _digest(file: Path) -> str:
-    return hashlib.sha256(file.read_bytes()).hexdigest()
+def _made(packages: Sequence[Entry], plan: Plan, temp: Path) -> tuple[Path, int, bool]:
+    """Return a new environment, the size of its wheels in bytes, and True if they were downloaded."""
+    kept = Path(plan.kept).expanduser() if plan.kept else None
+    if kept and wheels.are_there(packages, kept):
+        try:
+            return (*_unpacked(packages, kept, temp), False)
+        except (WheelError, OSError) as error:
+            print(f"The cached wheels are not those of the lock file, and are downloaded again: {error}")
+            shutil.rmtree(kept, ignore_errors=True)
+    with tempfile.TemporaryDirectory(dir=temp, prefix=f"{_PREFIX}wheels-") as name:
+        downloaded = Path(name)
+        wheels.download(packages, downloaded)
+        folder, size = _unpacked(packages, downloaded, temp)
+        return folder, size, bool(kept) and _keep(downloaded, kept)
 
 
-def _say(outputs: dict[str, object]) -> None:
-    """Booleans as expressions compare them, times in whole milliseconds."""
+def _unpacked(packages: Sequence[Entry], source: Path, temp: Path) -> tuple[Path, int]:
+    """Return a new environment with the packages, and the size of their wheels in bytes."""
+    # The name is new each time: no other process has or gets this folder, and what is in a cache is not in it.
+    folder = Path(tempfile.mkdtemp(dir=temp, prefix=f"{_PREFIX}{locks.digest(packages)[:12]}-"))
+    try:
+        venv.EnvBuilder(symlinks=sys.platform != "win32", with_pip=False).create(folder)
+        return folder, wheels.install(packages, source, Target(_python(folder), _folders(folder)))
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+
+
+def _keep(downloaded: Path, kept: Path | None) -> bool:
+    """Copy wheels into the folder that is cached, each in one step; return True if that was possible."""
+    assert kept is not None
+    try:
+        kept.mkdir(parents=True, exist_ok=True)
+        for wheel in downloaded.iterdir():
+            part = kept / f".{wheel.name}.{os.getpid()}"
+            shutil.copyfile(wheel, part)
+            part.replace(kept / wheel.name)
+    except OSError as error:
+        print(f"The wheels are not cached: {error}")
+        return False
+    return True
+
+
+def _complete(folder: Path, packages: Sequence[Entry], left_out: Sequence[Entry]) -> None:
+    """Add placeholders for the engines that were left out, and mark the environment as complete."""
+    (folder / "left-out.lock").write_text(locks.text_of(left_out), encoding="utf-8", newline="\n")
+    for engine in locks.engines_of(left_out):
+        command = [sys.executable, "-I", str(Path(__file__).resolve()), "add", str(folder), engine]
+        version = next(entry.version for entry in left_out if entry.name == locks.ENGINES[engine])
+        placeholder.write(engine, locks.ENGINES[engine], version, command, _folders(folder)["purelib"])
+    _mark(folder, packages)
+
+
+def _mark(folder: Path, packages: Sequence[Entry]) -> None:
+    """Write the lock file of the packages that are installed; an environment with this file is complete."""
+    part = folder / f"{_MARKER}.{os.getpid()}"
+    part.write_text(locks.text_of(packages), encoding="utf-8", newline="\n")
+    part.replace(folder / _MARKER)
+
+
+def _ready(packages: Sequence[Entry], temp: Path) -> Path | None:
+    """Return an environment of this job that has all of the packages, the one with the fewest others."""
+    found = []
+    for marker in sorted(temp.glob(f"{_PREFIX}*/{_MARKER}")):
+        try:
+            present = set(locks.entries(marker.read_text(encoding="utf-8")))
+        except (OSError, ValueError, LockError):
+            continue
+        if present >= set(packages) and _python(marker.parent).exists():
+            found.append((len(present), marker.parent))
+    return min(found, default=(0, None))[1]
+
+
+_PACKAGES: Final = ("purelib", "platlib")
+
+
+def _folders(folder: Path) -> dict[str, Path]:
+    """Return the folders of an environment by the kind of files that they are for."""
+    places = {"base": str(folder), "platbase": str(folder), "installed_base": str(folder)}
+    paths = sysconfig.get_paths("venv", {**places, "installed_platbase": str(folder)})
+    return {kind: Path(paths[kind]) for kind in (*_PACKAGES, "scripts", "data")}
+
+
+def _python(folder: Path) -> Path:
+    return folder / ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
+
+
+def _home() -> str:
+    """Return the home folder; empty if there is none."""
+    home = os.path.expanduser("~")  # noqa: PTH111 - Path.home() raises where there is none
+    return "" if home == "~" else home
+
+
+def _say(outputs: Mapping[str, object]) -> None:
+    """Write outputs: booleans as expressions compare them, times in milliseconds."""
     with Path(os.environ["GITHUB_OUTPUT"]).open("a", encoding="utf-8", newline="\n") as file:
         for name, value in outputs.items():
             text = str(value).lower() if isinstance(value, bool) else value
             file.write(f"{name}={text:.3f}\n" if isinstance(text, float) else f"{name}={text}\n")
 
 
-def chosen_lock(temp: Path) -> Path:
-    """Return the lock file to install; the locks of several extras are joined in a new folder."""
-    lock = Path(os.environ["LOCK"])
-    extras = sorted(set(re.split(r"[\s,]+", os.environ.get("INPUT_EXTRAS", ""))) - {""})
-    if not set(extras) <= set(_EXTRAS):
-        sys.exit(f"::error title=sim-action::the input extras must be empty, or some of {', '.join(_EXTRAS)}")
-    locks = [lock.with_name(f"{lock.stem}-{extra}{lock.suffix}") for extra in extras] or [lock]
-    if len(locks) == 1:
-        return locks[0]
-    joined = temp / f"{lock.stem}-{'-'.join(extras)}{lock.suffix}"
-    joined.write_text(_joined(locks), encoding="utf-8", newline="\n")
-    return joined
-
-
-def _joined(locks: Iterable[Path]) -> str:
-    """Return the lines of several lock files that agree: one per package, followed by its hashes."""
-    found = (_ENTRY.findall(lock.read_text(encoding="utf-8")) for lock in locks)
-    entries = (entry for those in found for entry in those)
-    return "".join(f"{entry}\n" for entry in dict.fromkeys(entries))
-
-
 def main() -> None:
-    """Run the action that the one argument names."""
-    temp = Path(os.environ["RUNNER_TEMP"])
-    environment = Environment.of(chosen_lock(temp), temp)
+    """Run the subcommand that the first argument names."""
     try:
-        _say({"look": look, "install": install}[sys.argv[1]](environment))
+        if sys.argv[1] == "add":
+            folder = Path(sys.argv[2])
+            add(folder, folder / "left-out.lock", sys.argv[3])
+            return
+        temp = Path(os.environ["RUNNER_TEMP"])
+        chosen = locks.chosen_locks(Path(os.environ["LOCK"]), os.environ.get("INPUT_EXTRAS", ""))
+        packages = locks.entries_here(chosen)
+        if sys.argv[1] == "look":
+            _say(look(packages, temp, os.environ))
+        else:
+            _say(install(packages, Plan.parse(os.environ["PLAN"]), temp))
+    except LockError as error:
+        sys.exit(f"{_TITLE}{error}")
     except InstallError:
-        sys.exit("::error title=sim-action::the dependencies could not be installed; the log above says why")
+        sys.exit(f"{_TITLE}the dependencies could not be installed; the log above says why")
+    except (WheelError, OSError) as error:
+        sys.exit(f"{_TITLE}the dependencies could not be installed: {error}")
 
 
 if __name__ == "__main__":

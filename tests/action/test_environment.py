@@ -1,95 +1,154 @@
 from __future__ import annotations
 
-import re
+import json
+import shutil
+import subprocess
 import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
-from action.environment import Environment, InstallError, chosen_lock, install, look
+from action import environment, wheels
+from action.environment import Plan, add, install, key, look
+from action.lock import Entry, LockError, text_of
+from action.wheels import InstallError
+from tests.action.conftest import MakeWheel
 
 ROOT = Path(__file__).parents[2]
-
-
-@pytest.fixture
-def lock(tmp_path: Path) -> Path:
-    path = tmp_path / "requirements.lock"
-    path.write_text("click==8.1.8 --hash=sha256:0\n")
-    return path
+RUNNER = {"RUNNER_OS": "Linux", "RUNNER_ARCH": "X64", "INPUT_CACHE": "true", "GITHUB_EVENT_NAME": "pull_request"}
 
 
 @pytest.fixture(autouse=True)
-def runner(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("RUNNER_OS", "Linux")
-    monkeypatch.setenv("RUNNER_ARCH", "X64")
-    monkeypatch.setenv("INPUT_CACHE", "true")
-    monkeypatch.setenv("GITHUB_EVENT_NAME", "pull_request")
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    folder = tmp_path / "home"
+    monkeypatch.setenv("HOME", str(folder))
+    monkeypatch.setenv("USERPROFILE", str(folder))
+    return folder
+
+
+@dataclass(frozen=True)
+class Job:
+    """A job on a runner, with the folders that it has."""
+
+    temp: Path
+    variables: dict[str, str]
+    downloads: list[list[str]]
+    home: Path
+
+
+@pytest.fixture
+def job(temp: Path, variables: dict[str, str], downloads: list[list[str]], home: Path) -> Job:
+    return Job(temp, variables, downloads, home)
+
+
+@pytest.fixture
+def temp(tmp_path: Path) -> Path:
+    folder = tmp_path / "temp"
+    folder.mkdir()
+    return folder
+
+
+@pytest.fixture
+def variables(tmp_path: Path) -> dict[str, str]:
+    workspace = tmp_path / "work/robots/robots"
+    workspace.mkdir(parents=True)
+    return {**RUNNER, "GITHUB_WORKSPACE": str(workspace), "INPUT_WORKING_DIRECTORY": str(workspace)}
+
+
+@pytest.fixture
+def packages(make_wheel: MakeWheel) -> list[Entry]:
+    return [
+        make_wheel("click"),
+        make_wheel("mujoco-core", files={"mujoco/__init__.py": "ORIGIN = 'wheel'\n", "mujoco.libs/a.so": ""}),
+        make_wheel("pybullet", files={"pybullet.py": "ORIGIN = 'wheel'\n"}),
+    ]
+
+
+@pytest.fixture(autouse=True)
+def downloads(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
+    """The downloads, each with its packages; they come from the folder `wheels`."""
+    done: list[list[str]] = []
+
+    def download(packages: Sequence[Entry], folder: Path) -> None:
+        done.append([entry.name for entry in packages])
+        folder.mkdir(exist_ok=True)
+        for entry in packages:
+            for wheel in (tmp_path / "wheels").glob(f"{entry.name.replace('-', '_')}-*"):
+                shutil.copy(wheel, folder)
+
+    monkeypatch.setattr(wheels, "download", download)
+    return done
+
+
+def planned(packages: Sequence[Entry], temp: Path, variables: dict[str, str]) -> Plan:
+    return Plan.parse(str(look(packages, temp, variables)["plan"]))
+
+
+def made(packages: Sequence[Entry], temp: Path, variables: dict[str, str]) -> Path:
+    """The environment after both steps."""
+    python = Path(str(install(packages, planned(packages, temp, variables), temp)["python"]))
+    return python.parent.parent
+
+
+def test_the_plan_survives_as_one_line() -> None:
+    plan = Plan("/a folder/ü\n", ("mujoco",), "~/kept")
+    assert "\n" not in plan.text()
+    assert Plan.parse(plan.text()) == plan
+
+
+def test_a_scenario_without_an_engine_needs_the_default_one_alone(
+    packages: list[Entry], temp: Path, variables: dict[str, str], downloads: list[list[str]]
+) -> None:
+    folder = made(packages, temp, variables)
+    assert downloads == [["click", "pybullet"]]
+    assert (folder / "requirements.lock").read_text() == text_of([packages[0], packages[2]])
 
 
 @pytest.mark.parametrize(
-    ("extras", "name"),
-    [(None, "some.lock"), ("", "some.lock"), ("rosbags\n", "some-rosbags.lock"), (" mcap,mcap", "some-mcap.lock")],
+    ("backend", "present"),
+    [("mujoco", ["mujoco-core"]), ("all", ["mujoco-core", "pybullet"]), ("pybullet", ["pybullet"])],
 )
-def test_extras_have_a_lock_file_of_their_own(
-    extras: str | None, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_the_engine_of_the_input_is_installed(
+    backend: str, present: list[str], packages: list[Entry], job: Job
 ) -> None:
-    monkeypatch.setenv("LOCK", str(tmp_path / "some.lock"))
-    if extras is not None:
-        monkeypatch.setenv("INPUT_EXTRAS", extras)
-    assert chosen_lock(tmp_path / "temp") == tmp_path / name
+    made(packages, job.temp, {**job.variables, "INPUT_BACKEND": backend})
+    assert job.downloads == [["click", *present]]
 
 
-@pytest.mark.parametrize("extras", ["video, mcap", "mcap\nvideo\n", "mcap video mcap"])
-def test_several_extras_have_what_each_of_them_needs(
-    extras: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_systems_with_one_engine_get_it(
+    packages: list[Entry], temp: Path, variables: dict[str, str], downloads: list[list[str]]
 ) -> None:
-    monkeypatch.setenv("LOCK", str(ROOT / "requirements.lock"))
-    monkeypatch.setenv("INPUT_EXTRAS", extras)
-    lock = chosen_lock(tmp_path)
-    assert lock == tmp_path / "requirements-mcap-video.lock"
-    joined = lock.read_text(encoding="utf-8")
-    parts = [(ROOT / f"requirements-{extra}.lock").read_text(encoding="utf-8") for extra in ("mcap", "video")]
-    packages = [re.findall(r"^[\w-]+==[\w.]+", text, re.MULTILINE) for text in (joined, *parts)]
-    assert sorted(packages[0]) == sorted({*packages[1], *packages[2]}), "each once, in one version"
-    hashes = [set(re.findall(r"--hash=\S+", text)) for text in (joined, *parts)]
-    assert hashes[0] == hashes[1] | hashes[2]
+    made(packages[:2], temp, {**variables, "INPUT_BACKEND": "pybullet"})
+    assert downloads == [["click", "mujoco-core"]]
 
 
-@pytest.mark.parametrize("extras", ["../../other", "rosbags mujoco", "ROSBAGS", "*"])
-def test_extras_that_nobody_has_locked_are_refused(extras: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("LOCK", "some.lock")
-    monkeypatch.setenv("INPUT_EXTRAS", extras)
-    with pytest.raises(SystemExit, match="extras must be empty, or some of mcap, rosbags, video"):
-        chosen_lock(Path())
+def test_the_key_names_the_content_and_depends_on_all_of_it(
+    packages: list[Entry], variables: dict[str, str], make_wheel: MakeWheel
+) -> None:
+    found = key(packages, variables)
+    assert found.startswith(f"sim-action-Linux-X64-{sys.implementation.cache_tag}-pybullet-mujoco-")
+    assert "no-engine" in key(packages[:1], variables)
+    newer = make_wheel("click", "1.1")
+    keys = [found, key([newer, *packages[1:]], variables), key(packages, {**variables, "RUNNER_ARCH": "ARM64"})]
+    assert len({*keys, key(packages[1:], variables)}) == 4
+    assert all(len(each) < 200 and "," not in each for each in keys)
 
 
-def test_each_lock_file_has_its_own_environment(lock: Path, tmp_path: Path) -> None:
-    before = Environment.of(lock, tmp_path)
-    key = before.key
-    lock.write_text("click==8.1.9 --hash=sha256:0\n")
-    after = Environment.of(lock, tmp_path)
-    assert len({before.folder, before.wheels, after.folder, after.wheels}) == 4
-    assert key != after.key
-
-
-def test_key_has_everything_that_wheels_depend_on(lock: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    environment = Environment.of(lock, tmp_path)
-    key = environment.key
-    assert f"Linux-X64-{sys.implementation.cache_tag}" in key
-    monkeypatch.setenv("RUNNER_ARCH", "ARM64")
-    assert environment.key != key
-
-
-def test_it_is_ready_when_the_copy_of_the_lock_file_is_there(lock: Path, tmp_path: Path) -> None:
-    environment = Environment.of(lock, tmp_path)
-    environment.folder.mkdir()
-    assert not environment.ready
-    copy = environment.folder / lock.name
-    copy.write_text("click")
-    assert not environment.ready
-    copy.write_bytes(lock.read_bytes())
-    assert environment.ready
-    assert not look(environment)["cache"]
+def test_no_absolute_path_is_part_of_a_cache(
+    packages: list[Entry], temp: Path, variables: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two runners with other folders share a cache, if the home folder has the same place seen from the workspace."""
+    variables["GITHUB_WORKSPACE"] = str(tmp_path / "home/work/robots/robots")
+    here = look(packages, temp, variables)
+    monkeypatch.setenv("HOME", str(tmp_path / "elsewhere/someone"))
+    variables["GITHUB_WORKSPACE"] = str(tmp_path / "elsewhere/someone/work/other/other")
+    there = look(packages, temp, variables)
+    assert [here[name] for name in ("wheels", "key", "plan")] == [there[name] for name in ("wheels", "key", "plan")]
+    assert str(here["wheels"]).startswith("~/")
+    variables["GITHUB_WORKSPACE"] = str(tmp_path / "volume/robots")
+    assert look(packages, temp, variables)["key"] != here["key"], "restored files would land elsewhere"
 
 
 @pytest.mark.parametrize(
@@ -102,30 +161,241 @@ def test_it_is_ready_when_the_copy_of_the_lock_file_is_there(lock: Path, tmp_pat
         ("true", "workflow_run", False),
     ],
 )
-def test_when_wheels_are_kept(
-    wanted: str, event: str, cached: bool, lock: Path, monkeypatch: pytest.MonkeyPatch
+def test_when_wheels_are_kept(wanted: str, event: str, cached: bool, packages: list[Entry], job: Job) -> None:
+    found = look(packages, job.temp, {**job.variables, "INPUT_CACHE": wanted, "GITHUB_EVENT_NAME": event})
+    assert found["cache"] is cached
+    done = install(packages, Plan.parse(str(found["plan"])), job.temp)
+    assert done["fetched"] is cached
+    assert job.home.exists() is cached
+
+
+def test_cache_is_true_or_false(packages: list[Entry], temp: Path, variables: dict[str, str]) -> None:
+    with pytest.raises(LockError, match="cache must be true or false"):
+        look(packages, temp, {**variables, "INPUT_CACHE": "maybe"})
+
+
+def test_kept_wheels_are_used_again_without_a_cache_service(
+    packages: list[Entry], temp: Path, variables: dict[str, str], downloads: list[list[str]], tmp_path: Path
 ) -> None:
-    monkeypatch.setenv("INPUT_CACHE", wanted)
-    monkeypatch.setenv("GITHUB_EVENT_NAME", event)
-    assert look(Environment.of(lock, lock.parent))["cache"] is cached
+    made(packages, temp, variables)
+    other = tmp_path / "other temp"
+    other.mkdir()
+    found = look(packages, other, variables)
+    assert not found["cache"]
+    assert install(packages, Plan.parse(str(found["plan"])), other)["fetched"] is False
+    assert len(downloads) == 1
 
 
-def test_cache_is_true_or_false(lock: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("INPUT_CACHE", "maybe")
-    with pytest.raises(SystemExit, match="cache must be true or false"):
-        look(Environment.of(lock, tmp_path))
+def kept_wheels(home: Path) -> Iterator[Path]:
+    return home.glob(".cache/sim-action-wheels/*/*.whl")
+
+
+@pytest.mark.parametrize("damage", ["poison", "missing", "second"])
+def test_cached_wheels_that_are_not_those_of_the_lock_file_are_downloaded_again(
+    damage: str, packages: list[Entry], job: Job, tmp_path: Path
+) -> None:
+    made(packages, job.temp, job.variables)
+    wheel = next(wheel for wheel in kept_wheels(job.home) if wheel.name.startswith("click"))
+    if damage == "poison":
+        wheel.write_bytes(b"poison")
+    elif damage == "missing":
+        wheel.unlink()
+    else:
+        shutil.copy(wheel, wheel.with_name("click-1.0-py2-none-any.whl"))
+    other = tmp_path / "other temp"
+    other.mkdir()
+    done = install(packages, planned(packages, other, job.variables), other)
+    assert done["fetched"]
+    assert len(job.downloads) == 2
+    assert sorted(wheel.name[:5] for wheel in kept_wheels(job.home)) == ["click", "pybul"]
+
+
+def test_wheels_that_cannot_be_kept_fail_nothing(
+    packages: list[Entry], temp: Path, variables: dict[str, str], home: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    home.write_text("a file")
+    assert install(packages, planned(packages, temp, variables), temp)["fetched"] is False
+    assert "not cached" in capsys.readouterr().out
+
+
+def test_without_a_home_folder_nothing_is_cached(
+    packages: list[Entry], temp: Path, variables: dict[str, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("os.path.expanduser", lambda path: path)
+    found = look(packages, temp, variables)
+    assert (found["cache"], found["wheels"]) == (False, "")
+
+
+def test_a_second_use_in_a_job_finds_the_environment(
+    packages: list[Entry], temp: Path, variables: dict[str, str], downloads: list[list[str]]
+) -> None:
+    first = made(packages, temp, variables)
+    found = look(packages, temp, variables)
+    assert found["cache"] is False
+    assert made(packages, temp, variables) == first
+    assert len(downloads) == 1
+
+
+def test_an_environment_with_more_packages_does_and_the_smallest_is_taken(
+    packages: list[Entry], temp: Path, variables: dict[str, str], downloads: list[list[str]]
+) -> None:
+    whole = made(packages, temp, {**variables, "INPUT_BACKEND": "all"})
+    assert made(packages[:1], temp, variables) == whole
+    (whole / "requirements.lock").rename(whole / "hidden")
+    small = made(packages[:1], temp, variables)
+    (whole / "hidden").rename(whole / "requirements.lock")
+    assert made(packages[:1], temp, variables) == small
+    assert made(packages, temp, {**variables, "INPUT_BACKEND": "all"}) == whole
+    assert len(downloads) == 2
+
+
+def test_environments_of_other_versions_stay_apart(
+    packages: list[Entry], temp: Path, variables: dict[str, str], make_wheel: MakeWheel
+) -> None:
+    first = made(packages[:1], temp, variables)
+    newer = make_wheel("click", "1.1")
+    (temp.parent / "wheels/click-1.0-py3-none-any.whl").unlink()
+    assert made([newer], temp, variables) != first
+
+
+def test_an_environment_that_appears_after_the_plan_is_not_used(
+    packages: list[Entry], temp: Path, variables: dict[str, str], downloads: list[list[str]]
+) -> None:
+    """It can come from a cache."""
+    plan = planned(packages, temp, variables)
+    planted = made(packages, temp, variables)
+    done = install(packages, plan, temp)
+    assert Path(str(done["python"])).parent.parent != planted
+
+
+def test_a_killed_installation_is_not_taken_for_complete(
+    packages: list[Entry], temp: Path, variables: dict[str, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as patched:
+        patched.setattr(environment, "_complete", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+        with pytest.raises(KeyboardInterrupt):
+            made(packages, temp, variables)
+    [left] = temp.glob("sim-action-*")
+    assert not planned(packages, temp, variables).ready
+    assert made(packages, temp, variables) != left
+
+
+def test_a_failed_installation_leaves_nothing(
+    packages: list[Entry], temp: Path, variables: dict[str, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise InstallError
+
+    monkeypatch.setattr(wheels, "download", fail)
+    with pytest.raises(InstallError):
+        made(packages, temp, variables)
+    assert not list(temp.iterdir())
+
+
+def test_broken_markers_are_passed_over(packages: list[Entry], temp: Path, variables: dict[str, str]) -> None:
+    for number, content in enumerate([b"\xff", b"no package", b""]):
+        folder = temp / f"sim-action-{number}"
+        folder.mkdir()
+        (folder / "requirements.lock").write_bytes(content)
+    assert not planned(packages, temp, variables).ready
+
+
+def test_two_installations_at_the_same_time_do_not_share_a_folder(
+    packages: list[Entry], temp: Path, variables: dict[str, str]
+) -> None:
+    plan = planned(packages, temp, variables)
+    folders = {install(packages, plan, temp)["python"] for _ in range(2)}
+    assert len(folders) == 2
+
+
+PROGRAM = """
+import importlib.metadata, importlib.util, sys
+assert importlib.util.find_spec("mujoco") is not None
+assert importlib.metadata.version("mujoco-core") == "1.0"
+import mujoco
+assert sys.modules["mujoco"] is mujoco
+import mujoco as again
+assert again is mujoco
+print(mujoco.ORIGIN)
+"""
+
+
+def run_python(folder: Path, program: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([folder / "bin/python", "-c", program], capture_output=True, text=True, check=False)
+
+
+@pytest.fixture
+def by_default(packages: list[Entry], temp: Path, variables: dict[str, str], tmp_path: Path) -> Path:
+    """An environment without MuJoCo, whose placeholder installs it from the folder `wheels`."""
+    folder = made(packages, temp, variables)
+    [module] = folder.rglob("mujoco.py")
+    program = f"""
+import shutil, sys
+sys.path.insert(0, {str(ROOT)!r})
+from pathlib import Path
+from action import environment, wheels
+def download(packages, folder):
+    shutil.copytree({str(tmp_path / "wheels")!r}, folder)
+wheels.download = download
+folder = Path({str(folder)!r})
+environment.add(folder, folder / "left-out.lock", "mujoco")
+"""
+    text = module.read_text()
+    command = json.dumps([sys.executable, "-I", "-c", program])
+    before, _, after = text.partition("subprocess.run([")
+    module.write_text(f"{before}subprocess.run({command}{after[after.index('], stdout') + 1 :]}")
+    return folder
 
 
 @pytest.mark.process
-def test_an_environment_that_came_out_of_a_cache_counts_for_nothing(
-    lock: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_an_engine_that_was_left_out_is_installed_when_it_is_imported(
+    by_default: Path, packages: list[Entry], temp: Path, variables: dict[str, str]
 ) -> None:
-    environment = Environment.of(lock, tmp_path)
-    assert not look(environment)["ready"]
-    monkeypatch.setenv("READY", "false")
-    environment.folder.mkdir()
-    (environment.folder / lock.name).write_bytes(lock.read_bytes())
-    with pytest.raises(InstallError):
-        install(environment)
-    monkeypatch.setenv("READY", "true")
-    assert not install(environment)["fetched"]
+    first = run_python(by_default, PROGRAM)
+    assert (first.stdout, first.returncode) == ("wheel\n", 0), first.stderr
+    assert "mujoco is installed now" in first.stderr
+    second = run_python(by_default, PROGRAM)
+    assert (second.stdout, second.stderr) == ("wheel\n", "")
+    whole = {**variables, "INPUT_BACKEND": "all"}
+    assert planned(packages, temp, whole).ready == str(by_default)
+
+
+@pytest.mark.process
+def test_processes_can_install_an_engine_at_the_same_time(by_default: Path) -> None:
+    command = [str(by_default / "bin/python"), "-c", PROGRAM]
+    both = [subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) for _ in range(3)]
+    for process in both:
+        printed, errors = process.communicate()
+        assert printed == "wheel\n", errors
+
+
+@pytest.mark.process
+def test_an_engine_that_cannot_be_installed_is_an_import_error_with_the_reason(
+    by_default: Path, tmp_path: Path
+) -> None:
+    shutil.rmtree(tmp_path / "wheels")
+    ran = run_python(by_default, "import mujoco")
+    assert ran.returncode == 1
+    assert "ImportError: mujoco could not be installed: " in ran.stderr
+    assert "No such file" in ran.stderr
+
+
+def test_the_placeholder_runs_this_script_with_the_interpreter_of_the_installation(
+    packages: list[Entry], temp: Path, variables: dict[str, str]
+) -> None:
+    folder = made(packages, temp, variables)
+    [module] = folder.rglob("mujoco.py")
+    script = str(ROOT / "action/environment.py")
+    assert repr([sys.executable, "-I", script, "add", str(folder), "mujoco"]) in module.read_text()
+    assert not list(folder.rglob("pybullet-*/PLACEHOLDER"))
+
+
+def test_an_engine_is_added_from_the_lock_file_of_those_left_out(
+    packages: list[Entry], temp: Path, variables: dict[str, str], downloads: list[list[str]]
+) -> None:
+    folder = made(packages, temp, variables)
+    add(folder, folder / "left-out.lock", "mujoco")
+    assert downloads[1:] == [["mujoco-core"]]
+    assert not list(folder.glob("adding-*"))
+    [found] = folder.rglob("mujoco/__init__.py")
+    assert found.read_text() == "ORIGIN = 'wheel'\n"

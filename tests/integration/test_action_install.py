@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import subprocess
@@ -11,6 +12,7 @@ import pytest
 
 from tests.integration.conftest import (
     ACTION,
+    TUTORIAL,
     environment,
     write,
 )
@@ -39,7 +41,8 @@ def test_package_with_another_hash_is_refused(tmp_path: Path) -> None:
 
 
 def action_with_lock(folder: Path, lock: str) -> Path:
-    shutil.copytree(ACTION / "action", folder / "action")
+    for name in ("action", "matrix", "compare", "merge"):
+        shutil.copytree(ACTION / name, folder / name)
     shutil.copy(ACTION / "action.yml", folder)
     write(folder / "requirements.lock", lock)
     return folder
@@ -71,15 +74,22 @@ def test_extras_that_are_not_known_are_told_before_anything_is_installed(tmp_pat
     assert "extras must be empty, or some of mcap, rosbags, video" in result.annotations[0].message
 
 
+def new_machine(folder: Path, cache: CacheStore, event: str = "push", **variables: str) -> Runner:
+    """A runner with the folders of all runners, in a place of its own."""
+    workspace, temp = folder / "work/robots/robots", folder / "work/_temp"
+    for made in (workspace, temp):
+        made.mkdir(parents=True)
+    return Runner(workspace, temp, event_name=event, cache=cache, variables={"HOME": str(folder), **variables})
+
+
 def test_wheels_are_kept_between_runs_and_checked_like_all_others(tmp_path: Path) -> None:
     action = action_with_lock(tmp_path / "action", small_lock())
     cache = CacheStore(tmp_path / "cache")
 
     def steps_on(machine: str, event: str = "push") -> tuple[str, ...]:
-        temp = tmp_path / machine
-        temp.mkdir()
-        result = Runner(tmp_path, temp, event_name=event, cache=cache).run(action)
-        assert list(temp.glob("sim-action-*/lib/python3.11/site-packages/mdurl")), result.log
+        runner = new_machine(tmp_path / machine, cache, event)
+        result = runner.run(action)
+        assert list(runner.temp.glob("sim-action-*/lib/python3.11/site-packages/mdurl")), result.log
         return result.steps
 
     assert "Restore wheels" not in steps_on("privileged", "pull_request_target")
@@ -89,6 +99,42 @@ def test_wheels_are_kept_between_runs_and_checked_like_all_others(tmp_path: Path
     [wheel] = (tmp_path / "cache").rglob("*.whl")
     wheel.write_bytes(b"poison")
     assert "Save wheels" in steps_on("third")
+
+
+def test_actions_with_the_same_lock_file_share_a_cache(tmp_path: Path) -> None:
+    action = action_with_lock(tmp_path / "action", small_lock())
+    write(action / "requirements-core.lock", small_lock())
+    cache = CacheStore(tmp_path / "cache")
+    saved = new_machine(tmp_path / "first", cache).run(action / "matrix")
+    assert "Save wheels" in saved.steps, saved.log
+    restored = new_machine(tmp_path / "second", cache).run(action / "compare")
+    assert "Cache restored" in restored.log
+    assert "Save wheels" not in restored.steps
+    assert list((tmp_path / "second").rglob("site-packages/mdurl/__init__.py"))
+    [key] = cache.keys()
+    assert str(tmp_path) not in key
+
+
+def test_the_engine_that_scenarios_ask_for_is_installed_and_others_when_they_are_imported(
+    tmp_path: Path, runner_temp: Path
+) -> None:
+    """A scenario outside the working directory asks for an engine that was not seen."""
+    kept = next((runner_temp / "home/.cache/sim-action-wheels").glob("*/mujoco_core-*.whl")).parent
+    wheels = tmp_path / "index"
+    wheels.mkdir()
+    for wheel in kept.glob("*.whl"):
+        os.link(wheel, wheels / wheel.name)
+    settings = {"PIP_NO_INDEX": "1", "PIP_FIND_LINKS": str(wheels)}
+    runner = new_machine(tmp_path / "machine", CacheStore(tmp_path / "cache"), **settings)
+    (runner.workspace / "inside").mkdir()
+    write(runner.workspace / "inside/a.sim.yml", TUTORIAL)
+    write(runner.workspace / "outside/b.sim.yml", f"{TUTORIAL}\nbackend: mujoco\n")
+    inputs = {"working-directory": "inside", "scenario": "a.sim.yml\n../outside/b.sim.yml", "report": "false"}
+    result = runner.run(ACTION, inputs)
+    assert "wheels in" in result.log
+    assert "(pybullet)." in result.log
+    assert list(runner.temp.rglob("site-packages/mujoco/__init__.py"))
+    assert (result.exit_code, result.outputs["passed"]) == (0, "2"), result.log
 
 
 @pytest.mark.parametrize(("system", "arch"), [("macOS", "X64"), ("Windows", "ARM64"), ("Linux", "ARM")])

@@ -45,7 +45,7 @@ def _key(key: str) -> str:
 
 def _everywhere(machine: Machine, path: Path) -> str:
     """How a path is known in all jobs, whose folders here are not the same."""
-    for name, folder in (("temp", machine.temp), ("workspace", machine.workspace)):
+    for name, folder in (("home", machine.home), ("temp", machine.temp), ("workspace", machine.workspace)):
         if path.is_relative_to(folder):
             return f"{name}:{path.relative_to(folder)}"
     return str(path)

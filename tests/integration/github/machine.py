@@ -103,6 +103,11 @@ class Machine:
         return {"runner": runner}
 
     @property
+    def home(self) -> Path:
+        """The home folder, which is new in each job unless the job names another."""
+        return Path(self.environment.get("HOME") or self.temp / "home")
+
+    @property
     def is_for_fork(self) -> bool:
         """Whether this is the pull request of another repository."""
         return is_for_fork(self.github)
@@ -115,7 +120,10 @@ class Machine:
     def variables(self, given: Mapping[str, str], github: Mapping[str, Value]) -> dict[str, str]:
         """The environment of a process. What the runner says itself stands, whatever a job or step was given."""
         inherited = {name: value for name, value in os.environ.items() if not name.startswith(_FOREIGN)}
-        variables = {**inherited, "CI": "true", **self.environment, **given}
+        self.home.mkdir(parents=True, exist_ok=True)
+        # pip and the cache of meshes find their files although the home folder is new.
+        real = {f"XDG_{kind.upper()}_HOME": str(Path.home() / f".{kind}") for kind in ("cache", "config")}
+        variables = {**real, **inherited, "HOME": str(self.home), "CI": "true", **self.environment, **given}
         if self.path:
             variables["PATH"] = os.pathsep.join([*reversed(self.path), variables.get("PATH", os.defpath)])
         texts = {name: value for name, value in github.items() if isinstance(value, str)}

@@ -54,4 +54,4 @@ def one_path(machine: Machine, text: str) -> Path:
     """The path that an input names. Raises UnsupportedFeature for patterns and lists of them."""
     if not text or _PATTERN.intersection(text):
         raise UnsupportedFeature(f"the path {text!r}")
-    return machine.workspace / text
+    return machine.home / text.removeprefix("~/") if text.startswith("~/") else machine.workspace / text

@@ -1,0 +1,86 @@
+"""The engines that the scenarios of a job ask for, guessed from the text of files: no YAML reader is installed yet.
+
+A wrong guess costs time, and never a verdict: an engine that was left out is installed when it is first imported.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Final
+
+BOTH: Final = frozenset({"pybullet", "mujoco"})
+_DEFAULT: Final = frozenset({"pybullet"})
+_MAX_ENTRIES: Final = 20_000
+_MAX_BYTES: Final = 1_000_000
+_SCENARIO: Final = (".sim.yml", ".sim.yaml")
+_READ: Final = (".yml", ".yaml", "pyproject.toml")
+# A name of the engine, a robot that only it can read, a comparison of engines, or text with escapes.
+_ASKS_MUJOCO: Final = re.compile(rb"mujoco|\bagreement\b|\.xml\b|\.mjcf\b|\bbackend\W+all\b|\\[xu\n\r]")
+_ONLY_MUJOCO: Final = re.compile(rb"^backend[ \t]*:[ \t]*[\"']?mujoco\b", re.MULTILINE)
+
+
+def asked_engines(variables: Mapping[str, str]) -> frozenset[str]:
+    """Return the engines to install. `variables`: the environment, with the inputs of the action as `INPUT_...`."""
+    backend = (variables.get("INPUT_BACKEND", "").strip() or variables.get("SIM_ACTION_BACKEND", "")).strip().lower()
+    if backend in BOTH:
+        return frozenset({backend})
+    if backend not in {"", "auto"}:
+        return BOTH
+    try:
+        return _asked_by(_texts(Path(variables.get("INPUT_WORKING_DIRECTORY", "").strip() or ".")))
+    except (_TooMuch, OSError, ValueError):
+        return BOTH
+
+
+class _TooMuch(Exception):
+    """More files, or longer ones, than are searched."""
+
+
+def _asked_by(texts: Iterator[tuple[str, bytes]]) -> frozenset[str]:
+    asked = False
+    scenarios = only_mujoco = 0
+    for name, text in texts:
+        asked = asked or bool(_ASKS_MUJOCO.search(text))
+        if name.endswith(_SCENARIO):
+            scenarios += 1
+            only_mujoco += bool(_ONLY_MUJOCO.search(text))
+        if asked and only_mujoco < scenarios:
+            return BOTH
+    if not asked:
+        return _DEFAULT
+    return frozenset({"mujoco"}) if scenarios else BOTH
+
+
+def _texts(folder: Path) -> Iterator[tuple[str, bytes]]:
+    """Yield name and text of each YAML file below a folder, and of pyproject.toml there and in the folders above.
+
+    The text is in lower case, without the zero bytes of UTF-16. Raises _TooMuch, OSError.
+    """
+    folder = folder.resolve(strict=True)
+    for above in folder.parents:
+        if (above / "pyproject.toml").is_file():
+            yield "pyproject.toml", _text(above / "pyproject.toml")
+    seen = 0
+    for parent, folders, files in os.walk(folder, onerror=_refuse):
+        folders[:] = [name for name in folders if name not in {".git", "node_modules"}]
+        seen += len(folders) + len(files)
+        if seen > _MAX_ENTRIES:
+            raise _TooMuch
+        for name in files:
+            if name.endswith(_READ):
+                yield name, _text(Path(parent, name))
+
+
+def _text(file: Path) -> bytes:
+    with file.open("rb") as stream:
+        text = stream.read(_MAX_BYTES + 1)
+    if len(text) > _MAX_BYTES:
+        raise _TooMuch
+    return text.replace(b"\0", b"").lower()
+
+
+def _refuse(error: OSError) -> None:
+    raise error

@@ -1,0 +1,116 @@
+"""The guess of the engines: one that asks too little costs time, and these files must not cost it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from action import asked_engines as module
+from action.asked_engines import BOTH, asked_engines
+
+PYBULLET, MUJOCO = frozenset({"pybullet"}), frozenset({"mujoco"})
+PLAIN = "name: a\nrobot: {model: turtlebot3_burger}\nexpect: [{travel: {at_least: 1 m}}]\n"
+
+
+def asked(folder: Path, **variables: str) -> frozenset[str]:
+    return asked_engines({"INPUT_WORKING_DIRECTORY": str(folder), **variables})
+
+
+@pytest.fixture
+def workspace(tmp_path: Path) -> Path:
+    (tmp_path / "deep").mkdir()
+    (tmp_path / "deep/plain.sim.yml").write_text(PLAIN)
+    return tmp_path
+
+
+def test_scenarios_without_an_engine_get_the_default(workspace: Path) -> None:
+    assert asked(workspace) == PYBULLET
+    (workspace / "package.xml").write_text("<package><mujoco/></package>")
+    (workspace / "controller.py").write_text("backend = 'mujoco'")
+    assert asked(workspace) == PYBULLET
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("a.sim.yml", "backend: mujoco\n"),
+        ("a.sim.yaml", "backend: 'mujoco'\n"),
+        ("a.sim.yml", '"backend" : "mujoco"\n'),
+        ("a.sim.yml", "{name: a, backend: mujoco}\n"),
+        ("a.sim.yml", "? backend\n: mujoco\n"),
+        ("a.sim.yml", "backend: !!str mujoco\n"),
+        ("a.sim.yml", "name: a\r\nbackend: mujoco\r\n"),
+        ("a.sim.yml", "x: &engine mujoco\nbackend: *engine\n"),
+        ("a.sim.yml", "variations: {backend: [pybullet, mujoco]}\n"),
+        ("a.sim.yml", "variations:\n  backend:\n    values:\n      - mujoco\n"),
+        ("a.sim.yml", "agreement: {position: 1 cm}\n"),
+        ("a.sim.yml", "robot: {model: models/arm.xml}\n"),
+        ("a.sim.yml", "robot: {model: models/arm.MJCF}\n"),
+        ("a.sim.yml", 'backend: "muj\\x6fco"\n'),
+        ("a.sim.yml", 'backend: "muj\\\n  oco"\n'),
+        ("common.base.yml", "backend: mujoco\n"),
+        ("any name.yml", "backend: mujoco\n"),
+        ("pyproject.toml", '[tool.sim-action]\nbackend = "mujoco"\n'),
+        ("pyproject.toml", '[tool.sim-action]\nbackend = "all"\n'),
+    ],
+)
+def test_files_that_can_ask_for_both_get_both(name: str, text: str, workspace: Path) -> None:
+    for file in (workspace / name, workspace / "deep" / name):
+        file.write_bytes(text.encode())
+        assert asked(workspace) == BOTH
+        file.unlink()
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be", "utf-8-sig", "utf-32"])
+def test_encodings_of_yaml_are_searched(encoding: str, workspace: Path) -> None:
+    (workspace / "a.sim.yml").write_bytes("backend: mujoco\n".encode(encoding))
+    assert "mujoco" in asked(workspace)
+
+
+@pytest.mark.parametrize(
+    ("variables", "expected"),
+    [
+        ({"INPUT_BACKEND": "mujoco"}, MUJOCO),
+        ({"INPUT_BACKEND": " pybullet "}, PYBULLET),
+        ({"INPUT_BACKEND": "all"}, BOTH),
+        ({"INPUT_BACKEND": "unknown"}, BOTH),
+        ({"SIM_ACTION_BACKEND": "mujoco"}, MUJOCO),
+        ({"SIM_ACTION_BACKEND": "all"}, BOTH),
+        ({"INPUT_BACKEND": "pybullet", "SIM_ACTION_BACKEND": "mujoco"}, PYBULLET),
+        ({"INPUT_BACKEND": "auto"}, PYBULLET),
+        ({}, PYBULLET),
+    ],
+)
+def test_the_caller_decides_before_the_files(
+    variables: dict[str, str], expected: frozenset[str], workspace: Path
+) -> None:
+    assert asked(workspace, **variables) == expected
+
+
+def test_where_all_scenarios_name_mujoco_there_is_no_pybullet(tmp_path: Path) -> None:
+    for name in ("a.sim.yml", "b.sim.yaml"):
+        (tmp_path / name).write_text(f"{PLAIN}backend: mujoco\n")
+    (tmp_path / "other.yml").write_text("a: 1\n")
+    assert asked(tmp_path) == MUJOCO
+    (tmp_path / "c.sim.yml").write_text(f"{PLAIN}backend: pybullet\n")
+    assert asked(tmp_path) == BOTH
+
+
+def test_a_folder_without_scenarios_gets_the_default(tmp_path: Path) -> None:
+    assert asked(tmp_path) == PYBULLET
+
+
+def test_settings_above_the_working_directory_count(workspace: Path) -> None:
+    (workspace / "pyproject.toml").write_text('[tool.sim-action]\nbackend = "mujoco"\n')
+    assert asked(workspace / "deep") == BOTH
+
+
+def test_what_cannot_be_searched_gets_both(workspace: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert asked(workspace / "missing") == BOTH
+    assert asked_engines({"INPUT_WORKING_DIRECTORY": "a\0b"}) == BOTH
+    (workspace / "large.yml").write_bytes(b"#" * 1_000_001)
+    assert asked(workspace) == BOTH
+    (workspace / "large.yml").unlink()
+    monkeypatch.setattr(module, "_MAX_ENTRIES", 1)
+    assert asked(workspace) == BOTH

@@ -1,0 +1,158 @@
+from __future__ import annotations
+
+import io
+import os
+import sys
+import zipfile
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from action.wheels import Target, WheelError, are_there, install, unpack
+from tests.action.conftest import MakeWheel, wheel_bytes
+
+
+def target(folder: Path) -> Target:
+    site = folder / "site-packages"
+    folders = {"purelib": site, "platlib": site, "scripts": folder / "bin", "data": folder}
+    return Target(folder / "bin/python", folders)
+
+
+def files(folder: Path) -> set[str]:
+    return {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_a_wheel_is_unpacked_with_its_metadata(tmp_path: Path, make_wheel: MakeWheel) -> None:
+    entry = make_wheel("some-thing", files={"some_thing/deep/a.py": "A = 1\n", "top.py": ""})
+    size = install([entry], tmp_path / "wheels", target(tmp_path / "env"))
+    assert size == sum(wheel.stat().st_size for wheel in (tmp_path / "wheels").iterdir())
+    assert files(tmp_path / "env/site-packages") == {
+        "some_thing/deep/a.py",
+        "top.py",
+        "some_thing-1.0.dist-info/METADATA",
+    }
+
+
+def test_folders_of_data_go_to_their_places(tmp_path: Path) -> None:
+    content = wheel_bytes(
+        {
+            "a-1.data/purelib/a.py": "",
+            "a-1.data/platlib/b.so": "",
+            "a-1.data/data/share/c.txt": "",
+            "a-1.data/headers/d.h": "",
+            "a-1.data/scripts/tool": "#!python\nprint(1)\n",
+            "a-1.data/scripts/windowed": "#!pythonw\r\n",
+            "a-1.data/scripts/shell": "#!/bin/sh\n",
+        }
+    )
+    unpack(content, target(tmp_path))
+    assert files(tmp_path) == {
+        "site-packages/a.py",
+        "site-packages/b.so",
+        "share/c.txt",
+        "bin/tool",
+        "bin/windowed",
+        "bin/shell",
+    }
+    python = tmp_path / "bin/python"
+    assert (tmp_path / "bin/tool").read_text() == f"#!{python}\nprint(1)\n"
+    assert (tmp_path / "bin/windowed").read_bytes() == f"#!{python}\r\n".encode()
+    assert (tmp_path / "bin/shell").read_text() == "#!/bin/sh\n"
+    assert os.access(tmp_path / "bin/tool", os.X_OK)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such bits")
+def test_programs_in_packages_stay_executable(tmp_path: Path) -> None:
+    unpack(wheel_bytes({"a/run": "", "a/text": ""}, executable=("a/run",)), target(tmp_path))
+    modes = {path.name: path.stat().st_mode & 0o111 for path in (tmp_path / "site-packages/a").iterdir()}
+    assert modes["run"]
+    assert not modes["text"]
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "../evil.py",
+        "a/../../evil.py",
+        "/etc/evil",
+        "a\\..\\..\\evil.py",
+        "C:/evil.py",
+        "a/b:stream",
+        "a-1.data/data/../../../evil",
+        "a-1.data/evil",
+        "a-1.data",
+    ],
+)
+def test_paths_that_lead_out_are_refused(name: str, tmp_path: Path) -> None:
+    with pytest.raises(WheelError, match="a file with the path"):
+        unpack(wheel_bytes({name: "x"}), target(tmp_path / "env"))
+    assert not files(tmp_path)
+
+
+@given(st.lists(st.sampled_from(["..", ".", "", "a", "a.data", "data", "purelib", "\\", "C:", "~"]), min_size=1))
+def test_no_path_leads_out_of_the_environment(tmp_path_factory: pytest.TempPathFactory, parts: list[str]) -> None:
+    folder = tmp_path_factory.mktemp("slip")
+    with suppress(WheelError, OSError):
+        unpack(wheel_bytes({"/".join(parts): "x"}), target(folder / "env"))
+    assert {path.name for path in folder.iterdir()} <= {"env"}
+
+
+@pytest.mark.parametrize("cut", [0, 10, -30])
+def test_a_damaged_wheel_is_refused(cut: int, tmp_path: Path) -> None:
+    content = wheel_bytes({"a.py": "x" * 1000})
+    with pytest.raises(WheelError):
+        unpack(content[:cut], target(tmp_path))
+
+
+def test_damaged_content_is_refused(tmp_path: Path) -> None:
+    content = bytearray(wheel_bytes({"a.py": "xyz" * 1000}))
+    content[40] ^= 255
+    with pytest.raises(WheelError):
+        unpack(bytes(content), target(tmp_path))
+
+
+def test_a_wheel_with_another_hash_is_refused_before_it_is_unpacked(tmp_path: Path, make_wheel: MakeWheel) -> None:
+    entry = make_wheel("a")
+    make_wheel("a", files={"a/__init__.py": "raise SystemExit('other')"})
+    with pytest.raises(WheelError, match=r"a-1\.0-py3-none-any\.whl does not have a hash of the lock file"):
+        install([entry], tmp_path / "wheels", target(tmp_path / "env"))
+    assert not (tmp_path / "env").exists()
+
+
+def test_each_package_needs_exactly_one_wheel(tmp_path: Path, make_wheel: MakeWheel) -> None:
+    first, second = make_wheel("a"), make_wheel("b")
+    assert are_there([first, second], tmp_path / "wheels")
+    (tmp_path / "wheels/a-1.0-cp311-none-any.whl").write_bytes(b"")
+    with pytest.raises(WheelError, match=r"2 wheels of a 1\.0"):
+        install([first, second], tmp_path / "wheels", target(tmp_path / "env"))
+    (tmp_path / "wheels/b-1.0-py3-none-any.whl").unlink()
+    assert not are_there([first, second], tmp_path / "wheels")
+    with pytest.raises(WheelError, match=r"0 wheels of b 1\.0"):
+        install([second], tmp_path / "wheels", target(tmp_path / "env"))
+
+
+def test_wheels_that_are_not_in_the_lock_file_are_not_read(tmp_path: Path, make_wheel: MakeWheel) -> None:
+    entry = make_wheel("a")
+    (tmp_path / "wheels/evil-1.0-py3-none-any.whl").write_bytes(b"no zip file")
+    install([entry], tmp_path / "wheels", target(tmp_path / "env"))
+    assert "a/__init__.py" in files(tmp_path / "env/site-packages")
+
+
+def test_models_and_the_renderer_of_pybullet_are_left_out(tmp_path: Path, make_wheel: MakeWheel) -> None:
+    names = ("pybullet.so", "pybullet_data/a.urdf", "pybullet_envs/a.py", "eglRenderer.so", "pybullet_utils/a.py")
+    entry = make_wheel("pybullet", files=dict.fromkeys(names, ""))
+    install([entry], tmp_path / "wheels", target(tmp_path / "env"))
+    found = files(tmp_path / "env/site-packages")
+    assert found == {"pybullet.so", "pybullet_utils/a.py", "pybullet-1.0.dist-info/METADATA"}
+
+
+def test_an_encrypted_wheel_is_refused(tmp_path: Path) -> None:
+    content = bytearray(wheel_bytes({"a.py": "x"}))
+    for signature, offset in ((b"PK\x03\x04", 6), (b"PK\x01\x02", 8)):
+        content[content.index(signature) + offset] |= 1
+    assert zipfile.is_zipfile(io.BytesIO(bytes(content)))
+    with pytest.raises(WheelError):
+        unpack(bytes(content), target(tmp_path))
