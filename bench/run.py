@@ -25,6 +25,7 @@ from bench.reporting import opening_cost, report_cost
 from bench.ros1 import command as command_of_rostest
 from bench.ros1 import parts, ros
 from bench.script_cost import script_costs
+from bench.set_up import set_up_costs
 from bench.table import Measurement, NotMeasuredError, Ratio, print_table
 from bench.watching import watching_cost
 from bench.world_cost import BOXES, world_costs
@@ -307,6 +308,8 @@ def measurements(folder: Path) -> Sequence[Measurement]:
         Measurement("reports", reporting),
         Measurement("a report in a browser", opening),
         Measurement("rostest", rostest),
+        # Long: it downloads all packages several times.
+        Measurement("set-up of the action", partial(set_up_costs, folder)),
         Measurement("both engines, for orientation", partial(side_by_side, folder)),
     ]
 

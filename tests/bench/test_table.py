@@ -10,7 +10,7 @@ import pytest
 
 from bench import run
 from bench.reporting import opening_command
-from bench.table import Measurement, NotMeasuredError, Ratio, print_table
+from bench.table import Goal, Measurement, NotMeasuredError, Ratio, print_table
 
 KEPT = Ratio("a kept bound", 1.0, 1.0, 2)
 MISSED = Ratio("a missed bound", 3.0, 1.0, 2)
@@ -112,3 +112,13 @@ def test_the_whole_table_says_what_this_machine_lacks(
     lines = capsys.readouterr().out.splitlines()
     assert "     a report in a browser: not measured: Node.js is not installed" in lines
     assert lines[-1] == "     both engines, for orientation: not measured: Node.js is not installed"
+
+
+def test_a_goal_in_seconds_is_missed_like_a_ratio(capsys: pytest.CaptureFixture[str]) -> None:
+    kept, missed = Goal("set-up", 2.04, 3, "ours 2.0 s; pip 9 s"), Goal("set-up", 3.1, 3, "ours 3.1 s")
+    assert print_table([Measurement("set-up", lambda: [kept])])
+    assert not print_table([Measurement("set-up", lambda: [kept, missed])])
+    assert capsys.readouterr().out.splitlines() == [
+        *["ok   set-up: 2.0 s (at most 3 s; ours 2.0 s; pip 9 s)"] * 2,
+        "MISS set-up: 3.1 s (at most 3 s; ours 3.1 s)",
+    ]

@@ -120,7 +120,6 @@ class Machine:
     def variables(self, given: Mapping[str, str], github: Mapping[str, Value]) -> dict[str, str]:
         """The environment of a process. What the runner says itself stands, whatever a job or step was given."""
         inherited = {name: value for name, value in os.environ.items() if not name.startswith(_FOREIGN)}
-        self.home.mkdir(parents=True, exist_ok=True)
         # pip and the cache of meshes find their files although the home folder is new.
         real = {f"XDG_{kind.upper()}_HOME": str(Path.home() / f".{kind}") for kind in ("cache", "config")}
         variables = {**real, **inherited, "HOME": str(self.home), "CI": "true", **self.environment, **given}
