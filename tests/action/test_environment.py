@@ -159,6 +159,7 @@ def test_no_absolute_path_is_part_of_a_cache(
         ("false", "push", False),
         ("true", "pull_request_target", False),
         ("true", "workflow_run", False),
+        ("true", "issue_comment", False),
     ],
 )
 def test_when_wheels_are_kept(wanted: str, event: str, cached: bool, packages: list[Entry], job: Job) -> None:

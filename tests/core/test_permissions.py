@@ -32,7 +32,7 @@ def test_the_table_names_each_event_once() -> None:
 
 
 def test_nothing_is_cached_on_the_same_events() -> None:
-    assert environment._NEVER_CACHED_ON == PRIVILEGED_EVENTS
+    assert environment.NEVER_CACHED_ON == PRIVILEGED_EVENTS
 
 
 @pytest.mark.parametrize("event", ALLOWED)
