@@ -12,13 +12,14 @@ from typing import Final
 
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.files import whole_file
-from sim_action.core.wording import escaped_line
+from sim_action.core.wording import escaped_line, system_reason
 from sim_action.reports.comparison import comparison_markdown, print_comparison
 from sim_action.reports.github.step_outputs import append_outputs
 from sim_action.results.comparison import Comparison, Thresholds, compare_outcomes
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import RESULTS_FILE, find_all, read_all
 from sim_action.results.shard_results import merge_shards
+from sim_action.results.written_files import is_comparison, is_foreign
 
 STANDARD_OUTPUT: Final = "-"
 
@@ -46,6 +47,8 @@ class CompareRequest:
 
 def compare_results(request: CompareRequest) -> ExitCode:
     """Report the changes and return the exit code. Raises UsageError."""
+    if request.markdown not in (None, STANDARD_OUTPUT):
+        _refuse_foreign(Path(request.markdown))
     comparison = compare_outcomes(
         _outcomes(request.old), _outcomes(request.new), request.thresholds, allow_removed=request.allow_removed
     )
@@ -68,6 +71,18 @@ def _outcomes(pattern: str) -> list[Outcome]:
     if not files:
         raise UsageError(escaped_line(f"no {RESULTS_FILE} found at '{pattern}'; name a results file or its folder"))
     return [entry.outcome for entry in merge_shards(files, None)]
+
+
+def _refuse_foreign(path: Path) -> None:
+    """Raise UsageError if the file exists and `compare` did not write it."""
+    try:
+        foreign = is_foreign(path, is_comparison)
+    except (OSError, ValueError) as error:
+        raise UsageError(escaped_line(f"--markdown {path} cannot be written: {system_reason(error)}")) from None
+    if foreign:
+        raise UsageError(
+            escaped_line(f"--markdown {path} exists and is not a comparison; name another file, or remove it")
+        )
 
 
 def _write(path: Path, comparison: Comparison) -> None:

@@ -21,7 +21,6 @@ from sim_action.core.wording import escaped_line, system_reason
 from sim_action.results.artifacts import REPORT_FILE, RUN_FILE_FOLDERS, with_existing_files
 from sim_action.results.journal import JOURNAL_FILE, manifest
 from sim_action.results.output_folder import (
-    JUNIT_FILE,
     create_folder,
     locked,
     remove_earlier_files,
@@ -29,6 +28,7 @@ from sim_action.results.output_folder import (
     remove_unfinished_files,
 )
 from sim_action.results.results_json import RESULTS_FILE, Results
+from sim_action.results.written_files import JUNIT_FILE, is_foreign, is_junit, refuse_foreign_files
 
 Verbosity = Literal["quiet", "normal", "verbose"]
 """The amount of text on the terminal.
@@ -97,6 +97,16 @@ _VARIABLES: Final = MappingProxyType(
 )
 """Name of a report that only GitHub reads -> the variable that GitHub sets for it. Elsewhere it is not imported."""
 
+_WORKSPACES: Final = MappingProxyType(
+    {
+        "GITHUB_WORKSPACE": ("GITHUB_WORKSPACE",),
+        "CI_PROJECT_DIR": ("CI_PROJECT_DIR",),
+        # Other programs have a variable of this name, too.
+        "WORKSPACE": ("JENKINS_URL", "JENKINS_HOME", "BUILD_TAG"),
+    }
+)
+"""Variable with the workspace of a CI service -> variables of which one must be set for it to count."""
+
 _SCENARIO_SUFFIXES: Final = frozenset({".yml", ".yaml"})
 _RESULTS: Final = "results"
 _PRINTED: Final = frozenset({"terminal", "annotations"})
@@ -133,10 +143,25 @@ def open_reports(request: ReportRequest, *, keeps_earlier: bool = False) -> Iter
             junit=request.junit or folder / JUNIT_FILE,
             junit_strict=request.junit_strict,
             environment=os.environ,
-            workspace=Path(os.environ.get("GITHUB_WORKSPACE") or Path.cwd()),
+            workspace=workspace_of(os.environ, Path.cwd()),
             verbosity=request.verbosity,
             silenced=request.silenced,
         )
+
+
+def workspace_of(environment: Mapping[str, str], here: Path) -> Path:
+    """Return the folder to which paths in reports are relative: that of the CI service, else the current folder.
+
+    A variable may come from another machine, or from another program. A value that is no absolute path of an existing
+    folder does not count; the repository above the current folder does then.
+    """
+    stated = [environment.get(name, "") for name, marks in _WORKSPACES.items() if any(map(environment.get, marks))]
+    for name in filter(None, stated):
+        with suppress(OSError, ValueError):
+            if Path(name).is_absolute() and Path(name).is_dir():
+                return Path(name)
+    above = (folder for folder in (here, *here.parents) if (folder / ".git").exists())
+    return next(above, here) if any(stated) else here
 
 
 def _check_targets(request: ReportRequest) -> None:
@@ -148,6 +173,7 @@ def _check_targets(request: ReportRequest) -> None:
         if junit is not None:
             _refuse_special_file(junit)
             _refuse_other_file(junit, request.folder)
+        refuse_foreign_files(request.folder)
     except (OSError, ValueError) as error:
         where = (
             f"--output-dir {request.folder}" if junit is None else f"--output-dir {request.folder} or --junit {junit}"
@@ -251,6 +277,8 @@ def _refuse_other_file(junit: Path, folder: Path) -> None:
             raise UsageError(escaped_line(f"--junit {junit} is the {name} of this call; {advice}"))
     if junit.suffix.lower() in _SCENARIO_SUFFIXES:
         raise UsageError(escaped_line(f"--junit {junit} ends like a scenario file; {advice}"))
+    if is_foreign(junit, is_junit):
+        raise UsageError(escaped_line(f"--junit {junit} exists and is not JUnit XML; {advice}, or remove it"))
 
 
 def _refuse_links(path: Path) -> None:

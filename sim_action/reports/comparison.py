@@ -20,6 +20,7 @@ from sim_action.reports.terminal import open_console
 from sim_action.results.comparison import Change, ChangeKind, Comparison, SmallerMargin
 from sim_action.results.outcome import ExpectationOutcome, Outcome
 from sim_action.results.weaker_checks import WeakerCheck, WeakerKind, loosened_times, newly_allowed
+from sim_action.results.written_files import COMPARED
 
 Look = Literal["bad", "warning", "note", "good"]
 
@@ -248,7 +249,7 @@ def comparison_markdown(comparison: Comparison) -> str:
     written = _fitting_rows(found)
     parts = [
         f"## {_title(comparison)}",
-        f"**{headline(comparison)}**, compared with the previous run",
+        f"**{headline(comparison)}**, {COMPARED}",
         f"{NOTHING_COMPARED[0].upper()}{NOTHING_COMPARED[1:]}." if comparison.is_empty else "",
         table(("", "Change", "Scenario", "What happened"), written) if written else "",
         f"_{len(found) - len(written)} more changes are not shown._" if len(found) > len(written) else "",

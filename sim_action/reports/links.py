@@ -79,14 +79,23 @@ def fragment(scenario: str, time: float | None = None, number: int = 1) -> str:
 
 
 def relative_path(workspace: Path, file: str | Path) -> str:
-    """Return a path relative to the workspace if it is inside, else absolute, with forward slashes."""
+    """Return a path relative to the workspace if it is inside, else to the current folder, with forward slashes.
+
+    It is absolute if it is inside neither.
+    """
+    inside = _inside(workspace, file)
+    return inside if inside is not None and not Path(inside).is_absolute() else _inside(Path(), file) or str(file)
+
+
+def _inside(workspace: Path, file: str | Path) -> str | None:
+    """Return a path relative to a folder if it is inside, else absolute; None if the text is no valid path."""
     try:
         absolute = Path(os.path.abspath(file))  # noqa: PTH100 - links are kept as they are written
         candidates = [(absolute, Path(os.path.abspath(workspace)))]  # noqa: PTH100 - as above
         candidates.append((absolute.resolve(), workspace.resolve()))
     except (OSError, ValueError, RuntimeError):
-        # The text is no valid path, for example because of a NUL, or links form a loop.
-        return str(file)
+        # Such as because of a NUL, or links that form a loop.
+        return None
     for path, root in candidates:
         if path.is_relative_to(root):
             return path.relative_to(root).as_posix()
@@ -109,7 +118,7 @@ def source_url(location: Location, options: ReportOptions) -> str:
 
     The result is empty if the environment names no repository and commit, or the file is outside the workspace.
     """
-    path = relative_path(options.workspace, location.file)
+    path = _inside(options.workspace, location.file) or str(location.file)
     names = ("GITHUB_SERVER_URL", "GITHUB_REPOSITORY", "GITHUB_SHA")
     server, repository, commit = (options.environment.get(name, "") for name in names)
     if urlsplit(server).scheme not in ("http", "https") or not (repository and commit) or path.startswith("/"):

@@ -19,25 +19,15 @@ from typing import Final
 from sim_action.core.errors import UsageError
 from sim_action.core.files import UNFINISHED_FILE, whole_file
 from sim_action.core.wording import escaped_line, system_reason, warn
-from sim_action.recording.export import EXPORTS
-from sim_action.results.artifacts import RECORDING_FOLDER, REPLAY_FOLDER, REPORT_FILE, TRACE_FOLDER
+from sim_action.results.artifacts import REPORT_FILE
 from sim_action.results.journal import JOURNAL_FILE
 from sim_action.results.results_json import RESULTS_FILE
+from sim_action.results.written_files import JUNIT_FILE, SUFFIXES
 
 LOCK_FILE: Final = ".sim-action.lock"
 """The locked file; a name of our own, because the output folder may hold files of the user."""
 
-JUNIT_FILE: Final = "junit.xml"
-"""The default name of the JUnit XML."""
-
 _REPORT_FILES: Final = frozenset({JOURNAL_FILE, RESULTS_FILE, JUNIT_FILE, REPORT_FILE})
-_SUFFIXES: Final = {
-    TRACE_FOLDER: (".npz",),
-    REPLAY_FOLDER: (".json.gz",),
-    RECORDING_FOLDER: tuple(f".{name}" for name in EXPORTS),
-}
-"""Folder of the files of runs -> the suffixes of the files that sim-action writes there."""
-
 _DISK_FULL: Final = frozenset({errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC)})
 _IN_USE: Final = frozenset({errno.EACCES, errno.EAGAIN, errno.EDEADLK})
 # A network file system may have no locks.
@@ -207,7 +197,7 @@ def remove_earlier_files(folder: Path, names: Iterable[str]) -> None:
 
 def remove_unfinished_files(folder: Path) -> None:
     """Remove the temporary files that a killed call has left in the locked output folder."""
-    for place in (folder, *(folder / name for name in _SUFFIXES)):
+    for place in (folder, *(folder / name for name in SUFFIXES)):
         with suppress(OSError):
             unfinished = [path for path in place.iterdir() if UNFINISHED_FILE.fullmatch(path.name)]
             for path in unfinished if place == folder or not place.is_symlink() else ():
@@ -225,5 +215,5 @@ def _is_ours(name: str) -> bool:
     if name in _REPORT_FILES:
         return True
     parent, _, file = name.partition("/")
-    suffixes = _SUFFIXES.get(parent, ())
+    suffixes = SUFFIXES.get(parent, ())
     return not set(file) & set("/\\:\0") and any(file.endswith(end) and file != end for end in suffixes)

@@ -9,10 +9,11 @@ from pathlib import Path
 from sim_action.assertions.matches import Matches
 from sim_action.core.errors import InvalidScenario, Problem
 from sim_action.core.workspace import PathError
+from sim_action.results.written_files import is_foreign
 from sim_action.scenario.claim_audit import SINGLE_ROW, single_row
 from sim_action.scenario.model import Expectation, LoadedScenario
 from sim_action.scenario.source import Refused
-from sim_action.state.golden_trajectory import Golden, GoldenError
+from sim_action.state.golden_trajectory import Golden, GoldenError, is_golden
 from sim_action.state.trace import Trace
 from sim_action.world.scene import Scene
 
@@ -50,9 +51,16 @@ def _goldens(loaded: LoadedScenario) -> Iterator[tuple[Path, Expectation, Matche
         for leaf in expected.assertion.leaves():
             if isinstance(leaf, Matches):
                 try:
-                    path = loaded.workspace.new_file(leaf.file_of(loaded.source.values_in_file_names))
+                    name = leaf.file_of(loaded.source.values_in_file_names)
+                    path = loaded.workspace.new_file(name)
+                    foreign = is_foreign(path, is_golden)
                 except (GoldenError, PathError) as error:
                     raise _refusal(expected, str(error)) from None
+                except OSError as error:
+                    raise _refusal(expected, f"{name} cannot be written: {error.strerror}") from None
+                if foreign:
+                    unlike = f"{name} is not a golden trajectory, and is not overwritten"
+                    raise _refusal(expected, f"{unlike}; name another file, or remove it")
                 yield path, expected, leaf
 
 

@@ -133,6 +133,11 @@ class Golden:
         return True
 
 
+def is_golden(start: bytes) -> bool:
+    """Return True if a file with this beginning is a golden trajectory, of any version and robot."""
+    return start.decode("utf-8-sig", errors="replace").startswith(TITLE)
+
+
 def rows_of(trace: Trace, joints: Sequence[str]) -> FloatArray:
     """Return the rows (T, 5 + J) of a golden trajectory for all moments of a trace; yaw in (-pi, pi]."""
     import numpy as np

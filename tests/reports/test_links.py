@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from sim_action.core.errors import Location
 from sim_action.reports import ReportOptions
 from sim_action.reports.html.report import page
-from sim_action.reports.links import file_and_line, relative_path, replay_link, rerun_command
+from sim_action.reports.links import file_and_line, relative_path, replay_link, rerun_command, source_url
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
 from sim_action.scenario.source import Varied
@@ -141,3 +141,17 @@ def test_what_is_no_path_is_text(options: ReportOptions, tmp_path: Path) -> None
 def test_place(options: ReportOptions, tmp_path: Path) -> None:
     assert file_and_line(tmp_path, Location("a.yml", 3, 7)) == "a.yml:3"
     assert file_and_line(tmp_path, Location("a.yml")) == "a.yml"
+
+
+def test_a_file_outside_the_workspace_is_seen_from_the_current_folder_and_has_no_url(
+    samples: Samples, options: ReportOptions, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("workspace", "elsewhere/deep"):
+        (tmp_path / name).mkdir(parents=True)
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    assert relative_path(tmp_path / "workspace", "deep/a.sim.yml") == "deep/a.sim.yml"
+    assert relative_path(tmp_path / "workspace", tmp_path / "workspace/a.sim.yml") == "a.sim.yml"
+    assert relative_path(tmp_path / "workspace", tmp_path / "b.sim.yml") == str(tmp_path / "b.sim.yml")
+    assert relative_path(tmp_path / "workspace", "nul\0") == "nul\0"
+    foreign = replace(options, workspace=tmp_path / "workspace")
+    assert source_url(Location("deep/a.sim.yml", 3), foreign) == ""

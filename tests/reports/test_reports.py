@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from sim_action.core.errors import UsageError
-from sim_action.reports import ReportRequest, open_reports
+from sim_action.reports import ReportRequest, open_reports, workspace_of
 from sim_action.results.output_folder import locked
 
 
@@ -85,6 +85,7 @@ def test_the_junit_is_not_written_onto_another_report(workspace: Path, name: str
         with pytest.raises(UsageError, match=f"is the {name} of this call"), open_reports(asked("out", path)):
             pass
     assert (workspace / "out" / name).read_text() == "of an earlier call"
+    (workspace / "out" / name).unlink()
     with open_reports(asked("out", f"out/deeper/{name}")):
         pass
 
@@ -136,12 +137,22 @@ def test_files_of_the_earlier_call_that_its_journal_lists_are_removed(workspace:
     assert found - {"out/.sim-action.lock"} == {"out/traces/unlisted.npz", "out/robot.urdf", "x.npz"}
 
 
-@pytest.mark.parametrize("journal", ["", "[]", "{}", '{"journal": 1, "files": ["results.json"]}', '{"journal": 2}'])
+@pytest.mark.parametrize("journal", ["", '{"journal": 2, "sim_action": "9.0.0", "files": ["results.json"]}'])
 def test_a_file_that_is_no_journal_lists_nothing(journal: str, workspace: Path) -> None:
     (workspace / "results.jsonl").write_text(journal)
     (workspace / "results.json").touch()
     with open_reports(asked(".")):
         assert (workspace / "results.json").exists()
+    assert (workspace / "results.jsonl").read_text() == journal
+
+
+@pytest.mark.parametrize("journal", ["[]", "{}", '{"journal": 1, "files": ["results.json"]}', '{"journal": 2}'])
+def test_a_journal_of_another_program_is_kept_and_lists_nothing(journal: str, workspace: Path) -> None:
+    (workspace / "results.jsonl").write_text(journal)
+    (workspace / "results.json").touch()
+    with pytest.raises(UsageError, match=r"'results\.jsonl' that sim-action did not write"), open_reports(asked(".")):
+        pass
+    assert (workspace / "results.json").exists()
     assert (workspace / "results.jsonl").read_text() == journal
 
 
@@ -163,3 +174,57 @@ def test_a_name_that_is_too_long_is_refused(folder: str, junit: str | None, work
     with pytest.raises(UsageError, match="cannot be used: file name too long"), open_reports(asked(folder, junit)):
         pass
     assert not (workspace / "out").exists()
+
+
+@pytest.mark.parametrize("name", ["robot.urdf", "notes", "model.xml"])
+def test_a_file_that_is_not_junit_xml_is_kept(name: str, workspace: Path) -> None:
+    (workspace / name).write_text("<robot name='a'/>")
+    refused = pytest.raises(UsageError, match=f"--junit {name} exists and is not JUnit XML; name another file")
+    with refused, open_reports(asked("out", name)):
+        pass
+    assert (workspace / name).read_text() == "<robot name='a'/>"
+    assert not (workspace / "out").exists()
+
+
+@pytest.mark.parametrize("text", ["", "<testsuites/>"])
+def test_junit_xml_and_an_empty_file_are_replaced(text: str, workspace: Path) -> None:
+    (workspace / "tests.xml").write_text(text)
+    with open_reports(asked("out", "tests.xml")):
+        pass
+
+
+def test_a_file_of_the_user_in_the_output_folder_is_kept(workspace: Path) -> None:
+    (workspace / "results.json").write_text("{}")
+    with pytest.raises(UsageError, match=r"'results\.json' that sim-action did not write"), open_reports(asked(".")):
+        pass
+    assert (workspace / "results.json").read_text() == "{}"
+
+
+JENKINS = {"JENKINS_URL": "http://ci/"}
+
+
+@pytest.mark.parametrize(
+    ("name", "marks"),
+    [("GITHUB_WORKSPACE", {}), ("CI_PROJECT_DIR", {}), ("WORKSPACE", JENKINS), ("WORKSPACE", {"BUILD_TAG": "a-1"})],
+)
+def test_paths_are_relative_to_the_workspace_of_the_ci_service(
+    name: str, marks: dict[str, str], tmp_path: Path
+) -> None:
+    (tmp_path / "repository/robot").mkdir(parents=True)
+    below = tmp_path / "repository/robot"
+    assert workspace_of({name: str(tmp_path / "repository"), **marks}, below) == tmp_path / "repository"
+
+
+def test_a_variable_of_another_program_is_no_workspace(tmp_path: Path) -> None:
+    assert workspace_of({"WORKSPACE": "/"}, tmp_path) == tmp_path
+    assert workspace_of({}, tmp_path) == tmp_path
+
+
+@pytest.mark.parametrize("value", ["/builds/of/another/machine", "relative", ".", "x" * 5000, "/dev/null"])
+def test_a_workspace_that_does_not_exist_here_is_the_repository(value: str, tmp_path: Path) -> None:
+    (tmp_path / "robot/deep").mkdir(parents=True)
+    environment = {"CI_PROJECT_DIR": value}
+    assert workspace_of(environment, tmp_path / "robot") == tmp_path / "robot"
+    (tmp_path / ".git").mkdir()
+    assert workspace_of(environment, tmp_path / "robot/deep") == tmp_path
+    assert workspace_of({**environment, "GITHUB_WORKSPACE": str(tmp_path / "robot")}, tmp_path) == tmp_path / "robot"
