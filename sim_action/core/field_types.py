@@ -7,9 +7,9 @@ describes them in the JSON Schema.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, Final, get_args
+from typing import Annotated, Any, Final, NoReturn, get_args
 
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic import (
@@ -144,18 +144,36 @@ def is_plain_name(name: str) -> bool:
     return name.isprintable() and name == name.strip() and not any(part in name for part in _NOT_IN_NAMES)
 
 
+def is_title(name: str) -> bool:
+    """Return True if the name can be that of a scenario: one line, and no command of a workflow."""
+    return name.isprintable() and name == name.strip() and not any(part in name for part in _NOT_IN_TITLES)
+
+
+def _title(name: str) -> str:
+    """Return the name of a scenario or an expectation, which reports escape; else raise ValueError."""
+    return name if is_title(name) else _refuse_name(name, _NOT_IN_TITLES)
+
+
 def _plain_name(name: str) -> str:
-    """Return the name, or raise ValueError if it would have an effect where reports show it."""
-    if not is_plain_name(name):
-        found = next((part for part in _NOT_IN_NAMES if part in name), None)
-        what = f"contains '{found}'" if found else "has a control character, a line break or a space at its end"
-        raise ValueError(f"a name is one line of plain text; {name!r} {what}")
-    return name
+    """Return the name, or raise ValueError if it would have an effect where reports or engines use it."""
+    return name if is_plain_name(name) else _refuse_name(name, _NOT_IN_NAMES)
 
 
-_NOT_IN_NAMES: Final = ("|", "<", ">", "`", "::", "##[", "]]>", "${{")
+def _refuse_name(name: str, parts: Sequence[str]) -> NoReturn:
+    found = next((part for part in parts if part in name), None)
+    what = f"contains '{found}'" if found else "has a control character, a line break or a space at its end"
+    raise ValueError(f"a name is one line of plain text; {name!r} {what}")
+
+
+_NOT_IN_TITLES: Final = ("::", "##[", "]]>", "${{")
+_NOT_IN_NAMES: Final = ("|", "<", ">", "`", *_NOT_IN_TITLES)
 
 Name = Annotated[str, Field(min_length=1, max_length=120), AfterValidator(_plain_name)]
+"""The name of a body, a link or a sensor."""
+
+Title = Annotated[str, Field(min_length=1, max_length=120), AfterValidator(_title)]
+"""The name of a scenario or an expectation. Only reports use it, and they escape it."""
+
 Tag = Annotated[str, Field(max_length=60, pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")]
 PositiveSeconds = Annotated[float, Gt(0), Quantity((units.TIME,))]
 NonNegativeSeconds = Annotated[float, Ge(0), Quantity((units.TIME,))]

@@ -16,7 +16,7 @@ from typing import Final
 
 from sim_action.core.discovery import file_name
 from sim_action.core.errors import InternalError, InvalidScenario, Location, Problem
-from sim_action.core.field_types import is_plain_name
+from sim_action.core.field_types import is_title
 from sim_action.core.files import read_at_most
 from sim_action.core.permissions import Permissions
 from sim_action.core.wording import escaped_line, nearest, shown
@@ -150,7 +150,7 @@ def _keys(document: Document) -> dict[str, object]:
 def _name(document: Document) -> str | None:
     """Return the name of a document if reports can show it."""
     name = _keys(document).get("name") if isinstance(document.data, dict) else None
-    return name if isinstance(name, str) and name and is_plain_name(name) else None
+    return name if isinstance(name, str) and name and is_title(name) else None
 
 
 def _whole(document: Document, workspace: Workspace, chain: tuple[Path, ...]) -> Document:

@@ -17,7 +17,6 @@ from sim_action.core.errors import Location
 from sim_action.core.field_types import (
     FrozenModel,
     JointPosition,
-    Name,
     NonNegativeSeconds,
     PositiveBytes,
     PositiveHertz,
@@ -25,6 +24,7 @@ from sim_action.core.field_types import (
     PositiveRadians,
     PositiveSeconds,
     Tag,
+    Title,
 )
 from sim_action.core.units import STEP_EPSILON, first_step
 from sim_action.core.wording import shown
@@ -70,7 +70,7 @@ Unexercised = Literal["error", "warn"]
 class ExpectationOptions(FrozenModel):
     """The keys that every assertion can have besides its own."""
 
-    name: Annotated[Name | None, Field(description="the name in reports; default: the assertion in words")] = None
+    name: Annotated[Title | None, Field(description="the name in reports; default: the assertion in words")] = None
     after: Annotated[
         NonNegativeSeconds, Field(description="sim time from which it is checked; the run goes on until then")
     ] = 0.0
@@ -197,7 +197,7 @@ class Scenario(FrozenModel):
         tuple[dict[str, Any], ...] | None,
         Field(min_length=1, description="several scenarios; each adds to the keys of the file"),
     ] = None
-    name: Annotated[Name, Field(description="the name in reports")]
+    name: Annotated[Title, Field(description="the name in reports")]
     tags: Annotated[tuple[Tag, ...], Field(description="words for --tag and --exclude-tag")] = ()
     version: Annotated[Literal[1], Field(description="version of the format")] = 1
     robot: DrivenRobot

@@ -24,6 +24,7 @@ from sim_action.core.field_types import (
     PositiveSeconds,
     Quantity,
     Ratio,
+    Title,
     bound_text,
     bounds_text,
     pattern_at_least,
@@ -33,6 +34,7 @@ from sim_action.core.field_types import (
 
 class Spec(FrozenModel):
     name: Name = "spec"
+    title: Title = "spec"
     limit: PositiveSeconds = 1.0
     x: Metres | None = None
 
@@ -96,6 +98,18 @@ def test_what_would_act_in_a_report_is_no_name(name: str, found: str) -> None:
     assert "a name is one line of plain text" in message
     assert repr(name) in message
     assert found in message
+
+
+@pytest.mark.parametrize("name", ["gap < 1 m", "a | b", "x > 2 && y < 3", "`travel` <b>", "a \\ b #1 @x $y *z* [w]"])
+def test_the_name_of_a_scenario_may_hold_what_reports_escape(name: str) -> None:
+    assert Spec(title=name).title == name
+
+
+@pytest.mark.parametrize(
+    "name", ["a\nb", "a\x00", " a", "a ", "::error::a", "##[error]a", "${{ a }}", "a ]]> b", "", "a" * 121]
+)
+def test_the_name_of_a_scenario_is_one_line_without_commands(name: str) -> None:
+    assert len(messages(title=name)) == 1
 
 
 @pytest.mark.parametrize("name", ["", "a" * 121, 5, None])
