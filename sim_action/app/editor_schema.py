@@ -154,7 +154,7 @@ class EditorSchemas:
         converted: Schema = self._converted(
             self.define(name, {"if": {"type": "string"}, "then": pattern, "else": number})
         )
-        return {"anyOf": [converted, _NULL]} if is_optional else converted
+        return {"if": {"not": _NULL}, "then": converted} if is_optional else converted
 
 
 _ORDER: Final = ("string", "boolean", "array", "integer", "number", "object")

@@ -80,7 +80,9 @@ def test_the_page_about_editors_names_the_published_schemas() -> None:
         assert page.count(address) >= 2
 
 
-@pytest.mark.parametrize("path", sorted(ROOT.glob("examples/**/*.sim.yml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path", sorted([*ROOT.glob("examples/**/*.sim.yml"), *ROOT.glob("demo/**/*.sim.yml")]), ids=lambda path: path.stem
+)
 def test_the_examples_are_valid(path: Path, validator: jsonschema.Draft7Validator) -> None:
     validator.validate(yaml.safe_load(path.read_text()))
 
@@ -184,6 +186,9 @@ def test_what_the_loader_refuses_is_invalid(change: dict[str, Any], validator: j
     [
         {"extends": "burger.base.yml", "commands": {"rate": 20}, "robot": {"pose": {"x": 1}}},
         {"robot": {"model": "turtlebot3_burger"}, "scenarios": [{"name": "a", "time_limit": 1}, {"name": "b"}]},
+        {"extends": "a.base.yml", "commands": {"twist": None, "script": "drive.py"}, "seed": None},
+        {"extends": "a.base.yml", "robot": {"drive": {"diff": {"left": None, "acceleration": 1}}}, "world": None},
+        {"name": "n", "variations": {"time_limit": [5, "6 s"], "robot.model": ["a.urdf", "b.urdf"]}},
     ],
 )
 def test_a_file_that_others_complete_need_not_be_whole(
@@ -191,7 +196,9 @@ def test_a_file_that_others_complete_need_not_be_whole(
 ) -> None:
     validator.validate(file)
     assert not validator.is_valid(file | {"robot": {"modl": 1}})
-    assert not validator.is_valid({key: value for key, value in file.items() if key not in ("extends", "scenarios")})
+    assert not validator.is_valid(
+        {key: value for key, value in file.items() if key not in ("extends", "scenarios", "variations")}
+    )
 
 
 def test_every_definition_is_referred_to() -> None:

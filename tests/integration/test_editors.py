@@ -23,7 +23,7 @@ from tests.integration.node import ENVIRONMENT, MODULES
 ROOT: Final = Path(__file__).parents[2]
 OF_SCENARIOS: Final = ROOT / "docs/scenario.schema.json"
 OF_BASES: Final = ROOT / "docs/base.schema.json"
-SCENARIOS: Final = sorted(ROOT.glob("examples/**/*.sim.yml"))
+SCENARIOS: Final = sorted([*ROOT.glob("examples/**/*.sim.yml"), *ROOT.glob("demo/**/*.sim.yml")])
 BASES: Final = sorted(ROOT.glob("examples/**/*.base.yml"))
 
 
