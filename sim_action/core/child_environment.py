@@ -175,6 +175,19 @@ def problem_of(name: str, value: str) -> str | None:
     return None
 
 
-def withheld(name: str, named: Collection[str] = ()) -> bool:
-    """Return True if a variable exists in this process, but code of the repository does not see it."""
+# Messages of Python, of xacro and roslaunch, and of shells.
+_MISSING: Final = re.compile(
+    r"KeyError: ['\"](?P<python>\w+)['\"]"
+    r"|environment variable:? ['\"]?(?P<ros>\w+)"
+    r"|\b(?P<shell>\w+): (?:unbound variable|parameter (?:not set|null or not set))"
+)
+
+
+def missing_variable(text: str, named: Collection[str] = ()) -> str | None:
+    """Return the variable that an error of code is about, if it exists but code does not see it."""
+    names = (match[match.lastgroup] for match in _MISSING.finditer(text) if match.lastgroup)
+    return next((name for name in names if _is_withheld(name, named)), None)
+
+
+def _is_withheld(name: str, named: Collection[str]) -> bool:
     return name in os.environ and name not in named and _group(name) is None

@@ -26,6 +26,7 @@ from sim_action.core.wording import MAX_MESSAGE_CHARS, escaped_line, shortened
 from sim_action.core.workspace import PathError
 from sim_action.core.yaml_document import Document
 from sim_action.engines import PACKAGES, chosen, named_version
+from sim_action.results.masking import Mask
 from sim_action.results.outcome import Failure, FailureKind, Outcome, status_of
 from sim_action.runner.isolation.child_process import ChildProcess
 from sim_action.runner.job import out_of_memory
@@ -47,10 +48,13 @@ Ending = int | Limit
 def outcome_of(child: ChildProcess, ending: Ending) -> Outcome:
     """Return the outcome of a child process that has ended."""
     job = child.job
-    diagnostics, output = split_output(child.report.output.decode("utf-8", errors="replace"))
+    mask = Mask.of(os.environ, job.loaded.workspace.pass_env)
+    diagnostics, output = split_output(mask.text(child.report.output.decode("utf-8", errors="replace")))
     # It is written once everything is judged, so whatever happens afterwards changes no verdict.
-    written = _written(child)
-    outcome = written or without_verdict(job.loaded, _failure(child, ending, output))
+    written = _written(child, mask)
+    outcome = written or mask.outcome(without_verdict(job.loaded, _failure(child, ending, output)))
+    if job.replay is not None and job.loaded.scenario.runs_user_code and child.wrote(job.replay):
+        mask.replay(job.replay)
     return outcome.model_copy(
         update={
             "name": job.loaded.scenario.name,
@@ -154,12 +158,14 @@ def unjudged(loaded: LoadedScenario) -> Outcome:
     )
 
 
-def _written(child: ChildProcess) -> Outcome | None:
+def _written(child: ChildProcess, mask: Mask) -> Outcome | None:
     try:
         outcome = Outcome.model_validate_json(child.report.verdict)
     except ValidationError:
         return None
-    return _of_limited_length(outcome) if _is_consistent(outcome, child.job.loaded.scenario) else None
+    if not _is_consistent(outcome, child.job.loaded.scenario):
+        return None
+    return _of_limited_length(mask.outcome(outcome))
 
 
 def _of_limited_length(outcome: Outcome) -> Outcome:

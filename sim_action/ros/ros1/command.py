@@ -19,6 +19,7 @@ from sim_action.reports import ReportOptions, ReportRequest, make_ready, open_re
 from sim_action.results.artifacts import copy_or_reason, replay_path, trace_paths
 from sim_action.results.events import Finished
 from sim_action.results.journal import Header, Journal, Planned
+from sim_action.results.masking import Mask
 from sim_action.results.outcome import Outcome
 from sim_action.ros.ros1.catkin_packages import find_launch_file
 from sim_action.ros.ros1.installation import Ros, find_ros
@@ -169,10 +170,15 @@ def _outcomes(call: LaunchCall, options: ReportOptions, interruption: Interrupti
         return
     findings = call.launched(file, interruption, partial(make_ready, options))
     tags = LaunchTags.read(file, call.overlay.packages)
-    judged = Judge(request, tags, time.monotonic() - started).outcomes(findings)
+    mask = Mask.of(os.environ, request.pass_env)
+    found = Judge(request, tags, time.monotonic() - started).outcomes(findings)
+    judged = [(mask.outcome(outcome, names=True, states=False), run) for outcome, run in found]
     paths = trace_paths([outcome.name for outcome, _ in judged], results)
     for (outcome, run), path in zip(judged, paths, strict=True):
-        yield _stored(outcome, run, path, results)
+        stored = _stored(outcome, run, path, results)
+        if stored.replay is not None:
+            mask.replay(results / stored.replay)
+        yield stored
 
 
 def _stored(outcome: Outcome, run: Run | None, path: Path, results: Path) -> Outcome:
