@@ -50,14 +50,16 @@ class PackageFolders:
 def folders_below(root: Path, *, inside_packages: bool) -> PackageFolders:
     """Return the packages and models in a folder and below it.
 
-    :param inside_packages: also search below a package.
+    :param inside_packages: also search below a package, and read no file outside of `root`.
     """
     packages: dict[str, tuple[Path, ...]] = {}
     models: dict[str, tuple[Path, ...]] = {}
     walk = _Walk(root, inside_packages)
     for folder, files in walk.folders():
         if PACKAGE_FILE in files:
-            name = package_name(folder)
+            # In the workspace, a link may lead out of it.
+            is_own = not inside_packages or (folder / PACKAGE_FILE).resolve().is_relative_to(root)
+            name = package_name(folder) if is_own else folder.name
             packages[name] = (*packages.get(name, ()), folder)
         if files & _MODEL_FILES:
             models[folder.name] = (*models.get(folder.name, ()), folder)

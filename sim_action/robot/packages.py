@@ -182,7 +182,8 @@ class Packages:
         for folder in here.parents:
             if not self.may_read(folder):
                 return None
-            if (folder / PACKAGE_FILE).is_file() and package_name(folder) == name:
+            manifest = folder / PACKAGE_FILE
+            if manifest.is_file() and self.may_read(manifest.resolve()) and package_name(folder) == name:
                 return Found(folder)
         return None
 

@@ -67,6 +67,7 @@ INCLUDING: Final = """\
 <include merge="true"><uri>URI</uri></include></model></sdf>
 """
 XXE: Final = '<!DOCTYPE x [<!ENTITY e SYSTEM "file://OUT/secret.txt">]>\n'
+METADATA: Final = "rosbag2_bagfile_information: {version: 5, relative_file_paths: [b.db3]}\n"
 PGM: Final = b"P5 2 2 255\n\0\xff\xff\xff"
 MAP: Final = "image: IMAGE\nresolution: 0.1\norigin: [5, 5, 0]\n"
 OUTSIDE: Final = "is outside the workspace"
@@ -170,6 +171,8 @@ URDF_CASES: Final = (
     urdf("mesh by an address", mesh("file://OUT/secret.stl")),
     urdf("mesh of a package", mesh("package://p/UP/../outside/secret.stl"),
          files={"package.xml": "<package><name>p</name></package>"}),
+    urdf("mesh of a package by a link", mesh("package://linked/m.stl"),
+         "refers to the package 'linked', which was not found", links={"package.xml": "OUT/secret.package.xml"}),
     urdf("mesh by a link", mesh("m.stl"), links={"m.stl": "OUT/secret.stl"}),
     urdf("mesh by a link to a folder", mesh("m/secret.dae"), links={"m": "OUT"}),
     urdf("mesh is a pipe", mesh("m.stl"), NOT_A_FILE, pipes=("m.stl",)),
@@ -209,6 +212,10 @@ SDF_CASES: Final = (
     sdf("include by a link", INCLUDING.replace("URI", "a.sdf"), place="r.sdf:2", links={"a.sdf": "OUT/secret.sdf"}),
     sdf("mesh", SDF.replace("SHAPE", "<mesh><uri>OUT/secret.stl</uri></mesh>")),
     sdf("mesh by a link", SDF.replace("SHAPE", "<mesh><uri>m.stl</uri></mesh>"), links={"m.stl": "OUT/secret.stl"}),
+    Case("sdf manifest", OUTSIDE, "s.sim.yml:3",
+         {"m/model.config": '<model><sdf version="1.9">../UP/secret.sdf</sdf></model>'}, scenario=robot("./m")),
+    Case("sdf manifest by a link", "<sdf> has no attribute 'version'", "m/model.sdf:1", {"m/model.sdf": "<sdf/>"},
+         links={"m/model.config": "OUT/secret.config"}, scenario=robot("./m")),
     sdf("DTD", XXE + SDF, "a DOCTYPE is not allowed", "r.sdf:1"),
 )  # fmt: skip
 
@@ -224,6 +231,11 @@ WORLD_CASES: Final = (
     Case("log", OUTSIDE, "s.sim.yml:6", scenario={"commands": {"replay": "OUT/secret.csv", "rate": "10 Hz"}}),
     Case("log is a token", "is in the folder .git", "s.sim.yml:6",
          scenario={"commands": {"replay": "../.git/config", "rate": "10 Hz"}}),
+    Case("log in a folder", OUTSIDE, "s.sim.yml:6", {"bag/metadata.yaml": METADATA},
+         links={"bag/b.db3": "OUT/secret.csv"},
+         scenario={"commands": {"replay": "bag", "topic": "/cmd_vel", "rate": "10 Hz"}}),
+    Case("log in a folder by a link", OUTSIDE, "s.sim.yml:6", links={"bag": "OUT"},
+         scenario={"commands": {"replay": "bag", "topic": "/cmd_vel", "rate": "10 Hz"}}),
     Case("script", "scripts are not run on pull_request_target", "s.sim.yml:6",
          {"c.py": "def control(observation):\n    open('OUT/secret.txt').read()\n"},
          scenario={"commands": {"script": "c.py", "rate": "10 Hz"}}),
@@ -259,6 +271,8 @@ SECRETS: Final[Files] = MappingProxyType(
         "secret.stl": stl(),
         "secret.obj": obj(),
         "secret.dae": dae(),
+        "secret.config": '<model><sdf version="1.9">model.sdf</sdf></model>',
+        "secret.package.xml": "<package><name>linked</name></package>",
         "secret.mtl": f"newmtl {SENTINEL}\n",
         "secret.png": SENTINEL,
         "secret.skn": SENTINEL,
@@ -287,11 +301,13 @@ def write_cases(root: Path, cases: tuple[Case, ...]) -> Path:
         for name, content in {**case.files, "s.sim.yml": scenario(case)}.items():
             _write(folder / name, content, outside)
         for name, target in case.links.items():
+            (folder / name).parent.mkdir(exist_ok=True)
             (folder / name).symlink_to(_filled(target, outside))
         for name in case.pipes:
             os.mkfifo(folder / name)
         for name in case.folders:
             (folder / name).mkdir()
+    (workspace / "linked.sim.yml").symlink_to(outside / "secret.yml")
     return workspace
 
 

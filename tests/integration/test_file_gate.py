@@ -27,6 +27,9 @@ pytestmark = [
 
 PRIVILEGED: Final = {"GITHUB_EVENT_NAME": "pull_request_target"}
 
+SCRIPTS: Final = ("--allow-scripts", "true", "--pass-env", "LD_PRELOAD", "--pass-env", "OPENED_FILES")
+"""Options with which scripts run, and are traced: they see few variables of the environment."""
+
 NEVER: Final = ("/etc/passwd", "/dev/zero", "/proc/N/environ")
 """Files of the system that the hostile models name."""
 
@@ -109,7 +112,7 @@ def test_the_tracer_sees_what_a_script_opens(library: Path, tmp_path: Path) -> N
         "name: s\nrobot: {model: turtlebot3_burger}\nexpect: [no_collision]\ntime_limit: 0.1 s\n"
         "commands: {script: c.py, rate: 10 Hz}\n"
     )
-    run = traced(folder, library, PRIVILEGED, "-m", "sim_action", "run", ".", "--allow-scripts", "true")
+    run = traced(folder, library, PRIVILEGED, "-m", "sim_action", "run", ".", *SCRIPTS)
     assert run.code == 0, run.printed
     assert str(outside) in run.opened
 
@@ -161,6 +164,19 @@ def test_no_file_outside_is_opened(command: str, hostile: Suite, normal: Suite, 
     assert not [path for path in run.opened if Path(path).is_relative_to(hostile.workspace / ".git")]
     # What is opened besides is what any run opens.
     assert hostile.foreign(run) <= normal.foreign(normal.run)
+    assert SENTINEL not in run.printed
+
+
+def test_a_link_to_a_scenario_or_to_settings_is_not_opened(library: Path, tmp_path: Path) -> None:
+    inside, outside = tmp_path / "inside", tmp_path / "outside"
+    for folder in (inside / ".git", outside):
+        folder.mkdir(parents=True)
+    for name in ("s.sim.yml", "pyproject.toml"):
+        (outside / name).write_text(f"[tool.sim-action]\n{SENTINEL} = 1\n")
+        (inside / name).symlink_to(outside / name)
+    run = traced(inside, library, PRIVILEGED, "-m", "sim_action", "run", ".")
+    assert run.code == 2, run.printed
+    assert not [path for path in run.opened if Path(path).is_relative_to(outside)]
     assert SENTINEL not in run.printed
 
 
