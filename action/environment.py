@@ -25,6 +25,7 @@ import sys
 import sysconfig
 import tempfile
 import time
+import uuid
 import venv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -184,7 +185,7 @@ def _keep(downloaded: Path, kept: Path | None) -> bool:
     try:
         kept.mkdir(parents=True, exist_ok=True)
         for wheel in downloaded.iterdir():
-            part = kept / f".{wheel.name}.{os.getpid()}"
+            part = kept / f".{wheel.name}.{uuid.uuid4().hex}"
             shutil.copyfile(wheel, part)
             part.replace(kept / wheel.name)
     except OSError as error:

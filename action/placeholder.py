@@ -20,7 +20,9 @@ import sys
 sys.stderr.write("{engine} is installed now, because a scenario asks for it.\\n")
 _done = subprocess.run({command!r}, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
 if _done.returncode:
-    raise ImportError("{engine} could not be installed: " + _done.stdout.decode("utf-8", "replace").strip())
+    _reason = "{engine} could not be installed: " + _done.stdout.decode("utf-8", "replace").strip()
+    sys.stderr.write(_reason + "\\n")
+    raise ImportError(_reason)
 del sys.modules[__name__]
 importlib.invalidate_caches()
 importlib.import_module(__name__)

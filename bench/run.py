@@ -308,8 +308,8 @@ def measurements(folder: Path) -> Sequence[Measurement]:
         Measurement("reports", reporting),
         Measurement("a report in a browser", opening),
         Measurement("rostest", rostest),
-        # Long: it downloads all packages several times.
-        Measurement("set-up of the action", partial(set_up_costs, folder)),
+        # It downloads all packages several times.
+        Measurement("set-up of the action (two minutes)", partial(set_up_costs, folder)),
         Measurement("both engines, for orientation", partial(side_by_side, folder)),
     ]
 

@@ -4,7 +4,9 @@ import json
 import shutil
 import subprocess
 import sys
+import sysconfig
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -191,7 +193,7 @@ def kept_wheels(home: Path) -> Iterator[Path]:
     return home.glob(".cache/sim-action-wheels/*/*.whl")
 
 
-@pytest.mark.parametrize("damage", ["poison", "missing", "second"])
+@pytest.mark.parametrize("damage", ["poison", "missing", "second", "folder"])
 def test_cached_wheels_that_are_not_those_of_the_lock_file_are_downloaded_again(
     damage: str, packages: list[Entry], job: Job, tmp_path: Path
 ) -> None:
@@ -201,6 +203,9 @@ def test_cached_wheels_that_are_not_those_of_the_lock_file_are_downloaded_again(
         wheel.write_bytes(b"poison")
     elif damage == "missing":
         wheel.unlink()
+    elif damage == "folder":
+        wheel.unlink()
+        wheel.mkdir()
     else:
         shutil.copy(wheel, wheel.with_name("click-1.0-py2-none-any.whl"))
     other = tmp_path / "other temp"
@@ -307,6 +312,32 @@ def test_two_installations_at_the_same_time_do_not_share_a_folder(
     plan = planned(packages, temp, variables)
     folders = {install(packages, plan, temp)["python"] for _ in range(2)}
     assert len(folders) == 2
+
+
+def test_jobs_that_share_all_folders_do_not_disturb_each_other(
+    packages: list[Entry], temp: Path, variables: dict[str, str], home: Path
+) -> None:
+    plan = planned(packages, temp, variables)
+    with ThreadPoolExecutor(4) as pool:
+        pythons = [Path(str(done["python"])) for done in pool.map(lambda _: install(packages, plan, temp), range(8))]
+    assert len(set(pythons)) == 8
+    assert all(list(python.parent.parent.rglob("click/__init__.py")) for python in pythons)
+    assert all((python.parent.parent / "requirements.lock").is_file() for python in pythons)
+    assert sorted(path.name[:5] for path in next(home.glob(".cache/sim-action-wheels/*")).iterdir()) == [
+        "click",
+        "pybul",
+    ]
+
+
+def test_folders_of_windows_are_those_of_its_python(
+    packages: list[Entry], temp: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    get_paths = sysconfig.get_paths
+    monkeypatch.setattr("sysconfig.get_paths", lambda _, variables: get_paths("nt_venv", variables))
+    monkeypatch.setattr("sys.platform", "win32")
+    folders = environment._folders(temp)
+    assert folders["purelib"] == folders["platlib"] == temp / "Lib/site-packages"
+    assert folders["scripts"] / "python.exe" == environment._python(temp)
 
 
 PROGRAM = """
