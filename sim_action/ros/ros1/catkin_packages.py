@@ -5,10 +5,12 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 from xml.etree import ElementTree as ET
 
+from sim_action.core.files import read_at_most
 from sim_action.core.workspace import PathError, Workspace
 
 PACKAGE_FILE: Final = "package.xml"
@@ -18,6 +20,7 @@ _SKIPPED_FOLDERS: Final = frozenset({"build", "devel", "install", "logs", "node_
 _EXPORT_ATTRIBUTE: Final = "gazebo_model_path"
 # Names without path separators and without characters that a shell or ROS would split at.
 _NAME: Final = re.compile(r"[A-Za-z0-9][\w.-]*")
+_MAX_PACKAGE_BYTES: Final = 1_000_000
 _IGNORE_FILE: Final = "CATKIN_IGNORE"
 
 
@@ -33,11 +36,15 @@ def packages_below(folder: Path) -> Iterator[tuple[str, Path]]:
 
 
 def package_name(folder: Path) -> str:
-    """Return the name in package.xml, else the name of the folder. The name is safe as the name of a folder."""
-    try:
-        name = ET.parse(folder / PACKAGE_FILE).findtext("name")  # noqa: S314 - of the user's own package
-    except ET.ParseError:
-        name = None
+    """Return the name in package.xml, else the name of the folder. The name is safe as the name of a folder.
+
+    A package.xml that is a link out of the package is not read.
+    """
+    path, name = folder / PACKAGE_FILE, None
+    with suppress(ET.ParseError, OSError):
+        if path.resolve().is_relative_to(folder.resolve()):
+            content = read_at_most(path, _MAX_PACKAGE_BYTES) or b""
+            name = ET.fromstring(content).findtext("name")  # noqa: S314 - of the user's own package
     stated = (name or "").strip()
     return stated if _NAME.fullmatch(stated) else folder.name.strip()
 
