@@ -1,0 +1,101 @@
+"""Each place in the package that opens a file is known, with the check that its path has passed."""
+
+from __future__ import annotations
+
+import ast
+import functools
+from pathlib import Path
+from typing import Final
+
+import sim_action
+
+PACKAGE: Final = Path(sim_action.__file__).parent
+
+READERS: Final = frozenset({"read_bytes", "read_text", "read_at_most", "open_regular"})
+"""Functions that read a file, wherever they are called."""
+
+ENGINES: Final = frozenset(
+    {"from_file", "from_xml_path", "from_zip", "loadURDF", "loadSDF", "loadMJCF", "loadBullet", "loadTexture"}
+)
+"""Functions of engines that open files themselves."""
+
+GATED: Final = {
+    "assertions/follow_path.py": "Workspace.file",
+    "commands/logs/csv_log.py": "Workspace.file_or_folder",
+    "commands/logs/rosbag.py": "Workspace.file_or_folder, and Workspace.file for each file in the folder",
+    "core/user_scripts.py": "Workspace.file",
+    "meshes/__init__.py": "Packages.file, or Workspace.file for meshes of the world",
+    "robot/package_search.py": "Packages.may_read, or the environment of the job names the folder",
+    "robot/xacro_documents.py": "Packages.file",
+    "robot/xacro_expansion.py": "Packages.file",
+    "robot/xml_document.py": "Packages.file",
+    "ros/ros1/catkin_packages.py": "package_name: only files of the package; the rest needs --allow-scripts",
+    "ros/ros1/command_source/file_problems.py": "find_launch_file: only files of the package",
+    "scenario/files.py": "Workspace.around, and Workspace.file for bases",
+    "scenario/watched_files.py": "Workspace.file_or_folder or Packages.resolve",
+    "state/golden_trajectory.py": "Workspace.file",
+    "world/shape_files/heightfield.py": "Workspace.file",
+    "world/shape_files/occupancy_map.py": "Workspace.file",
+    "world/shape_files/shape_error.py": "Workspace.file",
+}
+"""Modules that open a file that a scenario or a model names -> the check that comes first."""
+
+OWN: Final = frozenset(
+    {
+        "cli/pyproject.py",  # only if it lies in the workspace, with links resolved
+        "core/checkout.py",
+        "core/content_cache.py",
+        "core/file_digests.py",
+        "core/files.py",
+        "core/provenance.py",
+        "recording/replay/replay_file.py",
+        "reports/html/document.py",
+        "results/artifacts.py",
+        "results/journal.py",
+        "results/results_json.py",
+        "results/written_files.py",
+        "runner/isolation/capacity.py",
+        "runner/isolation/portable_child.py",
+        "runner/isolation/process_control.py",
+        "runner/run_keys.py",
+        "state/motion_record.py",
+        "state/trace_storage.py",
+    }
+)
+"""Modules that open files of sim-action, of the caller and of the system."""
+
+CODE: Final = "ros/"
+"""Other modules in this folder read files of ROS, after its nodes were allowed to run."""
+
+
+@functools.cache
+def calls() -> dict[str, frozenset[str]]:
+    """Return the names of the functions and methods that each module calls."""
+    found = {}
+    for path in PACKAGE.rglob("*.py"):
+        tree = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        called = [node.func for node in tree if isinstance(node, ast.Call)]
+        names = (call.attr if isinstance(call, ast.Attribute) else getattr(call, "id", "") for call in called)
+        found[path.relative_to(PACKAGE).as_posix()] = frozenset(names)
+    return found
+
+
+def callers(functions: frozenset[str]) -> set[str]:
+    """Return the modules that call one of these functions or methods."""
+    return {module for module, names in calls().items() if names & functions}
+
+
+def test_every_module_that_reads_files_is_in_the_table() -> None:
+    found = callers(READERS)
+    known = OWN | GATED.keys()
+    assert {name for name in found if not name.startswith(CODE)} <= known, "resolve the path by Workspace or Packages"
+    assert known <= found, "remove the row"
+
+
+def test_only_one_module_lets_an_engine_open_a_file() -> None:
+    # It is a file that the module itself has written.
+    assert callers(ENGINES) == {"engines/pybullet/scene.py"}
+
+
+def test_mujoco_gets_no_file_name() -> None:
+    assert callers(frozenset({"from_string"})) == {"engines/mujoco/robot.py", "robot/mjcf.py"}
