@@ -99,7 +99,7 @@ _SELECTION: Final = {"only": "--only", "exclude": "--exclude", "tags": "--tag", 
 SUBCOMMANDS: Final = {
     "run": Subcommand(
         arguments=("scenario",),
-        lists={**_SELECTION, "pass-env": "--pass-env"},
+        lists={**_SELECTION, "packages": "--package", "pass-env": "--pass-env"},
         options={
             **_REPORTS,
             "backend": "--backend",

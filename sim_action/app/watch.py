@@ -82,7 +82,7 @@ def watch_scenarios(request: RunRequest, patterns: Sequence[str], interruption: 
 def _look(watched: _Watched, request: RunRequest, files: Iterable[Path], patterns: Iterable[str]) -> None:
     """Store the present state of scenario files and of the files that they depend on."""
     for file in files:
-        watched.files[file] = watched_files(file, allow_outside=request.plan.permissions.outside)
+        watched.files[file] = watched_files(file, request.plan.permissions)
     folders = {Path(pattern) for pattern in patterns if Path(pattern).is_dir()}
     watched.folders = frozenset(folders | {file.parent for file in watched.files})
     watched.seen = stamps(watched.paths())

@@ -12,7 +12,7 @@ import click
 from click.core import ParameterSource
 
 from sim_action.core.errors import ExitCode, UsageError
-from sim_action.core.wording import log_line, note, shown, warn
+from sim_action.core.wording import escaped_line, log_line, note, shown, warn
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -313,16 +313,36 @@ def report_request(flags: Mapping[str, Any]) -> ReportRequest:
     )
 
 
+PACKAGES: Final = click.option(
+    "--package",
+    "packages",
+    multiple=True,
+    metavar="NAME=FOLDER",
+    help="Folder of a ROS package, which may be outside the workspace; it comes before robot.packages; repeatable.",
+)
+
+
+def named_packages(texts: Iterable[str]) -> tuple[tuple[str, str], ...]:
+    """Return the packages that `--package` names, with their folders, absolute and without links. Raises UsageError."""
+    found = {}
+    for name, folder in _pairs("--package", texts, "NAME=FOLDER").items():
+        try:
+            place = Path(folder).resolve() if folder else None
+            is_folder = place is not None and place.is_dir()
+        except (OSError, ValueError, RuntimeError):  # too long, a NUL in it, links in a circle
+            place, is_folder = Path(folder), False
+        if place is None or not is_folder or not name.isprintable() or "/" in name:
+            where = f"looked for {place}" if folder else "it is empty"
+            reason = "the name of a package has no slash" if "/" in name else f"there is no such folder ({where})"
+            raise UsageError(escaped_line(f"--package {name}={folder}: {reason}; name a folder that is checked out"))
+        found[name] = str(place)
+    return tuple(found.items())
+
+
 def model_flags(command: Command) -> Command:
     """Add the options of a robot model to a command."""
     for option in (
-        click.option(
-            "--package",
-            "packages",
-            multiple=True,
-            metavar="NAME=FOLDER",
-            help="Folder of a ROS package, as in robot.packages; repeatable.",
-        ),
+        PACKAGES,
         click.option(
             "--arg",
             "args",
@@ -343,20 +363,22 @@ def asked_model(model: str, flags: dict[str, Any]) -> tuple[Robot, Workspace]:
     from sim_action.core.workspace import Workspace
     from sim_action.robot.spec import Robot
 
-    robot = Robot(model=model, args=_pairs("--arg", flags["args"]), packages=_pairs("--package", flags["packages"]))
+    robot = Robot(model=model, args=_pairs("--arg", flags["args"], "NAME=VALUE"))
+    packages = named_packages(flags["packages"])
     permissions = code_permissions(flags)
     if robot.is_xacro:
         permissions.require_scripts(f"{shown(model)} is xacro, which runs code")
     outside = flags["allow_outside"]
-    return robot, Workspace.around(Path("a scenario"), allow_outside=outside, pass_env=permissions.pass_env)
+    place = Path("a scenario")
+    return robot, Workspace.around(place, allow_outside=outside, pass_env=permissions.pass_env, packages=packages)
 
 
-def _pairs(option: str, texts: Iterable[str]) -> dict[str, Any]:
+def _pairs(option: str, texts: Iterable[str], form: str) -> dict[str, Any]:
     pairs = {}
     for text in texts:
         name, equals, value = text.partition("=")
         if not name or not equals:
-            raise UsageError(f"{option} takes NAME=VALUE, found {shown(text)}")
+            raise UsageError(f"{option} takes {form}, found {shown(text)}")
         if name in pairs:
             raise UsageError(f"{option} names {shown(name)} twice; remove one")
         pairs[name] = value

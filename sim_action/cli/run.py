@@ -11,12 +11,14 @@ import click
 
 from sim_action.cli.options import (
     ALLOW_OUTSIDE,
+    PACKAGES,
     PATHS,
     SEED,
     Bounded,
     code_flags,
     code_permissions,
     discovered,
+    named_packages,
     named_paths,
     not_empty,
     refuse_typed,
@@ -36,7 +38,7 @@ if TYPE_CHECKING:
 
 _OF_RUNS: Final = (
     *("fail_fast", "resume", "watch", "output_dir", "junit", "junit_strict", "report", "summary", "annotations"),
-    *("verbose", "quiet", "repeat", "unexercised", "update_golden", "jobs", "record"),
+    *("verbose", "quiet", "repeat", "unexercised", "update_golden", "jobs", "record", "pass_env"),
 )
 """The options without any effect on --list."""
 
@@ -121,6 +123,7 @@ _OF_RUNS: Final = (
     "need '.[video]'.",
 )
 @code_flags
+@PACKAGES
 @ALLOW_OUTSIDE
 def run(
     paths: Sequence[str],
@@ -137,6 +140,7 @@ def run(
     update_golden: bool,
     jobs: int | None,
     record: tuple[str, ...],
+    packages: tuple[str, ...],
     allow_outside: bool,
     **flags: Any,
 ) -> ExitCode:
@@ -168,7 +172,9 @@ def run(
         recordings = wanted_formats(record)
         suite = discovered(paths, flags)
         allowed = code_permissions(flags, {path.parent: None for path in suite.files})
-        permissions = replace(allowed, outside=allow_outside, updates_golden=update_golden)
+        permissions = replace(
+            allowed, outside=allow_outside, updates_golden=update_golden, packages=named_packages(packages)
+        )
         plan = PlanRequest(suite, permissions, shard, backend, seed, unexercised)
         if list_only:
             return _listed(plan)

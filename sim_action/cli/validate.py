@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from sim_action.cli.options import ALLOW_OUTSIDE, PATHS, discovered
+from sim_action.cli.options import ALLOW_OUTSIDE, PACKAGES, PATHS, discovered, named_packages
 from sim_action.core.errors import ExitCode, InternalError
 
 if TYPE_CHECKING:
@@ -17,8 +17,9 @@ if TYPE_CHECKING:
 
 @click.command(short_help="Check scenarios without running them.")
 @PATHS
+@PACKAGES
 @ALLOW_OUTSIDE
-def validate(paths: Sequence[str], allow_outside: bool) -> ExitCode:
+def validate(paths: Sequence[str], packages: Sequence[str], allow_outside: bool) -> ExitCode:
     """Check scenarios without running them, and report all problems.
 
     PATHS are scenario files, globs, or folders. A folder stands for every *.sim.yml and *.sim.yaml in it and below. The
@@ -33,7 +34,7 @@ def validate(paths: Sequence[str], allow_outside: bool) -> ExitCode:
     from sim_action.scenario.source import Refused
 
     suite = discovered(paths)
-    permissions = Permissions(allow_outside)
+    permissions = Permissions(allow_outside, packages=named_packages(packages))
     found = load_all(suite.scenarios(permissions), permissions)
     refused = [scenario for scenario in found if isinstance(scenario, Refused)]
     valid = [scenario for scenario in found if not isinstance(scenario, Refused)]

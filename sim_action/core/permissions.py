@@ -56,12 +56,15 @@ class Permissions:
         scripts_refused: the reason why code of the repository is not run; None: it is run.
         updates_golden: True if golden trajectories are written, inside the workspace.
         pass_env: names of environment variables that code of the repository may see, in addition to the harmless ones.
+        packages: names of ROS packages with their folders, absolute and without links; they may be outside the
+            workspace.
     """
 
     outside: bool = False
     scripts_refused: str | None = None
     updates_golden: bool = False
     pass_env: tuple[str, ...] = ()
+    packages: tuple[tuple[str, str], ...] = ()
 
     def require_scripts(self, subject: str) -> None:
         """Raise UsageError if `subject`, which is code of the repository, is not run here."""

@@ -25,6 +25,8 @@ class Workspace:
         root: files outside this folder are refused, unless `allow_outside` is set.
         updates_golden: True if golden trajectories are written instead of compared.
         pass_env: names of environment variables that code of the scenario may see, in addition to the harmless ones.
+        packages: names of ROS packages that the caller provides, with their folders, absolute and without links; files
+            below them may be read.
     """
 
     directory: Path
@@ -32,6 +34,7 @@ class Workspace:
     allow_outside: bool = False
     updates_golden: bool = False
     pass_env: tuple[str, ...] = ()
+    packages: tuple[tuple[str, str], ...] = ()
 
     @classmethod
     def around(
@@ -41,6 +44,7 @@ class Workspace:
         allow_outside: bool = False,
         updates_golden: bool = False,
         pass_env: tuple[str, ...] = (),
+        packages: tuple[tuple[str, str], ...] = (),
     ) -> Workspace:
         """Return the workspace of a scenario: its repository, else the current directory, else its own folder.
 
@@ -53,7 +57,7 @@ class Workspace:
         file = scenario_file.resolve()
         if not allow_outside and not file.is_relative_to(root):
             raise PathError(f"is a link to {file}, outside the workspace {root}; allow it with --allow-outside")
-        return cls(file.parent, root, allow_outside, updates_golden, pass_env)
+        return cls(file.parent, root, allow_outside, updates_golden, pass_env, packages)
 
     def file(self, path: str) -> Path:
         """Return the absolute path of a file that a scenario names. Raise PathError."""
@@ -72,6 +76,9 @@ class Workspace:
         :param found: an absolute path whose links are resolved.
         """
         if not found.is_relative_to(self.root):
+            for _, folder in self.packages:
+                if found.is_relative_to(folder) and not is_of_git(found.relative_to(folder)):
+                    return None
             return None if self.allow_outside else f"is outside the workspace {self.root}"
         if is_of_git(found.relative_to(self.root)):
             return f"is in the folder .git of {self.root}, which can hold credentials and is never read"

@@ -39,7 +39,7 @@ class ModelLibrary:
 
     def load(self, robot: Robot, workspace: Workspace) -> RobotModel:
         """Return the model as `load_model` does, or from the cache. Raises ModelError, also from the cache."""
-        key = (workspace.root, workspace.allow_outside, *_place(robot, workspace), _options(robot))
+        key = (workspace.root, workspace.allow_outside, workspace.packages, *_place(robot, workspace), _options(robot))
         if key not in self._models:
             self._models[key] = _read_or_error(robot, workspace)
         found = self._models[key]

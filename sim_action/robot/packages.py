@@ -1,7 +1,7 @@
 """Find ROS packages and Gazebo models by name, without ROS: `package://`, `model://`, `file://` -> files.
 
-The search order is: the scenario's `robot.packages`, the package of the referring file, the workspace,
-ROS_PACKAGE_PATH, AMENT_PREFIX_PATH (models: GAZEBO_MODEL_PATH, GZ_SIM_RESOURCE_PATH).
+The search order is: the packages that the caller provides, `robot.packages` of the scenario, the package of the
+referring file, the workspace, ROS_PACKAGE_PATH, AMENT_PREFIX_PATH (models: GAZEBO_MODEL_PATH, GZ_SIM_RESOURCE_PATH).
 
 A file must lie in the workspace, or in a package or model on one of those paths, because only the owner of the machine
 can set them. Links are resolved first, so that a link cannot lead out of a package.
@@ -93,7 +93,8 @@ class Packages:
         """Return the folder of a Gazebo model, or of a package with that name. Raises PackageError."""
         here = referrer.resolve()
         found = (
-            self._mapped(name)
+            self._given(name)
+            or self._mapped(name)
             or _nearest(self._inside.models.get(name), here)
             or _of(self._environment_folders.model(name))
         )
@@ -159,8 +160,13 @@ class Packages:
         return found
 
     def _package(self, name: str, here: Path) -> Found | None:
-        found = self._mapped(name) or self._above(name, here) or _nearest(self._inside.packages.get(name), here)
+        found = self._given(name) or self._mapped(name)
+        found = found or self._above(name, here) or _nearest(self._inside.packages.get(name), here)
         return found or _of(self._environment_folders.package(name))
+
+    def _given(self, name: str) -> Found | None:
+        """Return the folder of a package that the caller provides."""
+        return _of(next((Path(folder) for given, folder in self.workspace.packages if given == name), None))
 
     def _mapped(self, name: str) -> Found | None:
         if name not in self.mapped:
@@ -204,6 +210,7 @@ class Packages:
         inside, root = self._inside, self.workspace.root
         known = {
             *self.mapped,
+            *(given for given, _ in self.workspace.packages),
             *inside.packages,
             *self._environment_folders.package_names,
             *(inside.models if kind == "model" else ()),
@@ -218,7 +225,8 @@ class Packages:
         return PackageError(
             "missing-package",
             f"{where} refers to the {kind} '{name}', which was not found{hint} (searched: {', '.join(places)}); "
-            f"add it to the repository, or set its folder: robot.packages: {{{name}: path/to/{name}}}",
+            f"add it to the repository, or set its folder: robot.packages: {{{name}: path/to/{name}}}, or "
+            f"name a folder outside the repository: --package {name}=FOLDER",
         )
 
     def _similar_name(self, path: Path) -> str:

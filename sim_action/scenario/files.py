@@ -101,6 +101,7 @@ def _workspace(path: Path, permissions: Permissions) -> Workspace:
             allow_outside=permissions.outside,
             updates_golden=permissions.updates_golden,
             pass_env=permissions.pass_env,
+            packages=permissions.packages,
         )
     except (PathError, OSError, RuntimeError) as error:
         raise InvalidScenario([Problem(Location(file_name(path)), escaped_line(str(error)))]) from None

@@ -10,7 +10,7 @@ import os
 import re
 import shlex
 from collections.abc import Hashable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import Final
@@ -18,6 +18,7 @@ from typing import Final
 from sim_action.core.errors import InvalidScenario
 from sim_action.core.field_types import VARIATION
 from sim_action.core.files import read_at_most
+from sim_action.core.permissions import Permissions
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_document import MAX_BYTES, read_document
 from sim_action.robot.packages import PackageError, Packages
@@ -30,6 +31,7 @@ _MODELS: Final = frozenset({".urdf", ".xacro", ".sdf", ".world", ".xml", ".mjcf"
 _MJCF: Final = frozenset({".xml", ".mjcf"})
 _SCENARIOS: Final = frozenset({".yml", ".yaml"})
 _MAX_MODEL_BYTES: Final = 20_000_000
+_PERMISSIONS: Final = Permissions()
 _LONGEST_NAME: Final = 500
 # Attributes and elements that name files in URDF, xacro, SDF and MJCF, and the mtllib line of OBJ.
 _NAMED: Final = re.compile(
@@ -100,7 +102,7 @@ class _Reader:
         if not _LOOKS_LIKE_A_FILE.fullmatch(name) and not os.path.lexists(os.path.join(folder, name)):  # noqa: PTH118 - fast
             return
         try:
-            found = Workspace(folder, self.workspace.root, self.workspace.allow_outside).file_or_folder(name)
+            found = replace(self.workspace, directory=folder).file_or_folder(name)
         except PathError:
             if _LOOKS_LIKE_A_FILE.fullmatch(name):
                 yield from self._missing(folder / name)
@@ -135,11 +137,12 @@ class _Reader:
             return
 
 
-def watched_files(scenario_file: Path, *, allow_outside: bool = False) -> frozenset[Path]:
+def watched_files(scenario_file: Path, permissions: Permissions = _PERMISSIONS) -> frozenset[Path]:
     """Return the scenario file and all files that it depends on, up to a limit; links are followed."""
     first = scenario_file.absolute()
     try:
-        workspace = Workspace.around(scenario_file, allow_outside=allow_outside)
+        outside, packages = permissions.outside, permissions.packages
+        workspace = Workspace.around(scenario_file, allow_outside=outside, packages=packages)
     except (PathError, OSError, RuntimeError):
         return frozenset({first})
     return frozenset(_Reader(workspace, Packages(workspace, _mapped(_document(first)))).closure(first))

@@ -23,6 +23,7 @@ INPUTS = {
     "backend": "",
     "only": "",
     "exclude": "",
+    "packages": "",
     "tags": "",
     "exclude-tags": "",
     "fail-fast": "false",
@@ -103,6 +104,8 @@ def test_an_input_for_one_value_has_one_line(name: str) -> None:
         ("run", {"repeat": "0"}, "Invalid value for the input repeat: 0 is not in the range"),
         ("run", {"jobs": "many"}, "Invalid value for the input jobs: 'many' is not a valid integer"),
         ("run", {"backend": "bullet"}, "Invalid value for the input backend: 'bullet' is not one of"),
+        ("run", {"packages": "a"}, "the input packages takes NAME=FOLDER, found 'a'"),
+        ("run", {"packages": "a=nowhere"}, "the input packages a=nowhere: there is no such folder (looked for "),
         ("run", {"junit-path": "."}, "the input junit-path . is a folder; name a file"),
         ("merge", {"only": "a", "tags": "b"}, "the input only, the input tags need the input scenario"),
         ("merge", {"exclude": "a"}, "the input exclude needs the input scenario"),
@@ -152,6 +155,13 @@ def test_what_is_selected_is_an_option_for_each_line() -> None:
         "--tag=y",
         "--exclude-tag=z",
     ]
+
+
+def test_packages_and_variables_are_an_option_for_each_line() -> None:
+    inputs = {**INPUTS, "packages": "a=../a b\n\n c=d\n", "pass-env": "X\nY"}
+    line = list(SUBCOMMANDS["run"].command_line(inputs))
+    passed = [argument for argument in line if argument.startswith(("--package", "--pass"))]
+    assert passed == ["--package=a=../a b", "--package=c=d", "--pass-env=X", "--pass-env=Y"]
 
 
 def test_merge_names_each_scenario_that_must_be_there() -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from sim_action.cli.main import call
-from sim_action.cli.options import asked_model
+from sim_action.cli.options import asked_model, named_packages
 from sim_action.core.errors import UsageError
 from sim_action.reports import ReportRequest
 from sim_action.robot.spec import Robot
@@ -17,10 +17,12 @@ def flags(*args: str, packages: tuple[str, ...] = ()) -> dict[str, object]:
     return {"args": args, "packages": packages, "allow_outside": True, "allow_scripts": "auto", "pass_env": ()}
 
 
-def test_pairs_become_what_a_scenario_would_say() -> None:
-    robot, workspace = asked_model("a.xacro", flags("lidar=true", "pose=x=1", "none=", packages=("meshes=../m",)))
+def test_pairs_become_what_a_scenario_would_say(tmp_path: Path) -> None:
+    packages = (f"meshes={tmp_path}",)
+    robot, workspace = asked_model("a.xacro", flags("lidar=true", "pose=x=1", "none=", packages=packages))
     args: dict[str, str | bool | int | float] = {"lidar": "true", "pose": "x=1", "none": ""}
-    assert robot == Robot(model="a.xacro", args=args, packages={"meshes": "../m"})
+    assert robot == Robot(model="a.xacro", args=args)
+    assert workspace.packages == (("meshes", str(tmp_path.resolve())),)
     assert workspace.allow_outside
 
 
@@ -28,8 +30,67 @@ def test_pairs_become_what_a_scenario_would_say() -> None:
 def test_what_is_no_pair_is_refused(text: str) -> None:
     with pytest.raises(UsageError, match="--arg takes NAME=VALUE, found"):
         asked_model("a.xacro", flags(text))
-    with pytest.raises(UsageError, match="--package takes NAME=VALUE, found"):
+    with pytest.raises(UsageError, match="--package takes NAME=FOLDER, found"):
         asked_model("a.xacro", flags(packages=(text,)))
+
+
+@pytest.mark.parametrize(
+    ("texts", "message"),
+    [
+        (
+            ("a=missing",),
+            r"--package a=missing: there is no such folder \(looked for /.*/missing\); name a",
+        ),
+        (("a=file",), r"--package a=file: there is no such folder"),
+        (("a=",), r"--package a=: there is no such folder \(it is empty\)"),
+        (("a=nul\0",), r"--package a=nul\\x00: there is no such folder"),
+        (("a/b=folder",), r"--package a/b=folder: the name of a package has no slash"),
+        (("a=folder", "a=."), r"--package names 'a' twice; remove one"),
+        (("folder",), r"--package takes NAME=FOLDER, found 'folder'"),
+    ],
+)
+def test_a_package_without_a_folder_is_an_error(
+    texts: tuple[str, ...], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "file").touch()
+    with pytest.raises(UsageError, match=message):
+        named_packages(texts)
+    assert named_packages(("a=folder", "b=..")) == (
+        ("a", str(tmp_path.resolve() / "folder")),
+        ("b", str(tmp_path.resolve().parent)),
+    )
+
+
+ROBOT = """\
+<robot name="box">
+  <link name="base">
+    <inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
+    <collision><geometry><box size="1 1 1"/></geometry></collision>
+  </link>
+</robot>
+"""
+BOX = "robot: {model: package://box/box.urdf}\n"
+
+
+def test_a_package_outside_the_workspace_is_found_if_the_caller_names_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "outside").mkdir()
+    (tmp_path / "outside/box.urdf").write_text(ROBOT, encoding="utf-8")
+    (tmp_path / "repository/.git").mkdir(parents=True)
+    monkeypatch.chdir(tmp_path / "repository")
+    text = "name: a\n" + BOX + "expect: [no_collision]\ntime_limit: 1 s\n"
+    Path("a.sim.yml").write_text(text, encoding="utf-8")
+    assert call(["validate"]) == 2
+    assert "or name a folder outside the repository: --package box=FOLDER" in capsys.readouterr().out
+    assert call(["validate", "--package", "box=../outside"]) == 0
+    inside = text.replace("{model", "{packages: {box: ../outside}, model")
+    Path("a.sim.yml").write_text(inside, encoding="utf-8")
+    assert call(["validate"]) == 2
+    assert "is outside the workspace" in capsys.readouterr().out
+    assert call(["matrix", "--shards", "1"]) == 0
 
 
 @pytest.mark.parametrize(

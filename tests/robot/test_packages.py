@@ -197,8 +197,24 @@ def test_a_missing_package_is_told_with_who_refers_to_it_and_where_it_was_looked
         "did you mean 'rover_sensors'? "
         f"(searched: robot.packages, {ros.root} (2 packages), ROS_PACKAGE_PATH (not set), "
         "AMENT_PREFIX_PATH (/nowhere/ros)); "
-        "add it to the repository, or set its folder: robot.packages: {rover_sensor: path/to/rover_sensor}"
+        "add it to the repository, or set its folder: robot.packages: {rover_sensor: path/to/rover_sensor}, "
+        "or name a folder outside the repository: --package rover_sensor=FOLDER"
     )
+
+
+def test_a_package_of_the_caller_comes_first_and_may_be_outside(ros: RosWorkspace, elsewhere: Path) -> None:
+    written(elsewhere / "meshes/part.stl", "")
+    written(elsewhere / ".git/config", "")
+    written(elsewhere.parent / "beside.stl", "")
+    workspace = Workspace(ros.root / "sim", ros.root, packages=(("rover_sensors", str(elsewhere)),))
+    packages = Packages(workspace, {"rover_sensors": "../vendor"}, {})
+    assert packages.find("rover_sensors", ros.rover).path == elsewhere
+    assert packages.find_model("rover_sensors", ros.rover).path == elsewhere
+    found = packages.resolve("package://rover_sensors/meshes/part.stl", ros.rover)
+    assert found.path == elsewhere / "meshes/part.stl"
+    for path in (".git/config", "../beside.stl"):
+        with pytest.raises(PackageError, match="outside the workspace"):
+            packages.resolve(f"package://rover_sensors/{path}", ros.rover)
 
 
 @pytest.mark.parametrize("name", ["..", ".", "", "a/b", "/etc", "a\0b"])

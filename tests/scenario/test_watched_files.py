@@ -36,7 +36,7 @@ def write(name: str, text: str = "") -> Path:
 
 def found(scenario: str, name: str = "sim/a.sim.yml", *, allow_outside: bool = False) -> list[str]:
     """What is watched of a scenario, seen from the workspace."""
-    paths = watched_files(write(name, scenario), allow_outside=allow_outside)
+    paths = watched_files(write(name, scenario), Permissions(outside=allow_outside))
     return sorted(Path(os.path.relpath(path)).as_posix() for path in paths)
 
 
