@@ -363,8 +363,10 @@ def asked_model(model: str, flags: dict[str, Any]) -> tuple[Robot, Workspace]:
     from sim_action.core.workspace import Workspace
     from sim_action.robot.spec import Robot
 
-    robot = Robot(model=model, args=_pairs("--arg", flags["args"], "NAME=VALUE"))
     packages = named_packages(flags["packages"])
+    # As typed: the result shows them as keys of a scenario.
+    mapped = _pairs("--package", flags["packages"], "NAME=FOLDER")
+    robot = Robot(model=model, args=_pairs("--arg", flags["args"], "NAME=VALUE"), packages=mapped)
     permissions = code_permissions(flags)
     if robot.is_xacro:
         permissions.require_scripts(f"{shown(model)} is xacro, which runs code")

@@ -21,7 +21,7 @@ def test_pairs_become_what_a_scenario_would_say(tmp_path: Path) -> None:
     packages = (f"meshes={tmp_path}",)
     robot, workspace = asked_model("a.xacro", flags("lidar=true", "pose=x=1", "none=", packages=packages))
     args: dict[str, str | bool | int | float] = {"lidar": "true", "pose": "x=1", "none": ""}
-    assert robot == Robot(model="a.xacro", args=args)
+    assert robot == Robot(model="a.xacro", args=args, packages={"meshes": str(tmp_path)})
     assert workspace.packages == (("meshes", str(tmp_path.resolve())),)
     assert workspace.allow_outside
 

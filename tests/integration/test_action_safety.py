@@ -121,7 +121,8 @@ def test_names_of_strangers_are_nothing_but_names(runner: Runner) -> None:
     for number, text in enumerate([*HOSTILE, "::error::forged", "::stop-commands::forged"]):
         folder = runner.workspace / text / "below"
         write(folder / f"{text}.sim.yml", STUCK.replace("30 s", "1 s"))
-        write(folder / "named.sim.yml", TUTORIAL.replace("burger drives straight", json.dumps(f"{text}|{number}")))
+        named = STUCK.replace("30 s", "1 s").replace("burger drives straight", json.dumps(f"{text}|{number}"))
+        write(folder / "named.sim.yml", named)
     write(runner.workspace / "box.sim.yml", SCRIPTED)
     result = runner.run(ACTION)
     assert result.exit_code == 2, result.log

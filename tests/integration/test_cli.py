@@ -428,3 +428,14 @@ def test_few_modules_are_imported(tmp_path: Path, arguments: tuple[str, ...], mo
     # Each one takes about 1 ms before anything runs. If you need one more in every run, raise the number.
     ours = {name for name in all_imported(tmp_path, arguments) if name.startswith("sim_action")}
     assert len(ours) <= most, sorted(ours)
+
+
+@pytest.mark.parametrize("variables", [{"CI_PROJECT_DIR": ".."}, {"WORKSPACE": "..", "JENKINS_URL": "http://ci/"}])
+def test_paths_on_other_ci_services_begin_at_their_workspace(variables: dict[str, str], tmp_path: Path) -> None:
+    (tmp_path / "robot").mkdir()
+    (tmp_path / "robot/a.sim.yml").write_text(VALID.format(name="a"))
+    stated = {name: str(tmp_path) if value == ".." else value for name, value in variables.items()}
+    sim_action(tmp_path / "robot", "run", GITHUB_ACTIONS="true", GITHUB_STEP_SUMMARY="", **stated)
+    (suite,) = junitparser.JUnitXml.fromfile(str(tmp_path / "robot/sim-results/junit.xml"))
+    assert suite._elem.get("file") == "robot/a.sim.yml"
+    assert [case.classname for case in suite] == ["robot/a"] * len(list(suite))
