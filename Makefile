@@ -10,6 +10,9 @@ RELEASE_LOCK := $(COMPILE) .ci/release/requirements.in
 ACTIONS := $(wildcard action.yml */action.yml)
 WORKFLOWS := $(wildcard .github/workflows/*.yml examples/workflows/*.yml demo/.github/workflows/*.yml)
 GITLAB := $(wildcard examples/gitlab/.gitlab-ci.yml)
+ISSUE_FORMS := $(filter-out %/config.yml,$(wildcard .github/ISSUE_TEMPLATE/*.yml))
+ISSUE_CONFIG := .github/ISSUE_TEMPLATE/config.yml
+DEPENDABOT := .github/dependabot.yml
 PRE_COMMIT := .pre-commit-hooks.yaml examples/pre-commit/.pre-commit-config.yaml
 
 TYPES := lint-types lint-types-darwin lint-types-win32
@@ -84,8 +87,11 @@ lint-workflows: $(VENV)/.dev $(VENV)/.node ## actions, workflows and Dockerfile:
 	$(BIN)/check-jsonschema --builtin-schema vendor.github-actions $(ACTIONS)
 	$(BIN)/check-jsonschema --builtin-schema vendor.github-workflows $(WORKFLOWS)
 	$(BIN)/check-jsonschema --builtin-schema vendor.gitlab-ci $(GITLAB)
+	$(BIN)/check-jsonschema --builtin-schema vendor.github-issue-forms $(ISSUE_FORMS)
+	$(BIN)/check-jsonschema --builtin-schema vendor.github-issue-config $(ISSUE_CONFIG)
+	$(BIN)/check-jsonschema --builtin-schema vendor.dependabot $(DEPENDABOT)
 	PATH="$(abspath $(BIN)):$$PATH" node .ci/workflows/check.mjs $(ACTIONS) $(WORKFLOWS)
-	$(BIN)/zizmor --offline --quiet --persona auditor --strict-collection --config .github/zizmor.yml $(ACTIONS) $(WORKFLOWS) $(PRE_COMMIT)
+	$(BIN)/zizmor --offline --quiet --persona auditor --strict-collection --config .github/zizmor.yml $(ACTIONS) $(WORKFLOWS) $(PRE_COMMIT) $(DEPENDABOT)
 	@if [ -x $(BIN)/hadolint ]; then $(BIN)/hadolint Dockerfile; \
 	else echo "hadolint has no wheel for this system: Dockerfile is not checked"; fi
 

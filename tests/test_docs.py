@@ -25,7 +25,7 @@ from sim_action.scenario.loading import load_scenario
 
 ROOT = Path(__file__).parents[1]
 PAGES = {page.relative_to(ROOT).as_posix(): page.read_text(encoding="utf-8") for page in pages()}
-TEXTS = PAGES | {"SECURITY.md": (ROOT / "SECURITY.md").read_text(encoding="utf-8")}
+TEXTS = PAGES | {name: (ROOT / name).read_text(encoding="utf-8") for name in ("SECURITY.md", "CONTRIBUTING.md")}
 README = PAGES["README.md"]
 REFERENCE = "\n".join(text for name, text in PAGES.items() if name.startswith("docs/scenario/"))
 ROBOTS = PAGES["docs/models/robots.md"]
