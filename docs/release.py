@@ -23,6 +23,7 @@ from typing import Final
 
 ROOT: Final = Path(__file__).resolve().parents[1]
 CHANGELOG: Final = "CHANGELOG.md"
+REPOSITORY: Final = "sim-action/sim-action"
 MAX_NOTES_LENGTH: Final = 125_000
 """The number of characters that GitHub allows for the text of a release."""
 
@@ -49,6 +50,7 @@ _EXACT: Final = (
 _PINNED: Final = re.compile(r"\bsim-action==(?P<found>\d[\w.]*)")
 
 _HEADING: Final = re.compile(r"^## (?P<name>\S+)(?: \((?P<day>[\d-]+)\))?$", re.MULTILINE)
+_RELATIVE_LINK: Final = re.compile(r"\]\((?!\w+:|#)([^)\s]+)\)")
 _PART_HEADING: Final = re.compile(r"^### (?P<name>.+)$", re.MULTILINE)
 
 
@@ -97,14 +99,17 @@ def sections(changelog: str) -> list[Section]:
 
 
 def notes(changelog: str, version: str) -> str:
-    """Return the text of a release: the section of the changelog. Raise ReleaseError if it has none or is too long."""
+    """Return the text of a release: the section of the changelog, with links that work on the page of the release.
+
+    Raise ReleaseError if there is no such section, or if it is too long.
+    """
     found = next((section for section in sections(changelog) if section.name == version), None)
     if found is None or not found.text:
         raise ReleaseError(f"{CHANGELOG} has no text for {version}; run: python -m docs.release cut {version}")
     if len(found.text) > MAX_NOTES_LENGTH:
         length = f"{len(found.text):,} characters; GitHub allows {MAX_NOTES_LENGTH:,}"
         raise ReleaseError(f"{CHANGELOG}:{found.line}: the text of {version} has {length}")
-    return found.text + "\n"
+    return _RELATIVE_LINK.sub(rf"](https://github.com/{REPOSITORY}/blob/v{version}/\1)", found.text) + "\n"
 
 
 def problems(root: Path = ROOT, tag: str | None = None) -> Iterator[Problem]:

@@ -318,6 +318,47 @@ def test_a_bad_gitlab_template_is_refused(tmp_path: Path) -> None:
     assert_refused(lint_workflows(GITLAB=template), "'allways' is not one of")
 
 
+@pytest.mark.process
+@pytest.mark.parametrize(
+    ("variable", "path", "change", "complaint"),
+    [
+        ("ISSUE_FORMS", "ISSUE_TEMPLATE/bug.yml", ("type: input", "type: inputs"), "'inputs' is not one of"),
+        ("ISSUE_CONFIG", "ISSUE_TEMPLATE/config.yml", ("about:", "abut:"), "'about' is a required property"),
+        ("DEPENDABOT", "dependabot.yml", ("interval: weekly", "interval: often"), "'often' is not one of"),
+    ],
+)
+def test_bad_settings_of_the_repository_are_refused(
+    variable: str, path: str, change: tuple[str, str], complaint: str, tmp_path: Path
+) -> None:
+    assert_refused(lint_workflows(**{variable: spoiled(ROOT / ".github" / path, tmp_path, *change)}), complaint)
+
+
+def test_dependabot_proposes_all_actions_and_packages_and_waits_a_week() -> None:
+    updates = load(ROOT / ".github/dependabot.yml")["updates"]
+    assert all(update["cooldown"] == {"default-days": 7} for update in updates)
+    watched = {
+        (update["package-ecosystem"], folder)
+        for update in updates
+        for folder in update.get("directories", [update.get("directory")])
+    }
+    actions = {f"/{file.parent.relative_to(ROOT).as_posix()}".removesuffix("/.") or "/" for file in ACTIONS}
+    assert {folder for ecosystem, folder in watched if ecosystem == "github-actions"} == {
+        *("/", "/examples/workflows", "/demo/.github/workflows"),
+        *(folder for folder in actions if folder != "/"),
+    }
+    npm = {f"/{file.parent.relative_to(ROOT).as_posix()}" for file in ROOT.glob("*/package.json")} | {"/.ci/workflows"}
+    assert {folder for ecosystem, folder in watched if ecosystem == "npm"} == npm
+    assert {folder for ecosystem, folder in watched if ecosystem == "pip"} == {"/", "/.ci/release"}
+
+
+def test_the_marketplace_takes_the_root_action() -> None:
+    action = load(ROOT / "action.yml")
+    assert len(action["description"]) <= 125
+    assert action["branding"] == {"icon": "play-circle", "color": "blue"}
+    names = [load(file)["name"] for file in ACTIONS]
+    assert len(set(names)) == len(names)
+
+
 @every_action
 def test_an_input_of_an_earlier_version_is_declared_so_that_its_value_is_seen_and_refused(file: Path) -> None:
     removed = {name: entry for name, entry in load(file)["inputs"].items() if "deprecationMessage" in entry}

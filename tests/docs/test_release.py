@@ -182,9 +182,14 @@ def test_this_changelog_can_be_cut(tmp_path: Path) -> None:
     cut(tmp_path, f"{major + 1}.0.0", "2026-11-30")
     assert found(tmp_path, f"v{major + 1}.0.0") == []
     released = notes((tmp_path / "CHANGELOG.md").read_text(encoding="utf-8"), f"{major + 1}.0.0")
-    # A link that starts in the repository leads nowhere on the page of a release.
     assert re.findall(r"\]\((?!https://)[^)]*\)", released) == []
     assert len(re.findall("^- ", released, re.MULTILINE)) == len(re.findall("^- ", unreleased, re.MULTILINE))
+
+
+def test_links_of_notes_lead_to_the_tag() -> None:
+    text = "## 1.2.3 (2026-11-30)\n\n[a](docs/a.md#b) [c](https://example.org/c) [d](#e)\n"
+    tag = "https://github.com/sim-action/sim-action/blob/v1.2.3"
+    assert notes(text, "1.2.3") == f"[a]({tag}/docs/a.md#b) [c](https://example.org/c) [d](#e)\n"
 
 
 def test_notes_fit_the_page_of_a_release() -> None:
