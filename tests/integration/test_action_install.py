@@ -22,6 +22,11 @@ from tests.integration.github import (
     base_python,
 )
 
+CUBE = """<mujoco><worldbody>
+<body name="cube"><freejoint/><geom type="box" size="0.1 0.1 0.1" mass="1"/></body></worldbody>
+</mujoco>"""
+NATIVE = "name: cube\nrobot: {model: cube.xml}\nexpect: [upright]\nduration: 2 s\ntime_limit: 2 s\n"
+
 
 def test_second_use_in_a_job_installs_nothing(runner: Runner) -> None:
     configuration = environment(runner.temp) / "pyvenv.cfg"
@@ -128,13 +133,16 @@ def test_the_engine_that_scenarios_ask_for_is_installed_and_others_when_they_are
     runner = new_machine(tmp_path / "machine", CacheStore(tmp_path / "cache"), **settings)
     (runner.workspace / "inside").mkdir()
     write(runner.workspace / "inside/a.sim.yml", TUTORIAL)
-    write(runner.workspace / "outside/b.sim.yml", f"{TUTORIAL}\nbackend: mujoco\n")
-    inputs = {"working-directory": "inside", "scenario": "a.sim.yml\n../outside/b.sim.yml", "report": "false"}
+    write(runner.workspace / "outside/named.sim.yml", f"{TUTORIAL}\nbackend: mujoco\n")
+    write(runner.workspace / "outside/compared.sim.yml", f"{TUTORIAL}\nagreement: {{position: 10 cm}}\n")
+    write(runner.workspace / "outside/native.sim.yml", NATIVE)
+    write(runner.workspace / "outside/cube.xml", CUBE)
+    inputs = {"working-directory": "inside", "scenario": "a.sim.yml\n../outside", "report": "false"}
     result = runner.run(ACTION, inputs)
     assert "wheels in" in result.log
     assert "(pybullet)." in result.log
     assert list(runner.temp.rglob("site-packages/mujoco/__init__.py"))
-    assert (result.exit_code, result.outputs["passed"]) == (0, "2"), result.log
+    assert (result.exit_code, result.outputs["passed"]) == (0, "5"), result.log
 
 
 @pytest.mark.parametrize(("system", "arch"), [("macOS", "X64"), ("Windows", "ARM64"), ("Linux", "ARM")])
