@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from typing import NoReturn
+
+if __name__ == "__main__" and sys.path[0] in ("", os.getcwd()):  # noqa: PTH109 - quicker than pathlib
+    # `python -m` looks for modules in the current folder first, where a file of a stranger may be called `yaml.py`.
+    del sys.path[0]
 
 from sim_action.core.process import hold_signals
 

@@ -17,6 +17,7 @@ from sim_action.drives import Drive, recognise
 from sim_action.drives.diff import DiffDrive
 from sim_action.drives.skid import SkidSteer, sides_on_ground
 from sim_action.drives.wheels import Wheel, wheels_on_ground
+from sim_action.results.masking import Mask
 from sim_action.robot.audit.rules import ALLOWABLE
 from sim_action.robot.kinematics import link_poses, robot_box
 from sim_action.robot.loading import load_model
@@ -28,6 +29,13 @@ from sim_action.world.scene import Scene
 _WIDTH: Final = 80
 _MAX_NAME_CHARS: Final = 60
 _AXES: Final = {sign * place: f"{'-' * (sign < 0)}{name}" for place, name in enumerate("xyz", 1) for sign in (1, -1)}
+
+
+def inspection_json(found: Inspection, mask: Mask) -> str:
+    """Return an inspection as JSON, without the values of variables that the caller passes."""
+    if mask.pattern is None:
+        return found.model_dump_json(indent=2)
+    return json.dumps(mask.values(found.model_dump(mode="json")), indent=2, ensure_ascii=False)
 
 
 def inspection_text(found: Inspection) -> str:

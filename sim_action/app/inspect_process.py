@@ -19,6 +19,7 @@ from sim_action.app.inspect import Inspection, inspect_model
 from sim_action.core.errors import ModelError
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.workspace import Workspace
+from sim_action.results.masking import Mask
 from sim_action.robot.spec import Robot
 from sim_action.runner.isolation.child_process import environment
 from sim_action.runner.process_output import redirect_output
@@ -43,7 +44,7 @@ def inspect_apart(
         return inspect_model(robot, workspace)
     answer = _asked(robot, workspace, seconds, memory)
     if answer.refused:
-        raise ModelError(answer.refused)
+        raise ModelError(Mask.of(os.environ, workspace.pass_env).message(answer.refused))
     if answer.found is None:
         raise RuntimeError(answer.fault)
     return answer.found

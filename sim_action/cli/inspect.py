@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import Any
 
 import click
@@ -28,9 +29,11 @@ def inspect(model: str, as_json: bool, **flags: Any) -> ExitCode:
     Exit code: 0 the model is usable; 2 the model is refused, or the command line is invalid; 3 internal error of
     sim-action.
     """
-    from sim_action.app.inspect import inspection_text
+    from sim_action.app.inspect import inspection_json, inspection_text
     from sim_action.app.inspect_process import inspect_apart
+    from sim_action.results.masking import Mask
 
-    found = inspect_apart(*asked_model(model, flags))
-    click.echo(found.model_dump_json(indent=2) if as_json else inspection_text(found))
+    robot, workspace = asked_model(model, flags)
+    found, mask = inspect_apart(robot, workspace), Mask.of(os.environ, workspace.pass_env)
+    click.echo(inspection_json(found, mask) if as_json else mask.text(inspection_text(found)))
     return ExitCode.PASSED

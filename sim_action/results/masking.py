@@ -9,11 +9,11 @@ from __future__ import annotations
 import gzip
 import json
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final, Self, TypeVar
+from typing import Any, Final, Self, TypeVar
 
 from sim_action.core.child_environment import missing_variable
 from sim_action.core.field_types import FrozenModel
@@ -24,6 +24,8 @@ Model = TypeVar("Model", bound=FrozenModel)
 
 STARS: Final = "***"
 
+# Numbers and words of the format are no texts of code.
+_NAMES_IN_REPLAYS: Final = frozenset({"name", "robot", "unit", "joint_names"})
 _MAX_REPLAY_BYTES: Final = 500_000_000
 
 MIN_CHARS: Final = 4
@@ -53,6 +55,11 @@ class Mask:
         """Return a text without the values."""
         return text if self.pattern is None else self.pattern.sub(STARS, text)
 
+    def message(self, text: str) -> str:
+        """Return an error of a command without the values, with a hint at a variable that code did not see."""
+        hint = self._hint((text,), states=False)
+        return self.text(text if hint is None else f"{text}; {hint}")
+
     def outcome(self, outcome: Outcome, *, names: bool = False, states: bool = True) -> Outcome:
         """Return an outcome without the values, and with hints at variables that code asked for and did not see.
 
@@ -79,15 +86,26 @@ class Mask:
         )
 
     def replay(self, path: Path) -> None:
-        """Remove the values from a stored replay, in which names of links and marks stand. A bad file is left."""
+        """Remove the values from the names in a stored replay, such as those of links. A bad file is left."""
         if self.pattern is None:
             return
-        with suppress(OSError, EOFError, ValueError):
+        with suppress(OSError, EOFError, ValueError, RecursionError):
             with gzip.open(path) as file:
-                text = file.read(_MAX_REPLAY_BYTES).decode("utf-8")
-            if (masked := self.text(text)) != text:
+                data = json.loads(file.read(_MAX_REPLAY_BYTES))
+            if (masked := self.values(data, _NAMES_IN_REPLAYS)) != data:
                 with whole_file(path) as written:
-                    written.write(gzip.compress(masked.encode("utf-8"), mtime=0))
+                    written.write(gzip.compress(json.dumps(masked, separators=(",", ":")).encode(), mtime=0))
+
+    def values(self, data: Any, keys: Collection[str] | None = None, key: str = "") -> Any:
+        """Return JSON data without the values in its texts; `keys`: the keys that may hold them, None: all."""
+        match data:
+            case str():
+                return self.text(data) if keys is None or key in keys else data
+            case list():
+                return [self.values(each, keys, key) for each in data]
+            case dict():
+                return {name: self.values(each, keys, name) for name, each in data.items()}
+        return data
 
     def _expectation(self, expected: ExpectationOutcome, *, names: bool) -> ExpectationOutcome:
         verdict = expected.verdict
@@ -128,5 +146,9 @@ def _changed(model: Model, **changes: object) -> Model:
 def _forms(value: str) -> set[str]:
     """Return a value, each of its lines, and their escaped forms, without those that are too short."""
     lines = {value, value.strip(), *map(str.strip, value.splitlines())}
-    forms = {form for line in lines for form in (line, json.dumps(line)[1:-1], repr(line)[1:-1])}
+    forms = {form for line in lines for form in (line, *_escaped(line))}
     return {form for form in forms if len(form) >= MIN_CHARS}
+
+
+def _escaped(text: str) -> tuple[str, ...]:
+    return json.dumps(text)[1:-1], json.dumps(text, ensure_ascii=False)[1:-1], repr(text)[1:-1]

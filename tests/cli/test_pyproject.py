@@ -99,7 +99,7 @@ def test_every_key_is_an_option_that_a_subcommand_has() -> None:
 
 
 def test_nothing_in_it_permits_anything() -> None:
-    assert not {"allow_scripts", "allow_outside", "shard", "force"} & set(Defaults.model_fields)
+    assert not {"allow_scripts", "pass_env", "allow_outside", "shard", "force"} & set(Defaults.model_fields)
 
 
 def test_the_nearest_table_counts_and_paths_start_from_its_folder(folder: Path) -> None:

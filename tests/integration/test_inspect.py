@@ -152,3 +152,21 @@ def test_the_block_of_a_xacro_with_packages_and_arguments_runs(tmp_path: Path) -
     assert 'args: {with_lidar: "false", mass: "3"}' in block
     goal = {"expect": [{"travel": {"at_least": "0.2 m"}}], "commands": {"twist": [{"linear": 0.5}]}}
     assert run(made.root, block, **goal)["status"] == "passed"
+
+
+def test_xacro_sees_only_the_variables_that_are_passed(tmp_path: Path) -> None:
+    body = '<robot name="r"><link name="a-$(optenv MAP_URL none)"/><link name="b-$({})"/>{}</robot>'
+    joint = '<joint name="j" type="fixed"><parent link="a-$(optenv MAP_URL none)"/><child link="b-$({})"/></joint>'
+    for name, word in (("good", "optenv TZ none"), ("bad", "env MAP_URL")):
+        (tmp_path / f"{name}.xacro").write_text(body.format(word, joint.format(word)))
+
+    def inspected(*words: str) -> str:
+        done = sim_action(tmp_path, "inspect", *words, MAP_URL="http://planted", TZ="UTC")
+        return done.stdout + done.stderr
+
+    assert "a-none" in (printed := inspected("good.xacro"))
+    assert "b-UTC" in printed
+    for more in ((), ("--json",)):
+        assert "a-***" in (printed := inspected("good.xacro", "--pass-env", "MAP_URL", *more))
+        assert "planted" not in printed
+    assert "the variable MAP_URL exists, but code of the repository does not see it" in inspected("bad.xacro")

@@ -63,7 +63,7 @@ def test_the_longest_value_comes_first() -> None:
 @given(st.text(min_size=MIN_CHARS).filter(lambda text: len(text.strip()) >= MIN_CHARS))
 def test_values_and_their_escaped_forms_are_masked(value: str) -> None:
     mask = Mask.of({"A": value}, ("A",))
-    for form in (value, json.dumps(value)[1:-1], repr(value)[1:-1]):
+    for form in (value, json.dumps(value)[1:-1], json.dumps(value, ensure_ascii=False)[1:-1], repr(value)[1:-1]):
         assert mask.text(f"<{form}>") == "<***>"
 
 
@@ -74,9 +74,12 @@ def test_each_line_of_a_value_is_masked() -> None:
 
 def test_a_replay_is_masked(tmp_path: Path) -> None:
     path, mask = tmp_path / "r.json.gz", Mask.of({"A": SECRET}, ("A",))
-    path.write_bytes(gzip.compress(f'["{SECRET}"]'.encode()))
+    path.write_bytes(
+        gzip.compress(f'{{"name": "a {SECRET}", "joint_names": ["{SECRET}"], "kind": "{SECRET}"}}'.encode())
+    )
     mask.replay(path)
-    assert gzip.decompress(path.read_bytes()) == b'["***"]'
+    replay = json.loads(gzip.decompress(path.read_bytes()))
+    assert replay == {"name": "a ***", "joint_names": ["***"], "kind": SECRET}
     for content in (b"", b"no archive", gzip.compress(b"\xff")[:-3]):
         path.write_bytes(content)
         mask.replay(path)

@@ -1,0 +1,234 @@
+"""No code of the repository runs where it is not allowed to: every subcommand, event and kind of code."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Final
+
+import pytest
+
+from sim_action.cli import SUBCOMMANDS
+from sim_action.cli.main import call
+from sim_action.core.permissions import PRIVILEGED_EVENTS
+from tests.ros.ros1.launches import needs_ros, package
+
+ROOT: Final = Path(__file__).resolve().parents[2]
+
+CASE: Final = """\
+name: {name}
+robot: {{model: {model}}}
+{commands}
+expect: [{expect}]
+time_limit: 1 s
+"""
+MARK: Final = "open({marker!r}, 'a').write({kind!r} + chr(10))\n"
+BODIES: Final[Mapping[str, str]] = {
+    "function.py": "{mark}\ndef control(observation): ...\n",
+    "class.py": "class Controller:\n    def reset(self, robot):\n        {mark}\n    def step(self, _): ...\n",
+    "ctl.py": "import sys\n{mark}\nfor line in sys.stdin:\n    print('{{}}', flush=True)\n",
+    "judge.py": "{mark}\nclass Judge:\n    def judge(self, trace): ...\n",
+}
+EVALUATED: Final = "evaluated-42"
+"""The marker of xacro, whose expressions cannot write files."""
+
+XACRO: Final = """\
+<robot name="nosy" xmlns:xacro="http://www.ros.org/wiki/xacro">
+  <link name="evaluated-${6 * 7}">
+    <inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+    <collision><geometry><box size="1 1 1"/></geometry></collision>
+  </link>
+</robot>
+"""
+SCENARIOS: Final = {
+    "function": {"commands": "commands: {rate: 10 Hz, script: function.py}"},
+    "class": {"commands": "commands: {rate: 10 Hz, script: class.py}"},
+    "process": {"commands": "commands: {rate: 10 Hz, process: python3 ctl.py}"},
+    "assertion": {"expect": "assertion: judge.py:Judge"},
+    "xacro": {"model": "nosy.urdf.xacro"},
+}
+CALLS: Final[Mapping[str, list[str]]] = {
+    "run": ["run", "--no-report", "--quiet", "."],
+    "validate": ["validate", "."],
+    "matrix": ["matrix", "--shards", "2", "."],
+    "merge": ["merge", "--no-report", "--scenarios", ".", "--output-dir", "merged", "sim-results"],
+    "compare": ["compare", "sim-results", "sim-results"],
+    "report": ["report"],
+    "view": ["view", "--print"],
+    "rostest": ["rostest", "--no-report", "nosy", "nosy.test"],
+    "roslaunch": ["roslaunch", "--no-report", "--sim-time-limit", "1", "nosy", "nosy.launch"],
+    "init": ["init", "new"],
+    "inspect": ["inspect", "nosy.urdf.xacro"],
+    "models": ["models"],
+    "assertions": ["assertions"],
+    "commands": ["commands"],
+    "sensors": ["sensors"],
+    "schema": ["schema"],
+}
+LAUNCH: Final = """\
+<launch>
+  <arg name="x" default="$(eval 6 * 7)"/>
+  <include file="$(find turtlebot3_gazebo)/launch/turtlebot3_empty_world.launch"/>
+  {0}
+</launch>
+"""
+NODE: Final = "#!/usr/bin/env python\nimport sys\nkind = sys.argv[1]\n{mark}"
+GATED: Final = ("run", "rostest", "roslaunch", "inspect")
+"""The subcommands that run code of the repository."""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A repository with every kind of code, each of which leaves a marker."""
+    for name in [name for name in os.environ if name.startswith("GITHUB_")]:
+        monkeypatch.delenv(name)
+    monkeypatch.chdir(tmp_path)
+    for name, body in BODIES.items():
+        Path(name).write_text(body.format(mark=mark(tmp_path, name)))
+    Path("nosy.urdf.xacro").write_text(XACRO)
+    for name, keys in SCENARIOS.items():
+        Path(f"{name}.sim.yml").write_text(case(name, **keys))
+    node = NODE.format(mark=f"open({str(tmp_path / 'marker')!r}, 'a').write(kind + chr(10))\n")
+    test = '<test test-name="x" pkg="nosy" type="nosy.py" args="rostest"/>'
+    launched = '<node name="x" pkg="nosy" type="nosy.py" args="roslaunch"/>'
+    files = {"scripts/nosy.py": node, "nosy.test": LAUNCH.format(test), "launch/nosy.launch": LAUNCH.format(launched)}
+    package(tmp_path, "nosy", files)
+    return tmp_path
+
+
+def mark(folder: Path, kind: str) -> str:
+    return MARK.format(marker=str(folder / "marker"), kind=kind).strip()
+
+
+def case(
+    name: str, model: str = "turtlebot3_burger", commands: str = "# no commands", expect: str = "no_collision"
+) -> str:
+    return CASE.format(name=name, model=model, commands=commands, expect=expect)
+
+
+def markers(folder: Path, printed: str = "") -> set[str]:
+    """The kinds of code that ran."""
+    marker = folder / "marker"
+    found = set(marker.read_text().split()) if marker.exists() else set()
+    texts = [printed, *(path.read_text(errors="replace") for path in folder.glob("sim-results/*.json"))]
+    return found | ({"xacro"} if any(EVALUATED in text for text in texts) else set())
+
+
+def test_every_subcommand_is_called_here() -> None:
+    """A new subcommand needs a line in CALLS, and, if it runs code, the options of `code_flags`."""
+    assert set(CALLS) == {command.name for command in SUBCOMMANDS}
+    gated = {command.name for command in SUBCOMMANDS if "allow_scripts" in {option.name for option in command.params}}
+    passing = {command.name for command in SUBCOMMANDS if "pass_env" in {option.name for option in command.params}}
+    assert gated == passing == set(GATED)
+
+
+def test_code_runs_where_it_is_allowed(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("GITHUB_EVENT_NAME", "pull_request")
+    assert call(["run", "--quiet", "."]) == 1
+    assert call(CALLS["inspect"]) == 0
+    assert markers(folder, capsys.readouterr().out) == {*BODIES, "xacro"}
+
+
+@needs_ros
+def test_nodes_run_where_they_are_allowed(folder: Path) -> None:
+    Path("nodes.sim.yml").write_text(
+        case("nodes", commands="commands: {rate: 10 Hz, ros1: {nodes: [{package: nosy, type: nosy.py, args: ros1}]}}")
+    )
+    call(["run", "--no-report", "nodes.sim.yml"])
+    call(CALLS["roslaunch"])
+    call(CALLS["rostest"])
+    assert {"ros1", "roslaunch", "rostest"} <= markers(folder)
+
+
+@pytest.mark.parametrize("name", sorted(set(CALLS) - set(GATED)))
+def test_other_subcommands_run_no_code_anywhere(name: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    call([*CALLS["run"], "--allow-scripts", "false"])
+    capsys.readouterr()
+    call(CALLS[name])
+    assert markers(folder, capsys.readouterr().out) == set()
+
+
+NODES: Final = "commands: {rate: 10 Hz, ros1: {nodes: [nosy/nosy.py]}}"
+
+
+@pytest.mark.parametrize("name", GATED)
+@pytest.mark.parametrize("event", [*sorted(PRIVILEGED_EVENTS), "push", "pull_request_review", "false"])
+def test_code_is_refused(
+    name: str, event: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = list(CALLS[name])
+    if event == "false":
+        words[1:1] = ["--allow-scripts", "false"]
+    else:
+        monkeypatch.setenv("GITHUB_EVENT_NAME", event)
+        monkeypatch.setenv("GITHUB_REPOSITORY_OWNER", "owner")
+    if event == "push":
+        # The checkout of a fork.
+        Path(".git").mkdir()
+        Path(".git/config").write_text('[remote "origin"]\n\turl = https://github.com/stranger/robot\n')
+    elif event == "pull_request_review":
+        ref = Path(".git/refs/remotes/pull/7/merge")
+        ref.parent.mkdir(parents=True)
+        ref.write_text("1" * 40)
+    Path("nodes.sim.yml").write_text(case("nodes", commands=NODES))
+    assert call(words) == 2
+    captured = capsys.readouterr()
+    printed = captured.out + captured.err
+    assert markers(folder, printed) == set()
+    refusals = [line for line in printed.splitlines() if "allow-scripts" in line]
+    assert len(refusals) == (len(SCENARIOS) + 1 if name == "run" else 1), printed
+    assert all("scripts are not" in line for line in refusals)
+
+
+IMPOSTORS: Final = (
+    *("yaml", "numpy", "sitecustomize", "usercustomize", "click", "pydantic", "json", "conftest", "xacro", "rich"),
+    *("mujoco", "pybullet", "antigravity", "startup"),
+)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["-P", "-m", "sim_action", "validate", "."],
+        ["-P", "-m", "sim_action", "run", "--repeat", "2", "--allow-scripts", "false", "."],
+        ["-P", "-m", "sim_action", "inspect", "box.urdf.xacro"],
+        # Python itself imports modules of the standard library from the current folder, such as json, if it needs any.
+        ["-m", "sim_action", "validate", "."],
+    ],
+    ids=" ".join,
+)
+def test_no_file_is_imported_by_its_name_alone(words: list[str], tmp_path: Path) -> None:
+    for name in IMPOSTORS:
+        (tmp_path / f"{name}.py").write_text(f"{mark(tmp_path, name)}\n")
+    (tmp_path / "evil.pth").write_text(f"import os; {mark(tmp_path, 'pth')}\n")
+    (tmp_path / "sim_action").mkdir()
+    hooks = f'- {{id: x, entry: python -c "{mark(tmp_path, "hook")}", language: system, name: x}}\n'
+    (tmp_path / ".pre-commit-hooks.yaml").write_text(hooks)
+    (tmp_path / "setup.py").write_text(mark(tmp_path, "setup"))
+    (tmp_path / "pyproject.toml").write_text('[build-system]\nbuild-backend = "startup"\nbackend-path = ["."]\n')
+    (tmp_path / "box.urdf.xacro").write_text(XACRO)
+    (tmp_path / "a.sim.yml").write_text(case("a", commands="commands: {rate: 10 Hz, twist: [{linear: 0.1}]}"))
+    variables = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONSTARTUP": str(tmp_path / "startup.py")}
+    if words[0] != "-P":
+        (tmp_path / "sim_action").rmdir()
+    done = subprocess.run(
+        [sys.executable, *words], cwd=tmp_path, env=variables, capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert markers(tmp_path) == set()
+
+
+@pytest.mark.parametrize("key", ['allow-scripts = "true"', 'pass-env = ["HOME"]', "allow-outside = true"])
+def test_the_project_file_permits_nothing(
+    key: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("GITHUB_EVENT_NAME", "issue_comment")
+    Path("pyproject.toml").write_text(f"[tool.sim-action]\n{key}\n")
+    for name in GATED:
+        assert call(CALLS[name]) == 2
+    assert markers(folder, capsys.readouterr().out) == set()
