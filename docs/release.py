@@ -47,6 +47,7 @@ _EXACT: Final = (
     re.compile(r"sim-action/sim-action(?:/[\w-]+)?@<commit> # (?P<found>v[\w.]+)"),
     re.compile(r"sim-action/sim-action(?:\.git)?\n\s+rev: (?P<found>\S+)"),
 )
+_IMAGE: Final = re.compile(r"ghcr\.io/sim-action/sim-action:(?P<found>\d[\w.]*)")
 _PINNED: Final = re.compile(r"\bsim-action==(?P<found>\d[\w.]*)")
 
 _HEADING: Final = re.compile(r"^## (?P<name>\S+)(?: \((?P<day>[\d-]+)\))?$", re.MULTILINE)
@@ -186,7 +187,12 @@ def _document_problems(path: str, text: str, version: str) -> Iterator[Problem]:
 
 
 def _rules(version: str) -> list[tuple[tuple[re.Pattern[str], ...], str]]:
-    return [(_MOVING, moving_tag(version)), (_EXACT, f"v{version}"), ((_PINNED,), version)]
+    return [
+        (_MOVING, moving_tag(version)),
+        (_EXACT, f"v{version}"),
+        ((_PINNED,), version),
+        ((_IMAGE,), version.partition(".")[0]),
+    ]
 
 
 def _with_version(text: str, version: str) -> str:
