@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal
 
-from sim_action.core.checkout import foreign_checkout
 from sim_action.core.errors import UsageError
 from sim_action.core.wording import shown
 
@@ -88,6 +87,8 @@ def scripts_refused(choice: AllowScripts, environment: Mapping[str, str], folder
             f"scripts are not run on {event}: a pull request from a fork could run code with the secrets of this "
             f"repository; {_REMEDY}"
         )
+    from sim_action.core.checkout import foreign_checkout
+
     if (found := foreign_checkout(environment, folders)) is not None:
         return f"scripts are not run on {event} here, because {found}; {_REMEDY}"
     return None
