@@ -59,7 +59,8 @@ def run_scenarios(request: RunRequest, interruption: Interruption, listener: Lis
         with open_reports(request.reports, keeps_earlier=request.resume) as options:
             call = _Call(request, found, options, keys, started)
             results = call.results(interruption, listener)
-            return write_reports(results, replace(options, taken_over=call.taken.finals if request.resume else None))
+            taken_over = call.taken.finals if request.resume else None
+            return write_reports(results, replace(options, taken_over=taken_over, permissions=request.plan.permissions))
 
 
 def _keys(request: RunRequest) -> RunKeys:

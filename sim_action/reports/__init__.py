@@ -16,6 +16,7 @@ from types import MappingProxyType
 from typing import Final, Literal, Protocol
 
 from sim_action.core.errors import ExitCode, UsageError
+from sim_action.core.permissions import Permissions
 from sim_action.core.registry import Table
 from sim_action.core.wording import escaped_line, system_reason
 from sim_action.results.artifacts import REPORT_FILE, RUN_FILE_FOLDERS, with_existing_files
@@ -38,6 +39,9 @@ Verbosity = Literal["quiet", "normal", "verbose"]
 """
 
 
+_NO_PERMISSIONS: Final = Permissions()
+
+
 @dataclass(frozen=True, slots=True)
 class ReportOptions:
     """The targets and options of reports.
@@ -51,6 +55,7 @@ class ReportOptions:
         verbosity: the amount of text on the terminal.
         silenced: the names of reports that are not written.
         taken_over: the number of outcomes of an earlier call, see `run --resume`; None: it was not asked for.
+        permissions: what the caller permits; the command that runs a scenario again permits the same.
     """
 
     folder: Path
@@ -61,6 +66,7 @@ class ReportOptions:
     verbosity: Verbosity = "normal"
     silenced: frozenset[str] = frozenset()
     taken_over: int | None = None
+    permissions: Permissions = _NO_PERMISSIONS
 
     @property
     def files(self) -> tuple[str, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import shlex
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 from urllib.parse import quote, urlsplit
@@ -42,7 +43,28 @@ def rerun_command(outcome: Outcome, options: ReportOptions) -> str:
         words += ["--backend", backend]
     if outcome.status == "flaky" and outcome.repeats:
         words += ["--repeat", str(outcome.repeats.count)]
+    words += _permitted(options)
     return " ".join(map(_quoted, words))
+
+
+def _permitted(options: ReportOptions) -> Iterator[str]:
+    """Yield the options that permit what the call has permitted; folders are seen from the workspace."""
+    permissions = options.permissions
+    for name, folder in permissions.packages:
+        yield "--package"
+        yield one_line(f"{name}={_seen_from(options.workspace, folder)}")
+    for name in permissions.pass_env:
+        yield "--pass-env"
+        yield name
+    if permissions.outside:
+        yield "--allow-outside"
+
+
+def _seen_from(workspace: Path, folder: str) -> str:
+    try:
+        return Path(os.path.relpath(folder, workspace.resolve())).as_posix()
+    except ValueError:  # on another drive of Windows
+        return folder
 
 
 def _named(outcome: Outcome) -> tuple[str, str]:

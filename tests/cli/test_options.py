@@ -8,6 +8,7 @@ import pytest
 
 from sim_action.cli.main import call
 from sim_action.cli.options import asked_model, named_packages
+from sim_action.cli.run import _OF_RUNS, run
 from sim_action.core.errors import UsageError
 from sim_action.reports import ReportRequest
 from sim_action.robot.spec import Robot
@@ -125,6 +126,13 @@ def test_an_option_that_would_be_ignored_is_an_error(
     (tmp_path / "a.sim.yml").touch()
     assert call(arguments) == 2
     assert message in capsys.readouterr().err
+
+
+def test_every_option_of_run_is_used_by_list_or_refused() -> None:
+    selecting = {"paths", "only", "exclude", "tags", "exclude_tags", "list_only"}
+    # With --shard, scenarios are checked, so that a shard is the same as in a run.
+    checking = {"shard", "seed", "backend", "packages", "allow_scripts", "allow_outside"}
+    assert {param.name for param in run.params} == selecting | checking | set(_OF_RUNS)
 
 
 @pytest.mark.parametrize(

@@ -51,6 +51,8 @@ def test_each_subcommand_gets_what_it_takes(folder: Path) -> None:
     }
     assert stated(folder, table, "validate") == {"paths": ("suite",)}
     assert stated(folder, table, "merge") == {"summary": False}
+    assert stated(folder, table + 'output-dir = "out"\n', "compare") == {"output_dir": "out", "summary": False}
+    assert stated(folder, table, "rostest") == stated(folder, table, "roslaunch") == {"summary": False}
     assert stated(folder, table, "schema") == {}
 
 

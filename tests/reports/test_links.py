@@ -13,6 +13,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from sim_action.core.errors import Location
+from sim_action.core.permissions import Permissions
 from sim_action.reports import ReportOptions
 from sim_action.reports.html.report import page
 from sim_action.reports.links import file_and_line, relative_path, replay_link, rerun_command, source_url
@@ -31,6 +32,17 @@ def test_the_scenario_is_named_and_the_engine_that_it_ran_on(samples: Samples, o
     assert rerun_command(of(samples, seed=0), options) == (
         'sim-action run scenarios/straight.sim.yml --only "burger drives straight" --backend pybullet'
     )
+
+
+def test_what_the_call_has_permitted_is_permitted_again(
+    samples: Samples, options: ReportOptions, tmp_path: Path
+) -> None:
+    packages = (("a", str(tmp_path.resolve().parent / "my a")), ("b", str(tmp_path.resolve() / "b")))
+    permissions = Permissions(outside=True, pass_env=("TOKEN",), packages=packages)
+    words = shlex.split(rerun_command(of(samples, seed=0), replace(options, permissions=permissions)))
+    assert words[words.index("--package") :] == [
+        *("--package", "a=../my a", "--package", "b=b", "--pass-env", "TOKEN", "--allow-outside")
+    ]
 
 
 def test_a_seed_is_named_unless_it_is_the_one_that_everything_begins_with(
