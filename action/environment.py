@@ -50,6 +50,7 @@ NEVER_CACHED_ON: Final = frozenset(
 _PREFIX: Final = "sim-action-"
 _MARKER: Final = "requirements.lock"
 _CACHE: Final = ".cache/sim-action-wheels"
+_MAX_UNUSED_S: Final = 30 * 86_400.0
 _TITLE: Final = "::error title=sim-action::"
 
 
@@ -156,10 +157,13 @@ def _made(packages: Sequence[Entry], plan: Plan, temp: Path) -> tuple[Path, int,
     kept = Path(plan.kept).expanduser() if plan.kept else None
     if kept and wheels.are_there(packages, kept):
         try:
-            return (*_unpacked(packages, kept, temp), False)
+            folder, size = _unpacked(packages, kept, temp)
         except (WheelError, OSError) as error:
             print(f"The cached wheels are not those of the lock file, and are downloaded again: {error}")
             shutil.rmtree(kept, ignore_errors=True)
+        else:
+            _remove_unused(kept)
+            return folder, size, False
     with tempfile.TemporaryDirectory(dir=temp, prefix=f"{_PREFIX}wheels-") as name:
         downloaded = Path(name)
         wheels.download(packages, downloaded)
@@ -192,6 +196,17 @@ def _keep(downloaded: Path, kept: Path | None) -> bool:
         print(f"The wheels are not cached: {error}")
         return False
     return True
+
+
+def _remove_unused(kept: Path) -> None:
+    """Remove the wheels of other installations that no job has used for a month; only self-hosted runners keep any."""
+    try:
+        os.utime(kept)
+        old = [each for each in kept.parent.iterdir() if each.stat().st_mtime < time.time() - _MAX_UNUSED_S]
+    except OSError:
+        return  # another job removes them, too
+    for folder in old:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def _complete(folder: Path, packages: Sequence[Entry], left_out: Sequence[Entry]) -> None:

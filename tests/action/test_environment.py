@@ -1,10 +1,12 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import subprocess
 import sys
 import sysconfig
+import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -214,6 +216,25 @@ def test_cached_wheels_that_are_not_those_of_the_lock_file_are_downloaded_again(
     assert done["fetched"]
     assert len(job.downloads) == 2
     assert sorted(wheel.name[:5] for wheel in kept_wheels(job.home)) == ["click", "pybul"]
+
+
+def test_kept_wheels_that_no_job_has_used_for_a_month_are_removed(
+    packages: list[Entry], temp: Path, job: Job, tmp_path: Path
+) -> None:
+    both = {**job.variables, "INPUT_BACKEND": "all"}
+    made(packages, temp, job.variables)
+    made(packages, temp, both)
+    folders = {Path(planned(packages, tmp_path, each).kept).expanduser() for each in (job.variables, both)}
+    last_month = time.time() - 31 * 86_400
+    for folder in folders:
+        os.utime(folder, (last_month, last_month))
+    other = tmp_path / "other temp"
+    other.mkdir()
+    made(packages, other, both)
+    [left] = (job.home / ".cache/sim-action-wheels").iterdir()
+    assert left == Path(planned(packages, tmp_path, both).kept).expanduser()
+    assert left.stat().st_mtime > last_month + 86_400
+    assert len(job.downloads) == 2
 
 
 def test_wheels_that_cannot_be_kept_fail_nothing(
