@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import subprocess
@@ -83,6 +84,25 @@ def test_every_option_of_an_action_is_one_of_its_command(name: str) -> None:
     [command] = (command for command in COMMANDS if command.name == name)
     known = {opt for param in command.params for opt in (*param.opts, *param.secondary_opts)}
     assert SUBCOMMANDS[name].names.keys() <= known
+
+
+def given(name: str) -> dict[str, str]:
+    """Return a text for each input of an action."""
+    subcommand = SUBCOMMANDS[name]
+    texts = {each: f"value-of-{each}" for each in (*subcommand.arguments, *subcommand.lists, *subcommand.options)}
+    return {**texts, **dict.fromkeys(subcommand.switches, "false")}
+
+
+@pytest.mark.parametrize("name", SUBCOMMANDS)
+def test_of_every_pair_of_inputs_both_reach_the_command_line(name: str) -> None:
+    subcommand, filled = SUBCOMMANDS[name], given(name)
+    words = {each: word for word in subcommand.command_line(filled) for each in filled if word.endswith(f"of-{each}")}
+    words |= {each: options[1] for each, options in subcommand.switches.items()}
+    assert words.keys() == filled.keys()
+    alone = replace(subcommand, required=())
+    for pair in itertools.combinations(filled, 2):
+        inputs = {each: text if each in pair else "" for each, text in filled.items()}
+        assert {*alone.command_line(inputs)} == {"--", *(words[each] for each in pair)}
 
 
 def test_an_input_that_must_have_a_value_is_refused_if_it_is_empty() -> None:

@@ -112,6 +112,7 @@ def test_a_package_outside_the_workspace_is_found_if_the_caller_names_it(
         (["view", "a", "--output-dir", "c"], "REPORT cannot be combined with --output-dir"),
         (["report", "a", "--output-dir", "c"], "FOLDER cannot be combined with --output-dir"),
         (["inspect", "a.urdf", "--arg", "a=1", "--arg", "a=2"], "--arg names 'a' twice"),
+        (["inspect", "turtlebot3_burger", "--arg", "a=1"], "--arg needs a xacro file, and 'turtlebot3_burger' is not"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )
