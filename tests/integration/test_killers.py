@@ -119,7 +119,7 @@ def start(folder: Path, *options: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
         [sys.executable, "-m", "sim_action", "run", ".", "--jobs", "2", *options],
         cwd=folder,
-        env={**environment, "PYTHONPATH": str(ROOT), "KILLERS": str(folder)},
+        env={**environment, "PYTHONPATH": str(ROOT), "ROS_KILLERS": str(folder)},
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
@@ -146,7 +146,7 @@ def is_of(process: int, folder: Path) -> bool:
         variables = Path(f"/proc/{process}/environ").read_bytes().split(b"\0")
     except OSError:
         return False
-    return f"KILLERS={folder}".encode() in variables
+    return f"ROS_KILLERS={folder}".encode() in variables
 
 
 def are_gone(folder: Path, within: float = 10.0) -> bool:
