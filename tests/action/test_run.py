@@ -303,3 +303,10 @@ def test_a_removed_input_names_the_action_that_has_it(name: str) -> None:
     removed = f"the input {name} was removed: .* sim-action/sim-action/rostest@v0, with the inputs package, file and"
     with pytest.raises(InputError, match=removed):
         run("run", {**INPUTS, name: "false"})
+
+
+@pytest.mark.parametrize(("name", "inputs"), [("run", INPUTS), ("rostest", ROSTEST)])
+def test_names_of_passed_variables_are_an_option_for_each_line(name: str, inputs: dict[str, str]) -> None:
+    line = list(SUBCOMMANDS[name].command_line({**inputs, "pass-env": "MAP_URL\n\n ROBOT_KEY \n"}))
+    assert [word for word in line if word.startswith("--pass-env")] == ["--pass-env=MAP_URL", "--pass-env=ROBOT_KEY"]
+    assert not any(word.startswith("--pass-env") for word in SUBCOMMANDS[name].command_line(inputs))
