@@ -58,10 +58,10 @@ class _Repository:
         if git.is_dir():
             return cls(git, git)
         link = _text(git, _MAX_LINK_BYTES).strip()
-        if not link.startswith("gitdir:"):
+        if not link.startswith("gitdir:") or "\0" in link:
             return None
         own = git.parent / link.removeprefix("gitdir:").strip()
-        shared = _text(own / "commondir", _MAX_LINK_BYTES).strip()
+        shared = _text(own / "commondir", _MAX_LINK_BYTES).strip().partition("\0")[0]
         return cls(own, own / shared if shared else own, is_pinned=not shared and "/.git/modules/" in own.as_posix())
 
     def head(self) -> str:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from sim_action.core.checkout import foreign_checkout
@@ -190,6 +190,7 @@ def test_what_git_itself_leaves_after_a_fetch_is_a_sign(tmp_path: Path) -> None:
     assert "refs/remotes/pull/7/merge" in (sign(here) or "")
 
 
+@example("HEAD", b"\0")
 @settings(max_examples=50)
 @given(st.sampled_from(["HEAD", "FETCH_HEAD", "config", "packed-refs", "commondir"]), st.binary(max_size=200))
 def test_any_content_of_files_is_read(name: str, content: bytes) -> None:
