@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from sim_action.core.field_types import FrozenModel, JointPosition, NamesFile, Placement
 
@@ -35,6 +35,12 @@ class Robot(FrozenModel):
         dict[str, JointPosition],
         Field(description="initial positions of joints, by name; default: 0, or the middle of limits that exclude 0"),
     ] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _args_are_read(self) -> Self:
+        if self.args and not self.is_xacro:
+            raise ValueError(f"args: only a .xacro file has arguments, and the model is '{self.model}'; remove 'args'")
+        return self
 
     @property
     def is_xacro(self) -> bool:

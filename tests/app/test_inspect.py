@@ -80,9 +80,10 @@ def test_all_of_it() -> None:
     ],
 )
 def test_names_that_yaml_would_take_for_something_else_are_quoted(name: str) -> None:
-    block = robot_block(Robot(model=name, args={"a": name}), None)
-    assert read(block) == {"model": name, "args": {"a": name}}
-    assert yaml.safe_load(block) == {"robot": {"model": name, "args": {"a": name}}}
+    for robot in ({"model": name}, {"model": "a.xacro", "args": {"a": name}}):
+        block = robot_block(Robot.model_validate(robot), None)
+        assert read(block) == robot
+        assert yaml.safe_load(block) == {"robot": robot}
 
 
 @pytest.mark.parametrize("name", ["./a.urdf", "../a.urdf", "/a.urdf", "_a", "a.b", "a-1"])
@@ -90,7 +91,7 @@ def test_paths_and_names_stand_as_they_are(name: str) -> None:
     assert robot_block(Robot(model=name), None) == f"robot:\n  model: {name}\n"
 
 
-@given(names, names, names)
+@given(names.map("{}.xacro".format), names, names)
 def test_what_is_written_reads_back(model: str, left: str, right: str) -> None:
     robot = Robot(model=model, args={left: right}, packages={right: left})
     drive = DiffDrive(left=(left,), right=(right,))
