@@ -277,3 +277,13 @@ def _rates_near(physics_rate: float, rate: float) -> list[float]:
     below = max((r for r in candidates if r < rate), default=None)
     above = min((r for r in candidates if r > rate), default=None)
     return [near for near in (below, above) if near is not None]
+
+
+def environment_problems(scenario: Scenario) -> SpecProblems:
+    """Yield a problem if variables are set although no code reads them.
+
+    They would reach the process of the run itself, in which no code of the repository was permitted.
+    """
+    if scenario.environment and not scenario.runs_user_code:
+        code = "script, process, assertion, xacro or ROS nodes"
+        yield ("environment",), f"nothing in this scenario runs code that could read variables ({code}); remove it"

@@ -208,6 +208,8 @@ class _Loader:
     def _check(self, scenario: Scenario, *, states_drive: bool) -> None:
         """Check the scenario as a whole."""
         self._problems.note_all((), self._own_problems(scenario))
+        if not self._problems:  # a source with a problem may be the code
+            self._problems.note_all((), scenario_checks.environment_problems(scenario))
         self._take(audit_scenario(scenario, self._parts.expect_paths, self._parts.command_paths))
         self.unchecked = tuple(remark for source in scenario.commands for remark in source.unchecked)
         surroundings = read_surroundings(scenario.world, self._workspace, self._libraries.shapes)

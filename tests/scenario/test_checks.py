@@ -119,3 +119,16 @@ def test_a_follower_begins_within_its_own_limits(offset: float, joints: str, pro
         return
     (found,) = told(tmp_path, text)
     assert found.startswith(problem)
+
+
+def test_variables_are_for_code_only(tmp_path: Path) -> None:
+    variables = "environment: {OPENSSL_CONF: ./ssl.cnf}\n"
+    (found,) = told(tmp_path, arm(tmp_path) + variables)
+    assert found == (
+        "6:1: environment: nothing in this scenario runs code that could read variables (script, process, assertion, "
+        "xacro or ROS nodes); remove it"
+    )
+    (tmp_path / "hold.py").write_text("def control(observation): ...\n")
+    assert load(tmp_path, arm(tmp_path) + variables + "commands: {rate: 10 Hz, script: hold.py}\n")
+    (found,) = told(tmp_path, arm(tmp_path) + variables + "commands: {rate: 10 Hz, script: missing.py}\n")
+    assert "environment" not in found

@@ -199,6 +199,10 @@ def environment(
 
 
 def job_environment(job: Job) -> dict[str, str]:
-    """Return the environment of a fresh interpreter that runs a job."""
+    """Return the environment of a fresh interpreter that runs a job.
+
+    A scenario sets variables for its code only: libraries of the interpreter itself would read them, too.
+    """
     loaded = job.loaded
-    return environment(loaded.workspace.pass_env, loaded.scenario.environment, job.hash_seed)
+    stated = loaded.scenario.environment if loaded.scenario.runs_user_code else None
+    return environment(loaded.workspace.pass_env, stated, job.hash_seed)

@@ -10,7 +10,7 @@ from unittest.mock import Mock
 
 import pytest
 
-from sim_action.runner.isolation.child_process import remove, scratch_folder
+from sim_action.runner.isolation.child_process import job_environment, remove, scratch_folder
 
 
 def use(monkeypatch: pytest.MonkeyPatch, folder: Path, *full: Path) -> None:
@@ -67,3 +67,10 @@ def test_an_empty_folder_is_removed_without_a_free_descriptor(tmp_path: Path, mo
         remove(scratch)
     assert list(tmp_path.iterdir()) == []
     scratch.cleanup()
+
+
+@pytest.mark.parametrize(("runs_code", "value"), [(True, "ssl.cnf"), (False, None)])
+def test_libraries_of_a_child_without_code_see_no_variable_of_the_scenario(runs_code: bool, value: str | None) -> None:
+    scenario = Mock(environment={"OPENSSL_CONF": "ssl.cnf"}, runs_user_code=runs_code)
+    job = Mock(loaded=Mock(scenario=scenario, workspace=Mock(pass_env=())), hash_seed=None)
+    assert job_environment(job).get("OPENSSL_CONF") == value
