@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import re
+import stat
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Final
@@ -15,6 +16,7 @@ BOTH: Final = frozenset({"pybullet", "mujoco"})
 _DEFAULT: Final = frozenset({"pybullet"})
 _MAX_ENTRIES: Final = 20_000
 _MAX_BYTES: Final = 1_000_000
+_MAX_TOTAL_BYTES: Final = 100_000_000
 _SCENARIO: Final = (".sim.yml", ".sim.yaml")
 _READ: Final = (".yml", ".yaml", "pyproject.toml")
 # A name of the engine, a robot that only it can read, a comparison of engines, or text with escapes.
@@ -31,7 +33,7 @@ def asked_engines(variables: Mapping[str, str]) -> frozenset[str]:
         return BOTH
     try:
         return _asked_by(_texts(Path(variables.get("INPUT_WORKING_DIRECTORY", "").strip() or ".")))
-    except (_TooMuch, OSError, ValueError):
+    except (_TooMuch, OSError, ValueError, RuntimeError):  # the last for deep folders and loops of links
         return BOTH
 
 
@@ -57,13 +59,13 @@ def _asked_by(texts: Iterator[tuple[str, bytes]]) -> frozenset[str]:
 def _texts(folder: Path) -> Iterator[tuple[str, bytes]]:
     """Yield name and text of each YAML file below a folder, and of pyproject.toml there and in the folders above.
 
-    The text is in lower case, without the zero bytes of UTF-16. Raises _TooMuch, OSError.
+    The text is in lower case, without the zero bytes of UTF-16. Raises _TooMuch, OSError, RuntimeError.
     """
     folder = folder.resolve(strict=True)
     for above in folder.parents:
-        if (above / "pyproject.toml").is_file():
-            yield "pyproject.toml", _text(above / "pyproject.toml")
-    seen = 0
+        if os.path.lexists(above / "pyproject.toml"):
+            yield "pyproject.toml", _text(above / "pyproject.toml", above)
+    seen = total = 0
     for parent, folders, files in os.walk(folder, onerror=_refuse):
         folders[:] = [name for name in folders if name not in {".git", "node_modules"}]
         seen += len(folders) + len(files)
@@ -71,11 +73,25 @@ def _texts(folder: Path) -> Iterator[tuple[str, bytes]]:
             raise _TooMuch
         for name in files:
             if name.endswith(_READ):
-                yield name, _text(Path(parent, name))
+                text = _text(Path(parent, name), folder)
+                total += len(text)
+                if total > _MAX_TOTAL_BYTES:
+                    raise _TooMuch
+                yield name, text
 
 
-def _text(file: Path) -> bytes:
-    with file.open("rb") as stream:
+def _text(file: Path, folder: Path) -> bytes:
+    """Return the text of a regular file that lies in a folder, with links resolved.
+
+    Raises _TooMuch, OSError, RuntimeError. A device or a pipe, to which a link can lead, may never end.
+    """
+    place = file.resolve(strict=True)
+    if not place.is_relative_to(folder):
+        raise OSError("the file lies outside")
+    flags = (getattr(os, name, 0) for name in ("O_BINARY", "O_NONBLOCK", "O_NOFOLLOW", "O_NOCTTY"))
+    with os.fdopen(os.open(place, os.O_RDONLY | sum(flags)), "rb") as stream:
+        if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
+            raise OSError("the file is not a regular one")
         text = stream.read(_MAX_BYTES + 1)
     if len(text) > _MAX_BYTES:
         raise _TooMuch

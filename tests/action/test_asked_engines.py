@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from pathlib import Path
 
 import pytest
@@ -113,4 +115,45 @@ def test_what_cannot_be_searched_gets_both(workspace: Path, monkeypatch: pytest.
     assert asked(workspace) == BOTH
     (workspace / "large.yml").unlink()
     monkeypatch.setattr(module, "_MAX_ENTRIES", 1)
+    assert asked(workspace) == BOTH
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="links need rights there")
+def test_links_lead_to_regular_files_inside_or_get_both(tmp_path: Path) -> None:
+    inside = tmp_path / "inside"
+    inside.mkdir()
+    (inside / "plain.txt").write_text(PLAIN)
+    link = inside / "a.sim.yml"
+    link.symlink_to("plain.txt")
+    assert asked(inside) == PYBULLET
+    (tmp_path / "outside.yml").write_text(PLAIN)
+    for target in ("/dev/ptmx", "/dev/zero", "../outside.yml", "missing", "a.sim.yml"):
+        link.unlink()
+        link.symlink_to(target)
+        assert asked(inside) == BOTH, target
+    link.unlink()
+    for target in ("/dev/ptmx", "/dev/zero"):
+        (tmp_path / "pyproject.toml").symlink_to(target)
+        assert asked(inside) == BOTH, target
+        (tmp_path / "pyproject.toml").unlink()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there are no such pipes")
+def test_a_pipe_is_not_waited_for(workspace: Path) -> None:
+    os.mkfifo(workspace / "pipe.yml")
+    assert asked(workspace) == BOTH
+
+
+def test_all_files_together_are_limited(workspace: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "_MAX_TOTAL_BYTES", len(PLAIN))
+    assert asked(workspace) == PYBULLET
+    (workspace / "b.yml").write_text("a: 1\n")
+    assert asked(workspace) == BOTH
+
+
+def test_folders_that_are_too_deep_to_walk_get_both(workspace: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise RecursionError
+
+    monkeypatch.setattr("action.asked_engines.os.walk", refuse)
     assert asked(workspace) == BOTH

@@ -110,6 +110,15 @@ def test_a_scenario_without_an_engine_needs_the_default_one_alone(
     assert (folder / "requirements.lock").read_text() == text_of([packages[0], packages[2]])
 
 
+def test_nothing_is_searched_for_a_lock_without_engines(
+    packages: list[Entry], temp: Path, variables: dict[str, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    searched: list[object] = []
+    monkeypatch.setattr("action.environment.asked_engines", searched.append)
+    look(packages[:1], temp, variables)
+    assert searched == []
+
+
 @pytest.mark.parametrize(
     ("backend", "present"),
     [("mujoco", ["mujoco-core"]), ("all", ["mujoco-core", "pybullet"]), ("pybullet", ["pybullet"])],
