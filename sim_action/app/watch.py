@@ -126,7 +126,7 @@ def _touched(watched: _Watched, changed: set[Path], request: RunRequest, pattern
     """Return the existing scenario files to run again, including new ones."""
     touched = watched.touched(changed)
     if changed & watched.folders:
-        found = unique(discover(patterns))
+        found = unique(discover(patterns, outside=request.plan.permissions.outside))
         known = {compared_name(str(file)) for file in watched.files}
         touched += [file for file in found if compared_name(str(file)) not in known]
     for file in touched:

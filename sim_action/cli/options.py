@@ -110,17 +110,18 @@ def refuse_typed(reason: str, *names: str) -> None:
 SEED: Final = Bounded(click.IntRange(0, 2**63 - 1))
 
 
-def discovered(paths: Sequence[str], flags: dict[str, Any] | None = None) -> Suite:
+def discovered(paths: Sequence[str], flags: dict[str, Any] | None = None, *, outside: bool = False) -> Suite:
     """Return the scenarios that the command line names.
 
     Without paths, those of pyproject.toml count, or else the current folder. `flags` are the options of
-    `taken_selection`; None selects everything. A path without scenarios is reported on standard error.
+    `taken_selection`; None selects everything. `outside`: True if links out of the workspace are followed. A
+    path without scenarios is reported on standard error.
     """
     from sim_action.core.discovery import compared_name, discover, unique
     from sim_action.scenario.selection import Selection, Suite, split
 
     named = [split(path) for path in named_paths(paths)]
-    found = discover(file for file, _ in named)
+    found = discover((file for file, _ in named), outside=outside)
     # Two spellings of one path give one outcome.
     empty: dict[str, str] = {}
     for pattern in (pattern for pattern, matches in found.items() if not matches):

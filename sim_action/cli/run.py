@@ -170,7 +170,7 @@ def run(
         if resume and (update_golden or watch):
             raise UsageError("--resume cannot be combined with --update-golden or --watch")
         recordings = wanted_formats(record)
-        suite = discovered(paths, flags)
+        suite = discovered(paths, flags, outside=allow_outside)
         allowed = code_permissions(flags, {path.parent: None for path in suite.files})
         permissions = replace(
             allowed, outside=allow_outside, updates_golden=update_golden, packages=named_packages(packages)

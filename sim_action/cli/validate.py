@@ -33,7 +33,7 @@ def validate(paths: Sequence[str], packages: Sequence[str], allow_outside: bool)
     from sim_action.scenario.loading import load_all
     from sim_action.scenario.source import Refused
 
-    suite = discovered(paths)
+    suite = discovered(paths, outside=allow_outside)
     permissions = Permissions(allow_outside, packages=named_packages(packages))
     found = load_all(suite.scenarios(permissions), permissions)
     refused = [scenario for scenario in found if isinstance(scenario, Refused)]

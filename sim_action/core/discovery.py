@@ -9,18 +9,22 @@ from fnmatch import fnmatchcase
 from pathlib import Path, PurePath
 from typing import Final
 
+from sim_action.core.workspace import PathError, Workspace
+
 SUFFIXES: Final = (".sim.yml", ".sim.yaml")
 
 _NEVER_ENTERED: Final = frozenset({"node_modules", "__pycache__", "site-packages"})
 
 
-def discover(patterns: Iterable[str]) -> dict[str, list[Path]]:
+def discover(patterns: Iterable[str], *, outside: bool = False) -> dict[str, list[Path]]:
     """Return the scenario files behind each pattern, sorted.
 
     A folder stands for all `*.sim.yml` and `*.sim.yaml` in it and below, without hidden folders. A name without
     wildcards is a file even if it does not exist: a missing file is reported like other problems of a scenario.
+    A link out of the workspace is not entered, unless `outside` is set: the link stands for itself, and is refused when
+    it is read.
     """
-    return {pattern: list(_matches(pattern)) for pattern in patterns}
+    return {pattern: list(_matches(pattern, outside)) for pattern in patterns}
 
 
 def unique(found: Mapping[str, Iterable[Path]]) -> list[Path]:
@@ -67,12 +71,21 @@ def _is_shown(path: Path, parts: Iterable[str]) -> bool:
     return all(not part.startswith(".") or any(fnmatchcase(part, hidden) for hidden in asked) for part in path.parts)
 
 
-def _matches(pattern: str) -> Iterator[Path]:
+def _matches(pattern: str, outside: bool) -> Iterator[Path]:
     for path in paths_of(pattern):
         if os.path.isdir(path):  # noqa: PTH112 - a name that is too long is no folder
-            yield from _below(path)
+            yield from _below(path) if outside or _stays_inside(path) else (path,)
         elif path == Path(pattern) or _NEVER_ENTERED.isdisjoint(path.parts):
             yield path
+
+
+def _stays_inside(folder: Path) -> bool:
+    """Return False for a folder behind a link out of the workspace."""
+    try:
+        Workspace.around(folder / "a scenario")
+    except (PathError, OSError, RuntimeError):
+        return False
+    return True
 
 
 def _below(folder: Path) -> Iterator[Path]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -53,10 +54,14 @@ class Workspace:
         named = Path(os.path.abspath(scenario_file)).parent  # noqa: PTH100 - links are not followed
         here = Path.cwd()
         repository = next((folder for folder in (named, *named.parents) if (folder / ".git").exists()), None)
-        root = (repository or (here if named.is_relative_to(here) else named)).resolve()
-        file = scenario_file.resolve()
-        if not allow_outside and not file.is_relative_to(root):
-            raise PathError(f"is a link to {file}, outside the workspace {root}; allow it with --allow-outside")
+        place = repository or (here if named.is_relative_to(here) else named)
+        root, file = place.resolve(), scenario_file.resolve()
+        if not allow_outside:
+            left: Path | None = root
+            if file.is_relative_to(root):
+                left = next(_left_folders(place, root, here), None) if root != place else None
+            if left is not None:
+                raise PathError(f"is a link to {file}, outside the workspace {left}; allow it with --allow-outside")
         return cls(file.parent, root, allow_outside, updates_golden, pass_env, packages)
 
     def file(self, path: str) -> Path:
@@ -126,3 +131,18 @@ class Workspace:
             reason = "is not a regular file" if found.exists() else "does not exist"
             raise PathError(f"'{path}' {reason} (looked for {found})")
         return found, is_folder
+
+
+def _left_folders(place: Path, root: Path, here: Path) -> Iterator[Path]:
+    """Yield the folders that a link leaves on the way to `place`, whose real path is `root`.
+
+    These are repositories, the current folder `here` and the workspace of the job. A link above them does not matter,
+    nor one to the repository of the current folder.
+    """
+    workspace = os.environ.get("GITHUB_WORKSPACE", "")
+    job = Path(os.path.realpath(workspace)) if workspace else here
+    for folder in place.parents:
+        real = folder.resolve()
+        is_bound = real in (here, job) or (folder / ".git").exists()
+        if is_bound and not root.is_relative_to(real) and (real.is_relative_to(root) or not here.is_relative_to(root)):
+            yield real

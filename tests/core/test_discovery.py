@@ -97,3 +97,26 @@ def test_a_glob_may_be_absolute_or_begin_above(tree: Path, monkeypatch: pytest.M
 )
 def test_reports_call_a_file_the_same_on_every_system(path: PurePath, name: str) -> None:
     assert file_name(path) == name
+
+
+@pytest.mark.parametrize("is_repository", [False, True])
+def test_a_link_out_of_the_workspace_is_not_entered(
+    is_repository: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    here, other = tmp_path / "here", tmp_path / "other"
+    (here / "inner").mkdir(parents=True)
+    (here / "inner/a.sim.yml").touch()
+    (other / "deep").mkdir(parents=True)
+    (other / "deep/b.sim.yml").touch()
+    if is_repository:
+        (here / ".git").mkdir()
+        (other / ".git").mkdir()
+    (here / "zz").symlink_to(other)
+    (here / "in").symlink_to("inner")
+    monkeypatch.chdir(here)
+    # The link stands for itself, and is refused like a link to a file.
+    assert names("z*", "in") == ["zz", "in/a.sim.yml"]
+    assert names("zz/deep", f"{here}/zz") == ["zz/deep", f"{here}/zz"]
+    assert [str(path) for path in unique(discover(["z*"], outside=True))] == ["zz/deep/b.sim.yml"]
+    monkeypatch.chdir(tmp_path)
+    assert names("other") == ["other/deep/b.sim.yml"]

@@ -192,3 +192,99 @@ def test_no_file_is_made_outside_or_behind_a_link(path: str, outside: bool, tmp_
     with pytest.raises(PathError):
         around.new_file(path)
     assert not around.may_make(path)
+
+
+class TestLinksToOtherRepositories:
+    """A link inside the surrounding repository must not move the workspace; a link above it may lead anywhere."""
+
+    @pytest.fixture
+    def other(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+        """Another repository, with a scenario in it and in a folder of it."""
+        folder = tmp_path / "other"
+        (folder / ".git").mkdir(parents=True)
+        (folder / "sub").mkdir()
+        for name in ("a.sim.yml", "sub/a.sim.yml"):
+            (folder / name).touch()
+        monkeypatch.delenv("GITHUB_WORKSPACE", raising=False)
+        return folder
+
+    @pytest.mark.parametrize("name", ["linked/a.sim.yml", "linked/sub/a.sim.yml", "./linked/sub/../a.sim.yml"])
+    @pytest.mark.parametrize("is_absolute", [False, True])
+    def test_a_link_in_the_repository_is_refused(
+        self, name: str, is_absolute: bool, repository: Path, other: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        (repository / "linked").symlink_to(other)
+        monkeypatch.chdir(other.parent if is_absolute else repository)
+        path = repository / name if is_absolute else Path(name)
+        reason = f"is a link to {other}/.*, outside the workspace {repository}; allow it with --allow-outside"
+        with pytest.raises(PathError, match=reason):
+            Workspace.around(path)
+        assert Workspace.around(path, allow_outside=True).root == other
+
+    def test_a_link_to_a_folder_that_holds_repositories_is_refused(self, repository: Path, other: Path) -> None:
+        (repository / "linked").symlink_to(other.parent)
+        with pytest.raises(PathError, match=f"outside the workspace {repository};"):
+            Workspace.around(repository / "linked/other/a.sim.yml")
+        # The link leads to a repository around this one.
+        (other.parent / ".git").mkdir()
+        with pytest.raises(PathError, match=f"outside the workspace {repository};"):
+            Workspace.around(repository / "linked/a.sim.yml")
+
+    def test_a_link_in_an_inner_repository_is_refused(self, repository: Path, other: Path) -> None:
+        (repository / "inner/.git").mkdir(parents=True)
+        (repository / "third/.git").mkdir(parents=True)
+        (repository / "third/a.sim.yml").touch()
+        (repository / "inner/linked").symlink_to(repository / "third")
+        with pytest.raises(PathError, match=f"outside the workspace {repository / 'inner'};"):
+            Workspace.around(repository / "inner/linked/a.sim.yml")
+
+    @pytest.mark.parametrize("boundary", ["current folder", "GITHUB_WORKSPACE", "GITHUB_WORKSPACE through a link"])
+    def test_a_link_in_a_folder_without_git_is_refused(
+        self, boundary: str, tmp_path: Path, other: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        folder = tmp_path / "folder"
+        (folder / "sub").mkdir(parents=True)
+        (folder / "linked").symlink_to(other)
+        monkeypatch.chdir(folder if boundary == "current folder" else folder / "sub")
+        if boundary != "current folder":
+            (tmp_path / "way").symlink_to(folder)
+            named = tmp_path / "way" if "link" in boundary else folder
+            monkeypatch.setenv("GITHUB_WORKSPACE", str(named))
+        name = os.path.relpath(folder / "linked/a.sim.yml")
+        with pytest.raises(PathError, match=f"outside the workspace {folder};"):
+            Workspace.around(Path(name))
+        # Without a repository, too.
+        (other / ".git").rmdir()
+        with pytest.raises(PathError, match=f"outside the workspace {folder};"):
+            Workspace.around(Path(name))
+
+    @pytest.mark.parametrize("is_current", [False, True])
+    def test_a_link_above_the_repository_is_fine(
+        self, is_current: bool, tmp_path: Path, other: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        (tmp_path / "home").symlink_to(tmp_path / "disk")
+        (tmp_path / "disk").mkdir()
+        (tmp_path / "disk/projects").symlink_to(tmp_path)
+        named = tmp_path / "home/projects/other"
+        monkeypatch.chdir(named if is_current else tmp_path)
+        monkeypatch.setenv("GITHUB_WORKSPACE", str(named))
+        for path in (named / "sub/a.sim.yml", Path(os.path.relpath(other / "sub/a.sim.yml"))):
+            assert Workspace.around(path) == Workspace(other / "sub", other)
+
+    def test_the_repository_of_the_current_folder_may_lie_behind_a_link(
+        self, repository: Path, other: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        # As in a home folder that is a repository of its own; a shell and an editor name the way through the link.
+        (repository / "projects").symlink_to(other.parent)
+        monkeypatch.chdir(other / "sub")
+        assert Workspace.around(repository / "projects/other/sub/a.sim.yml").root == other
+
+    def test_a_worktree_and_a_submodule_are_workspaces(self, repository: Path) -> None:
+        (repository / "tree").mkdir()
+        (repository / "tree/.git").write_text("gitdir: ../.git/worktrees/tree\n")
+        assert Workspace.around(repository / "tree/a.sim.yml").root == repository / "tree"
+
+    def test_a_link_to_a_repository_inside_the_workspace_is_fine(self, repository: Path) -> None:
+        (repository / "inner/.git").mkdir(parents=True)
+        (repository / "linked").symlink_to("inner")
+        assert Workspace.around(repository / "linked/a.sim.yml").root == repository / "inner"

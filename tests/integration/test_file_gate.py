@@ -171,13 +171,16 @@ def test_no_file_outside_is_opened(command: str, hostile: Suite, normal: Suite, 
 
 def test_a_link_to_a_scenario_or_to_settings_is_not_opened(library: Path, tmp_path: Path) -> None:
     inside, outside = tmp_path / "inside", tmp_path / "outside"
-    for folder in (inside / ".git", outside):
+    for folder in (inside / ".git", outside / ".git"):
         folder.mkdir(parents=True)
+    (inside / "linked").symlink_to(outside)
+    (outside / "t.sim.yml").write_text(f"name: {SENTINEL}\n")
     for name in ("s.sim.yml", "pyproject.toml"):
         (outside / name).write_text(f"[tool.sim-action]\n{SENTINEL} = 1\n")
         (inside / name).symlink_to(outside / name)
-    run = traced(inside, library, PRIVILEGED, "-m", "sim_action", "run", ".")
+    run = traced(inside, library, PRIVILEGED, "-m", "sim_action", "run", ".", "linked", "lin*/t*.yml")
     assert run.code == 2, run.printed
+    assert run.printed.count(f"outside the workspace {inside}; allow it with --allow-outside") == 3
     assert not [path for path in run.opened if Path(path).is_relative_to(outside)]
     assert SENTINEL not in run.printed
 
