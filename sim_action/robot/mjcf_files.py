@@ -7,13 +7,13 @@ that may name a file; any other element that does is refused. Counts that could 
 
 from __future__ import annotations
 
+import html
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 from xml.etree.ElementTree import Element
-from xml.sax.saxutils import quoteattr
 
 from sim_action.core.errors import Location
 from sim_action.core.wording import shown
@@ -246,7 +246,7 @@ class _Collector:
 
     def _written(self, element: Element, merged: _Merged) -> Iterator[str]:
         place = merged.places[element]
-        attributes = "".join(f" {name}={quoteattr(text)}" for name, text in element.attrib.items())
+        attributes = "".join(f' {name}="{_escaped(text)}"' for name, text in element.attrib.items())
         self._lines.append(place)
         yield f"<{element.tag}{attributes}{'' if len(element) else '/'}>\n"
         if len(element):
@@ -254,6 +254,11 @@ class _Collector:
                 yield from self._written(child, merged)
             self._lines.append(place)
             yield f"</{element.tag}>\n"
+
+
+def _escaped(text: str) -> str:
+    """Return the text of an attribute. `xml.sax.saxutils` would import the programs for networks."""
+    return html.escape(text).replace("\n", "&#10;").replace("\t", "&#9;").replace("\r", "&#13;")
 
 
 def _folders(root: Element) -> dict[str, str]:
