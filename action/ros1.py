@@ -5,13 +5,15 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from pathlib import Path
 from typing import Final
 
 from sim_action.core.errors import UsageError
+from sim_action.core.programs import program_on_path
 from sim_action.ros.ros1.installation import PACKAGES, find_ros
 
 _TITLE: Final = "::error title=sim-action::"
-_APT: Final = ("env", "DEBIAN_FRONTEND=noninteractive", "apt-get", "--quiet", "--yes")
+_NOT_HERE: Final = "ROS 1 cannot be installed here; ros1 needs a runner that is Ubuntu, or Debian 12"
 
 
 def main() -> None:
@@ -20,15 +22,24 @@ def main() -> None:
         sys.exit(_complaint("the input ros1 must be true or false"))
     if _is_here():
         return
-    # In a container one may be root, and have no sudo.
-    rights = () if hasattr(os, "geteuid") and os.geteuid() == 0 else ("sudo",)
     for words in (("update",), ("install", "--no-install-recommends", *PACKAGES)):
         try:
-            code = subprocess.run([*rights, *_APT, *words], check=False).returncode
+            code = subprocess.run([*_apt(), *words], check=False).returncode
         except OSError:
             code = 1
         if code:
-            sys.exit(_complaint("ROS 1 cannot be installed here; ros1 needs a runner that is Ubuntu, or Debian 12"))
+            sys.exit(_complaint(_NOT_HERE))
+
+
+def _apt() -> list[str]:
+    """Return the beginning of a command line of apt-get. Raise FileNotFoundError if a program is missing."""
+    # In a container, the user may be root and have no sudo.
+    rights = () if hasattr(os, "geteuid") and os.geteuid() == 0 else ("sudo",)
+    programs = [program_on_path(name, Path.cwd()) for name in (*rights, "env", "apt-get")]
+    if None in programs:
+        raise FileNotFoundError("a program is missing")
+    *before, apt = map(str, programs)
+    return [*before, "DEBIAN_FRONTEND=noninteractive", apt, "--quiet", "--yes"]
 
 
 def _is_here() -> bool:

@@ -11,6 +11,7 @@ from typing import Final
 from sim_action import __version__
 from sim_action.core.discovery import compared_name
 from sim_action.core.errors import ExitCode, UsageError
+from sim_action.core.provenance import platform_name
 from sim_action.core.wording import escaped_line, note, shortened
 from sim_action.reports import ReportRequest, open_reports, write_reports
 from sim_action.results.artifacts import RUN_FILE_FOLDERS, StoredFile, stored_files_of, trace_paths, with_copied_files
@@ -102,7 +103,7 @@ def _nothing() -> Results:
     return Results(
         sim_action=__version__,
         python=platform.python_version(),
-        platform=platform.platform(),
+        platform=platform_name(),
         wall_time=0.0,
         outcomes=(),
     )

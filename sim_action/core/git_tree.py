@@ -21,6 +21,7 @@ from pathlib import Path, PurePosixPath
 from typing import Final
 
 from sim_action.core.file_digests import MISSING, FileDigests, git_content
+from sim_action.core.programs import program_on_path
 from sim_action.core.wording import escaped_line
 
 _TIMEOUT_S: Final = 10.0
@@ -28,8 +29,8 @@ _MAX_FILES: Final = 200_000
 _MAX_REPOSITORIES: Final = 100
 _MAX_LINK_BYTES: Final = 4_000
 _PIPE_BYTES: Final = 1 << 20
-_COMMAND: Final = (
-    *("git", "-c", "core.fsmonitor=false", "-c", "core.hooksPath=/dev/null", "-c", "core.untrackedCache=false"),
+_ARGUMENTS: Final = (
+    *("-c", "core.fsmonitor=false", "-c", "core.hooksPath=/dev/null", "-c", "core.untrackedCache=false"),
     *("ls-files", "-z", "-t", "--stage", "--debug", "--others", "--exclude-standard"),
 )
 # The tag of an untracked file; or mode, object, stage and path of a tracked one, followed by its stamps.
@@ -77,16 +78,20 @@ class GitTree:
 class GitListing:
     """A running git that lists the files of a repository."""
 
-    def __init__(self, root: Path) -> None:
-        """Start git; an error is raised by `tree`."""
+    def __init__(self, root: Path, outermost: Path | None = None) -> None:
+        """Start git; an error is raised by `tree`. `outermost`: the repository around all that are listed."""
         self.root = root
         self._process: subprocess.Popen[bytes] | None = None
         self._reason = "it is not the root of a git repository"
         if not (root / ".git").exists():
             return
+        program = program_on_path("git", outermost or root)
+        if program is None:
+            self._reason = "git was not found on PATH, outside of the workspace"
+            return
         try:
             self._process = subprocess.Popen(  # noqa: S603 - fixed words
-                _COMMAND,
+                (program, *_ARGUMENTS),
                 cwd=root,
                 env=_environment(root),
                 stdin=subprocess.DEVNULL,
@@ -112,7 +117,7 @@ class GitListing:
                 if content is not None:
                     contents[(place / name).as_posix()] = content
                 else:
-                    waiting.append((GitListing(listing.root / name), place / name))
+                    waiting.append((GitListing(listing.root / name, self.root), place / name))
                     contents[(place / name).as_posix()] = "repository"
         return GitTree(self.root, contents)
 

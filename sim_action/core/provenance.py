@@ -6,6 +6,7 @@ The same seed gives the same digest on one machine. If two digests differ, compa
 from __future__ import annotations
 
 import hashlib
+import os
 import platform
 import subprocess
 import sys
@@ -51,13 +52,30 @@ def provenance(package: str, sim_action: str) -> Provenance:
         sim_action=sim_action,
         python=platform.python_version(),
         numpy=_version("numpy"),
-        platform=_short(platform.platform()),
+        platform=_short(platform_name()),
     )
 
 
 def cpu_model() -> str:
     """Return the name of the processor, or at worst its architecture."""
-    return _named_by_system() or platform.processor() or platform.machine() or "unknown"
+    # Elsewhere, `platform.processor` starts the program `uname` that is first on PATH.
+    processor = platform.processor() if sys.platform == "win32" else ""
+    return _named_by_system() or processor or platform.machine() or "unknown"
+
+
+def platform_name() -> str:
+    """Return the name and version of the system, such as Linux-6.8.0-x86_64-with-glibc2.39.
+
+    Unlike `platform.platform`, start no program of PATH.
+    """
+    if sys.platform == "win32":
+        return platform.platform()
+    if sys.platform == "darwin":
+        return f"macOS-{platform.mac_ver()[0]}-{platform.machine()}"
+    library = "".join(platform.libc_ver())
+    system = os.uname()
+    parts = (system.sysname, system.release, system.machine, f"with-{library}" if library else "")
+    return "-".join(filter(None, parts))
 
 
 def _named_by_system() -> str:

@@ -26,6 +26,7 @@ from sim_action import __version__
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.files import open_regular, whole_file
+from sim_action.core.provenance import platform_name
 from sim_action.core.wording import escaped_line, system_reason
 from sim_action.results.events import Event, Finished, Progressed, RunEnded, Started
 from sim_action.results.outcome import Failure, NotNegative, Outcome, audited_over_variations
@@ -97,7 +98,7 @@ class Header(FrozenModel):
             journal=1,
             sim_action=__version__,
             python=platform.python_version(),
-            platform=platform.platform(),
+            platform=platform_name(),
             shard=shard,
             selected=selected,
             files=tuple(files),

@@ -263,7 +263,6 @@ def test_an_earlier_merge_that_is_named_itself_is_not_overwritten() -> None:
         merge_results(request("joined/results.json", listing=listing))
 
 
-@pytest.mark.process  # the first look at the platform starts `uname`
 def test_what_an_earlier_merge_has_left_is_no_result_of_a_shard(capsys: pytest.CaptureFixture[str]) -> None:
     shard(1, outcome("a"), total=1)
     merge_results(request())

@@ -241,8 +241,17 @@ def test_a_folder_without_a_repository_of_its_own_is_refused(root: Path) -> None
 
 def test_without_git_there_is_a_reason(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", str(root))
-    with pytest.raises(GitError, match="git cannot be started: No such file"):
+    with pytest.raises(GitError, match="git was not found on PATH, outside of the workspace"):
         tree(root)
+
+
+def test_a_git_of_the_repository_is_not_started(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (root / "git").write_text(f"#!{sys.executable}\nopen('started', 'w')\n")
+    (root / "git").chmod(0o755)
+    monkeypatch.chdir(root)
+    monkeypatch.setenv("PATH", os.pathsep.join(("", ".", str(root), os.environ["PATH"])))
+    assert "git" in tree(root).contents
+    assert not (root / "started").exists()
 
 
 def test_a_git_that_does_not_answer_is_ended(root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

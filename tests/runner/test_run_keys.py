@@ -319,4 +319,4 @@ def test_a_run_that_reads_another_file_has_no_key(folder: Path, name: str) -> No
 def test_the_reason_is_known_if_the_workspace_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", os.devnull)
     run = plan("scripted.sim.yml")
-    assert "git cannot be started" in (RunKeys([run.source.path], OPTIONS, []).unknown(run) or "")
+    assert "git was not found" in (RunKeys([run.source.path], OPTIONS, []).unknown(run) or "")

@@ -67,7 +67,7 @@ class Launch:
         variables = {**overlay.variables, **more, FOLDER_VARIABLE: str(folder), "PYTHONPATH": PACKAGE_ROOT}
         with output.open("wb") as file:
             process = subprocess.Popen(  # noqa: S603 - what the user asks for
-                [*supervisor, "env", f"PYTHONPATH={overlay.python_path}", *words],
+                [*supervisor, "/usr/bin/env", f"PYTHONPATH={overlay.python_path}", *words],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE if captures_output else file,
                 stderr=subprocess.STDOUT,
