@@ -15,7 +15,7 @@ from sim_action.core.discovery import file_name
 from sim_action.core.errors import Location, UsageError
 from sim_action.core.files import read_at_most
 from sim_action.core.wording import escaped_line
-from sim_action.core.workspace import Workspace
+from sim_action.core.workspace import Workspace, is_of_git
 from sim_action.core.yaml_document import Document, KeyPath
 
 if TYPE_CHECKING:
@@ -158,8 +158,10 @@ def _is_below(folder: Path, name: str) -> bool:
         found = (folder / name).resolve()
     except (OSError, ValueError, RuntimeError):  # too long, a NUL in it, links in a circle
         return False
-    steps = (*PurePath(name).parts, *found.parts)
-    return name.isprintable() and found.is_relative_to(folder.resolve()) and ".." not in steps and ".git" not in steps
+    named, is_inside = PurePath(name), found.is_relative_to(folder.resolve())
+    return (
+        name.isprintable() and is_inside and ".." not in named.parts and not is_of_git(named) and not is_of_git(found)
+    )
 
 
 def _seen_from(here: Path, folder: Path, names: Any) -> Any:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePath
 
 
-def is_of_git(path: Path) -> bool:
+def is_of_git(path: PurePath) -> bool:
     """Return True if a path leads into a folder of git; some systems do not distinguish `.git` and `.GIT`."""
     return any(part.casefold() == ".git" for part in path.parts)
 
