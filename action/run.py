@@ -17,10 +17,12 @@ import sys
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Final
 
 from sim_action.cli.main import call, leave
 from sim_action.core.errors import ExitCode
+from sim_action.core.wording import escaped_line
 from sim_action.reports.github.annotations import complaint
 
 TRUE_OR_FALSE: Final = ("true", "false")
@@ -183,11 +185,27 @@ def refuse_empty(name: str, inputs: Mapping[str, str]) -> None:
 
 
 def enter(folder: str) -> None:
-    """Goes where paths start from. Raises InputError."""
+    """Go to the folder where paths start. Raise InputError.
+
+    A workflow may name a folder outside the workspace of the job. A link in the workspace may not lead to one: its
+    author may be a stranger.
+    """
     try:
+        if found := _left_workspace(folder, os.environ.get("GITHUB_WORKSPACE", "")):
+            raise InputError(f"the input working-directory {found}; name a folder of the workspace")
         os.chdir(folder)
     except (OSError, ValueError) as error:
         raise InputError(f"the input working-directory names no folder that can be entered: {error}") from None
+
+
+def _left_workspace(folder: str, workspace: str) -> str | None:
+    """Return a clause about the link that leads out of the workspace of the job; None: there is none."""
+    named, real = Path(os.path.abspath(folder)), Path(os.path.realpath(folder))  # noqa: PTH100 - links are not followed
+    bound = Path(os.path.realpath(workspace))
+    is_below = any(Path(os.path.realpath(place)) == bound for place in named.parents)
+    if not workspace or not is_below or real.is_relative_to(bound):
+        return None
+    return f"leads through a link to {escaped_line(str(real))}, outside the workspace {escaped_line(str(bound))}"
 
 
 def set_up_time(instants: str) -> str:

@@ -220,12 +220,56 @@ def test_a_switch_that_only_the_action_has_is_not_empty() -> None:
         run("run", {**INPUTS, "fail-on-failure": ""})
 
 
-@pytest.mark.parametrize("folder", ["missing", "a.txt", "x" * 5000, "nul\0"])
+@pytest.mark.parametrize("folder", ["missing", "a.txt", "x" * 5000, "nul\0", "loop", "loop/a"])
 def test_working_directory_is_a_folder(folder: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("GITHUB_WORKSPACE", str(tmp_path))
+    (tmp_path / "loop").symlink_to("loop")
     (tmp_path / "a.txt").touch()
     with pytest.raises(InputError, match="working-directory"):
         enter(folder)
+
+
+@pytest.mark.parametrize("is_named_through_a_link", [False, True])
+@pytest.mark.parametrize("form", ["{}", "./{}", "{workspace}/{}", "deep/../{}", "{way}/{}"])
+@pytest.mark.parametrize("name", ["link", "deep/link", "link/inner", "chain", "link/../outside/inner"])
+def test_a_working_directory_behind_a_link_out_of_the_workspace_is_refused(
+    name: str, form: str, is_named_through_a_link: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    workspace, outside, way = tmp_path / "workspace", tmp_path / "outside", tmp_path / "way"
+    (workspace / "deep").mkdir(parents=True)
+    (outside / "inner").mkdir(parents=True)
+    (workspace / "link").symlink_to(outside)
+    (workspace / "deep/link").symlink_to("../../outside")
+    (workspace / "chain").symlink_to("deep/link")
+    way.symlink_to(workspace)
+    monkeypatch.chdir(workspace)
+    monkeypatch.setenv("GITHUB_WORKSPACE", str(way if is_named_through_a_link else workspace))
+    named = form.format(name, workspace=workspace, way=way)
+    with pytest.raises(InputError) as caught:
+        enter(named)
+    assert str(caught.value).startswith("the input working-directory leads through a link to ")
+    assert f"outside the workspace {workspace}; name" in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert Path.cwd() == workspace
+
+
+@pytest.mark.parametrize(
+    "named", ["{outside}", "../outside", "{workspace}/../outside", "{outside}/link", "inner", "deep/.."]
+)
+def test_a_working_directory_may_be_outside_on_purpose_and_behind_a_link_inside(
+    named: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    workspace, outside = tmp_path / "workspace", tmp_path / "outside"
+    (workspace / "deep").mkdir(parents=True)
+    outside.mkdir()
+    (workspace / "inner").symlink_to("deep")
+    (outside / "link").symlink_to(workspace)
+    monkeypatch.chdir(workspace)
+    monkeypatch.setenv("GITHUB_WORKSPACE", str(workspace))
+    enter(named.format(outside=outside, workspace=workspace))
+    expected = {"inner": workspace / "deep", "deep/..": workspace, "{outside}/link": workspace}
+    assert Path.cwd() == expected.get(named, outside)
 
 
 def test_lines_end_as_lines_of_yaml_do() -> None:
