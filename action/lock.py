@@ -81,7 +81,8 @@ def chosen_locks(lock: Path, extras: str) -> list[Path]:
     """Return the lock files of extras, which are beside `lock`; without extras, `lock`. Raises LockError."""
     names = sorted(set(re.split(r"[\s,]+", extras)) - {""})
     if not set(names) <= set(EXTRAS):
-        raise LockError(f"the input extras must be empty, or some of {', '.join(EXTRAS)}")
+        found = ", ".join(repr(name) for name in names if name not in EXTRAS)
+        raise LockError(f"the input extras must be empty, or some of {', '.join(EXTRAS)}; found {found}")
     return [lock.with_name(f"{lock.stem}-{name}{lock.suffix}") for name in names] or [lock]
 
 

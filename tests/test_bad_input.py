@@ -224,7 +224,7 @@ def test_joints_to_begin_with_are_those_of_the_model(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "why"),
     [
-        ('"a\\nb"', "'a\\nb' has a control character, a line break or a space at its end"),
+        ('"a\\nb"', "'a\\nb' has a control character, a line break, or a space at its beginning or end"),
         ('"a\\r\\n::error::b"', "contains '::'"),
         ('"a\\x07b"', "'a\\x07b' has a control character"),
         ('"\\x1b[31mred"', "'\\x1b[31mred' has a control character"),
@@ -234,7 +234,7 @@ def test_joints_to_begin_with_are_those_of_the_model(tmp_path: Path) -> None:
         ("'##[error]a'", "'##[error]a' contains '##['"),
         ("a]]>b", "'a]]>b' contains ']]>'"),
         ("'${{ a }}'", "'${{ a }}' contains '${{'"),
-        ("' a'", "' a' has a control character, a line break or a space at its end"),
+        ("' a'", "' a' has a control character, a line break, or a space at its beginning or end"),
         ('""', "must not be empty"),
         ("x" * 121, "must have at most 120 characters"),
     ],

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from sim_action.cli.options import PATHS, Bounded, discovered, not_empty, selection_flags
+from sim_action.cli.bounds import Bounded
+from sim_action.cli.options import PATHS, discovered, not_empty, selection_flags
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.wording import note
 
@@ -55,7 +57,12 @@ def matrix(paths: Sequence[str], shards: int, durations: str | None, **flags: An
         return ExitCode.NO_SCENARIO
     known: dict[Unit, float] = {}
     try:
-        known = known_durations(Results.read(Path(durations))) if durations else known
+        if durations and os.path.lexists(durations):
+            known = known_durations(Results.read(Path(durations)))
+        elif durations:
+            note(
+                f"there are no earlier results at {durations}, as in the first run; all scenarios count as equally long"
+            )
     except UsageError as error:
         note(f"{error}; all scenarios count as equally long")
     click.echo(matrix_text(_files(suite), suite.empty, shards, known))

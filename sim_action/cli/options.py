@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 from click.core import ParameterSource
 
+from sim_action.cli.bounds import Bounded
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.wording import escaped_line, log_line, note, shown, warn
 
@@ -68,19 +69,6 @@ def code_permissions(flags: dict[str, Any], folders: Iterable[Path] = ()) -> Per
     names = checked_names(flags.pop("pass_env"))
     refused = scripts_refused(flags.pop("allow_scripts"), os.environ, (Path.cwd(), *folders))
     return Permissions(scripts_refused=refused, pass_env=names)
-
-
-class Bounded(click.ParamType):  # type: ignore[type-arg] # generic in new versions of click only
-    """A number within bounds. click lists bounds in `--help` as `[0<=x<=9223372036854775807]`; this type hides them."""
-
-    def __init__(self, number: click.IntRange | click.FloatRange) -> None:
-        """Take the type that checks the bounds."""
-        self.name = number.name
-        self._number = number
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """See click.ParamType."""
-        return self._number.convert(value, param, ctx)
 
 
 def not_empty(_: click.Context, param: click.Parameter, value: Any) -> Any:

@@ -121,7 +121,7 @@ def _validated(document: Document, folder: Path) -> Defaults:
     """Raises UsageError."""
     from pydantic import ValidationError
 
-    from sim_action.cli.pyproject_keys import Defaults
+    from sim_action.cli.pyproject_keys import Defaults, key_problem
     from sim_action.core.yaml_errors import spec_errors
 
     data = document.data
@@ -130,7 +130,8 @@ def _validated(document: Document, folder: Path) -> Defaults:
     try:
         defaults = Defaults.model_validate(data)
     except ValidationError as error:
-        problems = [document.problem(path, message) for path, message in spec_errors(Defaults, data, error)]
+        found = spec_errors(Defaults, data, error)
+        problems = [document.problem(path, key_problem(path, message)) for path, message in found]
     else:
         problems = [document.problem((key,), message) for key, message in _out_of_bounds(defaults, folder)]
         if not problems:

@@ -2,11 +2,29 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Sequence
+from typing import Annotated, Final, Literal
 
 from pydantic import Field
 
 from sim_action.core.field_types import FrozenModel
+
+CALLER_ONLY: Final = {
+    "allow-scripts": "--allow-scripts",
+    "allow-outside": "--allow-outside",
+    "pass-env": "--pass-env",
+    "package": "--package",
+    "packages": "--package",
+}
+"""Keys that the table must not have, because a pull request can change it -> the option of the caller."""
+
+
+def key_problem(path: Sequence[str | int], message: str) -> str:
+    """Return the message about a key; for a key that only the caller may set, it names the option."""
+    option = CALLER_ONLY.get(str(path[0])) if len(path) == 1 else None
+    if option is None:
+        return message
+    return f"cannot be set in this file, which a pull request can change; remove it here, and use {option} instead"
 
 
 class Defaults(FrozenModel):

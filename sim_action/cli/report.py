@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from typing import Any
 
 import click
 
 from sim_action.cli.options import refuse_typed, report_flags, report_request
-from sim_action.core.errors import ExitCode
+from sim_action.core.errors import ExitCode, UsageError
+from sim_action.core.wording import shown
 
 
 @click.command(short_help="Make the reports of a run that was killed.")
@@ -28,6 +30,9 @@ def report(folder: str | None, **flags: Any) -> ExitCode:
 
     if folder is not None:
         refuse_typed("FOLDER", "output_dir")
+        if os.path.isfile(folder):  # noqa: PTH113 - a name that is too long is no file
+            near = os.path.dirname(folder) or "."  # noqa: PTH120 - as typed
+            raise UsageError(f"expected the output folder of a run, found the file {shown(folder)}; name {shown(near)}")
     # The name of this command is also that of the option --report, whose value is in `flags`.
     request = report_request(flags)
     return report_journal(request if folder is None else replace(request, folder=Path(folder)))

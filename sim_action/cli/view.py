@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import click
 
-from sim_action.cli.options import Bounded, output_dir, refuse_typed
+from sim_action.cli.bounds import Bounded
+from sim_action.cli.options import output_dir, refuse_typed
 
 
 @click.command(short_help="Open a report in the browser.")

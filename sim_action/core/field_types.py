@@ -161,7 +161,8 @@ def _plain_name(name: str) -> str:
 
 def _refuse_name(name: str, parts: Sequence[str]) -> NoReturn:
     found = next((part for part in parts if part in name), None)
-    what = f"contains '{found}'" if found else "has a control character, a line break or a space at its end"
+    space = "a space at its beginning or end"
+    what = f"contains '{found}'" if found else f"has a control character, a line break, or {space}"
     raise ValueError(f"a name is one line of plain text; {name!r} {what}")
 
 

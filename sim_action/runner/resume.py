@@ -20,6 +20,10 @@ from sim_action.runner.outcome_assembly import OutcomeAssembly
 from sim_action.runner.run_keys import RunKeys
 from sim_action.scenario.model import LoadedScenario
 
+_ALL_CHANGED: Final = (
+    "no verdict of the earlier run is taken over: since then, files, options, environment variables, software or the "
+    "current folder have changed"
+)
 _FINAL: Final[frozenset[Status]] = frozenset({"passed", "failed", "not_exercised", "flaky"})
 
 
@@ -81,7 +85,7 @@ def take_over(
     records = [record for places in assembly.scenarios for record in search.records(places)]
     remarks = tuple(dict.fromkeys(search.reasons))
     if not records and search.earlier and not remarks:
-        remarks = ("no verdict of the earlier run is taken over: files, options or software have changed since",)
+        remarks = (_ALL_CHANGED,)
     return TakenOver(tuple(records), frozenset(search.kept), remarks)
 
 

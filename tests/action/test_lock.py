@@ -106,8 +106,13 @@ def test_several_extras_have_the_packages_of_each_of_them(extras: str) -> None:
 
 @pytest.mark.parametrize("extras", ["../../other", "rosbags mujoco", "ROSBAGS", "*"])
 def test_extras_without_a_lock_file_are_refused(extras: str) -> None:
-    with pytest.raises(LockError, match="extras must be empty, or some of mcap, rosbags, video"):
+    with pytest.raises(LockError, match="extras must be empty, or some of mcap, rosbags, video; found '"):
         chosen_locks(Path("some.lock"), extras)
+
+
+def test_only_the_extras_that_do_not_exist_are_named() -> None:
+    with pytest.raises(LockError, match=r"video; found 'videos'$"):
+        chosen_locks(Path("some.lock"), "mcap videos")
 
 
 def test_every_extra_has_its_lock_file() -> None:

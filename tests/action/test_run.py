@@ -121,8 +121,8 @@ def test_an_input_for_one_value_has_one_line(name: str) -> None:
 @pytest.mark.parametrize(
     ("subcommand", "inputs", "message"),
     [
-        ("run", {"repeat": "0"}, "Invalid value for the input repeat: 0 is not in the range"),
-        ("run", {"jobs": "many"}, "Invalid value for the input jobs: 'many' is not a valid integer"),
+        ("run", {"repeat": "0"}, "value for the input repeat: expected a whole number from 1 to 1000, found '0'"),
+        ("run", {"jobs": "many"}, "value for the input jobs: expected a whole number from 1 to 256, found 'many'"),
         ("run", {"backend": "bullet"}, "Invalid value for the input backend: 'bullet' is not one of"),
         ("run", {"packages": "a"}, "the input packages takes NAME=FOLDER, found 'a'"),
         ("run", {"packages": "a=nowhere"}, "the input packages a=nowhere: there is no such folder (looked for "),

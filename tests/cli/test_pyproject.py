@@ -127,8 +127,10 @@ def test_nothing_above_the_workspace_counts(tmp_path: Path) -> None:
     ("table", "problem"),
     [
         ("\nbckend = 'all'", "6:1: bckend: unknown key; did you mean 'backend'? (allowed: annotations, backend"),
-        ("allow-scripts = true", "5:1: allow-scripts: unknown key"),
-        ("allow-outside = true", "5:1: allow-outside: unknown key"),
+        ("allow-scripts = true", "5:1: allow-scripts: cannot be set in this file, which a pull request can change; "),
+        ("allow-outside = true", "5:1: allow-outside: cannot be set in this file"),
+        ("pass-env = ['A']", "5:1: pass-env: cannot be set in this file"),
+        ("packages = ['a=b']", "5:1: packages: cannot be set in this file"),
         ("backend = 'bullet'", "5:1: backend: expected 'pybullet', 'mujoco' or 'all', found 'bullet'"),
         ("unexercised = 'ignore'", "5:1: unexercised: expected 'error' or 'warn', found 'ignore'"),
         ("jobs = 0", "5:1: jobs: must be at least 1, found 0"),
@@ -150,6 +152,12 @@ def test_what_cannot_be_said_there_is_told_with_its_line(folder: Path, table: st
     (folder / "link").symlink_to("/tmp")
     (found,) = told(folder, table)
     assert found.startswith(f"pyproject.toml:{problem}")
+
+
+@pytest.mark.parametrize(("key", "option"), [("allow-scripts", "--allow-scripts"), ("packages", "--package")])
+def test_a_key_that_only_the_caller_may_set_names_the_option(folder: Path, key: str, option: str) -> None:
+    (found,) = told(folder, f"{key} = true")
+    assert found.endswith(f"; remove it here, and use {option} instead")
 
 
 def test_what_is_no_toml_is_told_if_it_is_about_us(folder: Path) -> None:

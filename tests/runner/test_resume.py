@@ -150,8 +150,10 @@ def test_runs_without_a_key_run_again_and_the_reason_is_given(call: Call) -> Non
 
 def test_a_call_in_which_all_has_changed_says_so(call: Call) -> None:
     call.journal(Finished(0, call.outcome(0), "another"))
-    assert call.taken().remarks == (
-        "no verdict of the earlier run is taken over: files, options or software have changed since",
+    (remark,) = call.taken().remarks
+    assert remark == (
+        "no verdict of the earlier run is taken over: since then, files, options, environment variables, software or "
+        "the current folder have changed"
     )
 
 
