@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import re
+import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any, Final
@@ -98,7 +99,11 @@ def _read(path: Path) -> Document | None:
         raise UsageError(f"{name} cannot be read: {error.strerror}") from None
     except RecursionError:
         raise UsageError(f"{name} cannot be read: its lists or tables are nested too deeply") from None
-    except ValueError as error:  # invalid TOML, or an integer with more digits than Python reads
+    except ValueError as error:
+        if type(error) is ValueError:  # Python reads no longer integers
+            most = sys.get_int_max_str_digits()
+            message = f"{name} cannot be read: it has a number of more than {most} digits; shorten it"
+            raise UsageError(message) from None
         raise UsageError(f"{name} is not valid TOML: {escaped_line(str(error))}") from None
     for step in TABLE:
         table = table.get(step) if isinstance(table, dict) else None

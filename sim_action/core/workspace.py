@@ -17,6 +17,11 @@ class PathError(ValueError):
     """A path that leads to no file, or out of the workspace."""
 
 
+def path_problem(error: Exception, wanted: str = "file") -> str:
+    """Return the reason why a path cannot be resolved: a loop of links (RuntimeError), its length, or a NUL."""
+    return f"a link leads to itself; replace it with a {wanted}" if isinstance(error, RuntimeError) else str(error)
+
+
 @dataclass(frozen=True, slots=True)
 class Workspace:
     """The folders of one scenario.
@@ -123,7 +128,7 @@ class Workspace:
             found = (self.directory / path).resolve()
             is_file, is_folder = found.is_file(), found.is_dir()
         except (OSError, ValueError, RuntimeError) as error:  # too long, a NUL in it, links in a circle
-            raise PathError(f"{path!r} is not a valid path: {error}") from None
+            raise PathError(f"{path!r} is not a valid path: {path_problem(error)}") from None
         if refusal := self.refusal(found):
             remedy = "name another file" if found.is_relative_to(self.root) else "allow it with --allow-outside"
             raise PathError(f"'{path}' {refusal}; {remedy}")

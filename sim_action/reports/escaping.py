@@ -8,10 +8,14 @@ from typing import Final
 # CSI and OSC sequences of ECMA-48: they colour the terminal, move its cursor or set its title.
 _TERMINAL_SEQUENCE: Final = re.compile(r"\x1b(?:\[[0-?]*[ -/]*[@-~]|\][^\x07\x1b]*(?:\x07|\x1b\\))")
 _LINE_END: Final = re.compile(r"\r\n|[\r\v\f\x1c-\x1e\x85\u2028\u2029]")
-# Control characters except tab and newline, bidirectional controls (Unicode annex 9), surrogates, U+FFFE and U+FFFF.
+# Control characters except tab and newline, bidirectional controls (Unicode annex 9), other format characters that are
+# invisible, surrogates, U+FFFE and U+FFFF.
 _UNWANTED: Final = re.compile(
-    r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff\ufffe\uffff]"
+    r"[\x00-\x08\x0b-\x1f\x7f-\x9f\xad\u061c\u180e\u200b\u200c\u200e\u200f\u202a-\u202e\u2060-\u206f\ud800-\udfff"
+    r"\ufeff\ufff9-\ufffb\ufffe\uffff\U0001bca0-\U0001bca3\U0001d173-\U0001d17a\U000e0000-\U000e007f]"
 )
+# Emoji and some scripts need this joiner.
+_USELESS_JOINER: Final = re.compile(r"(?<![^\x00-\x7f])\u200d+")
 # Character references instead of backslashes, because they also work in the HTML inside Markdown.
 _MARKDOWN: Final = str.maketrans({character: f"&#{ord(character)};" for character in "|*`[]\\~$"}) | str.maketrans(
     {
@@ -30,8 +34,11 @@ _LEGACY_COMMAND: Final = re.compile(r"##(?=\[)")
 
 
 def plain_text(text: str) -> str:
-    """Return text without terminal sequences and characters that XML 1.0 forbids; line ends become newlines."""
-    return _UNWANTED.sub("", _LINE_END.sub("\n", _TERMINAL_SEQUENCE.sub("", text)))
+    """Return text without terminal sequences, invisible characters and those that XML 1.0 forbids.
+
+    Line ends become newlines.
+    """
+    return _USELESS_JOINER.sub("", _UNWANTED.sub("", _LINE_END.sub("\n", _TERMINAL_SEQUENCE.sub("", text))))
 
 
 def one_line(text: str) -> str:

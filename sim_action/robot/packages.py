@@ -21,7 +21,7 @@ from typing import Final
 from urllib.parse import unquote
 
 from sim_action.core.wording import FirstFew, nearest
-from sim_action.core.workspace import Workspace
+from sim_action.core.workspace import Workspace, path_problem
 from sim_action.robot.package_search import (
     MODEL_VARIABLES,
     PACKAGE_FILE,
@@ -152,7 +152,7 @@ class Packages:
                 found = Path(unquote(str(path))).resolve()
                 found.exists()
         except (OSError, ValueError, RuntimeError) as error:  # too long, contains a NUL, or a loop of links
-            raise PackageError("bad-reference", f"{reference!r} is not a valid path: {error}") from None
+            raise PackageError("bad-reference", f"{reference!r} is not a valid path: {path_problem(error)}") from None
         if not self.may_read(found):
             portable = "; better: a path relative to the referring file, or package://, works on every machine"
             is_absolute = reference.startswith(("/", "file:"))
@@ -176,7 +176,8 @@ class Packages:
             folder = (self.workspace.directory / self.mapped[name]).resolve()
             is_folder = folder.is_dir()
         except (OSError, ValueError, RuntimeError) as error:
-            raise PackageError("missing-package", f"{what} is not a valid path: {error}") from None
+            problem = path_problem(error, "folder")
+            raise PackageError("missing-package", f"{what} is not a valid path: {problem}") from None
         if not self.may_read(folder):
             raise self._outside(what, folder)
         if not is_folder:

@@ -20,7 +20,7 @@ from sim_action.core.field_types import is_title
 from sim_action.core.files import read_at_most
 from sim_action.core.permissions import Permissions
 from sim_action.core.wording import escaped_line, nearest, shown
-from sim_action.core.workspace import PathError, Workspace
+from sim_action.core.workspace import PathError, Workspace, path_problem
 from sim_action.core.yaml_document import MAX_BYTES, Document, location_after, read_document
 from sim_action.scenario.extends import entries_of, merged, seen_from, without
 from sim_action.scenario.source import Refused, Source
@@ -104,7 +104,7 @@ def _workspace(path: Path, permissions: Permissions) -> Workspace:
             packages=permissions.packages,
         )
     except (PathError, OSError, RuntimeError) as error:
-        raise InvalidScenario([Problem(Location(file_name(path)), escaped_line(str(error)))]) from None
+        raise InvalidScenario([Problem(Location(file_name(path)), escaped_line(path_problem(error)))]) from None
 
 
 def _several(path: Path, workspace: Workspace, document: Document) -> Iterator[Source | Refused]:

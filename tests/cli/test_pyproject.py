@@ -174,7 +174,7 @@ def test_what_is_no_toml_is_told_if_it_is_about_us(folder: Path) -> None:
     ("text", "message"),
     [
         (f"a = {'[' * 5000}{']' * 5000}", "cannot be read: its lists or tables are nested too deeply"),
-        (f"a = {'1' * 5000}", "is not valid TOML: Exceeds the limit"),
+        (f"a = {'1' * 5000}", "cannot be read: it has a number of more than 4300 digits; shorten it"),
         (f"a{' . a' * 100_000} = 1", "cannot be read: it has a key of more than 100 steps"),
         ("'a'" + '."a"' * 100_000 + " = 1", "cannot be read: it has a key of more than 100 steps"),
     ],

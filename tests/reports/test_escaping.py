@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import sys
+import unicodedata
 import xml.etree.ElementTree as ET
 
 from hypothesis import given
@@ -55,6 +57,19 @@ def test_plain_text_drops_what_xml_forbids() -> None:
 
 def test_plain_text_drops_terminal_sequences_and_reordering() -> None:
     assert plain_text("\x1b[1;31mred\x1b[0m \x1b]0;title\x07\u202egnp.exe") == "red gnp.exe"
+
+
+def test_plain_text_drops_what_cannot_be_seen() -> None:
+    """Format characters (Cf) that have no glyph. Emoji and scripts that join letters need U+200D."""
+    unseen = [0xAD, 0x180E, 0x200B, 0x200C, *range(0x2060, 0x2070), 0xFEFF, *range(0xFFF9, 0xFFFC)]
+    unseen += [*range(0x1BCA0, 0x1BCA4), *range(0x1D173, 0x1D17B), *range(0xE0000, 0xE0080)]
+    assert plain_text("".join(f"{chr(code)}a" for code in unseen)) == "a" * len(unseen)
+    visible = {*range(0x600, 0x606), 0x6DD, 0x70F, 0x890, 0x891, 0x8E2, 0x110BD, 0x110CD, *range(0x13430, 0x13456)}
+    left = {code for code in range(sys.maxunicode + 1) if unicodedata.category(chr(code)) == "Cf"} - visible - {0x200D}
+    assert plain_text("".join(map(chr, sorted(left)))) == ""
+    assert plain_text("a\u200db") == "ab"
+    for joined in ("\U0001f469\u200d\U0001f680", "\U0001f3f3\ufe0f\u200d\U0001f308", "\u0dc1\u0dca\u200d\u0dbb"):
+        assert plain_text(joined) == joined
 
 
 def test_plain_text_knows_every_line_end() -> None:

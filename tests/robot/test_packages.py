@@ -492,3 +492,13 @@ def test_what_leads_nowhere_is_told(inside: str, reference: str, rule: str, word
 @pytest.mark.parametrize(("text", "version"), [("1.9", (1, 9)), (" 1.10 ", (1, 10)), ("1", (0, 0)), ("a.b", (0, 0))])
 def test_versions_are_numbers(text: str, version: tuple[int, int]) -> None:
     assert parsed_version(text) == version
+
+
+def test_links_in_a_circle_are_refused_with_a_remedy(ros: RosWorkspace) -> None:
+    link = ros.rover.parent / "circle.stl"
+    link.symlink_to("circle.stl")
+    # Python 3.13 finds no file there.
+    with pytest.raises(PackageError, match=r"a link leads to itself.*; replace it with a file$|does not exist"):
+        ros.packages().resolve("circle.stl", ros.rover)
+    with pytest.raises(PackageError, match=r"a link leads to itself.*; replace it with a folder$|is not a folder"):
+        ros.packages({"rover": str(link)}).find("rover", ros.rover)

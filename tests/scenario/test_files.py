@@ -235,3 +235,11 @@ def test_several_scenarios_may_stand_on_one_base(tmp_path: Path) -> None:
     write(tmp_path, a="extends: many.sim.yml\nname: c\n")
     (problem,) = told(tmp_path / "a.sim.yml")
     assert problem.endswith("many.sim.yml holds several scenarios; extend a file with one scenario")
+
+
+def test_a_scenario_that_is_a_link_to_itself_is_refused_with_a_remedy(tmp_path: Path) -> None:
+    loop = tmp_path / "loop.sim.yml"
+    loop.symlink_to(loop.name)
+    (problem,) = told(loop)
+    # From Python 3.13 on, the system reports it.
+    assert problem.endswith("a link leads to itself; replace it with a file") or "oo many levels" in problem
