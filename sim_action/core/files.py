@@ -26,7 +26,10 @@ def open_regular(path: Path, *, follow_link: bool) -> BinaryIO:
     """Open a regular file for reading; raise OSError for anything else, and for a link if links are not followed."""
     # Windows has only the first of these flags.
     flags = getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0)
-    descriptor = os.open(path, os.O_RDONLY | flags | (0 if follow_link else getattr(os, "O_NOFOLLOW", 0)))
+    no_follow = 0 if follow_link else getattr(os, "O_NOFOLLOW", 0)
+    if not follow_link and not no_follow and path.is_symlink():
+        raise OSError(errno.ELOOP, "it is a link", str(path))
+    descriptor = os.open(path, os.O_RDONLY | flags | no_follow)
     mode = os.fstat(descriptor).st_mode
     if not stat.S_ISREG(mode):
         os.close(descriptor)

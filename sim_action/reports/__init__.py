@@ -29,7 +29,7 @@ from sim_action.results.output_folder import (
     remove_unfinished_files,
 )
 from sim_action.results.results_json import RESULTS_FILE, Results
-from sim_action.results.written_files import JUNIT_FILE, is_foreign, is_junit, refuse_foreign_files
+from sim_action.results.written_files import JUNIT_FILE, is_foreign, is_own_junit, refuse_foreign_files
 
 Verbosity = Literal["quiet", "normal", "verbose"]
 """The amount of text on the terminal.
@@ -283,8 +283,10 @@ def _refuse_other_file(junit: Path, folder: Path) -> None:
             raise UsageError(escaped_line(f"--junit {junit} is the {name} of this call; {advice}"))
     if junit.suffix.lower() in _SCENARIO_SUFFIXES:
         raise UsageError(escaped_line(f"--junit {junit} ends like a scenario file; {advice}"))
-    if is_foreign(junit, is_junit):
-        raise UsageError(escaped_line(f"--junit {junit} exists and is not JUnit XML; {advice}, or remove it"))
+    if is_foreign(junit, is_own_junit):
+        raise UsageError(
+            escaped_line(f"--junit {junit} exists, and sim-action did not write it; {advice}, or remove it")
+        )
 
 
 def _refuse_links(path: Path) -> None:

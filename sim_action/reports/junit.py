@@ -27,6 +27,7 @@ from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios
 from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
 from sim_action.results.results_json import Results
+from sim_action.results.written_files import JUNIT_NAME
 
 _ENDINGS: Final = re.compile(r"(?<=[^/])(\.sim)?\.(yml|yaml|test|launch)$")
 # The properties of each variation: variations may have run on different machines.
@@ -55,7 +56,7 @@ class _Document:
     def root(self) -> ET.Element:
         suites = [self._suite(group) for group in grouped_scenarios(self._results.outcomes)]
         totals = {name: sum(int(suite.attrib[name]) for suite in suites) for name in ("tests", "failures", "errors")}
-        root = element("testsuites", {"name": "sim-action", **totals, "time": _seconds(self._results.wall_time)})
+        root = element("testsuites", {"name": JUNIT_NAME, **totals, "time": _seconds(self._results.wall_time)})
         root.extend(suites)
         return root
 

@@ -33,18 +33,20 @@ COMPARED: Final = "compared with the previous run"
 """The words at the beginning of a comparison as Markdown."""
 
 _MAX_START_BYTES: Final = 8192
-_JUNIT_ROOTS: Final = ("testsuites", "testsuite")
+
+JUNIT_NAME: Final = "sim-action"
+"""The name of the root of our JUnit XML, which makes it different from that of other tools."""
 
 
-def is_junit(start: bytes) -> bool:
-    """Return True if a file with this beginning is JUnit XML, of any tool."""
+def is_own_junit(start: bytes) -> bool:
+    """Return True if a file with this beginning is JUnit XML of sim-action, of any version."""
     parser: Any = ET.XMLPullParser(("start",))
     # The last two: an unknown encoding. A mistake behind the first element does not matter.
     with suppress(ET.ParseError, LookupError, ValueError):
         parser.feed(start)
     with suppress(ET.ParseError):
         for _, root in parser.read_events():
-            return root.tag in _JUNIT_ROOTS
+            return (root.tag, root.get("name")) == ("testsuites", JUNIT_NAME)
     return False
 
 
@@ -57,15 +59,20 @@ _KINDS: Final[dict[str, Callable[[bytes], bool]]] = {
     RESULTS_FILE: lambda start: start.startswith(b"{") and b'"sim_action"' in start,
     JOURNAL_FILE: lambda start: start.startswith(b"{") and b'"journal"' in start and b'"sim_action"' in start,
     REPORT_FILE: lambda start: GENERATOR.encode() in start,
-    JUNIT_FILE: is_junit,
+    JUNIT_FILE: is_own_junit,
 }
 """Name of a file in the output folder -> function that recognises it by its first bytes."""
 
 
 def is_foreign(path: Path, is_ours: Callable[[bytes], bool]) -> bool:
-    """Return True if a file exists, is not empty and is not recognised. Raise OSError if it cannot be read."""
+    """Return True if a file exists, is not empty and is not recognised.
+
+    Raise OSError if it cannot be read, and UsageError for a link: its target is not read.
+    """
+    if path.is_symlink():
+        raise UsageError(escaped_line(f"'{path}' is a link, and results are not written through links; remove it"))
     try:
-        with open_regular(path, follow_link=True) as file:
+        with open_regular(path, follow_link=False) as file:
             start = file.read(_MAX_START_BYTES)
     except (FileNotFoundError, NotADirectoryError):
         return False

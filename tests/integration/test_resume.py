@@ -276,7 +276,6 @@ def link_journal(journal: Path) -> None:
         (link_trace, ["b"]),
         (remove_replay, ["b"]),
         (remove_journal, []),
-        (link_journal, []),
     ],
 )
 def test_only_valid_verdicts_are_taken_over(tmp_path: Path, damage: Callable[[Path], None], left: list[str]) -> None:
@@ -289,6 +288,26 @@ def test_only_valid_verdicts_are_taken_over(tmp_path: Path, damage: Callable[[Pa
     assert f"{len(left)} of 2 scenarios taken over" in printed
     assert "Traceback" not in printed
     assert results(folder) == before
+
+
+def test_a_journal_that_is_a_link_is_refused_and_not_taken_over(tmp_path: Path) -> None:
+    folder = suite(tmp_path, a=TWIST)
+    run(folder, "-j1")
+    before = results(folder)
+    link_journal(folder / JOURNAL)
+    elsewhere = (folder / JOURNAL).readlink()
+    text = elsewhere.read_bytes()
+    words, options = command(folder, "--resume")
+    found = subprocess.run(words, **options, check=False, timeout=PATIENCE)
+    assert found.returncode == 2
+    assert f"'{JOURNAL}' is a link, and results are not written through links; remove it" in found.stdout
+    assert "Traceback" not in found.stdout
+    assert (elsewhere.read_bytes(), results(folder)) == (text, before)
+    # The link is removed, as the message says.
+    (folder / JOURNAL).unlink()
+    run(folder, "--resume")
+    assert taken_over(folder) == []
+    assert (elsewhere.read_bytes(), results(folder)) == (text, before)
 
 
 def test_without_an_earlier_run_it_says_so(tmp_path: Path) -> None:

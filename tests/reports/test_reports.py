@@ -100,7 +100,7 @@ def test_the_junit_is_not_written_onto_a_scenario(workspace: Path, name: str) ->
 
 def test_the_junit_of_an_earlier_call_is_removed_at_the_start(workspace: Path) -> None:
     for name in ("stale.xml", "other.xml"):
-        (workspace / name).write_text("<testsuites/>")
+        (workspace / name).write_text("<testsuites name='sim-action'/>")
     with open_reports(asked("out", "stale.xml")):
         assert not (workspace / "stale.xml").exists()
         assert (workspace / "other.xml").exists()
@@ -176,17 +176,34 @@ def test_a_name_that_is_too_long_is_refused(folder: str, junit: str | None, work
     assert not (workspace / "out").exists()
 
 
+def test_junit_xml_of_another_tool_is_kept(workspace: Path) -> None:
+    text = "<testsuites name='pytest tests'><testsuite name='pytest' tests='1'/></testsuites>"
+    (workspace / "theirs.xml").write_text(text)
+    refused = pytest.raises(UsageError, match=r"theirs\.xml exists, and sim-action did not write it; .* or remove it")
+    with refused, open_reports(asked("out", "theirs.xml")):
+        pass
+    assert (workspace / "theirs.xml").read_text() == text
+
+
+def test_junit_xml_that_is_a_link_is_not_read(workspace: Path) -> None:
+    (workspace / "target.xml").write_text("<testsuites name='sim-action'/>")
+    (workspace / "tests.xml").symlink_to("target.xml")
+    refused = pytest.raises(UsageError, match=r"'tests\.xml' is a link, and results are not written through links")
+    with refused, open_reports(asked("out", "tests.xml")):
+        pass
+
+
 @pytest.mark.parametrize("name", ["robot.urdf", "notes", "model.xml"])
 def test_a_file_that_is_not_junit_xml_is_kept(name: str, workspace: Path) -> None:
     (workspace / name).write_text("<robot name='a'/>")
-    refused = pytest.raises(UsageError, match=f"--junit {name} exists and is not JUnit XML; name another file")
+    refused = pytest.raises(UsageError, match=f"--junit {name} exists, and sim-action did not write it; name another")
     with refused, open_reports(asked("out", name)):
         pass
     assert (workspace / name).read_text() == "<robot name='a'/>"
     assert not (workspace / "out").exists()
 
 
-@pytest.mark.parametrize("text", ["", "<testsuites/>"])
+@pytest.mark.parametrize("text", ["", "<testsuites name='sim-action'/>"])
 def test_junit_xml_and_an_empty_file_are_replaced(text: str, workspace: Path) -> None:
     (workspace / "tests.xml").write_text(text)
     with open_reports(asked("out", "tests.xml")):
