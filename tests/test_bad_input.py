@@ -264,7 +264,10 @@ def refusal(path: Path) -> str:
 
 
 def test_a_missing_file(tmp_path: Path) -> None:
-    assert refusal(tmp_path / "absent.sim.yml") == "cannot be read: No such file or directory"
+    assert refusal(tmp_path / "absent.sim.yml") == (
+        f"there is no file or folder '{tmp_path}/absent.sim.yml'; "
+        "correct the path on the command line, or in the input of the action"
+    )
 
 
 def test_a_folder(tmp_path: Path) -> None:

@@ -120,7 +120,8 @@ def discovered(paths: Sequence[str], flags: dict[str, Any] | None = None, *, out
     for pattern in empty.values():
         # If other scenarios were found, the reports also show this as an error.
         (note if files else complain)(f"no scenario found at '{pattern}'")
-    return Suite(files, tuple(empty.values()), numbers, selection, warn=warn)
+    named_at = None if typed("paths") else click.get_current_context().lookup_default("paths_location")
+    return Suite(files, tuple(empty.values()), numbers, selection, named_at, warn=warn)
 
 
 def named_paths(paths: Sequence[str]) -> Sequence[str]:

@@ -53,6 +53,8 @@ _OPTIONS: Final[Mapping[str, tuple[str, ...]]] = {
 def default_map(subcommand: str | None, here: Path) -> dict[str, dict[str, Any]]:
     """Return the defaults of a subcommand that is called in folder `here`, by click's names of its options.
 
+    In addition, `paths_location`: the place of the key `paths`, if it is stated.
+
     Raises UsageError for an invalid table.
     """
     options = _OPTIONS.get(subcommand or "")
@@ -65,6 +67,8 @@ def default_map(subcommand: str | None, here: Path) -> dict[str, dict[str, Any]]
     for name in ("output_dir", "junit", "paths"):
         if name in stated:
             stated[name] = _seen_from(here, path.parent, stated[name])
+    if "paths" in stated:
+        stated["paths_location"] = document.location(("paths",))
     return {subcommand: stated}
 
 

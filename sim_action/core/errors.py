@@ -5,6 +5,7 @@
     │   └── SystemRefusal         1    the system lacks open files, memory or space
     ├── UsageError                2    the command line asks for something that is not possible
     ├── InvalidScenario           2    a scenario cannot be run as it is written
+    │   └── MissingScenario            no file or folder has the name of the scenario
     ├── ModelError                2    a robot model cannot be read
     │   └── RefusedModel               a model file with problems that must be fixed first
     ├── FileProblem               2    a file that an expectation needs cannot be read
@@ -130,6 +131,10 @@ class InvalidScenario(SimActionError):
     def __init__(self, problems: Iterable[Problem]) -> None:
         self.problems = tuple(problems)
         super().__init__("\n".join(str(problem) for problem in self.problems))
+
+
+class MissingScenario(InvalidScenario):
+    """The name of a scenario file or folder that does not exist; the place of its problem is where the name stands."""
 
 
 class ModelError(SimActionError):

@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal, Self, get_args
 
 from pydantic import Field
 
-from sim_action.core.errors import ExitCode, InternalError, InvalidScenario, Location, Problem, SystemRefusal
+from sim_action.core.errors import (
+    ExitCode,
+    InternalError,
+    InvalidScenario,
+    Location,
+    MissingScenario,
+    Problem,
+    SystemRefusal,
+)
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.provenance import Provenance
 from sim_action.core.wording import escaped_line
@@ -58,6 +66,9 @@ FailureKind = Literal[
     "flaky",
 ]
 """The kind of a failure; "missing": a shard should have run the scenario, but left no result of it."""
+
+NOT_FOUND: Final = "not found"
+"""The title of the failure of a scenario whose file or folder does not exist."""
 
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
@@ -341,14 +352,22 @@ class Outcome(FrozenModel):
 
     @property
     def location(self) -> Location | None:
-        """The file and line of the scenario; None if it belongs to no single file."""
-        return Location(self.file, self.line) if self.file else None
+        """The file and line of the scenario; None if it belongs to no single file, or to one that does not exist."""
+        missing = any(failure.title == NOT_FOUND for failure in self.failures)
+        return Location(self.file, self.line) if self.file and not missing else None
 
     @classmethod
     def of_invalid(cls, file: str, error: InvalidScenario) -> Outcome:
         """Return the outcome for a file that is not a valid scenario."""
+        missing = isinstance(error, MissingScenario)
+        title = NOT_FOUND if missing else "invalid scenario"
         failures = tuple(
-            Failure(kind="invalid", title="invalid scenario", message=problem.message, location=problem.location)
+            Failure(
+                kind="invalid",
+                title=title,
+                message=problem.message,
+                location=None if missing and problem.location.line is None else problem.location,
+            )
             for problem in error.problems
         )
         return cls(name=Path(file).name, file=file, status="error", failures=failures)
@@ -369,7 +388,7 @@ class Outcome(FrozenModel):
         """Return the outcome for a path or pattern on the command line that matches no scenario."""
         name = escaped_line(pattern)
         problem = Problem(Location(name), "no scenario found here; correct the path or remove it")
-        return cls.of_invalid(name, InvalidScenario([problem]))
+        return cls.of_invalid(name, MissingScenario([problem]))
 
     @classmethod
     def of_unmatched(cls, unmatched: Unmatched) -> Outcome:

@@ -7,6 +7,7 @@ file.
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterable, Iterator
 from collections.abc import Set as AbstractSet
 from dataclasses import replace
@@ -14,8 +15,8 @@ from itertools import count
 from pathlib import Path
 from typing import Final
 
-from sim_action.core.discovery import file_name
-from sim_action.core.errors import InternalError, InvalidScenario, Location, Problem
+from sim_action.core.discovery import SUFFIXES, file_name
+from sim_action.core.errors import InternalError, InvalidScenario, Location, MissingScenario, Problem
 from sim_action.core.field_types import is_title
 from sim_action.core.files import read_at_most
 from sim_action.core.permissions import Permissions
@@ -35,17 +36,21 @@ MAX_SCENARIOS: Final = 1_000
 # Number of values; shared values count for each scenario.
 _MAX_WRITTEN_OUT: Final = 1_000_000
 
+_ENDING: Final = re.compile(r"(\.sim)?\.ya?ml$")
 _NOTHING: Final = "a scenario starts with 'name:', 'robot:', 'expect:' and 'time_limit:'"
 
 
-def read_file(path: Path, permissions: Permissions, seed: int | None = None) -> tuple[Source | Refused, ...]:
+def read_file(
+    path: Path, permissions: Permissions, seed: int | None = None, named_at: Location | None = None
+) -> tuple[Source | Refused, ...]:
     """Return every scenario of a file with its variations, in order. A problem of one scenario refuses only that one.
 
-    `seed` draws the variations; None takes the seed of each scenario.
+    `seed` draws the variations; None takes the seed of each scenario. `named_at`: the place in a file that names
+    `path`, for the message about a file that does not exist; None: the command line names it.
     """
     try:
         workspace = _workspace(path, permissions)
-        document = _whole(_read(path), workspace, (path.resolve(),))
+        document = _whole(_read(path, named_at=named_at), workspace, (path.resolve(),))
         if "scenarios" in _keys(document):
             written: Iterable[Source | Refused] = _several(path, workspace, document)
         else:
@@ -209,20 +214,25 @@ def _named(file: str, reference: str, path: Path) -> str:
     return file_name(plain if plain.resolve() == path else as_written)
 
 
-def _read(path: Path, name: str | None = None) -> Document:
+def _read(path: Path, name: str | None = None, named_at: Location | None = None) -> Document:
     """Read the document of a file. Raises InvalidScenario."""
     name = name or file_name(path)
-    document = read_document(name, _text(path, name))
+    document = read_document(name, _text(path, name, named_at))
     if not isinstance(document.data, dict):
         what = "the file is empty" if document.data is None else "the file is not a map of keys"
         raise InvalidScenario([document.problem((), f"{what}; {_NOTHING}")])
     return document
 
 
-def _text(path: Path, name: str) -> str:
+def _text(path: Path, name: str, named_at: Location | None) -> str:
     where = Location(name)
     try:
         data = read_at_most(path, MAX_BYTES)
+    except (FileNotFoundError, NotADirectoryError):
+        place = "" if named_at else " on the command line, or in the input of the action"
+        hint = _similar(path)
+        message = f"there is no file or folder '{name}'{f'{hint} Correct' if hint else '; correct'} the path{place}"
+        raise MissingScenario([Problem(named_at or where, escaped_line(message))]) from None
     except OSError as error:
         raise InvalidScenario([Problem(where, f"cannot be read: {error.strerror}")]) from None
     if data is None:
@@ -234,3 +244,26 @@ def _text(path: Path, name: str) -> str:
         where = location_after(name, data[: error.start].decode("utf-8"))
         message = f"the byte 0x{data[error.start]:02x} is not UTF-8 text; save the file as UTF-8"
         raise InvalidScenario([Problem(where, message)]) from None
+
+
+def _similar(path: Path) -> str:
+    """Return a hint at an existing folder or scenario file with a name similar to the first part that is missing."""
+    missing = path
+    while not os.path.exists(missing.parent):  # noqa: PTH110 - a folder that may not be entered counts as missing
+        missing = missing.parent
+    try:
+        with os.scandir(missing.parent) as entries:
+            names = sorted(each.name for each in entries if _may_be_meant(each, folder=missing != path))
+    except OSError:
+        return ""
+    # With their endings, all names would be similar.
+    by_stem = {_ENDING.sub("", name): name for name in names}
+    near = nearest(_ENDING.sub("", missing.name), by_stem)
+    return "" if near is None else f"; did you mean '{file_name(missing.parent / by_stem[near])}'?"
+
+
+def _may_be_meant(entry: os.DirEntry[str], *, folder: bool) -> bool:
+    """Return True for a folder and, unless only a folder is possible, for a scenario file; hidden ones are left out."""
+    if entry.name.startswith("."):
+        return False
+    return entry.is_dir() or (not folder and entry.name.endswith(SUFFIXES))

@@ -220,6 +220,7 @@ class Suite:
         empty: paths without a scenario.
         numbers: file name -> selected numbers, for files of which only some scenarios are selected.
         selection: by names and tags.
+        named_at: the place in pyproject.toml that names the files; None: the command line names them.
         complete: False if the list lacks files of the call, in which scenarios may be that the selection names.
         warn: takes a message for each exclusion that matches no scenario.
     """
@@ -228,6 +229,7 @@ class Suite:
     empty: Sequence[str] = ()
     numbers: Mapping[str, frozenset[int]] = field(default_factory=dict)
     selection: Selection = field(default_factory=Selection)
+    named_at: Location | None = None
     complete: bool = True
     warn: Callable[[str], None] = _ignore
 
@@ -259,7 +261,7 @@ class Suite:
         return [each for several in contents.files.values() for each in several if self.numbered(each)]
 
     def _scenarios(self, path: Path, permissions: Permissions, seed: int | None) -> Scenarios:
-        scenarios = read_file(path, permissions, seed)
+        scenarios = read_file(path, permissions, seed, self.named_at)
         name = file_name(path)
         beyond = [number for number in self.numbers.get(name, ()) if not 1 <= number <= len(scenarios)]
         if beyond:

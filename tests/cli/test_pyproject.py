@@ -30,7 +30,8 @@ def stated(folder: Path, table: str, subcommand: str = "run", here: str = ".") -
     (folder / "pyproject.toml").write_text(
         f"[project]\nname = 'x'\n\n[tool.sim-action]\n{table}\n[tool.ruff]\njobs = 7\n"
     )
-    return default_map(subcommand, folder / here).get(subcommand, {})
+    found = default_map(subcommand, folder / here).get(subcommand, {})
+    return {key: value for key, value in found.items() if key != "paths_location"}
 
 
 def told(folder: Path, table: str) -> list[str]:
@@ -102,6 +103,20 @@ def test_every_key_is_an_option_that_a_subcommand_has() -> None:
 
 def test_nothing_in_it_permits_anything() -> None:
     assert not {"allow_scripts", "pass_env", "allow_outside", "shard", "force"} & set(Defaults.model_fields)
+
+
+def test_a_path_that_does_not_exist_is_an_error_at_its_line(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "simulation").mkdir()
+    stated(folder, "jobs = 1\npaths = ['simulations']")
+    monkeypatch.chdir(folder)
+    assert call(["validate"]) == 2
+    assert capsys.readouterr().out == (
+        "pyproject.toml:6:1: there is no file or folder 'simulations'; did you mean 'simulation'? Correct the path\n"
+    )
+    assert call(["validate", "nowhere"]) == 2
+    assert capsys.readouterr().out.startswith("nowhere: there is no file or folder 'nowhere'; correct the path on the")
 
 
 def test_the_nearest_table_counts_and_paths_start_from_its_folder(folder: Path) -> None:

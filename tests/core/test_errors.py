@@ -17,6 +17,7 @@ from sim_action.core.wording import did_you_mean, escaped_line, log_line, neares
         (errors.SimActionError, 3),
         (errors.UsageError, 2),
         (errors.InvalidScenario, 2),
+        (errors.MissingScenario, 2),
         (errors.ModelError, 2),
         (errors.RunError, 1),
         (errors.EngineError, 1),

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from sim_action.core.errors import ExitCode, InvalidScenario, Location, Problem
+from sim_action.core.errors import ExitCode, InvalidScenario, Location, MissingScenario, Problem
 from sim_action.results.outcome import (
     WORST_FIRST,
     ExpectationOutcome,
@@ -38,7 +38,16 @@ def expectation(
 
 def test_what_was_named_and_holds_nothing_is_invalid() -> None:
     made = Outcome.of_nothing("no\npe*")
-    assert (made.file, made.exit_code) == ("no\\npe*", ExitCode.INVALID)
+    assert (made.file, made.location, made.exit_code) == ("no\\npe*", None, ExitCode.INVALID)
+    (failure,) = made.failures
+    assert (failure.title, failure.location) == ("not found", None)
+
+
+def test_a_missing_file_has_no_place_but_the_key_that_names_it_may_have_one() -> None:
+    for place, shown in ((Location("a.sim.yml"), None), (key := Location("pyproject.toml", 3, 1), key)):
+        made = Outcome.of_invalid("a.sim.yml", MissingScenario([Problem(place, "there is no file")]))
+        assert (made.file, made.location, made.exit_code) == ("a.sim.yml", None, ExitCode.INVALID)
+        assert [(failure.title, failure.location) for failure in made.failures] == [("not found", shown)]
 
 
 def test_what_selects_nothing_is_invalid_and_belongs_to_no_file() -> None:

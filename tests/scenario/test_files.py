@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.core.errors import InvalidScenario, Location
+from sim_action.core.errors import InvalidScenario, Location, MissingScenario
 from sim_action.core.permissions import Permissions
 from sim_action.results.outcome import Outcome
 from sim_action.scenario.files import MAX_BASES, MAX_SCENARIOS, read_file
@@ -243,3 +243,43 @@ def test_a_scenario_that_is_a_link_to_itself_is_refused_with_a_remedy(tmp_path: 
     (problem,) = told(loop)
     # From Python 3.13 on, the system reports it.
     assert problem.endswith("a link leads to itself; replace it with a file") or "oo many levels" in problem
+
+
+@pytest.mark.parametrize(
+    ("typed", "message"),
+    [
+        ("simulations", "'simulations'; did you mean 'simulation'? Correct the path on the command line, or in the"),
+        (
+            "simulation/delivr.sim.yml",
+            "'simulation/delivr.sim.yml'; did you mean 'simulation/deliver.sim.yml'? Correct",
+        ),
+        ("simulations/deliver.sim.yml", "'simulations/deliver.sim.yml'; did you mean 'simulation'? Correct"),
+        ("simulation/deliver.sim.yml/x", "'simulation/deliver.sim.yml/x'; correct the path on the command line, or in"),
+        ("simulation/note.txt", "'simulation/note.txt'; correct the path"),
+        ("simulation/hiden.sim.yml", "'simulation/hiden.sim.yml'; correct the path"),
+        ("elsewhere", "'elsewhere'; correct the path"),
+        ("no\nsuch", "'no\\nsuch'; correct the path"),
+    ],
+)
+def test_a_missing_file_is_reported_with_the_nearest_one(
+    typed: str, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("simulation").mkdir()
+    for name in ("deliver.sim.yml", "notes.txt", ".hidden.sim.yml"):
+        Path("simulation", name).touch()
+    (refused,) = read_file(Path(typed), Permissions())
+    assert isinstance(refused, Refused)
+    assert isinstance(refused.error, MissingScenario)
+    (problem,) = refused.problems
+    assert problem.message.startswith(f"there is no file or folder {message}")
+    assert problem.location == Location(typed)
+
+
+def test_a_missing_file_is_reported_at_the_key_that_names_it(tmp_path: Path) -> None:
+    key = Location("pyproject.toml", 3, 1)
+    (refused,) = read_file(tmp_path / "a.sim.yml", Permissions(), named_at=key)
+    assert isinstance(refused, Refused)
+    (problem,) = refused.problems
+    assert problem.location == key
+    assert problem.message == f"there is no file or folder '{tmp_path}/a.sim.yml'; correct the path"
