@@ -138,6 +138,15 @@ def test_nothing_above_the_workspace_counts(tmp_path: Path) -> None:
     assert default_map("run", tmp_path / "w") == {}
 
 
+def test_without_git_only_the_current_folder_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "suite").mkdir()
+    (tmp_path / "pyproject.toml").write_text("[tool.sim-action]\njobs = 5\n")
+    monkeypatch.chdir(tmp_path / "suite")
+    assert default_map("run", tmp_path / "suite") == {}
+    monkeypatch.chdir(tmp_path)
+    assert default_map("run", tmp_path) == {"run": {"jobs": 5}}
+
+
 @pytest.mark.parametrize(
     ("table", "problem"),
     [
