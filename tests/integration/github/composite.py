@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -41,7 +41,10 @@ def run_composite(
         raise UnsupportedFeature(f"runs.using: {runs['using']}")
     contexts: dict[str, Value] = {name: asked.contexts[name] for name in _SHARED if name in asked.contexts}
     contexts["github"] = _github(machine, action)
-    contexts["inputs"] = _inputs(document.get("inputs"), asked.inputs, {**machine.contexts, **contexts})
+    declared = mapping(document.get("inputs"), "inputs").items()
+    specs = {name: mapping(spec, name, _INPUT_KEYS) for name, spec in declared}
+    _warn_of_unexpected(machine, specs, asked.inputs)
+    contexts["inputs"] = _inputs(specs, asked.inputs, {**machine.contexts, **contexts})
     steps = Steps(machine, sequence(runs["steps"], "steps"), contexts, use, asked.environment)
     steps.run()
     return steps, _outputs(document.get("outputs"), steps)
@@ -52,13 +55,19 @@ def _github(machine: Machine, action: Action) -> Known:
     return Known({**machine.github, **own})
 
 
-def _inputs(declared: Value, given: Mapping[str, str], contexts: Mapping[str, Value]) -> Known:
+def _inputs(specs: Mapping[str, Mapping[str, Value]], given: Mapping[str, str], contexts: Mapping[str, Value]) -> Known:
     """GitHub does not enforce `required`: an input that is not given and has no default is empty."""
-    specs = {name: mapping(spec, name, _INPUT_KEYS) for name, spec in mapping(declared, "inputs").items()}
-    if unknown := given.keys() - specs.keys():
-        raise UnsupportedFeature(f"unexpected inputs: {', '.join(sorted(unknown))}")
     defaults = {name: evaluate(to_text(spec.get("default")), contexts) for name, spec in specs.items()}
-    return Known({**defaults, **given})
+    declared = {name.lower(): name for name in specs}
+    return Known({**defaults, **{declared.get(name.lower(), name): value for name, value in given.items()}})
+
+
+def _warn_of_unexpected(machine: Machine, specs: Collection[str], given: Collection[str]) -> None:
+    """The runner's own words; names of inputs have no case."""
+    declared = {name.lower() for name in specs}
+    if unexpected := [name for name in given if name.lower() not in declared]:
+        names, valid = "', '".join(unexpected), "', '".join(specs)
+        machine.record.complain(f"Unexpected input(s) '{names}', valid inputs are ['{valid}']", "warning")
 
 
 def _outputs(declared: Value, steps: Steps) -> dict[str, str]:

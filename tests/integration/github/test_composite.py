@@ -211,6 +211,10 @@ def test_what_is_not_known_is_refused(act: Act, text: str) -> None:
         act(text)
 
 
-def test_unexpected_inputs_are_refused(act: Act) -> None:
-    with pytest.raises(UnsupportedFeature, match="typo"):
-        act(action(run("true"), inputs="{a: {}}"), {"typo": "x"})
+def test_unexpected_inputs_are_a_warning(act: Act) -> None:
+    outputs = '{a: {value: "${{ inputs.a }}"}}'
+    result = act(action(run("true"), "{a: {}, b: {}}", outputs), {"typo": "x", "A": "given", "other": ""})
+    assert [(annotation.level, annotation.message) for annotation in result.annotations] == [
+        ("warning", "Unexpected input(s) 'typo', 'other', valid inputs are ['a', 'b']")
+    ]
+    assert (result.exit_code, result.outputs) == (0, {"a": "given"})
