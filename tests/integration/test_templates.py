@@ -13,7 +13,7 @@ import pytest
 from junitparser import JUnitXml
 
 from tests.integration.conftest import ACTION, write
-from tests.integration.github import CacheStore, JobResult, WorkflowResult, run_workflow
+from tests.integration.github import CacheStore, JobResult, Run, WorkflowResult, run_workflow
 from tests.ros.ros1.launches import needs_ros
 
 TEMPLATES = ACTION / "examples/workflows"
@@ -126,16 +126,13 @@ def test_the_nightly_run_finds_what_is_flaky(run_template: RunTemplate, reposito
 
 def test_a_second_attempt_resumes_the_first(run_template: RunTemplate, repository: Path, tmp_path: Path) -> None:
     (repository / "simulation/d.sim.yml").unlink()
-    (tmp_path / "caches").mkdir()
-    # Both attempts have the number of one run.
-    one_run, cache = ("${{ github.run_id }}", "1"), CacheStore(tmp_path / "caches")
-    first = run_template("resume", one_run, cache=cache)
+    # Both attempts have the same commit. A controller that raises an error leaves no verdict, as a cancelled run does.
+    write(repository / "simulation/c.sim.yml", FLAKY)
+    write(repository / "simulation/controller.py", "def control(observation):\n    raise ValueError\n")
+    shared = {"cache": CacheStore(tmp_path / "caches"), "work": tmp_path / "work"}
+    first = run_template("resume", run=Run(5, 1), **shared)
     assert "0 of 3 scenarios taken over from the earlier run" in first.jobs["simulation"].summary
-    # And its folders.
-    (folder,) = tmp_path.glob("run *")
-    shutil.rmtree(folder)
-    write(repository / "simulation/c.sim.yml", STUCK)
-    second = run_template("resume", one_run, cache=cache)
+    second = run_template("resume", run=Run(5, 2), **shared)
     assert second.conclusion == "failure"
     assert "2 of 3 scenarios taken over from the earlier run" in second.jobs["simulation"].summary
 

@@ -7,7 +7,7 @@ that a green test never rests on something that was skipped.
 from tests.integration.github.commands import Annotation, parse_annotations, parse_outputs
 from tests.integration.github.errors import UnsupportedFeature
 from tests.integration.github.expressions import Status, evaluate, evaluate_value, holds
-from tests.integration.github.machine import Report
+from tests.integration.github.machine import Report, Run
 from tests.integration.github.provided import base_python
 from tests.integration.github.results import JobResult, JobRun, StepResult, WorkflowResult
 from tests.integration.github.runner import ActionResult, Runner
@@ -22,6 +22,7 @@ __all__ = [
     "JobResult",
     "JobRun",
     "Report",
+    "Run",
     "Runner",
     "Status",
     "StepResult",

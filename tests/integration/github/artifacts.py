@@ -11,6 +11,7 @@ from tests.integration.github.errors import StepFailed, UnsupportedFeature
 from tests.integration.github.machine import Machine
 from tests.integration.github.stand_in import NO_OUTPUTS, StandIn, boolean, one_path
 from tests.integration.github.stores import ArtifactStore
+from tests.integration.github.values import to_text
 
 _NO_ADDRESS: Final = {"artifact-id": "", "artifact-url": ""}
 
@@ -43,7 +44,11 @@ def _upload_as_it_is(machine: Machine, store: ArtifactStore, file: Path) -> Mapp
 def _address(machine: Machine, store: ArtifactStore) -> Mapping[str, str]:
     """Of the artifact that was uploaded last, in a run and with a number that nobody else has."""
     number = str(len(store.names()))
-    return {"artifact-id": number, "artifact-url": f"https://github.com/robot/robot/actions/runs/1/artifacts/{number}"}
+    repository, run = (to_text(machine.github[name]) for name in ("repository", "run_id"))
+    return {
+        "artifact-id": number,
+        "artifact-url": f"https://github.com/{repository}/actions/runs/{run}/artifacts/{number}",
+    }
 
 
 def _is_uploaded(file: Path, folder: Path) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import shutil
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -39,12 +40,17 @@ class Shared:
 
     Attributes:
         folder: where each job gets a folder of its own.
+        origin: the repository that a checkout fetches from.
+        work: the parent of the workspace and of RUNNER_TEMP, which are then the same in all jobs, and fresh in each;
+            None: they are in the folder of the job.
         temp: RUNNER_TEMP of all jobs, which GitHub never has; None gives each its own.
         variables: in the environment of all jobs, before what the workflow says.
     """
 
     repository: Path
+    origin: Path
     folder: Path
+    work: Path | None
     cache: CacheStore
     artifacts: ArtifactStore
     temp: Path | None
@@ -109,11 +115,17 @@ def _job_run(job: Job, steps: Steps) -> JobRun:
 
 
 def _machine(shared: Shared, job: Job) -> Machine:
+    github = mapping(job.contexts["github"], "github")
     folder = shared.folder / f"{next(shared.numbers):02d}-{job.identity}"
-    workspace, temp = folder / "workspace", shared.temp or folder / "temp"
+    workspace, temp = folder / "workspace", folder / "temp"
+    if shared.work:
+        shutil.rmtree(shared.work, ignore_errors=True)
+        # As there: /home/runner/work/robots/robots and /home/runner/work/_temp.
+        name = to_text(github["repository"]).rpartition("/")[2]
+        workspace, temp = shared.work / name / name, shared.work / "_temp"
+    temp = shared.temp or temp
     for fresh in (workspace, temp):
         fresh.mkdir(parents=True, exist_ok=True)
-    github = mapping(job.contexts["github"], "github")
     system, architecture = _system(job)
     return Machine(
         workspace=workspace,
@@ -124,7 +136,7 @@ def _machine(shared: Shared, job: Job) -> Machine:
         environment=_environment(shared, job),
         cache=shared.cache,
         artifacts=shared.artifacts,
-        repository=shared.repository,
+        origin=shared.origin,
         permissions=_token_permissions(job),
         deadline=_deadline(job),
     )

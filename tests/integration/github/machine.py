@@ -20,8 +20,17 @@ from tests.integration.github.values import Known, Value
 _FOREIGN: Final = ("GITHUB_", "RUNNER_", "ACTIONS_", "INPUT_", "PYTHON", "PYTEST_", "COV_", "VIRTUAL_ENV")
 _SUMMARY_LIMIT: Final = 1024 * 1024
 
+REPOSITORY: Final = "octocat/robots"
 _SHA: Final = "0123456789abcdef0123456789abcdef01234567"
 _RUN_IDS: Final = itertools.count(1)
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """The number of a workflow run, and its attempt, which counts from 1: "Re-run jobs" starts another one."""
+
+    number: int = field(default_factory=lambda: next(_RUN_IDS))
+    attempt: int = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +86,7 @@ class Machine:
         github: the context of that name.
         environment: what steps find in it: the job's own, and what steps have written to GITHUB_ENV.
         path: what goes before PATH, from GITHUB_PATH.
-        repository: what a checkout gives.
+        origin: the repository that a checkout fetches from.
         deadline: when the job is out of time, by the monotonic clock.
     """
 
@@ -90,11 +99,10 @@ class Machine:
     path: list[str] = field(default_factory=list)
     cache: CacheStore | None = None
     artifacts: ArtifactStore | None = None
-    repository: Path | None = None
+    origin: Path | None = None
     permissions: Permissions = field(default_factory=lambda: DEFAULT)
     deadline: float | None = None
     record: Record = field(default_factory=Record)
-    is_checked_out: bool = False
 
     @property
     def contexts(self) -> dict[str, Value]:
@@ -137,19 +145,29 @@ def is_for_fork(github: Mapping[str, Value]) -> bool:
     return github["event_name"] == "pull_request" and wanted not in {None, github["repository"]}
 
 
-def github_context(event_name: str, event: Mapping[str, Value], repository: str = "octocat/robots") -> Known:
+def github_context(
+    event_name: str,
+    event: Mapping[str, Value],
+    *,
+    sha: str | None = None,
+    run: Run | None = None,
+    repository: str = REPOSITORY,
+) -> Known:
     """The context `github` before there is a job, for the main branch or for the pull request 1."""
+    run = run or Run()
     owner, _, _ = repository.partition("/")
     merge = {"ref": "refs/pull/1/merge", "ref_name": "1/merge"} if event_name == "pull_request" else {}
     branches = {"head_ref": "change", "base_ref": "main"} if event_name.startswith("pull_request") else {}
-    run = {"run_id": str(next(_RUN_IDS)), "run_number": "1", "run_attempt": "1", "workflow": "", "job": ""}
+    numbers = {"run_id": str(run.number), "run_number": str(run.number), "run_attempt": str(run.attempt)}
     names = {"repository": repository, "repository_owner": owner, "actor": owner, "triggering_actor": owner}
     return Known(
         {
             "event_name": event_name,
             "event": event,
             "workspace": "",
-            "sha": _SHA,
+            "sha": sha or _SHA,
+            "workflow": "",
+            "job": "",
             "ref": "refs/heads/main",
             "ref_name": "main",
             "ref_type": "branch",
@@ -157,7 +175,7 @@ def github_context(event_name: str, event: Mapping[str, Value], repository: str 
             "base_ref": "",
             "server_url": "https://github.com",
             "api_url": "https://api.github.com",
-            **run,
+            **numbers,
             **names,
             **merge,
             **branches,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -16,14 +15,14 @@ import pytest
 from sim_action import __version__
 from tests.integration.github.artifacts import DOWNLOAD, UPLOAD
 from tests.integration.github.caching import RESTORE, SAVE
+from tests.integration.github.checkout import CHECK_OUT
 from tests.integration.github.composite import Action, run_composite
 from tests.integration.github.errors import StepFailed, UnsupportedFeature
 from tests.integration.github.machine import Machine
 from tests.integration.github.reporters import DORNY, ENRICOMI, MIKEPENZ
 from tests.integration.github.scripts import Finished
-from tests.integration.github.stand_in import NO_OUTPUTS, StandIn, boolean
+from tests.integration.github.stand_in import StandIn, boolean
 from tests.integration.github.steps import Use
-from tests.integration.github.stores import copy
 
 OWN_NAME: Final = "sim-action/sim-action"
 OWN_VERSION: Final = f"v{__version__.partition('.')[0]}"
@@ -86,34 +85,11 @@ def _set_up_python(machine: Machine, inputs: Mapping[str, str]) -> Mapping[str, 
     return {"python-path": str(base_python())}
 
 
-def _check_out(machine: Machine, inputs: Mapping[str, str]) -> Mapping[str, str]:
-    if not machine.repository:
-        raise UnsupportedFeature("a checkout outside a workflow run")
-    folder = machine.workspace
-    # As there: what was in the folder before does not survive.
-    shutil.rmtree(folder, ignore_errors=True)
-    folder.mkdir(parents=True)
-    for name in _tracked(machine.repository):
-        copy(machine.repository / name, folder / name)
-    machine.is_checked_out = True
-    return NO_OUTPUTS
-
-
-def _tracked(repository: Path) -> list[str]:
-    """What is in a repository: all of a plain folder, and of a work tree what git does not ignore."""
-    if not (repository / ".git").exists():
-        return [entry.name for entry in repository.iterdir()]
-    command = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
-    names = subprocess.run(command, cwd=repository, stdout=subprocess.PIPE, encoding="utf-8", check=True).stdout
-    return [name for name in names.split("\0") if name and (repository / name).exists()]
-
-
 _SET_UP_PYTHON: Final = StandIn(_set_up_python, required=("python-version",), defaults={"update-environment": "true"})
-_CHECK_OUT: Final = StandIn(_check_out, defaults={"persist-credentials": "true"})
 # The versions whose behaviour was looked up; another one is to be looked at before it is named here.
 _STAND_INS: Final[Mapping[str, StandIn]] = {
     "actions/setup-python@5fda3b95a4ea91299a34e894583c3862153e4b97": _SET_UP_PYTHON,
-    "actions/checkout@3d3c42e5aac5ba805825da76410c181273ba90b1": _CHECK_OUT,
+    "actions/checkout@3d3c42e5aac5ba805825da76410c181273ba90b1": CHECK_OUT,
     "actions/upload-artifact@043fb46d1a93c77aae656e7c1c64a875d1fc6a0a": UPLOAD,
     "actions/download-artifact@3e5f45b2cfb9172054b4087a40e8e0b5a5461e7c": DOWNLOAD,
     "actions/cache/restore@27d5ce7f107fe9357f9df03efb73ab90386fccae": RESTORE,

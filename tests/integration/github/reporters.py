@@ -34,7 +34,7 @@ class _Reporter:
     asks_git: bool = False
 
     def report(self, machine: Machine, inputs: Mapping[str, str]) -> Mapping[str, str]:
-        if self.asks_git and not machine.is_checked_out:
+        if self.asks_git and not (machine.workspace / ".git").exists():
             raise StepFailed(f"{self.name}: fatal: not a git repository")
         for scope in self.writes(inputs, machine):
             if not allows(machine.permissions, scope, "write"):

@@ -153,6 +153,19 @@ def test_what_is_not_known_is_refused(perform: Perform, text: str) -> None:
 
 def test_a_workflow_is_run_from_where_it_is(repository: Path, tmp_path: Path) -> None:
     file = tmp_path / "elsewhere.yml"
+    (repository / ".github/CODEOWNERS").touch()
     file.write_text(workflow(job("a", "ls -A") + f"      - uses: {CHECKOUT}\n      - run: ls -A\n"), encoding="utf-8")
     result = run_workflow(file, repository, temp=tmp_path / "run")
-    assert result.runs[0].log == ".github\n"
+    assert result.runs[0].log == ".git\n.github\n"
+
+
+def test_a_schedule_is_a_list_of_times(perform: Perform) -> None:
+    on = "on: {schedule: [{cron: '23 3 * * *'}, {cron: '5 4 * * 1', timezone: Europe/Berlin}], workflow_dispatch: }"
+    assert perform(workflow(job("a"), on), event_name="schedule").conclusion == "success"
+    with pytest.raises(UnsupportedFeature, match="corn"):
+        perform(workflow(job("a"), on.replace("cron", "corn")), event_name="schedule")
+
+
+def test_an_event_without_inputs_has_empty_ones(perform: Perform) -> None:
+    jobs = job("a", "echo '<${{ inputs.nothing }}>'", **{"if": "${{ !inputs.nothing }}"})
+    assert perform(workflow(jobs)).runs[0].log == "<>\n"

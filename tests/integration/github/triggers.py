@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from tests.integration.github.documents import mapping, one_or_more
+from tests.integration.github.documents import mapping, one_or_more, sequence
 from tests.integration.github.errors import UnsupportedFeature
 from tests.integration.github.expressions import evaluate
 from tests.integration.github.values import Known, Value, to_text
@@ -16,7 +16,6 @@ _KEYS: Final = {
     "pull_request": set[str](),
     "workflow_call": {"inputs", "outputs"},
     "workflow_dispatch": set[str](),
-    # Its times are a list: only what else starts the workflow is known here.
     "schedule": set[str](),
 }
 _INPUT_KEYS: Final = ("description", "default", "type")
@@ -27,6 +26,10 @@ def trigger(on: Value, event_name: str) -> Mapping[str, Value]:
     events = mapping(on, "on", _KEYS) if isinstance(on, Mapping) else dict.fromkeys(one_or_more(on))
     if event_name not in events:
         raise UnsupportedFeature(f"the event {event_name} does not start this workflow, but {', '.join(events)}")
+    if event_name == "schedule" and isinstance(on, Mapping):
+        for time in sequence(events["schedule"], "schedule"):
+            mapping(time, "schedule", {"cron", "timezone"})
+        return {}
     return mapping(events[event_name], event_name, _KEYS.get(event_name, ()))
 
 

@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Final
 
 from tests.integration.github import jobs, permissions
+from tests.integration.github.checkout import commit
 from tests.integration.github.documents import load, mapping, one_or_more, sequence
 from tests.integration.github.errors import UnsupportedFeature
 from tests.integration.github.expressions import Status, evaluate, evaluate_value, holds
 from tests.integration.github.jobs import Job, Shared, run_job
-from tests.integration.github.machine import github_context
+from tests.integration.github.machine import Run, github_context
 from tests.integration.github.permissions import Permissions, declared, limit
 from tests.integration.github.results import JobResult, JobRun, WorkflowResult
 from tests.integration.github.stores import ArtifactStore, CacheStore
@@ -36,6 +37,8 @@ def run_workflow(
     shared_temp: Path | None = None,
     variables: Mapping[str, str] | None = None,
     done: Mapping[str, JobResult] | None = None,
+    run: Run | None = None,
+    work: Path | None = None,
 ) -> WorkflowResult:
     """Runs a workflow file on an event. Raises UnsupportedFeature.
 
@@ -46,16 +49,26 @@ def run_workflow(
         shared_temp: RUNNER_TEMP of all jobs; left out, each job has a fresh one as it should.
         variables: in the environment of all jobs.
         done: jobs that are not run, because this is what became of them.
+        run: its number and attempt; left out, it has a new number.
+        work: the parent of the workspace of all jobs; left out, each job has a workspace of its own.
     """
+    origin = temp / "origin"
+    files = [file, *(repository / ".github/workflows").glob("*.y*ml")]
+    # Without a checkout, nothing finds out that there is no such commit.
+    is_needed = any("actions/checkout@" in one.read_text(encoding="utf-8") for one in files)
+    sha = commit(repository, origin) if is_needed else None
     shared = Shared(
         repository=repository,
+        origin=origin,
+        work=work,
         folder=temp / "jobs",
         cache=cache or CacheStore(temp / "caches"),
         artifacts=ArtifactStore(temp / "artifacts"),
         temp=shared_temp,
         variables=variables or {},
     )
-    workflow = _workflow(shared, file, github_context(event_name, event or {}), event_name, given={})
+    github = github_context(event_name, event or {}, sha=sha, run=run)
+    workflow = _workflow(shared, file, github, event_name, given={})
     workflow.results.update(done or {})
     workflow.run()
     return WorkflowResult(workflow.conclusion, workflow.results, shared.artifacts.folder)
@@ -74,7 +87,7 @@ class _Workflow:
     document: Mapping[str, Value]
     started_by: Mapping[str, Value]
     github: Known
-    inputs: Known
+    inputs: Mapping[str, Value]
     granted: Permissions | None
     results: dict[str, JobResult] = field(default_factory=dict)
 
@@ -171,7 +184,8 @@ def _workflow(
     started_by = trigger(document.get("on"), event_name)
     name = to_text(github["workflow"]) or to_text(document.get("name", f".github/workflows/{file.name}"))
     known = Known({**github, "workflow": name})
-    inputs = resolved_inputs(started_by.get("inputs"), given, known)
+    # On another event there are no inputs, and each is null.
+    inputs = resolved_inputs(started_by.get("inputs"), given, known) if event_name == "workflow_call" else {}
     return _Workflow(shared, document, started_by, known, inputs, granted)
 
 
