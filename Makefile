@@ -126,9 +126,9 @@ bench: $(VENV)/.dev viewer ## ratios against the raw engine; what cannot be meas
 fuzz: $(VENV)/.dev ## a quarter of an hour of scenarios, models and other files that nobody has written
 	$(BIN)/python -m tests.fuzz
 
-# Arguments: FILE; EVENT, such as pull_request.
+# Arguments: FILE; EVENT, such as pull_request; RERUN=1 for the next attempt of the last run.
 workflow: $(VENV)/.dev ## run a workflow of any repository on this machine, as GitHub would
-	@$(BIN)/python -m tests.integration.github $(FILE) --event $(or $(EVENT),push) --folder .workflow_cache
+	@$(BIN)/python -m tests.integration.github $(FILE) --event $(or $(EVENT),push) --folder .workflow_cache $(if $(RERUN),--rerun)
 
 # Arguments: SAMPLE, how many; SEED, which ones.
 mutants: $(VENV)/.dev viewer ## change lines of sim_action at random, and list the changes that no test notices
