@@ -22,7 +22,8 @@ from typing import Final
 
 from sim_action.cli.main import call, leave
 from sim_action.core.errors import ExitCode
-from sim_action.core.wording import escaped_line
+from sim_action.core.files import similar_path
+from sim_action.core.wording import escaped_line, shown, system_reason
 from sim_action.reports.github.annotations import complaint
 
 TRUE_OR_FALSE: Final = ("true", "false")
@@ -194,8 +195,14 @@ def enter(folder: str) -> None:
         if found := _left_workspace(folder, os.environ.get("GITHUB_WORKSPACE", "")):
             raise InputError(f"the input working-directory {found}; name a folder of the workspace")
         os.chdir(folder)
+    except FileNotFoundError:
+        hint = similar_path(Path(folder)) or "; name a folder that is checked out, from its top"
+        raise InputError(f"the input working-directory: there is no folder {shown(folder)}{hint}") from None
+    except NotADirectoryError:
+        raise InputError(f"the input working-directory: {shown(folder)} is a file; name a folder") from None
     except (OSError, ValueError) as error:
-        raise InputError(f"the input working-directory names no folder that can be entered: {error}") from None
+        reason = f"{shown(folder)} cannot be entered: {system_reason(error)}"
+        raise InputError(f"the input working-directory: {reason}") from None
 
 
 def _left_workspace(folder: str, workspace: str) -> str | None:

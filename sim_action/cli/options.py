@@ -13,7 +13,7 @@ from click.core import ParameterSource
 
 from sim_action.cli.bounds import Bounded
 from sim_action.core.errors import ExitCode, UsageError
-from sim_action.core.wording import escaped_line, log_line, note, shown, warn
+from sim_action.core.wording import escaped_line, log_line, nearest, note, shown, warn
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -67,6 +67,11 @@ def code_permissions(flags: dict[str, Any], folders: Iterable[Path] = ()) -> Per
     from sim_action.core.permissions import Permissions, checked_names, scripts_refused
 
     names = checked_names(flags.pop("pass_env"))
+    for name in names:
+        if name not in os.environ:
+            near = nearest(name, sorted(os.environ))
+            hint = "" if near is None else f"did you mean '{near}'? Otherwise "
+            warn(f"--pass-env {name}: this variable is not set; {hint}set it, on GitHub with 'env:' of the step")
     refused = scripts_refused(flags.pop("allow_scripts"), os.environ, (Path.cwd(), *folders))
     return Permissions(scripts_refused=refused, pass_env=names)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final
@@ -185,8 +185,16 @@ _MISSING: Final = re.compile(
 
 def missing_variable(text: str, named: Collection[str] = ()) -> str | None:
     """Return the variable that an error of code is about, if it exists but code does not see it."""
-    names = (match[match.lastgroup] for match in _MISSING.finditer(text) if match.lastgroup)
-    return next((name for name in names if _is_withheld(name, named)), None)
+    return next((name for name in _missing(text) if _is_withheld(name, named)), None)
+
+
+def unset_variable(text: str, named: Collection[str]) -> str | None:
+    """Return the variable that an error of code is about, if the caller names it but it does not exist."""
+    return next((name for name in _missing(text) if name in named and name not in os.environ), None)
+
+
+def _missing(text: str) -> Iterator[str]:
+    return (match[match.lastgroup] for match in _MISSING.finditer(text) if match.lastgroup)
 
 
 def _is_withheld(name: str, named: Collection[str]) -> bool:

@@ -14,6 +14,10 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO, Final
 
+from sim_action.core.wording import nearest, shown
+
+_ENDING: Final = re.compile(r"(\.sim)?\.ya?ml$")
+
 
 def read_at_most(path: Path, most: int) -> bytes | None:
     """Return the content of a file, or None if it has more than `most` bytes; links are followed. Raise OSError."""
@@ -83,3 +87,23 @@ def append_whole(path: Path, data: bytes) -> None:
                 with suppress(OSError):
                     file.truncate(status.st_size)
             raise
+
+
+def similar_path(path: Path, endings: tuple[str, ...] = ()) -> str:
+    """Return a hint at an existing name similar to the first part of `path` that is missing; empty if there is none.
+
+    The name is that of a folder, or of a file with one of `endings`. Hidden ones are left out.
+    """
+    missing = path
+    while missing.parent != missing and not os.path.exists(missing.parent):  # noqa: PTH110 - a folder that may not be entered counts as missing
+        missing = missing.parent
+    wanted = endings if missing == path else ()
+    try:
+        with os.scandir(missing.parent) as entries:
+            names = sorted(each.name for each in entries if each.is_dir() or each.name.endswith(wanted))
+    except OSError:
+        return ""
+    # With their endings, all names would be similar.
+    by_stem = {_ENDING.sub("", name): name for name in names if not name.startswith(".")}
+    near = nearest(_ENDING.sub("", missing.name), by_stem)
+    return "" if near is None else f"; did you mean {shown((missing.parent / by_stem[near]).as_posix())}?"

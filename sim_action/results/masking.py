@@ -9,13 +9,13 @@ from __future__ import annotations
 import gzip
 import json
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, Self, TypeVar
 
-from sim_action.core.child_environment import missing_variable
+from sim_action.core.child_environment import missing_variable, unset_variable
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.files import whole_file
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
@@ -128,7 +128,13 @@ class Mask:
             return expected
         return _changed(expected, verdict=replace(verdict, message=f"{verdict.message}; {hint}"))
 
-    def _hint(self, texts: Iterable[str], *, states: bool) -> str | None:
+    def _hint(self, texts: Collection[str], *, states: bool) -> str | None:
+        unset = next((name for text in texts if (name := unset_variable(text, self.names)) is not None), None)
+        if unset is not None:
+            return (
+                f"--pass-env (input pass-env of the action) names the variable {unset}, but it is not set; "
+                "set it before sim-action starts, on GitHub with 'env:' of the step"
+            )
         missing = next((name for text in texts if (name := missing_variable(text, self.names)) is not None), None)
         if missing is None:
             return None

@@ -7,7 +7,6 @@ file.
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Iterable, Iterator
 from collections.abc import Set as AbstractSet
 from dataclasses import replace
@@ -18,7 +17,7 @@ from typing import Final
 from sim_action.core.discovery import SUFFIXES, file_name
 from sim_action.core.errors import InternalError, InvalidScenario, Location, MissingScenario, Problem
 from sim_action.core.field_types import is_title
-from sim_action.core.files import read_at_most
+from sim_action.core.files import read_at_most, similar_path
 from sim_action.core.permissions import Permissions
 from sim_action.core.wording import escaped_line, nearest, shown
 from sim_action.core.workspace import PathError, Workspace, path_problem
@@ -36,7 +35,6 @@ MAX_SCENARIOS: Final = 1_000
 # Number of values; shared values count for each scenario.
 _MAX_WRITTEN_OUT: Final = 1_000_000
 
-_ENDING: Final = re.compile(r"(\.sim)?\.ya?ml$")
 _NOTHING: Final = "a scenario starts with 'name:', 'robot:', 'expect:' and 'time_limit:'"
 
 
@@ -230,7 +228,7 @@ def _text(path: Path, name: str, named_at: Location | None) -> str:
         data = read_at_most(path, MAX_BYTES)
     except (FileNotFoundError, NotADirectoryError):
         place = "" if named_at else " on the command line, or in the input of the action"
-        hint = _similar(path)
+        hint = similar_path(path, SUFFIXES)
         message = f"there is no file or folder '{name}'{f'{hint} Correct' if hint else '; correct'} the path{place}"
         raise MissingScenario([Problem(named_at or where, escaped_line(message))]) from None
     except OSError as error:
@@ -244,26 +242,3 @@ def _text(path: Path, name: str, named_at: Location | None) -> str:
         where = location_after(name, data[: error.start].decode("utf-8"))
         message = f"the byte 0x{data[error.start]:02x} is not UTF-8 text; save the file as UTF-8"
         raise InvalidScenario([Problem(where, message)]) from None
-
-
-def _similar(path: Path) -> str:
-    """Return a hint at an existing folder or scenario file with a name similar to the first part that is missing."""
-    missing = path
-    while not os.path.exists(missing.parent):  # noqa: PTH110 - a folder that may not be entered counts as missing
-        missing = missing.parent
-    try:
-        with os.scandir(missing.parent) as entries:
-            names = sorted(each.name for each in entries if _may_be_meant(each, folder=missing != path))
-    except OSError:
-        return ""
-    # With their endings, all names would be similar.
-    by_stem = {_ENDING.sub("", name): name for name in names}
-    near = nearest(_ENDING.sub("", missing.name), by_stem)
-    return "" if near is None else f"; did you mean '{file_name(missing.parent / by_stem[near])}'?"
-
-
-def _may_be_meant(entry: os.DirEntry[str], *, folder: bool) -> bool:
-    """Return True for a folder and, unless only a folder is possible, for a scenario file; hidden ones are left out."""
-    if entry.name.startswith("."):
-        return False
-    return entry.is_dir() or (not folder and entry.name.endswith(SUFFIXES))

@@ -226,8 +226,28 @@ def test_working_directory_is_a_folder(folder: str, tmp_path: Path, monkeypatch:
     monkeypatch.setenv("GITHUB_WORKSPACE", str(tmp_path))
     (tmp_path / "loop").symlink_to("loop")
     (tmp_path / "a.txt").touch()
-    with pytest.raises(InputError, match="working-directory"):
+    with pytest.raises(InputError, match="working-directory") as raised:
         enter(folder)
+    assert "Errno" not in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("folder", "reason"),
+    [
+        ("sim", "there is no folder 'sim'; did you mean 'simu'?"),
+        ("elsewhere", "there is no folder 'elsewhere'; name a folder that is checked out, from its top"),
+        ("a.txt", "'a.txt' is a file; name a folder"),
+    ],
+)
+def test_a_missing_working_directory_is_reported_with_the_nearest_folder(
+    folder: str, reason: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "simu").mkdir()
+    (tmp_path / "a.txt").touch()
+    with pytest.raises(InputError) as raised:
+        enter(folder)
+    assert str(raised.value) == f"the input working-directory: {reason}"
 
 
 @pytest.mark.parametrize("is_named_through_a_link", [False, True])

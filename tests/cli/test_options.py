@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from sim_action.cli.main import call
-from sim_action.cli.options import asked_model, named_packages
+from sim_action.cli.options import asked_model, code_permissions, named_packages
 from sim_action.cli.run import _OF_RUNS, run
 from sim_action.core.errors import UsageError
 from sim_action.reports import ReportRequest
@@ -173,3 +173,18 @@ def test_a_model_that_is_code_is_refused_where_code_is() -> None:
         asked_model("a.xacro", {**flags(), "allow_scripts": "false"})
     assert asked_model("a.urdf", {**flags(), "allow_scripts": "false"})[1].pass_env == ()
     assert asked_model("a.xacro", {**flags(), "pass_env": ("B", "A")})[1].pass_env == ("A", "B")
+
+
+def test_a_passed_variable_that_is_not_set_is_a_warning(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("ROBOT_MAP_URL", "the value")
+    for name in ("ROBOT_MAP_URI", "QQ_XX"):
+        monkeypatch.delenv(name, raising=False)
+    names = ("ROBOT_MAP_URL", "ROBOT_MAP_URI", "QQ_XX")
+    assert code_permissions({"allow_scripts": "true", "pass_env": names}).pass_env == tuple(sorted(names))
+    assert capsys.readouterr().err == (
+        "sim-action: warning: --pass-env QQ_XX: this variable is not set; set it, on GitHub with 'env:' of the step\n"
+        "sim-action: warning: --pass-env ROBOT_MAP_URI: this variable is not set; did you mean 'ROBOT_MAP_URL'? "
+        "Otherwise set it, on GitHub with 'env:' of the step\n"
+    )

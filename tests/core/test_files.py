@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.core.files import append_whole, open_regular, read_at_most, whole_file
+from sim_action.core.files import append_whole, open_regular, read_at_most, similar_path, whole_file
 
 
 def test_a_file_is_read(tmp_path: Path) -> None:
@@ -138,3 +138,24 @@ def test_an_append_that_fails_halfway_leaves_the_file_as_it_was(tmp_path: Path) 
 def test_an_append_to_a_full_device_is_an_error() -> None:
     with pytest.raises(OSError, match="No space left on device"):
         append_whole(Path("/dev/full"), b"x")
+
+
+@pytest.mark.parametrize(
+    ("missing", "endings", "hint"),
+    [
+        ("simulatoin", (), "; did you mean 'simulation'?"),
+        ("simulations/a/b.sim.yml", (".sim.yml",), "; did you mean 'simulation'?"),
+        ("simulation/delivr.sim.yml", (".sim.yml",), "; did you mean 'simulation/deliver.sim.yml'?"),
+        ("simulation/delivr.sim.yml", (), ""),
+        ("simulation/deliver.sim.yml/x", (), ""),
+        ("simulation/hiden", (), ""),
+        ("elsewhere", (), ""),
+    ],
+)
+def test_a_missing_path_has_a_hint_at_a_similar_one(
+    missing: str, endings: tuple[str, ...], hint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("simulation/.hidden").mkdir(parents=True)
+    Path("simulation/deliver.sim.yml").touch()
+    assert similar_path(Path(missing), endings) == hint

@@ -114,6 +114,19 @@ def test_a_missing_variable_is_explained(message: str, monkeypatch: pytest.Monke
     assert "environment:" not in failure.message
 
 
+@pytest.mark.parametrize("message", MESSAGES)
+def test_a_variable_that_is_passed_but_not_set_is_explained(message: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    mask = Mask.of({}, ("MAP_URL",))
+    (failure,) = mask.outcome(outcome(message)).failures
+    assert failure.message == (
+        f"{message}; --pass-env (input pass-env of the action) names the variable MAP_URL, but it is not set; "
+        "set it before sim-action starts, on GitHub with 'env:' of the step"
+    )
+    monkeypatch.setenv("MAP_URL", "x")
+    (failure,) = mask.outcome(outcome(message)).failures
+    assert failure.message == message
+
+
 def test_another_key_is_no_variable(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH_OF_MINE", "x")
     for message in ("KeyError: 'left'", "KeyError: 'PATH'", "KeyError: 3", "PATH_OF_MINE is mentioned"):

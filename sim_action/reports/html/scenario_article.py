@@ -138,7 +138,12 @@ def _failure_section(failure: Failure, options: ReportOptions) -> Html:
 
 def _missed_section(expected: ExpectationOutcome) -> Html:
     verdict = expected.verdict
-    cut = "Not decided: the run ended first." if verdict.cut_off else ""
+    word = STATUS_DISPLAYS[expected.status].word
+    cut = (
+        f"It counts as {word}: another expectation ended the run before this one was decided."
+        if verdict.cut_off
+        else ""
+    )
     return element(
         "section",
         element("h3", expected.name, element("small", " · a warning") if expected.warned else ""),
