@@ -1,7 +1,7 @@
-"""Inspect a xacro model in a process of its own, with the time and memory limits of a scenario.
+"""Inspect a xacro or MJCF model in a process of its own, with the time and memory limits of a scenario.
 
-xacro evaluates code of strangers and may never end. The process answers on its standard output and is killed at the
-time limit. Memory is limited on Linux only.
+xacro evaluates code of strangers and may never end; MuJoCo needs minutes for some small files. The process answers on
+its standard output and is killed at the time limit. Memory is limited on Linux only.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ class _Answer(FrozenModel):
 def inspect_apart(
     robot: Robot, workspace: Workspace, seconds: float = WALL_SECONDS, memory: int = MEMORY
 ) -> Inspection:
-    """Inspect a model; xacro is limited to `seconds` of wall time and `memory` bytes. Raises ModelError."""
-    if not robot.is_xacro:
+    """Inspect a model; xacro and MJCF are limited to `seconds` of wall time and `memory` bytes. Raises ModelError."""
+    if not (robot.is_xacro or robot.is_mjcf):
         return inspect_model(robot, workspace)
     answer = _asked(robot, workspace, seconds, memory)
     if answer.refused:
@@ -58,13 +58,13 @@ def _asked(robot: Robot, workspace: Workspace, seconds: float, memory: int) -> _
             _CALL, input=task, stdout=subprocess.PIPE, stderr=quiet, timeout=seconds, env=variables, check=False
         )
     except subprocess.TimeoutExpired:
-        message = (
-            f"{robot.model}: the evaluation was stopped after {seconds:g} s; check the file for an endless recursion"
-        )
-        raise ModelError(message) from None
+        found, remedy = "reading it", "simplify the model, or reduce the counts of <replicate>"
+        if robot.is_xacro:
+            found, remedy = "the evaluation", "check the file for an endless recursion"
+        raise ModelError(f"{robot.model}: {found} was stopped after {seconds:g} s; {remedy}") from None
     if ended.returncode or not ended.stdout:
         code = ended.returncode
-        raise ModelError(f"{robot.model}: the process that evaluated it ended with exit code {code} without a result")
+        raise ModelError(f"{robot.model}: the process that read it ended with exit code {code} without a result")
     return _Answer.model_validate_json(ended.stdout)
 
 
@@ -87,7 +87,9 @@ def _looked(robot: Robot, workspace: Workspace, memory: int) -> _Answer:
     except ModelError as error:
         return _Answer(refused=str(error))
     except MemoryError:
-        return _Answer(refused=f"{robot.model}: its evaluation needs more than {memory / 2**30:.4g} GiB of memory")
+        return _Answer(
+            refused=f"{robot.model}: reading it needs more than {memory / 2**30:.4g} GiB of memory; simplify it"
+        )
     except Exception:  # noqa: BLE001 - the parent reports a fault of sim-action
         return _Answer(fault=traceback.format_exc())
 

@@ -9,6 +9,7 @@ from typing import Final
 
 import pytest
 
+from sim_action.scenario.model import MEMORY
 from tests.integration.conftest import sim_action
 
 MODEL: Final = """\
@@ -33,15 +34,30 @@ from sim_action.robot.spec import Robot
 here = Path.cwd()
 try:
     seconds = float(sys.argv[1])
-    print(inspect_apart(Robot(model="bot.xacro"), Workspace(here, here), seconds=seconds, memory=1 << 29).mass)
+    memory = int(sys.argv[3])
+    print(inspect_apart(Robot(model=sys.argv[2]), Workspace(here, here), seconds=seconds, memory=memory).mass)
 except ModelError as error:
     sys.exit(str(error))
 """
 
 
+MJCF: Final = """\
+<mujoco><worldbody><body name="base"><geom size="0.1" mass="2"/>
+  <replicate count="{count}" offset="1 0 0"><replicate count="200" offset="0 1 0">
+    <geom size="0.1" mass="0"/>
+  </replicate></replicate></body></worldbody></mujoco>
+"""
+
+
 def looked(folder: Path, value: str, seconds: float = 60) -> subprocess.CompletedProcess[str]:
-    (folder / "bot.xacro").write_text(MODEL.format(value=value))
-    call = [sys.executable, "-c", CALLER, str(seconds)]
+    return inspected(folder, "bot.xacro", MODEL.format(value=value), seconds, memory=1 << 29)
+
+
+def inspected(
+    folder: Path, name: str, text: str, seconds: float, memory: int = MEMORY
+) -> subprocess.CompletedProcess[str]:
+    (folder / name).write_text(text)
+    call = [sys.executable, "-c", CALLER, str(seconds), name, str(memory)]
     return subprocess.run(call, cwd=folder, capture_output=True, text=True, check=False)
 
 
@@ -60,6 +76,22 @@ def test_what_takes_too_much_memory_is_told(tmp_path: Path) -> None:
     found = looked(tmp_path, "${len('a' * 10**10)}")
     assert found.returncode == 1
     assert "bot.xacro:5: out of memory" in found.stderr
+
+
+def test_mjcf_is_limited_too(tmp_path: Path) -> None:
+    """MuJoCo needs more than a minute for 200 x 200 shapes."""
+    found = inspected(tmp_path, "bot.xml", MJCF.format(count=1), 60)
+    assert (found.returncode, found.stdout, found.stderr) == (0, "2.0\n", "")
+    found = inspected(tmp_path, "bot.xml", MJCF.format(count=200), 1)
+    message = "bot.xml: reading it was stopped after 1 s; simplify the model, or reduce the counts of <replicate>\n"
+    assert (found.returncode, found.stderr) == (1, message)
+
+
+def test_the_command_says_what_is_wrong_with_mjcf(tmp_path: Path) -> None:
+    (tmp_path / "bot.xml").write_text("<mujoco>\n<worldbody><body><geom size='-1'/></body></worldbody></mujoco>")
+    refused = sim_action(tmp_path, "inspect", "bot.xml")
+    assert (refused.returncode, refused.stdout) == (2, "")
+    assert refused.stderr.startswith("sim-action: bot.xml:2: ")
 
 
 def test_the_command_says_what_it_would_say_of_urdf(tmp_path: Path) -> None:
