@@ -8,7 +8,7 @@ import pytest
 
 from sim_action.core.errors import InvalidScenario
 from sim_action.core.permissions import Permissions
-from sim_action.core.workspace import Workspace
+from sim_action.core.workspace import OUTSIDE_REMEDY, Workspace
 from sim_action.robot.loading import load_model
 from sim_action.robot.spec import Robot
 from sim_action.scenario.loading import load_scenario
@@ -178,9 +178,7 @@ def test_a_link_that_leads_outside_and_the_option_that_lifts_it(tmp_path: Path) 
     commands = LEAST[LEAST.index("commands") : LEAST.index("expect")]
     for model in ("link.urdf", "../outside.urdf"):
         text = LEAST.replace("turtlebot3_burger", model).replace(commands, "")
-        assert only(root, text) == (
-            f"3:3: robot.model: '{model}' is outside the workspace {root}; allow it with --allow-outside"
-        )
+        assert only(root, text) == (f"3:3: robot.model: '{model}' is outside the workspace {root}; {OUTSIDE_REMEDY}")
         assert load_scenario(root / "s.sim.yml", Permissions(outside=True)).scenario.robot.model == model
 
 

@@ -6,11 +6,19 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path, PurePath
+from typing import Final
 
 
 def is_of_git(path: PurePath) -> bool:
     """Return True if a path leads into a folder of git; some systems do not distinguish `.git` and `.GIT`."""
     return any(part.casefold() == ".git" for part in path.parts)
+
+
+OUTSIDE_REMEDY: Final = (
+    "allow it with --allow-outside (in the action: move it into the repository, or name its package with the input "
+    "packages)"
+)
+"""The end of a message about a file outside the workspace."""
 
 
 class PathError(ValueError):
@@ -66,7 +74,7 @@ class Workspace:
             if file.is_relative_to(root):
                 left = next(_left_folders(place, root, here), None) if root != place else None
             if left is not None:
-                raise PathError(f"is a link to {file}, outside the workspace {left}; allow it with --allow-outside")
+                raise PathError(f"is a link to {file}, outside the workspace {left}; {OUTSIDE_REMEDY}")
         return cls(file.parent, root, allow_outside, updates_golden, pass_env, packages)
 
     def file(self, path: str) -> Path:
@@ -130,7 +138,7 @@ class Workspace:
         except (OSError, ValueError, RuntimeError) as error:  # too long, a NUL in it, links in a circle
             raise PathError(f"{path!r} is not a valid path: {path_problem(error)}") from None
         if refusal := self.refusal(found):
-            remedy = "name another file" if found.is_relative_to(self.root) else "allow it with --allow-outside"
+            remedy = "name another file" if found.is_relative_to(self.root) else OUTSIDE_REMEDY
             raise PathError(f"'{path}' {refusal}; {remedy}")
         if not is_file and not is_folder:
             reason = "is not a regular file" if found.exists() else "does not exist"

@@ -21,7 +21,7 @@ from typing import Final
 from urllib.parse import unquote
 
 from sim_action.core.wording import FirstFew, nearest
-from sim_action.core.workspace import Workspace, path_problem
+from sim_action.core.workspace import OUTSIDE_REMEDY, Workspace, path_problem
 from sim_action.robot.package_search import (
     MODEL_VARIABLES,
     PACKAGE_FILE,
@@ -204,7 +204,7 @@ class Packages:
 
     def _outside(self, what: str, found: Path, advice: str = "") -> PackageError:
         where = f"{self.workspace.refusal(found)} (it is {found})"
-        lifted = "name another file" if found.is_relative_to(self.workspace.root) else "allow it with --allow-outside"
+        lifted = "name another file" if found.is_relative_to(self.workspace.root) else OUTSIDE_REMEDY
         return PackageError("outside-workspace", f"{what} {where}; {lifted}{advice}")
 
     def _missing(self, kind: str, name: str, here: Path, variables: Iterable[str]) -> PackageError:

@@ -9,6 +9,7 @@ import pytest
 
 from sim_action.core.errors import InvalidScenario, Location, MissingScenario
 from sim_action.core.permissions import Permissions
+from sim_action.core.workspace import OUTSIDE_REMEDY
 from sim_action.results.outcome import Outcome
 from sim_action.scenario.files import MAX_BASES, MAX_SCENARIOS, read_file
 from sim_action.scenario.loading import build_scene, load_all, load_scenario
@@ -100,8 +101,8 @@ def test_a_built_in_robot_of_a_base_in_another_folder_stays_that(
         ),
         ("a.sim.yml", "the files extend each other in a circle: a.sim.yml -> a.sim.yml"),
         ("loop.base.yml", "the files extend each other in a circle: a.sim.yml -> loop.base.yml -> a.sim.yml"),
-        ("/etc/hostname", "'/etc/hostname' is outside the workspace {folder}; allow it with --allow-outside"),
-        ("../x.base.yml", "'../x.base.yml' is outside the workspace {folder}; allow it with --allow-outside"),
+        ("/etc/hostname", "'/etc/hostname' is outside the workspace {folder}; " + OUTSIDE_REMEDY),
+        ("../x.base.yml", "'../x.base.yml' is outside the workspace {folder}; " + OUTSIDE_REMEDY),
         ("[b.base.yml]", "expected the path of one file, found a list of 1"),
         (".", "'.' is a folder, not a file (looked for {folder})"),
         ("", "expected the path of one file, found nothing"),
