@@ -333,7 +333,7 @@ def test_spaces_may_be_written_as_in_addresses(ros: RosWorkspace) -> None:
         (
             "file:///etc/passwd",
             "outside-workspace",
-            "with --allow-outside; better: a path relative to the referring file, or package://",
+            r"with --allow-outside .* packages\); better: a path relative to the referring file, or package://",
         ),
         ("/etc/passwd", "outside-workspace", "or package://, works on every machine$"),
         ("link.stl", "outside-workspace", "is outside"),
