@@ -387,7 +387,7 @@ class Outcome(FrozenModel):
     def of_nothing(cls, pattern: str) -> Outcome:
         """Return the outcome for a path or pattern on the command line that matches no scenario."""
         name = escaped_line(pattern)
-        problem = Problem(Location(name), "no scenario found here; correct the path or remove it")
+        problem = Problem(Location(name), f"no scenario found at '{name}'; correct the path or remove it")
         return cls.of_invalid(name, MissingScenario([problem]))
 
     @classmethod

@@ -257,7 +257,7 @@ def test_a_pattern_that_finds_nothing_is_no_pass(tmp_path: Path) -> None:
     ran = sim_action(tmp_path, "run", "a.sim.yml", "nope*.sim.yml")
     assert ran.returncode == 2
     assert "1 passed, 1 error" in ran.stdout
-    assert "no scenario found here" in ran.stdout
+    assert "no scenario found at 'nope*.sim.yml'; correct the path" in ran.stdout
     assert sim_action(tmp_path, "validate", "a.sim.yml", "nope*.sim.yml").returncode == 2
 
 

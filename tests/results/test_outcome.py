@@ -41,6 +41,7 @@ def test_what_was_named_and_holds_nothing_is_invalid() -> None:
     assert (made.file, made.location, made.exit_code) == ("no\\npe*", None, ExitCode.INVALID)
     (failure,) = made.failures
     assert (failure.title, failure.location) == ("not found", None)
+    assert failure.message == "no scenario found at 'no\\npe*'; correct the path or remove it"
 
 
 def test_a_missing_file_has_no_place_but_the_key_that_names_it_may_have_one() -> None:
