@@ -168,7 +168,8 @@ class RunKeys:
             "replays": options.replays,
             "folder": str(Path.cwd()),
             "sim-action": _source_digest(Path(sim_action.__file__).parent),
-            "python": [sys.version, sys.flags.optimize, sys.executable],
+            # A virtual environment may lie in another folder each time; its packages are compared.
+            "python": [sys.version, sys.flags.optimize, os.path.realpath(sys.executable)],
             "machine": [sys.platform, platform.machine(), *platform.libc_ver(), cpu_model()],
             "packages": _packages(),
         }

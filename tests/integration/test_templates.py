@@ -64,7 +64,8 @@ def run_template(repository: Path, tmp_path: Path, runner_temp: Path) -> RunTemp
         assert changed[0] in text
         target.write_text(text.replace(*changed), encoding="utf-8")
         folder = tmp_path / f"run {len(list(tmp_path.iterdir()))}"
-        return run_workflow(target, repository, temp=folder, shared_temp=runner_temp, **options)  # type: ignore[arg-type]  # passed on as given
+        given: dict[str, object] = {"shared_temp": runner_temp, **options}
+        return run_workflow(target, repository, temp=folder, **given)  # type: ignore[arg-type]  # passed on as given
 
     return run
 
@@ -124,7 +125,9 @@ def test_the_nightly_run_finds_what_is_flaky(run_template: RunTemplate, reposito
     assert "4 identical runs" in result.jobs["repeats"].summary
 
 
-def test_a_second_attempt_resumes_the_first(run_template: RunTemplate, repository: Path, tmp_path: Path) -> None:
+def test_a_second_attempt_resumes_the_first(
+    run_template: RunTemplate, repository: Path, tmp_path: Path, runner_temp: Path
+) -> None:
     (repository / "simulation/d.sim.yml").unlink()
     # Both attempts have the same commit. A controller that raises an error leaves no verdict, as a cancelled run does.
     write(repository / "simulation/c.sim.yml", FLAKY)
@@ -132,7 +135,9 @@ def test_a_second_attempt_resumes_the_first(run_template: RunTemplate, repositor
     shared = {"cache": CacheStore(tmp_path / "caches"), "work": tmp_path / "work"}
     first = run_template("resume", run=Run(5, 1), **shared)
     assert "0 of 3 scenarios taken over from the earlier run" in first.jobs["simulation"].summary
-    second = run_template("resume", run=Run(5, 2), **shared)
+    # The packages lie elsewhere, as on the fresh machine of a second attempt.
+    (tmp_path / "another temp").symlink_to(runner_temp)
+    second = run_template("resume", run=Run(5, 2), shared_temp=tmp_path / "another temp", **shared)
     assert second.conclusion == "failure"
     assert "2 of 3 scenarios taken over from the earlier run" in second.jobs["simulation"].summary
 

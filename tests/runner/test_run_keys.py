@@ -234,6 +234,17 @@ def test_software_and_machine_count(part: str, monkeypatch: pytest.MonkeyPatch) 
     assert key() != before
 
 
+def test_the_place_of_a_virtual_environment_does_not_count(
+    tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before, place = native(), tmp_path_factory.mktemp("environment") / "python"
+    place.symlink_to(sys.executable)
+    monkeypatch.setattr(sys, "executable", str(place))
+    assert native() == before
+    monkeypatch.setattr(sys, "executable", str(place.with_name("another")))
+    assert native() != before
+
+
 def test_the_build_of_the_engine_counts(monkeypatch: pytest.MonkeyPatch) -> None:
     before = key()
     found = engine_provenance("auto")
