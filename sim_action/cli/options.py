@@ -361,9 +361,11 @@ def asked_model(model: str, flags: dict[str, Any]) -> tuple[Robot, Workspace]:
     packages = named_packages(flags["packages"])
     # As typed: the result shows them as keys of a scenario.
     mapped = _pairs("--package", flags["packages"], "NAME=FOLDER")
-    robot = Robot(model=model, args=_pairs("--arg", flags["args"], "NAME=VALUE"), packages=mapped)
-    if robot.args and not robot.is_xacro:
-        raise UsageError(escaped_line(f"--arg needs a xacro file, and {shown(model)} is not one; remove it"))
+    robot = Robot(model=model, packages=mapped)
+    if arguments := _pairs("--arg", flags["args"], "NAME=VALUE"):
+        if not robot.is_xacro:
+            raise UsageError(escaped_line(f"--arg needs a xacro file, and {shown(model)} is not one; remove it"))
+        robot = Robot(model=model, args=arguments, packages=mapped)
     permissions = code_permissions(flags)
     if robot.is_xacro:
         permissions.require_scripts(f"{shown(model)} is xacro, which runs code")
