@@ -14,6 +14,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -159,7 +160,7 @@ def _side_by_side(
     for _ in range(_ROUNDS):
         for way, call in ways.items():
             try:
-                took.setdefault(way, []).append(_timed(lambda call=call: call(machine)))  # type: ignore[misc]
+                took.setdefault(way, []).append(_timed(partial(call, machine)))
             except subprocess.CalledProcessError as error:
                 reasons[way] = (error.stderr.decode("utf-8", "replace").strip().splitlines() or ["it failed"])[-1]
     [ours, *_] = ways

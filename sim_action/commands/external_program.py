@@ -195,7 +195,7 @@ def find_program(word: str, workspace: Workspace) -> Path:
     on_path = shutil.which(word)
     if on_path is None:
         beside = workspace.directory / word
-        # A name that is too long is no file either.
-        hint = f"; for the file next to the scenario, write './{word}'" if os.path.isfile(beside) else ""  # noqa: PTH113
+        is_beside = os.path.isfile(beside)  # noqa: PTH113 - a name that is too long is no file
+        hint = f"; for the file next to the scenario, write './{word}'" if is_beside else ""
         raise PathError(f"program {shown(word)} was not found on PATH{hint}")
     return Path(on_path).absolute()

@@ -62,7 +62,7 @@ def test_the_name_of_the_system_starts_no_program(tmp_path: Path, monkeypatch: p
     def refuse(*_: object, **__: object) -> None:
         raise AssertionError("a program was started")
 
-    platform._uname_cache = None  # type: ignore[attr-defined]
+    platform._uname_cache = None  # type: ignore[attr-defined] # private: the module keeps the name after its first use
     monkeypatch.setattr(subprocess, "Popen", refuse)
     monkeypatch.setattr(provenance_module, "_CPU_INFO", tmp_path / "missing")
     assert platform_name()

@@ -175,11 +175,12 @@ def test_cut_refuses_an_old_version_and_nothing_to_release(root: Path) -> None:
 def test_this_changelog_can_be_cut(tmp_path: Path) -> None:
     changelog = (release.ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     unreleased = next(section for section in sections(changelog) if section.name == "Unreleased").text
-    if not unreleased:
-        pytest.skip("nothing was changed since the last release")
-    for name in ("sim_action/__init__.py", "CHANGELOG.md"):
-        (tmp_path / name).parent.mkdir(exist_ok=True)
-        write(tmp_path, name, (release.ROOT / name).read_text(encoding="utf-8"))
+    if not unreleased:  # as right after a release
+        unreleased = "### Added\n\n- Something.\n"
+        changelog = changelog.replace("## Unreleased\n", f"## Unreleased\n\n{unreleased}", 1)
+    (tmp_path / "sim_action").mkdir()
+    write(tmp_path, "sim_action/__init__.py", (release.ROOT / "sim_action/__init__.py").read_text(encoding="utf-8"))
+    write(tmp_path, "CHANGELOG.md", changelog)
     major = int(__version__.partition(".")[0])
     cut(tmp_path, f"{major + 1}.0.0", "2026-11-30")
     assert found(tmp_path, f"v{major + 1}.0.0") == []
