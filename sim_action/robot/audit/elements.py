@@ -74,7 +74,7 @@ _ABOVE_ZERO: Final = ("inertia_scaling",)
 
 _HINTS: Final = {
     "mujoco": "; it is MJCF, which only MuJoCo reads: rename the file to end in .xml",
-    "gazebo": "; it is older than SDF 1.4: convert it with 'gz sdf -p'",
+    "gazebo": "; it is older than SDF 1.3: convert it with 'gz sdf -p'",
 }
 """Root element of another format -> the next step."""
 

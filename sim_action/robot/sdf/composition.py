@@ -15,12 +15,11 @@ from xml.etree.ElementTree import Element
 from sim_action.robot.audit.kinematic_tree import MAX_NAME_BYTES
 from sim_action.robot.audit.rules import finding, refuse_errors
 from sim_action.robot.packages import PackageError, Packages, Version, find_model_file
-from sim_action.robot.sdf.elements import Notes, SdfProblem, flag_attribute, flag_of, needed, text_of
+from sim_action.robot.sdf.elements import MODEL_FRAME, Notes, SdfProblem, flag_attribute, flag_of, needed, text_of
 from sim_action.robot.sdf.files import ModelTooLarge, SdfFile, SizeBudget, read_sdf_file
 
 Kind = Literal["link", "model", "frame", "joint"]
 
-MODEL_FRAME: Final = "__model__"
 SEPARATOR: Final = "::"
 
 _MAX_DEPTH: Final = 50

@@ -1,4 +1,4 @@
-"""Convert SDF (sdformat.org/spec, versions 1.4 to 1.11) to a URDF document whose elements know their place in the SDF.
+"""Convert SDF (sdformat.org/spec, versions 1.3 to 1.11) to a URDF document whose elements know their place in the SDF.
 
 The base link's frame is the frame of the root link. The frame of a link is the same as in SDF, with one exception: if
 the axis of its joint does not go through its origin, its frame is at the joint (`joints.py`). A model that is fixed to
@@ -167,6 +167,6 @@ def _note_unsupported_parts(notes: Notes, scope: Scope) -> None:
         notes.attempt(lambda model: note_parts(notes, *model), (inner.element, name))
     for model in {inner.file.model: None for inner in scope.scopes()}:
         for pose in model.iter("pose"):
-            if pose.get("frame"):
+            if pose.get("frame", "") not in {"", pose.get("relative_to")}:
                 message = f"<pose frame=\"{pose.get('frame')}\"> is ignored: use 'relative_to', available since SDF 1.7"
                 notes.add("passed-over", pose, message)

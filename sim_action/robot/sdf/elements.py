@@ -19,6 +19,9 @@ from sim_action.robot.urdf_elements import UNLIMITED, is_numbers
 Subject = TypeVar("Subject")
 Result = TypeVar("Result")
 
+MODEL_FRAME: Final = "__model__"
+"""The name of the frame of the model around an element."""
+
 _TRUE: Final = frozenset({"true", "1"})
 
 _FALSE: Final = frozenset({"false", "0"})

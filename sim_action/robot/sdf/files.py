@@ -13,9 +13,10 @@ from xml.etree.ElementTree import Element
 from sim_action.core.wording import shown
 from sim_action.robot.audit.rules import refuse_errors
 from sim_action.robot.packages import Version, parsed_version
+from sim_action.robot.sdf.old_versions import upgraded
 from sim_action.robot.xml_document import MAX_BYTES, MAX_ELEMENTS, ModelDocument, read_document
 
-_OLDEST_VERSION: Final[Version] = (1, 4)
+_OLDEST_VERSION: Final[Version] = (1, 3)
 
 _MAX_INCLUDES: Final = 500
 
@@ -38,7 +39,9 @@ def read_sdf_file(path: Path, document: ModelDocument | None = None) -> SdfFile:
         message = f"the root element of an SDF file is <sdf>, but this file has <{root.tag}>"
         hint = "; an SDF file can include only SDF: convert the file" if root.tag == "robot" else ""
         refuse_errors([document.finding("not-a-robot", root, message + hint)])
-    return SdfFile(path, _version(document), _only_model(document), document)
+    version = _version(document)
+    document = upgraded(document, version)
+    return SdfFile(path, version, _only_model(document), document)
 
 
 def _version(document: ModelDocument) -> Version:
@@ -48,7 +51,7 @@ def _version(document: ModelDocument) -> Version:
         refuse_errors([problem])
     version = parsed_version(stated or "")
     if version < _OLDEST_VERSION:
-        message = f"SDF {shown(stated)} is not supported; versions 1.4 to 1.11 are: convert it with 'gz sdf -p'"
+        message = f"SDF {shown(stated)} is not supported; versions 1.3 to 1.11 are: convert it with 'gz sdf -p'"
         refuse_errors([document.finding("not-a-robot", document.root, message)])
     return version
 

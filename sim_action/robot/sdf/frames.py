@@ -12,8 +12,8 @@ from sim_action.core import geometry
 from sim_action.core.geometry import Pose
 from sim_action.core.wording import FirstFew, did_you_mean, shown
 from sim_action.robot.robot_model import WORLD
-from sim_action.robot.sdf.composition import MODEL_FRAME, Entry, Scope
-from sim_action.robot.sdf.elements import SdfProblem, pose_of, text_of
+from sim_action.robot.sdf.composition import Entry, Scope
+from sim_action.robot.sdf.elements import MODEL_FRAME, SdfProblem, pose_of, text_of
 
 
 class Frames:

@@ -14,11 +14,20 @@ from xml.etree.ElementTree import Element
 
 from sim_action.core import geometry
 from sim_action.core.geometry import ZERO, Pose, Quaternion, Vector3
-from sim_action.robot.packages import Version
 from sim_action.robot.robot_model import WORLD
-from sim_action.robot.sdf.composition import MODEL_FRAME, Entry
-from sim_action.robot.sdf.elements import Notes, SdfProblem, flag_of, limit_of, needed, number_of, vector_of
+from sim_action.robot.sdf.composition import Entry
+from sim_action.robot.sdf.elements import (
+    MODEL_FRAME,
+    Notes,
+    SdfProblem,
+    flag_of,
+    limit_of,
+    needed,
+    number_of,
+    vector_of,
+)
 from sim_action.robot.sdf.frames import Frames
+from sim_action.robot.sdf.old_versions import FRAMES_NAMED, PARENT_MODEL_FLAG
 from sim_action.robot.sdf.unsupported_parts import note_parts
 from sim_action.robot.sdf.urdf_writer import UrdfWriter, numbers
 from sim_action.robot.urdf_elements import UNLIMITED
@@ -30,8 +39,6 @@ _UNSUPPORTED: Final = {
     "revolute2": "use two revolute joints",
     "screw": "use a revolute and a prismatic joint with <mimic>",
 }
-_AXES_IN_MODEL_FRAME: Final[Version] = (1, 4)
-_EXPRESSED_IN: Final[Version] = (1, 7)
 # Poses in files are rounded.
 _AXIS_TOLERANCE_M: Final = 1e-9
 
@@ -78,7 +85,7 @@ def resolve_joint(notes: Notes, frames: Frames, entry: Entry) -> ResolvedJoint:
     parent = None if to_world else frames.link_of(frames.named(scope, ends["parent"], needed(element, "parent")), scope)
     kind = _type(notes, entry)
     pose = frames.in_root(entry)
-    axis = None if kind == "fixed" else _axis(frames, entry, pose.orientation_xyzw, frames.in_root(child))
+    axis = None if kind == "fixed" else _axis(notes, frames, entry, pose.orientation_xyzw, frames.in_root(child))
     return ResolvedJoint(entry, kind, parent, child, pose, axis)
 
 
@@ -108,20 +115,27 @@ def _is_limited(limit: Element | None) -> bool:
     return limit_of(limit, "lower", -UNLIMITED) > -UNLIMITED or limit_of(limit, "upper", UNLIMITED) < UNLIMITED
 
 
-def _axis(frames: Frames, entry: Entry, joint_orientation: Quaternion, child: Pose) -> Vector3:
+def _axis(notes: Notes, frames: Frames, entry: Entry, joint_orientation: Quaternion, child: Pose) -> Vector3:
     """Return the axis in the child link's frame. Raises SdfProblem."""
     axis = needed(entry.element, "axis")
     xyz = axis.find("xyz")
     vector = (0.0, 0.0, 1.0) if xyz is None else vector_of(xyz)
-    scope, version = entry.owner, entry.owner.file.version
-    name = "" if xyz is None or version < _EXPRESSED_IN else xyz.get("expressed_in", "")
-    if version <= _AXES_IN_MODEL_FRAME or (version < _EXPRESSED_IN and flag_of(axis, "use_parent_model_frame")):
-        name = MODEL_FRAME
+    scope, name = entry.owner, "" if xyz is None else xyz.get("expressed_in", "")
+    _check_flag(notes, entry, axis)
     orientation = joint_orientation
     if name:
         frame = frames.named(scope, name, axis if xyz is None else xyz)
         orientation = (frames.in_root(frame) if frame else frames.model_in_root(scope)).orientation_xyzw
     return geometry.rotate(geometry.conjugate(child.orientation_xyzw), geometry.rotate(orientation, vector))
+
+
+def _check_flag(notes: Notes, entry: Entry, axis: Element) -> None:
+    """Check the flag of SDF 1.5 and 1.6 for axes in the model's frame; newer versions ignore it. Raises SdfProblem."""
+    flag = axis.find(PARENT_MODEL_FLAG)
+    if flag is None or not flag_of(axis, PARENT_MODEL_FLAG) or entry.owner.file.version < FRAMES_NAMED:
+        return
+    message = f"<{PARENT_MODEL_FLAG}> of joint '{entry.full_name}' is ignored: it is a part of SDF 1.5 and 1.6"
+    notes.add("passed-over", flag, f'{message}; for an axis in that frame, write <xyz expressed_in="{MODEL_FRAME}">')
 
 
 class JointWriter:

@@ -68,9 +68,9 @@ BAD_SDF_MODELS = [
         '<sdf version="1.9">\n<model name="a"/>\n<model name="b"/></sdf>',
     ),
     BadSdf("no version", "missing-part", 1, "<sdf> has no attribute 'version'", '<sdf><model name="a"/></sdf>'),
-    BadSdf("old", "not-a-robot", 1, "'gz sdf -p'", '<sdf version="1.3"><model name="a"/></sdf>'),
+    BadSdf("old", "not-a-robot", 1, "'gz sdf -p'", '<sdf version="1.2"><model name="a"/></sdf>'),
     BadSdf("odd version", "not-a-robot", 1, "'one' is not supported", '<sdf version="one"><model name="a"/></sdf>'),
-    BadSdf("gazebo", "not-a-robot", 1, "older than SDF 1.4", '<gazebo version="1.0"><model name="a"/></gazebo>'),
+    BadSdf("gazebo", "not-a-robot", 1, "older than SDF 1.3", '<gazebo version="1.0"><model name="a"/></gazebo>'),
     BadSdf("DOCTYPE", "bad-xml", 1, "DOCTYPE", f"<!DOCTYPE sdf>{GOOD}"),
     BadSdf("no links", "not-a-robot", 2, "the model has no <link>", '<sdf version="1.9">\n<model name="a"/></sdf>'),
     # Names.
