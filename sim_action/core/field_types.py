@@ -199,6 +199,7 @@ PositiveNewtonMetres = Annotated[float, Gt(0), Quantity((units.TORQUE,))]
 PositiveNewtons = Annotated[float, Gt(0), Quantity((units.FORCE,))]
 PositiveNewtonSeconds = Annotated[float, Gt(0), Quantity((units.IMPULSE,))]
 NonNegativeJoules = Annotated[float, Ge(0), Quantity((units.ENERGY,))]
+KilogramSquareMetres = Annotated[float, Quantity((units.INERTIA,))]
 NonNegativeKilogramSquareMetres = Annotated[float, Ge(0), Quantity((units.INERTIA,))]
 Ratio = Annotated[float, Quantity((units.RATIO,))]
 NonNegativeRatio = Annotated[float, Ge(0), Quantity((units.RATIO,))]
@@ -236,6 +237,23 @@ class Placement(FrozenModel):
     def orientation_xyzw(self) -> geometry.Quaternion:
         """The orientation as a quaternion, from roll, pitch and yaw."""
         return geometry.quaternion_from_rpy(self.roll, self.pitch, self.yaw)
+
+
+class RelativePose(FrozenModel):
+    """A pose in another frame."""
+
+    x: Metres = 0.0
+    y: Metres = 0.0
+    z: Metres = 0.0
+    roll: Radians = 0.0
+    pitch: Radians = 0.0
+    yaw: Radians = 0.0
+
+    @property
+    def pose(self) -> geometry.Pose:
+        """The same as a `Pose`: position and quaternion."""
+        rotation = geometry.quaternion_from_rpy(self.roll, self.pitch, self.yaw)
+        return geometry.Pose((self.x, self.y, self.z), rotation)
 
 
 _DEGREE: Final = math.pi / 180

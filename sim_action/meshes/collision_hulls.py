@@ -70,7 +70,7 @@ def hulls_of(mesh: Mesh, scale: Vector3, margin: float) -> Iterator[NDArray[np.f
 
     for triangles in _hulls(mesh):
         points, _ = compacted(mesh.points_xyz, triangles)
-        yield _shrunk(_outermost(points * np.array(scale)), margin)
+        yield shrunk(_outermost(points * np.array(scale)), margin)
 
 
 def _hulls(mesh: Mesh) -> tuple[NDArray[np.int64], ...]:
@@ -102,7 +102,7 @@ def _outermost(points: NDArray[np.float64]) -> NDArray[np.float64]:
     return furthest(points, (*_AXES, *spread_directions(MAX_HULL_POINTS - len(_AXES))))
 
 
-def _shrunk(points: NDArray[np.float64], margin: float) -> NDArray[np.float64]:
+def shrunk(points: NDArray[np.float64], margin: float) -> NDArray[np.float64]:
     """Return points whose hull plus the margin has the extents of the original hull.
 
     A box, a sphere and a wheel about an axis keep their shape except for rounded edges; other shapes differ by at most

@@ -21,10 +21,15 @@ _FLAT: Final = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class MassProperties:
-    """The centre of mass in m, and the inertia about it in kg m^2, of a body of 1 kg, in its own axes."""
+    """The centre of mass in m, and the inertia about it in kg m^2, of a body of 1 kg, in its own axes.
+
+    Attributes:
+        volume: in m^3.
+    """
 
     centre_xyz: FloatArray
     inertia: FloatArray
+    volume: float
 
 
 def mass_properties(points: FloatArray) -> MassProperties:
@@ -39,7 +44,7 @@ def mass_properties(points: FloatArray) -> MassProperties:
     # The second moments of a tetrahedron with a corner at the origin: (the corners' and their sum's) / 20.
     sums = sum(np.einsum("t,ti,tj->ij", share, corner, corner) for corner in (a, b, c, a + b + c)) / 20
     moments = sums - np.outer(centre, centre)
-    return MassProperties(inside + centre, np.trace(moments) * np.eye(3) - moments)
+    return MassProperties(inside + centre, np.trace(moments) * np.eye(3) - moments, float(volumes.sum()))
 
 
 def face_normals(points: FloatArray) -> FloatArray:

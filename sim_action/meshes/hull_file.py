@@ -87,12 +87,12 @@ def _check(facts: MeshFacts, scale: Vector3) -> None:
 def _text(facts: MeshFacts, hulls: Iterable[NDArray[np.float64]]) -> bytes:
     pieces, above = [_FACTS + json.dumps(asdict(facts)).encode() + b"\n"], 0
     for number, points in enumerate(hulls):
-        pieces.append(f"o hull_{number}\n{_lines(points, above)}".encode())
+        pieces.append(f"o hull_{number}\n{hull_lines(points, above)}".encode())
         above += len(points)
     return b"".join(pieces)
 
 
-def _lines(points: NDArray[np.float64], above: int) -> str:
+def hull_lines(points: NDArray[np.float64], above: int) -> str:
     """Return the points and faces that refer to each of them, because engines use only referenced points."""
     corners = "".join(f"v {x:.9g} {y:.9g} {z:.9g}\n" for x, y, z in points.tolist())
     last = above + len(points)

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final
 
 from pydantic import Field
 
-from sim_action.core.field_types import FrozenModel, Metres, Name, PositiveHertz, Radians
-from sim_action.core.geometry import Pose, quaternion_from_rpy
+from sim_action.core.field_types import FrozenModel, Name, PositiveHertz, RelativePose
+from sim_action.core.geometry import Pose
 from sim_action.core.registry import Table
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.world.scene import Scene
@@ -109,20 +109,8 @@ SENSORS: Final = Table[type[Sensor]](
 )
 
 
-class SensorPose(FrozenModel):
+class SensorPose(RelativePose):
     """The pose of a sensor in the frame of its link."""
-
-    x: Metres = 0.0
-    y: Metres = 0.0
-    z: Metres = 0.0
-    roll: Radians = 0.0
-    pitch: Radians = 0.0
-    yaw: Radians = 0.0
-
-    @property
-    def pose(self) -> Pose:
-        """The same as a `Pose`: position and quaternion."""
-        return Pose((self.x, self.y, self.z), quaternion_from_rpy(self.roll, self.pitch, self.yaw))
 
 
 class Mounting(FrozenModel):

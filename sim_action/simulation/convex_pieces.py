@@ -140,9 +140,9 @@ def part_pieces(parts: Sequence[Part]) -> Iterator[Piece]:
         if isinstance(part, BoxPart):
             yield _solid("box", np.array(part.size_xyz) / 2, part.pose)
         elif isinstance(part, CylinderPart):
-            yield _solid("cylinder", np.array((part.radius, part.radius, part.height / 2)), Pose())
+            yield _solid("cylinder", np.array((part.radius, part.radius, part.height / 2)), part.pose)
         elif isinstance(part, SpherePart):
-            yield _solid("sphere", np.full(3, part.radius), Pose())
+            yield _solid("sphere", np.full(3, part.radius), part.pose)
         elif isinstance(part, HullPart):
             yield Piece.of(np.array(part.points_xyz), Pose())
 

@@ -14,6 +14,7 @@ from sim_action.core.field_types import FrozenModel
 from sim_action.core.geometry import Vector3
 from sim_action.world.body import Body, path_of, placed
 from sim_action.world.body_path import PathPoint
+from sim_action.world.compound import Inertia, Shape
 from sim_action.world.disturbance import Disturbance
 from sim_action.world.ground import GROUND, Ground, Patch
 from sim_action.world.physics import GRAVITY, MAX_PHYSICS_RATE_HZ, MAX_SPEED, Gravity, Physics
@@ -29,12 +30,14 @@ __all__ = [
     "Disturbance",
     "Ground",
     "Heightfield",
+    "Inertia",
     "MeshFile",
     "OccupancyMap",
     "Patch",
     "PathPoint",
     "Physics",
     "Ramp",
+    "Shape",
     "Sphere",
     "Stairs",
     "World",

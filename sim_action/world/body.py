@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 from sim_action.core.field_types import FrozenModel, Name, Placement, PositiveKilograms, PositiveSeconds
 from sim_action.core.geometry import Pose
 from sim_action.world.body_path import PathPoint, PosePath, placements
+from sim_action.world.compound import MAX_SHAPES, Arm, Inertia, Shape, solid_parts
 from sim_action.world.ground import Friction
 from sim_action.world.shapes import Cylinder, Heightfield, MeshFile, OccupancyMap, Ramp, Size, Sphere, Stairs
 
@@ -18,9 +19,9 @@ if TYPE_CHECKING:
 
     from sim_action.world.parts import Part
 
-SHAPES: Final = ("box", "cylinder", "sphere", "ramp", "stairs", "mesh", "heightfield", "map")
+SHAPES: Final = ("box", "cylinder", "sphere", "ramp", "stairs", "mesh", "heightfield", "map", "shapes")
 
-_MAY_MOVE: Final = ("box", "cylinder", "sphere", "mesh")
+_MAY_MOVE: Final = ("box", "cylinder", "sphere", "mesh", "shapes")
 
 # m and rad: the start and the end of a loop may differ by this.
 _MAX_LOOP_GAP: Final = 1e-6
@@ -36,7 +37,7 @@ def _listed(names: Sequence[str]) -> str:
 
 
 class Body(FrozenModel):
-    """An object of one shape: fixed, or movable with a mass."""
+    """An object of one or several shapes: fixed, or movable with a mass."""
 
     name: Name
     box: Annotated[tuple[Size, Size, Size] | None, Field(description="full size in x, y and z")] = None
@@ -51,14 +52,27 @@ class Body(FrozenModel):
     map: Annotated[OccupancyMap | None, Field(description="walls from an occupancy map of ROS's map_server; fixed")] = (
         None
     )
+    shapes: Annotated[
+        tuple[Shape, ...] | None,
+        Field(
+            min_length=1, max_length=MAX_SHAPES, description="several shapes in one rigid object, each with a 'pose'"
+        ),
+    ] = None
     pose: Annotated[
         Placement,
         Field(
             description="pose of the centre of its bounding box; mesh and map: of the file's origin; heightfield: the "
-            "centre at height 0"
+            "centre at height 0; shapes: of the frame in which they are placed"
         ),
     ] = Placement.model_construct()
     mass: Annotated[Mass | None, Field(description="mass of the object; default: the object is fixed")] = None
+    center_of_mass: Annotated[
+        tuple[Arm, Arm, Arm] | None,
+        Field(description="centre of mass in the frame of the object; default: that of uniform density"),
+    ] = None
+    inertia: Annotated[Inertia | None, Field(description="moments of inertia; default: those of uniform density")] = (
+        None
+    )
     friction: Friction = 0.5
     color: Annotated[
         tuple[Share, Share, Share] | None,
@@ -90,7 +104,16 @@ class Body(FrozenModel):
             raise ValueError(f"an object needs exactly one shape of {_listed(SHAPES)}")
         if self.mass is not None and self.shape not in _MAY_MOVE:
             raise ValueError(f"'{self.shape}' is always fixed: remove 'mass'; {_listed(_MAY_MOVE)} can have one")
+        stated = next((key for key in ("center_of_mass", "inertia") if getattr(self, key) is not None), None)
+        if self.mass is None and stated is not None:
+            raise ValueError(f"'{stated}' needs a 'mass': an object without one is fixed")
         return self
+
+    @property
+    def has_own_inertia(self) -> bool:
+        """True if it can move, and its mass properties are not those of a single shape."""
+        stated = self.center_of_mass is not None or self.inertia is not None
+        return self.mass is not None and (self.shapes is not None or stated)
 
     @property
     def shape(self) -> str:
@@ -100,21 +123,14 @@ class Body(FrozenModel):
     @property
     def is_read(self) -> bool:
         """True if the shape comes from a file or an array; `shape_files` then makes the parts."""
-        return self.mesh is not None or self.heightfield is not None or self.map is not None
+        has_file = any(shape.mesh is not None for shape in self.shapes or ())
+        return has_file or self.mesh is not None or self.heightfield is not None or self.map is not None
 
     def parts(self) -> Sequence[Part]:
         """Return the parts of a shape that is not read from a file."""
-        from sim_action.world.parts import BoxPart, CylinderPart, SpherePart
-
-        if self.box is not None:
-            return (BoxPart(self.box),)
-        if self.cylinder is not None:
-            return (CylinderPart(self.cylinder.radius, self.cylinder.height),)
-        if self.sphere is not None:
-            return (SpherePart(self.sphere.radius),)
-        made = self.ramp or self.stairs
-        assert made is not None
-        return made.parts()
+        if self.shapes is not None:
+            return [part for shape in self.shapes for part in shape.parts()]
+        return solid_parts(self)
 
 
 def placed(body: Body, parts: Sequence[Part]) -> Pose:

@@ -53,14 +53,14 @@ def inner_solids(parts: Iterable[Part], at: Pose) -> Iterator[Solid]:
     """Yield solids inside a body with these parts at a pose: all of a box or a sphere, most of a cylinder."""
     for part in parts:
         if isinstance(part, SpherePart):
-            yield Ball(at.position_xyz, part.radius)
+            yield Ball(geometry.compose(at, part.pose).position_xyz, part.radius)
         elif isinstance(part, BoxPart):
             x, y, z = part.size_xyz
             yield _box(geometry.compose(at, part.pose), (x / 2, y / 2, z / 2))
         elif isinstance(part, CylinderPart):
-            side = part.radius / math.sqrt(2)
-            yield _box(at, (side, side, part.height / 2))
-            yield Ball(at.position_xyz, min(part.radius, part.height / 2))
+            side, middle = part.radius / math.sqrt(2), geometry.compose(at, part.pose)
+            yield _box(middle, (side, side, part.height / 2))
+            yield Ball(middle.position_xyz, min(part.radius, part.height / 2))
 
 
 def _box(at: Pose, halves: Vector3) -> Box:

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Final
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Quaternion, Vector3
@@ -16,6 +16,9 @@ from sim_action.core.geometry import Pose, Quaternion, Vector3
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
+
+
+_AXES: Final[tuple[Vector3, ...]] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,17 +31,19 @@ class BoxPart:
 
 @dataclass(frozen=True, slots=True)
 class CylinderPart:
-    """A cylinder about the z axis, centred at the origin."""
+    """A cylinder about the z axis of its own frame, centred there; `pose`: of that frame."""
 
     radius: float
     height: float
+    pose: Pose = field(default_factory=Pose)
 
 
 @dataclass(frozen=True, slots=True)
 class SpherePart:
-    """A sphere about the origin."""
+    """A sphere; `pose`: of its centre."""
 
     radius: float
+    pose: Pose = field(default_factory=Pose)
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,26 +77,44 @@ class SurfacePart:
 Part = BoxPart | CylinderPart | SpherePart | HullPart | GridPart | SurfacePart
 
 
+def moved(part: Part, pose: Pose) -> Part:
+    """Return a part at another place: `pose` is that of its frame. Terrain stays where it is."""
+    if pose == Pose() or isinstance(part, GridPart):
+        return part
+    if isinstance(part, HullPart):
+        return HullPart(tuple(geometry.compose(pose, Pose(point)).position_xyz for point in part.points_xyz))
+    if isinstance(part, SurfacePart):
+        import numpy as np
+
+        axes = np.array([geometry.rotate(pose.orientation_xyzw, axis) for axis in _AXES])
+        return SurfacePart(part.points_xyz @ axes + pose.position_xyz, part.triangles)
+    return replace(part, pose=geometry.compose(pose, part.pose))
+
+
 def lowest(parts: Iterable[Part], orientation: Quaternion) -> float:
     """Return the z in m of the lowest point of a body with this orientation and its origin at 0."""
     return min(_lowest(part, orientation) for part in parts)
 
 
 def _lowest(part: Part, orientation: Quaternion) -> float:
-    if isinstance(part, SpherePart):
-        return -part.radius
     # The z axis of the world in the frame of the body.
     x, y, z = geometry.rotate(geometry.conjugate(orientation), (0.0, 0.0, 1.0))
-    if isinstance(part, BoxPart):
+    if isinstance(part, BoxPart | CylinderPart | SpherePart):
         own = geometry.rotate(geometry.conjugate(part.pose.orientation_xyzw), (x, y, z))
-        half = sum(abs(along) * size / 2 for along, size in zip(own, part.size_xyz, strict=True))
-        return _dot(part.pose.position_xyz, (x, y, z)) - half
-    if isinstance(part, CylinderPart):
-        return -abs(z) * part.height / 2 - part.radius * math.hypot(x, y)
+        return _dot(part.pose.position_xyz, (x, y, z)) - _half_height(part, own)
     if isinstance(part, HullPart):
         return min(_dot(point, (x, y, z)) for point in part.points_xyz)
     points = grid_points(part) if isinstance(part, GridPart) else part.points_xyz
     return float((points[:, 0] * x + points[:, 1] * y + points[:, 2] * z).min())
+
+
+def _half_height(part: BoxPart | CylinderPart | SpherePart, up: Vector3) -> float:
+    """Return half of the extent of a solid along a direction in its own frame."""
+    if isinstance(part, BoxPart):
+        return sum(abs(along) * size / 2 for along, size in zip(up, part.size_xyz, strict=True))
+    if isinstance(part, CylinderPart):
+        return abs(up[2]) * part.height / 2 + part.radius * math.hypot(up[0], up[1])
+    return part.radius
 
 
 def reach(part: Part) -> float:
@@ -99,9 +122,9 @@ def reach(part: Part) -> float:
     if isinstance(part, BoxPart):
         return math.hypot(*part.pose.position_xyz) + math.hypot(*part.size_xyz) / 2
     if isinstance(part, CylinderPart):
-        return math.hypot(part.radius, part.height / 2)
+        return math.hypot(*part.pose.position_xyz) + math.hypot(part.radius, part.height / 2)
     if isinstance(part, SpherePart):
-        return part.radius
+        return math.hypot(*part.pose.position_xyz) + part.radius
     import numpy as np
 
     points = grid_points(part) if isinstance(part, GridPart) else np.asarray(part.points_xyz)

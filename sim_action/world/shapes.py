@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Annotated, Final, Self
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
+from sim_action.core import units
 from sim_action.core.field_types import FrozenModel, Metres, NamesFile, PositiveRadians, PositiveRatio
-from sim_action.core.geometry import Pose
+from sim_action.core.geometry import Pose, Vector3
 
 if TYPE_CHECKING:
     from sim_action.world.parts import BoxPart, HullPart
@@ -101,7 +102,33 @@ class Stairs(FrozenModel):
         )
 
 
-Factor = Annotated[PositiveRatio, Field(le=1e6)]
+_MAX_FACTOR: Final = 1e6
+
+Factor = Annotated[PositiveRatio, Field(le=_MAX_FACTOR)]
+
+
+def _scale(value: object) -> object:
+    """Return one factor, or three. Raises ValueError."""
+    if not isinstance(value, (list, tuple)):
+        return _factor(value)
+    if len(value) != 3:
+        raise ValueError(f"expected one number, or a list of three (x, y, z); found a list of {len(value)}")
+    return tuple(map(_factor, value))
+
+
+def _factor(value: object) -> float:
+    try:
+        found = units.parse(value, units.RATIO)
+    except units.UnitError as error:
+        raise ValueError(str(error)) from None
+    if found <= 0:
+        raise ValueError(f"must be greater than 0, found {value}")
+    if found > _MAX_FACTOR:
+        raise ValueError(f"must be at most {_MAX_FACTOR:g}, found {value}")
+    return found
+
+
+Scale = Annotated[Factor | tuple[Factor, Factor, Factor], BeforeValidator(_scale)]
 Height = Annotated[Metres, Field(ge=-MAX_LENGTH_M, le=MAX_LENGTH_M)]
 _MIN_SAMPLES: Final = 2
 
@@ -118,7 +145,14 @@ class MeshFile(FrozenModel):
     """
 
     file: Annotated[File, Field(description="a .stl, .obj or .dae file; the path is relative to the scenario")]
-    scale: Annotated[Factor, Field(description="length in m of one unit of the file")] = 1.0
+    scale: Annotated[
+        Scale, Field(description="length in m of one unit of the file, also as [x, y, z] for each axis")
+    ] = 1.0
+
+    @property
+    def scale_xyz(self) -> Vector3:
+        """The length in m of one unit of the file along each axis."""
+        return self.scale if isinstance(self.scale, tuple) else (self.scale,) * 3
 
 
 class Heightfield(FrozenModel):

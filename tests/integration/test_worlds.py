@@ -255,3 +255,37 @@ def test_a_map_is_turned_by_its_origin_and_ends_at_its_height(engine: str, tmp_p
     across, up = 25.5 * 0.05, (40 - 10.5) * 0.05
     found = resting(engine, tmp_path, World(objects=(walls,)), CUBE, 240, x=1 - up, y=2 + across, z=0.5)
     assert found[2] == pytest.approx(0.45, abs=2e-3)
+
+
+TABLE = {
+    "name": "table",
+    "shapes": (
+        {"box": (1.0, 0.6, 0.04), "pose": {"z": 0.72}},
+        *(
+            {"cylinder": {"radius": 0.03, "height": 0.7}, "pose": {"x": x, "y": y, "z": 0.35}}
+            for x in (-0.45, 0.45)
+            for y in (-0.25, 0.25)
+        ),
+    ),
+}
+
+
+def test_a_heavy_body_of_several_shapes_stands_on_its_legs(engine: str, tmp_path: Path) -> None:
+    table = Body.model_validate({**TABLE, "mass": 4.0, "pose": {"x": 2.0, "z": 0.02, "roll": 0.02}})
+    with running(engine, scene_of(tmp_path, BALL, at(x=-3), World(objects=(table,)))) as backend:
+        advance(backend, 0, 240)
+        assert backend.body_pose("table").position_xyz == pytest.approx((2.0, 0.0, 0.0), abs=2e-3)
+
+
+def test_stated_inertia_and_centre_of_mass_count(engine: str, tmp_path: Path) -> None:
+    inertia = {"ixx": 0.4, "iyy": 0.4, "izz": 0.5}
+    stated = {"mass": 2.0, "center_of_mass": (0.3, 0.0, 0.0), "inertia": inertia, "pose": {"z": 1.0}}
+    turned = {"body": "table", "at": 0.0, "for": 0.5, "torque": (0.0, 0.0, 1.0)}
+    world = {"gravity": 0.0, "objects": ({**TABLE, **stated},), "disturbances": (turned,)}
+    with running(engine, scene_of(tmp_path, BALL, at(x=-3), World.model_validate(world), rate=1000)) as backend:
+        advance(backend, 0, 500)
+        pose = backend.body_pose("table")
+    # The angle of a constant torque, about the centre of mass, which stays where it is.
+    angle = 1.0 / 0.5 * 0.5**2 / 2
+    assert pose.yaw == pytest.approx(angle, rel=0.01)
+    assert pose.position_xyz == pytest.approx((0.3 - 0.3 * math.cos(angle), -0.3 * math.sin(angle), 1.0), abs=1e-3)

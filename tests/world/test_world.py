@@ -84,7 +84,7 @@ def test_a_body_has_one_shape(shape: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("shape", [{}, {"box": (1, 2, 3), "sphere": {"radius": 1}}])
 def test_a_body_with_no_shape_or_two_is_refused(shape: dict[str, Any]) -> None:
-    with pytest.raises(ValidationError, match=r"exactly one shape of 'box', 'cylinder', .* and 'map'"):
+    with pytest.raises(ValidationError, match=r"exactly one shape of 'box', 'cylinder', .* 'map' and 'shapes'"):
         Body.model_validate({"name": "thing", **shape})
 
 

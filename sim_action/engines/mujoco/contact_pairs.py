@@ -49,7 +49,8 @@ def add_pairs(
         [collider for collider in world if collider.moves],
         [collider for collider in world if not collider.moves],
     )
-    among_others = (*itertools.combinations(moving, 2), *itertools.product(moving, fixed))
+    apart = ((one, other) for one, other in itertools.combinations(moving, 2) if one.part != other.part)
+    among_others = (*apart, *itertools.product(moving, fixed))
     pairs = [*itertools.product(robot, world), *among_others]
     soft: dict[str, Surface] = {}
     hard = _hard(rate, gravity)

@@ -25,6 +25,7 @@ from sim_action.robot.robot_model import Surface
 from sim_action.state.trace import FloatArray
 from sim_action.world import GROUND, Body, World
 from sim_action.world.ground import ground_tiles
+from sim_action.world.mass_properties import MassProperties, mass_properties_of
 from sim_action.world.parts import BoxPart, CylinderPart, GridPart, HullPart, Part, SpherePart, SurfacePart
 
 GEOM: Final = mujoco.mjtGeom
@@ -175,9 +176,21 @@ def add_object(spec: Any, body: Body, parts: Sequence[Part]) -> Iterator[Collide
             f"'{body.name}' is not convex and has {triangles:,} triangles; MuJoCo needs a convex piece for each, "
             f"and at most {MAX_TRIANGLES:,} are simulated: simplify the mesh, or use backend: pybullet"
         )
+    mass = body.mass or 0.0
+    if body.has_own_inertia:
+        weigh(added, mass_properties_of(body, parts))
+        mass = 0.0
     for number, part in enumerate(parts):
-        for name in _add_part(spec, added, f"{object_name(body.name)}/{number}", part, body.mass or 0.0):
+        for name in _add_part(spec, added, f"{object_name(body.name)}/{number}", part, mass):
             yield Collider(name, body.name, Surface(body.friction), moves=body.mass is not None)
+
+
+def weigh(body: Any, found: MassProperties) -> None:
+    """Give a body its mass properties."""
+    body.explicitinertial = True
+    body.mass = found.mass
+    body.ipos = list(found.centre_xyz)
+    body.fullinertia = found.inertia[(0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)].tolist()
 
 
 def _add_part(spec: Any, body: Any, name: str, part: Part, mass: float) -> Iterator[str]:
@@ -189,8 +202,7 @@ def _add_part(spec: Any, body: Any, name: str, part: Part, mass: float) -> Itera
     elif isinstance(part, GridPart):
         yield _add_grid(spec, body, name, part)
     else:
-        pose = part.pose if isinstance(part, BoxPart) else Pose()
-        yield add_geom(body, name, pose, **_properties(part), mass=mass)
+        yield add_geom(body, name, part.pose, **_properties(part), mass=mass)
 
 
 def _properties(part: BoxPart | CylinderPart | SpherePart) -> dict[str, Any]:

@@ -84,6 +84,14 @@ def pave(client: int, plane: int, world: World) -> list[int]:
 def add_object(client: int, body: Body, parts: Sequence[Part]) -> list[tuple[int, Pose]]:
     """Add a body at its initial pose; return the number of each of its pieces, with its pose in the body."""
     pose, moves = placed(body, parts), bool(body.path)
+    if body.has_own_inertia:
+        from sim_action.engines.pybullet.rigid_bodies import add_rigid_body
+
+        number, inertial = add_rigid_body(client, body, parts)
+        _set_dynamics(client, number, BASE, lateralFriction=body.friction)
+        at = geometry.compose(pose, inertial)
+        pybullet.resetBasePositionAndOrientation(number, at.position_xyz, at.orientation_xyzw, client)
+        return [(number, inertial)]
     return add_pieces(client, parts, pose, body.friction, body.mass or 0.0, moves=moves)
 
 
@@ -278,8 +286,7 @@ def _piece(client: int, part: Part, mass: float) -> Piece:
         return _hull(client, part, mass)
     if isinstance(part, GridPart):
         return _grid(client, part)
-    pose = part.pose if isinstance(part, BoxPart) else Pose()
-    return Piece(_shape(client, **_properties(part)), pose)
+    return Piece(_shape(client, **_properties(part)), Pose() if isinstance(part, SurfacePart) else part.pose)
 
 
 def _shape(client: int, **properties: Any) -> int:

@@ -221,9 +221,11 @@ def _of_part(
         x, y, z = numbers(part.size_xyz)
         return BoxShape(kind="box", size=(x, y, z), pose=pose_numbers(part.pose), color=color)
     if isinstance(part, CylinderPart):
-        return CylinderShape(kind="cylinder", radius=part.radius, length=part.height, pose=here, color=color)
+        return CylinderShape(
+            kind="cylinder", radius=part.radius, length=part.height, pose=pose_numbers(part.pose), color=color
+        )
     if isinstance(part, SpherePart):
-        return EllipsoidShape(kind="ellipsoid", half=(part.radius,) * 3, pose=here, color=color)
+        return EllipsoidShape(kind="ellipsoid", half=(part.radius,) * 3, pose=pose_numbers(part.pose), color=color)
     surface = coarse_surface(part) if isinstance(part, GridPart) else Triangles(part.points_xyz, part.triangles)
     return MeshPiece(surface, here, color)
 

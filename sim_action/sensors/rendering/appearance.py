@@ -63,9 +63,9 @@ def _of_part(part: BodyPart) -> Iterator[tuple[Solid, Pose]]:
         x, y, z = part.size_xyz
         yield Polyhedron.box((x / 2, y / 2, z / 2)), part.pose
     elif isinstance(part, CylinderPart):
-        yield Cylinder(part.radius, part.height / 2), Pose()
+        yield Cylinder(part.radius, part.height / 2), part.pose
     elif isinstance(part, SpherePart):
-        yield Ellipsoid((part.radius,) * 3), Pose()
+        yield Ellipsoid((part.radius,) * 3), part.pose
     elif isinstance(part, HullPart):
         hull, at_xyz = centred_hull(np.array(part.points_xyz))
         yield hull, Pose(at_xyz)

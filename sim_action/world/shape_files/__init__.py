@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_errors import SpecProblem
-from sim_action.world import Body, World
+from sim_action.world import Body, Shape, World
 from sim_action.world.shape_files.shape_error import ShapeError
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ class ShapeLibrary:
 
     def parts(self, body: Body, workspace: Workspace) -> tuple[Part, ...]:
         """Return the parts of a body, from the cache if possible. Raises ShapeError."""
-        key = (workspace, body.mesh, body.heightfield, body.map, body.mass is not None)
+        key = (workspace, body.mesh, body.heightfield, body.map, body.shapes, body.mass is not None)
         if key not in self._shapes:
             self._shapes[key] = _read(body, workspace)
         found = self._shapes[key]
@@ -58,7 +58,8 @@ def read_surroundings(world: World, workspace: Workspace, shapes: ShapeLibrary |
             try:
                 parts[body.name] = shapes.parts(body, workspace)
             except ShapeError as error:
-                problems.append((("world", "objects", index, body.shape, error.key), str(error)))
+                inside = (error.number, "mesh") if error.number is not None else ()
+                problems.append((("world", "objects", index, body.shape, *inside, error.key), str(error)))
     return Surroundings(parts, tuple(problems))
 
 
@@ -77,6 +78,9 @@ def _parts(body: Body, workspace: Workspace) -> Iterator[Part]:
         from sim_action.world.shape_files.mesh_file import mesh_parts
 
         yield from mesh_parts(body.mesh, workspace, moves=body.mass is not None)
+    elif body.shapes is not None:
+        for number, shape in enumerate(body.shapes):
+            yield from _parts_of_shape(shape, number, workspace, moves=body.mass is not None)
     elif body.heightfield is not None:
         from sim_action.world.shape_files.heightfield import grid_of
 
@@ -85,3 +89,19 @@ def _parts(body: Body, workspace: Workspace) -> Iterator[Part]:
         from sim_action.world.shape_files.occupancy_map import walls
 
         yield from walls(body.map, workspace)
+
+
+def _parts_of_shape(shape: Shape, number: int, workspace: Workspace, *, moves: bool) -> Iterator[Part]:
+    """Yield the parts of one of several shapes. Raises ShapeError."""
+    if shape.mesh is None:
+        yield from shape.parts()
+        return
+    from sim_action.world.parts import moved
+    from sim_action.world.shape_files.mesh_file import mesh_parts
+
+    try:
+        for part in mesh_parts(shape.mesh, workspace, moves=moves):
+            yield moved(part, shape.pose.pose)
+    except ShapeError as error:
+        error.number = number
+        raise

@@ -29,8 +29,8 @@ def mesh_parts(mesh_file: MeshFile, workspace: Workspace, *, moves: bool) -> Ite
         mesh = parsed_mesh(path)
     except MeshError as error:
         raise ShapeError(f"'{name}' {error}") from None
-    scale = (mesh_file.scale,) * 3
-    _check_size(name, np.ptp(mesh.points_xyz, axis=0) * mesh_file.scale)
+    scale = mesh_file.scale_xyz
+    _check_size(name, np.ptp(mesh.points_xyz, axis=0) * scale)
     whole = Mesh(mesh.points_xyz, (np.concatenate(mesh.parts),))
     shape = facts_of(path.suffix, whole if moves else mesh).shape
     if moves and shape == "flat":
@@ -42,7 +42,7 @@ def mesh_parts(mesh_file: MeshFile, workspace: Workspace, *, moves: bool) -> Ite
     if len(triangles) > MAX_TRIANGLES:
         found = f"'{name}' is not convex and has {len(triangles):,} triangles; at most {MAX_TRIANGLES:,} are simulated"
         raise ShapeError(f"{found}: simplify it")
-    yield SurfacePart(mesh.points_xyz * mesh_file.scale, triangles)
+    yield SurfacePart(mesh.points_xyz * np.array(scale), triangles)
 
 
 def _hull(points: NDArray[np.float64]) -> HullPart:

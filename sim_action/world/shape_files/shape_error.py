@@ -9,10 +9,16 @@ from sim_action.core.workspace import PathError, Workspace
 
 
 class ShapeError(ValueError):
-    """An unusable shape; `key`: the key below the shape that causes it."""
+    """An unusable shape.
+
+    Attributes:
+        key: the key below the shape that causes it.
+        number: index of the shape in `shapes`; None if the body has one shape.
+    """
 
     def __init__(self, message: str, key: str = "file") -> None:
         self.key = key
+        self.number: int | None = None
         super().__init__(message)
 
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_action.meshes import clean_mesh
-from sim_action.meshes.collision_hulls import _shrunk
+from sim_action.meshes.collision_hulls import shrunk
 from sim_action.robot.mesh_references import _ENGINE_MARGIN_M
 from tests.mesh_files import CORNERS, obj, stl, two_objects
 
@@ -40,7 +40,7 @@ def test_each_part_is_a_hull_of_its_own(tmp_path: Path) -> None:
 @given(st.lists(st.tuples(*[st.floats(-2, 2)] * 3), min_size=4, max_size=20))
 def test_what_was_drawn_in_is_grown_again(points: list[tuple[float, float, float]]) -> None:
     original = np.array(points)
-    assert geoms.undo_margin(_shrunk(original, _ENGINE_MARGIN_M)) == pytest.approx(original, abs=1e-9)
+    assert geoms.undo_margin(shrunk(original, _ENGINE_MARGIN_M)) == pytest.approx(original, abs=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -97,9 +97,9 @@ def _part_marker(part: Part, blank: Marker) -> tuple[Marker, FloatArray]:
         return replace(blank, kind="cube", pose=part.pose, scale=part.size_xyz), _NO_POINTS
     if isinstance(part, CylinderPart):
         across = 2 * part.radius
-        return replace(blank, kind="cylinder", scale=(across, across, part.height)), _NO_POINTS
+        return replace(blank, kind="cylinder", pose=part.pose, scale=(across, across, part.height)), _NO_POINTS
     if isinstance(part, SpherePart):
-        return replace(blank, kind="sphere", scale=(2 * part.radius,) * 3), _NO_POINTS
+        return replace(blank, kind="sphere", pose=part.pose, scale=(2 * part.radius,) * 3), _NO_POINTS
     points = _triangle_corners(part)
     return replace(blank, points=len(points)), points
 

@@ -1,0 +1,81 @@
+"""The mass properties of a body of the world: stated, or those of uniform density."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_action.core import geometry
+from sim_action.core.geometry import Pose, Vector3
+from sim_action.world.body import Body
+from sim_action.world.parts import BoxPart, CylinderPart, HullPart, Part, SpherePart
+
+_AXES: Final[tuple[Vector3, ...]] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+@dataclass(frozen=True, eq=False)
+class MassProperties:
+    """The mass in kg, the centre of mass in m and the inertia (3, 3) about it in kg m^2, in the axes of the body."""
+
+    mass: float
+    centre_xyz: Vector3
+    inertia: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class _Solid:
+    """A solid of 1 kg: its volume in m^3, centre of mass, and inertia about that, in the axes of the body."""
+
+    volume: float
+    centre: NDArray[np.float64]
+    inertia: NDArray[np.float64]
+
+
+def mass_properties_of(body: Body, parts: Sequence[Part]) -> MassProperties:
+    """Return the mass properties of a body with a mass. Where parts overlap, the density is the sum of both."""
+    assert body.mass is not None
+    solids = [_solid(part) for part in parts]
+    volumes = np.array([solid.volume for solid in solids])
+    shares = volumes / volumes.sum()
+    middle = sum(share * solid.centre for share, solid in zip(shares, solids, strict=True))
+    centre = middle if body.center_of_mass is None else np.array(body.center_of_mass)
+    if body.inertia is not None:
+        inertia = np.array(body.inertia.rows)
+    else:
+        inertia = np.zeros((3, 3))
+        for share, solid in zip(shares, solids, strict=True):
+            inertia += body.mass * share * (solid.inertia + _displaced(solid.centre - middle))
+    x, y, z = centre.tolist()
+    return MassProperties(body.mass, (x, y, z), inertia)
+
+
+def _displaced(arm: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the inertia (3, 3) of 1 kg at a distance (3,) from the axes."""
+    found: NDArray[np.float64] = (arm @ arm) * np.eye(3) - np.outer(arm, arm)
+    return found
+
+
+def _solid(part: Part) -> _Solid:
+    if isinstance(part, HullPart):
+        from sim_action.meshes.convex_hull import mass_properties
+
+        hull = mass_properties(np.array(part.points_xyz))
+        return _Solid(hull.volume, hull.centre_xyz, hull.inertia)
+    if isinstance(part, BoxPart):
+        x, y, z = part.size_xyz
+        return _placed(x * y * z, ((y * y + z * z) / 12, (x * x + z * z) / 12, (x * x + y * y) / 12), part.pose)
+    if isinstance(part, CylinderPart):
+        radius, height = part.radius, part.height
+        across = (3 * radius * radius + height * height) / 12
+        return _placed(np.pi * radius * radius * height, (across, across, radius * radius / 2), part.pose)
+    assert isinstance(part, SpherePart), "terrain and surfaces have no mass"
+    return _placed(4 / 3 * np.pi * part.radius**3, (0.4 * part.radius**2,) * 3, part.pose)
+
+
+def _placed(volume: float, moments: Vector3, pose: Pose) -> _Solid:
+    turned = np.array([geometry.rotate(pose.orientation_xyzw, axis) for axis in _AXES])
+    return _Solid(float(volume), np.array(pose.position_xyz), turned.T @ np.diag(moments) @ turned)
