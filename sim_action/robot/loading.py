@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable
+from collections.abc import Hashable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
@@ -12,13 +12,16 @@ from sim_action.core.errors import ModelError
 from sim_action.core.wording import did_you_mean
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.robot.audit.rules import limited_notes
-from sim_action.robot.packages import PackageError, Packages, find_model_file, is_model_folder
-from sim_action.robot.robot_model import RobotModel
+from sim_action.robot.model_files import find_model_file, is_model_folder
+from sim_action.robot.packages import PackageError, Packages
+from sim_action.robot.robot_model import Finding, RobotModel
 from sim_action.robot.urdf import model_of, read_urdf
 from sim_action.robot.xml_document import ModelDocument, read_document
 
 if TYPE_CHECKING:
     from sim_action.robot.spec import Robot
+
+_PACKAGE_NOTES: Final = frozenset({"several-packages", "package-folder"})
 
 _BUILT_IN_FOLDER: Final = Path(__file__).parent / "built_in"
 
@@ -82,7 +85,17 @@ def load_model(robot: Robot, workspace: Workspace) -> RobotModel:
     A xacro file is evaluated, which runs the expressions in it.
     """
     model = _read_model(robot, workspace)
-    return replace(model, findings=limited_notes(model.findings))
+    return replace(model, findings=limited_notes(_told_once(model.findings)))
+
+
+def _told_once(findings: Iterable[Finding]) -> Iterator[Finding]:
+    """Yield findings, each note about a package only once: includes and meshes may both need the package."""
+    told = set[tuple[str, str]]()
+    for found in findings:
+        key = (found.rule, found.message)
+        if found.rule not in _PACKAGE_NOTES or key not in told:
+            told.add(key)
+            yield found
 
 
 def _read_model(robot: Robot, workspace: Workspace) -> RobotModel:

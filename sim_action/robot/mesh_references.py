@@ -65,7 +65,7 @@ def _resolve(
     clean: dict[Element, CleanMesh],
     visuals: dict[Element, Path],
 ) -> Iterator[Finding]:
-    told = set[str]()
+    told = set[tuple[str, Path]]()
     for shape in document.elements("link/collision", "link/visual"):
         mesh = shape.find("geometry/mesh")
         if mesh is None:
@@ -77,9 +77,10 @@ def _resolve(
             rule = "missing-visual" if shape.tag == "visual" else missing
             yield document.finding(rule, mesh, str(error))
             continue
-        if found.warning and found.warning not in told:
-            told.add(found.warning)
-            yield document.finding("several-packages", mesh, found.warning)
+        for note in found.notes:
+            if (note.rule, note.about) not in told:
+                told.add((note.rule, note.about))
+                yield document.finding(note.rule, mesh, note.text)
         if shape.tag == "collision":
             # With this flag, the engine lets a moving body fall through the ground.
             shape.attrib.pop("concave", None)

@@ -7,7 +7,7 @@ ROS_PACKAGE_PATH, AMENT_PREFIX_PATH, GAZEBO_MODEL_PATH and GZ_SIM_RESOURCE_PATH.
 from __future__ import annotations
 
 import os
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -39,11 +39,13 @@ class PackageFolders:
     Attributes:
         packages: name -> its folders, nearest to the root first; several packages may have the same name.
         models: the same for Gazebo models; the name is the name of the folder.
+        folders: the same for all folders without a package.xml; empty outside of the workspace.
         complete: True if all folders were searched.
     """
 
     packages: Mapping[str, tuple[Path, ...]]
     models: Mapping[str, tuple[Path, ...]]
+    folders: Mapping[str, tuple[Path, ...]]
     complete: bool
 
 
@@ -52,18 +54,23 @@ def folders_below(root: Path, *, inside_packages: bool) -> PackageFolders:
 
     :param inside_packages: also search below a package, and read no file outside of `root`.
     """
-    packages: dict[str, tuple[Path, ...]] = {}
-    models: dict[str, tuple[Path, ...]] = {}
+    packages, models, named = (defaultdict[str, list[Path]](list) for _ in range(3))
     walk = _Walk(root, inside_packages)
     for folder, files in walk.folders():
         if PACKAGE_FILE in files:
             # In the workspace, a link may lead out of it.
             is_own = not inside_packages or (folder / PACKAGE_FILE).resolve().is_relative_to(root)
             name = package_name(folder) if is_own else folder.name
-            packages[name] = (*packages.get(name, ()), folder)
+            packages[name].append(folder)
         if files & _MODEL_FILES:
-            models[folder.name] = (*models.get(folder.name, ()), folder)
-    return PackageFolders(packages, models, walk.complete)
+            models[folder.name].append(folder)
+        if inside_packages and PACKAGE_FILE not in files:
+            named[folder.name].append(folder)
+    return PackageFolders(_fixed(packages), _fixed(models), _fixed(named), walk.complete)
+
+
+def _fixed(names: Mapping[str, list[Path]]) -> Mapping[str, tuple[Path, ...]]:
+    return {name: tuple(folders) for name, folders in names.items()}
 
 
 @dataclass(slots=True)
@@ -181,9 +188,15 @@ class EnvironmentFolders:
         """Return the folder of a Gazebo model; None if there is none."""
         return next((folder for folder in _children(self._model_path, name) if is_model(folder)), None)
 
+    def named(self, name: str) -> Iterator[Path]:
+        """Yield the folders with this name on the model path; as in Gazebo, they need no model.config."""
+        return (folder for folder in _children(self._model_path, name) if not name.startswith("."))
+
     def contains(self, path: Path) -> bool:
-        """Return True if a path, with its links resolved, is in one of these packages and models."""
+        """Return True if a path, with its links resolved, is in one of these packages, models and folders."""
         for folder in (path, *path.parents):
+            if folder.parent in self._model_path and not folder.name.startswith(".") and folder.is_dir():
+                return True
             if folder.parent in self._shares:
                 return True
             if (folder / PACKAGE_FILE).is_file() and _is_below(folder, self._package_path):

@@ -2,6 +2,8 @@
 
 The search order is: the packages that the caller provides, `robot.packages` of the scenario, the package of the
 referring file, the workspace, ROS_PACKAGE_PATH, AMENT_PREFIX_PATH (models: GAZEBO_MODEL_PATH, GZ_SIM_RESOURCE_PATH).
+A name that no package.xml has is then the name of a folder: above the referring file, in the workspace, or on the path
+for models. Collections of models have no package.xml, rename packages, and leave out folders.
 
 A file must lie in the workspace, or in a package or model on one of those paths, because only the owner of the machine
 can set them. Links are resolved first, so that a link cannot lead out of a package.
@@ -10,18 +12,17 @@ can set them. Links are resolved first, so that a link cannot lead out of a pack
 from __future__ import annotations
 
 import os
-import re
-import sys
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import islice
-from pathlib import Path, PureWindowsPath
+from itertools import islice, takewhile
+from pathlib import Path, PurePosixPath
 from typing import Final
 from urllib.parse import unquote
 
 from sim_action.core.wording import FirstFew, nearest
 from sim_action.core.workspace import OUTSIDE_REMEDY, Workspace, path_problem
+from sim_action.robot.file_spelling import Listings
 from sim_action.robot.package_search import (
     MODEL_VARIABLES,
     PACKAGE_FILE,
@@ -29,22 +30,12 @@ from sim_action.robot.package_search import (
     EnvironmentFolders,
     PackageFolders,
     folders_below,
-    is_model,
     package_name,
 )
-from sim_action.robot.xml_document import ModelDocument, read_document
+from sim_action.robot.references import Reference
 
 _PLACES_SHOWN: Final = 5
 _NAMES_READ: Final = 10_000
-
-Version = tuple[int, int]
-
-NEWEST: Final[Version] = (1, 11)
-"""The newest version of SDF that is supported; a newer file is read as this version."""
-
-_MANIFEST: Final = "model.config"
-
-_MODEL: Final = "model.sdf"
 
 
 class PackageError(Exception):
@@ -59,11 +50,26 @@ class PackageError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
+class Note:
+    """A note for the user; two notes of the same rule about the same folder say the same."""
+
+    rule: str
+    text: str
+    about: Path
+
+
+@dataclass(frozen=True, slots=True)
 class Found:
-    """The file or folder that a reference names; `warning`: a note for the user, such as a second package."""
+    """The file or folder that a reference names.
+
+    Attributes:
+        notes: for the user, such as a second package.
+        is_guessed: True if no folder has the name of the package.
+    """
 
     path: Path
-    warning: str | None = None
+    notes: tuple[Note, ...] = ()
+    is_guessed: bool = False
 
 
 @dataclass(frozen=True)
@@ -80,46 +86,132 @@ class Packages:
     mapped: Mapping[str, str] = field(default_factory=dict)
     environment: Mapping[str, str] = field(default_factory=lambda: dict(os.environ), repr=False)
     _hinted: FirstFew = field(default_factory=FirstFew, init=False, repr=False, compare=False)
+    _listings: Listings = field(default_factory=Listings, init=False, repr=False, compare=False)
 
     def find(self, name: str, referrer: Path) -> Found:
         """Return the folder of a package; `referrer` is the file that names it. Raises PackageError."""
         here = referrer.resolve()
-        found = self._package(name, here)
+        found = self._package(name, here) or next(self._folders(Reference("package", name), here), None)
         if found is None:
-            raise self._missing("package", name, here, PACKAGE_VARIABLES)
+            raise self._missing("package", name, here)
         return found
 
     def find_model(self, name: str, referrer: Path) -> Found:
         """Return the folder of a Gazebo model, or of a package with that name. Raises PackageError."""
         here = referrer.resolve()
-        found = (
-            self._given(name)
-            or self._mapped(name)
-            or _nearest(self._inside.models.get(name), here)
-            or _of(self._environment_folders.model(name))
-        )
-        found = found or self._package(name, here)
+        found = self._model(name, here)
         if found is None:
-            raise self._missing("model", name, here, (*MODEL_VARIABLES, *PACKAGE_VARIABLES))
+            raise self._missing("model", name, here)
         return found
 
     def resolve(self, reference: str, referrer: Path) -> Found:
         """Return the file that `reference`, written in `referrer`, names. Raises PackageError."""
-        scheme, separator, rest = reference.partition("://")
-        if not separator:
-            _refuse_one_slash(reference)
-            return Found(self.file(referrer.resolve().parent / reference, reference))
-        if scheme == "file":
-            return Found(self.file(_path_of_address(rest, reference), reference))
-        finders: dict[str, Callable[[str, Path], Found]] = {"package": self.find, "model": self.find_model}
-        if scheme not in finders:
-            allowed = "package://name/path, model://name/path, file:///path, or a path relative to the referring file"
-            raise PackageError("bad-reference", f"'{reference}' is not a valid reference; allowed are {allowed}")
-        name, _, path = rest.partition("/")
-        if not name or not path:
-            raise PackageError("bad-reference", f"'{reference}' names no file; write {scheme}://name/path/of/the/file")
-        folder = finders[scheme](name, referrer)
-        return Found(self.file(folder.path / path, reference), folder.warning)
+        found = self.locate(reference, referrer)
+        return replace(found, path=self.file(found.path, reference))
+
+    def locate(self, reference: str, referrer: Path) -> Found:
+        """Return the file or folder that `reference` names; it may be missing. Raises PackageError."""
+        here, first = referrer.resolve(), None
+        try:
+            stated = Reference.parsed(reference)
+        except ValueError as error:
+            raise PackageError("bad-reference", str(error)) from None
+        for found in self._candidates(stated, here):
+            # A package that is not found is reported as such.
+            first = first or (None if found.is_guessed else found)
+            if self._is_there(found.path):
+                if start := stated.odd_start(reference):
+                    text = f"'{start}' is read as '{stated.scheme}://{stated.name}/'"
+                    return replace(found, notes=(*found.notes, Note("file-spelling", text, here)))
+                return found
+        if first is not None:
+            return first
+        if stated.scheme == "file":
+            meant = f"write file:///{stated.path}, or '{stated.path}' for a path relative to the referring file"
+            raise PackageError("bad-reference", f"'{reference}': file:// needs an absolute path; {meant}")
+        raise self._missing(stated.scheme, stated.name, here)
+
+    def _candidates(self, stated: Reference, here: Path) -> Iterator[Found]:
+        """Yield the paths that a reference may mean, the most likely one first; none if its package is unknown."""
+        tried = list[Found]()
+        for folder in self._places(stated, here):
+            tried.append(folder)
+            yield replace(folder, path=folder.path / stated.path)
+        for folder in tried:
+            yield from self._respelled(folder, stated.path)
+        is_chosen = self._given(stated.name) or stated.name in self.mapped
+        if stated.name and not is_chosen and ".." not in PurePosixPath(stated.path).parts:
+            yield from self._shortened(stated, here, is_known=self._declared(stated, here) is not None)
+
+    def _places(self, stated: Reference, here: Path) -> Iterator[Found]:
+        """Yield the folders in which the path of a reference may start."""
+        if not stated.scheme or stated.is_absolute:
+            yield Found(Path() if stated.is_absolute else here.parent)
+        elif stated.scheme == "file":
+            # Gazebo searches such a path on the path for models.
+            name, _, path = stated.path.partition("/")
+            if self._is_there(here.parent / stated.path):
+                yield Found(here.parent, (Note("file-spelling", f"'file://{name}' is read as a relative path", here),))
+            for folder in self._places(Reference("model", name, path), here):
+                if self._is_there(folder.path / path):
+                    yield replace(folder, path=folder.path.parent)
+        elif (declared := self._declared(stated, here)) is not None:
+            yield declared
+        else:
+            yield from self._folders(stated, here)
+
+    def _declared(self, stated: Reference, here: Path) -> Found | None:
+        return (self._model if stated.scheme == "model" else self._package)(stated.name, here)
+
+    def _folders(self, stated: Reference, here: Path) -> Iterator[Found]:
+        """Yield the folders with the name of a package that has no package.xml."""
+        name = stated.name
+        undeclared = f"no package.xml or model.config has the name '{name}'"
+        for folder in self._above(here):
+            if folder.name == name and not (folder / PACKAGE_FILE).is_file():
+                yield self._noted(folder, f"{undeclared}: {self._shown(folder)}, above {here.name}, is used")
+        below = _by_distance(self._inside.folders.get(name, ()), here)
+        suitable = [folder for folder in below if self._is_there(folder / stated.path)] or below[:1]
+        for folder in suitable[:1]:
+            others = _listed(self._shown(other) for other in suitable[1:])
+            reason = f"because it is nearest to {here.name}, not {others}" if others else "a folder of that name"
+            yield self._noted(folder, f"{undeclared}: {self._shown(folder)} is used, {reason}")
+        yield from map(Found, self._environment_folders.named(name))
+
+    def _respelled(self, folder: Found, path: str) -> Iterator[Found]:
+        """Yield the file whose name differs in letter case or has slashes for backslashes."""
+        place = self._listings.matched(folder.path, path, lambda listed: self.may_read(listed.resolve()))
+        if place is not None:
+            text = f"'{path}' is spelled {self._shown(place)} on the disk: write it like that, as Linux needs it"
+            yield replace(folder, path=place, notes=(*folder.notes, Note("file-spelling", text, place.parent)))
+
+    def _shortened(self, stated: Reference, here: Path, *, is_known: bool) -> Iterator[Found]:
+        """Yield files of a package whose outer folders were renamed or left out, below folders above the model."""
+        parts = (stated.name, *PurePosixPath(stated.path).parts)
+        above = list(self._above(here))
+        for index in range(1, len(parts) - 1):
+            start = "/".join(parts[: index + 1])
+            for folder in above:
+                if folder.name == parts[index]:
+                    found = self._noted(folder, f"'{stated.scheme}://{start}' is read as {self._shown(folder)}")
+                    yield replace(found, path=folder.joinpath(*parts[index + 1 :]), is_guessed=True)
+        for folder in () if is_known else above:
+            text = f"no folder '{stated.name}' has the file: {self._shown(folder)}, above {here.name}, is used"
+            yield replace(self._noted(folder, text), path=folder / stated.path, is_guessed=True)
+
+    def _noted(self, folder: Path, text: str) -> Found:
+        return Found(folder, (Note("package-folder", f"{text}; set robot.packages to choose another", folder),))
+
+    def _shown(self, path: Path) -> str:
+        root = self.workspace.root
+        return str(path.relative_to(root)) if path.is_relative_to(root) and path != root else str(path)
+
+    def _is_there(self, path: Path) -> bool:
+        """Return True if a path leads to a file or folder that may be read."""
+        try:
+            return self.place(path, str(path)).exists()
+        except (PackageError, OSError):
+            return False
 
     def may_read(self, path: Path) -> bool:
         """Return True if a file or folder may be read; links in `path` must be resolved."""
@@ -161,8 +253,12 @@ class Packages:
 
     def _package(self, name: str, here: Path) -> Found | None:
         found = self._given(name) or self._mapped(name)
-        found = found or self._above(name, here) or _nearest(self._inside.packages.get(name), here)
+        found = found or self._own(name, here) or _nearest(self._inside.packages.get(name), here)
         return found or _of(self._environment_folders.package(name))
+
+    def _model(self, name: str, here: Path) -> Found | None:
+        found = self._given(name) or self._mapped(name) or _nearest(self._inside.models.get(name), here)
+        return found or _of(self._environment_folders.model(name)) or self._package(name, here)
 
     def _given(self, name: str) -> Found | None:
         """Return the folder of a package that the caller provides."""
@@ -184,15 +280,17 @@ class Packages:
             raise PackageError("missing-package", f"{what} is not a folder (looked for {folder})")
         return Found(folder)
 
-    def _above(self, name: str, here: Path) -> Found | None:
+    def _own(self, name: str, here: Path) -> Found | None:
         """Return the package of the referring file, if it has this name: it comes before others of the same name."""
-        for folder in here.parents:
-            if not self.may_read(folder):
-                return None
+        for folder in self._above(here):
             manifest = folder / PACKAGE_FILE
             if manifest.is_file() and self.may_read(manifest.resolve()) and package_name(folder) == name:
                 return Found(folder)
         return None
+
+    def _above(self, here: Path) -> Iterator[Path]:
+        """Yield the folders above a file that may be read, the nearest first."""
+        return takewhile(self.may_read, here.parents)
 
     @cached_property
     def _inside(self) -> PackageFolders:
@@ -207,8 +305,9 @@ class Packages:
         lifted = "name another file" if found.is_relative_to(self.workspace.root) else OUTSIDE_REMEDY
         return PackageError("outside-workspace", f"{what} {where}; {lifted}{advice}")
 
-    def _missing(self, kind: str, name: str, here: Path, variables: Iterable[str]) -> PackageError:
+    def _missing(self, kind: str, name: str, here: Path) -> PackageError:
         inside, root = self._inside, self.workspace.root
+        variables = (*MODEL_VARIABLES, *PACKAGE_VARIABLES) if kind == "model" else PACKAGE_VARIABLES
         known = {
             *self.mapped,
             *(given for given, _ in self.workspace.packages),
@@ -223,11 +322,13 @@ class Packages:
         )
         places = ("robot.packages", f"{root} ({extent})", *self._environment_folders.described(variables))
         where = here.relative_to(root) if here.is_relative_to(root) else here
+        # The workspace may start below the package.
+        outside = next((folder for folder in here.parents if folder.name == name), "FOLDER")
         return PackageError(
             "missing-package",
             f"{where} refers to the {kind} '{name}', which was not found{hint} (searched: {', '.join(places)}); "
             f"add it to the repository, or set its folder: robot.packages: {{{name}: path/to/{name}}}, or "
-            f"name a folder outside the repository: --package {name}=FOLDER",
+            f"name a folder outside the repository: --package {name}={outside}",
         )
 
     def _similar_name(self, path: Path) -> str:
@@ -251,92 +352,25 @@ def _nearest(folders: tuple[Path, ...] | None, here: Path) -> Found | None:
     """Return the folder with the shortest path from the referring file, with a warning if there are several."""
     if folders is None:
         return None
-    nearest, *others = sorted(folders, key=lambda folder: (_steps(here.parent, folder), folder))
+    nearest, *others = _by_distance(folders, here)
     if not others:
         return Found(nearest)
-    passed_over = ", ".join(map(str, others[:_PLACES_SHOWN])) + ("" if len(others) <= _PLACES_SHOWN else ", ...")
-    chosen = f"{nearest} is used, because it is nearest to {here.name}, not {passed_over}"
-    return Found(nearest, f"{len(folders)} packages have the same name: {chosen}; set robot.packages to choose one")
+    chosen = f"{nearest} is used, because it is nearest to {here.name}, not {_listed(map(str, others))}"
+    text = f"{len(folders)} packages have the same name: {chosen}; set robot.packages to choose one"
+    return Found(nearest, (Note("several-packages", text, nearest),))
+
+
+def _listed(places: Iterable[str]) -> str:
+    first = list(islice(places, _PLACES_SHOWN + 1))
+    return ", ".join([*first[:_PLACES_SHOWN], *(["..."] if len(first) > _PLACES_SHOWN else [])])
+
+
+def _by_distance(folders: Iterable[Path], here: Path) -> list[Path]:
+    """Return folders in the order of their distance from the referring file."""
+    return sorted(folders, key=lambda folder: (_steps(here.parent, folder), folder))
 
 
 def _steps(start: Path, end: Path) -> int:
     """Return the number of folders on the path from one to the other."""
     common = len(Path(os.path.commonpath((start, end))).parts)
     return len(start.parts) + len(end.parts) - 2 * common
-
-
-def _refuse_one_slash(reference: str) -> None:
-    """Raise PackageError for a reference such as package:/name, which would look like a path."""
-    scheme, _, rest = reference.partition(":/")
-    if scheme in {"package", "model", "file"} and rest:
-        meant = f"{scheme}://{'/' if scheme == 'file' else ''}{rest}"
-        raise PackageError("bad-reference", f"'{reference}' lacks a slash; did you mean '{meant}'?")
-
-
-def _path_of_address(rest: str, reference: str) -> Path:
-    path = rest.removeprefix("localhost")
-    if not path.startswith("/"):
-        meant = f"write file:///{rest}, or '{rest}' for a path relative to the referring file"
-        raise PackageError("bad-reference", f"'{reference}': file:// needs an absolute path; {meant}")
-    # The path of file:///C:/robot.stl starts with a slash, too.
-    is_on_drive = sys.platform == "win32" and PureWindowsPath(path[1:]).drive
-    return Path(path[1:] if is_on_drive else path)
-
-
-def find_model_file(
-    reference: str, referrer: Path, packages: Packages, read: Callable[[Path], ModelDocument] = read_document
-) -> Found:
-    """Return the file of a model that an address, a path, or a folder of a Gazebo model names. Raises PackageError.
-
-    :param read: reads a model.config.
-    """
-    scheme, separator, rest = reference.partition("://")
-    warning = None
-    name, _, path = rest.partition("/")
-    if not separator:
-        place = referrer.resolve().parent / reference
-        if "/" not in reference and not place.suffix and not _is_folder(place):
-            # A bare name is a model's name, as in SDF_PATH.
-            return find_model_file(f"model://{reference}", referrer, packages, read)
-    elif name and scheme in {"model", "package"}:
-        found = (packages.find_model if scheme == "model" else packages.find)(name, referrer)
-        place, warning = found.path / path, found.warning
-    else:
-        return packages.resolve(reference, referrer)
-    if not _is_folder(place):
-        return Found(packages.file(place, reference), warning)
-    return Found(_file_in(place.resolve(), reference, packages, read), warning)
-
-
-def is_model_folder(path: Path) -> bool:
-    """Return True if a folder contains a model.config or a model.sdf."""
-    return _is_folder(path) and is_model(path)
-
-
-def parsed_version(text: str) -> Version:
-    """Return the version of SDF in a text such as "1.9"; (0, 0) if it is not a version."""
-    match = re.fullmatch(r"\s*([0-9]{1,4})\.([0-9]{1,4})\s*", text)
-    return (int(match[1]), int(match[2])) if match else (0, 0)
-
-
-def _file_in(folder: Path, reference: str, packages: Packages, read: Callable[[Path], ModelDocument]) -> Path:
-    """Return the newest supported file that model.config names, or model.sdf."""
-    try:
-        manifest = packages.file(folder / _MANIFEST, reference)
-    except PackageError:
-        return packages.file(folder / _MODEL, f"{reference}/{_MODEL}")
-    files = read(manifest).root.findall("sdf")
-    if not files:
-        raise PackageError("missing-file", f"{manifest} has no <sdf> element, which names the model's file")
-    known = [file for file in files if parsed_version(file.get("version", "")) <= NEWEST]
-    best = max(known or files, key=lambda file: parsed_version(file.get("version", "")))
-    name = (best.text or "").strip()
-    return packages.file(folder / name, f"{reference}/{name}")
-
-
-def _is_folder(path: Path) -> bool:
-    """Return True if a path is a folder, for any text as path."""
-    try:
-        return path.is_dir()
-    except (OSError, ValueError, RuntimeError):
-        return False

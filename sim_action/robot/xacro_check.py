@@ -107,8 +107,7 @@ class _Checker:
 
     def _package_folder(self, name: str, place: Location) -> str:
         found = self._packages.find(name, Path(place.file))
-        if found.warning:
-            self.notes.append(f"{shown_place(place)}: {found.warning}")
+        self.notes += [f"{shown_place(place)}: {note.text}" for note in found.notes]
         return str(found.path)
 
     def _pass_over(self, note: str) -> None:

@@ -25,7 +25,7 @@ from xml.etree import ElementTree as ET
 
 from sim_action.core.errors import Location
 from sim_action.robot.audit.rules import finding, refuse_errors
-from sim_action.robot.packages import PackageError, Packages
+from sim_action.robot.packages import Note, PackageError, Packages
 from sim_action.robot.robot_model import Finding
 from sim_action.robot.xacro_documents import UnknownArgument, XacroDocuments, XacroError, place_of, read_bytes
 from sim_action.robot.xacro_errors import explain_xacro_error
@@ -48,11 +48,13 @@ class Expansion:
         text: the URDF.
         places: the place of each of its elements, in document order.
         notes: the warnings of xacro, one line each.
+        package_notes: how packages were found, if that is not plain.
     """
 
     text: str
     places: tuple[Location, ...]
     notes: tuple[str, ...]
+    package_notes: tuple[Note, ...] = ()
 
 
 def read_xacro(
@@ -69,8 +71,10 @@ def read_xacro(
         raise
     root = ET.fromstring(expansion.text)  # noqa: S314 - written by xacro from documents without a DOCTYPE
     places = {element: shown_place(place) for element, place in zip(root.iter(), expansion.places, strict=True)}
-    warnings = [finding("xacro-warning", note, Location(shown_file(path))) for note in expansion.notes]
-    return ModelDocument(root, places), warnings
+    place = Location(shown_file(path))
+    warnings = [finding("xacro-warning", note, place) for note in expansion.notes]
+    found = [finding(note.rule, note.text, place) for note in expansion.package_notes]
+    return ModelDocument(root, places), [*warnings, *found]
 
 
 def expand(path: Path, arguments: Mapping[str, Argument], packages: Packages) -> Expansion:
@@ -107,7 +111,7 @@ class _Expander:
         self._arguments = arguments
         self._packages = packages
         self._documents = XacroDocuments()
-        self._warnings: dict[str, None] = {}
+        self._package_notes: dict[Note, None] = {}
 
     def expansion(self) -> Expansion:
         printed = _Bounded(_MAX_WARNINGS_CHARS)
@@ -122,7 +126,7 @@ class _Expander:
                 raise explain_xacro_error(error, self._path) from None
         elements = document.getElementsByTagName("*")
         places = tuple(place_of(element) or Location(str(self._path)) for element in elements)
-        return Expansion(text, places, (*self._warnings, *_warnings(printed.getvalue())))
+        return Expansion(text, places, tuple(_warnings(printed.getvalue())), tuple(self._package_notes))
 
     def _processed(self) -> Document:
         self._xacro.init_stacks(str(self._path))
@@ -151,8 +155,7 @@ class _Expander:
 
     def _package_folder(self, name: str) -> str:
         found = self._packages.find(name, self._current_file())
-        if found.warning:
-            self._warnings[found.warning] = None
+        self._package_notes.update(dict.fromkeys(found.notes))
         return str(found.path)
 
     def _parse(self, _text: None, filename: str) -> Document:

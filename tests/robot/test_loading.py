@@ -14,6 +14,7 @@ from sim_action.robot.robot_model import RobotModel
 from sim_action.robot.spec import Robot
 from sim_action.scenario.loading import load_scenario
 from tests.robot.bad_models import GOOD
+from tests.ros_workspace import NAMESPACE, TRIANGLE, written
 
 URDF = """\
 <robot name="box">
@@ -265,3 +266,16 @@ def test_xacro_counts_as_a_script(tmp_path: Path) -> None:
     path.write_text(SCENARIO)
     with pytest.raises(InvalidScenario, match=r"s\.sim\.yml:2:9: robot\.model: no scripts here"):
         load_scenario(path, Permissions(scripts_refused="no scripts here"))
+
+
+def test_a_package_that_includes_and_meshes_need_has_one_note(tmp_path: Path) -> None:
+    root = tmp_path.resolve()
+    written(root / "hand/link.xacro", f'<robot {NAMESPACE}><xacro:property name="radius" value="1"/></robot>')
+    written(root / "hand/a.stl", TRIANGLE)
+    shape = '<visual><geometry><mesh filename="package://hand/a.stl"/></geometry></visual>'
+    text = f'<xacro:include filename="$(find hand)/link.xacro"/><link name="base">{shape}</link>'
+    written(root / "arm/arm.urdf.xacro", f'<robot name="arm" {NAMESPACE}>{text}</robot>')
+    robot = Robot(model="arm/arm.urdf.xacro", allow=("massless-model",))
+    notes = [found for found in load_model(robot, Workspace(root, root)).findings if found.rule == "package-folder"]
+    assert len(notes) == 1
+    assert "hand is used, a folder of that name" in notes[0].message

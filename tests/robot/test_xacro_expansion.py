@@ -125,8 +125,8 @@ def test_of_two_packages_of_one_name_the_nearer_is_included_with_a_note(ros: Ros
         written(folder / "arm.xacro", f'<robot {NAMESPACE}><a x="{folder.parent.name}"/></robot>')
     expansion = expanded(ros, '<xacro:include filename="$(find arm)/arm.xacro"/><b x="$(find arm)"/>')
     assert element(expansion).get("x") == "src"
-    assert len(expansion.notes) == 1
-    assert expansion.notes[0].startswith(
+    assert [note.rule for note in expansion.package_notes] == ["several-packages"]
+    assert expansion.package_notes[0].text.startswith(
         f"2 packages have the same name: {near} is used, because it is nearest to test.urdf.xacro"
     )
 

@@ -100,6 +100,10 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         "tiny-mesh": Rule("warning", "a collision mesh smaller than 1 mm: probably scaled to metres twice"),
         "flat-mesh": Rule("warning", "a collision mesh without a volume"),
         "several-packages": Rule("warning", "several packages with the same name: the nearest one is used"),
+        "package-folder": Rule(
+            "warning", "a package without a package.xml: a folder of its name, or with its files, is used"
+        ),
+        "file-spelling": Rule("warning", "a file or reference that is spelled otherwise than on the disk"),
         "missing-inertia": Rule("warning", "a link without <inertial>: it gets a negligible mass"),
         "unknown-reference": Rule("warning", "a <gazebo> tag for a link or joint that does not exist"),
         "two-frictions": Rule(

@@ -14,7 +14,8 @@ from xml.etree.ElementTree import Element
 
 from sim_action.robot.audit.kinematic_tree import MAX_NAME_BYTES
 from sim_action.robot.audit.rules import finding, refuse_errors
-from sim_action.robot.packages import PackageError, Packages, Version, find_model_file
+from sim_action.robot.model_files import Version, find_model_file
+from sim_action.robot.packages import PackageError, Packages
 from sim_action.robot.sdf.elements import MODEL_FRAME, Notes, SdfProblem, flag_attribute, flag_of, needed, text_of
 from sim_action.robot.sdf.files import ModelTooLarge, SdfFile, SizeBudget, read_sdf_file
 
@@ -216,8 +217,8 @@ class Assembly:
         except PackageError as error:
             rule = "missing-include" if error.rule == "missing-file" else error.rule
             raise SdfProblem(rule, include, str(error)) from None
-        if found.warning:
-            self.notes.add("several-packages", include, found.warning)
+        for note in found.notes:
+            self.notes.add(note.rule, include, note.text)
         return self._opened(found.path)
 
     def _opened(self, path: Path) -> SdfFile:

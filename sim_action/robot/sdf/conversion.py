@@ -17,7 +17,8 @@ from typing import Final
 from sim_action.core import geometry
 from sim_action.core.geometry import ZERO, Pose
 from sim_action.robot.audit.rules import refuse_errors
-from sim_action.robot.packages import NEWEST, Packages
+from sim_action.robot.model_files import NEWEST
+from sim_action.robot.packages import Packages
 from sim_action.robot.robot_model import WORLD, Finding
 from sim_action.robot.sdf.composition import SEPARATOR, Assembly, Entry, Scope
 from sim_action.robot.sdf.elements import Notes

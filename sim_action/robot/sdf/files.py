@@ -12,7 +12,7 @@ from xml.etree.ElementTree import Element
 
 from sim_action.core.wording import shown
 from sim_action.robot.audit.rules import refuse_errors
-from sim_action.robot.packages import Version, parsed_version
+from sim_action.robot.model_files import Version, parsed_version
 from sim_action.robot.sdf.old_versions import upgraded
 from sim_action.robot.xml_document import MAX_BYTES, MAX_ELEMENTS, ModelDocument, read_document
 

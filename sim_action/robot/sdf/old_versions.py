@@ -16,7 +16,7 @@ from typing import Final
 from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element
 
-from sim_action.robot.packages import Version
+from sim_action.robot.model_files import Version
 from sim_action.robot.sdf.elements import MODEL_FRAME
 from sim_action.robot.xml_document import ModelDocument
 

@@ -80,8 +80,9 @@ def test_both_zeros_of_a_limit_are_told_at_once_and_not_of_a_joint_that_is_held(
 
 
 def test_every_rule_has_a_model_that_breaks_it() -> None:
-    # What takes packages or xacro is in test_urdf.py and test_expansion.py.
-    elsewhere = {"several-packages", "xacro-warning", "bad-xacro", "unknown-argument", "missing-include"}
+    # What takes packages or xacro is in test_package_layouts.py, test_urdf.py and test_expansion.py.
+    elsewhere = {"package-folder", "file-spelling"}
+    elsewhere |= {"several-packages", "xacro-warning", "bad-xacro", "unknown-argument", "missing-include"}
     # What only SDF can do is in test_bad_sdf.py and test_sdf.py.
     elsewhere |= {"unknown-frame", "frame-loop", "include-loop", "unsupported-part"}
     elsewhere |= {"default-inertia", "turned-base", "passed-over"}
