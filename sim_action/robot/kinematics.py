@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from sim_action.core import geometry, units
-from sim_action.core.geometry import Box, Pose, Vector3
+from sim_action.core.geometry import ZERO, Box, Pose, Vector3
 from sim_action.robot.robot_model import Joint, Reading, RobotModel, Shape
 
 _UNITS: tuple[Vector3, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -32,9 +32,10 @@ def link_poses(model: RobotModel, positions: Mapping[str, float]) -> dict[str, P
     while waiting:
         parent = waiting.pop()
         for joint in hanging.get(parent, []):
-            socket = geometry.compose(poses[parent], joint.origin)
-            poses[joint.child] = geometry.compose(socket, _motion(joint, positions.get(joint.name, 0.0)))
-            waiting.append(joint.child)
+            # A link of MJCF may have several joints in series.
+            socket = poses.get(joint.child) or geometry.compose(poses[parent], joint.origin)
+            poses[joint.child] = geometry.compose(socket, joint_motion(joint, positions.get(joint.name, 0.0)))
+        waiting += dict.fromkeys(joint.child for joint in hanging.get(parent, []))
     return poses
 
 
@@ -51,12 +52,17 @@ def robot_box(model: RobotModel, poses: Mapping[str, Pose]) -> Box | None:
     return (min(xs), min(ys), min(zs)), (max(xs), max(ys), max(zs))
 
 
-def _motion(joint: Joint, position: float) -> Pose:
+def joint_motion(joint: Joint, position: float) -> Pose:
+    """Return the motion of the child link's frame from position zero to `position` in rad (m if prismatic)."""
     x, y, z = joint.axis_xyz
     if joint.type == "prismatic":
         return Pose((position * x, position * y, position * z))
     sine = math.sin(position / 2)
-    return Pose(orientation_xyzw=(sine * x, sine * y, sine * z, math.cos(position / 2)))
+    turn = Pose(orientation_xyzw=(sine * x, sine * y, sine * z, math.cos(position / 2)))
+    if joint.anchor_xyz == ZERO:
+        return turn
+    (ax, ay, az), (bx, by, bz) = joint.anchor_xyz, geometry.rotate(turn.orientation_xyzw, joint.anchor_xyz)
+    return Pose((ax - bx, ay - by, az - bz), turn.orientation_xyzw)
 
 
 def _box(pose: Pose, shape: Shape) -> Box:

@@ -11,20 +11,24 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from sim_action.core import geometry
 from sim_action.core.errors import Location, ModelError
 from sim_action.core.geometry import Pose
 from sim_action.robot.audit.elements import no_bounce
 from sim_action.robot.audit.rules import finding, refuse_errors
+from sim_action.robot.kinematics import joint_motion
 from sim_action.robot.mjcf_elements import refusal
 from sim_action.robot.mjcf_files import MjcfFiles, collect_files
 from sim_action.robot.packages import Packages
 from sim_action.robot.robot_model import (
+    MESH_OF_TEXT,
     WORLD,
+    Color,
     Finding,
     Joint,
     JointType,
@@ -38,15 +42,11 @@ from sim_action.robot.robot_model import (
 from sim_action.robot.xml_document import shown_file
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+    from sim_action.robot.mjcf_spec import Built
 
 
-# Elements that the scenario defines itself, or that have no effect.
-_UNUSED: Final = ("keys", "sensors", "actuators", "tuples", "pairs", "excludes")
 # MuJoCo's default colour of a geom.
 _NO_COLOUR: Final = (0.5, 0.5, 0.5, 1.0)
-_VISUAL: Final = ("lights", "cameras", "skins", "textures", "materials")
 
 _SHAPES: Final = ("plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh", "sdf")
 """Names of shapes, indexed by mujoco.mjtGeom."""
@@ -71,7 +71,7 @@ def read_mjcf(path: Path, packages: Packages, allow: Iterable[str] = ()) -> Robo
     # By default, MuJoCo writes warnings into a file in the working directory.
     mujoco.set_mju_user_warning(warnings.append)
     try:
-        model = _read(mujoco, path, files)
+        model = _read(path, files)
     except (ValueError, OSError, mujoco.FatalError) as error:
         raise _refusal(path, files, error) from None
     finally:
@@ -79,19 +79,26 @@ def read_mjcf(path: Path, packages: Packages, allow: Iterable[str] = ()) -> Robo
     numberless = next((warning for warning in warnings if "NaN" in warning), None)
     if numberless:
         raise ModelError(f"MuJoCo warns: {numberless}", Location(shown_file(path)))
-    findings = tuple(_bounces(model.mjcf, Location(shown_file(path))))
-    refuse_errors(findings, allow)
-    return replace(model, findings=findings)
+    refuse_errors(model.findings, allow)
+    return model
 
 
-def _read(mujoco: Any, path: Path, files: MjcfFiles) -> RobotModel:
-    spec = mujoco.MjSpec.from_string(files.text, include=dict(files.models))
-    _embed_meshes(spec, files)
-    limits = _actuator_limits(mujoco, spec)
-    _leave_out(spec, path)
-    _name_all(spec)
-    spec.compile()
-    return model_of_text(spec.to_xml(), path, limits)
+def _read(path: Path, files: MjcfFiles) -> RobotModel:
+    from sim_action.robot.mjcf_spec import build
+
+    place = Location(shown_file(path))
+    built = build(files, place)
+    model = built.spec.compile()
+    reader = _Reader(model, built, _actuator_limits(built.spec))
+    return RobotModel(
+        built.spec.modelname,
+        str(path),
+        reader.links(),
+        reader.joints(),
+        urdf="",
+        findings=(*_bounces(model, place), *built.findings),
+        mjcf=built.mjcf,
+    )
 
 
 def _engine(path: Path) -> Any:
@@ -112,25 +119,10 @@ def _refusal(path: Path, files: MjcfFiles, error: Exception) -> ModelError:
     return refusal(f"MuJoCo cannot read the model: {message}", places[0] if places else Location(shown_file(path)))
 
 
-def _embed_meshes(spec: Any, files: MjcfFiles) -> None:
-    """Replace mesh files by vertices and faces from our own readers: MuJoCo must not open untrusted files."""
-    from sim_action.meshes import MeshError, parsed_mesh
-
-    for mesh in spec.meshes:
-        if not mesh.file:
-            continue
-        found = files.meshes[mesh.file]
-        try:
-            parsed = parsed_mesh(found.path)
-        except MeshError as error:
-            raise refusal(f"mesh '{found.name}': {error} [{error.rule}]", found.place) from None
-        mesh.file = ""
-        mesh.uservert = parsed.points_xyz.ravel().tolist()
-        mesh.userface = [int(row) for part in parsed.parts for row in part.ravel()]
-
-
-def _actuator_limits(mujoco: Any, spec: Any) -> dict[str, float]:
+def _actuator_limits(spec: Any) -> dict[str, float]:
     """Return the largest effort of the actuators of each joint, in N m or N."""
+    import mujoco
+
     limits: dict[str, float] = {}
     for actuator in spec.actuators:
         most = max(map(abs, actuator.forcerange)) * abs(actuator.gear[0])
@@ -142,76 +134,16 @@ def _actuator_limits(mujoco: Any, spec: Any) -> dict[str, float]:
     return limits
 
 
-def _leave_out(spec: Any, path: Path) -> None:
-    bodies = [body for body in spec.worldbody.bodies if not body.mocap]
-    if len(bodies) != 1:
-        found = f"the model has {len(bodies)} bodies in its world"
-        raise ModelError(f"a robot must be one body with its children, but {found}", Location(shown_file(path)))
-    dropped = [element for kind in (*_UNUSED, *_VISUAL) for element in getattr(spec, kind)]
-    dropped += [*spec.worldbody.geoms, *spec.worldbody.sites]
-    dropped += [body for body in spec.worldbody.bodies if body.mocap]
-    for geom in spec.geoms:
-        _keep_colour(spec, geom)
-    for element in dropped:
-        spec.delete(element)
-    _leave_out_heightfields(spec, path)
-
-
-def _leave_out_heightfields(spec: Any, path: Path) -> None:
-    """Leave out heightfields that the robot does not use, and refuse files of the others."""
-    used = {geom.hfieldname: geom.name for geom in spec.geoms if geom.hfieldname}
-    for field in list(spec.hfields):
-        if field.name in used and field.file:
-            found = f"heightfield '{field.name}' of geom '{used[field.name]}' is read from a file"
-            remedy = "state its 'elevation' in the model, or make it a body of the scenario's world"
-            raise ModelError(f"{found}, which is not supported; {remedy}", Location(shown_file(path)))
-        if field.name not in used:
-            spec.delete(field)
-
-
-def _keep_colour(spec: Any, geom: Any) -> None:
-    """Give a geom the colour of its material, unless it has a colour of its own."""
-    material = next((material for material in spec.materials if material.name == geom.material), None)
-    if material is not None and tuple(geom.rgba) == _NO_COLOUR:
-        geom.rgba = material.rgba
-    geom.material = ""
-
-
-def _name_all(spec: Any) -> None:
-    for kind in ("body", "joint", "geom"):
-        elements = getattr(spec, {"body": "bodies"}.get(kind, f"{kind}s"))
-        for number, element in enumerate(elements):
-            element.name = element.name or f"{kind}_{number}"
-
-
-def model_of_text(text: str, path: Path, limits: Mapping[str, float]) -> RobotModel:
-    """Return the model of an MJCF text.
-
-    :param limits: joint name -> largest effort of its actuators, in N m or N.
-    """
-    import mujoco
-
-    spec = mujoco.MjSpec.from_string(text)
-    model = spec.compile()
-    links = tuple(_link(model, body) for body in range(1, model.nbody))
-    joints = tuple(joint for body in range(1, model.nbody) for joint in _joints(model, body, limits))
-    if any(joint.parent == WORLD for joint in joints):
-        links = (Link(WORLD, None), *links)
-    return RobotModel(spec.modelname, str(path), links, joints, urdf="", mjcf=text)
-
-
 _DAMPED: Final = "give 'solref' a damping ratio of 1, such as solref=\"0.02 1\""
 
 
-def _bounces(text: str, place: Location) -> Iterator[Finding]:
+def _bounces(model: Any, place: Location) -> Iterator[Finding]:
     """Yield the geoms that bounce in MuJoCo: their contacts are springs with too little damping."""
-    import mujoco
-
-    model = mujoco.MjSpec.from_string(text).compile()
-    for geom in range(model.ngeom):
-        first, second = map(float, model.geom_solref[geom])
-        restitution = _restitution(first, second)
-        if restitution > _MAX_RESTITUTION and (model.geom_contype[geom] or model.geom_conaffinity[geom]):
+    stated = model.geom_solref.tolist()
+    collides = ((model.geom_contype != 0) | (model.geom_conaffinity != 0)).tolist()
+    for geom, (first, second) in enumerate(stated):
+        restitution = _restitution(first, second) if collides[geom] else 0.0
+        if restitution > _MAX_RESTITUTION:
             found = f"geom '{model.geom(geom).name}' has solref=\"{first:g} {second:g}\", a restitution of about"
             yield finding("restitution", no_bounce(f"{found} {restitution:.2g}", _DAMPED), place)
 
@@ -225,102 +157,171 @@ def _restitution(first: float, second: float) -> float:
     return 0.0 if ratio >= 1 else math.exp(-math.pi * ratio / math.sqrt(1 - ratio**2))
 
 
-def _link(model: Any, body: int) -> Link:
-    first, count = model.body_geomadr[body], model.body_geomnum[body]
-    # Geoms without a contact type are visual only.
-    geoms = [geom for geom in range(first, first + count) if model.geom_contype[geom] or model.geom_conaffinity[geom]]
-    friction = float(model.geom_friction[geoms[0], 0]) if geoms else 0.5
-    shapes = tuple(_shape(model, geom) for geom in geoms)
-    x, y, z = map(float, model.body_ipos[body])
-    # MuJoCo's viewer hides the other groups, too.
-    seen = [geom for geom in range(first, first + count) if model.geom_group[geom] <= _MAX_VISIBLE_GROUP]
-    visuals = tuple(visual for visual in (_visual(model, geom) for geom in seen) if visual.kind not in _UNBOUNDED)
-    return Link(model.body(body).name, float(model.body_mass[body]), shapes, Surface(friction), (x, y, z), visuals)
+class _Reader:
+    """Reads links and joints of a compiled model."""
+
+    def __init__(self, model: Any, built: Built, limits: Mapping[str, float]) -> None:
+        """`limits`: joint name -> largest effort of its actuators, in N m or N."""
+        self._model, self._built, self._limits = model, built, limits
+        self._collides = ((model.geom_contype != 0) | (model.geom_conaffinity != 0)).tolist()
+        self._bodies = [model.body(body).name for body in range(model.nbody)]
+        self._meshes = [model.mesh(mesh).name for mesh in range(model.nmesh)]
+        self._mimics = _mimics(model)
+
+    def links(self) -> tuple[Link, ...]:
+        """Return all links, with one for the world if the robot is fixed to it."""
+        links = tuple(map(self._link, range(1, self._model.nbody)))
+        tops = [body for body in range(1, self._model.nbody) if not self._model.body_parentid[body]]
+        return links if any(map(self._is_free, tops)) else (Link(WORLD, None), *links)
+
+    def joints(self) -> tuple[Joint, ...]:
+        """Return all joints that are not free."""
+        return tuple(joint for body in range(1, self._model.nbody) for joint in self._joints(body))
+
+    def _is_free(self, body: int) -> bool:
+        import mujoco
+
+        first = self._model.body_jntadr[body]
+        return bool(first >= 0 and self._model.jnt_type[first] == mujoco.mjtJoint.mjJNT_FREE)
+
+    def _link(self, body: int) -> Link:
+        model = self._model
+        first, count = int(model.body_geomadr[body]), int(model.body_geomnum[body])
+        # Geoms without a contact type are visual only.
+        geoms = [geom for geom in range(first, first + count) if self._collides[geom]]
+        friction = float(model.geom_friction[geoms[0], 0]) if geoms else 0.5
+        shapes = tuple(_shape(model, geom) for geom in geoms)
+        x, y, z = model.body_ipos[body].tolist()
+        # MuJoCo's viewer hides the other groups, too.
+        seen = [geom for geom in range(first, first + count) if model.geom_group[geom] <= _MAX_VISIBLE_GROUP]
+        visuals = tuple(visual for visual in map(self._visual, seen) if visual is not None)
+        return Link(self._bodies[body], float(model.body_mass[body]), shapes, Surface(friction), (x, y, z), visuals)
+
+    def _visual(self, geom: int) -> Visual | None:
+        """Return what is drawn of a geom; None if it cannot be drawn."""
+        model = self._model
+        kind = _SHAPES[model.geom_type[geom]]
+        pose, color = _pose(model.geom_pos[geom], model.geom_quat[geom]), _color(model, geom)
+        if kind in _UNBOUNDED:
+            return None
+        if kind != "mesh":
+            *_, along_x, along_y, along_z = model.geom_aabb[geom].tolist()
+            return Visual(kind, pose, color, (2 * along_x, 2 * along_y, 2 * along_z))
+        mesh = int(model.geom_dataid[geom])
+        name = self._meshes[mesh]
+        named = self._built.drawn.get(name)
+        if named is None:
+            return Visual(kind, pose, color, file=f"{MESH_OF_TEXT}{name}")
+        # MuJoCo moves a mesh to its centre of mass and turns it to its axes of inertia.
+        own = geometry.inverse(_pose(model.mesh_pos[mesh], model.mesh_quat[mesh]))
+        x, y, z = model.mesh_scale[mesh].tolist()
+        return Visual(kind, geometry.compose(pose, own), color, file=str(named.path), scale=(x, y, z))
+
+    def _joints(self, body: int) -> Iterator[Joint]:
+        """Yield the joints between a body and its parent: one, several in series, or a fixed joint without any."""
+        import mujoco
+
+        model, kinds = self._model, mujoco.mjtJoint
+        first, count = model.body_jntadr[body], model.body_jntnum[body]
+        numbers = [number for number in range(first, first + count) if model.jnt_type[number] != kinds.mjJNT_BALL]
+        if numbers and model.jnt_type[numbers[0]] == kinds.mjJNT_FREE:
+            return
+        name, parent = self._bodies[body], self._bodies[model.body_parentid[body]]
+        origin = _pose(model.body_pos[body], model.body_quat[body])
+        if not numbers:
+            yield Joint(f"{name}_joint", "fixed", parent, name, origin, (0.0, 0.0, 1.0))
+        yield from at_zero([self._joint(number, parent, name, origin) for number in numbers])
+
+    def _joint(self, number: int, parent: str, child: str, origin: Pose) -> Joint:
+        import mujoco
+
+        model = self._model
+        limited = bool(model.jnt_limited[number])
+        turns = model.jnt_type[number] == mujoco.mjtJoint.mjJNT_HINGE
+        kind: JointType = ("revolute" if limited else "continuous") if turns else "prismatic"
+        x, y, z = model.jnt_axis[number].tolist()
+        ax, ay, az = model.jnt_pos[number].tolist()
+        lower, upper = model.jnt_range[number].tolist() if limited else (None, None)
+        name = model.joint(number).name
+        return Joint(
+            name=name,
+            type=kind,
+            parent=parent,
+            child=child,
+            origin=origin,
+            axis_xyz=(x, y, z),
+            lower=lower,
+            upper=upper,
+            max_effort=self._limits.get(name),
+            mimic=self._mimics.get(name),
+            anchor_xyz=(ax, ay, az),
+            reference=float(model.qpos0[model.jnt_qposadr[number]]),
+        )
 
 
-def _visual(model: Any, geom: int) -> Visual:
-    kind = _SHAPES[model.geom_type[geom]]
-    mesh = model.mesh(int(model.geom_dataid[geom])).name if kind == "mesh" else ""
-    stated = tuple(map(float, model.geom_rgba[geom]))
+def at_zero(joints: Sequence[Joint]) -> list[Joint]:
+    """Return joints in series between two links, with the child link's frame at position zero.
+
+    Input: `origin` is the frame of the child link with all joints at their `reference`, as MJCF states it.
+    """
+    if not any(joint.reference for joint in joints):
+        return list(joints)
+    # With J(i) the motion of joint i and D(i) that to position zero, the child is at origin J(1) D(1) J(2) D(2) ...
+    # Each D is moved to the front, past the joints before it: this turns and moves their axes.
+    back, moved = Pose(), []
+    for joint in joints:
+        moved.append(replace(joint, **_carried(joint, back)))
+        back = geometry.compose(back, joint_motion(joint, -joint.reference))
+    away = geometry.inverse(back)
+    return [replace(joint, origin=geometry.compose(joint.origin, back), **_carried(joint, away)) for joint in moved]
+
+
+def _carried(joint: Joint, motion: Pose) -> dict[str, Any]:
+    """Return the axis and the anchor of a joint after a motion."""
+    return {
+        "axis_xyz": geometry.rotate(motion.orientation_xyzw, joint.axis_xyz),
+        "anchor_xyz": geometry.compose(motion, Pose(joint.anchor_xyz)).position_xyz,
+    }
+
+
+def _color(model: Any, geom: int) -> Color | None:
+    """Return the colour of a geom, or else of its material; None if neither states one."""
+    stated, material = tuple(model.geom_rgba[geom].tolist()), int(model.geom_matid[geom])
+    if stated == _NO_COLOUR:
+        if material < 0:
+            return None
+        stated = tuple(model.mat_rgba[material].tolist())
     red, green, blue = stated[:3]
-    *_, along_x, along_y, along_z = map(float, model.geom_aabb[geom])
-    return Visual(
-        kind,
-        _pose(model.geom_pos[geom], model.geom_quat[geom]),
-        None if stated == _NO_COLOUR else (red, green, blue),
-        (2 * along_x, 2 * along_y, 2 * along_z),
-        mesh,
-    )
-
-
-def surfaces_of_text(text: str) -> dict[str, tuple[NDArray[np.float64], NDArray[np.int64]]]:
-    """Return the points (P, 3) in m, in the engine's mesh frame, and the triangles (T, 3) of each mesh."""
-    import mujoco
-    import numpy as np
-
-    model = mujoco.MjSpec.from_string(text).compile()
-    found = {}
-    for mesh in range(model.nmesh):
-        point, face = model.mesh_vertadr[mesh], model.mesh_faceadr[mesh]
-        points = model.mesh_vert[point : point + model.mesh_vertnum[mesh]].astype(np.float64)
-        faces = model.mesh_face[face : face + model.mesh_facenum[mesh]].astype(np.int64)
-        found[model.mesh(mesh).name] = points, faces
-    return found
+    return red, green, blue
 
 
 def _shape(model: Any, geom: int) -> Shape:
     kind = _SHAPES[model.geom_type[geom]]
     radius = float(model.geom_size[geom, 0]) if kind in {"sphere", "cylinder", "capsule"} else None
-    x, y, z, along_x, along_y, along_z = map(float, model.geom_aabb[geom])
+    x, y, z, along_x, along_y, along_z = model.geom_aabb[geom].tolist()
     lower, upper = (x - along_x, y - along_y, z - along_z), (x + along_x, y + along_y, z + along_z)
     return Shape(kind, _pose(model.geom_pos[geom], model.geom_quat[geom]), radius, lower, upper)
-
-
-def _joints(model: Any, body: int, limits: Mapping[str, float]) -> Iterator[Joint]:
-    """Yield the joints between a body and its parent: one, several in series, or a fixed joint if there is none."""
-    import mujoco
-
-    kinds = mujoco.mjtJoint
-    first, count = model.body_jntadr[body], model.body_jntnum[body]
-    numbers = [number for number in range(first, first + count) if model.jnt_type[number] != kinds.mjJNT_BALL]
-    if numbers and model.jnt_type[numbers[0]] == kinds.mjJNT_FREE:
-        return
-    name, parent = model.body(body).name, model.body(int(model.body_parentid[body])).name
-    hangs = {"parent": parent, "child": name, "origin": _pose(model.body_pos[body], model.body_quat[body])}
-    if not numbers:
-        yield Joint(name=f"{name}_joint", type="fixed", axis_xyz=(0.0, 0.0, 1.0), **hangs)
-    mimics = _mimics(model)
-    for number in numbers:
-        joint = model.joint(number).name
-        limited = bool(model.jnt_limited[number])
-        turns = model.jnt_type[number] == kinds.mjJNT_HINGE
-        kind: JointType = ("revolute" if limited else "continuous") if turns else "prismatic"
-        x, y, z = map(float, model.jnt_axis[number])
-        ax, ay, az = map(float, model.jnt_pos[number])
-        lower, upper = map(float, model.jnt_range[number]) if limited else (None, None)
-        yield Joint(
-            name=joint,
-            type=kind,
-            axis_xyz=(x, y, z),
-            lower=lower,
-            upper=upper,
-            max_effort=limits.get(joint),
-            mimic=mimics.get(joint),
-            anchor_xyz=(ax, ay, az),
-            **hangs,
-        )
 
 
 def _mimics(model: Any) -> dict[str, Mimic]:
     """Return joints that an equality couples to another; only its linear part, the engine applies the rest."""
     import mujoco
 
-    tied = {}
+    tied: dict[str, Mimic] = {}
     for number in range(model.neq):
         one, other = int(model.eq_obj1id[number]), int(model.eq_obj2id[number])
-        if model.eq_type[number] == mujoco.mjtEq.mjEQ_JOINT and model.eq_active0[number] and other >= 0:
-            offset, multiplier = map(float, model.eq_data[number, :2])
-            tied[model.joint(one).name] = Mimic(model.joint(other).name, multiplier, offset)
+        if model.eq_type[number] != mujoco.mjtEq.mjEQ_JOINT or not model.eq_active0[number] or other < 0:
+            continue
+        follower, leader = model.joint(one).name, model.joint(other).name
+        ahead: str | None = leader
+        while ahead in tied and ahead != follower:
+            ahead = tied[ahead].joint
+        if follower in tied or ahead == follower:
+            continue
+        offset, multiplier = model.eq_data[number, :2].tolist()
+        # The polynomial is that of the distances from the references.
+        zero, start = (float(model.qpos0[model.jnt_qposadr[joint]]) for joint in (one, other))
+        tied[follower] = Mimic(leader, multiplier, zero + offset - multiplier * start)
     return tied
 
 

@@ -72,6 +72,28 @@ REFUSED: Final[Mapping[str, str]] = MappingProxyType(
 )
 """Elements that are not simulated -> the reason."""
 
+_SEEN: Final = "<light>, <camera> and <skin> are left out: they only affect pictures of MuJoCo's own renderer"
+
+LEFT_OUT: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "light": _SEEN,
+        "camera": _SEEN,
+        "skin": _SEEN,
+        "sensor": "<sensor> is left out: state 'sensors' in the scenario",
+        "texture": "",
+        "layer": "",
+        "visual": "",
+        "statistic": "",
+    }
+)
+"""Elements that are removed from the text for MuJoCo -> the note; empty: they have no effect on a simulation."""
+
+SECTIONS: Final = frozenset({"sensor"})
+"""Elements of `LEFT_OUT` whose children count."""
+
+UNDRAWN: Final = frozenset({"texture", "texrepeat", "texuniform"})
+"""Attributes of <material> that are removed from the text."""
+
 _GIGABYTE: Final = 1_000_000_000
 
 LIMITS: Final[Mapping[tuple[str, str], int]] = MappingProxyType(

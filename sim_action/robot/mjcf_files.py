@@ -17,7 +17,18 @@ from xml.etree.ElementTree import Element
 
 from sim_action.core.errors import Location
 from sim_action.core.wording import shown
-from sim_action.robot.mjcf_elements import DROPPED, FILES, FileRow, check_attributes, check_element, refusal, shown_name
+from sim_action.robot.mjcf_elements import (
+    DROPPED,
+    FILES,
+    LEFT_OUT,
+    SECTIONS,
+    UNDRAWN,
+    FileRow,
+    check_attributes,
+    check_element,
+    refusal,
+    shown_name,
+)
 from sim_action.robot.packages import PackageError, Packages
 from sim_action.robot.xml_document import MAX_BYTES, MAX_ELEMENTS, ModelDocument, read_document
 
@@ -47,12 +58,14 @@ class MjcfFiles:
         models: name in the text -> text of each model to attach.
         meshes: name in the text -> the file of each mesh.
         places: the place of each line of the texts; lines count through all texts.
+        left_out: the elements that the text lacks: a message for each kind, its first place, and its count.
     """
 
     text: str
     models: Mapping[str, bytes] = field(repr=False)
     meshes: Mapping[str, MeshFile]
     places: tuple[Location, ...] = field(repr=False)
+    left_out: tuple[tuple[str, Location, int], ...] = ()
 
     def place(self, line: int) -> Location | None:
         """Return the place in the user's files of a line of the text; None if there is no such line."""
@@ -91,11 +104,13 @@ class _Collector:
         self._models: dict[str, bytes] = {}
         self._meshes: dict[str, MeshFile] = {}
         self._lines: list[Location] = []
+        self._left_out: dict[str, tuple[Location, int]] = {}
         self._files = self._bytes = self._elements = self._named = 0
 
     def collected(self, path: Path) -> MjcfFiles:
         text, _ = self._model(path, None, ())
-        return MjcfFiles(text, self._models, self._meshes, tuple(self._lines))
+        left_out = tuple((kind, place, count) for kind, (place, count) in self._left_out.items())
+        return MjcfFiles(text, self._models, self._meshes, tuple(self._lines), left_out)
 
     # --- files and includes ---
 
@@ -123,6 +138,7 @@ class _Collector:
             for name in DROPPED & element.attrib.keys():
                 del element.attrib[name]
         expanded = self._expanded(merged.root, merged, sizes)
+        self._leave_out(merged.root, merged)
         # MuJoCo counts lines in each text: blank lines make the numbers distinct.
         return "\n" * len(self._lines) + "".join(self._written(merged.root, merged)), expanded
 
@@ -203,6 +219,21 @@ class _Collector:
                 self._place(paths[0], reference, place)
             element.set(attribute, token)
             element.set("name", stated)
+
+    def _leave_out(self, element: Element, merged: _Merged) -> None:
+        """Remove the elements without an effect on the simulation, and note those that a user may miss."""
+        for name in UNDRAWN & element.attrib.keys() if element.tag == "material" else ():
+            del element.attrib[name]
+        for child in list(element):
+            if child.tag in LEFT_OUT and element.tag != "default":
+                kind = LEFT_OUT[child.tag]
+                if kind and (len(child) or child.tag not in SECTIONS):
+                    place, count = self._left_out.get(kind, (merged.places[child], 0))
+                    self._left_out[kind] = place, count + (len(child) if child.tag in SECTIONS else 1)
+            if child.tag in LEFT_OUT:
+                element.remove(child)
+            else:
+                self._leave_out(child, merged)
 
     def _token(self, suffix: str) -> str:
         self._named += 1

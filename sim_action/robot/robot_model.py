@@ -70,7 +70,7 @@ class Visual:
         pose: in the link's frame; of its centre, or of the origin of a mesh.
         color: None if the model does not state one.
         size_xyz: m, size of the box around it; zero for a mesh.
-        file: the absolute path of a mesh, or the name of a mesh in MJCF text; empty for other shapes.
+        file: the absolute path of a mesh, or `MESH_OF_TEXT` and the name of a mesh in MJCF; empty for other shapes.
         scale: m per unit of that file, along each axis.
     """
 
@@ -80,6 +80,10 @@ class Visual:
     size_xyz: Vector3 = ZERO
     file: str = ""
     scale: Vector3 = (1.0, 1.0, 1.0)
+
+
+MESH_OF_TEXT: Final = "mjcf:"
+"""Prefix in `Visual.file` of the name of a mesh that an MJCF text contains."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,6 +145,7 @@ class Joint:
         max_velocity: rad/s (m/s); None without a limit.
         mimic: its coupling to another joint; None if it moves independently.
         anchor_xyz: m, a point on the axis, in the child link's frame; the origin in URDF.
+        reference: rad (m), the position in which the model is drawn; 0 in URDF.
     """
 
     name: str
@@ -155,6 +160,7 @@ class Joint:
     max_velocity: float | None = None
     mimic: Mimic | None = None
     anchor_xyz: Vector3 = ZERO
+    reference: float = 0.0
 
     def dimension(self, reading: Reading) -> Dimension:
         """Return the dimension of a reading: it depends on whether the joint turns or slides."""
@@ -163,16 +169,16 @@ class Joint:
 
     @property
     def home(self) -> float:
-        """The initial position in rad (m) by default: 0, or the middle of the limits if they exclude 0.
+        """The initial position in rad (m) by default: `reference`, or the middle of the limits if they exclude it.
 
-        ROS's joint_state_publisher does the same. With a single limit that excludes 0, it is that limit.
+        ROS's joint_state_publisher does the same. With a single limit that excludes it, it is that limit.
         """
         lower = -math.inf if self.lower is None else self.lower
         upper = math.inf if self.upper is None else self.upper
-        if lower > upper or lower <= 0 <= upper:
-            return 0.0
+        if lower > upper or lower <= self.reference <= upper:
+            return self.reference
         middle = (lower + upper) / 2
-        return middle if math.isfinite(middle) else max(lower, min(upper, 0.0))
+        return middle if math.isfinite(middle) else max(lower, min(upper, self.reference))
 
     @property
     def moves(self) -> bool:
@@ -205,6 +211,27 @@ class Plugin:
         return tuple(text for name, text in self.parameters if name == tag)
 
 
+MeshBytes = tuple[bytes, bytes]
+"""The points (P, 3) of a mesh as 32-bit floats, and its triangles (T, 3) as 32-bit integers."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mjcf:
+    """The input of MuJoCo for a model in its own format; it names no file.
+
+    Attributes:
+        text: the model with its included files.
+        models: name in the text -> text of each model to attach.
+        meshes: mesh name -> its surface, for meshes that collide or have a mass.
+        looked_at: geoms that are only drawn.
+    """
+
+    text: str
+    models: Mapping[str, bytes] = field(repr=False)
+    meshes: Mapping[str, MeshBytes] = field(repr=False)
+    looked_at: frozenset[str] = frozenset()
+
+
 @dataclass(frozen=True)
 class RobotModel:
     """A loaded robot.
@@ -215,7 +242,7 @@ class RobotModel:
         urdf: clean URDF text for the engine, which names meshes as in `hull_files`; empty for MJCF.
         findings: warnings of the audit, and errors that `robot.allow` accepted.
         plugins: the plugins that it asks Gazebo to load.
-        mjcf: self-contained MJCF text for MuJoCo; empty for other formats.
+        mjcf: the input of MuJoCo; None for other formats.
     """
 
     name: str
@@ -225,7 +252,7 @@ class RobotModel:
     urdf: str
     findings: tuple[Finding, ...] = ()
     plugins: tuple[Plugin, ...] = ()
-    mjcf: str = ""
+    mjcf: Mjcf | None = None
 
     @cached_property
     def hull_files(self) -> dict[str, bytes]:

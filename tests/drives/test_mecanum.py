@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from sim_action.core.geometry import Twist, Vector3
 from sim_action.drives import recognise
 from sim_action.drives.mecanum import NOT_LEVEL, MecanumDrive
-from sim_action.robot.robot_model import Plugin, RobotModel
+from sim_action.robot.robot_model import Mjcf, Plugin, RobotModel
 from sim_action.state.command import JointTargets
 from tests.drives.carts import FOUR, RADIUS, cart, wheel
 from tests.traces import scene
@@ -178,5 +178,5 @@ def test_drives_that_cannot_be_are_refused(spec: dict[str, Any]) -> None:
 
 
 def test_a_model_whose_friction_the_engine_reads_itself_is_refused() -> None:
-    native = dataclasses.replace(CART, mjcf="<mujoco/>")
+    native = dataclasses.replace(CART, mjcf=Mjcf("<mujoco/>", {}, {}))
     assert "need zero friction, but MJCF wheels keep that of their geoms" in next(iter(DRIVE.problems(native)))[1]

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from sim_action.core.errors import ModelError
 from sim_action.core.workspace import Workspace
+from sim_action.robot.kinematics import link_poses
 from sim_action.robot.loading import load_model
-from sim_action.robot.mjcf import surfaces_of_text
 from sim_action.robot.robot_model import RobotModel
 from sim_action.robot.spec import Robot
 from tests.mesh_files import CORNERS, obj, stl
@@ -120,7 +122,9 @@ def test_included_files_and_meshes_become_part_of_the_text(tmp_path: Path) -> No
       <worldbody><body><freejoint/><geom type="mesh" mesh="box" density="1000"/></body></worldbody></mujoco>"""
     model = read(tmp_path, text)
     assert model.mass == pytest.approx(1000 * 0.2 * 0.4 * 0.6, rel=1e-5)
-    assert "file=" not in model.mjcf
+    assert model.mjcf is not None
+    assert re.findall('file="(.*?)"', model.mjcf.text) == ["sim-action-1.stl"]
+    assert set(model.mjcf.meshes) == {"box"}
     assert [shape.kind for link in model.links for shape in link.collisions] == ["mesh"]
 
 
@@ -142,7 +146,11 @@ def test_the_surfaces_of_all_meshes_are_there_to_be_seen(tmp_path: Path) -> None
       <asset><mesh name="box" file="box.stl"/><mesh name="wedge" file="wedge.obj" inertia="shell"/></asset>
       <worldbody><body><freejoint/><geom type="mesh" mesh="box"/><geom type="mesh" mesh="wedge"/></body></worldbody>
       </mujoco>"""
-    found = surfaces_of_text(read(tmp_path, text).mjcf)
+    from sim_action.robot.mjcf_spec import surfaces_of
+
+    mjcf = read(tmp_path, text).mjcf
+    assert mjcf is not None
+    found = surfaces_of(mjcf)
     assert {name: (len(points), len(faces)) for name, (points, faces) in found.items()} == {
         "box": (8, 12),
         "wedge": (6, 6),
@@ -153,6 +161,11 @@ def test_the_surfaces_of_all_meshes_are_there_to_be_seen(tmp_path: Path) -> None
         # MuJoCo moves and turns a mesh, and keeps its size.
         apart = [math.dist(one, other) for one in points for other in points]
         assert sorted(apart) == pytest.approx(sorted(math.dist(one, other) for one in corners for other in corners))
+
+
+def rules(model: RobotModel) -> set[str]:
+    """Return the rules of a model's findings; the floor, the light and the sensor of ROVER are "passed-over"."""
+    return {finding.rule for finding in model.findings}
 
 
 BODY = "<worldbody><body><freejoint/><geom size='1'/></body></worldbody>"
@@ -220,14 +233,16 @@ def test_contacts_that_bounce_are_refused_unless_they_are_allowed(
     text = ROVER.replace('name="caster"', f'name="caster" solref="{solref}"')
     assert text != ROVER
     if restitution is None:
-        assert read(tmp_path, text).findings == ()
+        assert rules(read(tmp_path, text)) == {"passed-over"}
         return
     with pytest.raises(ModelError, match=f"a restitution of about {restitution}, but nothing bounces") as refused:
         read(tmp_path, text)
     remedy = "give 'solref' a damping ratio of 1, such as solref=\"0.02 1\", or ignore it by robot.allow [restitution]"
     assert remedy in str(refused.value)
     assert "set it to 0" not in str(refused.value)
-    (found,) = load_model(Robot(model="robot.xml", allow=("restitution",)), Workspace(tmp_path, tmp_path)).findings
+    allowed = load_model(Robot(model="robot.xml", allow=("restitution",)), Workspace(tmp_path, tmp_path))
+    found = allowed.findings[0]
+    assert rules(allowed) == {"restitution", "passed-over"}
     assert found.rule == "restitution"
     assert str(found.location).endswith("robot.xml")
 
@@ -235,4 +250,103 @@ def test_contacts_that_bounce_are_refused_unless_they_are_allowed(
 def test_what_is_only_looked_at_may_bounce(tmp_path: Path) -> None:
     visual = '<geom type="sphere" solref="-1000 0" contype="0" conaffinity="0" size="0.01"/>'
     text = ROVER.replace('<geom name="caster"', f'{visual}<geom name="caster"')
-    assert read(tmp_path, text).findings == ()
+    assert rules(read(tmp_path, text)) == {"passed-over"}
+
+
+DEFAULTS = """\
+<mujoco model="boxy">
+  <asset>
+    <texture name="wood" type="2d" builtin="flat" width="8" height="8"/>
+    <material name="self" texture="wood" rgba=".7 .5 .3 1"/><material name="green" rgba="0 1 0 1"/>
+    <mesh name="wedge" file="wedge.stl"/>
+  </asset>
+  <default>
+    <material texture="wood"/>
+    <geom material="self"/>
+    <default class="part"><default class="look"><geom type="mesh" mesh="wedge" contype="0" conaffinity="0" mass="0"/>
+    </default><geom rgba="0 0 1 1"/></default>
+  </default>
+  <worldbody>
+    <camera name="eye"/><light/><light/>
+    <geom name="floor" type="plane" size="1 1 1"/>
+    <body name="base" pos="0 0 .2"><freejoint/><geom type="box" size=".1 .1 .1"/>
+      <frame pos="0 0 0.5" childclass="part"><geom size="0.1"/><geom class="look" material="green" pos="1 0 0"/></frame>
+    </body>
+  </worldbody>
+  <sensor><gyro site="s"/><accelerometer site="s"/></sensor>
+</mujoco>
+"""
+
+
+def test_materials_and_meshes_of_default_classes_reach_their_geoms(tmp_path: Path) -> None:
+    (tmp_path / "wedge.stl").write_bytes(stl())
+    (base,) = read(tmp_path, DEFAULTS.replace('site="s"', 'site="missing"')).links
+    assert [visual.color for visual in base.visuals] == [
+        pytest.approx((0.7, 0.5, 0.3)),
+        (0, 0, 1),
+        pytest.approx((0, 0, 1)),
+    ]
+    drawn = base.visuals[2]
+    assert (drawn.kind, drawn.file, drawn.scale) == ("mesh", str(tmp_path / "wedge.stl"), (1, 1, 1))
+    # The frame of the file, not that of MuJoCo, which lies at the centre of mass.
+    assert drawn.pose.position_xyz == pytest.approx((1, 0, 0.5))
+    assert drawn.pose.orientation_xyzw == pytest.approx((0, 0, 0, 1))
+
+
+def test_each_kind_that_is_left_out_is_one_note_with_a_line(tmp_path: Path) -> None:
+    (tmp_path / "wedge.stl").write_bytes(stl())
+    notes = {finding.message: finding.location.line for finding in read(tmp_path, DEFAULTS).findings}
+    assert [message.split(" is left out")[0].split(" are left out")[0] for message in notes] == [
+        "<light>, <camera> and <skin>",
+        "<sensor>",
+        "a <geom> of <worldbody>",
+    ]
+    assert list(notes.values()) == [14, 20, 15]
+    assert [message.rpartition(" (")[2] for message in notes][:2] == ["3 of them)", "2 of them)"]
+
+
+def test_the_robot_of_a_scene_is_found_among_other_bodies(tmp_path: Path) -> None:
+    others = """<body name="table"><geom size="1 1 1" type="box"/></body>
+      <body name="cube"><freejoint name="cube"/><geom size="0.1"/></body>
+      <body name="target" mocap="true"><geom size="0.1"/></body><body name="chassis\""""
+    scene = ROVER.replace('<body name="chassis"', others).replace("0 0 1 1 0 0 0 0 0", "")
+    scene = scene.replace("</worldbody>", "</worldbody><equality><weld body1='target' body2='cube'/></equality>")
+    model = read(tmp_path, scene)
+    assert (model.root, [link.name for link in model.links]) == ("chassis", ["chassis", "left_wheel", "right_wheel"])
+    notes = [finding.message for finding in model.findings]
+    assert {name for name in ("table", "cube", "target") if any(f"body '{name}'" in note for note in notes)} == {
+        "table",
+        "cube",
+        "target",
+    }
+
+
+def test_two_arms_on_the_ground_are_one_robot(tmp_path: Path) -> None:
+    arm = '<body name="{0}" pos="0 {1} 0"><joint name="{0}_joint" axis="0 0 1"/><geom size="0.1"/></body>'
+    model = read(tmp_path, f"<mujoco><worldbody>{arm.format('left', 1)}{arm.format('right', -1)}</worldbody></mujoco>")
+    assert (model.root, [joint.parent for joint in model.joints]) == ("world", ["world", "world"])
+
+
+def test_links_of_joints_with_a_reference_are_where_mujoco_has_them(tmp_path: Path) -> None:
+    import mujoco
+
+    text = """<mujoco><compiler angle="radian"/><worldbody><body name="base"><freejoint/><geom size="0.1"/>
+      <body name="a" pos="0.1 0.2 0.3" euler="0.1 0.2 0.3">
+        <joint name="one" axis="0 1 0.5" ref="0.4" pos="0.1 0 0"/>
+        <joint name="two" axis="1 0 0" ref="-0.7" pos="0 0.2 0"/>
+        <joint name="three" type="slide" axis="0 1 1" ref="0.2"/><geom size="0.1"/>
+        <body name="b" pos="0.5 0 0"><joint name="four" axis="0 0 1" ref="1" range="0.5 2"/><geom size="0.1"/></body>
+      </body></body></worldbody></mujoco>"""
+    model = read(tmp_path, text)
+    assert [joint.home for joint in model.moving_joints] == pytest.approx([0.4, -0.7, 0.2, 1])
+    reference = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(reference)
+    positions = {"one": 0.9, "two": 0.3, "three": -0.4, "four": 1.2}
+    for name, position in positions.items():
+        data.joint(name).qpos = position
+    mujoco.mj_kinematics(reference, data)
+    poses = link_poses(model, positions)
+    for link in ("a", "b"):
+        assert poses[link].position_xyz == pytest.approx(tuple(data.body(link).xpos), abs=1e-12)
+        x, y, z, w = poses[link].orientation_xyzw
+        assert abs(np.dot((w, x, y, z), data.body(link).xquat)) == pytest.approx(1)

@@ -14,6 +14,7 @@ from sim_action.core.geometry import Pose
 from sim_action.engines.mujoco.contact_pairs import Collider
 from sim_action.engines.mujoco.geoms import add_collision, wxyz
 from sim_action.engines.mujoco.names import engine_name
+from sim_action.robot.mjcf_spec import engine_spec
 from sim_action.robot.robot_model import WORLD, Joint, Mimic, RobotModel, Surface
 
 _JOINT_TYPES: Final = {
@@ -137,11 +138,14 @@ def _number(element: Element | None, name: str) -> float:
 
 def add_native_robot(spec: Any, model: RobotModel, constraint: dict[str, Any], *, fixed: bool) -> list[Collider]:
     """Add the links and joints of an MJCF model; return the colliders. `constraint`: parameters of its motors."""
-    robot = mujoco.MjSpec.from_string(model.mjcf)
+    assert model.mjcf is not None
+    robot = engine_spec(model.mjcf)
     for joint in list(robot.joints):
         joint.solref_friction, joint.solimp_friction = constraint["solref"], constraint["solimp"]
         if joint.type == mujoco.mjtJoint.mjJNT_FREE:
             robot.delete(joint)
+    for actuator in list(robot.actuators):
+        robot.delete(actuator)
     colliders = [_skin(geom) for geom in robot.geoms if geom.contype or geom.conaffinity]
     for geom in robot.geoms:
         geom.contype = geom.conaffinity = 0

@@ -14,7 +14,7 @@ from sim_action.core.content_cache import Entry, cache_folder
 from sim_action.meshes import MeshError, mesh_bytes, parsed_mesh
 from sim_action.meshes.hull_file import read_hull_points
 from sim_action.recording.replay.surfaces import Triangles, hull_surface, simplified
-from sim_action.robot.robot_model import RobotModel
+from sim_action.robot.robot_model import MESH_OF_TEXT, Mjcf, RobotModel
 
 # The version of cache entries; a new number makes older ones unused.
 _VERSION: Final = 2
@@ -28,16 +28,19 @@ class VisualMeshes:
 
     def __init__(self, model: RobotModel, most: int) -> None:
         """Simplify each surface to at most `most` triangles."""
-        self._text, self._most = model.mjcf, most
+        self._mjcf, self._most = model.mjcf, most
         self._known: dict[str, Triangles | None] = {}
+        self._known_of_text: dict[str, Triangles] | None = None
         self._known_hulls: dict[bytes, Triangles | None] = {}
 
     def surface(self, file: str) -> Triangles | None:
         """Return the surface in a file (see `Visual`) in its own units; None if it cannot be read."""
-        if self._text and not self._known:
-            self._known = dict(self._of_text())
+        if self._mjcf is not None and file.startswith(MESH_OF_TEXT):
+            if self._known_of_text is None:
+                self._known_of_text = dict(self._of_text(self._mjcf))
+            return self._known_of_text.get(file.removeprefix(MESH_OF_TEXT))
         if file not in self._known:
-            self._known[file] = None if self._text else self._read(Path(file))
+            self._known[file] = self._read(Path(file))
         return self._known[file]
 
     def hulls(self, text: bytes) -> Triangles | None:
@@ -56,10 +59,10 @@ class VisualMeshes:
                 _store(known, entry)
         return known
 
-    def _of_text(self) -> Iterator[tuple[str, Triangles]]:
-        from sim_action.robot.mjcf import surfaces_of_text
+    def _of_text(self, mjcf: Mjcf) -> Iterator[tuple[str, Triangles]]:
+        from sim_action.robot.mjcf_spec import surfaces_of
 
-        for name, (points, corners) in surfaces_of_text(self._text).items():
+        for name, (points, corners) in surfaces_of(mjcf).items():
             yield name, simplified(Triangles(points, corners), self._most)
 
     def _read(self, path: Path) -> Triangles | None:
