@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Literal
 
@@ -131,6 +131,7 @@ _OPEN: Final = 1e-3
 # Limit for the convexity test in products of planes and points: a few ms.
 _MAX_PRODUCTS: Final = 1_000_000
 _PLANES_AT_A_TIME: Final = 64
+_TRIANGLES_AT_A_TIME: Final = 1 << 14
 
 
 def is_flat(points: NDArray[np.float64]) -> bool:
@@ -152,11 +153,15 @@ def is_convex(points_xyz: NDArray[np.float64], triangles: NDArray[np.int64], sha
     used, rows = compacted(points_xyz, triangles)
     points = used - used.mean(axis=0)
     points /= np.abs(points).max()
-    corners = points[rows]
-    if _solid_angles(corners).sum() < 4 * np.pi * (1 - _OPEN):
-        return False
-    step = max(1, len(corners) * len(points) * sharers // _MAX_PRODUCTS)
-    corners = corners[::step]
+    step = max(1, len(rows) * len(points) * sharers // _MAX_PRODUCTS)
+    # The sample first, because the solid angles of all triangles take longer.
+    return _all_behind(points, points[rows[::step]]) and _is_closed(points, rows)
+
+
+def _all_behind(points: NDArray[np.float64], corners: NDArray[np.float64]) -> bool:
+    """Return True if all points lie on one side of each triangle (T, 3, 3)."""
+    import numpy as np
+
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     for start in range(0, len(corners), _PLANES_AT_A_TIME):
@@ -166,6 +171,15 @@ def is_convex(points_xyz: NDArray[np.float64], triangles: NDArray[np.int64], sha
         if (np.minimum(ahead.max(axis=1), -ahead.min(axis=1)) > _CONVEX).any():
             return False
     return True
+
+
+def _is_closed(points: NDArray[np.float64], rows: NDArray[np.int64]) -> bool:
+    """Return True if the triangles (T, 3) surround the origin."""
+    import numpy as np
+
+    starts = range(0, len(rows), _TRIANGLES_AT_A_TIME)
+    covered = sum(_solid_angles(points[rows[start : start + _TRIANGLES_AT_A_TIME]]) for start in starts)
+    return covered >= 4 * np.pi * (1 - _OPEN)
 
 
 def _along(points: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -178,13 +192,20 @@ def _along(points: NDArray[np.float64], directions: NDArray[np.float64]) -> NDAr
     return distances
 
 
-def _solid_angles(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the solid angle of each triangle about the origin (van Oosterom and Strackee, 1983)."""
+def _solid_angles(corners: NDArray[np.float64]) -> float:
+    """Return the sum of the solid angles of triangles about the origin (van Oosterom and Strackee, 1983)."""
     import numpy as np
 
-    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-    la, lb, lc = (np.linalg.norm(corner, axis=1) for corner in (a, b, c))
-    volume = (a * np.cross(b, c)).sum(axis=1)
-    below = la * lb * lc + (a * b).sum(axis=1) * lc + (b * c).sum(axis=1) * la + (c * a).sum(axis=1) * lb
-    angles: NDArray[np.float64] = np.abs(2 * np.arctan2(volume, below))
-    return angles
+    a, b, c = np.ascontiguousarray(corners.transpose(1, 2, 0))
+    la, lb, lc = (np.sqrt(_product(corner, corner)) for corner in (a, b, c))
+    (bx, by, bz), (cx, cy, cz) = b, c
+    volume = _product(a, (by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx))
+    below = la * lb * lc + _product(a, b) * lc + _product(b, c) * la + _product(c, a) * lb
+    return float(np.abs(2 * np.arctan2(volume, below)).sum())
+
+
+def _product(one: Iterable[NDArray[np.float64]], other: Iterable[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Return the scalar products of vectors that are given as rows of x, y and z."""
+    ax, ay, az = one
+    bx, by, bz = other
+    return ax * bx + ay * by + az * bz

@@ -18,6 +18,14 @@ IntArray = NDArray[np.intp]
 # Tolerance relative to the extent: nearer points lie on a plane.
 _FLAT: Final = 1e-6
 
+# Fewer points are searched one direction after the other, which is as fast.
+_MIN_POINTS_FOR_CELLS: Final = 10_000
+# The search for distant points: 40^3 cells have numbers of 16 bits, and 56 groups of directions are not empty.
+_MAX_CELLS_ALONG_AXIS: Final = 40
+_GROUPS_ALONG_AXIS: Final = 4
+# Relative to the largest coordinate; more than the rounding of a sum of three products.
+_ROUNDING: Final = 1e-14
+
 
 @dataclass(frozen=True, eq=False)
 class MassProperties:
@@ -119,8 +127,66 @@ def furthest(points: FloatArray, directions: Iterable[Vector3]) -> FloatArray:
     """
     extents = np.ptp(points, axis=0)
     even = points / np.where(extents > 0, extents, 1.0)
-    kept: FloatArray = points[sorted({int(along(even, np.array(direction)).argmax()) for direction in directions})]
+    wanted = np.array(list(directions), np.float64)
+    kept: FloatArray = points[sorted(set(_most_distant(even, wanted)))]
     return kept
+
+
+def _most_distant(points: FloatArray, directions: FloatArray) -> Iterator[int]:
+    """Yield the first of the most distant points (N, 3) in each direction (D, 3), as a search of all points would.
+
+    The points are sorted into cells, and the directions into groups. A group searches only the cells whose box reaches
+    as far as a point that is already known.
+    """
+    columns = np.ascontiguousarray(points.T)
+    if len(points) < _MIN_POINTS_FOR_CELLS:
+        yield from (int(along(columns.T, direction).argmax()) for direction in directions)
+        return
+    order, starts = _by_cell(points, _cells_along_axis(len(points)))
+    counts = np.diff(starts, append=len(order))
+    lower, upper = (extreme.reduceat(points[order], starts) for extreme in (np.minimum, np.maximum))
+    slack = _ROUNDING * float(np.abs(points).max())
+    turned, groups = _by_cell(directions, _GROUPS_ALONG_AXIS)
+    for group in np.split(directions[turned], groups[1:]):
+        reach = _reach(lower, upper, group)
+        known = columns[:, _members(order, starts, counts, np.unique(reach.argmax(axis=0)))]
+        most = np.array([along(known.T, direction).max() for direction in group])
+        near = np.sort(_members(order, starts, counts, np.flatnonzero((reach >= most - slack).any(axis=1))))
+        candidates = columns[:, near]
+        for direction in group:
+            yield int(near[along(candidates.T, direction).argmax()])
+
+
+def _reach(lower: FloatArray, upper: FloatArray, directions: FloatArray) -> FloatArray:
+    """Return how far boxes, given by two corners (C, 3), reach in each direction (D, 3): (C, D)."""
+    reach = np.zeros((len(lower), len(directions)))
+    for axis, ahead in enumerate(directions.T):
+        reach += np.maximum(lower[:, axis, None] * ahead, upper[:, axis, None] * ahead)
+    return reach
+
+
+def _cells_along_axis(points: int) -> int:
+    """Return how many cells along each axis give a cell on the surface of a body about 60 points."""
+    return min(_MAX_CELLS_ALONG_AXIS, max(1, round(math.sqrt(points / 360))))
+
+
+def _by_cell(points: FloatArray, count: int) -> tuple[IntArray, IntArray]:
+    """Return an order of points (N, 3) in which those of a cell are neighbours, and the start of each cell."""
+    lower, extents = points.min(axis=0), np.ptp(points, axis=0)
+    steps = ((points - lower) * (0.999999 * count / np.where(extents > 0, extents, 1.0))).astype(np.uint16)
+    cells = (steps[:, 0] * np.uint16(count) + steps[:, 1]) * np.uint16(count) + steps[:, 2]
+    # A stable sort of whole numbers of 16 bits takes linear time.
+    order = np.argsort(cells, kind="stable")
+    ordered = cells[order]
+    return order, np.flatnonzero(np.concatenate(([True], ordered[1:] != ordered[:-1])))
+
+
+def _members(order: IntArray, starts: IntArray, counts: IntArray, cells: IntArray) -> IntArray:
+    """Return the points of some cells."""
+    ends = np.cumsum(counts[cells])
+    rows = np.repeat(starts[cells] + counts[cells] - ends, counts[cells]) + np.arange(ends[-1])
+    members: IntArray = order[rows]
+    return members
 
 
 def spread_directions(count: int) -> Iterator[Vector3]:

@@ -45,11 +45,12 @@ def _read_binary(data: bytes, count: int) -> Mesh:
     import numpy as np
 
     refuse_more_triangles(count)
-    layout = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
-    corners = np.frombuffer(data, layout, count, _HEADER_BYTES)["corners"]
+    # The corners as one item of 36 bytes, which are copied at once.
+    layout = np.dtype([("normal", "V12"), ("corners", "V36"), ("attributes", "V2")])
+    corners = np.frombuffer(data, layout, count, _HEADER_BYTES)["corners"].copy().view("<f4").reshape(-1, 3)
     triangles = np.arange(3 * count).reshape(-1, 3)
     with np.errstate(invalid="ignore"):  # a signalling NaN
-        return mesh_of(corners.reshape(-1, 3).astype(np.float64), [triangles])
+        return mesh_of(corners, [triangles])
 
 
 def _read_ascii(data: bytes) -> Mesh:

@@ -7,7 +7,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.meshes.convex_hull import face_normals, furthest, hull_faces, mass_properties, spread_directions
+from sim_action.meshes import convex_hull
+from sim_action.meshes.convex_hull import (
+    along,
+    face_normals,
+    furthest,
+    hull_faces,
+    mass_properties,
+    spread_directions,
+)
+from tests.soak import examples
 
 BOX = np.array([(x, y, z) for x in (0.0, 2.0) for y in (0.0, 1.0) for z in (0.0, 0.5)])
 
@@ -61,3 +70,26 @@ def test_the_outermost_points_of_what_is_long_are_those_of_all_sides() -> None:
     inside = corners.mean(axis=0) + np.linspace(-0.2, 0.2, 30)[:, None] * [100.0, 1.0, 0.5]
     found = furthest(np.concatenate((inside, corners)), spread_directions(64))
     assert found.tolist() == corners.tolist()
+
+
+@examples(40)
+@given(st.integers(0, 2**32 - 1), st.sampled_from(["cloud", "ball", "grid", "plate", "line", "far", "point"]))
+def test_the_outermost_points_are_those_of_a_search_of_all(seed: int, kind: str) -> None:
+    random = np.random.default_rng(seed)
+    points = random.normal(size=(600, 3))
+    if kind == "ball":
+        points /= np.linalg.norm(points, axis=1, keepdims=True)
+    elif kind == "grid":  # many points are equally distant
+        points = points.round()
+    elif kind == "far":
+        points += 1e6
+    else:
+        points *= {"cloud": (1, 1, 1), "plate": (1, 1, 0), "line": (0, 1, 0), "point": (0, 0, 0)}[kind]
+    directions = [(1.0, 0.0, 0.0), (0.0, 0.0, -1.0), *spread_directions(int(random.integers(1, 80)))]
+    extents = np.ptp(points, axis=0)
+    even = points / np.where(extents > 0, extents, 1.0)
+    expected = sorted({int(along(even, np.array(direction)).argmax()) for direction in directions})
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(convex_hull, "_MIN_POINTS_FOR_CELLS", 1)
+        patch.setattr(convex_hull, "_cells_along_axis", lambda _: int(random.integers(1, 12)))
+        assert furthest(points, directions).tobytes() == points[expected].tobytes()
