@@ -14,6 +14,7 @@ from xml.etree.ElementTree import Element
 from sim_action.robot.audit.inertia import principal_moments
 from sim_action.robot.audit.joints import UNSUPPORTED, is_free_base, mimic_problem
 from sim_action.robot.urdf_elements import (
+    BALLS,
     CONTACT,
     MOMENTS,
     SHAPES,
@@ -160,15 +161,18 @@ def _contact(contact: Element) -> Element:
 
 
 def _joint(joint: Element) -> Element:
-    kind = joint.attrib["type"]
+    kind = joint.attrib["type"] if joint.attrib["type"] not in BALLS else "spherical"
     written = _with_origin(Element("joint", name=joint.attrib["name"], type=kind), joint)
     ET.SubElement(written, "parent", link=parent_of(joint))
     ET.SubElement(written, "child", link=child_of(joint))
-    if kind in ("revolute", "continuous", "prismatic"):
+    if kind == "spherical":
+        # It has no axis, but PyBullet warns without one.
+        ET.SubElement(written, "axis", xyz="1 0 0")
+    elif kind in ("revolute", "continuous", "prismatic"):
         # Bullet scales the motion of a prismatic joint by the length of its axis.
         ET.SubElement(written, "axis", xyz=_spelled(axis(joint)))
         written.append(_limit(joint))
-    dynamics = _numbers("dynamics", joint.find("dynamics"), "damping", "friction")
+    dynamics = _numbers("dynamics", joint.find("dynamics"), "damping", *(() if kind == "spherical" else ("friction",)))
     if dynamics.attrib:
         written.append(dynamics)
     return written

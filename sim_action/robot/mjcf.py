@@ -38,6 +38,7 @@ from sim_action.robot.robot_model import (
     Shape,
     Surface,
     Visual,
+    ball_joints,
 )
 from sim_action.robot.xml_document import shown_file
 
@@ -170,9 +171,15 @@ class _Reader:
 
     def links(self) -> tuple[Link, ...]:
         """Return all links, with one for the world if the robot is fixed to it."""
+        import mujoco
+
         links = tuple(map(self._link, range(1, self._model.nbody)))
         tops = [body for body in range(1, self._model.nbody) if not self._model.body_parentid[body]]
-        return links if any(map(self._is_free, tops)) else (Link(WORLD, None), *links)
+        links = links if any(map(self._is_free, tops)) else (Link(WORLD, None), *links)
+        if mujoco.mjtJoint.mjJNT_BALL not in self._model.jnt_type:
+            return links
+        # Between the parts of ball joints.
+        return (*links, *(Link(joint.child, None) for joint in self.joints() if joint.child not in self._bodies))
 
     def joints(self) -> tuple[Joint, ...]:
         """Return all joints that are not free."""
@@ -223,11 +230,18 @@ class _Reader:
 
         model, kinds = self._model, mujoco.mjtJoint
         first, count = model.body_jntadr[body], model.body_jntnum[body]
-        numbers = [number for number in range(first, first + count) if model.jnt_type[number] != kinds.mjJNT_BALL]
+        numbers = list(range(first, first + count))
         if numbers and model.jnt_type[numbers[0]] == kinds.mjJNT_FREE:
             return
         name, parent = self._bodies[body], self._bodies[model.body_parentid[body]]
         origin = _pose(model.body_pos[body], model.body_quat[body])
+        balls = [number for number in numbers if model.jnt_type[number] == kinds.mjJNT_BALL]
+        if balls and len(numbers) == 1:
+            ax, ay, az = model.jnt_pos[balls[0]].tolist()
+            yield from ball_joints(model.joint(balls[0]).name, parent, name, origin, (ax, ay, az))[0]
+            return
+        # A ball joint in series with others moves in the engine, but its position is not recorded.
+        numbers = [number for number in numbers if number not in balls]
         if not numbers:
             yield Joint(f"{name}_joint", "fixed", parent, name, origin, (0.0, 0.0, 1.0))
         yield from at_zero([self._joint(number, parent, name, origin) for number in numbers])

@@ -9,9 +9,9 @@ from functools import cached_property
 from types import MappingProxyType
 from typing import Final, Literal
 
-from sim_action.core import units
+from sim_action.core import geometry, units
 from sim_action.core.errors import Location
-from sim_action.core.geometry import ZERO, Pose, Vector3
+from sim_action.core.geometry import ZERO, Pose, Quaternion, Vector3
 from sim_action.core.units import Dimension
 from sim_action.core.wording import did_you_mean
 
@@ -26,13 +26,16 @@ READINGS: Final = MappingProxyType(
 )
 """A quantity of a joint -> its dimension for a turning joint, and for a sliding joint."""
 
-JointType = Literal["revolute", "continuous", "prismatic", "fixed"]
+JointType = Literal["revolute", "continuous", "prismatic", "ball", "fixed"]
 
 WORLD: Final = "world"
 """A root link with this name is fixed to the world, as in Gazebo."""
 
 MOVING_TYPES: Final[frozenset[JointType]] = frozenset({"revolute", "continuous", "prismatic"})
 """Types of joints with one degree of freedom, which a motor can move."""
+
+# Nearer to a quarter turn about y, the angles about x and z cannot be told apart.
+_POLE: Final = 1 - 1e-12
 
 Color = tuple[float, float, float]
 """Red, green and blue, each 0 to 1."""
@@ -146,6 +149,7 @@ class Joint:
         mimic: its coupling to another joint; None if it moves independently.
         anchor_xyz: m, a point on the axis, in the child link's frame; the origin in URDF.
         reference: rad (m), the position in which the model is drawn; 0 in URDF.
+        ball: the ball joint of which this is the rotation about one axis; empty for other joints.
     """
 
     name: str
@@ -161,6 +165,7 @@ class Joint:
     mimic: Mimic | None = None
     anchor_xyz: Vector3 = ZERO
     reference: float = 0.0
+    ball: str = ""
 
     def dimension(self, reading: Reading) -> Dimension:
         """Return the dimension of a reading: it depends on whether the joint turns or slides."""
@@ -182,8 +187,42 @@ class Joint:
 
     @property
     def moves(self) -> bool:
-        """Return True if a motor can move the joint."""
-        return self.type in MOVING_TYPES
+        """Return True if the joint has a position."""
+        return self.type in MOVING_TYPES or self.type == "ball"
+
+
+def ball_joints(
+    name: str, parent: str, child: str, origin: Pose, anchor_xyz: Vector3 = ZERO
+) -> tuple[tuple[Joint, Joint, Joint], tuple[Link, Link]]:
+    """Return a ball joint as three joints in series, about x, y and z, and the two massless links between them.
+
+    Their positions are angles that together give the orientation of the child link. Their velocities are the components
+    of its angular velocity in its own frame, relative to the parent link.
+    """
+    first, second = f"{name}_x", f"{name}_y"
+    joints = (
+        Joint(first, "ball", parent, first, origin, (1.0, 0.0, 0.0), anchor_xyz=anchor_xyz, ball=name),
+        Joint(second, "ball", first, second, Pose(), (0.0, 1.0, 0.0), anchor_xyz=anchor_xyz, ball=name),
+        Joint(f"{name}_z", "ball", second, child, Pose(), (0.0, 0.0, 1.0), anchor_xyz=anchor_xyz, ball=name),
+    )
+    return joints, (Link(first, None), Link(second, None))
+
+
+def ball_angles(orientation_xyzw: Quaternion) -> Vector3:
+    """Return the positions in rad of the three joints of a ball joint, from the orientation of its child link."""
+    x, y, z, w = orientation_xyzw
+    sine = 2 * (x * z + w * y)
+    if abs(sine) > _POLE:
+        return (0.0, math.copysign(math.pi / 2, sine), math.atan2(2 * (x * y + w * z), 1 - 2 * (x * x + z * z)))
+    about_x = math.atan2(2 * (w * x - y * z), 1 - 2 * (x * x + y * y))
+    return (about_x, math.asin(sine), math.atan2(2 * (w * z - x * y), 1 - 2 * (y * y + z * z)))
+
+
+def ball_orientation(positions: Vector3) -> Quaternion:
+    """Return the orientation of the child link of a ball joint, from the positions in rad of its three joints."""
+    x, y, z = positions
+    about_y, about_z = (0.0, math.sin(y / 2), 0.0, math.cos(y / 2)), (0.0, 0.0, math.sin(z / 2), math.cos(z / 2))
+    return geometry.multiply((math.sin(x / 2), 0.0, 0.0, math.cos(x / 2)), geometry.multiply(about_y, about_z))
 
 
 @dataclass(frozen=True, slots=True)
@@ -266,8 +305,19 @@ class RobotModel:
 
     @cached_property
     def moving_joints(self) -> tuple[Joint, ...]:
-        """The joints with a position, in the order of the file."""
-        return tuple(joint for joint in self.joints if joint.moves)
+        """The joints with a position, in the order of the file, but those of ball joints come last."""
+        balls = (joint for joint in self.joints if joint.type == "ball")
+        return (*self.motor_joints, *balls)
+
+    @cached_property
+    def motor_joints(self) -> tuple[Joint, ...]:
+        """The joints that a motor can move, or that mimic another, in the order of the file."""
+        return tuple(joint for joint in self.joints if joint.type in MOVING_TYPES)
+
+    @cached_property
+    def balls(self) -> tuple[str, ...]:
+        """The names of the ball joints, in the order of the file."""
+        return tuple(dict.fromkeys(joint.ball for joint in self.joints if joint.ball))
 
     @cached_property
     def joints_by_name(self) -> dict[str, Joint]:
@@ -288,8 +338,11 @@ class RobotModel:
     def why_not_driven(self, name: str) -> str | None:
         """Return a message if no motor can move a joint, or if there is no such joint; None if a motor can."""
         joint = self.joints_by_name.get(name)
+        ball = name if name in self.balls else joint.ball if joint else ""
+        if ball:
+            return f"joint '{ball}' is a ball joint: it swings freely and has no motor"
         if joint is None or not joint.moves:
-            moving = [joint.name for joint in self.moving_joints]
+            moving = [joint.name for joint in self.motor_joints]
             return f"the model has no moving joint '{name}'{did_you_mean(name, moving)}"
         if joint.mimic is not None:
             return f"joint '{name}' cannot be commanded: it mimics '{joint.mimic.joint}'; command that joint"

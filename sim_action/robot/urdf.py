@@ -25,8 +25,9 @@ from sim_action.robot.engine_urdf import (
 )
 from sim_action.robot.mesh_references import Meshes, resolve_meshes
 from sim_action.robot.packages import Packages
-from sim_action.robot.robot_model import Color, Joint, JointType, Link, Mimic, RobotModel, Shape, Visual
+from sim_action.robot.robot_model import Color, Joint, JointType, Link, Mimic, RobotModel, Shape, Visual, ball_joints
 from sim_action.robot.urdf_elements import (
+    BALLS,
     SHAPES,
     axis,
     child_of,
@@ -73,11 +74,11 @@ def model_of(document: ModelDocument, path: Path, packages: Packages, allow: Ite
         for link in document.elements("link")
     )
     findings += proportions(document, links)
-    joints = tuple(map(_joint, document.elements("joint")))
+    joints, between = _joints(document)
     for mend in (drop_zero_masses, fill_in_inertia, repair_inertia):
         mend(document)
     name = document.root.get("name", path.stem)
-    return RobotModel(name, str(path), links, joints, engine_text(document), tuple(findings), plugins)
+    return RobotModel(name, str(path), (*links, *between), joints, engine_text(document), tuple(findings), plugins)
 
 
 def _of_folder(folder: Path) -> Packages:
@@ -109,6 +110,20 @@ def _box(shape: Element) -> Box:
         height = length if shape.tag == "cylinder" else length + 2 * radius
     x, y, z = width / 2, depth / 2, height / 2
     return (-x, -y, -z), (x, y, z)
+
+
+def _joints(document: ModelDocument) -> tuple[tuple[Joint, ...], tuple[Link, ...]]:
+    """Return the joints, and the massless links between the parts of ball joints."""
+    joints: list[Joint] = []
+    links: list[Link] = []
+    for element in document.elements("joint"):
+        if element.attrib["type"] in BALLS:
+            parts, between = ball_joints(element.attrib["name"], parent_of(element), child_of(element), origin(element))
+            joints += parts
+            links += between
+        else:
+            joints.append(_joint(element))
+    return tuple(joints), tuple(links)
 
 
 def _joint(element: Element) -> Joint:

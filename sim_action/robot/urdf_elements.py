@@ -43,6 +43,9 @@ CONTACT: Final = (
 )
 """Elements of Bullet's <contact>, an extension of URDF, without inertia_scaling."""
 
+BALLS: Final = ("spherical", "ball")
+"""Types of ball joints, which dialects of URDF define: that of Bullet, and that of Drake."""
+
 UNLIMITED: Final = 1e16
 """A limit this large means "no limit": exporters write it, and SDF before 1.9 has it as its default."""
 

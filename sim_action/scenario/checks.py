@@ -176,10 +176,13 @@ def robot_problems(scenario: Scenario, model: RobotModel) -> SpecProblems:
         yield ("robot", "model"), f"{message}; say base: fixed, or give it a mass"
     for name, written in robot.joints.items():
         path: KeyPath = ("robot", "joints", name)
-        if (trouble := model.why_not_driven(name)) is not None:
-            yield path, trouble
-            continue
-        joint = model.joints_by_name[name]
+        joint = model.joints_by_name.get(name)
+        if joint is None or not joint.ball:
+            hint = f"; it starts at {name}_x, {name}_y and {name}_z" if name in model.balls else ""
+            if (trouble := model.why_not_driven(name)) is not None:
+                yield path, f"{trouble}{hint}"
+                continue
+        assert joint is not None
         try:
             position = units.parse(written, joint.dimension("position"))
         except units.UnitError as error:

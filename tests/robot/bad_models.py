@@ -32,6 +32,7 @@ GOOD = f"""\
 </robot>
 """
 
+_BALL = GOOD.replace("revolute", "ball").replace('<limit lower="-1" upper="2" effort="10" velocity="3"/>', "")
 _SPHERE = '<sphere radius="0.5"/>'
 _JOINT = '<joint name="shoulder" type="revolute">'
 _END = "</robot>"
@@ -166,6 +167,9 @@ BAD_MODELS = [
     _bad("too-many-joints", 3148, _END, _chain(3000), "a chain of 3,000 links"),
     _bad("too-many-joints", 275, _END, _chain(127), "one joint more than there may be"),
     _bad("too-many-joints", 263, _END, _chain(121, "continuous"), "one more that moves than there may be"),
+    _bad("passed-over", 14, "revolute", "spherical", "limits of a ball joint"),
+    BadModel("friction of a ball joint", "passed-over", 14, _BALL.replace('damping="0.1"', 'friction="0.1"')),
+    BadModel("two names of a ball joint", "duplicate-name", 14, _BALL.replace('"upper"', '"shoulder_x"')),
     _bad("unsupported-joint", 14, "revolute", "floating"),
     _bad("unsupported-joint", 14, "revolute", "planar"),
     _bad("missing-part", 21, "</joint>", "<mimic/></joint>"),

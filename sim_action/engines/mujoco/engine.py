@@ -70,7 +70,8 @@ class MuJoCoEngine:
         self._joint_names = tuple(joint.name for joint in scene.model.moving_joints)
         self._motors = Motors(scene.model, compiled, self._rate)
         self._pusher, self._pushes = BasePusher(compiled, self._rate), False
-        self._states = StateRecorder(compiled, self._joint_names, self._rate, self._motors.efforts)
+        balls = len(scene.model.balls)
+        self._states = StateRecorder(compiled, self._joint_names, self._rate, self._motors.efforts, balls)
         self._links = Links(compiled)
         self._objects = Objects(compiled)
         self._rays = Rays(compiled)

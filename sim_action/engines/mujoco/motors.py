@@ -30,9 +30,11 @@ class Motors:
     """The motor of each joint, which keeps its last command."""
 
     def __init__(self, model: RobotModel, compiled: CompiledScene, rate: float) -> None:
-        joints = model.moving_joints
-        self._model, self._data, self._dofs = compiled.model, compiled.data, compiled.velocities
-        self._qpos = compiled.positions
+        joints = model.motor_joints
+        self._model, self._data, self._dofs = compiled.model, compiled.data, compiled.velocities[: len(joints)]
+        self._qpos = compiled.positions[: len(joints)]
+        # Ball joints, which come last, have no motor.
+        self._no_motors = np.zeros(len(compiled.positions) - len(joints))
         self._index = {joint.name: number for number, joint in enumerate(joints)}
         self._friction = self._model.dof_frictionloss[self._dofs].copy()
         self._lower = np.array([-np.inf if joint.lower is None else joint.lower for joint in joints])
@@ -83,6 +85,9 @@ class Motors:
 
     def efforts(self) -> FloatArray:
         """Return the efforts (J,) of the last step in N m or N; the array is valid until the next step."""
+        return np.concatenate((self._exerted_now(), self._no_motors)) if self._no_motors.size else self._exerted_now()
+
+    def _exerted_now(self) -> FloatArray:
         motors, rows = self._exerted
         if rows is self._all_rows:
             in_order: FloatArray = self._data.efc_force[rows]

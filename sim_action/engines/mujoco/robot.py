@@ -16,6 +16,7 @@ from sim_action.engines.mujoco.geoms import add_collision, wxyz
 from sim_action.engines.mujoco.names import engine_name
 from sim_action.robot.mjcf_spec import engine_spec
 from sim_action.robot.robot_model import WORLD, Joint, Mimic, RobotModel, Surface
+from sim_action.robot.urdf_elements import child_of
 
 _JOINT_TYPES: Final = {
     "revolute": mujoco.mjtJoint.mjJNT_HINGE,
@@ -43,20 +44,26 @@ def add_robot(spec: Any, model: RobotModel, *, fixed: bool) -> list[Collider]:
     while waiting:
         parent, above = waiting.pop()
         for joint in (joint for joint in model.joints if joint.parent == parent):
-            body = _hang(above, joint, joints[joint.name])
-            colliders += _fill(spec, body, links[joint.child], model)
-            waiting.append((joint.child, body))
+            element = joints[joint.ball or joint.name]
+            child = child_of(element)
+            body = _hang(above, joint, child, element)
+            colliders += _fill(spec, body, links[child], model)
+            waiting.append((child, body))
     for joint in model.joints:
         if joint.mimic is not None:
             _follow(spec, joint, joint.mimic)
     return colliders
 
 
-def _hang(parent: Any, joint: Joint, element: Element) -> Any:
+def _hang(parent: Any, joint: Joint, child: str, element: Element) -> Any:
+    """Add the body of a link below a joint; `joint`: of a ball joint, its first part."""
     at = joint.origin
-    body = parent.add_body(name=engine_name(joint.child), pos=list(at.position_xyz), quat=wxyz(at.orientation_xyzw))
-    if joint.moves:
-        dynamics = element.find("dynamics")
+    body = parent.add_body(name=engine_name(child), pos=list(at.position_xyz), quat=wxyz(at.orientation_xyzw))
+    dynamics = element.find("dynamics")
+    if joint.ball:
+        damping = [_number(dynamics, "damping"), 0, 0]
+        body.add_joint(name=engine_name(joint.ball), type=mujoco.mjtJoint.mjJNT_BALL, damping=damping)
+    elif joint.moves:
         body.add_joint(
             name=engine_name(joint.name),
             type=_JOINT_TYPES[joint.type],

@@ -15,6 +15,7 @@ from sim_action.engines.mujoco.contact_pairs import FRICTION_RATIO, Collider, ad
 from sim_action.engines.mujoco.geoms import add_ground, add_object, lowest_geom, wxyz
 from sim_action.engines.mujoco.names import engine_name, object_name
 from sim_action.engines.mujoco.robot import add_native_robot, add_robot
+from sim_action.robot.robot_model import ball_orientation
 from sim_action.world import placed
 from sim_action.world.scene import Scene
 
@@ -23,6 +24,8 @@ IMPEDANCE: Final = 0.9999
 
 STEPS_TO_CONVERGE: Final = 2.0
 """Time constant of the same in steps: MuJoCo's minimum. A target velocity is reached within one step."""
+
+_AXES: Final = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 _MIN_INERTIA: Final = 1e-12
 
@@ -35,7 +38,8 @@ class CompiledScene:
         fixed: True if the base of the robot cannot move.
         base: number of the base link's body.
         robot_qpos, robot_qvel: number of leading entries of qpos and qvel that belong to the robot.
-        positions, velocities: (J,) indices of the moving joints in qpos and qvel, in the order of the robot model.
+        positions, velocities: (J,) indices of the moving joints in qpos and qvel, in the order of the robot model;
+            for a ball joint, the vector part of its quaternion.
         links: geom -> name of its link.
         bodies: geom -> name of its body of the world, or of the ground.
     """
@@ -68,7 +72,11 @@ class CompiledScene:
         model = spec.compile()
         soften(model, rate, soft)
         others = sum(body.mass is not None for body in scene.world.objects)
-        joints = [model.joint(engine_name(joint.name)).id for joint in scene.model.moving_joints]
+        joints = scene.model.moving_joints
+        numbers = [model.joint(engine_name(joint.ball or joint.name)).id for joint in joints]
+        # A ball joint has three velocities, and a quaternion whose first number is its real part.
+        parts = [_AXES.index(joint.axis_xyz) if joint.ball else 0 for joint in joints]
+        before = [part + 1 if joint.ball else 0 for part, joint in zip(parts, joints, strict=True)]
         compiled = cls(
             model=model,
             data=mujoco.MjData(model),
@@ -76,8 +84,8 @@ class CompiledScene:
             base=model.body(engine_name(root)).id,
             robot_qpos=model.nq - 7 * others,
             robot_qvel=model.nv - 6 * others,
-            positions=model.jnt_qposadr[joints].astype(np.intp),
-            velocities=model.jnt_dofadr[joints].astype(np.intp),
+            positions=(model.jnt_qposadr[numbers] + before).astype(np.intp),
+            velocities=(model.jnt_dofadr[numbers] + parts).astype(np.intp),
             links={model.geom(collider.geom).id: collider.part for collider in robot},
             bodies={model.geom(collider.geom).id: collider.part for collider in world},
         )
@@ -85,7 +93,11 @@ class CompiledScene:
         return compiled
 
     def _place(self, scene: Scene) -> None:
-        self.data.qpos[self.positions] = list(scene.joint_positions.values())
+        positions = scene.joint_positions
+        self.data.qpos[self.positions] = [positions[joint.name] for joint in scene.model.moving_joints]
+        for first in self.positions[len(scene.model.motor_joints) :: 3].tolist():
+            x, y, z = self.data.qpos[first : first + 3].tolist()
+            self.data.qpos[first - 1 : first + 3] = wxyz(ball_orientation((x, y, z)))
         at = scene.placement
         pose = Pose((at.x, at.y, at.z or 0.0), at.orientation_xyzw)
         position = self._put(self.base, pose, free=not self.fixed)

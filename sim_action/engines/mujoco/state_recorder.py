@@ -11,6 +11,7 @@ import numpy as np
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist
 from sim_action.engines.mujoco.scene import CompiledScene
+from sim_action.robot.robot_model import ball_angles
 from sim_action.state.observation import ByName, Contact, JointState, Observation
 from sim_action.state.trace import FloatArray
 
@@ -23,9 +24,14 @@ class StateRecorder:
     """
 
     def __init__(
-        self, compiled: CompiledScene, joint_names: Sequence[str], rate: float, efforts: Callable[[], FloatArray]
+        self,
+        compiled: CompiledScene,
+        joint_names: Sequence[str],
+        rate: float,
+        efforts: Callable[[], FloatArray],
+        balls: int = 0,
     ) -> None:
-        """`efforts` returns the efforts (J,) of the last step."""
+        """`efforts` returns the efforts (J,) of the last step; `balls`: the number of ball joints, which come last."""
         self._compiled, self._rate, self._efforts_now = compiled, rate, efforts
         # Live views of the robot's part, which comes first.
         self._qpos = compiled.data.qpos[: compiled.robot_qpos]
@@ -39,6 +45,8 @@ class StateRecorder:
         positions, velocities = 1 + compiled.positions, self._speeds + compiled.velocities
         efforts_at = range(self._efforts, self._width)
         self._places = list(zip(joint_names, positions.tolist(), velocities.tolist(), efforts_at, strict=True))
+        # The columns of the quaternion of each ball joint, whose parts are three of the places.
+        self._balls = [slice(first - 1, first + 3) for first in positions[len(positions) - 3 * balls :: 3].tolist()]
         self._fixed_pose = self._pose_of_fixed() if compiled.fixed else None
 
     def keep(self, step: int) -> None:
@@ -60,12 +68,13 @@ class StateRecorder:
     def place(self, row: Sequence[float]) -> tuple[Sequence[float], list[float]]:
         """Return the pose (7,) of the base, in MuJoCo's order, and the joint positions (J,) of a row."""
         base = [0.0] * 7 if self._fixed_pose is not None else row[1:8]
+        row = self._with_angles(row) if self._balls else row
         return base, [row[position] for _, position, _, _ in self._places]
 
     def places(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the same for T rows: (T, 7) and (T, J)."""
         base = np.zeros((len(rows), 7)) if self._fixed_pose is not None else rows[:, 1:8]
-        return base, rows[:, 1 + self._compiled.positions]
+        return base, self._with_all_angles(rows)[:, 1 + self._compiled.positions]
 
     def robot_qpos(self, rows: FloatArray) -> FloatArray:
         """Return the robot's part of qpos, (T, P)."""
@@ -85,6 +94,8 @@ class StateRecorder:
         It computes with single numbers, because arrays of one row would take five times as long.
         """
         row = self._row(step)
+        if self._balls:
+            row = self._with_angles(row)
         joints = ByName([(name, JointState(row[p], row[v], row[e])) for name, p, v, e in self._places])
         pose, twist = self._present_base(row)
         return Observation(step / self._rate, pose, twist, joints, contacts)
@@ -107,8 +118,20 @@ class StateRecorder:
     def trace_rows(self, rows: FloatArray) -> FloatArray:
         """Return the rows as those of `Trace.state`, (T, 14 + 3 J)."""
         positions, velocities = 1 + self._compiled.positions, self._speeds + self._compiled.velocities
-        joints = (rows[:, positions], rows[:, velocities], rows[:, self._efforts :])
+        joints = (self._with_all_angles(rows)[:, positions], rows[:, velocities], rows[:, self._efforts :])
         return np.concatenate((rows[:, :1] / self._rate, self._base(rows), *joints), axis=1)
+
+    def _with_angles(self, row: Sequence[float]) -> list[float]:
+        """Return a row in which the quaternion of each ball joint is replaced by 0 and its three angles."""
+        changed = list(row)
+        for at in self._balls:
+            w, x, y, z = row[at]
+            changed[at] = [0.0, *ball_angles((x, y, z, w))]
+        return changed
+
+    def _with_all_angles(self, rows: FloatArray) -> FloatArray:
+        """Return rows in which the quaternions of ball joints are replaced in the same way."""
+        return np.array([self._with_angles(row) for row in rows.tolist()]) if self._balls and len(rows) else rows
 
     def _pose_of_fixed(self) -> Pose:
         x, y, z, qx, qy, qz, qw = self._base(np.empty((1, 0)))[0, :7].tolist()

@@ -57,6 +57,7 @@ from sim_action.world import GROUND
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
+    from sim_action.engines.pybullet.ball_joints import BallJoints
     from sim_action.engines.pybullet.sliding import SlidingWheels
 
 
@@ -135,7 +136,7 @@ class PyBulletEngine:
                 self._record_bodies(step)
             if not self._clearances.is_idle:
                 row = self._rows[-1]
-                self._clearances.record(step, row[1:8], row[14 : 14 + len(self._indices)])
+                self._clearances.record(step, row[1:8], row[14 : 14 + len(self._joint_names)])
 
     def _apply_forces(self, step: int) -> None:
         """Apply the forces that PyBullet forgets after each step."""
@@ -156,7 +157,7 @@ class PyBulletEngine:
 
     def collect(self) -> Trace:
         """See Engine.collect."""
-        columns = 14 + 3 * len(self._indices)
+        columns = 14 + 3 * len(self._joint_names)
         state = np.array(self._rows, dtype=np.float64).reshape(-1, columns)
         for column, values in enumerate(in_link_frame(tuple(state[:, 1:14].T), self._com_in_link), start=1):
             state[:, column] = values
@@ -176,7 +177,7 @@ class PyBulletEngine:
         last = self._rows[-1] if self._rows and self._rows[-1][0] == step / self._rate else self._row(step)
         time, *row = last
         pose, twist = self._base_of(row[:13])
-        joints = len(self._indices)
+        joints = len(self._joint_names)
         states = map(JointState, row[13 : 13 + joints], row[13 + joints : 13 + 2 * joints], row[13 + 2 * joints :])
         return Observation(
             time=time,
@@ -246,11 +247,13 @@ class PyBulletEngine:
         self._is_damped = any(info[2] != pybullet.JOINT_FIXED and info[6] > 0 for info in infos)
         by_name = {info[1].decode(): info for info in infos}
         self._joint_names = tuple(joint.name for joint in scene.model.moving_joints)
-        self._index = {name: by_name[name][0] for name in self._joint_names}
+        self._motor_names = tuple(joint.name for joint in scene.model.motor_joints)
+        self._index = {name: by_name[name][0] for name in self._motor_names}
         self._indices = list(self._index.values())
-        self._friction = {name: by_name[name][7] for name in self._joint_names}
-        self._max_effort = {name: by_name[name][10] or UNLIMITED_EFFORT for name in self._joint_names}
-        self._max_velocity = {name: by_name[name][11] for name in self._joint_names}
+        self._friction = {name: by_name[name][7] for name in self._motor_names}
+        self._max_effort = {name: by_name[name][10] or UNLIMITED_EFFORT for name in self._motor_names}
+        self._max_velocity = {name: by_name[name][11] for name in self._motor_names}
+        self._balls = self._ball_joints({name: by_name[name][0] for name in scene.model.balls})
         links = scene.model.links_by_name
         set_surfaces(
             self._client, self._robot, {index: links[name].surface for index, name in self._link_names.items()}
@@ -261,6 +264,13 @@ class PyBulletEngine:
         _, _, _, com_position, com_orientation, *_ = pybullet.getDynamicsInfo(self._robot, BASE, self._client)
         self._com_in_link = Pose(com_position, com_orientation)
         self._robot_inertia = robot_inertia(self._client, self._robot)
+
+    def _ball_joints(self, numbers: Mapping[str, int]) -> BallJoints | None:
+        if not numbers:
+            return None
+        from sim_action.engines.pybullet.ball_joints import BallJoints
+
+        return BallJoints(self._client, self._robot, numbers)
 
     def _calm(self, scene: Scene) -> tuple[str, ...]:
         """Change damped joints so that no damping adds energy, and return the notes about them."""
@@ -280,7 +290,9 @@ class PyBulletEngine:
 
     def _place_robot(self, scene: Scene) -> None:
         positions = scene.joint_positions
-        for joint in scene.model.moving_joints:
+        if self._balls is not None:
+            self._balls.release([positions[joint.name] for joint in scene.model.moving_joints if joint.ball])
+        for joint in scene.model.motor_joints:
             position = positions[joint.name]
             pybullet.resetJointState(self._robot, self._index[joint.name], position, physicsClientId=self._client)
             if joint.type == "continuous" or joint.mimic is not None:
@@ -351,13 +363,24 @@ class PyBulletEngine:
         """Return a row of `Trace.state` in the frame of the centre of mass; it is called at every step."""
         position, orientation = pybullet.getBasePositionAndOrientation(self._robot, self._client)
         linear, angular = pybullet.getBaseVelocity(self._robot, self._client)
-        if not self._indices:
+        if not self._joint_names:
             return (step / self._rate, *position, *orientation, *linear, *angular)
-        states = pybullet.getJointStates(self._robot, self._indices, self._client)
-        positions, velocities, _, efforts = zip(*states, strict=True)
+        positions, velocities, efforts = self._motor_states()
         if self._held_efforts:
             # The engine reports its own motors, which are only the friction that the effort works against.
             reported = zip(self._indices, efforts, strict=True)
             efforts = tuple(self._held_efforts.get(index, effort) for index, effort in reported)
+        if self._balls is not None:
+            angles, rates = self._balls.state()
+            positions, velocities = (*positions, *angles), (*velocities, *rates)
+            efforts = (*efforts, *(0.0 for _ in angles))
         time = step / self._rate
         return (time, *position, *orientation, *linear, *angular, *positions, *velocities, *efforts)
+
+    def _motor_states(self) -> tuple[tuple[float, ...], ...]:
+        """Return positions, velocities and efforts of the joints that motors can move."""
+        if not self._indices:
+            return (), (), ()
+        states = pybullet.getJointStates(self._robot, self._indices, self._client)
+        positions, velocities, _, efforts = zip(*states, strict=True)
+        return positions, velocities, efforts

@@ -34,6 +34,9 @@ _MAX_SHARE: Final = 0.5
 """The share of its speed that a joint may lose within one step by a damping that stays as it is."""
 
 
+_AXES: Final = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
 @dataclass(frozen=True, slots=True)
 class _Damped:
     """A joint with damping. Attributes: the numbers of its links, its axis in the world frame, its damping in SI."""
@@ -105,7 +108,8 @@ def calm(client: int, robot: int, rate: float, *, bolted: bool) -> tuple[str, ..
     :param rate: physics steps per second.
     """
     infos = [pybullet.getJointInfo(robot, number, client) for number in range(pybullet.getNumJoints(robot, client))]
-    damped = [_read(client, robot, info) for info in infos if info[2] != pybullet.JOINT_FIXED and info[6] > 0]
+    stated = [info for info in infos if info[2] != pybullet.JOINT_FIXED and info[6] > 0]
+    damped = [joint for info in stated for joint in _read(client, robot, info)]
     if not damped:
         return ()
     masses = {number: _mass(client, robot, number) for number in range(BASE, len(infos))}
@@ -121,11 +125,13 @@ def calm(client: int, robot: int, rate: float, *, bolted: bool) -> tuple[str, ..
     return tuple(notes)
 
 
-def _read(client: int, robot: int, info: Sequence[Any]) -> _Damped:
+def _read(client: int, robot: int, info: Sequence[Any]) -> list[_Damped]:
+    """Return a joint; a ball joint is damped about three axes."""
     # PyBullet gives the axis in the frame of the principal axes.
     turned = _inertial(client, robot, info[0]).orientation_xyzw
     sliding = info[2] == pybullet.JOINT_PRISMATIC
-    return _Damped(info[1].decode(), info[0], info[16], geometry.rotate(turned, info[13]), info[6], sliding)
+    axes = _AXES if info[2] == pybullet.JOINT_SPHERICAL else [geometry.rotate(turned, info[13])]
+    return [_Damped(info[1].decode(), info[0], info[16], axis, info[6], sliding) for axis in axes]
 
 
 def _mass(client: int, robot: int, link: int) -> _Mass:

@@ -11,7 +11,7 @@ from sim_action.core.geometry import ZERO
 from sim_action.core.wording import did_you_mean
 from sim_action.robot.audit.shapes import MAX_PART_SIZE_M
 from sim_action.robot.robot_model import MOVING_TYPES, Finding
-from sim_action.robot.urdf_elements import child_of, number, parent_of, vector
+from sim_action.robot.urdf_elements import BALLS, child_of, number, parent_of, vector
 from sim_action.robot.urdf_elements import limits as limits_of
 from sim_action.robot.xml_document import ModelDocument
 
@@ -39,7 +39,7 @@ def axes(document: ModelDocument) -> Iterator[Finding]:
     """Yield moving joints with an axis of length 0. Exporters write 0 0 0 for joints that do not move."""
     for joint in document.elements("joint"):
         axis = joint.find("axis")
-        if joint.attrib["type"] in {"fixed", "floating"} or axis is None:
+        if joint.attrib["type"] in {"fixed", "floating", *BALLS} or axis is None:
             continue
         if vector(axis, "xyz", (1.0, 0.0, 0.0)) == ZERO:
             message = f"joint '{joint.attrib['name']}' has an axis of length 0"
@@ -104,6 +104,17 @@ def kinds(document: ModelDocument) -> Iterator[Finding]:
                 "revolute or prismatic joints"
             )
             yield document.finding("unsupported-joint", joint, message)
+
+
+def balls(document: ModelDocument) -> Iterator[Finding]:
+    """Yield ball joints with limits or friction, which are not simulated."""
+    for joint in document.elements("joint"):
+        if joint.attrib["type"] not in BALLS:
+            continue
+        parts = {("limit", "lower"): "<limit>", ("limit", "upper"): "<limit>", ("dynamics", "friction"): "friction"}
+        for what in dict.fromkeys(what for (tag, name), what in parts.items() if number(joint.find(tag), name)):
+            message = f"ball joint '{joint.attrib['name']}' swings freely: its {what} is not simulated"
+            yield document.finding("passed-over", joint, message)
 
 
 def is_free_base(document: ModelDocument, joint: Element) -> bool:

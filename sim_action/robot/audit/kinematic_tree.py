@@ -15,10 +15,10 @@ from xml.etree.ElementTree import Element
 
 from sim_action.core.wording import did_you_mean
 from sim_action.robot.robot_model import MOVING_TYPES, Finding
-from sim_action.robot.urdf_elements import child_of, parent_of
+from sim_action.robot.urdf_elements import BALLS, child_of, parent_of
 from sim_action.robot.xml_document import ModelDocument
 
-_JOINT_TYPES: Final = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
+_JOINT_TYPES: Final = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar", *BALLS)
 
 
 # Each hint compares a name with all others.
@@ -32,6 +32,9 @@ MAX_MOVING_JOINTS: Final = 128 - 7
 
 MAX_JOINTS: Final = 128 - 1
 """The largest number of joints, fixed joints included: one link is the base."""
+
+# The state of a ball joint is a quaternion.
+_BALL_NUMBERS: Final = 4
 
 _ADVICE: Final = "merge links that are connected by fixed joints, or remove parts that the test does not need"
 
@@ -50,6 +53,17 @@ def names(document: ModelDocument) -> Iterator[Finding]:
                     "duplicate-name", element, f"a second {tag} is named '{name}'; names must be unique"
                 )
             seen.add(name)
+    yield from _ball_names(document)
+
+
+def _ball_names(document: ModelDocument) -> Iterator[Finding]:
+    """Yield ball joints whose parts would have the name of a joint or link."""
+    taken = {element.attrib["name"] for element in document.elements("link", "joint")}
+    for joint in document.elements("joint"):
+        parts = (f"{joint.attrib['name']}_{axis}" for axis in "xyz") if joint.attrib["type"] in BALLS else ()
+        for part in taken.intersection(parts):
+            message = f"the rotation of ball joint '{joint.attrib['name']}' would be named '{part}', as another part"
+            yield document.finding("duplicate-name", joint, f"{message}; rename one of them")
 
 
 def joint_types(document: ModelDocument) -> Iterator[Finding]:
@@ -112,8 +126,9 @@ def joint_counts(document: ModelDocument) -> Iterator[Finding]:
     """Yield a finding if the model has more joints than PyBullet can hold."""
     joints = list(document.elements("joint"))
     moving = [joint for joint in joints if joint.get("type") in MOVING_TYPES]
+    balls = [joint for joint in joints if joint.get("type") in BALLS]
     yield from _beyond(document, joints, MAX_JOINTS, "joints")
-    yield from _beyond(document, moving, MAX_MOVING_JOINTS, "joints that move")
+    yield from _beyond(document, [*moving, *balls * _BALL_NUMBERS], MAX_MOVING_JOINTS, "joints that move")
 
 
 def _beyond(document: ModelDocument, joints: Sequence[Element], most: int, what: str) -> Iterator[Finding]:

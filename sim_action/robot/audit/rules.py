@@ -121,7 +121,7 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         "odd-mass": Rule("warning", "a model that is denser than any metal: its masses are probably in another unit"),
         "default-inertia": Rule("warning", "an SDF <inertial> without a mass or a moment: it is 1, the default of SDF"),
         "turned-base": Rule("warning", "a root link that the SDF file rotates: set robot.pose instead"),
-        "passed-over": Rule("warning", "a part of SDF or MJCF that is not simulated: it is ignored"),
+        "passed-over": Rule("warning", "a part of the model that is not simulated: it is ignored"),
         "no-collision-shape": Rule("warning", "a model without a collision shape: nothing can touch it"),
     }
 )

@@ -29,6 +29,7 @@ STAGES: Final[tuple[tuple[Check, ...], ...]] = (
         joints.limits,
         joints.motors,
         joints.kinds,
+        joints.balls,
         joints.mimics,
         joints.mimic_limits,
         shapes.sizes,

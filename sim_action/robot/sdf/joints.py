@@ -32,9 +32,9 @@ from sim_action.robot.sdf.unsupported_parts import note_parts
 from sim_action.robot.sdf.urdf_writer import UrdfWriter, numbers
 from sim_action.robot.urdf_elements import UNLIMITED
 
-_SUPPORTED: Final = ("revolute", "continuous", "prismatic", "fixed")
+_SUPPORTED: Final = ("revolute", "continuous", "prismatic", "ball", "fixed")
+_URDF_TYPES: Final = {"ball": "spherical"}
 _UNSUPPORTED: Final = {
-    "ball": "use three revolute joints, or a caster without friction",
     "universal": "use two revolute joints",
     "revolute2": "use two revolute joints",
     "screw": "use a revolute and a prismatic joint with <mimic>",
@@ -51,7 +51,7 @@ class ResolvedJoint:
         type: the URDF type.
         parent: the parent link; None is the world.
         pose: the joint's frame, in the outermost model's frame.
-        axis_xyz: in the frame of the child link; None for a fixed joint.
+        axis_xyz: in the frame of the child link; None for a fixed joint and a ball joint.
     """
 
     entry: Entry
@@ -63,9 +63,11 @@ class ResolvedJoint:
 
     def shift(self, child_pose: Pose) -> Vector3:
         """Return the offset in m, in the child link's frame, that moves the child's origin onto the axis."""
-        if self.axis_xyz is None or self.type == "prismatic":
+        if self.type in ("fixed", "prismatic"):
             return ZERO
         origin = geometry.compose(geometry.inverse(child_pose), self.pose).position_xyz
+        if self.axis_xyz is None:
+            return origin if math.hypot(*origin) > _AXIS_TOLERANCE_M else ZERO
         length = math.hypot(*self.axis_xyz)
         away = math.hypot(*geometry.cross(origin, self.axis_xyz)) / length if length else 0.0
         return origin if away > _AXIS_TOLERANCE_M else ZERO
@@ -85,7 +87,9 @@ def resolve_joint(notes: Notes, frames: Frames, entry: Entry) -> ResolvedJoint:
     parent = None if to_world else frames.link_of(frames.named(scope, ends["parent"], needed(element, "parent")), scope)
     kind = _type(notes, entry)
     pose = frames.in_root(entry)
-    axis = None if kind == "fixed" else _axis(notes, frames, entry, pose.orientation_xyzw, frames.in_root(child))
+    has_axis = kind not in ("fixed", "ball")
+    turned = pose.orientation_xyzw
+    axis = _axis(notes, frames, entry, turned, frames.in_root(child)) if has_axis else None
     return ResolvedJoint(entry, kind, parent, child, pose, axis)
 
 
@@ -150,7 +154,13 @@ class JointWriter:
         :param origin: the child link's frame in the parent link's frame.
         """
         element, writer = resolved.entry.element, self._writer
-        joint = writer.add(writer.root, "joint", element, name=resolved.entry.full_name, type=resolved.type)
+        joint = writer.add(
+            writer.root,
+            "joint",
+            element,
+            name=resolved.entry.full_name,
+            type=_URDF_TYPES.get(resolved.type, resolved.type),
+        )
         writer.add_origin(joint, element, origin)
         writer.add(joint, "parent", element, link=WORLD if resolved.parent is None else resolved.parent.full_name)
         writer.add(joint, "child", element, link=resolved.child.full_name)

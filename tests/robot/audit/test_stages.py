@@ -85,7 +85,7 @@ def test_every_rule_has_a_model_that_breaks_it() -> None:
     elsewhere |= {"several-packages", "xacro-warning", "bad-xacro", "unknown-argument", "missing-include"}
     # What only SDF can do is in test_bad_sdf.py and test_sdf.py.
     elsewhere |= {"unknown-frame", "frame-loop", "include-loop", "unsupported-part"}
-    elsewhere |= {"default-inertia", "turned-base", "passed-over"}
+    elsewhere |= {"default-inertia", "turned-base"}
     # What takes mesh files is in test_meshes.py and test_references.py.
     elsewhere |= {
         "unknown-mesh-format",

@@ -119,7 +119,20 @@ def test_damping_mimic_and_what_is_passed_over(tmp_path: Path) -> None:
     assert "robot.joints: {j: 0.5}" in model.findings[0].message
 
 
-@pytest.mark.parametrize("kind", ["ball", "universal", "screw", "revolute2"])
+def test_a_ball_joint_turns_about_the_origin_of_its_own_frame(tmp_path: Path) -> None:
+    ball = joint("j", "a", "b", "<pose>0 0 0.5 0 0 0</pose>", "ball")
+    model = load(tmp_path, sdf(link("a"), link("b", "<pose>0 0 1 0 0 0</pose>"), ball))
+    assert rules(model) == []
+    assert [(part.name, part.type, part.ball) for part in model.joints] == [
+        (f"j_{axis}", "ball", "j") for axis in "xyz"
+    ]
+    assert model.joints[0].origin.position_xyz == near(0, 0, 1.5)
+    element = ET.fromstring(model.urdf).find("joint[@name='j']")
+    assert element is not None
+    assert element.get("type") == "spherical"
+
+
+@pytest.mark.parametrize("kind", ["universal", "screw", "revolute2"])
 def test_a_joint_that_is_not_simulated_is_fixed_where_that_is_allowed(kind: str, tmp_path: Path) -> None:
     model = load(tmp_path, sdf(link("a"), link("b"), joint("j", "a", "b", "", kind)), allow=("unsupported-joint",))
     assert model.joints[0].type == "fixed"

@@ -1,0 +1,160 @@
+"""Ball joints against the formulas of pendulums, on both engines, which must agree with each other, too.
+
+The pendulum hangs from a ball joint with a tilted frame: its angles start at 0, and it is released there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sim_action.core import geometry
+from sim_action.state.trace import FloatArray
+from tests.physics.case import Run, Setup, run_on
+from tests.physics.oracles import GRAVITY, Vector, pendulum_period, runge_kutta
+from tests.physics.robots import ball_inertia, inertial, link, robot
+
+ENGINES = ("pybullet", "mujoco")
+MASS, LENGTH, RADIUS = 1.0, 0.8, 0.1
+TILT = math.radians(40)
+MOMENT = MASS * LENGTH**2 + ball_inertia(MASS, RADIUS)[0]
+EQUAL_LENGTH = MOMENT / (MASS * LENGTH)
+"""The length in m of the mathematical pendulum with the same motion."""
+
+
+def pendulum(kind: str = "spherical", more: str = "") -> str:
+    tilted = f'<origin rpy="{TILT!r} 0 0"/>'
+    joint = f'<joint name="b" type="{kind}">{tilted}<parent link="base"/><child link="bob"/>{more}</joint>'
+    bob = inertial(MASS, ball_inertia(MASS, RADIUS), (0.0, 0.0, -LENGTH))
+    return robot(link("base", inertial(1.0, (1.0, 1.0, 1.0))), link("bob", bob), joint)
+
+
+def swinging(
+    engine: str, seconds: float = 4.0, model: str = "", joints: Mapping[str, float] | None = None, **keys: Any
+) -> Run:
+    pytest.importorskip(engine, reason=f"{engine} is not installed")
+    place = {"base": "fixed", "pose": {"z": 3.0}, "joints": joints or {}}
+    setup = Setup(model or pendulum(), seconds, {"allow": ["fixed-base"], **keys}, place, settle=0.0)
+    return run_on(engine, setup)
+
+
+def directions(run: Run) -> FloatArray:
+    """The direction (T, 3) from the joint to the bob at all moments."""
+    start = geometry.quaternion_from_rpy(TILT, 0.0, 0.0)
+    names = run.trace.joint_names
+    columns = [run.trace.joint_position[:, names.index(f"b_{axis}")].tolist() for axis in "xyz"]
+    found = []
+    for angles in zip(*columns, strict=True):
+        turned = (0.0, 0.0, -1.0)
+        for axis, angle in reversed(list(enumerate(angles))):
+            part = [0.0, 0.0, 0.0]
+            part[axis] = math.sin(angle / 2)
+            turned = geometry.rotate((part[0], part[1], part[2], math.cos(angle / 2)), turned)
+        found.append(geometry.rotate(start, turned))
+    return np.array(found)
+
+
+def passages(time: FloatArray, values: FloatArray) -> FloatArray:
+    """The times at which values fall through 0."""
+    before = np.flatnonzero((values[:-1] > 0) & (values[1:] <= 0))
+    share = values[before] / (values[before] - values[before + 1])
+    return np.asarray(time[before] + share * (time[before + 1] - time[before]))
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_pendulum_on_a_ball_joint_swings_in_a_plane_with_its_period(engine: str) -> None:
+    run = swinging(engine)
+    way = directions(run)
+    crossed = passages(run.trace.time, way[:, 1])
+    period = float(np.diff(crossed).mean())
+    assert period == pytest.approx(pendulum_period(EQUAL_LENGTH, TILT), rel=1e-3)
+    # It is released in the plane of y and z.
+    assert np.abs(way[:, 0]).max() < 1e-6
+    assert way[:, 1].max() == pytest.approx(math.sin(TILT), rel=1e-3)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_conical_pendulum_keeps_its_height_and_its_period(engine: str) -> None:
+    # A blow across, which gives the bob the speed of its circle.
+    brief = 1 / 240
+    rate = math.sqrt(GRAVITY / (EQUAL_LENGTH * math.cos(TILT)))
+    # The force acts at the distance LENGTH from the joint.
+    force = MOMENT * math.sin(TILT) * rate / (LENGTH * brief)
+    blow = {"at": 0, "for": brief, "link": "bob", "force": [force, 0, 0]}
+    run = swinging(engine, world={"disturbances": [blow]})
+    way = directions(run)
+    tilt = np.degrees(np.arccos(-way[:, 2]))
+    assert np.abs(tilt - math.degrees(TILT)).max() < 0.6
+    crossed = passages(run.trace.time, way[:, 0])
+    assert float(np.diff(crossed).mean()) == pytest.approx(2 * math.pi / rate, rel=3e-3)
+
+
+def test_both_engines_swing_a_ball_joint_in_the_same_way() -> None:
+    blow = {"at": 0.5, "for": 0.1, "link": "bob", "force": [3, 2, 0], "point": [0.05, 0.02, -0.9]}
+    start = {"b_x": 0.3, "b_y": -0.4, "b_z": 0.5}
+    keys: dict[str, Any] = {"joints": start, "world": {"disturbances": [blow]}}
+    first, second = (swinging(engine, 1.5, **keys).trace for engine in ENGINES)
+    assert first.joint_position[0].tolist() == pytest.approx(list(start.values()))
+    assert np.abs(first.joint_position - second.joint_position).max() < 1e-9
+    assert np.abs(first.joint_velocity - second.joint_velocity).max() < 1e-9
+    assert np.abs(first.joint_effort).max() == 0.0
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_the_damping_of_a_ball_joint_brakes_the_pendulum(engine: str) -> None:
+    damping = 0.5
+
+    def rate(_: float, state: Vector) -> Vector:
+        angle, speed = state.tolist()
+        return np.array([speed, -GRAVITY / EQUAL_LENGTH * math.sin(angle) - damping / MOMENT * speed])
+
+    run = swinging(engine, model=pendulum(more=f'<dynamics damping="{damping}"/>'))
+    swung = runge_kutta(rate, (TILT, 0.0), 4.0, 960)[::240, 0]
+    assert directions(run)[::240, 1].tolist() == pytest.approx(np.sin(swung).tolist(), abs=0.01)
+
+
+def _part(name: str, place: str, mass: float, moments: tuple[float, float, float], shape: str) -> str:
+    inertia = "".join(f"<{tag}>{moment}</{tag}>" for tag, moment in zip(("ixx", "iyy", "izz"), moments, strict=True))
+    return (
+        f"<link name='{name}'><pose>{place}</pose><inertial><mass>{mass}</mass><inertia>{inertia}</inertia></inertial>"
+        f"<collision name='c'><geometry>{shape}</geometry></collision></link>"
+    )
+
+
+_WHEEL = "<cylinder><radius>0.033</radius><length>0.018</length></cylinder>"
+_ROVER = "".join(
+    (
+        _part("body", "-0.03 0 0.08 0 0 0", 0.9, (0.004, 0.004, 0.006), "<box><size>0.14 0.14 0.08</size></box>"),
+        *(
+            _part(f"{side}_wheel", f"0 {y} 0.033 -1.5707963 0 0", 0.1, (5e-5, 5e-5, 1e-4), _WHEEL)
+            + f"<joint name='{side}' type='revolute'><parent>body</parent><child>{side}_wheel</child>"
+            "<axis><xyz>0 0 1</xyz></axis></joint>"
+            for side, y in (("left", 0.08), ("right", -0.08))
+        ),
+        _part(
+            "caster", "-0.081 0 0.005 -1.57 0 0", 0.005, (1e-5, 1e-5, 1e-5), "<sphere><radius>0.005</radius></sphere>"
+        ),
+        "<joint name='caster_joint' type='ball'><parent>body</parent><child>caster</child></joint>",
+    )
+)
+ROVER = f"<sdf version='1.8'><model name='ball_caster'>{_ROVER}</model></sdf>"
+"""A small robot on two wheels and a rolling ball; the ball is as small, and its inertia as large, as in public ones."""
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_robot_on_a_ball_caster_drives_straight(engine: str, tmp_path: Path) -> None:
+    pytest.importorskip(engine, reason=f"{engine} is not installed")
+    (tmp_path / "rover.sdf").write_text(ROVER)
+    commands = {"commands": {"rate": 10, "twist": [{"linear": 0.25, "for": 8}, {"linear": 0}]}}
+    run = run_on(engine, Setup(str(tmp_path / "rover.sdf"), 10.0, commands))
+    x, y = run.trace.base_position_xyz[-1, :2] - run.trace.base_position_xyz[0, :2]
+    assert x == pytest.approx(2.0, rel=0.02)
+    assert abs(y) < 0.01
+    # The caster rolls.
+    roll = run.trace.joint_velocity[run.row(4), run.trace.joint_names.index("caster_joint_x") :]
+    assert float(np.linalg.norm(roll)) == pytest.approx(0.25 / 0.005, rel=0.05)
