@@ -80,10 +80,11 @@ class SlidingContacts:
     def __init__(self, compiled: CompiledScene) -> None:
         self._model, self._data = compiled.model, compiled.data
         self._yields = math.hypot(*compiled.model.opt.gravity) * (1 - CONTACT_IMPEDANCE) / CONTACT_IMPEDANCE
-        # Touching geoms, as bytes -> their contacts. The order of contacts is that of the geoms.
+        # Touching geoms, and which of their contacts have no rows, as bytes -> their contacts. The order of contacts is
+        # that of the geoms.
         self._known: dict[bytes, _Touching] = {}
-        # Number of contacts -> live view of their geoms, see `Contacts`.
-        self._geoms: dict[int, memoryview] = {}
+        # Number of contacts -> live views of their geoms and of which have no rows, see `Contacts`.
+        self._live: dict[int, tuple[memoryview, memoryview]] = {}
 
     def correct(self) -> None:
         """Lower the reference of the normal of each sliding contact; called after all changes of friction rows."""
@@ -91,9 +92,10 @@ class SlidingContacts:
         count = data.ncon
         if not count:
             return
-        if count not in self._geoms:
-            self._geoms[count] = memoryview(data.contact.geom)
-        touching = self._geoms[count].tobytes()
+        if count not in self._live:
+            self._live[count] = memoryview(data.contact.geom), memoryview(data.contact.exclude)
+        geoms, excluded = self._live[count]
+        touching = geoms.tobytes() + excluded.tobytes()
         found = self._known.get(touching) or self._find(touching)
         pairs, first, frictionless = found
         if not pairs:

@@ -79,6 +79,13 @@ def test_a_box_that_lands_obliquely_does_not_sink_in(friction: float, sideways: 
     assert abs(heights[-1]) < 0.0005
 
 
+def test_a_shove_does_not_lift_a_soft_box_that_began_exactly_on_the_ground(tmp_path: Path) -> None:
+    """At a depth of 0, its contacts are there but have no rows yet."""
+    soft = box(1.0).replace("</gazebo>", "<kp>1e5</kp><kd>4e3</kd></gazebo>")
+    heights = shoved(tmp_path, soft, (2.0, 0.0, 0.0))[:, 2] - HEIGHT / 2
+    assert heights.max() < 0.0005
+
+
 def test_a_box_at_rest_is_left_alone(tmp_path: Path) -> None:
     from sim_action.engines.mujoco.engine import MuJoCoEngine
 
