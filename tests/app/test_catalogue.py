@@ -26,7 +26,12 @@ def test_nested_keys_and_lists_are_spelled_out() -> None:
 
 
 def test_models_are_those_that_can_be_named() -> None:
-    assert [entry.name for entry in catalogue.models()] == ["turtlebot3_burger"]
+    assert [entry.name for entry in catalogue.models()] == [
+        "turtlebot3_burger",
+        "husky_a200",
+        "f1tenth",
+        "ur5e_gripper",
+    ]
 
 
 def test_a_listing_names_each_entry_in_bold_above_its_summary() -> None:

@@ -16,6 +16,7 @@ from sim_action.scenario.loading import load_scenario
 from tests.robot.bad_models import GOOD
 from tests.ros_workspace import NAMESPACE, TRIANGLE, written
 
+NAMES = ", ".join(sorted(BUILT_IN))
 URDF = """\
 <robot name="box">
   <link name="base">
@@ -65,7 +66,10 @@ def test_a_file_of_the_workspace_is_read(tmp_path: Path) -> None:
     ("name", "message"),
     [
         ("turtlebot3", "unknown robot 'turtlebot3'; did you mean 'turtlebot3_burger'?"),
-        ("zzz", "unknown robot 'zzz' (allowed: turtlebot3_burger), or the path of a .urdf, .xacro, .sdf or .xml file"),
+        (
+            "zzz",
+            f"unknown robot 'zzz' (allowed: {NAMES}), or the path of a .urdf, .xacro, .sdf or .xml file",
+        ),
         ("package://a/b.urdf", "refers to the package 'a', which was not found"),
         ("absent.xacro", "'absent.xacro' does not exist"),
         ("absent.urdf", "'absent.urdf' does not exist"),

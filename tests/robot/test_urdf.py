@@ -16,7 +16,6 @@ from sim_action.core.errors import ModelError
 from sim_action.core.geometry import Pose
 from sim_action.core.workspace import Workspace
 from sim_action.robot import urdf
-from sim_action.robot.loading import BUILT_IN
 from sim_action.robot.packages import Packages
 from sim_action.robot.robot_model import RobotModel, Shape
 from sim_action.robot.urdf import read_urdf
@@ -193,7 +192,6 @@ def test_the_burger_weighs_and_is_what_is_published() -> None:
     assert model.links_by_name["caster_back_link"].collisions == (
         Shape("sphere", Pose(), 0.006, (-0.006,) * 3, (0.006,) * 3),
     )
-    assert set(BUILT_IN) == {"turtlebot3_burger"}
 
 
 @pytest.mark.parametrize(
