@@ -121,6 +121,17 @@ def _listed(folder: Path) -> tuple[frozenset[str], list[Path]]:
     return frozenset(files), [folder / name for name in sorted(below)]
 
 
+def by_distance(folders: Iterable[Path], here: Path) -> list[Path]:
+    """Return folders in the order of their distance from the referring file."""
+    return sorted(folders, key=lambda folder: (_steps(here.parent, folder), folder))
+
+
+def _steps(start: Path, end: Path) -> int:
+    """Return the number of folders on the path from one to the other."""
+    common = len(Path(os.path.commonpath((start, end))).parts)
+    return len(start.parts) + len(end.parts) - 2 * common
+
+
 def package_name(folder: Path) -> str:
     """Return the name in a package's package.xml; the name of the folder if it cannot be read."""
     try:

@@ -29,6 +29,7 @@ from sim_action.robot.package_search import (
     PACKAGE_VARIABLES,
     EnvironmentFolders,
     PackageFolders,
+    by_distance,
     folders_below,
     package_name,
 )
@@ -141,7 +142,7 @@ class Packages:
             yield from self._respelled(folder, stated.path)
         is_chosen = self._given(stated.name) or stated.name in self.mapped
         if stated.name and not is_chosen and ".." not in PurePosixPath(stated.path).parts:
-            yield from self._shortened(stated, here, is_known=self._declared(stated, here) is not None)
+            yield from self._shortened(stated, here, self._declared(stated, here))
 
     def _places(self, stated: Reference, here: Path) -> Iterator[Found]:
         """Yield the folders in which the path of a reference may start."""
@@ -170,7 +171,7 @@ class Packages:
         for folder in self._above(here):
             if folder.name == name and not (folder / PACKAGE_FILE).is_file():
                 yield self._noted(folder, f"{undeclared}: {self._shown(folder)}, above {here.name}, is used")
-        below = _by_distance(self._inside.folders.get(name, ()), here)
+        below = by_distance(self._inside.folders.get(name, ()), here)
         suitable = [folder for folder in below if self._is_there(folder / stated.path)] or below[:1]
         for folder in suitable[:1]:
             others = _listed(self._shown(other) for other in suitable[1:])
@@ -185,7 +186,7 @@ class Packages:
             text = f"'{path}' is spelled {self._shown(place)} on the disk: write it like that, as Linux needs it"
             yield replace(folder, path=place, notes=(*folder.notes, Note("file-spelling", text, place.parent)))
 
-    def _shortened(self, stated: Reference, here: Path, *, is_known: bool) -> Iterator[Found]:
+    def _shortened(self, stated: Reference, here: Path, known: Found | None) -> Iterator[Found]:
         """Yield files of a package whose outer folders were renamed or left out, below folders above the model."""
         parts = (stated.name, *PurePosixPath(stated.path).parts)
         above = list(self._above(here))
@@ -195,9 +196,27 @@ class Packages:
                 if folder.name == parts[index]:
                     found = self._noted(folder, f"'{stated.scheme}://{start}' is read as {self._shown(folder)}")
                     yield replace(found, path=folder.joinpath(*parts[index + 1 :]), is_guessed=True)
-        for folder in () if is_known else above:
+        for folder in above if known is None else ():
             text = f"no folder '{stated.name}' has the file: {self._shown(folder)}, above {here.name}, is used"
             yield replace(self._noted(folder, text), path=folder / stated.path, is_guessed=True)
+        if known is not None:
+            yield from self._uninstalled(known.path / stated.path)
+
+    def _uninstalled(self, path: Path) -> Iterator[Found]:
+        """Yield the file that a package has in a deeper folder of its source, from where the build installs it."""
+        package = next((folder for folder in self._above(path) if (folder / PACKAGE_FILE).is_file()), None)
+        inner = () if package is None else path.relative_to(package).parts[:-1]
+        if package is None or not inner or ".." in inner:
+            return
+        same = (place for place in self._inside.folders.get(inner[-1], ()) if place.is_relative_to(package))
+        deeper = [place for place in same if place.relative_to(package).parts[-len(inner) :] == inner]
+        deeper = [place for place in deeper if self._is_there(place / path.name)]
+        for folder in by_distance(deeper, package / PACKAGE_FILE)[:1]:
+            others = _listed(self._shown(other) for other in deeper if other != folder)
+            text = (
+                f"{self._shown(package)} has no folder '{'/'.join(inner)}' with the file: {self._shown(folder)} is used"
+            )
+            yield replace(self._noted(folder, f"{text}, not {others}" if others else text), path=folder / path.name)
 
     def _noted(self, folder: Path, text: str) -> Found:
         return Found(folder, (Note("package-folder", f"{text}; set robot.packages to choose another", folder),))
@@ -212,6 +231,19 @@ class Packages:
             return self.place(path, str(path)).exists()
         except (PackageError, OSError):
             return False
+
+    def included(self, path: Path, reference: str) -> Found:
+        """Return the file at an absolute path, or where it is in the source of its package. Raises PackageError.
+
+        :param reference: the text in the referring file.
+        """
+        try:
+            return Found(self.file(path, reference))
+        except PackageError as error:
+            found = next(self._uninstalled(path), None) if error.rule == "missing-file" else None
+            if found is None:
+                raise
+            return replace(found, path=self.file(found.path, reference))
 
     def may_read(self, path: Path) -> bool:
         """Return True if a file or folder may be read; links in `path` must be resolved."""
@@ -352,7 +384,7 @@ def _nearest(folders: tuple[Path, ...] | None, here: Path) -> Found | None:
     """Return the folder with the shortest path from the referring file, with a warning if there are several."""
     if folders is None:
         return None
-    nearest, *others = _by_distance(folders, here)
+    nearest, *others = by_distance(folders, here)
     if not others:
         return Found(nearest)
     chosen = f"{nearest} is used, because it is nearest to {here.name}, not {_listed(map(str, others))}"
@@ -363,14 +395,3 @@ def _nearest(folders: tuple[Path, ...] | None, here: Path) -> Found | None:
 def _listed(places: Iterable[str]) -> str:
     first = list(islice(places, _PLACES_SHOWN + 1))
     return ", ".join([*first[:_PLACES_SHOWN], *(["..."] if len(first) > _PLACES_SHOWN else [])])
-
-
-def _by_distance(folders: Iterable[Path], here: Path) -> list[Path]:
-    """Return folders in the order of their distance from the referring file."""
-    return sorted(folders, key=lambda folder: (_steps(here.parent, folder), folder))
-
-
-def _steps(start: Path, end: Path) -> int:
-    """Return the number of folders on the path from one to the other."""
-    common = len(Path(os.path.commonpath((start, end))).parts)
-    return len(start.parts) + len(end.parts) - 2 * common

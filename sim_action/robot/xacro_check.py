@@ -97,7 +97,9 @@ class _Checker:
             if "$" in name or _WILDCARDS & set(name):
                 self._pass_over(f"{shown_place(place)}: include '{stated}': its name is not known before the run")
                 return
-            target = self._packages.file(path.parent / name, stated)
+            found = self._packages.included(path.parent / name, stated)
+            self.notes += [f"{shown_place(place)}: {note.text}" for note in found.notes]
+            target = found.path
         except PackageError as error:
             self._absent(element, XacroError(_rule(error), str(error), place))
             return

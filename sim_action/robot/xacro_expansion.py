@@ -185,11 +185,13 @@ class _Expander:
                 f"'{stated}': in xacro, write $(find name)/path/of/the/file for a file of a package"
             )
         try:
-            return self._packages.file(Path(filename), stated)
+            found = self._packages.included(Path(filename), stated)
         except PackageError as error:
             if error.rule == "missing-file":
                 raise FileNotFoundError(str(error)) from None
             raise
+        self._package_notes.update(dict.fromkeys(found.notes))
+        return found.path
 
     def _current_file(self) -> Path:
         return Path(self._xacro.filestack[-1])

@@ -102,6 +102,18 @@ LAYOUTS = {
     "folder doubled in the reference": Layout(
         f"{_URDF} arm/package.xml arm/m/a.stl", "package://arm/arm/m/a.stl", "arm/m/a.stl", ("is read as arm",)
     ),
+    "folder that the build installs elsewhere": Layout(
+        f"{_URDF} arm/package.xml arm/description/m/v/a.stl",
+        "package://arm/m/v/a.stl",
+        "arm/description/m/v/a.stl",
+        ("arm has no folder 'm/v' with the file: arm/description/m/v is used; set",),
+    ),
+    "two folders that the build may install": Layout(
+        f"{_URDF} arm/package.xml arm/a/b/m/a.stl arm/c/m/a.stl",
+        "package://arm/m/a.stl",
+        "arm/c/m/a.stl",
+        ("arm/c/m is used, not arm/a/b/m",),
+    ),
     "own package without the file": Layout(
         f"{_URDF} arm/package.xml other/arm/m/a.stl", "package://arm/m/a.stl", "missing-file"
     ),
@@ -243,6 +255,18 @@ def test_find_returns_the_folder_of_the_name(tmp_path: Path) -> None:
     assert found.path == tmp_path.resolve() / "a/hand"
     assert [note.rule for note in found.notes] == ["package-folder"]
     assert packages.find("arm", referrer).path == tmp_path.resolve() / "arm"
+
+
+def test_an_included_file_may_be_deeper_in_the_source_of_its_package(tmp_path: Path) -> None:
+    root = tmp_path.resolve()
+    packages, _ = _packages(Layout("arm/package.xml arm/description/m/a.xacro", "", ""), root)
+    found = packages.included(root / "arm/m/a.xacro", "$(find arm)/m/a.xacro")
+    assert found.path == root / "arm/description/m/a.xacro"
+    assert [note.rule for note in found.notes] == ["package-folder"]
+    assert packages.included(found.path, "a.xacro").notes == ()
+    for missing in ("arm/a.xacro", "arm/m/b.xacro", "m/a.xacro", "arm/x/../m/b.xacro"):
+        with pytest.raises(PackageError, match="does not exist"):
+            packages.included(root / missing, missing)
 
 
 def test_only_the_workspace_lists_folders_by_name(tmp_path: Path) -> None:
