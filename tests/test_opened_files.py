@@ -25,6 +25,7 @@ GATED: Final = {
     "commands/logs/rosbag.py": "Workspace.file_or_folder, and Workspace.file for each file in the folder",
     "core/user_scripts.py": "Workspace.file",
     "meshes/__init__.py": "Packages.file, or Workspace.file for meshes of the world",
+    "robot/control_tags.py": "Packages.file",
     "robot/package_search.py": "Packages.may_read, or the environment of the job names the folder",
     "robot/xacro_documents.py": "Packages.file",
     "robot/xacro_expansion.py": "Packages.file",

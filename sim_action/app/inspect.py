@@ -13,7 +13,7 @@ from sim_action.core.field_types import FrozenModel
 from sim_action.core.geometry import Vector3
 from sim_action.core.wording import log_line
 from sim_action.core.workspace import Workspace
-from sim_action.drives import Drive, recognise
+from sim_action.drives import Drive, recognise, why_not_recognised
 from sim_action.drives.diff import DiffDrive
 from sim_action.drives.skid import SkidSteer, sides_on_ground
 from sim_action.drives.wheels import Wheel, wheels_on_ground
@@ -61,9 +61,11 @@ def _summary(found: Inspection) -> Iterator[str]:
         x, y, _ = map(_length, wheel.position_xyz)
         yield f"wheel: {wheel.joint}, radius {_length(wheel.radius)} m, at x = {x} m, y = {y} m"
     if found.drive:
-        yield from _wrapped(f"recognised: {found.drive}")
-    elif found.wheels:
-        yield "the drive cannot be recognised from these wheels: state it in robot.drive"
+        yield from _wrapped(f"recognised from {found.drive_source}: {found.drive}")
+    elif found.wheels or found.drive_reasons:
+        yield "no drive is recognised; state it in robot.drive if the robot has one:"
+        for reason in found.drive_reasons:
+            yield from _wrapped(reason, "  ")
 
 
 def _above(height: float) -> str:
@@ -223,7 +225,9 @@ class Inspection(FrozenModel):
         lower_xyz, upper_xyz: m, corners of the box around all collision shapes, in the base frame, with the joints at
         their start; None without shapes. height: m, of the base link above the ground when the lowest shape touches
         it; 0 if it is bolted to the world. wheels: links that look like wheels. drive: the recognised drive with its
-        figures, if any. needs: rules that `robot.allow` must name. robot: a `robot:` block to paste.
+        figures, if any; drive_source: the plugin, controller or tag that it was recognised from, or "geometry".
+        drive_reasons: why no drive is recognised, most likely first; empty for a robot that cannot roll. needs: rules
+        that `robot.allow` must name. robot: a `robot:` block to paste.
     """
 
     name: str
@@ -237,6 +241,8 @@ class Inspection(FrozenModel):
     height: float | None
     wheels: tuple[WheelEntry, ...]
     drive: str | None
+    drive_source: str | None
+    drive_reasons: tuple[str, ...]
     findings: tuple[Finding, ...]
     needs: tuple[str, ...]
     robot: str
@@ -270,10 +276,18 @@ def _inspection(robot: Robot, model: RobotModel, start: Mapping[str, float], nee
         height=_height(model, box[0]) if box else None,
         wheels=wheels,
         drive=drive.describe(model) if drive else None,
+        drive_source=drive.source(model) if drive else None,
+        drive_reasons=() if drive or not _may_roll(robot, model) else why_not_recognised(model),
         findings=model.findings,
         needs=needs,
         robot=robot_block(robot, drive, *_remarks(model, robot, wheels, drive)),
     )
+
+
+def _may_roll(robot: Robot, model: RobotModel) -> bool:
+    """Return False for a bolted robot, and for one like an arm or a legged robot, in which nothing turns freely."""
+    is_bolted = robot.base == "fixed" or model.root == WORLD
+    return not is_bolted and (bool(model.plugins) or any(joint.type == "continuous" for joint in model.joints))
 
 
 def _remarks(model: RobotModel, robot: Robot, wheels: tuple[WheelEntry, ...], drive: Drive | None) -> Iterator[str]:

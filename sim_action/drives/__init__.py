@@ -40,6 +40,10 @@ class DriveMotion(Protocol):
         """Notes on commands that the drive could not follow, each once."""
 
 
+class NoDrive(Exception):
+    """The wheels of a model do not look like a kind of drive; the message is the reason."""
+
+
 class Drive(FrozenModel):
     """The base class of all drives: a frozen spec whose fields are the YAML keys."""
 
@@ -47,9 +51,32 @@ class Drive(FrozenModel):
     """The name in YAML."""
 
     @classmethod
-    @abstractmethod
     def recognise(cls, model: RobotModel) -> Self | None:
-        """Return a drive of this kind if the model appears to have one, else None."""
+        """Return a drive of this kind if the model states one, or its wheels look like one, else None."""
+        try:
+            return cls.stated(model) or cls.by_wheels(model)
+        except NoDrive:
+            return None
+
+    @classmethod
+    def stated(cls, model: RobotModel) -> Self | None:
+        """Return the drive that a plugin or a controller states, if it fits the model, else None."""
+        drive = cls.statement(model)
+        return drive if drive is not None and not any(drive.problems(model)) else None
+
+    @classmethod
+    @abstractmethod
+    def statement(cls, model: RobotModel) -> Self | None:
+        """Return the drive that a plugin or a controller states, which may not fit the model, else None."""
+
+    @classmethod
+    @abstractmethod
+    def by_wheels(cls, model: RobotModel) -> Self:
+        """Return the drive that the wheels of the model look like, which may not fit it. Raises NoDrive."""
+
+    def source(self, model: RobotModel) -> str:
+        """Return the statements of the model that this drive was recognised from."""
+        return "geometry"
 
     @abstractmethod
     def problems(self, model: RobotModel) -> SpecProblems:
@@ -100,6 +127,58 @@ def is_level(twist: Twist) -> bool:
 
 
 def recognise(model: RobotModel) -> Drive | None:
-    """Return the first drive of the table that fits a model without problems, else None."""
-    found: Iterator[Drive | None] = (DRIVES.load(name).recognise(model) for name in DRIVES)
-    return next((drive for drive in found if drive is not None and not any(drive.problems(model))), None)
+    """Return the drive that a plugin or a controller states, else the one that the wheels look like, else None."""
+    kinds = [DRIVES.load(name) for name in DRIVES]
+    for kind in kinds:
+        if (stated := kind.stated(model)) is not None:
+            return stated
+    found = (_by_wheels(kind, model) for kind in kinds if _may_have(model, kind.key))
+    return next((drive for drive in found if not isinstance(drive, str)), None)
+
+
+def _by_wheels(kind: type[Drive], model: RobotModel) -> Drive | str:
+    """Return the drive that the wheels look like, if it fits the model, else the reason why there is none."""
+    try:
+        drive = kind.by_wheels(model)
+    except NoDrive as reason:
+        return str(reason)
+    return next((message for _, message in drive.problems(model)), drive)
+
+
+def why_not_recognised(model: RobotModel) -> tuple[str, ...]:
+    """Return the reasons why no drive is recognised, most likely first: of the plugins, then of each kind of drive."""
+    from sim_action.drives.plugins import base_mover, source_of, unread_parameters, unusable_plugins
+    from sim_action.drives.undercarriage import undercarriage
+
+    stated = [drive for name in DRIVES if (drive := DRIVES.load(name).statement(model)) is not None]
+    unfit = {drive.source(model): message for drive in reversed(stated) for message in _unfit(drive, model)}
+    reasons = [f"{source} does not fit: {message}" for source, message in unfit.items()]
+    reasons += [*(() if unfit else unusable_plugins(model)), *unread_parameters(model)]
+    if (mover := base_mover(model)) is not None:
+        reasons.append(f"{source_of(mover)} moves the base itself, without wheels: no drive of sim-action does that")
+    found = undercarriage(model)
+    likely = "ackermann" if found.steered else "skid" if len(found.driven) > _MAX_DIFF_WHEELS else "diff"
+    kinds = sorted(DRIVES, key=lambda name: name != likely)
+    found_by_kind = {name: _by_wheels(DRIVES.load(name), model) for name in kinds}
+    return (*reasons, *(f"{name}: {reason}" for name, reason in found_by_kind.items() if isinstance(reason, str)))
+
+
+def _unfit(drive: Drive, model: RobotModel) -> Iterator[str]:
+    """Yield the reasons why a stated drive does not fit, at least one."""
+    messages = [message for _, message in drive.problems(model)]
+    yield from messages[::-1] or ["its wheels roll along the line between the sides"]
+
+
+# More wheels cannot belong to a differential drive.
+_MAX_DIFF_WHEELS: Final = 3
+
+
+def _may_have(model: RobotModel, key: str) -> bool:
+    """Return False if a plugin states another kind of drive, or moves the base without wheels."""
+    from sim_action.drives.plugins import base_mover, plugins_of_kind
+
+    two_sided = bool(plugins_of_kind(model, "diff", "skid"))
+    steered, mecanum = bool(plugins_of_kind(model, "ackermann")), bool(plugins_of_kind(model, "mecanum"))
+    if not (two_sided or steered or mecanum):
+        return base_mover(model) is None
+    return {"diff": two_sided, "skid": two_sided, "ackermann": steered, "mecanum": mecanum}[key]

@@ -32,6 +32,7 @@ from sim_action.drives.steering import (
     upright,
     why_not_steering,
 )
+from sim_action.drives.undercarriage import car_joints, undercarriage
 from sim_action.drives.wheel_settings import (
     Heading,
     MotorTorque,
@@ -111,14 +112,23 @@ class AckermannDrive(Drive):
     heading: Heading = None
 
     @classmethod
-    def recognise(cls, model: RobotModel) -> Self | None:
-        """Return the drive of gz's plugin in the model, else of two steered and two fixed wheels, else None.
-
-        Steering joints must have limits, because casters have none. The fixed wheels are the driven ones.
-        """
+    def statement(cls, model: RobotModel) -> Self | None:
+        """See Drive.statement."""
         stated = steering_by_plugin(model)
-        by_plugin = cls._of(stated) if stated else None
-        return by_plugin if by_plugin and not any(by_plugin.problems(model)) else cls._by_wheels(model)
+        return cls._of(stated) if stated else None
+
+    @classmethod
+    def by_wheels(cls, model: RobotModel) -> Self:
+        """See Drive.by_wheels. Two wheels are steered, by joints with limits, and two are fixed: the driven ones."""
+        steering, wheels = car_joints(model)
+        return cls(steering=steering, wheels=wheels)
+
+    def source(self, model: RobotModel) -> str:
+        """See Drive.source."""
+        stated = steering_by_plugin(model)
+        if stated and self == self._of(stated):
+            return stated.source
+        return undercarriage(model).source or super().source(model)
 
     @classmethod
     def _of(cls, stated: StatedSteering) -> Self | None:
@@ -127,16 +137,6 @@ class AckermannDrive(Drive):
             return cls(steering=stated.steering, wheels=stated.wheels, **stated.figures)
         except ValidationError:
             return None
-
-    @classmethod
-    def _by_wheels(cls, model: RobotModel) -> Self | None:
-        wheels = {found.joint: steering_joint(model, found.joint) for found in wheels_on_ground(model)}
-        steering = tuple(dict.fromkeys(joint for joint in wheels.values() if joint is not None))
-        driven = tuple(name for name, joint in wheels.items() if joint is None)
-        is_car = len(steering) == len(driven) == 2 and len(wheels) == 4
-        if not is_car or all(joint.lower is None and joint.upper is None for joint in steering):
-            return None
-        return cls(steering=tuple(joint.name for joint in steering), wheels=driven)
 
     def problems(self, model: RobotModel) -> SpecProblems:
         """Yield unknown joints, joints that do not steer, wheels that do not roll, and missing lengths."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import fsum
 from typing import Annotated, ClassVar, Final, Self
@@ -14,7 +14,8 @@ from sim_action.core.field_types import PositiveMetres, PositiveMetresPerSecondS
 from sim_action.core.geometry import Twist
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives import NOT_PLANAR, Drive, is_planar
-from sim_action.drives.plugins import DIFF_PLUGINS, StatedSides, sides_by_plugin
+from sim_action.drives.plugins import DIFF_PLUGINS, Kind, StatedSides, sides_by_plugin
+from sim_action.drives.undercarriage import driven_pair, undercarriage
 from sim_action.drives.wheel_settings import (
     MIN_LENGTH_M,
     Heading,
@@ -35,7 +36,6 @@ from sim_action.drives.wheels import (
     along,
     axle_problems,
     heading_of,
-    radius,
     rolling,
     turned_forward,
     wheel,
@@ -48,6 +48,9 @@ from sim_action.world.physics import GRAVITY
 
 JointNames = Annotated[tuple[str, ...], Field(min_length=1)]
 
+# A stated length that differs more than this share from the geometry is noted.
+_MAX_STATED_DEVIATION: Final = 0.05
+
 # A heading beyond this, in rad from the base's x axis, is probably a mistake.
 _BACKWARD: Final = math.radians(135)
 
@@ -57,8 +60,8 @@ class TwoSidedDrive(Drive):
 
     title: ClassVar[str]
     """The name in messages."""
-    plugins: ClassVar[tuple[str, ...]]
-    """Names of the Gazebo plugins that state its wheels."""
+    plugins: ClassVar[tuple[Kind, ...]]
+    """Kinds of the plugins that state its wheels."""
 
     left: Annotated[JointNames, Field(description="joints of the wheels on the left")]
     right: Annotated[JointNames, Field(description="joints of the wheels on the right")]
@@ -74,11 +77,22 @@ class TwoSidedDrive(Drive):
     heading: Heading = None
 
     @classmethod
-    def by_plugin(cls, model: RobotModel) -> Self | None:
-        """Return the drive that Gazebo's plugin in the model states, if it fits the model, else None."""
+    def statement(cls, model: RobotModel) -> Self | None:
+        """See Drive.statement."""
         stated = sides_by_plugin(model, cls.plugins)
-        drive = cls.as_stated(model, stated) if stated else None
-        return drive if drive and not any(drive.problems(model)) else None
+        return cls.as_stated(model, stated) if stated else None
+
+    @classmethod
+    def stated(cls, model: RobotModel) -> Self | None:
+        """See Drive.stated. Wheels that would roll along the line between the sides are not those of a robot."""
+        drive = super().stated(model)
+        return drive if drive and drive.is_across(model) else None
+
+    def is_across(self, model: RobotModel) -> bool:
+        """Return True unless the sides are far apart in the model, but not across the direction of forward."""
+        left, right = self.sides(model)
+        way = (_mean_left(left) - _mean_left(right), _mean([p.ahead for p in left]) - _mean([p.ahead for p in right]))
+        return abs(way[0]) >= _MAX_STATED_DEVIATION * math.hypot(*way)
 
     @classmethod
     def as_stated(cls, model: RobotModel, stated: StatedSides) -> Self:
@@ -151,8 +165,32 @@ class TwoSidedDrive(Drive):
             f"{self.title}: {sides}; {radius_text([*self.radii(model).values()])}, {separation}, "
             f"acceleration {self.acceleration:.4g} m/s^2{torque}{heading_text(self.forward(model))}"
         )
+        stated = self._statement(model)
+        return remarked(figures, (*stated.remarks, *self._deviations(model)) if stated else ())
+
+    def source(self, model: RobotModel) -> str:
+        """See Drive.source."""
+        if (stated := self._statement(model)) is not None:
+            return stated.source
+        return undercarriage(model).source or super().source(model)
+
+    def _statement(self, model: RobotModel) -> StatedSides | None:
+        """Return the statement of the plugin from which this drive was made, else None."""
         stated = sides_by_plugin(model, self.plugins)
-        return remarked(figures, stated.remarks if stated and self == self.as_stated(model, stated) else ())
+        return stated if stated and self == self.as_stated(model, stated) else None
+
+    def _deviations(self, model: RobotModel) -> Iterator[str]:
+        """Yield stated lengths that differ from the wheels of the model."""
+        radii = [found.radius for found in self._wheels(model) if found.radius]
+        if self.radius and radii and abs(self.radius / max(radii) - 1) > _MAX_STATED_DEVIATION:
+            yield f"the plugin's wheel radius differs from that of the wheels in the model, {max(radii):.4g} m"
+        between = self.model_copy(update={"separation": None}).separation_in(model)
+        if self.separation and between and self._is_far(self.separation / between):
+            yield f"the plugin's separation differs from that of the wheels in the model, {between:.4g} m"
+
+    def _is_far(self, ratio: float) -> bool:
+        """Return True if the ratio of the stated separation to that of the wheels needs a note."""
+        return abs(ratio - 1) > _MAX_STATED_DEVIATION
 
     def forward(self, model: RobotModel) -> float:
         """Return the direction of forward, in rad from the base's x axis to the left."""
@@ -209,19 +247,22 @@ class DiffDrive(TwoSidedDrive):
 
     key: ClassVar[str] = "diff"
     title: ClassVar[str] = "diff drive"
-    plugins: ClassVar[tuple[str, ...]] = DIFF_PLUGINS
+    plugins: ClassVar[tuple[Kind, ...]] = DIFF_PLUGINS
 
     @classmethod
-    def recognise(cls, model: RobotModel) -> Self | None:
-        """Return the drive of Gazebo's plugin in the model, else of two wheels with known joint names, else None.
+    def statement(cls, model: RobotModel) -> Self | None:
+        """See Drive.statement. Several wheels per side are skid steer."""
+        drive = super().statement(model)
+        return drive if drive and len(drive.left) == len(drive.right) == 1 else None
 
-        These are one continuous joint with "left" in its name, and one with "right".
+    @classmethod
+    def by_wheels(cls, model: RobotModel) -> Self:
+        """See Drive.by_wheels. Two wheels are driven, none is steered, and joint names or a statement show the sides.
+
+        Casters, and wheels without a motor, may stand on the ground as well.
         """
-        if (stated := cls.by_plugin(model)) is not None:
-            return stated if len(stated.left) == len(stated.right) == 1 else None
-        wheels = [joint.name for joint in model.joints if joint.type == "continuous" and radius(model, joint.name)]
-        left, right = ([name for name in wheels if side in name.lower()] for side in ("left", "right"))
-        return cls(left=tuple(left), right=tuple(right)) if len(left) == len(right) == len(wheels) / 2 == 1 else None
+        left, right = driven_pair(model)
+        return cls(left=(left,), right=(right,))
 
 
 class TwoSidedMotion:

@@ -15,7 +15,7 @@ from sim_action.core import units
 from sim_action.core.field_types import PositiveMetresPerSecondSquared, PositiveNewtons
 from sim_action.core.geometry import Twist, Vector3
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.drives import Drive, is_level
+from sim_action.drives import Drive, NoDrive, is_level
 from sim_action.drives.plugins import StatedSides, corners_by_plugin
 from sim_action.drives.wheel_settings import (
     Heading,
@@ -27,7 +27,17 @@ from sim_action.drives.wheel_settings import (
     radius_text,
     remarked,
 )
-from sim_action.drives.wheels import Rolling, Wheel, along, axle_problems, centre_of_mass, heading_of, rolling, wheel
+from sim_action.drives.wheels import (
+    Rolling,
+    Wheel,
+    along,
+    axle_problems,
+    centre_of_mass,
+    heading_of,
+    rolling,
+    wheel,
+    wheels_on_ground,
+)
 from sim_action.robot.kinematics import Mobility
 from sim_action.robot.robot_model import RobotModel
 from sim_action.state.command import NO_PUSH, BasePush, JointTargets
@@ -71,10 +81,25 @@ class MecanumDrive(Drive):
     heading: Heading = None
 
     @classmethod
-    def recognise(cls, model: RobotModel) -> Self | None:
-        """Return the drive of gz's plugin in the model, else None: the wheels look like those of skid steer."""
+    def statement(cls, model: RobotModel) -> Self | None:
+        """See Drive.statement. By their looks alone, such wheels are those of skid steer."""
         stated = corners_by_plugin(model)
         return cls._of(stated) if stated else None
+
+    @classmethod
+    def by_wheels(cls, model: RobotModel) -> Self:
+        """See Drive.by_wheels. Rollers are not modelled as joints."""
+        looks = (
+            f"by their shapes, the {count} wheels on the ground"
+            if (count := len(wheels_on_ground(model)))
+            else "wheels"
+        )
+        raise NoDrive(f"no plugin or controller states four mecanum wheels, and {looks} do not show rollers")
+
+    def source(self, model: RobotModel) -> str:
+        """See Drive.source."""
+        stated = corners_by_plugin(model)
+        return stated.source if stated else super().source(model)
 
     @classmethod
     def _of(cls, stated: StatedSides) -> Self:

@@ -1,34 +1,94 @@
-"""Drive plugins of Gazebo in a model: their wheel and steering joints and their parameters.
+"""Statements of a model about its drive: plugins of Gazebo and controllers of ros2_control, with their parameters.
 
-The names are those of gazebo_ros_pkgs (ROS 1 and 2) and of gz-sim's DiffDrive, AckermannSteering and MecanumDrive.
+The names are those of gazebo_ros_pkgs (ROS 1 and 2), of Gazebo classic's own plugins, of gz-sim's systems (also as
+ignition-gazebo, and by class) and of ros_controllers and ros2_controllers.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Literal
 
 from sim_action.robot.robot_model import Plugin, RobotModel
 
-DIFF_PLUGINS: Final = ("gazebo_ros_diff_drive", "gz-sim-diff-drive-system", "ignition-gazebo-diff-drive-system")
-SKID_PLUGINS: Final = ("gazebo_ros_skid_steer_drive", *DIFF_PLUGINS)
+Kind = Literal["diff", "skid", "ackermann", "mecanum", "mover", "velocity joint", "position joint"]
+"""The effect of a plugin. A mover moves the base itself, without wheels."""
+
+DIFF_PLUGINS: Final[tuple[Kind, ...]] = ("diff",)
+SKID_PLUGINS: Final[tuple[Kind, ...]] = ("skid", "diff")
 """Plugins of differential drives also accept several wheels per side."""
-ACKERMANN_PLUGINS: Final = ("gz-sim-ackermann-steering-system", "ignition-gazebo-ackermann-steering-system")
-MECANUM_PLUGINS: Final = ("gz-sim-mecanum-drive-system", "ignition-gazebo-mecanum-drive-system")
-_LEFT: Final = ("leftJoint", "left_joint", "leftFrontJoint", "leftRearJoint")
-_RIGHT: Final = ("rightJoint", "right_joint", "rightFrontJoint", "rightRearJoint")
-_CORNERS: Final = ("front_left_joint", "front_right_joint", "back_left_joint", "back_right_joint")
-_STEERING: Final = ("left_steering_joint", "right_steering_joint")
+
+_LEGACY_DIFF: Final = "gazebo_ros_diff_drive"
+_BY_NAME: Final[Mapping[str, Kind]] = {
+    _LEGACY_DIFF: "diff",
+    "DiffDrivePlugin": "diff",
+    "gazebo_ros_skid_steer_drive": "skid",
+    "SkidSteerDrivePlugin": "skid",
+    "gazebo_ros_ackermann_drive": "ackermann",
+    "gazebo_ros_planar_move": "mover",
+    "diff_drive_controller/DiffDriveController": "diff",
+    "ackermann_steering_controller/AckermannSteeringController": "ackermann",
+    "bicycle_steering_controller/BicycleSteeringController": "ackermann",
+    "tricycle_steering_controller/TricycleSteeringController": "ackermann",
+    "tricycle_controller/TricycleController": "ackermann",
+    "mecanum_drive_controller/MecanumDriveController": "mecanum",
+}
+_SYSTEM: Final = re.compile(r"(?:gz-sim|ignition-gazebo)\d*-(.+)-system")
+_BY_SYSTEM: Final[Mapping[str, Kind]] = {
+    "diff-drive": "diff",
+    "ackermann-steering": "ackermann",
+    "mecanum-drive": "mecanum",
+    "velocity-control": "mover",
+    "joint-controller": "velocity joint",
+    "joint-position-controller": "position joint",
+}
+_CLASS: Final = re.compile(r"(?:gz::sim|ignition::gazebo)::(?:v\d+::)?systems::(\w+)")
+_BY_CLASS: Final[Mapping[str, Kind]] = {
+    "DiffDrive": "diff",
+    "AckermannSteering": "ackermann",
+    "MecanumDrive": "mecanum",
+    "VelocityControl": "mover",
+    "JointController": "velocity joint",
+    "JointPositionController": "position joint",
+}
+
+_LEFT: Final = (
+    *("leftJoint", "left_joint", "leftFrontJoint", "leftRearJoint", "left_front", "left_rear"),
+    *("left_wheel_names", "left_wheel"),
+)
+_RIGHT: Final = tuple(name.replace("left", "right") for name in _LEFT)
+_CORNERS: Final = (
+    ("front_left_joint", "front_left_wheel_command_joint_name"),
+    ("front_right_joint", "front_right_wheel_command_joint_name"),
+    ("back_left_joint", "rear_left_wheel_command_joint_name"),
+    ("back_right_joint", "rear_right_wheel_command_joint_name"),
+)
+_STEERING: Final = ("left_steering_joint", "right_steering_joint", "steering_joints_names", "steering_joint_name")
+_TRACTION: Final = (
+    *("left_joint", "right_joint", "rear_left_joint", "rear_right_joint"),
+    *("traction_joints_names", "traction_joint_name"),
+)
+# Controllers of older releases name axles; `front_steering` is true by default.
+_AXLES: Final = ("front_wheels_names", "rear_wheels_names")
+
 _SWAPPED: Final = (
     "sides swapped, as gazebo_ros_diff_drive does without <legacyMode>false</legacyMode>: rightJoint is the left wheel"
 )
 # Wheels that reach their speed in one step slip.
 _NO_LIMIT: Final = "the plugin has no limit for wheel acceleration, so 1 m/s^2 is used"
 _NO_LIMIT_AHEAD: Final = "the plugin has no limit for acceleration, so 1 m/s^2 is used"
+_UNLIKE_WHEELS: Final = "the controller corrects the radii of the two sides differently, which is not simulated"
+_ACCELERATIONS: Final = {
+    "max_acceleration": ("acceleration", 1.0),
+    "max_linear_acceleration": ("acceleration", 1.0),
+    "linear.x.max_acceleration": ("acceleration", 1.0),
+}
 # Tag -> key of the drive, and the factor from the value of the tag.
 _FIGURES: Final = {
+    **_ACCELERATIONS,
     "wheelDiameter": ("radius", 0.5),
     "wheel_diameter": ("radius", 0.5),
     "wheel_radius": ("radius", 1.0),
@@ -39,76 +99,180 @@ _FIGURES: Final = {
     "wheelTorque": ("torque", 1.0),
     "max_wheel_torque": ("torque", 1.0),
     "torque": ("torque", 1.0),
+    "MaxForce": ("torque", 1.0),
 }
 _STEERING_FIGURES: Final = {
+    **_ACCELERATIONS,
     "wheel_radius": ("radius", 1.0),
+    "traction_wheels_radius": ("radius", 1.0),
+    "traction_wheel_radius": ("radius", 1.0),
     "wheel_base": ("wheelbase", 1.0),
+    "wheelbase": ("wheelbase", 1.0),
     "steering_limit": ("steering_limit", 1.0),
-    "max_acceleration": ("acceleration", 1.0),
+    "max_steer": ("steering_limit", 1.0),
 }
-_MECANUM_FIGURES: Final = {"wheel_radius": ("radius", 1.0), "max_acceleration": ("acceleration", 1.0)}
+_MECANUM_FIGURES: Final = {
+    **_ACCELERATIONS,
+    "wheel_radius": ("radius", 1.0),
+    "kinematics.wheels_radius": ("radius", 1.0),
+}
 
 
 @dataclass(frozen=True, slots=True)
 class StatedSides:
-    """The statements of a plugin: joints, parameters by YAML key, and remarks on their interpretation."""
+    """The statements of a plugin: joints, parameters by YAML key, remarks on their interpretation, and its place."""
 
     left: tuple[str, ...]
     right: tuple[str, ...]
     figures: dict[str, float]
     remarks: tuple[str, ...] = ()
+    source: str = ""
 
 
 @dataclass(frozen=True, slots=True)
 class StatedSteering:
-    """The statements of a plugin: steering joints, wheel joints, parameters and remarks."""
+    """The statements of a plugin: steering joints, wheel joints, parameters, remarks, and its place."""
 
     steering: tuple[str, ...]
     wheels: tuple[str, ...]
     figures: dict[str, float]
     remarks: tuple[str, ...] = ()
+    source: str = ""
 
 
-def sides_by_plugin(model: RobotModel, plugins: Sequence[str]) -> StatedSides | None:
-    """Return the statements of the first of these plugins whose joints exist in the model, else None."""
-    for plugin in model.plugins:
+def kind_of(plugin: Plugin) -> Kind | None:
+    """Return the kind of a plugin or controller; None if it does not drive."""
+    if plugin.name in _BY_NAME:
+        return _BY_NAME[plugin.name]
+    system, named = _SYSTEM.fullmatch(plugin.name), _CLASS.fullmatch(plugin.title)
+    if system and system[1] in _BY_SYSTEM:
+        return _BY_SYSTEM[system[1]]
+    return _BY_CLASS.get(named[1]) if named else None
+
+
+def plugins_of_kind(model: RobotModel, *kinds: Kind) -> tuple[Plugin, ...]:
+    """Return the plugins and controllers of these kinds, in the order of the model."""
+    return tuple(plugin for plugin in model.plugins if kind_of(plugin) in kinds)
+
+
+def source_of(plugin: Plugin) -> str:
+    """Return the name and the place of a plugin or controller."""
+    is_controller = "/" in plugin.name
+    name = f"controller '{plugin.title}'" if is_controller else f"plugin {plugin.name or plugin.title}"
+    return f"{name} at {plugin.location}" if plugin.location else name
+
+
+def base_mover(model: RobotModel) -> Plugin | None:
+    """Return the first plugin that moves the base without wheels, else None."""
+    return next(iter(plugins_of_kind(model, "mover")), None)
+
+
+def sides_by_plugin(model: RobotModel, kinds: Sequence[Kind]) -> StatedSides | None:
+    """Return the statements of the first plugin of these kinds whose joints exist in the model, else None."""
+    for plugin in plugins_of_kind(model, *kinds):
         left, right = _joints(plugin, _LEFT), _joints(plugin, _RIGHT)
-        if plugin.name in plugins and left and right and _drivable(model, (*left, *right)):
+        if left and right and _drivable(model, (*left, *right)):
             return _meant(plugin, left, right)
     return None
 
 
 def steering_by_plugin(model: RobotModel) -> StatedSteering | None:
     """Return the statements of the first Ackermann plugin whose joints exist in the model, else None."""
-    for plugin in model.plugins:
-        steering, wheels = _joints(plugin, _STEERING), _joints(plugin, (*_LEFT, *_RIGHT))
-        if plugin.name in ACKERMANN_PLUGINS and steering and wheels and _drivable(model, (*steering, *wheels)):
-            figures = _figures(plugin, _STEERING_FIGURES)
-            return StatedSteering(steering, wheels, figures, _unlimited(figures, _NO_LIMIT_AHEAD))
+    for plugin in plugins_of_kind(model, "ackermann"):
+        steering, wheels = _steering_and_wheels(plugin)
+        if steering and wheels and _drivable(model, (*steering, *wheels)):
+            figures = _figures(plugin, {**_STEERING_FIGURES, **_axle_figures(plugin)})
+            return StatedSteering(steering, wheels, figures, _unlimited(figures, _NO_LIMIT_AHEAD), source_of(plugin))
     return None
 
 
 def corners_by_plugin(model: RobotModel) -> StatedSides | None:
     """Return the statements of the first mecanum plugin whose joints exist in the model, else None."""
-    for plugin in model.plugins:
-        corners = _joints(plugin, _CORNERS)
-        if plugin.name in MECANUM_PLUGINS and len(corners) == len(_CORNERS) and _drivable(model, corners):
+    for plugin in plugins_of_kind(model, "mecanum"):
+        corners = [name for tags in _CORNERS for name in _joints(plugin, tags)]
+        if len(corners) == len(_CORNERS) and _drivable(model, corners):
             figures = _figures(plugin, _MECANUM_FIGURES)
-            return StatedSides(corners[::2], corners[1::2], figures, _unlimited(figures, _NO_LIMIT_AHEAD))
+            remarks = _unlimited(figures, _NO_LIMIT_AHEAD)
+            left, right = (corners[0], corners[2]), (corners[1], corners[3])
+            return StatedSides(left, right, figures, remarks, source_of(plugin))
     return None
 
 
+def unusable_plugins(model: RobotModel) -> Iterator[str]:
+    """Yield the reason why each plugin of a drive does not state the joints of one."""
+    for plugin in plugins_of_kind(model, "diff", "skid", "ackermann", "mecanum"):
+        names = _all_joints(plugin)
+        troubles = [trouble for name in names if (trouble := model.why_not_driven(name)) is not None]
+        reason = troubles[0] if troubles else f"it names {', '.join(names) or 'no joints'}, which is too few"
+        yield f"{source_of(plugin)} does not fit: {reason}"
+
+
+def unread_parameters(model: RobotModel) -> Iterator[str]:
+    """Yield the reason why each parameter file of a plugin is not read."""
+    for plugin in model.plugins:
+        for reason in plugin.unread:
+            yield f"the controllers of {source_of(plugin)} are not known: {reason}"
+
+
+def joints_by_plugin(model: RobotModel) -> dict[str, tuple[str, str]]:
+    """Return joint -> (interface, source) for the joints that controllers of single joints in gz-sim drive."""
+    found = {}
+    for plugin in plugins_of_kind(model, "velocity joint", "position joint"):
+        interface = "velocity" if kind_of(plugin) == "velocity joint" else "position"
+        for name in plugin.texts("joint_name"):
+            found[name] = (interface, source_of(plugin))
+    return found
+
+
+def _all_joints(plugin: Plugin) -> tuple[str, ...]:
+    corners = tuple(tag for tags in _CORNERS for tag in tags)
+    tags = {"mecanum": corners, "ackermann": (*_STEERING, *_TRACTION, *_AXLES)}.get(kind_of(plugin) or "")
+    return _joints(plugin, tags or (*_LEFT, *_RIGHT))
+
+
+def _steering_and_wheels(plugin: Plugin) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    front, rear = (_joints(plugin, (tag,)) for tag in _AXLES)
+    if front and rear:
+        return (front, rear) if _steers_in_front(plugin) else (rear, front)
+    return _joints(plugin, _STEERING), _joints(plugin, _TRACTION)
+
+
+def _steers_in_front(plugin: Plugin) -> bool:
+    return plugin.texts("front_steering")[:1] not in (("False",), ("false",))
+
+
+def _axle_figures(plugin: Plugin) -> dict[str, tuple[str, float]]:
+    driven = "rear" if _steers_in_front(plugin) else "front"
+    return {f"{driven}_wheels_radius": ("radius", 1.0), f"{driven}_wheel_radius": ("radius", 1.0)}
+
+
 def _meant(plugin: Plugin, left: tuple[str, ...], right: tuple[str, ...]) -> StatedSides:
-    figures = _figures(plugin, _FIGURES)
-    remarks = _unlimited(figures, _NO_LIMIT)
+    figures, remarks = _corrected(plugin, _figures(plugin, _FIGURES))
+    remarks += _unlimited(figures, _NO_LIMIT)
     if _swaps_sides(plugin):
-        return StatedSides(right, left, figures, (_SWAPPED, *remarks))
-    return StatedSides(left, right, figures, remarks)
+        return StatedSides(right, left, figures, (_SWAPPED, *remarks), source_of(plugin))
+    return StatedSides(left, right, figures, remarks, source_of(plugin))
+
+
+def _corrected(plugin: Plugin, figures: dict[str, float]) -> tuple[dict[str, float], tuple[str, ...]]:
+    """Return the parameters with the multipliers of a diff_drive_controller, and a remark on unequal ones."""
+    factors = {
+        name: value
+        for name in ("wheel_separation", "wheel_radius", "left_wheel_radius", "right_wheel_radius")
+        for text in plugin.texts(f"{name}_multiplier")
+        if (value := _positive(text)) is not None
+    }
+    left, right = (factors.get(f"{side}_wheel_radius", 1.0) for side in ("left", "right"))
+    by_key = {"separation": factors.get("wheel_separation", 1.0), "radius": factors.get("wheel_radius", 1.0)}
+    if left == right:
+        by_key["radius"] *= left
+    found = {key: value * by_key.get(key, 1.0) for key, value in figures.items()}
+    return found, () if left == right else (_UNLIKE_WHEELS,)
 
 
 def _swaps_sides(plugin: Plugin) -> bool:
     """Return True for ROS 1's legacy mode, in which `leftJoint` is the right wheel."""
-    is_ros_1 = plugin.name == "gazebo_ros_diff_drive" and plugin.texts("leftJoint")
+    is_ros_1 = plugin.name == _LEGACY_DIFF and plugin.texts("leftJoint")
     modes = [text.strip().lower() for text in plugin.texts("legacyMode")]
     return bool(is_ros_1) and modes[:1] not in (["false"], ["0"])
 

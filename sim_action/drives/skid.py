@@ -13,16 +13,16 @@ from pydantic import Field
 from sim_action.core import units
 from sim_action.core.field_types import NonNegativeKilogramSquareMetres, PositiveRatio
 from sim_action.core.geometry import Vector3
+from sim_action.drives import NoDrive
 from sim_action.drives.diff import TwoSidedDrive
-from sim_action.drives.plugins import SKID_PLUGINS, StatedSides
+from sim_action.drives.plugins import SKID_PLUGINS, Kind, StatedSides
+from sim_action.drives.undercarriage import named, refuse_other_than_fixed, undercarriage
 from sim_action.drives.wheels import (
     MAX_AXLE_DEVIATION,
     Wheel,
     centre_of_mass,
     rolling,
-    steering_joint,
     wheel,
-    wheels_on_ground,
 )
 from sim_action.robot.robot_model import RobotModel
 from sim_action.world.scene import Scene
@@ -38,6 +38,8 @@ Sides = tuple[tuple[str, ...], tuple[str, ...]]
 # A wheel closer to the centre line than this is on neither side.
 _MIN_LATERAL_M: Final = 1e-3
 
+_MIN_WHEELS: Final = 4
+
 # Bisection steps, down to the last bits.
 _HALVINGS: Final = 60
 
@@ -51,7 +53,7 @@ class SkidSteer(TwoSidedDrive):
 
     key: ClassVar[str] = "skid"
     title: ClassVar[str] = "skid steer"
-    plugins: ClassVar[tuple[str, ...]] = SKID_PLUGINS
+    plugins: ClassVar[tuple[Kind, ...]] = SKID_PLUGINS
 
     slip: Annotated[
         PositiveRatio | None,
@@ -63,12 +65,25 @@ class SkidSteer(TwoSidedDrive):
     ] = None
 
     @classmethod
-    def recognise(cls, model: RobotModel) -> Self | None:
-        """Return the drive of Gazebo's plugin in the model, else of several wheels per side, else None."""
-        if (stated := cls.by_plugin(model)) is not None:
-            return stated
+    def by_wheels(cls, model: RobotModel) -> Self:
+        """See Drive.by_wheels. Each side has several wheels, and none of them is steered."""
+        wheels = refuse_other_than_fixed(undercarriage(model)).driven
+        if len(wheels) < _MIN_WHEELS:
+            raise NoDrive(
+                f"{len(wheels)} wheels on the ground could be driven, and skid steer has {_MIN_WHEELS} or more"
+            )
+        if names := _mecanum_names(model):
+            raise NoDrive(f"'{names[0]}' names wheels with rollers, which do not skid")
         left, right = sides_on_ground(model) or ((), ())
-        return cls(left=left, right=right) if len(left) == len(right) > 1 else None
+        if not left:
+            raise NoDrive(f"{named(wheels)} are not parallel, or their names and places show different sides")
+        if len(left) != len(right):
+            raise NoDrive(f"there are {len(left)} wheels on the left and {len(right)} on the right")
+        return cls(left=left, right=right)
+
+    def _is_far(self, ratio: float) -> bool:
+        # The separation of a plugin is the effective one, which is greater than that of the wheels.
+        return ratio < 1 and super()._is_far(ratio)
 
     @classmethod
     def as_stated(cls, model: RobotModel, stated: StatedSides) -> Self:
@@ -118,10 +133,17 @@ def _with_tyres(model: RobotModel, wheels: frozenset[str], gravity_xyz: Vector3)
     return replace(model, links=links)
 
 
+def _mecanum_names(model: RobotModel) -> list[str]:
+    """Return the names of links and joints that name wheels with rollers."""
+    names = [*model.links_by_name, *model.joints_by_name]
+    return [name for name in names if any(word in name.lower() for word in ("mecanum", "omni_wheel", "omniwheel"))]
+
+
 def sides_on_ground(model: RobotModel) -> Sides | None:
-    """Return the joints on the left and right; None unless all wheels are parallel, on a side and not steered."""
-    wheels = wheels_on_ground(model)
-    if not wheels or any(steering_joint(model, found.joint) for found in wheels):
+    """Return the driven joints on the left and right; None unless all are parallel, on a side and not steered."""
+    found = undercarriage(model)
+    wheels = found.driven
+    if not wheels or found.steered or found.loose:
         return None
     by_place, by_name = _by_place(wheels), _by_name(wheels)
     # A robot that rolls along x has its left at +y. For other directions only joint names show the front.

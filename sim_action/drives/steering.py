@@ -11,11 +11,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from sim_action.core import units
-from sim_action.drives.wheels import Wheel, wheel
+from sim_action.drives.wheels import MIN_UPRIGHT_Z, Wheel, wheel
 from sim_action.robot.robot_model import Joint, RobotModel
-
-# An axis with at least this z component, as a unit vector, counts as upright.
-_MIN_UPRIGHT_Z: Final = 0.8
 
 # A wheel at 90 deg to the robot follows no curve.
 _MAX_ANGLE: Final = math.radians(85)
@@ -128,7 +125,7 @@ def upright(model: RobotModel, name: str) -> float:
 def why_not_steering(model: RobotModel, name: str) -> str | None:
     """Return the reason why a joint cannot steer, else None."""
     joint = model.joints_by_name[name]
-    if joint.type == "prismatic" or abs(wheel(model, name).axis_xyz[2]) < _MIN_UPRIGHT_Z:
+    if joint.type == "prismatic" or abs(wheel(model, name).axis_xyz[2]) < MIN_UPRIGHT_Z:
         return f"joint '{name}' does not turn about an upright axis: it cannot steer"
     if not _lower(joint) < 0 < _upper(joint):
         return f"joint '{name}' cannot steer: its limits must allow 0 and angles to both sides"

@@ -10,17 +10,22 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from heapq import heapify, heappop, heappush
 from types import MappingProxyType
 from typing import Final
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Vector3
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.robot.kinematics import link_poses, robot_box
+from sim_action.drives.tyres import NotRound, Tyre, shape_points, tyre_of
+from sim_action.robot.kinematics import link_poses, shape_box
 from sim_action.robot.robot_model import Joint, RobotModel, Shape
 
 MAX_AXLE_DEVIATION: Final = 0.1
 """Maximum component of an axle, as a unit vector, along a direction to which it is perpendicular."""
+
+MIN_UPRIGHT_Z: Final = 0.8
+"""An axis with at least this z component, as a unit vector, counts as upright."""
 
 # A wheel on the ground ends at most this share of its radius above the lowest point of the robot.
 _MAX_LIFT_SHARE: Final = 0.1
@@ -54,28 +59,82 @@ def wheel(model: RobotModel, joint_name: str) -> Wheel:
     return _wheel_at_home(_Same(model), joint_name)
 
 
-def radius(model: RobotModel, joint_name: str) -> float | None:
-    """Return the radius in m of the first round shape of the link that a joint turns; None if it has none."""
-    tyre = _tyre(model, model.joints_by_name[joint_name])
-    return tyre.radius if tyre else None
-
-
 def wheels_on_ground(model: RobotModel) -> tuple[Wheel, ...]:
     """Return round links on level continuous joints that are as low as any part of the robot."""
-    poses = _poses(model)
-    box = robot_box(model, poses)
-    return tuple(_on_ground(model, poses, box[0][2])) if box else ()
+    ground = lowest_shape(model)
+    if ground is None:
+        return ()
+    return tuple(found for found in round_wheels(model) if is_on_ground(found, ground))
 
 
-def steering_joint(model: RobotModel, joint_name: str) -> Joint | None:
-    """Return the nearest moving joint above that of a wheel, else None."""
+def round_wheels(model: RobotModel) -> tuple[Wheel, ...]:
+    """Return round links on level continuous joints, at any height."""
+    level = (joint for joint in model.joints if joint.type == "continuous" and is_level(model, joint))
+    return tuple(wheel(model, joint.name) for joint in level if isinstance(tyre(model, joint), Tyre))
+
+
+def axis_in_base(model: RobotModel, joint: Joint) -> Vector3:
+    """Return the axis of a joint as a unit vector in the base frame, with all joints at their initial positions."""
+    return _axis(joint, _poses(model))
+
+
+def is_level(model: RobotModel, joint: Joint) -> bool:
+    """Return True if the axis of a joint is level."""
+    return abs(_axis(joint, _poses(model))[2]) <= MAX_AXLE_DEVIATION
+
+
+def is_on_ground(found: Wheel, ground: Lowest) -> bool:
+    """Return True if a wheel is as low as the lowest shape of the robot."""
+    radius = found.radius or 0.0
+    return found.position_xyz[2] - radius < ground.z + _MAX_LIFT_SHARE * radius
+
+
+def stands(model: RobotModel, link_name: str, ground: Lowest) -> bool:
+    """Return True if the box around a shape of a link is as low as the lowest shape of the robot."""
+    pose = _poses(model)[link_name]
+    boxes = (
+        shape_box(geometry.compose(pose, shape.pose), shape) for shape in model.links_by_name[link_name].collisions
+    )
+    return any(low[2] < ground.z + _MAX_LIFT_SHARE * (high[2] - low[2]) / 2 for low, high in boxes)
+
+
+def tyre(model: RobotModel, joint: Joint) -> Tyre | NotRound:
+    """Return the tyre of the link that a joint turns, in the frame of the link, or the reason why it has none."""
+    return tyre_of(model.links_by_name[joint.child], joint)
+
+
+@dataclass(frozen=True, slots=True)
+class Lowest:
+    """The lowest collision shape of a robot: its lowest z in m, base frame, its link and its kind."""
+
+    z: float
+    link: str
+    kind: str
+
+
+def lowest_shape(model: RobotModel) -> Lowest | None:
+    """Return the lowest collision shape, with all joints at their initial positions; None if there are no shapes."""
+    return _lowest_at_home(_Same(model))
+
+
+def joints_above(model: RobotModel, joint_name: str) -> Iterator[Joint]:
+    """Yield the moving joints between a wheel and the base, from below."""
     above = {joint.child: joint for joint in model.joints}
     link = model.joints_by_name[joint_name].parent
     while link in above:
         if above[link].moves:
-            return above[link]
+            yield above[link]
         link = above[link].parent
-    return None
+
+
+def steering_joint(model: RobotModel, joint_name: str) -> Joint | None:
+    """Return the nearest joint above that of a wheel that turns about an upright axis, else None.
+
+    Suspensions and beams in between, which slide or tilt, are not steering joints.
+    """
+    poses = _poses(model)
+    turning = (joint for joint in joints_above(model, joint_name) if joint.type != "prismatic")
+    return next((joint for joint in turning if abs(_axis(joint, poses)[2]) >= MIN_UPRIGHT_Z), None)
 
 
 def centre_of_mass(model: RobotModel) -> Vector3:
@@ -118,27 +177,47 @@ def _wheel_at_home(same: _Same, joint_name: str) -> Wheel:
     return _wheel(same.model, same.model.joints_by_name[joint_name], _poses(same.model))
 
 
-def _tyre(model: RobotModel, joint: Joint) -> Shape | None:
-    shapes = model.links_by_name[joint.child].collisions
-    return next((shape for shape in shapes if shape.radius is not None), None)
-
-
 def _wheel(model: RobotModel, joint: Joint, poses: Mapping[str, Pose]) -> Wheel:
-    pose, tyre = poses[joint.child], _tyre(model, joint)
-    middle = geometry.compose(pose, tyre.pose) if tyre else pose
-    axis = geometry.rotate(pose.orientation_xyzw, joint.axis_xyz)
-    width = tyre.upper_xyz[2] - tyre.lower_xyz[2] if tyre and tyre.kind == "cylinder" else 0.0
-    return Wheel(joint.name, tyre.radius if tyre else None, middle.position_xyz, axis, width)
+    pose, found, axis = poses[joint.child], tyre(model, joint), _axis(joint, poses)
+    if isinstance(found, Tyre):
+        middle = geometry.compose(pose, Pose(found.middle_xyz))
+        return Wheel(joint.name, found.radius, middle.position_xyz, axis, found.width)
+    # A scenario may name a wheel that does not roll true; its first round shape still has a radius.
+    shapes = model.links_by_name[joint.child].collisions
+    shape = next((shape for shape in shapes if shape.radius is not None), None)
+    middle = geometry.compose(pose, shape.pose) if shape else pose
+    width = shape.upper_xyz[2] - shape.lower_xyz[2] if shape and shape.kind == "cylinder" else 0.0
+    return Wheel(joint.name, shape.radius if shape else None, middle.position_xyz, axis, width)
 
 
-def _on_ground(model: RobotModel, poses: Mapping[str, Pose], ground: float) -> Iterator[Wheel]:
-    """Yield the wheels on the ground. `ground`: the lowest z of the robot in m, base frame."""
-    for joint in model.joints:
-        found = _wheel(model, joint, poses)
-        if joint.type != "continuous" or found.radius is None or abs(found.axis_xyz[2]) > MAX_AXLE_DEVIATION:
-            continue
-        if found.position_xyz[2] - found.radius < ground + _MAX_LIFT_SHARE * found.radius:
-            yield found
+def _axis(joint: Joint, poses: Mapping[str, Pose]) -> Vector3:
+    return geometry.rotate(poses[joint.child].orientation_xyzw, joint.axis_xyz)
+
+
+@lru_cache(maxsize=4)
+def _lowest_at_home(same: _Same) -> Lowest | None:
+    """Return the lowest shape. Boxes around tilted meshes are too large, so the lowest of them are measured."""
+    model, poses = same.model, _poses(same.model)
+    shapes = [(poses[link.name], link.name, shape) for link in model.links for shape in link.collisions]
+    waiting = [
+        (shape_box(geometry.compose(pose, shape.pose), shape)[0][2], number, False)
+        for number, (pose, _, shape) in enumerate(shapes)
+    ]
+    heapify(waiting)
+    while waiting:
+        z, number, is_exact = heappop(waiting)
+        pose, link, shape = shapes[number]
+        if is_exact or not shape.hulls:
+            return Lowest(z, link, shape.kind)
+        heappush(waiting, (_lowest_point(pose, shape), number, True))
+    return None
+
+
+def _lowest_point(pose: Pose, shape: Shape) -> float:
+    """Return the lowest z in m of a mesh whose link is at a pose."""
+    x, y, z = (geometry.rotate(pose.orientation_xyzw, unit)[2] for unit in ((1.0, 0, 0), (0, 1.0, 0), (0, 0, 1.0)))
+    points = shape_points(shape)
+    return float((x * points[:, 0] + y * points[:, 1] + z * points[:, 2]).min()) + pose.position_xyz[2]
 
 
 @dataclass(frozen=True, slots=True)

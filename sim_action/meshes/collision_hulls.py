@@ -117,6 +117,18 @@ def shrunk(points: NDArray[np.float64], margin: float) -> NDArray[np.float64]:
     return moved
 
 
+def unshrunk(points: NDArray[np.float64], margin: float) -> NDArray[np.float64]:
+    """Return the points of a hull before they were shrunk by the margin."""
+    import numpy as np
+
+    lower, upper = points.min(axis=0), points.max(axis=0)
+    middle, half = (lower + upper) / 2, (upper - lower) / 2
+    thin = half <= margin * _MIN_KEPT_SHARE / (1 - _MIN_KEPT_SHARE)
+    share = np.where(thin, _MIN_KEPT_SHARE, half / (half + margin))
+    larger: NDArray[np.float64] = middle + (points - middle) / share
+    return larger
+
+
 def _vector(values: NDArray[np.float64]) -> Vector3:
     x, y, z = values.tolist()
     return (x, y, z)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 from sim_action.core.content_cache import Entry
 from sim_action.core.geometry import Box, Vector3
-from sim_action.meshes.collision_hulls import MeshFacts, hulls_of
+from sim_action.meshes.collision_hulls import MeshFacts, hulls_of, unshrunk
 from sim_action.meshes.mesh import Mesh, MeshError
 
 if TYPE_CHECKING:
@@ -112,3 +112,8 @@ def read_hull_points(text: bytes) -> list[NDArray[np.float64]]:
         elif kind == "v":
             hulls[-1].append([float(value) for value in values])
     return [np.array(points) for points in hulls]
+
+
+def read_unshrunk_points(text: bytes, margin: float) -> list[NDArray[np.float64]]:
+    """Return the points (P, 3) in m of each hull of a rewritten mesh, before they were shrunk by the margin."""
+    return [unshrunk(points, margin) for points in read_hull_points(text)]

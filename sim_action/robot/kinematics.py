@@ -45,7 +45,7 @@ def robot_box(model: RobotModel, poses: Mapping[str, Pose]) -> Box | None:
     The box is tight, except around rotated meshes: only their extents along their own axes are known.
     """
     shapes = ((poses[link.name], shape) for link in model.links for shape in link.collisions)
-    boxes = [_box(geometry.compose(frame, shape.pose), shape) for frame, shape in shapes]
+    boxes = [shape_box(geometry.compose(frame, shape.pose), shape) for frame, shape in shapes]
     if not boxes:
         return None
     xs, ys, zs = zip(*(corner for box in boxes for corner in box), strict=True)
@@ -65,7 +65,7 @@ def joint_motion(joint: Joint, position: float) -> Pose:
     return Pose((ax - bx, ay - by, az - bz), turn.orientation_xyzw)
 
 
-def _box(pose: Pose, shape: Shape) -> Box:
+def shape_box(pose: Pose, shape: Shape) -> Box:
     """Return the box around a shape whose frame is at `pose`."""
     (ax, ay, az), (bx, by, bz) = shape.lower_xyz, shape.upper_xyz
     middle = geometry.compose(pose, Pose(((ax + bx) / 2, (ay + by) / 2, (az + bz) / 2))).position_xyz

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from sim_action.meshes import CleanMesh
 
 # PyBullet adds this margin around every hull. Without a correction, a wheel would roll more than 2 % too far.
-_ENGINE_MARGIN_M: Final = 0.001
+ENGINE_MARGIN_M: Final = 0.001
 # A smaller mesh consists of that margin only.
 _MIN_MESH_SIZE_M: Final = 0.001
 _ODD_SHAPES: Final = {
@@ -96,7 +96,7 @@ def _rewrite(document: ModelDocument, mesh: Element, path: Path, clean: dict[Ele
 
     name, scale = mesh.attrib["filename"], vector(mesh, "scale", (1.0, 1.0, 1.0))
     try:
-        copy = clean_mesh(path, cache_folder("meshes"), scale, _ENGINE_MARGIN_M)
+        copy = clean_mesh(path, cache_folder("meshes"), scale, ENGINE_MARGIN_M)
     except MeshError as error:
         yield document.finding(error.rule, mesh, f"mesh '{name}': {error}")
         return

@@ -240,10 +240,21 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class Plugin:
-    """A plugin that the model asks Gazebo to load; `parameters`: (tag, text), in the order of the file."""
+    """A plugin that the model asks Gazebo to load, or a controller in a parameter file that such a plugin names.
+
+    Attributes:
+        name: its file, without "lib" and ".so"; or the type of a controller, such as "package/Class".
+        parameters: (tag, text), in the order of the file; a list in a parameter file is several of them.
+        title: its own name; in gz-sim that is the class, such as "gz::sim::systems::DiffDrive".
+        location: where it stands; None if that is unknown.
+        unread: the reasons why its parameter files are not read.
+    """
 
     name: str
     parameters: tuple[tuple[str, str], ...]
+    title: str = ""
+    location: Location | None = None
+    unread: tuple[str, ...] = ()
 
     def texts(self, tag: str) -> tuple[str, ...]:
         """Return the texts of all parameters with one tag."""
@@ -271,6 +282,23 @@ class Mjcf:
     looked_at: frozenset[str] = frozenset()
 
 
+@dataclass(frozen=True, slots=True)
+class CommandedJoint:
+    """A joint with command interfaces, and so with a motor.
+
+    Attributes:
+        joint: its name.
+        interfaces: "position", "velocity", "effort", or another word in lower case.
+        tag: "ros2_control" or "transmission".
+        location: where that is stated.
+    """
+
+    joint: str
+    interfaces: frozenset[str]
+    tag: str
+    location: Location
+
+
 @dataclass(frozen=True)
 class RobotModel:
     """A loaded robot.
@@ -280,8 +308,9 @@ class RobotModel:
         source: the absolute path of its file.
         urdf: clean URDF text for the engine, which names meshes as in `hull_files`; empty for MJCF.
         findings: warnings of the audit, and errors that `robot.allow` accepted.
-        plugins: the plugins that it asks Gazebo to load.
+        plugins: the plugins that it asks Gazebo to load, and then the controllers in their parameter files.
         mjcf: the input of MuJoCo; None for other formats.
+        commanded: the joints that <ros2_control> or a <transmission> drives.
     """
 
     name: str
@@ -292,6 +321,7 @@ class RobotModel:
     findings: tuple[Finding, ...] = ()
     plugins: tuple[Plugin, ...] = ()
     mjcf: Mjcf | None = None
+    commanded: tuple[CommandedJoint, ...] = ()
 
     @cached_property
     def hull_files(self) -> dict[str, bytes]:

@@ -14,6 +14,7 @@ from sim_action.core.workspace import Workspace
 from sim_action.robot.audit.inertia import proportions
 from sim_action.robot.audit.rules import refuse_errors
 from sim_action.robot.audit.stages import audit
+from sim_action.robot.control_tags import commanded_joints, with_controllers
 from sim_action.robot.engine_urdf import (
     drop_empty_root,
     drop_invalid_mimics,
@@ -67,7 +68,8 @@ def model_of(document: ModelDocument, path: Path, packages: Packages, allow: Ite
     refuse_errors(findings, allowed)
     for mend in (drop_empty_root, fix_unsupported_joints, drop_invalid_mimics):
         mend(document)
-    plugins = plugins_of(document)
+    plugins = with_controllers(plugins_of(document), path, packages)
+    commanded = commanded_joints(document)
     colors = materials(document)
     links = tuple(
         replace(_link(document, link, meshes), visuals=tuple(visuals_of(link, colors, meshes.visuals)))
@@ -78,7 +80,8 @@ def model_of(document: ModelDocument, path: Path, packages: Packages, allow: Ite
     for mend in (drop_zero_masses, fill_in_inertia, repair_inertia):
         mend(document)
     name = document.root.get("name", path.stem)
-    return RobotModel(name, str(path), (*links, *between), joints, engine_text(document), tuple(findings), plugins)
+    parts, text = (*links, *between), engine_text(document)
+    return RobotModel(name, str(path), parts, joints, text, tuple(findings), plugins, commanded=commanded)
 
 
 def _of_folder(folder: Path) -> Packages:

@@ -14,6 +14,7 @@ from typing import Final
 from xml.etree.ElementTree import Element
 
 from sim_action.core import geometry
+from sim_action.core.errors import Location
 from sim_action.core.geometry import Pose, Vector3
 from sim_action.robot.robot_model import Plugin, Surface
 from sim_action.robot.xml_document import ModelDocument
@@ -167,7 +168,7 @@ def number_text(tag: Element, name: str) -> str | None:
 
 def plugins_of(document: ModelDocument) -> tuple[Plugin, ...]:
     """Return the plugins that the model asks Gazebo to load."""
-    return tuple(map(_plugin, document.elements("gazebo/plugin")))
+    return tuple(_plugin(element, document.places.get(element)) for element in document.elements("gazebo/plugin"))
 
 
 def _number(tag: Element, name: str) -> float | None:
@@ -175,6 +176,7 @@ def _number(tag: Element, name: str) -> float | None:
     return None if text is None or is_expression(text) else float(text)
 
 
-def _plugin(element: Element) -> Plugin:
+def _plugin(element: Element, place: Location | None) -> Plugin:
     file = PurePath(element.get("filename", "")).name.removesuffix(".so").removeprefix("lib")
-    return Plugin(file, tuple((child.tag, (child.text or "").strip()) for child in element))
+    parameters = tuple((child.tag, (child.text or "").strip()) for child in element)
+    return Plugin(file, parameters, element.get("name", ""), place)

@@ -10,7 +10,7 @@ from sim_action.core.geometry import Pose
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_document import KeyPath
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.drives import recognise
+from sim_action.drives import recognise, why_not_recognised
 from sim_action.robot.audit.rules import ALLOWABLE, RULES
 from sim_action.robot.kinematics import beyond_limits
 from sim_action.robot.robot_model import WORLD, RobotModel
@@ -238,7 +238,8 @@ def _no_wheels(model: RobotModel) -> str:
     moving = [joint.name for joint in model.moving_joints]
     return (
         f"it is not plain from '{model.name}' which joints are wheels; name them, such as "
-        f"drive: {{diff: {{left: [...], right: [...]}}}}; its moving joints: {', '.join(moving) or 'none'}"
+        f"drive: {{diff: {{left: [...], right: [...]}}}}; its moving joints: {', '.join(moving) or 'none'}; "
+        f"the most likely reason: {why_not_recognised(model)[0]}"
     )
 
 

@@ -234,14 +234,17 @@ def test_wheels_are_listed_with_what_a_drive_has_to_say(tmp_path: Path) -> None:
     assert found.wheels[0].axis_xyz == pytest.approx((0, 1, 0), abs=1e-6)
     assert "wheel: c_joint, radius 0.1 m, at x = 0.2 m, y = -0.3 m\n" in inspection_text(found)
     assert "\n  drive: {skid: {left: [a_joint, b_joint], right: [c_joint, d_joint]}}\n" in found.robot
-    assert "recognised: skid steer: left a_joint, b_joint; right c_joint, d_joint;" in inspection_text(found)
+    assert found.drive_source == "geometry"
+    assert "recognised from geometry: skid steer: left a_joint, b_joint; right c_joint," in inspection_text(found)
 
 
 def test_a_drive_that_is_likely_is_offered_and_left_to_the_reader(tmp_path: Path) -> None:
     found = cart(tmp_path, FOUR[0], FOUR[2])
     assert found.drive is None
     assert "\n  # drive: {diff: {left: [a_joint], right: [c_joint]}}\n" in found.robot
-    assert "state it in robot.drive" in inspection_text(found)
+    assert "no drive is recognised; state it in robot.drive" in inspection_text(found)
+    reason = "'a_joint', 'c_joint' stand on the ground, but their names do not show which is on the left"
+    assert found.drive_reasons[0] == f"diff: {reason}"
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 from sim_action.core.geometry import Pose, Vector3, quaternion_from_rpy
@@ -37,7 +36,8 @@ def wheel(
 
     `fastest`: the limit of its joint in rad/s.
     """
-    tyre = dataclasses.replace(LYING, position_xyz=(0.0, beside, 0.0))
+    lying = quaternion_from_rpy(0.0, math.pi / 2, 0.0) if abs(axis[0]) == 1 else LYING.orientation_xyzw
+    tyre = Pose((0.0, beside, 0.0), lying)
     half = radius or RADIUS
     box = ((-half, -half, -0.02), (half, half, 0.02))
     shape = Shape("cylinder" if radius else "mesh", tyre, radius, *box)

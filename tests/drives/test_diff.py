@@ -60,7 +60,7 @@ def test_the_burger_is_recognised() -> None:
     [
         changed(burger(), wheel_left_joint={"name": "wheel_l"}),
         changed(burger(), wheel_left_joint={"type": "revolute"}),
-        changed(burger(), scan_joint={"type": "continuous", "name": "left_lidar"}),
+        cart(wheel("left_1", 0.2, 0.3), wheel("left_2", -0.2, 0.3), wheel("right", 0.0, -0.3)),
         without_radii(burger()),
         dataclasses.replace(burger(), joints=(), links=burger().links[:1]),
     ],
@@ -68,6 +68,10 @@ def test_the_burger_is_recognised() -> None:
 )
 def test_what_is_not_plain_is_not_recognised(model: RobotModel) -> None:
     assert recognise(model) is None
+
+
+def test_a_lidar_that_turns_is_no_wheel() -> None:
+    assert recognise(changed(burger(), scan_joint={"type": "continuous", "name": "left_lidar"})) == BURGER
 
 
 def test_the_burger_has_no_problems() -> None:

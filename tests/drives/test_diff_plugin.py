@@ -74,7 +74,8 @@ SWAPPED = (
         ("gazebo_ros_diff_drive", {"legacyMode": "0"}, NO_LIMIT),
         ("gazebo_ros_diff_drive", {"legacyMode": "true", "wheelAcceleration": "1"}, SWAPPED),
         ("gazebo_ros_diff_drive", {}, SWAPPED + NO_LIMIT),
-        ("gz-sim-diff-drive-system", {"max_linear_acceleration": "1"}, NO_LIMIT),
+        ("gz-sim-diff-drive-system", {"max_linear_acceleration": "1"}, ""),
+        ("gz-sim-diff-drive-system", {"max_angular_acceleration": "1"}, NO_LIMIT),
     ],
 )
 def test_what_a_plugin_means_beside_what_it_says_is_told(name: str, parameters: dict[str, str], remark: str) -> None:

@@ -283,7 +283,8 @@ def test_twists_for_a_robot_whose_wheels_are_not_plain_need_a_drive(tmp_path: Pa
     (problem,) = told(tmp_path, LEAST.replace("turtlebot3_burger", "arm.urdf"))
     assert problem == (
         "2:1: robot: it is not plain from 'arm' which joints are wheels; name them, such as "
-        "drive: {diff: {left: [...], right: [...]}}; its moving joints: elbow"
+        "drive: {diff: {left: [...], right: [...]}}; its moving joints: elbow; "
+        "the most likely reason: diff: the model has no collision shapes, so nothing stands on the ground"
     )
 
 

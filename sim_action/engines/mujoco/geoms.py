@@ -20,7 +20,8 @@ import numpy as np
 from sim_action.core.geometry import Pose, Quaternion
 from sim_action.engines.mujoco.contact_pairs import Collider
 from sim_action.engines.mujoco.names import object_name
-from sim_action.meshes.hull_file import read_hull_points
+from sim_action.meshes.hull_file import read_unshrunk_points
+from sim_action.robot.mesh_references import ENGINE_MARGIN_M
 from sim_action.robot.robot_model import Surface
 from sim_action.state.trace import FloatArray
 from sim_action.world import GROUND, Body, World
@@ -114,26 +115,13 @@ def _points(model: Any, geom: int) -> FloatArray:
     return points
 
 
-# The margin of robot.mesh_references, and the least share of its extent that meshes.collision_hulls keeps.
-_MARGIN_M: Final = 0.001
-_MIN_SHARE: Final = 0.1
 # Relative extent below which Qhull finds no volume.
 _FLAT: Final = 1e-6
 
 
 def read_unshrunk_hulls(text: bytes) -> list[FloatArray]:
     """Return the points (P, 3) in m of each hull of a clean mesh, at the size of the mesh."""
-    return [thickened(undo_margin(points)) for points in read_hull_points(text)]
-
-
-def undo_margin(points: FloatArray) -> FloatArray:
-    """Return the points before they were shrunk by the margin."""
-    lower, upper = points.min(axis=0), points.max(axis=0)
-    middle, half = (lower + upper) / 2, (upper - lower) / 2
-    thin = half <= _MARGIN_M * _MIN_SHARE / (1 - _MIN_SHARE)
-    share = np.where(thin, _MIN_SHARE, half / (half + _MARGIN_M))
-    larger: FloatArray = middle + (points - middle) / share
-    return larger
+    return [thickened(points) for points in read_unshrunk_points(text, ENGINE_MARGIN_M)]
 
 
 def thickened(points: FloatArray) -> FloatArray:
@@ -141,8 +129,8 @@ def thickened(points: FloatArray) -> FloatArray:
     centred = points - points.mean(axis=0)
     squares, axes = np.linalg.eigh(centred.T @ centred)
     for square, axis in zip(squares, axes.T, strict=True):
-        if square <= (_FLAT * max(np.abs(centred).max(), _MARGIN_M)) ** 2:
-            points = np.concatenate((points - _MARGIN_M * axis, points + _MARGIN_M * axis))
+        if square <= (_FLAT * max(np.abs(centred).max(), ENGINE_MARGIN_M)) ** 2:
+            points = np.concatenate((points - ENGINE_MARGIN_M * axis, points + ENGINE_MARGIN_M * axis))
     return points
 
 

@@ -6,7 +6,7 @@ wiki.ros.org/urdf/XML/Transmission; the interface is named at the joint, in olde
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final
@@ -14,6 +14,7 @@ from xml.etree.ElementTree import Element
 
 from sim_action.core.registry import Table
 from sim_action.core.wording import did_you_mean
+from sim_action.robot.control_tags import interfaces_of
 from sim_action.robot.robot_model import Reading
 
 if TYPE_CHECKING:
@@ -77,18 +78,10 @@ def transmissions_of(description: Element) -> Transmissions:
     found: dict[str, frozenset[str]] = {}
     for transmission in description.iter("transmission"):
         for joint in transmission.findall("joint"):
-            named = frozenset(_interfaces(transmission, joint))
+            named = frozenset(interfaces_of(transmission, joint))
             name = joint.get("name", "")
             found[name] = found.get(name, frozenset()) | named
     return Transmissions(found)
-
-
-def _interfaces(transmission: Element, joint: Element) -> Iterator[str]:
-    """Yield the interfaces of a joint, with the package that old descriptions leave out."""
-    at_joint = joint.findall("hardwareInterface")
-    for tag in at_joint or transmission.findall("actuator/hardwareInterface"):
-        name = (tag.text or "").strip()
-        yield name if "/" in name else f"hardware_interface/{name}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from typing import ClassVar, Final, Self
 
 from sim_action.core.geometry import Twist, Vector3
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.drives import Drive, is_level
+from sim_action.drives import Drive, NoDrive, is_level
 from sim_action.drives.mecanum import NOT_LEVEL
 from sim_action.drives.wheels import centre_of_mass
 from sim_action.robot.kinematics import Mobility
@@ -29,9 +29,14 @@ class PlanarMove(Drive):
     key: ClassVar[str] = "planar_move"
 
     @classmethod
-    def recognise(cls, model: RobotModel) -> Self | None:
-        """Return the drive if the model has the plugin."""
+    def statement(cls, model: RobotModel) -> Self | None:
+        """See Drive.statement."""
         return cls() if any(plugin.name == PLUGIN for plugin in model.plugins) else None
+
+    @classmethod
+    def by_wheels(cls, model: RobotModel) -> Self:
+        """See Drive.by_wheels. No wheel moves the base."""
+        raise NoDrive(f"'{model.name}' has no plugin {PLUGIN}")
 
     def problems(self, model: RobotModel) -> SpecProblems:
         """Return no problems: any model fits."""

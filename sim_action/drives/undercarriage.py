@@ -1,0 +1,251 @@
+"""The undercarriage of a model: its wheels on the ground, those that are driven or steered, casters, and layouts.
+
+<ros2_control>, <transmission> and gz-sim's controllers of single joints decide which wheels have motors, if they name
+at least one wheel.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from sim_action.core import units
+from sim_action.drives import NoDrive
+from sim_action.drives.plugins import joints_by_plugin
+from sim_action.drives.tyres import Tyre
+from sim_action.drives.wheels import (
+    MIN_UPRIGHT_Z,
+    Wheel,
+    axis_in_base,
+    heading_of,
+    is_level,
+    is_on_ground,
+    joints_above,
+    lowest_shape,
+    rolling,
+    round_wheels,
+    stands,
+    steering_joint,
+    tyre,
+    wheel,
+    wheels_on_ground,
+)
+from sim_action.robot.robot_model import Joint, RobotModel
+
+_MAX_NAMED: Final = 4
+_PAIR: Final = 2
+# Limit of the difference of radii, and of the distance between two axles as a share of the separation.
+_MAX_DIFFERENCE: Final = 0.05
+# A heading with a smaller cosine is not along the base's x axis.
+_MIN_ALONG_X: Final = 0.99
+# A sliding joint with a smaller z component of its axis does not lift a wheel.
+_MIN_LIFTING_Z: Final = 0.5
+_ROLLING: Final = frozenset({"velocity", "effort"})
+
+
+@dataclass(frozen=True, slots=True)
+class Undercarriage:
+    """The wheels on the ground.
+
+    Attributes:
+        driven: wheels that cannot be steered, and may have motors.
+        steered: wheel -> its steering joint, which has limits or a motor.
+        casters: wheels below an upright joint without limits and without a motor.
+        idle: wheels without a motor, in a model that states the motors of other wheels.
+        loose: wheels that a joint above lets slide or tip over, with the name of that joint.
+        source: the statement that decides which wheels have motors; empty if there is none.
+    """
+
+    driven: tuple[Wheel, ...]
+    steered: tuple[tuple[Wheel, Joint], ...]
+    casters: tuple[Wheel, ...]
+    idle: tuple[Wheel, ...]
+    loose: tuple[tuple[Wheel, str], ...]
+    source: str
+
+    @property
+    def is_stated(self) -> bool:
+        """Return True if the model states which wheels have motors."""
+        return bool(self.source)
+
+
+def undercarriage(model: RobotModel) -> Undercarriage:
+    """Return the undercarriage of a model."""
+    wheels, motors = wheels_on_ground(model), _motors(model)
+    rolling = {found.joint for found in wheels if _ROLLING & motors.get(found.joint, (frozenset(), ""))[0]}
+    source = motors[min(rolling)][1] if rolling else ""
+    driven, steered, casters, idle = list[Wheel](), list[tuple[Wheel, Joint]](), list[Wheel](), list[Wheel]()
+    loose = list[tuple[Wheel, str]]()
+    aboves = {found.joint: steering_joint(model, found.joint) for found in wheels}
+    has_car_joints = any(above is not None and _has_limits(above) for above in aboves.values())
+    for found in wheels:
+        above, has_motor = aboves[found.joint], not rolling or found.joint in rolling
+        if (slack := _loose_joint(model, found, wheels)) is not None:
+            loose.append((found, slack))
+        elif above is None:
+            (driven if has_motor else idle).append(found)
+        # Exporters leave the limits of one of two steering joints out. Where motors are stated, casters have none.
+        elif above.name in motors or (has_motor and (_has_limits(above) or (has_car_joints and not rolling))):
+            steered.append((found, above))
+        else:
+            casters.append(found)
+    return Undercarriage(tuple(driven), tuple(steered), tuple(casters), tuple(idle), tuple(loose), source)
+
+
+def _loose_joint(model: RobotModel, found: Wheel, wheels: Sequence[Wheel]) -> str | None:
+    """Return the joint above a wheel that is no suspension, beam or steering: it lets the wheel slide or tip over."""
+    for joint in joints_above(model, found.joint):
+        x, y, z = axis_in_base(model, joint)
+        if abs(z) >= MIN_UPRIGHT_Z:
+            continue
+        along_axle = abs(x * found.axis_xyz[0] + y * found.axis_xyz[1] + z * found.axis_xyz[2])
+        if joint.type == "prismatic":
+            is_suspension = abs(z) > _MIN_LIFTING_Z
+        else:
+            is_suspension = along_axle >= MIN_UPRIGHT_Z or _carries_both_sides(model, joint, wheels)
+        if not is_suspension:
+            return joint.name
+    return None
+
+
+def _carries_both_sides(model: RobotModel, beam: Joint, wheels: Sequence[Wheel]) -> bool:
+    """Return True for an axle that tilts as a whole, with a wheel at each end."""
+    return sum(beam in joints_above(model, found.joint) for found in wheels) > 1
+
+
+def _has_limits(joint: Joint) -> bool:
+    return joint.lower is not None or joint.upper is not None
+
+
+def _motors(model: RobotModel) -> dict[str, tuple[frozenset[str], str]]:
+    """Return joint -> its command interfaces and the place that states them."""
+    found = {name: (frozenset({interface}), source) for name, (interface, source) in joints_by_plugin(model).items()}
+    for joint in model.commanded:
+        others = found.get(joint.joint, (frozenset(), ""))[0]
+        found[joint.joint] = (others | joint.interfaces, f"<{joint.tag}> at {joint.location}")
+    return found
+
+
+def refuse_other_than_fixed(found: Undercarriage) -> Undercarriage:
+    """Return an undercarriage without steered and loose wheels. Raises NoDrive."""
+    if found.steered:
+        wheel_joint, joint = found.steered[0][0].joint, found.steered[0][1]
+        raise NoDrive(f"joint '{joint.name}' steers the wheel at '{wheel_joint}'")
+    if found.loose:
+        raise NoDrive(f"joint '{found.loose[0][1]}' lets the wheel at '{found.loose[0][0].joint}' slide or tip over")
+    return found
+
+
+def driven_pair(model: RobotModel) -> tuple[str, str]:
+    """Return the joints of the wheels of a differential drive, left and right. Raises NoDrive."""
+    found = refuse_other_than_fixed(undercarriage(model))
+    if not (found.driven or found.casters or found.idle):
+        raise NoDrive(why_no_wheels(model))
+    if len(found.driven) != _PAIR:
+        which = named(found.driven) if found.driven else "the others turn below upright joints, or have no motors"
+        count = f"{len(found.driven)} wheels on the ground could be driven, and a differential drive has {_PAIR}"
+        raise NoDrive(f"{count}: {which}")
+    if not found.is_stated and (others := unrolling_pair(model)) is not None:
+        raise NoDrive(f"'{others[0]}' and '{others[1]}' stand on the ground as well, but no joint lets them roll")
+    one, other = found.driven
+    radii = [each.radius or 0.0 for each in found.driven]
+    if abs(radii[0] - radii[1]) > _MAX_DIFFERENCE * radii[0]:
+        raise NoDrive(f"{named(found.driven)} have different radii, {radii[0]:.4g} m and {radii[1]:.4g} m")
+    heading = heading_of(found.driven)
+    first, second = rolling(one, heading), rolling(other, heading)
+    if abs(first.ahead - second.ahead) > _MAX_DIFFERENCE * abs(first.left - second.left):
+        apart = abs(first.ahead - second.ahead)
+        raise NoDrive(f"{named(found.driven)} are not on one axle: one is {apart:.3g} m ahead of the other")
+    return _left_and_right(found, heading)
+
+
+def _left_and_right(found: Undercarriage, heading: float) -> tuple[str, str]:
+    """Return the joints of two wheels, left and right. Raises NoDrive if the sides are not known."""
+    one, other = found.driven
+    if (by_name := mirrored_names(one.joint, other.joint)) is not None:
+        return by_name
+    if not found.is_stated or math.cos(heading) < _MIN_ALONG_X:
+        raise NoDrive(f"{named(found.driven)} stand on the ground, but their names do not show which is on the left")
+    is_left = one.position_xyz[1] > other.position_xyz[1]
+    return (one.joint, other.joint) if is_left else (other.joint, one.joint)
+
+
+def car_joints(model: RobotModel) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the steering joints and the joints of the driven wheels of a car. Raises NoDrive."""
+    found = undercarriage(model)
+    steering = tuple(dict.fromkeys(joint.name for _, joint in found.steered))
+    if not steering:
+        raise NoDrive("no wheel on the ground has a steering joint above it: an upright one with limits")
+    if len(steering) != _PAIR or len(found.steered) != _PAIR:
+        raise NoDrive(f"steering joints: {len(steering)}, steered wheels: {len(found.steered)}; a car has {_PAIR} each")
+    if not any(_has_limits(joint) for _, joint in found.steered):
+        raise NoDrive(f"joint '{steering[0]}' steers without limits, like a swivel drive")
+    fixed = len(found.driven) + len(found.idle)
+    if fixed != _PAIR or found.casters or found.loose:
+        raise NoDrive(f"{fixed} wheels on the ground are not steered, and a car has {_PAIR}")
+    if not found.driven:
+        raise NoDrive(f"{named(found.idle)} have no motors")
+    return steering, tuple(each.joint for each in found.driven)
+
+
+def why_no_wheels(model: RobotModel) -> str:
+    """Return the reason why no wheel stands on the ground, most likely first."""
+    ground = lowest_shape(model)
+    if ground is None:
+        return "the model has no collision shapes, so nothing stands on the ground"
+    lowest = f"the lowest shape is the {ground.kind} of '{ground.link}'"
+    near = [joint for joint in model.moving_joints if joint.type != "prismatic" and is_level(model, joint)]
+    for joint in near:
+        found = tyre(model, joint)
+        if isinstance(found, Tyre) and joint.type != "continuous" and is_on_ground(wheel(model, joint.name), ground):
+            return f"'{joint.child}' is round and stands on the ground, but joint '{joint.name}' has limits"
+    if hanging := round_wheels(model):
+        best = min(hanging, key=lambda found: found.position_xyz[2] - (found.radius or 0.0))
+        height = best.position_xyz[2] - (best.radius or 0.0) - ground.z
+        return f"the wheel at '{best.joint}' ends {units.display(height, 'm')} above the ground: {lowest}"
+    tilted = next((joint for joint in model.moving_joints if joint.child == ground.link), None)
+    if tilted is not None and tilted not in near:
+        return f"{lowest}, whose joint '{tilted.name}' has no level axis: its wheel would not roll"
+    for joint in near:
+        if joint.type == "continuous" and not isinstance(found := tyre(model, joint), Tyre):
+            return f"the link of '{joint.name}' {found.reason}; {lowest}"
+    return f"no round link on a 'continuous' joint stands on the ground: {lowest}"
+
+
+def unrolling_pair(model: RobotModel) -> tuple[str, str] | None:
+    """Return two links, left and right, that are called wheels and stand on the ground, but have no joint to roll."""
+    ground = lowest_shape(model)
+    if ground is None:
+        return None
+    rolling = {model.joints_by_name[found.joint].child for found in wheels_on_ground(model)}
+    names = [link.name for link in model.links if "wheel" in link.name.lower() and link.name not in rolling]
+    standing = [name for name in names if stands(model, name, ground)]
+    pairs = (mirrored_names(one, other) for place, one in enumerate(standing) for other in standing[place + 1 :])
+    return next((pair for pair in pairs if pair is not None), None)
+
+
+def named(wheels: Sequence[Wheel]) -> str:
+    """Return the names of the joints of wheels as text."""
+    names = [f"'{found.joint}'" for found in wheels[:_MAX_NAMED]]
+    return ", ".join(names) + (f" and {len(wheels) - _MAX_NAMED} more" if len(wheels) > _MAX_NAMED else "")
+
+
+def mirrored_names(one: str, other: str) -> tuple[str, str] | None:
+    """Return (left, right) if two names differ only in their side, such as "l_wheel" and "r_wheel"; else None."""
+    for left, right in ((one, other), (other, one)):
+        if any(guess == right.lower() for guess in _mirrored(left.lower())):
+            return left, right
+    return None
+
+
+def _mirrored(name: str) -> Iterator[str]:
+    """Yield the names that the other side may have, for a name with "left" or a part "l"."""
+    if "left" in name:
+        yield name.replace("left", "right")
+    parts = name.split("_")
+    for place, part in enumerate(parts):
+        for left, right in (("l", "r"), ("lf", "rf"), ("lr", "rr"), ("fl", "fr"), ("rl", "rr"), ("bl", "br")):
+            if part == left:
+                yield "_".join((*parts[:place], right, *parts[place + 1 :]))
