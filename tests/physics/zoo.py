@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from tests.physics import arms, bodies, caster, driving, fresh, legs, skid, slopes
+from tests.physics import arms, bodies, built_in, caster, driving, fresh, legs, skid, slopes
 from tests.physics.case import Case
 
 ZOO: Final[tuple[Case, ...]] = (
@@ -15,6 +15,7 @@ ZOO: Final[tuple[Case, ...]] = (
     *legs.CASES,
     *bodies.CASES,
     *slopes.CASES,
+    *built_in.CASES,
     *fresh.CASES,
 )
 GROUPS: Final = tuple(dict.fromkeys(case.group for case in ZOO))
