@@ -20,6 +20,7 @@ from bench.engines import PACKAGES, SideBySide, engines
 from bench.filming import filming_costs
 from bench.journal_cost import COUNT, journal_calls
 from bench.lidar import lidar_cost
+from bench.reading import reading_costs
 from bench.recording_cost import recording_cost
 from bench.reporting import opening_cost, report_cost
 from bench.ros1 import command as command_of_rostest
@@ -293,6 +294,7 @@ def measurements(folder: Path) -> Sequence[Measurement]:
     return [
         Measurement("start-up", partial(start_up, folder)),
         Measurement("models", models),
+        Measurement("reading", partial(reading_costs, folder)),
         Measurement("whole process", lambda: [whole_process(folder)]),
         Measurement("each further scenario", lambda: [further_scenario(folder)]),
         Measurement("variations", lambda: [variations(folder)]),

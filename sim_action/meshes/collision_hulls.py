@@ -59,8 +59,8 @@ def facts_of(name: str, mesh: Mesh) -> MeshFacts:
         vertices=len(mesh.points_xyz),
         hulls=len(parts),
         shape=_shape(mesh, parts),
-        lower_xyz=_vector(mesh.points_xyz.min(axis=0)),
-        upper_xyz=_vector(mesh.points_xyz.max(axis=0)),
+        lower_xyz=_vector([column.min() for column in mesh.points_xyz.T]),
+        upper_xyz=_vector([column.max() for column in mesh.points_xyz.T]),
     )
 
 
@@ -129,8 +129,8 @@ def unshrunk(points: NDArray[np.float64], margin: float) -> NDArray[np.float64]:
     return larger
 
 
-def _vector(values: NDArray[np.float64]) -> Vector3:
-    x, y, z = values.tolist()
+def _vector(values: Iterable[np.float64]) -> Vector3:
+    x, y, z = map(float, values)
     return (x, y, z)
 
 
@@ -142,7 +142,7 @@ _CONVEX: Final = 1e-4
 _OPEN: Final = 1e-3
 # Limit for the convexity test in products of planes and points: a few ms.
 _MAX_PRODUCTS: Final = 1_000_000
-_PLANES_AT_A_TIME: Final = 64
+_PRODUCTS_AT_A_TIME: Final = 1 << 16
 _TRIANGLES_AT_A_TIME: Final = 1 << 14
 
 
@@ -152,7 +152,7 @@ def is_flat(points: NDArray[np.float64]) -> bool:
 
     apart = points - points.mean(axis=0)
     _, axes = np.linalg.eigh(np.einsum("pi,pj->ij", apart, apart))
-    return bool(np.ptp(_along(apart, axes[None, :, 0])) <= _FLAT * np.ptp(points, axis=0).max())
+    return bool(np.ptp(_along(apart, axes[None, :, 0])) <= _FLAT * max(np.ptp(column) for column in points.T))
 
 
 def is_convex(points_xyz: NDArray[np.float64], triangles: NDArray[np.int64], sharers: int = 1) -> bool:
@@ -176,8 +176,9 @@ def _all_behind(points: NDArray[np.float64], corners: NDArray[np.float64]) -> bo
 
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    for start in range(0, len(corners), _PLANES_AT_A_TIME):
-        planes = slice(start, start + _PLANES_AT_A_TIME)
+    at_a_time = max(1, _PRODUCTS_AT_A_TIME // len(points))
+    for start in range(0, len(corners), at_a_time):
+        planes = slice(start, start + at_a_time)
         ahead = _along(points, normals[planes]) - (normals[planes] * corners[planes, 0]).sum(axis=1, keepdims=True)
         # Either side may be the outside, because not every file orders its corners.
         if (np.minimum(ahead.max(axis=1), -ahead.min(axis=1)) > _CONVEX).any():

@@ -125,43 +125,43 @@ def furthest(points: FloatArray, directions: Iterable[Vector3]) -> FloatArray:
 
     Extents are normalized first, so that long bodies do not keep only the points at their ends.
     """
-    extents = np.ptp(points, axis=0)
-    even = points / np.where(extents > 0, extents, 1.0)
+    columns = np.ascontiguousarray(points.T)
+    extents = np.ptp(columns, axis=1, keepdims=True)
+    columns /= np.where(extents > 0, extents, 1.0)
     wanted = np.array(list(directions), np.float64)
-    kept: FloatArray = points[sorted(set(_most_distant(even, wanted)))]
+    kept: FloatArray = points[sorted(set(_most_distant(columns, wanted)))]
     return kept
 
 
-def _most_distant(points: FloatArray, directions: FloatArray) -> Iterator[int]:
-    """Yield the first of the most distant points (N, 3) in each direction (D, 3), as a search of all points would.
+def _most_distant(columns: FloatArray, directions: FloatArray) -> Iterator[int]:
+    """Yield the first of the most distant points (3, N) in each direction (D, 3), as a search of all points would.
 
     The points are sorted into cells, and the directions into groups. A group searches only the cells whose box reaches
     as far as a point that is already known.
     """
-    columns = np.ascontiguousarray(points.T)
-    if len(points) < _MIN_POINTS_FOR_CELLS:
+    if columns.shape[1] < _MIN_POINTS_FOR_CELLS:
         yield from (int(along(columns.T, direction).argmax()) for direction in directions)
         return
-    order, starts = _by_cell(points, _cells_along_axis(len(points)))
+    order, starts = _by_cell(columns, _cells_along_axis(columns.shape[1]))
     counts = np.diff(starts, append=len(order))
-    lower, upper = (extreme.reduceat(points[order], starts) for extreme in (np.minimum, np.maximum))
-    slack = _ROUNDING * float(np.abs(points).max())
-    turned, groups = _by_cell(directions, _GROUPS_ALONG_AXIS)
+    lower, upper = (extreme.reduceat(columns[:, order], starts, axis=1) for extreme in (np.minimum, np.maximum))
+    slack = _ROUNDING * float(np.abs(columns).max())
+    turned, groups = _by_cell(directions.T, _GROUPS_ALONG_AXIS)
     for group in np.split(directions[turned], groups[1:]):
         reach = _reach(lower, upper, group)
-        known = columns[:, _members(order, starts, counts, np.unique(reach.argmax(axis=0)))]
-        most = np.array([along(known.T, direction).max() for direction in group])
-        near = np.sort(_members(order, starts, counts, np.flatnonzero((reach >= most - slack).any(axis=1))))
-        candidates = columns[:, near]
+        known = columns.take(_members(order, starts, counts, np.unique(reach.argmax(axis=1))), axis=1)
+        most = _reach(known, known, group).max(axis=1, keepdims=True)
+        near = np.sort(_members(order, starts, counts, np.flatnonzero((reach >= most - slack).any(axis=0))))
+        candidates = columns.take(near, axis=1)
         for direction in group:
             yield int(near[along(candidates.T, direction).argmax()])
 
 
 def _reach(lower: FloatArray, upper: FloatArray, directions: FloatArray) -> FloatArray:
-    """Return how far boxes, given by two corners (C, 3), reach in each direction (D, 3): (C, D)."""
-    reach = np.zeros((len(lower), len(directions)))
-    for axis, ahead in enumerate(directions.T):
-        reach += np.maximum(lower[:, axis, None] * ahead, upper[:, axis, None] * ahead)
+    """Return how far boxes, given by two corners (3, C), reach in each direction (D, 3): (D, C)."""
+    reach = np.zeros((len(directions), lower.shape[1]))
+    for axis, ahead in enumerate(directions.T[..., None]):
+        reach += np.maximum(lower[axis] * ahead, upper[axis] * ahead)
     return reach
 
 
@@ -170,11 +170,11 @@ def _cells_along_axis(points: int) -> int:
     return min(_MAX_CELLS_ALONG_AXIS, max(1, round(math.sqrt(points / 360))))
 
 
-def _by_cell(points: FloatArray, count: int) -> tuple[IntArray, IntArray]:
-    """Return an order of points (N, 3) in which those of a cell are neighbours, and the start of each cell."""
-    lower, extents = points.min(axis=0), np.ptp(points, axis=0)
-    steps = ((points - lower) * (0.999999 * count / np.where(extents > 0, extents, 1.0))).astype(np.uint16)
-    cells = (steps[:, 0] * np.uint16(count) + steps[:, 1]) * np.uint16(count) + steps[:, 2]
+def _by_cell(columns: FloatArray, count: int) -> tuple[IntArray, IntArray]:
+    """Return an order of points (3, N) in which those of a cell are neighbours, and the start of each cell."""
+    lower, extents = columns.min(axis=1, keepdims=True), np.ptp(columns, axis=1, keepdims=True)
+    steps = ((columns - lower) * (0.999999 * count / np.where(extents > 0, extents, 1.0))).astype(np.uint16)
+    cells = (steps[0] * np.uint16(count) + steps[1]) * np.uint16(count) + steps[2]
     # A stable sort of whole numbers of 16 bits takes linear time.
     order = np.argsort(cells, kind="stable")
     ordered = cells[order]

@@ -10,11 +10,14 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-MAX_BYTES: Final = 60_000_000
+MAX_BYTES: Final = 110_000_000
 """Limit per file. Text formats need up to 300 bytes per triangle, binary STL 50."""
 
 MAX_TRIANGLES: Final = 500_000
-"""Limit per file. Links have up to about 100,000 triangles; reading this many takes one or two seconds."""
+"""Limit per file of text. Links have up to about 100,000 triangles; reading this many takes one or two seconds."""
+
+MAX_BINARY_TRIANGLES: Final = 2_100_000
+"""Limit per file of binary STL. Reading this many takes one or two seconds."""
 
 MAX_POINTS: Final = 3 * MAX_TRIANGLES
 """Limit per file: three per triangle."""
@@ -53,11 +56,11 @@ class Mesh:
     parts: tuple[NDArray[np.int64], ...]
 
 
-def mesh_of(points_xyz: NDArray[np.floating[Any]], parts: Sequence[NDArray[np.int64]]) -> Mesh:
+def mesh_of(points_xyz: NDArray[np.floating[Any]], parts: Sequence[NDArray[np.int64] | slice]) -> Mesh:
     """Return the mesh of points and triangles, without those that have no area. Raises MeshError.
 
     :param points_xyz: (N, 3) of 32 or 64 bits; equal ones become one.
-    :param parts: (T, 3) each, rows of the points.
+    :param parts: rows of the points (T, 3); or a slice of triangles, if each triangle has three rows of its own.
     """
     import numpy as np
 
@@ -65,12 +68,14 @@ def mesh_of(points_xyz: NDArray[np.floating[Any]], parts: Sequence[NDArray[np.in
 
     if not is_length(points_xyz):
         raise MeshError("broken-mesh", f"has a coordinate that is not finite or is beyond {_MAX_COORDINATE:g}")
-    kept = [part for part in (_with_area(points_xyz, part) for part in parts) if len(part)]
-    if not kept:
-        found = "none of its triangles has an area" if any(map(len, parts)) else "there is no triangle in it"
-        raise MeshError("empty-mesh", f"{found}; export it again, as a surface of triangles")
+    are_kept = [_have_area(points_xyz, part) for part in parts]
+    if not any(is_kept.any() for is_kept in are_kept):
+        cause = "none of its triangles has an area" if any(map(len, are_kept)) else "there is no triangle in it"
+        raise MeshError("empty-mesh", f"{cause}; export it again, as a surface of triangles")
     points, names = welded(points_xyz)
-    used, triangles = compacted(points, names[kept[0] if len(kept) == 1 else np.concatenate(kept)])
+    found = [_selected(_of_triangles(names, part), is_kept) for part, is_kept in zip(parts, are_kept, strict=True)]
+    kept = [part for part in found if len(part)]
+    used, triangles = compacted(points, kept[0] if len(kept) == 1 else np.concatenate(kept))
     ends = np.cumsum([len(part) for part in kept])[:-1]
     return Mesh(used, tuple(np.split(triangles, ends)))
 
@@ -95,10 +100,10 @@ def is_length(coordinates: NDArray[np.floating[Any]]) -> bool:
     return bool(least >= -_MAX_COORDINATE and greatest <= _MAX_COORDINATE)
 
 
-def refuse_more_triangles(count: int) -> None:
+def refuse_more_triangles(count: int, most: int = MAX_TRIANGLES) -> None:
     """Raise MeshError if there are more than are read."""
-    if count > MAX_TRIANGLES:
-        message = f"has {count:,} triangles or more; at most {MAX_TRIANGLES:,} are read; simplify it: a few thousand"
+    if count > most:
+        message = f"has {count:,} triangles or more; at most {most:,} are read; simplify it: a few thousand"
         raise MeshError("too-large-mesh", f"{message} are enough for collisions")
 
 
@@ -114,25 +119,30 @@ def refuse_more_parts(count: int) -> None:
         raise MeshError("too-large-mesh", f"has {count:,} parts or more; at most {MAX_PARTS:,} are read")
 
 
-def _with_area(points: NDArray[np.floating[Any]], triangles: NDArray[np.int64]) -> NDArray[np.int64]:
+def _of_triangles(rows: NDArray[Any], part: NDArray[np.int64] | slice) -> NDArray[Any]:
+    """Return the corners of each triangle of a part, from what there is for each point."""
+    return rows.reshape(-1, 3, *rows.shape[1:])[part] if isinstance(part, slice) else rows[part]
+
+
+def _selected(triangles: NDArray[np.int64], is_kept: NDArray[np.bool_]) -> NDArray[np.int64]:
+    return triangles if is_kept.all() else triangles[is_kept]
+
+
+def _have_area(points: NDArray[np.floating[Any]], part: NDArray[np.int64] | slice) -> NDArray[np.bool_]:
+    """Return for each triangle of a part if it has an area."""
     import numpy as np
 
-    starts = range(0, len(triangles), _CHUNK_TRIANGLES)
-    chunks = [_have_area(points[triangles[start : start + _CHUNK_TRIANGLES]]) for start in starts]
-    kept = np.concatenate(chunks) if chunks else np.zeros(0, np.bool_)
-    return triangles if kept.all() else triangles[kept]
-
-
-def _have_area(corners: NDArray[np.floating[Any]]) -> NDArray[np.bool_]:
-    """Return whether each triangle (T, 3, 3) has an area."""
-    import numpy as np
-
-    # One row for each coordinate, because operations on whole rows are several times as fast as on triples.
-    a, b, c = np.ascontiguousarray(corners.astype(np.float64).transpose(1, 2, 0))
-    sides = [_square(q - p) for p, q in ((a, b), (b, c), (c, a))]
-    (ux, uy, uz), (vx, vy, vz) = b - a, c - a
-    doubled_area = np.sqrt(_square((uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx)))
-    found: NDArray[np.bool_] = doubled_area > _NO_AREA * np.maximum(np.maximum(sides[0], sides[1]), sides[2])
+    whole = _of_triangles(points, part) if isinstance(part, slice) else part
+    found = np.zeros(len(whole), np.bool_)
+    for start in range(0, len(whole), _CHUNK_TRIANGLES):
+        chunk = slice(start, start + _CHUNK_TRIANGLES)
+        corners = whole[chunk] if isinstance(part, slice) else points[part[chunk]]
+        # One row for each coordinate: operations on whole rows are several times as fast as on triples.
+        a, b, c = np.ascontiguousarray(corners.reshape(-1, 9).T, np.float64).reshape(3, 3, -1)
+        sides = [_square(q - p) for p, q in ((a, b), (b, c), (c, a))]
+        (ux, uy, uz), (vx, vy, vz) = b - a, c - a
+        doubled_area = np.sqrt(_square((uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx)))
+        found[chunk] = doubled_area > _NO_AREA * np.maximum(np.maximum(sides[0], sides[1]), sides[2])
     return found
 
 

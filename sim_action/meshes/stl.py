@@ -9,7 +9,14 @@ from array import array
 from typing import Final
 
 from sim_action.core.wording import shown
-from sim_action.meshes.mesh import Mesh, MeshError, mesh_of, refuse_more_parts, refuse_more_triangles
+from sim_action.meshes.mesh import (
+    MAX_BINARY_TRIANGLES,
+    Mesh,
+    MeshError,
+    mesh_of,
+    refuse_more_parts,
+    refuse_more_triangles,
+)
 
 _HEADER_BYTES: Final = 84
 _TRIANGLE_BYTES: Final = 50
@@ -44,13 +51,12 @@ def read_stl(data: bytes) -> Mesh:
 def _read_binary(data: bytes, count: int) -> Mesh:
     import numpy as np
 
-    refuse_more_triangles(count)
+    refuse_more_triangles(count, MAX_BINARY_TRIANGLES)
     # The corners as one item of 36 bytes, which are copied at once.
     layout = np.dtype([("normal", "V12"), ("corners", "V36"), ("attributes", "V2")])
     corners = np.frombuffer(data, layout, count, _HEADER_BYTES)["corners"].copy().view("<f4").reshape(-1, 3)
-    triangles = np.arange(3 * count).reshape(-1, 3)
     with np.errstate(invalid="ignore"):  # a signalling NaN
-        return mesh_of(corners, [triangles])
+        return mesh_of(corners, [slice(0, count)])
 
 
 def _read_ascii(data: bytes) -> Mesh:
@@ -61,8 +67,7 @@ def _read_ascii(data: bytes) -> Mesh:
         at = _read_solid(data, at, corners)
         ends.append(len(corners) // 9)
         refuse_more_parts(len(ends) - 1)
-    triangles = np.arange(len(corners) // 3).reshape(-1, 3)
-    parts = [triangles[start:end] for start, end in itertools.pairwise(ends)]
+    parts = [slice(start, end) for start, end in itertools.pairwise(ends)]
     return mesh_of(np.array(corners).reshape(-1, 3), parts)
 
 

@@ -11,10 +11,10 @@ if TYPE_CHECKING:
 
     Coordinates = NDArray[np.floating[Any]]
 
-# Rows at a time: the temporary arrays stay in the processor's cache.
-_CHUNK_ROWS: Final = 1 << 16
+# Points at a time: the temporary arrays stay in the processor's cache.
+_CHUNK: Final = 1 << 15
 
-# Rounds of the hash table, each with another hash. Few rows are left after two; a file made to collide ends the search.
+# Rounds of the hash table, each with another hash. Few points are left after two, except in a file made to collide.
 _MAX_ROUNDS: Final = 6
 
 # Odd numbers, to mix the bits of three coordinates.
@@ -28,80 +28,88 @@ def welded(points_xyz: Coordinates) -> tuple[NDArray[np.float64], NDArray[np.int
 
     :param points_xyz: (N, 3) finite coordinates.
     """
-    first = _first_equal_rows(points_xyz)
+    # One row for each axis: a selection of whole points takes ten times as long.
+    columns = np.ascontiguousarray(points_xyz.T)
+    first = _first_equal(columns)
     kept = np.flatnonzero(first == np.arange(len(first), dtype=first.dtype))
-    distinct = points_xyz[kept]
-    order = _order(distinct)
+    order = _order(columns.take(kept, axis=1))
     rank = np.empty(len(first), np.int64)
     rank[kept[order]] = np.arange(len(order))
-    return distinct[order].astype(np.float64), rank[first]
+    return np.ascontiguousarray(columns.take(kept[order], axis=1).T, np.float64), rank[first]
 
 
-def _first_equal_rows(points: Coordinates) -> NDArray[np.int32]:
-    """Return for each row the first row that equals it."""
-    first = np.arange(len(points), dtype=np.int32)
-    waiting = first.copy()
+def _first_equal(columns: Coordinates) -> NDArray[np.int32]:
+    """Return for each point (3, N) the first point that equals it."""
+    rows = np.arange(columns.shape[1], dtype=np.int32)
+    first = rows.copy()
+    # Triangles that share a point are mostly near each other in the file: small tables find most of these.
+    for start in range(0, len(rows), _CHUNK):
+        _hashed(columns, rows[start : start + _CHUNK], first, 0)
+    waiting = rows[first == rows]
     for turn in range(_MAX_ROUNDS):
         if not len(waiting):
-            return first
-        waiting = _hashed(points, waiting, first, turn)
-    return _sorted_first(points, waiting, first) if len(waiting) else first
+            break
+        waiting = _hashed(columns, waiting, first, turn)
+    if len(waiting):
+        _sort(columns, waiting, first)
+    return first[first]
 
 
-def _hashed(points: Coordinates, waiting: NDArray[np.int32], first: NDArray[np.int32], turn: int) -> NDArray[np.int32]:
-    """Find the first equal row by a hash table. Return the rows whose slot another point has taken."""
+def _hashed(columns: Coordinates, waiting: NDArray[np.int32], first: NDArray[np.int32], turn: int) -> NDArray[np.int32]:
+    """Find the first equal ones of the waiting points by a hash table. Return those whose slot another has taken."""
     bits = max(8, len(waiting).bit_length())
     slots = np.empty(len(waiting), np.int32)
-    chunks = [slice(start, start + _CHUNK_ROWS) for start in range(0, len(waiting), _CHUNK_ROWS)]
+    chunks = [slice(start, start + _CHUNK) for start in range(0, len(waiting), _CHUNK)]
     for chunk in chunks:
-        slots[chunk] = _hash(points[waiting[chunk]], bits, turn)
+        slots[chunk] = _hash(columns.take(waiting[chunk], axis=1), bits, turn)
     table = np.empty(1 << bits, np.int32)
-    # Of several values for one slot the last one stays: from the end, this is the first row.
+    # Of several values for one slot the last one stays: from the end, this is the first point.
     for chunk in reversed(chunks):
         table[slots[chunk][::-1]] = waiting[chunk][::-1]
     left = []
     for chunk in chunks:
         rows, found = waiting[chunk], table[slots[chunk]]
-        equal = points[found] == points[rows]
-        is_same = equal[:, 0] & equal[:, 1] & equal[:, 2]
+        is_same = np.ones(len(rows), np.bool_)
+        for column in columns:
+            is_same &= column[found] == column[rows]
         first[rows[is_same]] = found[is_same]
         left.append(rows[~is_same])
     return np.concatenate(left)
 
 
-def _hash(points: Coordinates, bits: int, turn: int) -> NDArray[np.int32]:
-    """Return a number below 2^bits for each point; it is the same for zeros of either sign."""
-    kind = np.uint32 if points.itemsize == 4 else np.uint64
-    words: NDArray[np.uint32 | np.uint64] = (points + points.dtype.type(0)).view(kind)
-    mixed = np.zeros(len(points), np.uint64)
-    for column, factor in enumerate(_FACTORS):
-        mixed ^= words[:, column] * np.uint64(factor + 2 * turn)
+def _hash(columns: Coordinates, bits: int, turn: int) -> NDArray[np.uint64]:
+    """Return a number below 2^bits for each point (3, N); it is the same for zeros of either sign."""
+    kind = np.uint32 if columns.itemsize == 4 else np.uint64
+    words: NDArray[np.uint32 | np.uint64] = (columns + columns.dtype.type(0)).view(kind)
+    mixed = np.zeros(columns.shape[1], np.uint64)
+    for column, factor in zip(words, _FACTORS, strict=True):
+        mixed ^= column * np.uint64(factor + 2 * turn)
     mixed ^= mixed >> np.uint64(29)
     mixed *= np.uint64(_FACTORS[turn % 3])
-    return (mixed >> np.uint64(64 - bits)).astype(np.int32)
+    return mixed >> np.uint64(64 - bits)
 
 
-def _sorted_first(points: Coordinates, waiting: NDArray[np.int32], first: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Find the first equal row of the waiting rows by sorting them."""
-    rows = points[waiting]
-    order = np.lexsort(rows.T)
-    is_new = np.concatenate(([True], (rows[order[1:]] != rows[order[:-1]]).any(axis=1)))
+def _sort(columns: Coordinates, waiting: NDArray[np.int32], first: NDArray[np.int32]) -> None:
+    """Find the first equal ones of the waiting points by sorting them."""
+    found = columns[:, waiting]
+    order = np.lexsort(found)
+    is_new = np.concatenate(([True], (found[:, order[1:]] != found[:, order[:-1]]).any(axis=0)))
     first[waiting[order]] = waiting[order[is_new]][np.cumsum(is_new) - 1]
-    return first
 
 
 def _order(distinct: Coordinates) -> NDArray[np.intp]:
-    """Return the order of distinct points by z, then y, then x."""
+    """Return the order of distinct points (3, P) by z, then y, then x."""
     if distinct.itemsize != 4:
-        return np.lexsort(distinct.T)
+        return np.lexsort(distinct)
     # Sorting one whole number for z and y is several times as fast as sorting by each of three columns.
-    key = (_ordinal(distinct[:, 2]) << 32) + _ordinal(distinct[:, 1])
+    x, y, z = distinct
+    key = (_ordinal(z) << 32) + _ordinal(y)
     order = np.argsort(key)
     found = key[order]
     is_tie = np.concatenate(([False], found[1:] == found[:-1], [False]))
     ties = np.flatnonzero(is_tie[1:] | is_tie[:-1])
     tied = order[ties]
-    order[ties] = tied[np.lexsort((distinct[tied, 0], found[ties]))]
+    order[ties] = tied[np.lexsort((x[tied], found[ties]))]
     return order
 
 

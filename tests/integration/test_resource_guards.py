@@ -52,6 +52,7 @@ TEXTURED: Final = (
     '<visual><geometry><box size="1 1 1"/></geometry><material name="m"><texture filename="i.png"/></material></visual>'
 )
 TRIANGLES: Final = 1_000_000
+BINARY_TRIANGLES: Final = 2_150_000
 SIDE: Final = 20_000
 
 
@@ -77,7 +78,7 @@ def chain(count: int) -> bytes:
 
 
 def stl() -> bytes:
-    return bytes(80) + struct.pack("<I", TRIANGLES) + bytes(50 * TRIANGLES)
+    return bytes(80) + struct.pack("<I", BINARY_TRIANGLES) + bytes(50 * BINARY_TRIANGLES)
 
 
 def obj() -> bytes:
@@ -98,9 +99,9 @@ Files = Callable[[], dict[str, bytes]]
 
 # What there is beside the model -> the cause.
 REFUSED: Final[dict[str, tuple[Files, str]]] = {
-    "a mesh of a million triangles, STL": (
+    "a mesh of two million triangles, STL": (
         lambda: {"robot.urdf": shape("collision", "mesh.stl"), "mesh.stl": stl()},
-        "robot.urdf:2: mesh 'mesh.stl': has 1,000,000 triangles or more; at most 500,000 are read",
+        "robot.urdf:2: mesh 'mesh.stl': has 2,150,000 triangles or more; at most 2,100,000 are read",
     ),
     "a mesh of a million triangles, OBJ": (
         lambda: {"robot.urdf": shape("collision", "mesh.obj"), "mesh.obj": obj()},

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from sim_action.meshes import MAX_TRIANGLES, MeshError, read_mesh
+from sim_action.meshes.mesh import MAX_BINARY_TRIANGLES
 from tests.mesh_files import (
     CORNERS,
     POLYLIST,
@@ -236,7 +237,11 @@ HEADER = b" " * 80
 TRIANGLE = b"v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 
 LARGE: dict[str, tuple[str, bytes, str]] = {
-    "a million triangles": ("a.stl", HEADER + struct.pack("<I", 10**6) + bytes(50 * 10**6), "has 1,000,000 triangles"),
+    "STL triangles": (
+        "a.stl",
+        HEADER + struct.pack("<I", MAX_BINARY_TRIANGLES + 1) + bytes(50 * (MAX_BINARY_TRIANGLES + 1)),
+        "has 2,100,001 triangles or more; at most 2,100,000 are read",
+    ),
     "ASCII solids": ("a.stl", b"solid\nendsolid\n" * 10_001, "10,001 parts"),
     "OBJ triangles": ("a.obj", TRIANGLE + b"f 1 2 3\n" * (MAX_TRIANGLES + 1), "500,001 triangles"),
     "OBJ one face": ("a.obj", TRIANGLE + b"f" + b" 1" * 499_000 + b"\nf" + b" 1" * 499_000, "997,996 triangles"),
@@ -265,7 +270,7 @@ def test_no_more_of_a_file_is_read_than_may_be(tmp_path: Path) -> None:
     path = tmp_path / "a.stl"
     path.touch()
     os.truncate(path, 2**40)  # it takes no room on the disk, and would take it in memory
-    with pytest.raises(MeshError, match="is larger than 60 MB"):
+    with pytest.raises(MeshError, match="is larger than 110 MB"):
         read_mesh(path)
 
 

@@ -44,7 +44,7 @@ def test_equal_points_become_one(rows: list[tuple[float, float, float]], kind: t
 @pytest.mark.parametrize("kind", [np.float32, np.float64])
 def test_many_points_are_sorted_by_z_then_y_then_x(kind: type, rounds: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(welding, "_MAX_ROUNDS", rounds)
-    monkeypatch.setattr(welding, "_CHUNK_ROWS", 1000)
+    monkeypatch.setattr(welding, "_CHUNK", 1000)
     points = np.random.default_rng(5).integers(-8, 8, (10_000, 3)).astype(kind) / 4
     found, names = welded(points)
     wanted, wanted_names = expected(points)
