@@ -87,6 +87,13 @@ def read_document(path: Path) -> ModelDocument:
     return _Parser(file).parse(_bytes(path, Location(file)))
 
 
+def parse_document(data: bytes, file: str) -> ModelDocument:
+    """Parse the content of a file; `file` is its name in messages. Raises ModelError."""
+    if len(data) > MAX_BYTES:
+        raise ModelError(f"it is too large: a model may have at most {MAX_BYTES // 1_000_000} MB", Location(file))
+    return _Parser(file).parse(data)
+
+
 def shown_file(path: Path) -> str:
     """Return the name of a file for reports: relative to the current folder if it lies below it."""
     return file_name(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)

@@ -38,22 +38,28 @@ class _Solid:
 def mass_properties_of(body: Body, parts: Sequence[Part]) -> MassProperties:
     """Return the mass properties of a body with a mass. Where parts overlap, the density is the sum of both."""
     assert body.mass is not None
-    solids = [_solid(part) for part in parts]
-    volumes = np.array([solid.volume for solid in solids])
-    shares = volumes / volumes.sum()
-    middle = sum(share * solid.centre for share, solid in zip(shares, solids, strict=True))
+    middle, uniform = uniform_properties(parts)
     centre = middle if body.center_of_mass is None else np.array(body.center_of_mass)
-    if body.inertia is not None:
-        inertia = np.array(body.inertia.rows)
-    else:
-        inertia = np.zeros((3, 3))
-        for share, solid in zip(shares, solids, strict=True):
-            inertia += body.mass * share * (solid.inertia + _displaced(solid.centre - middle))
+    inertia = body.mass * uniform if body.inertia is None else np.array(body.inertia.rows)
     x, y, z = centre.tolist()
     return MassProperties(body.mass, (x, y, z), inertia)
 
 
-def _displaced(arm: NDArray[np.float64]) -> NDArray[np.float64]:
+def uniform_properties(parts: Sequence[Part]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the centre of mass (3,) of parts of uniform density, and the inertia (3, 3) of 1 kg about it."""
+    solids = [_solid(part) for part in parts]
+    volumes = np.array([solid.volume for solid in solids])
+    shares = volumes / volumes.sum()
+    middle: NDArray[np.float64] = np.zeros(3)
+    for share, solid in zip(shares, solids, strict=True):
+        middle += share * solid.centre
+    inertia: NDArray[np.float64] = np.zeros((3, 3))
+    for share, solid in zip(shares, solids, strict=True):
+        inertia += share * (solid.inertia + displaced(solid.centre - middle))
+    return middle, inertia
+
+
+def displaced(arm: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the inertia (3, 3) of 1 kg at a distance (3,) from the axes."""
     found: NDArray[np.float64] = (arm @ arm) * np.eye(3) - np.outer(arm, arm)
     return found

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Literal, get_args
+from urllib.parse import unquote
 from xml.etree.ElementTree import Element
 
 from sim_action.robot.audit.kinematic_tree import MAX_NAME_BYTES
@@ -119,9 +120,11 @@ class Assembly:
 
     Args:
         file: the file with the outermost model.
+        static: True if nothing in it moves, whatever it states.
     """
 
-    def __init__(self, file: SdfFile, packages: Packages, notes: Notes) -> None:
+    def __init__(self, file: SdfFile, packages: Packages, notes: Notes, *, static: bool = False) -> None:
+        self._static = static
         self.packages, self.notes = packages, notes
         self._file = file
         self._budget = SizeBudget(file.document)
@@ -132,7 +135,7 @@ class Assembly:
         file = self._file
         self.notes.places.update(file.document.places)
         model = file.model
-        static = self.notes.attempt(lambda model: flag_of(model, "static"), model) or False
+        static = self._static or self.notes.attempt(lambda model: flag_of(model, "static"), model) or False
         scope = Scope(file, "", model, model.get("placement_frame", ""), static, None, model.find("pose"))
         return self._filled(scope, (file.path,))
 
@@ -170,7 +173,7 @@ class Assembly:
             self._merge(scope, include, file, path)
             return
         name = _short(include, scope.prefix, text_of(include, "name")) or _named(file.model, scope.prefix)
-        static = scope.static or flag_of(file.model, "static") or flag_of(include, "static")
+        static = scope.static or flag_of(file.model if include.find("static") is None else include, "static")
         pose, frame = _placement(include, file.model)
         inner = Scope(file, f"{scope.prefix}{name}{SEPARATOR}", file.model, frame, static, scope, pose)
         self._enter(scope, Entry("model", name, include, scope, pose, self._checked(inner, (*path, file.path))))
@@ -209,7 +212,7 @@ class Assembly:
 
     def _read_within_budget(self, scope: Scope, include: Element) -> SdfFile:
         self._budget.begin_include()
-        reference = (needed(include, "uri").text or "").strip()
+        reference = _local((needed(include, "uri").text or "").strip())
         if not reference:
             raise SdfProblem("missing-part", include, "<include> has an empty <uri>")
         try:
@@ -243,6 +246,14 @@ class Assembly:
             raise SdfProblem("duplicate-name", source, f"{kinds} have the name '{entry.name}'; names must be unique")
         elif _KINDS.index(entry.kind) < _KINDS.index(taken.kind):
             scope.names[entry.name] = entry
+
+
+def _local(reference: str) -> str:
+    """Return the local address of a model of Gazebo Fuel, which is not downloaded: `model://NAME`."""
+    if not reference.startswith(("http://", "https://")):
+        return reference
+    name = unquote(reference).partition("/models/")[2].partition("/")[0]
+    return f"model://{name}" if name else reference
 
 
 def _placement(include: Element, model: Element) -> tuple[Element | None, str]:

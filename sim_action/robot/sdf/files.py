@@ -39,12 +39,13 @@ def read_sdf_file(path: Path, document: ModelDocument | None = None) -> SdfFile:
         message = f"the root element of an SDF file is <sdf>, but this file has <{root.tag}>"
         hint = "; an SDF file can include only SDF: convert the file" if root.tag == "robot" else ""
         refuse_errors([document.finding("not-a-robot", root, message + hint)])
-    version = _version(document)
+    version = sdf_version(document)
     document = upgraded(document, version)
     return SdfFile(path, version, _only_model(document), document)
 
 
-def _version(document: ModelDocument) -> Version:
+def sdf_version(document: ModelDocument) -> Version:
+    """Return the version that a document states. Raises ModelError if it is missing or not supported."""
     stated = document.root.get("version")
     if stated is None:
         problem = document.finding("missing-part", document.root, "<sdf> has no attribute 'version'")

@@ -47,7 +47,7 @@ class Frames:
 
     def named(self, scope: Scope, name: str, element: Element) -> Entry | None:
         """Return the entry with a name that `element` uses; None is the frame of the model. Raises SdfProblem."""
-        if name in {"", MODEL_FRAME}:
+        if name in {"", MODEL_FRAME} or (name == WORLD and scope.element.tag == WORLD):
             return None
         entry = scope.find(name)
         if entry is None:

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import PurePath
 from typing import TYPE_CHECKING, Final
 from xml.etree.ElementTree import Element
 
 from sim_action.core.geometry import Pose, quaternion_from_rpy
 from sim_action.core.registry import Table
+from sim_action.world.world_files import plugin_name
 
 if TYPE_CHECKING:
     from sim_action.ros.ros1.node.plugins import Opener
@@ -125,11 +125,6 @@ def base_in_model(root: Element, link: str) -> Pose:
             x, y, z, roll, pitch, yaw = map(float, (pose.text or "0 0 0 0 0 0").split())
             return Pose((x, y, z), quaternion_from_rpy(roll, pitch, yaw))
     return Pose()
-
-
-def plugin_name(plugin: Element) -> str:
-    """Return the file of a plugin, without "lib" and ".so"."""
-    return PurePath(plugin.get("filename", "")).name.removesuffix(".so").removeprefix("lib")
 
 
 def _plugin(element: Element, sensor: Element | None, link: str, space: str) -> Plugin:

@@ -1,40 +1,33 @@
-"""Gazebo worlds (SDF): models become bodies, or the robot; a ground plane always exists.
+"""Gazebo worlds of ROS 1: finding the file, the robot in it, and models that nodes spawn.
 
-http://sdformat.org/spec (world, model, link, collision, geometry). A loss reports everything that is left out.
+`sim_action.world.world_files` reads the files. A loss reports everything that is left out.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Container, Iterator, Mapping
+from collections.abc import Callable, Container, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 from xml.etree import ElementTree as ET
-from xml.etree.ElementTree import Element
 
+from sim_action.core.errors import ModelError
 from sim_action.core.geometry import Pose
 from sim_action.core.wording import did_you_mean
-from sim_action.ros.ros1.gazebo_plugins import plugin_name, plugins_of
-from sim_action.ros.ros1.losses import Loss
-from sim_action.ros.ros1.model_bodies import (
-    BadWorld,
-    PlacedModel,
-    Sources,
-    bodies_of,
-    include_pose,
-    included_model,
-    is_static,
-    pose_in,
-    said,
-)
-from sim_action.ros.ros1.world_tags import HARMLESS_WORLD_PLUGINS, lost_tags
+from sim_action.core.workspace import Workspace
+from sim_action.robot.packages import Packages
+from sim_action.robot.sdf.composition import Entry
+from sim_action.robot.xml_document import ModelDocument, parse_document, read_document
 from sim_action.world import Body, World
+from sim_action.world.world_files import Loss, WorldFile, plugin_names, read_world_file
 
-_DEFAULT_VERSION: Final = "1.6"
-# Gazebo's own world, which has only a ground and a light.
 _EMPTY_WORLD: Final = Path("worlds/empty.world")
-_OWN_MODELS: Final = frozenset({"ground_plane", "sun"})
+"""Gazebo's own world, which has only a ground and a light."""
+
+
+class BadWorld(Exception):
+    """A world, or a model in it, that cannot be read."""
 
 
 class MissingWorld(BadWorld):
@@ -68,7 +61,7 @@ class WorldRobot:
 
 
 @dataclass(frozen=True, slots=True)
-class WorldFile:
+class GazeboWorld:
     """The content of a .world file; `losses`: what was left out."""
 
     world: World
@@ -93,7 +86,7 @@ def _is_file(path: Path) -> bool:
     return path.is_absolute() and path.is_file()
 
 
-def read_world(path: Path, folders: tuple[Path, ...], known: Container[str]) -> WorldFile:
+def read_world(path: Path, folders: tuple[Path, ...], known: Container[str]) -> GazeboWorld:
     """Read a .world file. Raises BadWorld.
 
     Args:
@@ -103,94 +96,71 @@ def read_world(path: Path, folders: tuple[Path, ...], known: Container[str]) -> 
     """
     if not path.is_file():
         raise MissingWorld(path)
-    sources = Sources(folders, _package)
-    try:
-        root = sources.document(path).root
-        world = root if root.tag == "world" else root.find("world")
-        if world is None:
-            raise BadWorld(f"{path} has no <world>")
-        return _Reading(sources, known, root.get("version", _DEFAULT_VERSION), path).read(world)
-    except (OSError, ET.ParseError, ValueError) as error:
-        raise BadWorld(f"{path}: {said(error)}") from None
-
-
-def _package(name: str) -> Path | None:
-    folders = (Path(folder) / name for folder in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if folder)
-    return next((folder for folder in folders if folder.is_dir()), None)
-
-
-class _Reading:
-    """The state of reading one world; `version`: of its SDF."""
-
-    def __init__(self, sources: Sources, known: Container[str], version: str, path: Path) -> None:
-        self._sources, self._known, self._version, self._path = sources, known, version, path
-        self._states: Mapping[str, Element] = {}
-        self._bodies: dict[str, Body] = {}
-        self._robot: WorldRobot | None = None
-
-    def read(self, world: Element) -> WorldFile:
-        """Read a world. Raises ValueError, BadWorld."""
-        for tag, message in lost_tags(world):
-            self._sources.lose(tag, message)
-        self._states = dict(self._read_state(world.find("state")))
-        for model in world.findall("model"):
-            self._add(model, model.get("name", "model"), pose_in(model), None)
-        for include in world.findall("include"):
-            self._include(include)
-        for plugin in world.findall("plugin"):
-            if (name := plugin_name(plugin)) not in HARMLESS_WORLD_PLUGINS:
-                self._sources.lose(plugin, f"the plugin {name} of the world is not supported and has no effect")
-        kept: dict[str, Any] = {"objects": tuple(self._bodies.values())}
-        # Up to SDF 1.5, gravity is a part of <physics>.
-        if (gravity := world.findtext("gravity") or world.findtext("physics/gravity")) is not None:
-            kept["gravity"] = tuple(map(float, gravity.split()))
-        return WorldFile(World.model_validate(kept), self._robot, tuple(self._sources.losses))
-
-    def _read_state(self, state: Element | None) -> Iterator[tuple[str, Element]]:
-        """Yield the name and the state of each model."""
-        if state is None:
-            return
-        for tag, message in lost_tags(state):
-            if len(tag) or tag.text:
-                self._sources.lose(tag, message)
-        for model in state.findall("model"):
-            for tag, message in lost_tags(model, "state/model"):
-                self._sources.lose(tag, message)
-            for link in model.findall("link"):
-                for tag, message in lost_tags(link, "state/link"):
-                    self._sources.lose(tag, message)
-            yield model.get("name", ""), model
-
-    def _include(self, include: Element) -> None:
-        uri = (include.findtext("uri") or "").strip().removeprefix("model://")
-        if uri in _OWN_MODELS:
-            return
-        if (found := included_model(include, self._sources)) is None:
-            return
-        model, file = found
-        more = include.findall("plugin")
-        model.extend(more)
-        if (static := include.find("static")) is not None:
-            for old in model.findall("static"):
-                model.remove(old)
-            model.append(static)
-        name = (include.findtext("name") or model.get("name") or uri).strip()
+    document = _read(path, path.resolve())
+    found = _converted(path, document, folders, lambda model: _drives(model, known))
+    robot = None
+    if found.robot is not None:
+        entry, version = found.robot.entry, document.root.get("version", "1.6")
+        assert entry.scope is not None
+        more = entry.element.findall("plugin") if entry.element is not entry.scope.element else []
         # With plugins of the include, the file is not the whole description.
-        self._add(model, name, include_pose(include, model), None if more else file, file)
+        is_file = entry.element is not entry.scope.element and not more
+        file = entry.scope.file.path if is_file else None
+        model = ET.Element("model", entry.scope.element.attrib)
+        model.extend([*entry.scope.element, *more])
+        text = f'<sdf version="{version}">{ET.tostring(model, encoding="unicode")}</sdf>'
+        description = text if file is None else file.read_text(encoding="utf-8")
+        robot = WorldRobot(found.robot.name, description, found.robot.pose, file)
+    return GazeboWorld(found.world, robot, found.losses)
 
-    def _add(self, model: Element, name: str, pose: Pose, file: Path | None, source: Path | None = None) -> None:
-        plugins = [plugin.name for plugin in plugins_of(model)]
-        state = self._states.get(name)
-        pose = pose_in(state) if state is not None and state.find("pose") is not None else pose
-        moves = not is_static(model) and any(plugin in self._known for plugin in plugins)
-        if moves and self._robot is None:
-            text = f'<sdf version="{self._version}">{ET.tostring(model, encoding="unicode")}</sdf>'
-            self._robot = WorldRobot(name, file.read_text(encoding="utf-8") if file else text, pose, file)
-            return
-        if plugins:
-            message = f"'{name}' is simulated as a body, not as a robot; its plugins have no effect"
-            self._sources.lose(model, f"{message}: {', '.join(plugins)}")
-        links = {link.get("name", ""): pose_in(link) for link in (state.findall("link") if state is not None else [])}
-        placed = PlacedModel(model, name, pose, source or self._path, is_static(model), links)
-        for body in bodies_of(placed, self._sources):
-            self._bodies.setdefault(body.name, body)
+
+def body_of(name: str, description: str, pose: Pose) -> tuple[Body, tuple[Loss, ...]]:
+    """Return a body and its losses, from the SDF of a model that nodes spawn. Raises BadWorld."""
+    document = _read(Path("spawned"), description.encode())
+    model = document.root if document.root.tag == "model" else document.root.find("model")
+    if model is None:
+        raise BadWorld("it has no <model>")
+    model.set("name", name)
+    for stated in model.findall("pose"):
+        model.remove(stated)
+    at = ET.SubElement(model, "pose", rotation_format="quat_xyzw")
+    at.text = " ".join(map(repr, (*pose.position_xyz, *pose.orientation_xyzw)))
+    world = ET.Element("world")
+    world.append(model)
+    root = ET.Element("sdf", version=document.root.get("version", "1.6"))
+    root.append(world)
+    places = {**document.places, **dict.fromkeys((at, world, root), document.places[model])}
+    found = _converted(Path("spawned"), ModelDocument(root, places), model_folders(), lambda _: False)
+    bodies = found.world.objects
+    if len(bodies) != 1:
+        raise BadWorld(f"a model that is spawned must be one body with a collision shape, found {len(bodies)}")
+    return bodies[0].model_copy(update={"name": name}), found.losses
+
+
+def model_folders() -> tuple[Path, ...]:
+    """Return the folders in which Gazebo searches for models, from GAZEBO_MODEL_PATH."""
+    return tuple(Path(folder) for folder in os.environ.get("GAZEBO_MODEL_PATH", "").split(os.pathsep) if folder)
+
+
+def _drives(model: Entry, known: Container[str]) -> bool:
+    """Return True if a model moves and has a plugin that drives a robot."""
+    return model.scope is not None and not model.scope.static and any(name in known for name in plugin_names(model))
+
+
+def _read(path: Path, source: Path | bytes) -> ModelDocument:
+    try:
+        return read_document(source) if isinstance(source, Path) else parse_document(source, str(path))
+    except ModelError as error:
+        raise BadWorld(str(error)) from None
+
+
+def _converted(
+    path: Path, document: ModelDocument, folders: Iterable[Path], is_robot: Callable[[Entry], bool]
+) -> WorldFile:
+    environment = {**os.environ, "GAZEBO_MODEL_PATH": os.pathsep.join(map(str, folders))}
+    # The nodes of the launch run with the rights of the job; they can read any file.
+    workspace = Workspace(path.resolve().parent, path.resolve().parent, allow_outside=True)
+    try:
+        return read_world_file(path, Packages(workspace, environment=environment), is_robot, document)
+    except ModelError as error:
+        raise BadWorld(f"{path}: {error}") from None

@@ -22,7 +22,8 @@ from pydantic import Field, ValidationError
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.files import read_at_most
 from sim_action.results.outcome import Failure
-from sim_action.ros.ros1.losses import OPTION, Loss
+from sim_action.ros.ros1.losses import OPTION
+from sim_action.world.world_files.losses import Loss
 
 FOLDER_VARIABLE: Final = "SIM_ACTION_ROS_RUN"
 """The environment variable that holds the folder of the call."""

@@ -11,10 +11,10 @@ from collections.abc import Iterable, Iterator
 from typing import Final
 
 from sim_action.core.errors import Location
-from sim_action.core.field_types import FrozenModel
 from sim_action.core.wording import counted, escaped_line
 from sim_action.results.outcome import Failure
 from sim_action.scenario.claim_audit import NOT_SIMULATED, AuditWarning
+from sim_action.world.world_files.losses import Loss
 
 OPTION: Final = "--allow-losses"
 
@@ -22,13 +22,6 @@ TITLE: Final = "not simulated"
 """The title of failures."""
 
 _MAX_REPORTED: Final = 20
-
-
-class Loss(FrozenModel):
-    """One part that is not simulated; `location`: its place in a file of the user, if it is known."""
-
-    message: str
-    location: Location | None = None
 
 
 def loss_failures(losses: Iterable[Loss]) -> tuple[Failure, ...]:

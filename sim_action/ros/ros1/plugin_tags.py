@@ -13,7 +13,7 @@ from xml.etree.ElementTree import Element
 
 from sim_action.core.wording import did_you_mean
 from sim_action.ros.ros1.gazebo_plugins import Plugin
-from sim_action.ros.ros1.world_tags import READ, Row
+from sim_action.world.world_files.tags import READ, Row
 
 MAX_RATE_HZ: Final = 100.0
 """Messages per second that a topic can have: one for each tick of the clock."""

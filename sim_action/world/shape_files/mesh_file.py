@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -22,9 +23,13 @@ MAX_TRIANGLES: Final = 40_000
 
 
 def mesh_parts(mesh_file: MeshFile, workspace: Workspace, *, moves: bool) -> Iterator[HullPart | SurfacePart]:
-    """Yield the parts of a mesh in m. Raises ShapeError."""
+    """Yield the parts of a mesh that a scenario names, in m. Raises ShapeError."""
+    yield from read_mesh_parts(found_file(workspace, mesh_file.file), mesh_file, moves=moves)
+
+
+def read_mesh_parts(path: Path, mesh_file: MeshFile, *, moves: bool) -> Iterator[HullPart | SurfacePart]:
+    """Yield the parts of a mesh in m; `path` is the file, which may be read. Raises ShapeError."""
     name = mesh_file.file
-    path = found_file(workspace, name)
     try:
         mesh = parsed_mesh(path)
     except MeshError as error:

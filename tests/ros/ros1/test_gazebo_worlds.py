@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.ros.ros1.gazebo_worlds import MissingWorld, find_world, read_world
-from sim_action.ros.ros1.model_bodies import BadWorld
-from sim_action.world import World
+from sim_action.core.geometry import Pose, compose
+from sim_action.ros.ros1.gazebo_worlds import BadWorld, MissingWorld, body_of, find_world, model_folders, read_world
+from sim_action.world import World, placed
+from sim_action.world.parts import CylinderPart
 
 WALL = """
 <model name="wall"><static>true</static><pose>2 0 0.5 0 0 1.5</pose>
@@ -47,13 +48,14 @@ def test_poses_of_model_link_and_collision_are_put_together(tmp_path: Path) -> N
     )
 
     (pole,) = world.objects
-    assert (pole.pose.x, pole.pose.y, pole.pose.z) == pytest.approx((1, 3, 0.4))
-    assert pole.mass == 3
-    assert pole.cylinder is not None
-    assert (pole.cylinder.radius, pole.cylinder.height) == (0.1, 0.8)
+    assert (pole.pose.x, pole.pose.y, pole.pose.z, pole.mass) == (1, 2, 0, 3)
+    (part,) = pole.parts()
+    assert isinstance(part, CylinderPart)
+    assert compose(placed(pole, (part,)), part.pose).position_xyz == pytest.approx((1, 3, 0.4))
+    assert (part.radius, part.height) == (0.1, 0.8)
 
 
-def test_several_shapes_of_a_model_are_several_bodies_and_what_has_no_shape_of_ours_is_told(tmp_path: Path) -> None:
+def test_several_shapes_of_a_model_are_one_body_and_what_has_no_shape_of_ours_is_told(tmp_path: Path) -> None:
     world, notes = read(
         tmp_path,
         """<model name="m"><static>1</static><link name="l">
@@ -64,17 +66,19 @@ def test_several_shapes_of_a_model_are_several_bodies_and_what_has_no_shape_of_o
         </link></model>""",
     )
 
-    assert [body.name for body in world.objects] == ["m", "m_2"]
-    assert notes == ["the mesh 'model://x/y.dae' of 'm' was not found; it is left out"]
+    (body,) = world.objects
+    assert (body.name, [shape.kind for shape in body.shapes or ()]) == ("m", ["sphere", "box"])
+    (note,) = notes
+    assert note.startswith("the mesh 'model://x/y.dae' of 'm' was not found; it is left out: ")
 
 
-def test_a_model_of_several_shapes_is_fixed_and_that_is_told(tmp_path: Path) -> None:
+def test_a_model_of_several_shapes_moves_as_one(tmp_path: Path) -> None:
     collision = "<collision name='{}'><geometry><sphere><radius>0.2</radius></sphere></geometry></collision>"
     link = f"<link name='l'>{collision.format('a')}{collision.format('b')}</link>"
     world, notes = read(tmp_path, f"<model name='m'>{link}</model>")
 
-    assert [body.mass for body in world.objects] == [None, None]
-    assert notes == ["'m' has 2 collision shapes, but a moving body can have only one: it does not move"]
+    (body,) = world.objects
+    assert (body.mass, len(body.shapes or ()), notes) == (1.0, 2, [])
 
 
 def test_models_that_are_included(tmp_path: Path) -> None:
@@ -89,9 +93,11 @@ def test_models_that_are_included(tmp_path: Path) -> None:
     )
 
     (north,) = world.objects
-    assert (north.name, north.pose.x, north.pose.y, north.pose.z) == ("north", 2, 5, 0.5)
+    # The pose of the include replaces that of the model (sdformat.org/spec).
+    assert (north.name, north.pose.x, north.pose.y, north.pose.z) == ("north", 0, 5, 0)
     (note,) = notes
-    assert note.startswith(f"model://house was not found in {tmp_path / 'models'}; models are not downloaded")
+    assert note.startswith("a.world refers to the model 'house', which was not found")
+    assert str(tmp_path / "models") in note
 
 
 def test_gravity(tmp_path: Path) -> None:
@@ -186,7 +192,7 @@ def test_a_robot_that_is_included_keeps_its_file_and_has_the_name_and_the_pose_o
     robot = read_world(path, (tmp_path / "models",), {"gazebo_ros_diff_drive"}).robot
 
     assert robot is not None
-    assert (robot.name, robot.pose.position_xyz, robot.file) == ("one", (1, 2, 0), model)
+    assert (robot.name, robot.pose.position_xyz, robot.file) == ("one", (0, 2, 0), model)
 
 
 def test_what_plugins_cannot_do_is_told(tmp_path: Path) -> None:
@@ -258,10 +264,10 @@ def test_a_model_that_includes_another_has_its_shapes(tmp_path: Path) -> None:
     world, lost = read(tmp_path, model, tmp_path / "models")
 
     assert lost == []
-    assert [(body.name, body.pose.x, body.pose.y, body.pose.z) for body in world.objects] == [
-        ("yard", 1.0, 0.0, 1.0),
-        ("yard_2", 3.0, 2.0, 0.5),
-    ]
+    (yard,) = world.objects
+    assert (yard.name, yard.pose.x, yard.pose.y, yard.pose.z) == ("yard", 1.0, 0.0, 0.0)
+    places = {shape.kind: shape.pose.pose.position_xyz for shape in yard.shapes or ()}
+    assert places == {"sphere": (0.0, 0.0, 1.0), "box": (0.0, 2.0, 0.0)}
 
 
 def test_an_include_can_fix_a_model(tmp_path: Path) -> None:
@@ -273,3 +279,22 @@ def test_an_include_can_fix_a_model(tmp_path: Path) -> None:
     for stated, mass in (("true", None), ("false", 1.0)):
         world, _ = read(tmp_path, include.format(stated), tmp_path / "models")
         assert [body.mass for body in world.objects] == [mass]
+
+
+def test_a_body_that_is_spawned_is_where_it_was_asked_for() -> None:
+    body, losses = body_of("wall_1", f'<sdf version="1.6">{WALL}</sdf>', Pose((4.0, 1.0, 0.5)))
+
+    assert losses == ()
+    assert (body.name, body.pose.x, body.pose.y, body.pose.z, body.pose.yaw) == ("wall_1", 4, 1, 0.5, 0)
+
+
+@pytest.mark.parametrize("text", ["<sdf/>", "<sdf><model name='m'/></sdf>", "<sdf", WALL.replace("0.1 3 1", "wide")])
+def test_what_cannot_be_spawned_is_refused(text: str) -> None:
+    with pytest.raises(BadWorld):
+        body_of("wall", text, Pose())
+
+
+def test_folders_of_models(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("GAZEBO_MODEL_PATH", "/a::/b")
+
+    assert model_folders() == (Path("/a"), Path("/b"))

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from sim_action.core.errors import Location
-from sim_action.ros.ros1.losses import Loss, loss_failures, loss_warnings
+from sim_action.ros.ros1.losses import loss_failures, loss_warnings
+from sim_action.world.world_files.losses import Loss
 
 HERE = Location("a.launch")
 WALL = Loss(message="the wall is left out", location=Location("a.world", 3))

@@ -11,7 +11,7 @@ from sim_action.ros.ros1 import plugin_tags
 from sim_action.ros.ros1.gazebo_plugins import PLUGINS, plugins_of
 from sim_action.ros.ros1.launch.overlay import PACKAGE_ROOT
 from sim_action.ros.ros1.plugin_tags import GAZEBO_TAGS, PLUGIN_TAGS, lost_plugin_tags, lost_robot_tags
-from sim_action.ros.ros1.world_tags import Row
+from sim_action.world.world_files.tags import Row
 from tests.ros.ros1 import robotis
 
 PACKAGES = Path(PACKAGE_ROOT) / "sim_action/ros/ros1/launch/packages"

@@ -29,8 +29,7 @@ from std_srvs.srv import Empty
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose
-from sim_action.ros.ros1.losses import Loss
-from sim_action.ros.ros1.model_bodies import BadWorld, body_of
+from sim_action.ros.ros1.gazebo_worlds import BadWorld, body_of
 from sim_action.ros.ros1.node.current_state import CurrentState
 from sim_action.ros.ros1.node.messages import header, pose_message, pose_of, twist_message, twist_of
 from sim_action.ros.ros1.node.query_services import WORLD_FRAMES, frame_of, robot_joint, robot_model
@@ -44,6 +43,7 @@ from sim_action.ros.ros1.node.world_models import (
     unknown_model_message,
 )
 from sim_action.world import Disturbance, World
+from sim_action.world.world_files.losses import Loss
 
 _FOREVER_S: Final = 1e5
 

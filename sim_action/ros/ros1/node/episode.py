@@ -19,7 +19,6 @@ from sim_action.robot.loading import load_model
 from sim_action.robot.robot_model import RobotModel
 from sim_action.ros.ros1.gazebo_plugins import PLUGINS, base_in_model, plugins_of
 from sim_action.ros.ros1.launch_request import SimulationRequest
-from sim_action.ros.ros1.losses import Loss
 from sim_action.ros.ros1.node.bridge import Bridge, Session
 from sim_action.ros.ros1.node.current_state import ModelFrame
 from sim_action.ros.ros1.node.internal_sensors import states_sensor
@@ -33,6 +32,7 @@ from sim_action.simulation.recorder import RunRecorder
 from sim_action.world import Physics
 from sim_action.world.scene import Scene
 from sim_action.world.shape_files import ShapeLibrary, read_surroundings
+from sim_action.world.world_files.losses import Loss
 
 _DESCRIPTION_FILE: Final = "robot.urdf"
 # Such findings are losses of the launch, not errors of the model.

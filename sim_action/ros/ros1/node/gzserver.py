@@ -24,11 +24,10 @@ from sim_action.core.errors import (
 from sim_action.results.outcome import Failure
 from sim_action.ros.lockstep import Lockstep, TestFinished
 from sim_action.ros.ros1.gazebo_plugins import DRIVE_PLUGINS
-from sim_action.ros.ros1.gazebo_worlds import MissingWorld, find_world, read_world
+from sim_action.ros.ros1.gazebo_worlds import BadWorld, MissingWorld, find_world, model_folders, read_world
 from sim_action.ros.ros1.launch_request import End, SimulationRequest, SimulationResult
-from sim_action.ros.ros1.losses import TITLE, Loss
+from sim_action.ros.ros1.losses import TITLE
 from sim_action.ros.ros1.master import Master
-from sim_action.ros.ros1.model_bodies import BadWorld, model_folders
 from sim_action.ros.ros1.node.bridge import Pace, Session
 from sim_action.ros.ros1.node.change_services import ForceServices, ModelServices
 from sim_action.ros.ros1.node.current_state import CurrentState
@@ -39,6 +38,7 @@ from sim_action.ros.ros1.node.topics import GazeboTopics
 from sim_action.ros.ros1.node.world_models import ChangeQueue, JointEfforts, SpawnedRobot, WorldChanged, WorldModels
 from sim_action.simulation.loop import SimulationRun
 from sim_action.world import World
+from sim_action.world.world_files.losses import Loss
 
 NAME: Final = "/gazebo"
 

@@ -12,9 +12,9 @@ from sim_action.core.errors import Location
 from sim_action.core.wording import escaped_line
 from sim_action.results.outcome import Failure
 from sim_action.ros.ros1.command_source.file_problems import Packages, program_problem
-from sim_action.ros.ros1.losses import Loss
 from sim_action.ros.ros1.verdicts.launch_output import NotLaunched, nodes_not_launched
 from sim_action.ros.ros1.verdicts.launch_tags import LaunchTags
+from sim_action.world.world_files.losses import Loss
 
 _FALSE: Final = frozenset({"", "false", "0"})
 

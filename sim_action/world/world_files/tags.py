@@ -61,7 +61,7 @@ _TAGS: Final[Mapping[str, Mapping[str, Row]]] = MappingProxyType(
             "spherical_coordinates": _PLUGINS,
             "atmosphere": _PLUGINS,
             "wind": Row("none", "it acts only on models with <enable_wind>, which are reported"),
-            "frame": Row("none", "poses relative to a frame are reported"),
+            "frame": READ,
             "actor": Row("lost", "nothing can touch or see it"),
             "population": Row("lost", "its models are missing"),
             "joint": Row("lost", "the models are not joined"),
@@ -72,8 +72,8 @@ _TAGS: Final[Mapping[str, Mapping[str, Row]]] = MappingProxyType(
             "pose": READ,
             "static": READ,
             "plugin": READ,
-            "placement_frame": Row("lost", "the pose is that of the model itself"),
-            "merge": Row("none", "a body has no names inside"),
+            "placement_frame": READ,
+            "merge": READ,
         },
         "model": {
             "static": READ,
@@ -83,11 +83,11 @@ _TAGS: Final[Mapping[str, Mapping[str, Row]]] = MappingProxyType(
             "include": READ,
             "plugin": READ,
             "allow_auto_disable": _SOLVER,
-            "self_collide": Row("none", "a body is one shape"),
-            "frame": Row("none", "poses relative to a frame are reported"),
+            "self_collide": Row("none", "a body does not touch itself"),
+            "frame": READ,
             "enable_wind": Row("lost", "there is no wind", ("false",), moving=True),
-            "joint": Row("lost", "a body has no joints", moving=True),
-            "gripper": Row("lost", "a body has no joints", moving=True),
+            "joint": Row("lost", "the links that it joins move as one body", moving=True),
+            "gripper": Row("lost", "the links that it joins move as one body", moving=True),
         },
         "link": {
             "pose": READ,
@@ -102,7 +102,7 @@ _TAGS: Final[Mapping[str, Mapping[str, Row]]] = MappingProxyType(
             "audio_sink": Row("none", "there is no sound"),
             "audio_source": Row("none", "there is no sound"),
             "must_be_base_link": _SOLVER,
-            "self_collide": Row("none", "a body is one shape"),
+            "self_collide": Row("none", "a body does not touch itself"),
             "gravity": Row("lost", "the body falls", ("true",), moving=True),
             "kinematic": Row("lost", "the body obeys forces", ("false",), moving=True),
             "enable_wind": Row("lost", "there is no wind", ("false",), moving=True),
@@ -193,16 +193,15 @@ _TAGS: Final[Mapping[str, Mapping[str, Row]]] = MappingProxyType(
 HARMLESS_WORLD_PLUGINS: Final[Mapping[str, str]] = {
     "gazebo_ros_api_plugin": "its services and topics are those of sim-action",
     "gazebo_ros_paths_plugin": "it sets search paths, which sim-action takes from packages",
+    "gazebo_ros_init": "it starts ROS 2 in Gazebo",
+    "gazebo_ros_factory": "it spawns models for nodes of ROS 2",
+    **{
+        f"{generation}-{system}-system": "it runs a part of Gazebo itself"
+        for generation in ("gz-sim", "ignition-gazebo")
+        for system in ("physics", "user-commands", "scene-broadcaster", "sensors", "imu", "contact", "log")
+    },
 }
 """Plugin of a world -> the reason why its absence is not a loss."""
-
-_ATTRIBUTES: Final[Mapping[str, tuple[str, ...]]] = {
-    "relative_to": ("", "world", "__model__"),
-    "degrees": ("", "false"),
-    "rotation_format": ("", "euler_rpy"),
-    "frame": ("", "world"),
-}
-"""Attribute of a <pose> -> texts with which it has no effect; others are not supported."""
 
 
 def lost_tags(holder: Element, kind: str = "", *, moves: bool = False) -> Iterator[tuple[Element, str]]:
@@ -211,8 +210,8 @@ def lost_tags(holder: Element, kind: str = "", *, moves: bool = False) -> Iterat
     for tag in holder:
         row = rows.get(tag.tag)
         text = (tag.text or "").strip()
-        if tag.tag == "pose":
-            yield from ((tag, message) for message in _pose_attributes(tag))
+        if tag.tag == "joint" and tag.get("type") == "fixed":
+            continue
         if row is None:
             yield tag, f"<{tag.tag}> of <{holder.tag}> is not supported and has no effect"
         elif row.is_lost(text, moves=moves):
@@ -226,12 +225,6 @@ def lost_tags_below(holder: Element, *, moves: bool) -> Iterator[tuple[Element, 
     for tag in holder:
         if tag.tag in _TAGS and rows.get(tag.tag) is READ:
             yield from lost_tags_below(tag, moves=moves)
-
-
-def _pose_attributes(pose: Element) -> Iterator[str]:
-    for name, neutral in _ATTRIBUTES.items():
-        if (text := pose.get(name, "")) not in neutral:
-            yield f'<pose {name}="{text}"> is not supported: the pose counts from the element around it, in radians'
 
 
 def _is_equal(text: str, neutral: str) -> bool:

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.ros.ros1 import world_tags
-from sim_action.ros.ros1.world_tags import lost_tags, lost_tags_below
+from sim_action.world.world_files import tags
+from sim_action.world.world_files.tags import lost_tags, lost_tags_below
 
 
 def lost(text: str, *, moves: bool = False) -> list[str]:
@@ -17,15 +17,25 @@ def lost(text: str, *, moves: bool = False) -> list[str]:
 
 
 def test_every_row_that_is_not_read_has_a_reason() -> None:
-    for holder, rows in world_tags._TAGS.items():
+    for holder, rows in tags._TAGS.items():
         for tag, row in rows.items():
             assert bool(row.reason) == (row.effect != "read"), (holder, tag)
             assert not row.neutral or row.effect == "lost", (holder, tag)
 
 
 def test_what_is_only_drawn_or_set_for_the_engine_of_gazebo_is_not_lost() -> None:
-    tags = ("light", "scene", "gui", "physics", "road", "magnetic_field", "atmosphere", "spherical_coordinates", "wind")
-    world = "".join(f"<{tag}><inside>1</inside></{tag}>" for tag in tags)
+    drawn = (
+        "light",
+        "scene",
+        "gui",
+        "physics",
+        "road",
+        "magnetic_field",
+        "atmosphere",
+        "spherical_coordinates",
+        "wind",
+    )
+    world = "".join(f"<{tag}><inside>1</inside></{tag}>" for tag in drawn)
     assert list(lost_tags(ET.fromstring(f"<world>{world}</world>"))) == []
 
 
@@ -67,14 +77,6 @@ def test_a_part_of_the_motion_is_lost_only_where_something_moves(link: str, fixe
 )
 def test_properties_of_contacts(surface: str, count: int) -> None:
     assert len(lost(f"<collision><surface>{surface}</surface></collision>")) == count
-
-
-@pytest.mark.parametrize(
-    ("attributes", "count"),
-    [("", 0), ('relative_to="world"', 0), ('relative_to="other"', 1), ('degrees="true"', 1), ('frame="" ', 0)],
-)
-def test_a_pose_that_is_not_read_as_it_is_meant_is_lost(attributes: str, count: int) -> None:
-    assert len(lost(f"<model><pose {attributes}>1 0 0 0 0 0</pose></model>")) == count
 
 
 @given(st.sampled_from(["0", "0.0", "-0", "0e3", "false", "False"]))

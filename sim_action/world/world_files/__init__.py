@@ -1,0 +1,191 @@
+"""World files of Gazebo (SDF, sdformat.org/spec): their models as bodies, one of them as the robot, and the losses.
+
+Scenarios and the simulation of ROS 1 launch files read worlds here. Files are found by `Packages`, which lets no file
+outside the workspace be read without permission.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path, PurePath
+from typing import TYPE_CHECKING, Any, Final
+from xml.etree.ElementTree import Element
+
+from pydantic import ValidationError
+
+from sim_action.core.geometry import Pose
+from sim_action.robot.audit.rules import refuse_errors
+from sim_action.robot.packages import Packages
+from sim_action.robot.robot_model import Finding
+from sim_action.robot.sdf.composition import Entry
+from sim_action.robot.sdf.elements import Notes, numbers_of
+from sim_action.robot.sdf.worlds import SdfWorld, base_pose, read_sdf_world
+from sim_action.robot.xml_document import ModelDocument, read_document
+from sim_action.world import GRAVITY, Ground, World
+from sim_action.world.world_files.bodies import BodyReader, ReadBody
+from sim_action.world.world_files.losses import Loss, LossList
+from sim_action.world.world_files.shapes import ShapeReader, said
+from sim_action.world.world_files.tags import HARMLESS_WORLD_PLUGINS, lost_tags
+
+if TYPE_CHECKING:
+    from sim_action.world.parts import Part
+
+__all__ = ["Loss", "WorldFile", "WorldRobot", "plugin_name", "plugin_names", "read_world_file"]
+
+_MISSING: Final = frozenset({"missing-include", "missing-package"})
+"""Rules of findings that make a model missing from the world."""
+
+_ABSENT: Final = "an included model that is missing"
+
+
+@dataclass(frozen=True, eq=False)
+class WorldRobot:
+    """The model of a world that is the robot.
+
+    Attributes:
+        entry: the model, or the <include>.
+        pose: pose of the model in the world.
+        base: pose of its root link in the world; None if it is fixed to the world.
+    """
+
+    name: str
+    entry: Entry
+    pose: Pose
+    base: Pose | None
+
+
+@dataclass(frozen=True, eq=False)
+class WorldFile:
+    """The content of a world file.
+
+    Attributes:
+        parts: name of a body -> its parts, for bodies whose shapes are in files.
+        models: the names of all models.
+        losses: the parts that are not simulated.
+        remarks: warnings about the file.
+        stated: the keys of `world` that the file states, besides its objects.
+    """
+
+    world: World
+    parts: Mapping[str, tuple[Part, ...]] = field(default_factory=dict)
+    robot: WorldRobot | None = None
+    models: tuple[str, ...] = ()
+    losses: tuple[Loss, ...] = ()
+    remarks: tuple[Finding, ...] = ()
+    stated: frozenset[str] = frozenset()
+
+
+def read_world_file(
+    path: Path, packages: Packages, is_robot: Callable[[Entry], bool], document: ModelDocument | None = None
+) -> WorldFile:
+    """Read a world file. Raises ModelError.
+
+    :param path: the file, which may be read.
+    :param is_robot: returns True for a model that can be the robot; the first one is.
+    :param document: the content of the file, if it was read already.
+    """
+    notes = Notes()
+    world = read_sdf_world(path.resolve(), document or read_document(path), packages, notes)
+    found = _WorldReader(world, packages, notes).read(is_robot)
+    refuse_errors(each for each in notes.findings if each.level == "fatal" and each.rule not in _MISSING)
+    return found
+
+
+class _WorldReader:
+    """The state of reading one world."""
+
+    def __init__(self, world: SdfWorld, packages: Packages, notes: Notes) -> None:
+        self._world, self._notes = world, notes
+        self._losses = LossList(notes.places)
+        self._shapes = ShapeReader(packages, self._losses, notes, has_ground=world.has_ground)
+        self._bodies = BodyReader(world, self._shapes, self._losses)
+        self._robot: WorldRobot | None = None
+
+    def read(self, is_robot: Callable[[Entry], bool]) -> WorldFile:
+        """Read the world; problems become findings."""
+        element = self._world.element
+        for tag, message in lost_tags(element):
+            self._losses.add(tag, message)
+        self._note_state(element.find("state"))
+        bodies = [body for model in self._world.models.values() for body in self._read_model(model, is_robot)]
+        for plugin in element.findall("plugin"):
+            if (name := plugin_name(plugin)) not in HARMLESS_WORLD_PLUGINS:
+                message = f"the plugin {name} of the world is not supported and has no effect"
+                self._losses.add(plugin, message)
+        missing = tuple(
+            Loss(message=each.message, location=each.location, kind=_ABSENT, is_missing=True)
+            for each in self._notes.findings
+            if each.rule in _MISSING
+        )
+        stated = dict(self._stated())
+        return WorldFile(
+            self._made({**stated, "objects": tuple(each.body for each in bodies)}),
+            {each.body.name: each.parts for each in bodies if each.parts is not None},
+            self._robot,
+            tuple(self._world.models),
+            (*missing, *self._losses.found),
+            tuple(each for each in self._notes.findings if each.level == "warning"),
+            frozenset(stated),
+        )
+
+    def _made(self, keys: Mapping[str, Any]) -> World:
+        """Return a world; a problem becomes a finding."""
+        try:
+            return World.model_validate(keys)
+        except ValidationError as error:
+            self._notes.add("bad-number", self._world.element, said(error))
+            return World()
+
+    def _stated(self) -> Iterator[tuple[str, Any]]:
+        """Yield the gravity and the ground, if the file states them."""
+        element = self._world.element
+        # Up to SDF 1.5, gravity is a part of <physics>.
+        stated = element.find("gravity")
+        stated = element.find("physics/gravity") if stated is None else stated
+        gravity = None if stated is None else self._notes.attempt(lambda tag: numbers_of(tag, 3), stated)
+        if gravity is not None and gravity != (0.0, 0.0, -GRAVITY):
+            yield "gravity", gravity
+        if (friction := self._shapes.ground_friction) is not None and friction != Ground().friction:
+            yield "ground", Ground(friction=friction)
+
+    def _note_state(self, state: Element | None) -> None:
+        """Note the losses in a <state>."""
+        if state is None:
+            return
+        for tag, message in lost_tags(state):
+            if len(tag) or tag.text:
+                self._losses.add(tag, message)
+        for model in state.findall("model"):
+            for tag, message in lost_tags(model, "state/model"):
+                self._losses.add(tag, message)
+            for link in model.findall("link"):
+                for tag, message in lost_tags(link, "state/link"):
+                    self._losses.add(tag, message)
+
+    def _read_model(self, model: Entry, is_robot: Callable[[Entry], bool]) -> Iterator[ReadBody]:
+        if self._robot is None and is_robot(model):
+            pose = self._notes.attempt(self._world.pose, model)
+            base = self._notes.attempt(lambda name: base_pose(self._world, name), model.name)
+            self._robot = WorldRobot(model.name, model, pose or Pose(), base)
+            return
+        if plugins := plugin_names(model):
+            message = f"'{model.name}' is simulated as a body, not as a robot; its plugins have no effect"
+            kind = "a model with plugins is simulated as a body, not as a robot; its plugins have no effect"
+            self._losses.add(model.element, f"{message}: {', '.join(plugins)}", kind=kind)
+        yield from self._notes.attempt(lambda model: list(self._bodies.bodies(model)), model) or ()
+
+
+def plugin_names(model: Entry) -> list[str]:
+    """Return the plugins of a model, of the models in it, and of their sensors."""
+    scopes = list(model.scope.scopes()) if model.scope is not None else []
+    includes = [entry.element for scope in scopes for entry in scope.members if entry.element.tag == "include"]
+    own = [model.element] if model.element.tag == "include" else []
+    holders = [*(scope.element for scope in scopes), *own, *includes]
+    sensors = [sensor for scope in scopes for sensor in scope.element.iterfind("link/sensor")]
+    return [plugin_name(plugin) for holder in (*holders, *sensors) for plugin in holder.findall("plugin")]
+
+
+def plugin_name(plugin: Element) -> str:
+    """Return the file of a plugin, without "lib" and ".so"."""
+    return PurePath(plugin.get("filename", "")).name.removesuffix(".so").removeprefix("lib")

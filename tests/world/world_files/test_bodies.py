@@ -1,0 +1,269 @@
+"""Bodies from Gazebo's models, and the losses of each."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from sim_action.core.errors import RefusedModel
+from sim_action.core.workspace import Workspace
+from sim_action.robot.packages import Packages
+from sim_action.world import Body, Inertia, Sphere
+from sim_action.world.parts import HullPart
+from sim_action.world.world_files import WorldFile, read_world_file
+from tests.ros_workspace import written
+
+TETRAHEDRON = """\
+v 0 0 0
+v 1 0 0
+v 0 1 0
+v 0 0 1
+f 1 3 2
+f 1 2 4
+f 1 4 3
+f 2 3 4
+"""
+# Two tetrahedra that meet in a corner.
+CONCAVE = (
+    TETRAHEDRON
+    + """\
+v -1 0 0
+v 0 -1 0
+v 0 0 -1
+f 1 5 6
+f 1 7 5
+f 1 6 7
+f 5 7 6
+"""
+)
+
+
+def shaped(geometry: str, *, more: str = "", static: bool = True) -> str:
+    collision = f"<collision name='c'><geometry>{geometry}</geometry>{more}</collision>"
+    return f"<model name='m'><static>{static}</static><link name='l'>{collision}</link></model>"
+
+
+def world_file(folder: Path, inside: str) -> WorldFile:
+    path = folder / "a.world"
+    path.write_text(f'<?xml version="1.0"?>\n<sdf version="1.9">\n<world name="w">\n{inside}\n</world></sdf>')
+    return read_world_file(path, Packages(Workspace(folder, folder), environment={}), lambda _: False)
+
+
+def read(text: str, folder: Path) -> tuple[list[Body], list[str]]:
+    found = world_file(folder, text)
+    return list(found.world.objects), [loss.message for loss in found.losses]
+
+
+@pytest.mark.parametrize(
+    "uri", ["model://rock/meshes/rock.obj", "rock/meshes/rock.obj", "file://{folder}/rock/meshes/rock.obj"]
+)
+@pytest.mark.parametrize(("scale", "factor"), [("2 2 2", 2.0), ("1 2 3", (1.0, 2.0, 3.0))])
+def test_a_mesh_collides(uri: str, scale: str, factor: object, tmp_path: Path) -> None:
+    written(tmp_path / "rock/meshes/rock.obj", TETRAHEDRON)
+    written(tmp_path / "rock/model.config", "<model><name>rock</name></model>")
+    stated = uri.format(folder=tmp_path)
+    found = world_file(tmp_path, shaped(f"<mesh><uri>{stated}</uri><scale>{scale}</scale></mesh>"))
+
+    (body,) = found.world.objects
+    assert body.mesh is not None
+    assert (body.mesh.file, body.mesh.scale) == (str(tmp_path / "rock/meshes/rock.obj"), factor)
+    (hull,) = found.parts["m"]
+    assert isinstance(hull, HullPart)
+    assert max(z for _, _, z in hull.points_xyz) == pytest.approx(float(scale.split()[2]))
+    assert found.losses == ()
+
+
+@pytest.mark.parametrize(
+    ("inside", "file", "message"),
+    [
+        ("<uri>model://no/none.obj</uri>", TETRAHEDRON, "was not found; it is left out"),
+        ("<uri>rock.obj</uri><scale>1 1 -2</scale>", TETRAHEDRON, "has the scale 1 1 -2; only positive numbers"),
+        ("<uri>rock.obj</uri>", "v nothing\n", "cannot be used"),
+        ("<uri>../../rock.obj</uri>", TETRAHEDRON, "is outside the workspace"),
+        ("<uri>rock.obj</uri><submesh><name>a</name></submesh>", TETRAHEDRON, "<submesh> is not simulated"),
+    ],
+)
+def test_a_mesh_that_cannot_collide_is_lost(inside: str, file: str, message: str, tmp_path: Path) -> None:
+    written(tmp_path / "rock.obj", file)
+    _, lost = read(shaped(f"<mesh>{inside}</mesh>"), tmp_path)
+
+    assert any(message in each for each in lost), lost
+
+
+def test_a_moving_mesh_that_is_not_convex_is_lost(tmp_path: Path) -> None:
+    written(tmp_path / "a.obj", TETRAHEDRON)
+    written(tmp_path / "b.obj", CONCAVE)
+
+    for name, losses in (("a", []), ("b", ["'m' moves and is not convex: its convex hull collides"])):
+        bodies, lost = read(shaped(f"<mesh><uri>{name}.obj</uri></mesh>", static=False), tmp_path)
+        assert (len(bodies), lost) == (1, losses)
+
+
+@pytest.mark.parametrize("kind", ["heightmap", "polyline", "image", "cone", "dodecahedron"])
+def test_another_shape_is_lost(kind: str, tmp_path: Path) -> None:
+    bodies, lost = read(shaped(f"<{kind}/>"), tmp_path)
+
+    assert bodies == []
+    assert lost == [f"a <{kind}> of 'm' is neither box, cylinder, sphere, capsule nor mesh; it is left out"]
+
+
+def test_a_capsule_is_a_cylinder_and_two_balls(tmp_path: Path) -> None:
+    bodies, lost = read(shaped("<capsule><radius>0.1</radius><length>0.4</length></capsule>"), tmp_path)
+
+    (body,) = bodies
+    places = [(shape.kind, shape.pose.pose.position_xyz) for shape in body.shapes or ()]
+    assert places == [("cylinder", (0, 0, 0)), ("sphere", (0, 0, -0.2)), ("sphere", (0, 0, 0.2))]
+    assert lost == []
+
+
+def test_a_round_ellipsoid_is_a_ball(tmp_path: Path) -> None:
+    bodies, _ = read(shaped("<ellipsoid><radii>0.2 0.2 0.2</radii></ellipsoid>"), tmp_path)
+
+    assert [body.sphere for body in bodies] == [Sphere(radius=0.2)]
+
+
+@pytest.mark.parametrize(
+    ("pose", "normal", "lost"),
+    [
+        ("0 0 0 0 0 0", "0 0 1", 0),
+        ("0 0 1 0 0 0", "0 0 1", 1),
+        ("0 0 0 0 0 0", "1 0 0", 1),
+        ("0 0 0 0.5 0 0", "0 0 1", 1),
+    ],
+)
+def test_only_a_plane_on_the_ground_is_the_ground(pose: str, normal: str, lost: int, tmp_path: Path) -> None:
+    more = f"<pose>{pose}</pose>"
+    bodies, losses = read(shaped(f"<plane><normal>{normal}</normal></plane>", more=more), tmp_path)
+
+    assert (bodies, len(losses)) == ([], lost)
+
+
+SURFACE = "<surface><friction><ode>{}</ode></friction></surface>"
+
+
+@pytest.mark.parametrize(
+    ("ode", "friction", "lost"),
+    [
+        ("", 1.0, 0),
+        ("<mu>0.2</mu>", 0.2, 0),
+        ("<mu>0.2</mu><mu2>0.2</mu2>", 0.2, 0),
+        ("<mu>100</mu><mu2>50</mu2>", 1.0, 0),
+        ("<mu>0.2</mu><mu2>0.4</mu2>", 0.2, 1),
+        ("<slip1>0.1</slip1>", 1.0, 1),
+        ("<slip1>0.0</slip1>", 1.0, 0),
+    ],
+)
+def test_the_friction_of_a_body_is_that_of_its_collision(ode: str, friction: float, lost: int, tmp_path: Path) -> None:
+    bodies, losses = read(shaped("<box><size>1 1 1</size></box>", more=SURFACE.format(ode)), tmp_path)
+
+    assert [body.friction for body in bodies] == [friction]
+    assert len(losses) == lost, losses
+
+
+BOX = """
+<model name="m"><link name="l"><inertial>{pose}<mass>3</mass><inertia><ixx>{ixx}</ixx><iyy>0.5</iyy><izz>0.5</izz>
+<ixy>0</ixy><ixz>0</ixz><iyz>0</iyz></inertia></inertial>
+<collision name="c"><geometry><box><size>1 1 1</size></box></geometry></collision></link></model>
+"""
+
+
+@pytest.mark.parametrize(
+    ("pose", "ixx", "centre", "message"),
+    [
+        ("", 0.5, (0.0, 0.0, 0.0), None),
+        ("<pose>0 0 0.3 0 0 0</pose>", 0.4, (0.0, 0.0, 0.3), None),
+        (
+            "",
+            2.0,
+            (0.0, 0.0, 0.0),
+            "the inertia of 'm' is that of uniform density: ",
+        ),
+    ],
+)
+def test_a_moving_body_has_its_stated_inertia(
+    pose: str, ixx: float, centre: tuple[float, ...], message: str | None, tmp_path: Path
+) -> None:
+    bodies, lost = read(BOX.format(pose=pose, ixx=ixx), tmp_path)
+
+    (body,) = bodies
+    assert body.mass == 3.0
+    assert body.center_of_mass == pytest.approx(centre)
+    assert body.inertia == (Inertia(ixx=ixx, iyy=0.5, izz=0.5) if message is None else None)
+    assert [each.startswith(message or "") for each in lost] == [True] * (message is not None)
+
+
+LINK = """<link name="{name}"><pose>{x} 0 1 0 0 0</pose><inertial><mass>{mass}</mass></inertial>
+<collision name="c"><geometry><box><size>0.2 0.2 0.2</size></box></geometry></collision></link>"""
+TWO = LINK.format(name="a", x=0, mass=1) + LINK.format(name="b", x=1, mass=3)
+JOINT = "<joint name='j' type='{kind}'><parent>{parent}</parent><child>{child}</child></joint>"
+
+
+def test_links_that_are_not_joined_are_bodies_of_their_own(tmp_path: Path) -> None:
+    bodies, lost = read(f"<model name='m'>{TWO}</model>", tmp_path)
+
+    assert [(body.name, body.mass, body.pose.x, body.pose.z) for body in bodies] == [("m/a", 1, 0, 1), ("m/b", 3, 1, 1)]
+    assert lost == []
+
+
+@pytest.mark.parametrize(("kind", "lost"), [("fixed", 0), ("revolute", 1)])
+def test_links_that_are_joined_are_one_body(kind: str, lost: int, tmp_path: Path) -> None:
+    joint = JOINT.format(kind=kind, parent="a", child="b")
+    bodies, losses = read(f"<model name='m'><pose>5 0 0 0 0 0</pose>{TWO}{joint}</model>", tmp_path)
+
+    (body,) = bodies
+    assert (body.name, body.mass, body.pose.x) == ("m", 4, 5)
+    assert body.center_of_mass == pytest.approx((0.75, 0, 1))
+    assert body.inertia is not None
+    # Two cubes of 0.2 m, and their distances of 0.75 m and 0.25 m from the centre of mass.
+    assert body.inertia.izz == pytest.approx(4 * 0.04 / 6 + 0.75**2 + 3 * 0.25**2)
+    assert losses == ["<joint> is not simulated: the links that it joins move as one body ('m')"] * lost
+
+
+def test_a_model_that_is_joined_to_the_world_is_fixed(tmp_path: Path) -> None:
+    joint = JOINT.format(kind="fixed", parent="world", child="a") + JOINT.format(kind="revolute", parent="a", child="b")
+    bodies, _ = read(f"<model name='door'>{TWO}{joint.replace(repr('j'), repr('k'), 1)}</model>", tmp_path)
+
+    assert [(body.name, body.mass) for body in bodies] == [("door", None)]
+
+
+def test_a_pose_can_be_relative_to_another_model_and_in_degrees(tmp_path: Path) -> None:
+    other = shaped("<box><size>1 1 1</size></box>").replace("'m'", "'other'")
+    pose = "<pose relative_to='other' degrees='true'>1 0 0 0 0 90</pose>"
+    turned = other.replace("<link", "<pose>0 2 0 0 0 0</pose><link").replace("other", "first", 1)
+    model = shaped("<sphere><radius>1</radius></sphere>").replace("<link", f"{pose.replace('other', 'first')}<link", 1)
+    bodies, lost = read(turned + model, tmp_path)
+
+    at = bodies[1].pose
+    assert (at.x, at.y, at.z, at.yaw) == pytest.approx((1, 2, 0, math.pi / 2))
+    assert lost == []
+
+
+def test_static_links_of_a_moving_model_are_one_fixed_body(tmp_path: Path) -> None:
+    inner = f"<model name='base'><static>true</static>{TWO}</model>"
+    bodies, _ = read(f"<model name='m'>{LINK.format(name='a', x=3, mass=1)}{inner}</model>", tmp_path)
+
+    assert [(body.name, body.mass) for body in bodies] == [("m/a", 1), ("m/base/a", None)]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "message"),
+    [
+        ("0.2 0.2 0.2", "0.2 wide", 5, "<size> is '0.2 wide': expected 3 finite numbers"),
+        ("0.2 0.2 0.2", "0.2 0.2 -1", 5, "should be greater than or equal to"),
+        ("<mass>1<", "<mass>0<", 4, "<mass> of 'm' is 0: expected more than 0"),
+        ("<pose>0 0 1", "<pose relative_to='nothing'>0 0 1", 4, "<pose> refers to 'nothing', which does not exist"),
+        ("<box><size>0.2 0.2 0.2</size></box>", "", 5, None),
+    ],
+)
+def test_bad_values_have_their_line(old: str, new: str, line: int, message: str | None, tmp_path: Path) -> None:
+    text = f"<model name='m'>{TWO}</model>"
+    assert old in text
+    if message is None:
+        assert len(read(text.replace(old, new), tmp_path)[0]) == 0
+        return
+    with pytest.raises(RefusedModel) as error:
+        read(text.replace(old, new, 1), tmp_path)
+    assert message in str(error.value)
+    assert [problem.location.line for problem in error.value.problems] == [line]
