@@ -204,7 +204,7 @@ def plain_joint(joint: ET.Element, parent: str, child: str, in_model: Mapping[st
 
 
 def compiled(model: Any) -> Read:
-    """Return what MuJoCo's compiler made of a model; bodies and joints have numbers, because some have no names."""
+    """Return what MuJoCo's compiler made of a model; joints and bodies without a name have numbers."""
     import mujoco
 
     data = mujoco.MjData(model)
@@ -220,7 +220,9 @@ def compiled(model: Any) -> Read:
     bodies = {}
     for body in range(1, model.nbody):
         at = np.linalg.inv(base) @ frame(data.xipos[body], data.ximat[body].reshape(3, 3))
-        bodies[str(body)] = placed(float(model.body_mass[body]), at, np.diag(model.body_inertia[body]))
+        bodies[model.body(body).name or str(body)] = placed(
+            float(model.body_mass[body]), at, np.diag(model.body_inertia[body])
+        )
     joints = dict[str, Joined]()
     for joint in range(model.njnt):
         if int(model.jnt_type[joint]) in {int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)}:
