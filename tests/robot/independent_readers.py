@@ -220,7 +220,7 @@ def compiled(model: Any) -> Read:
     bodies = {}
     for body in range(1, model.nbody):
         at = np.linalg.inv(base) @ frame(data.xipos[body], data.ximat[body].reshape(3, 3))
-        bodies[model.body(body).name or str(body)] = placed(
+        bodies[model.body(body).name or f"body_{body}"] = placed(
             float(model.body_mass[body]), at, np.diag(model.body_inertia[body])
         )
     joints = dict[str, Joined]()
