@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import PurePath
 from statistics import fmean
 from typing import Annotated, ClassVar, Final, Self
 
@@ -134,8 +135,9 @@ def _with_tyres(model: RobotModel, wheels: frozenset[str], gravity_xyz: Vector3)
 
 
 def _mecanum_names(model: RobotModel) -> list[str]:
-    """Return the names of links and joints that name wheels with rollers."""
-    names = [*model.links_by_name, *model.joints_by_name]
+    """Return the names of links, joints, drawn meshes and of the model itself that name wheels with rollers."""
+    meshes = [PurePath(visual.file).name for link in model.links for visual in link.visuals if visual.file]
+    names = [*model.links_by_name, *model.joints_by_name, *meshes, model.name]
     return [name for name in names if any(word in name.lower() for word in ("mecanum", "omni_wheel", "omniwheel"))]
 
 

@@ -173,12 +173,16 @@ def _left_and_right(found: Undercarriage, heading: float) -> tuple[str, str]:
 
 
 def car_joints(model: RobotModel) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the steering joints and the joints of the driven wheels of a car. Raises NoDrive."""
+    """Return the steering joints and the joints of the driven wheels of a car. Raises NoDrive.
+
+    A tricycle steers with one joint. As its driven wheels are not known by their looks, the model must state them.
+    """
     found = undercarriage(model)
     steering = tuple(dict.fromkeys(joint.name for _, joint in found.steered))
     if not steering:
         raise NoDrive("no wheel on the ground has a steering joint above it: an upright one with limits")
-    if len(steering) != _PAIR or len(found.steered) != _PAIR:
+    is_tricycle = found.is_stated and len(found.steered) == 1
+    if not is_tricycle and (len(steering) != _PAIR or len(found.steered) != _PAIR):
         raise NoDrive(f"steering joints: {len(steering)}, steered wheels: {len(found.steered)}; a car has {_PAIR} each")
     if not any(_has_limits(joint) for _, joint in found.steered):
         raise NoDrive(f"joint '{steering[0]}' steers without limits, like a swivel drive")
@@ -211,6 +215,9 @@ def why_no_wheels(model: RobotModel) -> str:
     for joint in near:
         if joint.type == "continuous" and not isinstance(found := tyre(model, joint), Tyre):
             return f"the link of '{joint.name}' {found.reason}; {lowest}"
+    if "wheel" in ground.link.lower():
+        above = next((joint for joint in model.joints if joint.child == ground.link), None)
+        lowest += f", whose joint '{above.name}' is {above.type}" if above else ", which has no joint"
     return f"no round link on a 'continuous' joint stands on the ground: {lowest}"
 
 
@@ -244,6 +251,8 @@ def _mirrored(name: str) -> Iterator[str]:
     """Yield the names that the other side may have, for a name with "left" or a part "l"."""
     if "left" in name:
         yield name.replace("left", "right")
+    if "wheell" in name:
+        yield name.replace("wheell", "wheelr")
     parts = name.split("_")
     for place, part in enumerate(parts):
         for left, right in (("l", "r"), ("lf", "rf"), ("lr", "rr"), ("fl", "fr"), ("rl", "rr"), ("bl", "br")):

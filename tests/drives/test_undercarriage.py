@@ -137,6 +137,13 @@ def test_steering_joints_with_motors_steer_a_car() -> None:
     assert recognise(model) == AckermannDrive(steering=("a_steer", "b_steer"), wheels=("c", "d"))
 
 
+def test_a_tricycle_needs_a_statement_of_its_motors() -> None:
+    model = cart(*PAIR, steered("nose", 0.5, 0.0))
+    assert recognise(model) is None
+    stated = commanded(commanded(model, "velocity", "left", "right"), "position", "nose_steer")
+    assert recognise(stated) == AckermannDrive(steering=("nose_steer",), wheels=("left", "right"))
+
+
 REASONS = [
     (cart(), "diff: the model has no collision shapes, so nothing stands on the ground"),
     (
@@ -217,6 +224,13 @@ def test_wheels_with_rollers_in_their_names_are_not_skid_steer() -> None:
     model = cart(*(wheel(name, *place) for name, place in zip(names, places, strict=True)))
     assert recognise(model) is None
     assert why_not_recognised(model)[0].startswith("skid: 'mecanum_a_link' names wheels with rollers")
+    assert recognise(dataclasses.replace(cart(*FOUR), name="rover_mecanum")) is None
+
+
+def test_a_wheel_that_cannot_roll_is_named_with_its_joint() -> None:
+    (joint,), links = wheel("left_wheel", 0.0, 0.3)
+    model = cart(((dataclasses.replace(joint, type="fixed"),), links))
+    assert why_not_recognised(model)[0].endswith("of 'left_wheel_link', whose joint 'left_wheel' is fixed")
 
 
 @pytest.mark.parametrize(
@@ -251,6 +265,7 @@ def test_a_plugin_whose_figures_do_not_fit_says_so() -> None:
         ("left_wheel", "right_wheel", ("left_wheel", "right_wheel")),
         ("r_wheel_joint", "l_wheel_joint", ("l_wheel_joint", "r_wheel_joint")),
         ("WheelLeft", "WheelRight", ("WheelLeft", "WheelRight")),
+        ("base_wheelR", "base_wheelL", ("base_wheelL", "base_wheelR")),
         ("wheel_l", "wheel_right", None),
         ("a", "b", None),
     ],
