@@ -36,6 +36,10 @@ BUILT_IN: Final = MappingProxyType(
 """Name of each model that comes with sim-action -> its description."""
 
 
+# Keyframes that a message lists.
+_MAX_NAMED: Final = 10
+
+
 class ModelLibrary:
     """A cache of loaded models: each model of a suite is read once, even when many scenarios name it.
 
@@ -81,7 +85,7 @@ def _place(robot: Robot, workspace: Workspace) -> tuple[Hashable, ...]:
 
 
 def _options(robot: Robot) -> str:
-    return robot.model_dump_json(include={"args", "packages", "allow"})
+    return robot.model_dump_json(include={"args", "packages", "allow", "keyframe"})
 
 
 def load_model(robot: Robot, workspace: Workspace) -> RobotModel:
@@ -90,6 +94,8 @@ def load_model(robot: Robot, workspace: Workspace) -> RobotModel:
     A xacro file is evaluated, which runs the expressions in it.
     """
     model = _read_model(robot, workspace)
+    if robot.keyframe is not None and robot.keyframe not in model.keyframes:
+        raise ModelError(_no_keyframe(robot.keyframe, model))
     return replace(model, findings=limited_notes(_told_once(model.findings)))
 
 
@@ -101,6 +107,13 @@ def _told_once(findings: Iterable[Finding]) -> Iterator[Finding]:
         if found.rule not in _PACKAGE_NOTES or key not in told:
             told.add(key)
             yield found
+
+
+def _no_keyframe(name: str, model: RobotModel) -> str:
+    if not model.keyframes:
+        return f"robot.keyframe: the model has no keyframes with a name; remove 'keyframe: {name}'"
+    known = ", ".join(f"'{known}'" for known in list(model.keyframes)[:_MAX_NAMED])
+    return f"robot.keyframe: the model has no keyframe '{name}'{did_you_mean(name, model.keyframes)}; it has {known}"
 
 
 def _read_model(robot: Robot, workspace: Workspace) -> RobotModel:

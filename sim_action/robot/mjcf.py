@@ -34,6 +34,7 @@ from sim_action.robot.robot_model import (
     JointType,
     Link,
     Mimic,
+    Motor,
     RobotModel,
     Shape,
     Surface,
@@ -85,20 +86,23 @@ def read_mjcf(path: Path, packages: Packages, allow: Iterable[str] = ()) -> Robo
 
 
 def _read(path: Path, files: MjcfFiles) -> RobotModel:
+    from sim_action.robot.mjcf_motors import keyframes_of
     from sim_action.robot.mjcf_spec import build
 
     place = Location(shown_file(path))
     built = build(files, place)
     model = built.spec.compile()
-    reader = _Reader(model, built, _actuator_limits(built.spec))
+    reader = _Reader(model, built)
+    joints = reader.joints()
     return RobotModel(
         built.spec.modelname,
         str(path),
         reader.links(),
-        reader.joints(),
+        joints,
         urdf="",
-        findings=(*_bounces(model, place), *built.findings),
+        findings=(*_bounces(model, built), *built.notes.findings()),
         mjcf=built.mjcf,
+        keyframes=keyframes_of(built, joints, reader.free_joint()),
     )
 
 
@@ -120,25 +124,10 @@ def _refusal(path: Path, files: MjcfFiles, error: Exception) -> ModelError:
     return refusal(f"MuJoCo cannot read the model: {message}", places[0] if places else Location(shown_file(path)))
 
 
-def _actuator_limits(spec: Any) -> dict[str, float]:
-    """Return the largest effort of the actuators of each joint, in N m or N."""
-    import mujoco
-
-    limits: dict[str, float] = {}
-    for actuator in spec.actuators:
-        most = max(map(abs, actuator.forcerange)) * abs(actuator.gear[0])
-        if actuator.trntype == mujoco.mjtTrn.mjTRN_JOINT and most > 0:
-            limits[actuator.target] = most
-    for joint in spec.joints:
-        if max(map(abs, joint.actfrcrange)) > 0:
-            limits[joint.name] = max(map(abs, joint.actfrcrange))
-    return limits
-
-
 _DAMPED: Final = "give 'solref' a damping ratio of 1, such as solref=\"0.02 1\""
 
 
-def _bounces(model: Any, place: Location) -> Iterator[Finding]:
+def _bounces(model: Any, built: Built) -> Iterator[Finding]:
     """Yield the geoms that bounce in MuJoCo: their contacts are springs with too little damping."""
     stated = model.geom_solref.tolist()
     collides = ((model.geom_contype != 0) | (model.geom_conaffinity != 0)).tolist()
@@ -146,6 +135,7 @@ def _bounces(model: Any, place: Location) -> Iterator[Finding]:
         restitution = _restitution(first, second) if collides[geom] else 0.0
         if restitution > _MAX_RESTITUTION:
             found = f"geom '{model.geom(geom).name}' has solref=\"{first:g} {second:g}\", a restitution of about"
+            place = built.notes.place(built.spec.geom(model.geom(geom).name))
             yield finding("restitution", no_bounce(f"{found} {restitution:.2g}", _DAMPED), place)
 
 
@@ -161,13 +151,20 @@ def _restitution(first: float, second: float) -> float:
 class _Reader:
     """Reads links and joints of a compiled model."""
 
-    def __init__(self, model: Any, built: Built, limits: Mapping[str, float]) -> None:
-        """`limits`: joint name -> largest effort of its actuators, in N m or N."""
-        self._model, self._built, self._limits = model, built, limits
+    def __init__(self, model: Any, built: Built) -> None:
+        import mujoco
+
+        from sim_action.robot.mjcf_motors import largest_efforts, motors_of
+
+        single = {int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)}
+        names = [model.joint(number).name for number, kind in enumerate(model.jnt_type.tolist()) if kind in single]
+        self._model, self._built = model, built
+        self._motors = motors_of(built, names)
+        self._limits = largest_efforts(model, self._motors)
         self._collides = ((model.geom_contype != 0) | (model.geom_conaffinity != 0)).tolist()
         self._bodies = [model.body(body).name for body in range(model.nbody)]
         self._meshes = [model.mesh(mesh).name for mesh in range(model.nmesh)]
-        self._mimics = _mimics(model)
+        self._mimics = _mimics(model, self._motors)
 
     def links(self) -> tuple[Link, ...]:
         """Return all links, with one for the world if the robot is fixed to it."""
@@ -184,6 +181,11 @@ class _Reader:
     def joints(self) -> tuple[Joint, ...]:
         """Return all joints that are not free."""
         return tuple(joint for body in range(1, self._model.nbody) for joint in self._joints(body))
+
+    def free_joint(self) -> str | None:
+        """Return the name of the free joint of the base; None if the robot is fixed to the world."""
+        body = next((body for body in range(1, self._model.nbody) if self._is_free(body)), None)
+        return None if body is None else str(self._model.joint(int(self._model.body_jntadr[body])).name)
 
     def _is_free(self, body: int) -> bool:
         import mujoco
@@ -270,6 +272,7 @@ class _Reader:
             mimic=self._mimics.get(name),
             anchor_xyz=(ax, ay, az),
             reference=float(model.qpos0[model.jnt_qposadr[number]]),
+            motor=self._motors.get(name),
         )
 
 
@@ -317,8 +320,11 @@ def _shape(model: Any, geom: int) -> Shape:
     return Shape(kind, _pose(model.geom_pos[geom], model.geom_quat[geom]), radius, lower, upper)
 
 
-def _mimics(model: Any) -> dict[str, Mimic]:
-    """Return joints that an equality couples to another; only its linear part, the engine applies the rest."""
+def _mimics(model: Any, motors: Mapping[str, Motor]) -> dict[str, Mimic]:
+    """Return joints that an equality couples to another; only its linear part, the engine applies the rest.
+
+    The leader is the one with a motor of its own.
+    """
     import mujoco
 
     tied: dict[str, Mimic] = {}
@@ -327,15 +333,21 @@ def _mimics(model: Any) -> dict[str, Mimic]:
         if model.eq_type[number] != mujoco.mjtEq.mjEQ_JOINT or not model.eq_active0[number] or other < 0:
             continue
         follower, leader = model.joint(one).name, model.joint(other).name
-        ahead: str | None = leader
-        while ahead in tied and ahead != follower:
-            ahead = tied[ahead].joint
-        if follower in tied or ahead == follower:
-            continue
         offset, multiplier = model.eq_data[number, :2].tolist()
         # The polynomial is that of the distances from the references.
         zero, start = (float(model.qpos0[model.jnt_qposadr[joint]]) for joint in (one, other))
-        tied[follower] = Mimic(leader, multiplier, zero + offset - multiplier * start)
+        offset += zero - multiplier * start
+        driven, drives = (name in motors and not motors[name].tendon for name in (follower, leader))
+        if driven and multiplier and not drives:
+            follower, leader, offset, multiplier = leader, follower, -offset / multiplier, 1 / multiplier
+        elif driven:
+            # Both have motors, which the engine lets work against each other.
+            continue
+        ahead: str | None = leader
+        while ahead in tied and ahead != follower:
+            ahead = tied[ahead].joint
+        if follower not in tied and ahead != follower:
+            tied[follower] = Mimic(leader, multiplier, offset)
     return tied
 
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any, Final
 
 import mujoco
@@ -45,7 +44,7 @@ class Built:
         positions: joint name -> its first number and its count in `qpos` of the file, with all bodies.
         keyframes: name -> (`qpos`, `ctrl`) in the order of the file; empty if the file does not state them.
         actuators: names, in the order of the file.
-        findings: parts that are left out.
+        notes: parts that are left out.
     """
 
     spec: Any
@@ -54,7 +53,7 @@ class Built:
     positions: Mapping[str, tuple[int, int]]
     keyframes: Mapping[str, tuple[tuple[float, ...], tuple[float, ...]]]
     actuators: tuple[str, ...]
-    findings: tuple[Finding, ...]
+    notes: Notes
 
 
 def build(files: MjcfFiles, place: Location) -> Built:
@@ -64,7 +63,7 @@ def build(files: MjcfFiles, place: Location) -> Built:
     positions = _positions(spec)
     actuators = tuple(actuator.name for actuator in spec.actuators)
     keyframes = {key.name: (tuple(key.qpos), tuple(key.ctrl)) for key in spec.keys if key.name}
-    notes = _Notes(files, place)
+    notes = Notes(files, place)
     _leave_out(spec, notes)
     looked_at = _looked_at(spec)
     drawn, meshes = dict[str, MeshFile](), dict[str, MeshBytes]()
@@ -83,9 +82,15 @@ def build(files: MjcfFiles, place: Location) -> Built:
             meshes[mesh.name] = _parsed(named)
         if not moved:
             drawn[mesh.name] = named
-    mjcf = Mjcf(files.text, MappingProxyType(dict(files.models)), MappingProxyType(meshes), looked_at)
+    mjcf = Mjcf(
+        files.text,
+        dict(files.models),
+        meshes,
+        looked_at,
+        tuple(actuator.name for actuator in spec.actuators),
+    )
     _fill_meshes(spec, mjcf)
-    return Built(spec, mjcf, drawn, positions, keyframes, actuators, notes.findings())
+    return Built(spec, mjcf, drawn, positions, keyframes, actuators, notes)
 
 
 def engine_spec(mjcf: Mjcf) -> Any:
@@ -118,11 +123,11 @@ def surfaces_of(mjcf: Mjcf) -> dict[str, tuple[NDArray[np.float64], NDArray[np.i
 def _spec(mjcf: Mjcf) -> Any:
     spec = mujoco.MjSpec.from_string(mjcf.text, include=dict(mjcf.models))
     _name_all(spec)
-    _leave_out(spec, _Notes(None, Location("")))
+    _leave_out(spec, Notes(None, Location("")))
     return spec
 
 
-class _Notes:
+class Notes:
     """Parts that are left out: one finding for each kind, at the first place of that kind."""
 
     def __init__(self, files: MjcfFiles | None, place: Location) -> None:
@@ -185,7 +190,7 @@ def _positions(spec: Any) -> dict[str, tuple[int, int]]:
 # --- parts that are left out ---
 
 
-def _leave_out(spec: Any, notes: _Notes) -> None:
+def _leave_out(spec: Any, notes: Notes) -> None:
     """Delete the parts that are not simulated. Raises ModelError if the rest is not a robot."""
     robot = _robot(spec, notes)
     names = set[str]()
@@ -220,7 +225,7 @@ _OTHER_BODY: Final = "is left out, because it is not a part of the robot; make i
 _WORLD_GEOM: Final = "a <geom> of <worldbody> is left out, such as a floor: 'world' of the scenario has the ground"
 
 
-def _robot(spec: Any, notes: _Notes) -> frozenset[str]:
+def _robot(spec: Any, notes: Notes) -> frozenset[str]:
     """Return the bodies of the world that make up the robot. Raises ModelError if that is ambiguous.
 
     They are the bodies with joints of their own: one that moves freely, or all that are fixed to the world.
@@ -248,7 +253,7 @@ def _names_below(body: Any) -> set[str]:
     return own.union(*map(_names_below, body.bodies)) - {""}
 
 
-def _leave_out_heightfields(spec: Any, notes: _Notes) -> None:
+def _leave_out_heightfields(spec: Any, notes: Notes) -> None:
     """Leave out heightfields that the robot does not use, and refuse files of the others."""
     used = {geom.hfieldname: geom for geom in spec.geoms if geom.hfieldname}
     for field in list(spec.hfields):

@@ -136,6 +136,41 @@ class Mimic:
     offset: float = 0.0
 
 
+MotorKind = Literal["position", "velocity", "effort"]
+
+
+@dataclass(frozen=True, slots=True)
+class Motor:
+    """The motor of a joint as an MJCF model states it. The engine simulates it with its own gains and limits.
+
+    Attributes:
+        actuator: its name in the model.
+        kind: the quantity that its control sets: it is a position servo, a velocity servo, or exerts an effort.
+        tendon: the fixed tendon on which it acts, together with its other joints; empty if it acts on the joint.
+    """
+
+    actuator: str
+    kind: MotorKind
+    tendon: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Keyframe:
+    """A state of the robot that an MJCF model names.
+
+    Attributes:
+        joints: joint name -> rad (m if prismatic).
+        turns: name of a ball joint whose position is not recorded -> orientation.
+        base: pose of the base link, world frame; None if it is fixed.
+        controls: actuator name -> control, in the actuator's own unit; empty if the keyframe states none.
+    """
+
+    joints: Mapping[str, float]
+    turns: Mapping[str, Quaternion] = field(default_factory=dict)
+    base: Pose | None = None
+    controls: Mapping[str, float] = field(default_factory=dict)
+
+
 @dataclass(frozen=True, slots=True)
 class Joint:
     """A joint between a parent link and a child link.
@@ -150,6 +185,7 @@ class Joint:
         anchor_xyz: m, a point on the axis, in the child link's frame; the origin in URDF.
         reference: rad (m), the position in which the model is drawn; 0 in URDF.
         ball: the ball joint of which this is the rotation about one axis; empty for other joints.
+        motor: the motor that the model states; None: an ideal servo moves the joint when it is commanded.
     """
 
     name: str
@@ -166,6 +202,7 @@ class Joint:
     anchor_xyz: Vector3 = ZERO
     reference: float = 0.0
     ball: str = ""
+    motor: Motor | None = None
 
     def dimension(self, reading: Reading) -> Dimension:
         """Return the dimension of a reading: it depends on whether the joint turns or slides."""
@@ -274,12 +311,14 @@ class Mjcf:
         models: name in the text -> text of each model to attach.
         meshes: mesh name -> its surface, for meshes that collide or have a mass.
         looked_at: geoms that are only drawn.
+        actuators: names of all actuators; joints without one are passive if there is any.
     """
 
     text: str
     models: Mapping[str, bytes] = field(repr=False)
     meshes: Mapping[str, MeshBytes] = field(repr=False)
     looked_at: frozenset[str] = frozenset()
+    actuators: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -311,6 +350,7 @@ class RobotModel:
         plugins: the plugins that it asks Gazebo to load, and then the controllers in their parameter files.
         mjcf: the input of MuJoCo; None for other formats.
         commanded: the joints that <ros2_control> or a <transmission> drives.
+        keyframes: name -> state, in MJCF.
     """
 
     name: str
@@ -322,6 +362,7 @@ class RobotModel:
     plugins: tuple[Plugin, ...] = ()
     mjcf: Mjcf | None = None
     commanded: tuple[CommandedJoint, ...] = ()
+    keyframes: Mapping[str, Keyframe] = field(default_factory=dict)
 
     @cached_property
     def hull_files(self) -> dict[str, bytes]:
@@ -377,6 +418,15 @@ class RobotModel:
         if joint.mimic is not None:
             return f"joint '{name}' cannot be commanded: it mimics '{joint.mimic.joint}'; command that joint"
         return None
+
+    def leaders(self, name: str) -> set[str]:
+        """Return a joint, and all joints that it follows."""
+        found = {name}
+        mimic = self.joints_by_name[name].mimic
+        while mimic is not None and mimic.joint not in found:
+            found.add(mimic.joint)
+            mimic = self.joints_by_name[mimic.joint].mimic
+        return found
 
     def positions(self, stated: Mapping[str, float]) -> dict[str, float]:
         """Return the position of each moving joint, in rad (m).

@@ -36,6 +36,20 @@ class Robot(FrozenModel):
         Field(description="initial positions of joints, by name; default: 0, or the middle of limits that exclude 0"),
     ] = Field(default_factory=dict)
 
+    keyframe: Annotated[
+        str | None,
+        Field(
+            min_length=1, description="name of a keyframe of an MJCF file, where the robot begins; `joints` override it"
+        ),
+    ] = None
+
+    @model_validator(mode="after")
+    def _keyframe_is_read(self) -> Self:
+        if self.keyframe is not None and not self.is_mjcf:
+            found = f"only MJCF files have keyframes, and the model is '{self.model}'"
+            raise ValueError(f"keyframe: {found}; remove 'keyframe', and state the positions in 'joints'")
+        return self
+
     @model_validator(mode="after")
     def _args_are_read(self) -> Self:
         if self.args and not self.is_xacro:

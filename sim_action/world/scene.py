@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 
 from sim_action.core import units
 from sim_action.core.field_types import Placement
+from sim_action.core.geometry import rpy_from_quaternion
 from sim_action.core.workspace import Workspace
 from sim_action.robot.kinematics import Mobility
-from sim_action.robot.robot_model import WORLD, RobotModel
+from sim_action.robot.robot_model import WORLD, Keyframe, RobotModel
 from sim_action.robot.spec import Robot
 from sim_action.world import Body, Physics, World
 
@@ -91,22 +92,61 @@ class Scene:
         return frozenset(bolted)
 
     @property
+    def keyframe(self) -> Keyframe | None:
+        """The keyframe of the model at which the robot begins, if the scenario names one."""
+        return None if self.robot.keyframe is None else self.model.keyframes[self.robot.keyframe]
+
+    @property
     def placement(self) -> Placement:
-        """The initial placement of the base link; z is None if the robot stands on the ground."""
+        """The initial placement of the base link; z is None if the robot stands on the ground.
+
+        A keyframe states the height and the orientation, unless `robot.pose` states them.
+        """
         pose = self.robot.pose
+        at = None if self.keyframe is None else self.keyframe.base
+        if at is not None:
+            if not {"roll", "pitch", "yaw"} & pose.model_fields_set:
+                roll, pitch, yaw = rpy_from_quaternion(at.orientation_xyzw)
+                pose = pose.model_copy(update={"roll": roll, "pitch": pitch, "yaw": yaw})
+            return pose if pose.z is not None else pose.model_copy(update={"z": at.position_xyz[2]})
         at_origin = pose.z is None and self.bolted and self.model.root == WORLD
         return pose.model_copy(update={"z": 0.0}) if at_origin else pose
 
     @property
     def joint_positions(self) -> dict[str, float]:
         """The initial position of each moving joint in rad, or m if prismatic. Raises units.UnitError."""
+        stated = self._stated_positions()
+        key = {} if self.keyframe is None else self.keyframe.joints
+        positions = self.model.positions({**key, **stated})
+        # A keyframe also states followers, which may depend on their leaders in a nonlinear way.
+        return {
+            name: key[name] if name in key and not self.model.leaders(name) & stated.keys() else position
+            for name, position in positions.items()
+        }
+
+    @property
+    def controls(self) -> dict[str, float]:
+        """The initial controls of the model's motors that the keyframe states, in the unit of each actuator.
+
+        Motors of joints whose positions `robot.joints` states begin there.
+        """
+        if self.keyframe is None:
+            return {}
+        stated = self._stated_positions().keys()
+        moved = {
+            joint.motor.actuator
+            for joint in self.model.moving_joints
+            if joint.motor is not None and self.model.leaders(joint.name) & stated
+        }
+        return {name: control for name, control in self.keyframe.controls.items() if name not in moved}
+
+    def _stated_positions(self) -> dict[str, float]:
         joints = self.model.joints_by_name
-        stated = {
+        return {
             name: units.parse(written, joints[name].dimension("position"))
             for name, written in self.robot.joints.items()
             if name in joints
         }
-        return self.model.positions(stated)
 
     def parts_of(self, body: Body) -> Sequence[Part]:
         """Return the parts of a body of the world."""

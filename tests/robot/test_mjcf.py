@@ -13,7 +13,7 @@ from sim_action.core.errors import ModelError
 from sim_action.core.workspace import Workspace
 from sim_action.robot.kinematics import link_poses
 from sim_action.robot.loading import load_model
-from sim_action.robot.robot_model import RobotModel
+from sim_action.robot.robot_model import Motor, RobotModel
 from sim_action.robot.spec import Robot
 from tests.mesh_files import CORNERS, obj, stl
 
@@ -90,7 +90,9 @@ def test_a_free_robot_is_read_as_it_is_written(tmp_path: Path) -> None:
     left, right = model.moving_joints
     assert (left.name, left.type, left.parent, left.child) == ("left", "continuous", "chassis", "left_wheel")
     assert (left.axis_xyz, left.origin.position_xyz) == ((0, 1, 0), (0.1, 0.15, 0))
-    assert (left.max_effort, right.max_effort) == (3, 10)
+    # The right one is limited by its range of control, 1, and not by that of its force, 5; both times its gear, 2.
+    assert (left.max_effort, right.max_effort) == (3, 2)
+    assert (left.motor, right.motor) == (Motor("actuator_0", "velocity"), Motor("actuator_1", "effort"))
 
 
 def test_what_is_only_looked_at_is_no_shape_and_needs_no_file(tmp_path: Path) -> None:
@@ -244,7 +246,7 @@ def test_contacts_that_bounce_are_refused_unless_they_are_allowed(
     found = allowed.findings[0]
     assert rules(allowed) == {"restitution", "passed-over"}
     assert found.rule == "restitution"
-    assert str(found.location).endswith("robot.xml")
+    assert str(found.location).endswith("robot.xml:15")
 
 
 def test_what_is_only_looked_at_may_bounce(tmp_path: Path) -> None:

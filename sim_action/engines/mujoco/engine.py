@@ -68,7 +68,7 @@ class MuJoCoEngine:
         self._scene, self._rate = scene, scene.physics.rate
         self._model, self._data = compiled.model, compiled.data
         self._joint_names = tuple(joint.name for joint in scene.model.moving_joints)
-        self._motors = Motors(scene.model, compiled, self._rate)
+        self._motors = Motors(scene, compiled, self._rate)
         self._pusher, self._pushes = BasePusher(compiled, self._rate), False
         balls = len(scene.model.balls)
         self._states = StateRecorder(compiled, self._joint_names, self._rate, self._motors.efforts, balls)

@@ -3,6 +3,9 @@
 MuJoCo's own velocity actuators act like springs in the solver and lag behind under acceleration. The constraint row of
 a joint's dry friction behaves like a motor: it brings the velocity to zero with a force up to a limit. Its reference
 acceleration is -b v; adding b v_target between the two halves of a step brings the velocity to v_target.
+
+A motor that an MJCF model states works with its own gains and limits instead, if it can do what a command asks for:
+see `Actuators`. For other commands it is switched off, and this motor acts with the model's limit of effort.
 """
 
 from __future__ import annotations
@@ -13,23 +16,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_action.engines import UNLIMITED_EFFORT
-from sim_action.engines.mujoco.scene import IMPEDANCE, STEPS_TO_CONVERGE, CompiledScene
-from sim_action.robot.robot_model import RobotModel
+from sim_action.engines.mujoco.actuators import Actuators
+from sim_action.engines.mujoco.scene import IMPEDANCE, STEPS_TO_CONVERGE, CompiledScene, solver_parameters
 from sim_action.state.command import JointTargets
 from sim_action.state.trace import FloatArray
+from sim_action.world.scene import Scene
 
 # Share of its error that a position servo corrects in one step: PyBullet's default.
 _SERVO_SHARE: Final = 0.1
 
 _Numbers = slice | NDArray[np.intp]
 
-_FREE, _VELOCITY, _POSITION = range(3)
+_FREE, _VELOCITY, _POSITION, _OWN = range(4)
 
 
 class Motors:
     """The motor of each joint, which keeps its last command."""
 
-    def __init__(self, model: RobotModel, compiled: CompiledScene, rate: float) -> None:
+    def __init__(self, scene: Scene, compiled: CompiledScene, rate: float) -> None:
+        model = scene.model
         joints = model.motor_joints
         self._model, self._data, self._dofs = compiled.model, compiled.data, compiled.velocities[: len(joints)]
         self._qpos = compiled.positions[: len(joints)]
@@ -44,31 +49,47 @@ class Motors:
         self._gain = _SERVO_SHARE * rate
         self._damping = 2 * rate / (STEPS_TO_CONVERGE * IMPEDANCE)
         self._mode = np.full(len(joints), _FREE)
+        self._is_native = model.mjcf is not None
         self._rows_are_others = True
         # A copy of `qfrc_applied` of the joints, because reading it costs more.
         self._applied = np.zeros(len(joints))
         self._target, self._ahead = np.zeros(len(joints)), np.zeros(len(joints))
+        # Parameters of dry friction: the motor's, and the model's.
+        self._hard = solver_parameters(rate)
+        self._soft = self._model.dof_solref[self._dofs].copy(), self._model.dof_solimp[self._dofs].copy()
+        self._actuators = Actuators(model, compiled, rate, scene.controls)
+        is_passive = model.mjcf is not None and bool(model.mjcf.actuators)
         for number, joint in enumerate(joints):
-            if joint.type != "continuous" and joint.mimic is None:
+            kind = self._actuators.kind(number)
+            if kind in {"position", "velocity"}:
+                self._set(number, _OWN, 0.0, self._friction[number])
+            elif joint.type != "continuous" and joint.mimic is None and not (is_passive and kind is None):
                 self._set(number, _POSITION, self._data.qpos[self._qpos[number]], self._max_effort[number])
+            elif model.mjcf is not None:
+                self._set(number, _FREE, 0.0, self._friction[number])
         self._all_rows: _Numbers | None = None
         self._arrange()
         # No step has been taken yet.
         self._exerted: tuple[_Numbers, _Numbers] = slice(0), slice(0)
+        self._own_exerted = self._own[:0]
 
     def apply(self, targets: JointTargets) -> None:
         """Use these targets until the next ones."""
         for mode, group in ((_VELOCITY, targets.velocity), (_POSITION, targets.position)):
             for name, target in group.items():
+                if mode == _VELOCITY and name in targets.position:
+                    continue
                 number = self._index[name]
-                limit = targets.max_effort.get(name, self._max_effort[number])
-                self._set(number, mode, target, limit)
+                limit = targets.max_effort.get(name)
+                if not self._command_own(number, mode, target, limit):
+                    self._set(number, mode, target, self._max_effort[number] if limit is None else limit)
         for name in targets.position:
             self._ahead[self._index[name]] = targets.velocity.get(name, 0.0)
         for name, effort in targets.effort.items():
             number = self._index[name]
-            self._set(number, _FREE, 0.0, self._friction[number])
-            self._data.qfrc_applied[self._dofs[number]] = self._applied[number] = effort
+            if not self._command_own(number, _FREE, effort, None):
+                self._set(number, _FREE, 0.0, self._friction[number])
+                self._data.qfrc_applied[self._dofs[number]] = self._applied[number] = effort
         if self._rows_are_others:
             self._arrange()
         else:
@@ -77,6 +98,9 @@ class Motors:
     def drive(self) -> None:
         """Set the motors' rows for this step, between its halves: then rows are known and forces are not."""
         self._exerted = self._exerting
+        self._own_exerted = self._own
+        if not self._actuators.are_still:
+            self._actuators.step()
         if self._still:
             return
         if len(self._servos):
@@ -94,13 +118,38 @@ class Motors:
             return in_order
         efforts = self._applied.copy()
         efforts[motors] = self._data.efc_force[rows]
+        own = self._own_exerted
+        if len(own):
+            efforts[own] = self._data.qfrc_actuator[self._dofs[own]]
         return efforts
+
+    def _command_own(self, number: int, mode: int, target: float, limit: float | None) -> bool:
+        """Command the motor that the model states; return False if there is none, or if it cannot do this."""
+        kind, motors = self._actuators.kind(number), self._actuators
+        can = {"position": (_POSITION, _VELOCITY), "velocity": (_VELOCITY,), "effort": (_FREE,), None: ()}[kind]
+        motors.switch(number, limit, on=mode in can)
+        if mode not in can:
+            return False
+        self._set(number, _OWN, 0.0, self._friction[number])
+        if mode == _POSITION:
+            motors.hold(number, target)
+        elif mode == _FREE:
+            motors.exert(number, target)
+        elif kind == "velocity":
+            motors.turn(number, target)
+        else:
+            motors.creep(number, target)
+        return True
 
     def _set(self, number: int, mode: int, target: float, limit: float) -> None:
         dof, limits = self._dofs[number], self._model.dof_frictionloss
         self._rows_are_others |= mode != self._mode[number] or (limits[dof] > 0) != (limit > 0)
         self._mode[number], self._target[number] = mode, target
         limits[dof] = limit
+        if self._is_native:
+            is_servo = mode in {_VELOCITY, _POSITION}
+            self._model.dof_solref[dof] = self._hard["solref"] if is_servo else self._soft[0][number]
+            self._model.dof_solimp[dof] = self._hard["solimp"] if is_servo else self._soft[1][number]
         self._data.qfrc_applied[dof] = self._applied[number] = 0.0
 
     def _arrange(self) -> None:
@@ -108,7 +157,8 @@ class Motors:
         self._rows_are_others = False
         has_row = self._model.dof_frictionloss > 0
         rows = np.cumsum(has_row) - 1 + int(self._data.ne)
-        moving = (self._mode != _FREE) & has_row[self._dofs]
+        moving = np.isin(self._mode, (_VELOCITY, _POSITION)) & has_row[self._dofs]
+        self._own = np.flatnonzero(self._mode == _OWN)
         self._motors = np.flatnonzero(moving)
         self._exerting = _in_a_row(self._motors), _in_a_row(rows[self._dofs[self._motors]])
         # If every joint has a row, in order, `efforts` needs no copy.

@@ -143,16 +143,13 @@ def _number(element: Element | None, name: str) -> float:
     return 0.0 if element is None else float(element.get(name, 0.0))
 
 
-def add_native_robot(spec: Any, model: RobotModel, constraint: dict[str, Any], *, fixed: bool) -> list[Collider]:
-    """Add the links and joints of an MJCF model; return the colliders. `constraint`: parameters of its motors."""
+def add_native_robot(spec: Any, model: RobotModel, *, fixed: bool) -> list[Collider]:
+    """Add the links, joints and actuators of an MJCF model; return the colliders."""
     assert model.mjcf is not None
     robot = engine_spec(model.mjcf)
     for joint in list(robot.joints):
-        joint.solref_friction, joint.solimp_friction = constraint["solref"], constraint["solimp"]
         if joint.type == mujoco.mjtJoint.mjJNT_FREE:
             robot.delete(joint)
-    for actuator in list(robot.actuators):
-        robot.delete(actuator)
     colliders = [_skin(geom) for geom in robot.geoms if geom.contype or geom.conaffinity]
     for geom in robot.geoms:
         geom.contype = geom.conaffinity = 0

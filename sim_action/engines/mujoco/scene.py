@@ -98,6 +98,8 @@ class CompiledScene:
         for first in self.positions[len(scene.model.motor_joints) :: 3].tolist():
             x, y, z = self.data.qpos[first : first + 3].tolist()
             self.data.qpos[first - 1 : first + 3] = wxyz(ball_orientation((x, y, z)))
+        for name, (x, y, z, w) in (scene.keyframe.turns if scene.keyframe else {}).items():
+            self.data.joint(engine_name(name)).qpos[:] = w, x, y, z
         at = scene.placement
         pose = Pose((at.x, at.y, at.z or 0.0), at.orientation_xyzw)
         position = self._put(self.base, pose, free=not self.fixed)
@@ -137,18 +139,19 @@ def _empty(rate: float, gravity_xyz: Vector3) -> Any:
     option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     joint, equality = spec.default.joint, spec.default.equality
     for constraint in ("limit", "friction"):
-        for name, value in _hard(rate).items():
+        for name, value in solver_parameters(rate).items():
             setattr(joint, f"{name}_{constraint}", value)
-    for name, value in _hard(rate).items():
+    for name, value in solver_parameters(rate).items():
         setattr(equality, name, value)
     return spec
 
 
-def _hard(rate: float) -> dict[str, list[float]]:
+def solver_parameters(rate: float) -> dict[str, list[float]]:
+    """Return the parameters of motors, limits and gears."""
     return {"solref": [STEPS_TO_CONVERGE / rate, 1.0], "solimp": [IMPEDANCE, IMPEDANCE, 0.001, 0.5, 2.0]}
 
 
 def _add_robot(spec: Any, scene: Scene, *, fixed: bool) -> list[Collider]:
     if scene.model.mjcf:
-        return add_native_robot(spec, scene.model, _hard(scene.physics.rate), fixed=fixed)
+        return add_native_robot(spec, scene.model, fixed=fixed)
     return add_robot(spec, scene.model, fixed=fixed)

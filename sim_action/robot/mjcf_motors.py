@@ -1,0 +1,133 @@
+"""Actuators and keyframes of an MJCF model: the motors that a scenario can command, and the states that it can name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any, Final
+
+import mujoco
+
+from sim_action.core.geometry import Pose
+from sim_action.robot.mjcf_spec import Built
+from sim_action.robot.robot_model import Joint, Keyframe, Motor, MotorKind, ball_angles
+
+_NO_COMMAND: Final = (
+    "an <actuator> that no command can name keeps its control of robot.keyframe, or 0: it acts on a site, a body or a "
+    "spatial tendon, is a muscle, or shares its joint with another actuator"
+)
+_TRN: Final = mujoco.mjtTrn
+_ON_JOINT: Final = frozenset({_TRN.mjTRN_JOINT, _TRN.mjTRN_JOINTINPARENT})
+_RANKS: Final[Mapping[MotorKind, int]] = {"position": 0, "velocity": 1, "effort": 2}
+_DIRECT: Final = frozenset({mujoco.mjtDyn.mjDYN_NONE, mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT})
+
+
+def motors_of(built: Built, moving: Iterable[str]) -> dict[str, Motor]:
+    """Return joint name -> its motor, and note the actuators that no command can name.
+
+    :param moving: names of the joints with one degree of freedom.
+    """
+    spec, joints = built.spec, set(moving)
+    tendons = {tendon.name: _joints_of(tendon) for tendon in spec.tendons}
+    candidates = [(actuator, kind) for actuator in spec.actuators if (kind := _kind(actuator)) is not None]
+    found, commanded = dict[str, Motor](), set[str]()
+    # A position servo comes before others.
+    for actuator, kind in sorted(candidates, key=lambda candidate: _RANKS[candidate[1]]):
+        name = actuator.target
+        if actuator.trntype in _ON_JOINT and name in joints and name not in found:
+            found[name] = Motor(actuator.name, kind)
+            commanded.add(actuator.name)
+    for actuator, kind in candidates:
+        through = tendons.get(actuator.target, ()) if actuator.trntype == _TRN.mjTRN_TENDON else ()
+        if kind == "position" and through and joints.issuperset(through) and not found.keys() & set(through):
+            found.update(dict.fromkeys(through, Motor(actuator.name, kind, actuator.target)))
+            commanded.add(actuator.name)
+    for actuator in spec.actuators:
+        if actuator.name not in commanded:
+            built.notes.leave_out(actuator, _NO_COMMAND)
+    return found
+
+
+def _kind(actuator: Any) -> MotorKind | None:
+    """Return what the control of an actuator sets; None if it is something else."""
+    if actuator.gaintype != mujoco.mjtGain.mjGAIN_FIXED or actuator.dyntype not in _DIRECT or not actuator.gainprm[0]:
+        return None
+    if actuator.biastype == mujoco.mjtBias.mjBIAS_NONE:
+        return "effort"
+    if actuator.biastype != mujoco.mjtBias.mjBIAS_AFFINE:
+        return None
+    return "position" if actuator.biasprm[1] else "velocity" if actuator.biasprm[2] else "effort"
+
+
+def _joints_of(tendon: Any) -> tuple[str, ...]:
+    """Return the joints of a fixed tendon; a spatial one has none."""
+    steps = list(tendon.path)
+    return tuple(step.target.name for step in steps if step.type == mujoco.mjtWrap.mjWRAP_JOINT)
+
+
+def largest_efforts(model: Any, motors: Mapping[str, Motor]) -> dict[str, float]:
+    """Return joint name -> the largest effort of its motors in N m or N, by the limits of force and control."""
+    limits: dict[str, float] = {}
+    for name, motor in motors.items():
+        if motor.tendon:
+            continue
+        number = model.actuator(motor.actuator).id
+        gear = abs(float(model.actuator_gear[number, 0]))
+        most = []
+        if model.actuator_forcelimited[number]:
+            most.append(max(map(abs, model.actuator_forcerange[number].tolist())))
+        if motor.kind == "effort" and model.actuator_ctrllimited[number]:
+            most.append(
+                max(map(abs, model.actuator_ctrlrange[number].tolist())) * abs(model.actuator_gainprm[number, 0])
+            )
+        if most and min(most) * gear > 0:
+            limits[name] = float(min(most) * gear)
+    for joint in range(model.njnt):
+        if model.jnt_actfrclimited[joint]:
+            name = model.joint(joint).name
+            most_here = max(map(abs, model.jnt_actfrcrange[joint].tolist()))
+            limits[name] = min(limits.get(name, most_here), most_here)
+    return {name: most for name, most in limits.items() if most > 0}
+
+
+def keyframes_of(built: Built, joints: Iterable[Joint], free: str | None) -> dict[str, Keyframe]:
+    """Return name -> keyframe, for those that fit the model.
+
+    :param joints: of the robot. free: name of its free joint, if it has one.
+    """
+    count = sum(numbers for _, numbers in built.positions.values())
+    moving = [joint for joint in joints if joint.moves]
+    found = {}
+    for name, (qpos, ctrl) in built.keyframes.items():
+        if qpos and len(qpos) != count:
+            continue
+        at = (
+            {joint: qpos[first : first + numbers] for joint, (first, numbers) in built.positions.items()}
+            if qpos
+            else {}
+        )
+        balls = {joint: _turn(numbers) for joint, numbers in at.items() if len(numbers) == _QUATERNION}
+        base = None
+        if free is not None and free in at:
+            x, y, z, *turned = at[free]
+            base = Pose((x, y, z), _turn(turned))
+        controls = dict(zip(built.actuators, ctrl, strict=True)) if len(ctrl) == len(built.actuators) else {}
+        positions = {joint.name: at[joint.name][0] for joint in moving if joint.name in at}
+        angles = {ball: ball_angles(turn) for ball, turn in balls.items()}
+        for joint in moving:
+            if joint.ball in angles:
+                positions[joint.name] = angles[joint.ball][_AXES.index(joint.axis_xyz)]
+        recorded = {joint.ball for joint in moving}
+        turns = {ball: turn for ball, turn in balls.items() if ball not in recorded}
+        found[name] = Keyframe(positions, turns, base, controls)
+    return found
+
+
+_QUATERNION: Final = 4
+_AXES: Final = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+def _turn(wxyz: Iterable[float]) -> tuple[float, float, float, float]:
+    """Return a unit quaternion x, y, z, w."""
+    w, x, y, z = wxyz
+    length = (w * w + x * x + y * y + z * z) ** 0.5 or 1.0
+    return x / length, y / length, z / length, w / length

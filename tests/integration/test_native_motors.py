@@ -1,0 +1,170 @@
+"""Motors, tendons, equalities and keyframes of MJCF models, simulated; compared with MuJoCo alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sim_action.core.errors import ModelError
+from sim_action.state.command import JointTargets
+from sim_action.state.trace import Trace
+from sim_action.world import GRAVITY
+from tests.integration.engines import advance, running
+from tests.integration.test_native_robots import scene
+
+mujoco: Any = pytest.importorskip("mujoco", reason="MJCF is read by MuJoCo, which is not installed")
+
+RATE = 240
+# The geoms collide with nothing, because MuJoCo alone would let parts of the robot touch each other.
+ARM = f"""<mujoco model="arm">
+  <compiler angle="radian"/>
+  <option integrator="implicitfast" timestep="{1 / RATE}" cone="elliptic" gravity="0 0 {-GRAVITY}"/>
+  <default><geom contype="0" conaffinity="0"/><joint damping="0.2"/>
+    <default class="servo"><position kp="60" kv="4" forcerange="-9 9"/></default></default>
+  <worldbody><body name="base" pos="0 0 1"><geom size="0.1"/>
+    <body name="upper"><joint name="shoulder" axis="0 1 0" range="-2 2" frictionloss="0.1"/>
+      <geom type="capsule" fromto="0 0 0 0.4 0 0" size="0.03"/>
+      <body name="lower" pos="0.4 0 0"><joint name="elbow" axis="0 1 0" ref="0.3"/>
+        <geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.02"/><site name="tip" pos="0.3 0 0"/>
+        <body name="spinner" pos="0.3 0 0"><joint name="spin" axis="1 0 0"/>
+          <geom type="box" size="0.02 0.05 0.03"/></body>
+        <body name="flap" pos="0.2 0 0"><joint name="flap" axis="0 1 0" stiffness="2"/><geom size="0.03"/></body>
+        <body name="f1" pos="0.3 0 0"><joint name="f1" type="slide" axis="0 1 0" range="0 0.04"/>
+          <geom size="0.02"/></body>
+        <body name="f2" pos="0.3 0 0"><joint name="f2" type="slide" axis="0 -1 0" range="0 0.04"/>
+          <geom size="0.02"/></body>
+      </body></body></body>
+    <body name="crank" pos="1 0 1"><joint name="crank" axis="0 1 0"/>
+      <geom type="box" pos="0.1 0 0" size="0.1 0.01 0.01"/>
+      <site name="end" pos="0.2 0 0"/></body></worldbody>
+  <tendon><fixed name="grip"><joint joint="f1" coef="0.5"/><joint joint="f2" coef="0.5"/></fixed>
+    <spatial name="spring" stiffness="15" damping="1"><site site="tip"/><site site="end"/></spatial></tendon>
+  <equality><joint joint1="f2" joint2="f1"/></equality>
+  <actuator>
+    <position class="servo" name="shoulder" joint="shoulder" ctrlrange="-1 1"/>
+    <motor name="elbow" joint="elbow" gear="3" ctrlrange="-2 2"/>
+    <velocity name="spin" joint="spin" kv="0.01" gear="2"/>
+    <general name="grip" tendon="grip" ctrlrange="0 255" biastype="affine" gainprm="0.0157" biasprm="0 -100 -10"/>
+    <motor name="pull" tendon="spring"/>
+  </actuator>
+  <keyframe><key name="home" qpos="0.5 -0.4 0 0.1 0.02 0.02 0.3" ctrl="0.5 0 0 128 0"/>
+    <key qpos="0 0 0 0 0 0 0"/></keyframe>
+</mujoco>"""
+
+LIMIT_RAD = 1e-7
+"""Largest difference in rad (m) to MuJoCo alone, over the whole run."""
+
+
+def positions(trace: Trace) -> Any:
+    """Return the joint positions (T, J)."""
+    return trace.state[:, 14 : 14 + len(trace.joint_names)]
+
+
+def efforts(trace: Trace) -> Any:
+    """Return the joint efforts (T, J)."""
+    return trace.state[:, 14 + 2 * len(trace.joint_names) :]
+
+
+def alone(steps: int, controls: Callable[[int], dict[str, float]], key: str | None = "home") -> Any:
+    """Return the joint positions (T, J) after each step of MuJoCo alone."""
+    model = mujoco.MjModel.from_xml_string(ARM)
+    data = mujoco.MjData(model)
+    if key is not None:
+        mujoco.mj_resetDataKeyframe(model, data, model.key(key).id)
+    rows = []
+    for step in range(steps):
+        for name, control in controls(step).items():
+            data.ctrl[model.actuator(name).id] = control
+        mujoco.mj_step(model, data)
+        rows.append(data.qpos.copy())
+    return np.array(rows)
+
+
+def test_motors_tendons_and_equalities_move_the_joints_as_mujoco_alone(tmp_path: Path) -> None:
+    arm = scene(tmp_path, ARM, keyframe="home")
+
+    def target(step: int) -> float:
+        return 0.5 + 0.9 * step / 480
+
+    commands = [
+        JointTargets(
+            position={"shoulder": target(step), "f1": 0.03 if step > 100 else 0.0},
+            velocity={"spin": 4.0},
+            effort={"elbow": 7.0},
+        )
+        for step in range(480)
+    ]
+
+    def controls(step: int) -> dict[str, float]:
+        # 3 times 2 is the most that the elbow can exert.
+        grip = 100 * (0.03 if step > 100 else 0.0) / 0.0157
+        return {"shoulder": target(step), "elbow": 7 / 3, "spin": 2 * 4.0, "grip": grip}
+
+    with running("mujoco", arm) as engine:
+        trace = advance(engine, 0, 480, *commands)
+    expected = alone(480, controls)
+    names = [joint.name for joint in arm.model.moving_joints]
+    assert names == ["shoulder", "elbow", "spin", "flap", "f1", "f2", "crank"]
+    assert np.abs(positions(trace) - expected).max() < LIMIT_RAD
+    # All of them moved.
+    assert np.ptp(expected, axis=0).min() > 0.005
+    assert efforts(trace)[:, 0].max() <= 9 + 1e-9
+    assert efforts(trace)[-1, 1] == pytest.approx(6)
+
+
+def test_the_motors_hold_the_keyframe_as_mujoco_alone(tmp_path: Path) -> None:
+    arm = scene(tmp_path, ARM, keyframe="home")
+    with running("mujoco", arm) as engine:
+        trace = advance(engine, 0, 240, JointTargets(effort={"elbow": 0.0}))
+    assert np.abs(positions(trace) - alone(240, lambda _: {})).max() < LIMIT_RAD
+
+
+def test_joints_of_the_scenario_override_the_keyframe_and_its_controls(tmp_path: Path) -> None:
+    arm = scene(tmp_path, ARM, keyframe="home", joints={"shoulder": -0.3, "f1": 0.01})
+    assert arm.joint_positions == pytest.approx(
+        {"shoulder": -0.3, "elbow": -0.4, "spin": 0, "flap": 0.1, "f1": 0.01, "f2": 0.01, "crank": 0.3}
+    )
+    assert set(arm.controls) == {"elbow", "spin", "pull"}
+    with running("mujoco", arm) as engine:
+        trace = advance(engine, 0, 480, JointTargets(effort={"elbow": 0.0}))
+    assert positions(trace)[-1, 0] == pytest.approx(-0.3, abs=0.3)
+    assert positions(trace)[-1, 4] == pytest.approx(0.01, abs=0.002)
+
+
+def test_a_motor_that_cannot_do_what_is_commanded_gives_way_to_the_servo(tmp_path: Path) -> None:
+    arm = scene(tmp_path, ARM)
+    with running("mujoco", arm) as engine:
+        # The elbow is a motor; the shoulder a position servo, whose target moves.
+        trace = advance(engine, 0, 240, JointTargets(velocity={"shoulder": 0.5}, position={"elbow": 0.5}))
+        later = advance(engine, 240, 240, JointTargets(effort={"shoulder": 0.0}))
+    assert positions(trace)[0, 1] == pytest.approx(0.3, abs=0.02)
+    assert positions(trace)[-1, 1] == pytest.approx(0.5, abs=0.01)
+    assert positions(trace)[-1, 0] - positions(trace)[120, 0] == pytest.approx(0.25, abs=0.1)
+    assert efforts(later)[-1, 0] == pytest.approx(0, abs=1e-9)
+    assert positions(later)[-1, 0] > positions(trace)[-1, 0] + 0.2
+
+
+def test_an_actuator_without_a_joint_to_command_is_a_note(tmp_path: Path) -> None:
+    notes = [finding for finding in scene(tmp_path, ARM).model.findings if "no command can name" in finding.message]
+    line = next(number for number, text in enumerate(ARM.splitlines(), 1) if 'name="pull"' in text)
+    assert [finding.location.line for finding in notes] == [line]
+
+
+def test_a_keyframe_is_found_by_name_and_a_typo_has_a_suggestion(tmp_path: Path) -> None:
+    with pytest.raises(ModelError, match="has no keyframe 'hone'; did you mean 'home'"):
+        scene(tmp_path, ARM, keyframe="hone")
+    with pytest.raises(ModelError, match="the model has no keyframes with a name; remove 'keyframe: home'"):
+        scene(tmp_path, "<mujoco><worldbody><body><geom size='1'/></body></worldbody></mujoco>", keyframe="home")
+
+
+def test_the_height_of_a_keyframe_is_that_of_the_base_unless_the_scenario_states_one(tmp_path: Path) -> None:
+    drone = """<mujoco><worldbody><body name="d"><freejoint name="root"/><geom size="0.1" mass="1"/></body></worldbody>
+      <keyframe><key name="up" qpos="5 6 2 0.7071 0 0 0.7071"/></keyframe></mujoco>"""
+    placed = scene(tmp_path, drone, keyframe="up").placement
+    assert (placed.x, placed.y, placed.z, placed.yaw) == pytest.approx((0, 0, 2, np.pi / 2), abs=1e-4)
+    placed = scene(tmp_path, drone, keyframe="up", pose={"z": 3, "yaw": 0.1}).placement
+    assert (placed.z, placed.yaw) == (3, 0.1)
