@@ -99,4 +99,4 @@ def test_only_two_modules_let_an_engine_open_a_file() -> None:
 
 
 def test_mujoco_gets_no_file_name() -> None:
-    assert callers(frozenset({"from_string"})) == {"robot/mjcf_spec.py"}
+    assert callers(frozenset({"from_string"})) == {"robot/mjcf/spec.py"}

@@ -135,7 +135,7 @@ def _model(document: ModelDocument, path: Path, packages: Packages, allow: Itera
     """Return the model of a document. Its root element decides the format; MJCF also needs the file suffix .xml."""
     if document.root.tag == "mujoco" and path.suffix == ".xml":
         # MuJoCo takes 0.1 s to import.
-        from sim_action.robot.mjcf import read_mjcf
+        from sim_action.robot.mjcf.reader import read_mjcf
 
         return read_mjcf(path, packages, allow)
     if document.root.tag != "sdf":
@@ -152,7 +152,7 @@ def check_text(robot: Robot, workspace: Workspace) -> tuple[str, ...]:
     packages = Packages(workspace, robot.packages)
     path = _path(robot.model, packages)
     if robot.is_mjcf:
-        from sim_action.robot.mjcf_files import collect_files
+        from sim_action.robot.mjcf.files import collect_files
 
         collect_files(path, packages)
         return (f"links and joints of {robot.model}: MuJoCo reads the file when the scenario runs",)

@@ -19,7 +19,7 @@ from sim_action.state.trace_channels import ClearanceWatch
 from sim_action.world import GRAVITY, Body, Physics, World
 from sim_action.world.scene import Scene
 from tests.integration.engines import advance, push, running
-from tests.robot.test_mjcf import ARM, ROVER
+from tests.robot.mjcf.test_reader import ARM, ROVER
 
 pytest.importorskip("mujoco", reason="MJCF is read by MuJoCo, which is not installed")
 

@@ -243,7 +243,7 @@ def test_an_mjcf_is_as_mujoco_compiles_it(path: Path) -> None:
     model = loaded(path)
     if isinstance(model, str):
         return
-    from sim_action.robot.mjcf_spec import engine_spec
+    from sim_action.robot.mjcf.spec import engine_spec
 
     assert model.mjcf is not None
     mine, theirs = compiled(engine_spec(model.mjcf).compile()), compiled(mujoco.MjModel.from_xml_path(str(path)))

@@ -13,7 +13,8 @@ from sim_action.core.errors import ModelError
 from sim_action.core.workspace import Workspace
 from sim_action.robot.kinematics import link_poses
 from sim_action.robot.loading import load_model
-from sim_action.robot.robot_model import Motor, RobotModel
+from sim_action.robot.mjcf.model import Motor
+from sim_action.robot.robot_model import RobotModel
 from sim_action.robot.spec import Robot
 from tests.mesh_files import CORNERS, obj, stl
 
@@ -148,7 +149,7 @@ def test_the_surfaces_of_all_meshes_are_there_to_be_seen(tmp_path: Path) -> None
       <asset><mesh name="box" file="box.stl"/><mesh name="wedge" file="wedge.obj" inertia="shell"/></asset>
       <worldbody><body><freejoint/><geom type="mesh" mesh="box"/><geom type="mesh" mesh="wedge"/></body></worldbody>
       </mujoco>"""
-    from sim_action.robot.mjcf_spec import surfaces_of
+    from sim_action.robot.mjcf.spec import surfaces_of
 
     mjcf = read(tmp_path, text).mjcf
     assert mjcf is not None

@@ -17,7 +17,7 @@ from xml.etree.ElementTree import Element
 
 from sim_action.core.errors import Location
 from sim_action.core.wording import shown
-from sim_action.robot.mjcf_elements import (
+from sim_action.robot.mjcf.elements import (
     DROPPED,
     FILES,
     LEFT_OUT,

@@ -22,11 +22,11 @@ from sim_action.core.geometry import Pose
 from sim_action.robot.audit.elements import no_bounce
 from sim_action.robot.audit.rules import finding, refuse_errors
 from sim_action.robot.kinematics import joint_motion
-from sim_action.robot.mjcf_elements import refusal
-from sim_action.robot.mjcf_files import MjcfFiles, collect_files
+from sim_action.robot.mjcf.elements import refusal
+from sim_action.robot.mjcf.files import MjcfFiles, collect_files
+from sim_action.robot.mjcf.model import MESH_OF_TEXT, Motor
 from sim_action.robot.packages import Packages
 from sim_action.robot.robot_model import (
-    MESH_OF_TEXT,
     WORLD,
     Color,
     Finding,
@@ -34,7 +34,6 @@ from sim_action.robot.robot_model import (
     JointType,
     Link,
     Mimic,
-    Motor,
     RobotModel,
     Shape,
     Surface,
@@ -44,7 +43,7 @@ from sim_action.robot.robot_model import (
 from sim_action.robot.xml_document import shown_file
 
 if TYPE_CHECKING:
-    from sim_action.robot.mjcf_spec import Built
+    from sim_action.robot.mjcf.spec import Built
 
 
 # MuJoCo's default colour of a geom.
@@ -86,8 +85,8 @@ def read_mjcf(path: Path, packages: Packages, allow: Iterable[str] = ()) -> Robo
 
 
 def _read(path: Path, files: MjcfFiles) -> RobotModel:
-    from sim_action.robot.mjcf_motors import keyframes_of
-    from sim_action.robot.mjcf_spec import build
+    from sim_action.robot.mjcf.motors import keyframes_of
+    from sim_action.robot.mjcf.spec import build
 
     place = Location(shown_file(path))
     built = build(files, place)
@@ -154,7 +153,7 @@ class _Reader:
     def __init__(self, model: Any, built: Built) -> None:
         import mujoco
 
-        from sim_action.robot.mjcf_motors import largest_efforts, motors_of
+        from sim_action.robot.mjcf.motors import largest_efforts, motors_of
 
         single = {int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)}
         names = [model.joint(number).name for number, kind in enumerate(model.jnt_type.tolist()) if kind in single]

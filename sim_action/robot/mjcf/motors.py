@@ -8,8 +8,9 @@ from typing import Any, Final
 import mujoco
 
 from sim_action.core.geometry import Pose
-from sim_action.robot.mjcf_spec import Built
-from sim_action.robot.robot_model import Joint, Keyframe, Motor, MotorKind, ball_angles
+from sim_action.robot.mjcf.model import Keyframe, Motor, MotorKind
+from sim_action.robot.mjcf.spec import Built
+from sim_action.robot.robot_model import Joint, ball_angles
 
 _NO_COMMAND: Final = (
     "an <actuator> that no command can name keeps its control of robot.keyframe, or 0: it acts on a site, a body or a "

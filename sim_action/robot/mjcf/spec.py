@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 from sim_action.core.errors import Location, ModelError
 from sim_action.meshes import READERS, MeshError, parsed_mesh
 from sim_action.robot.audit.rules import finding
-from sim_action.robot.mjcf_elements import refusal
-from sim_action.robot.mjcf_files import MeshFile, MjcfFiles
-from sim_action.robot.robot_model import Finding, MeshBytes, Mjcf
+from sim_action.robot.mjcf.elements import refusal
+from sim_action.robot.mjcf.files import MeshFile, MjcfFiles
+from sim_action.robot.mjcf.model import MeshBytes, Mjcf
+from sim_action.robot.robot_model import Finding
 
 # A tetrahedron.
 _CORNERS: Final = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)

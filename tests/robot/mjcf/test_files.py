@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from sim_action.core.errors import ModelError
 from sim_action.core.workspace import Workspace
 from sim_action.robot.loading import check_text, load_model
-from sim_action.robot.mjcf_elements import DROPPED, FILES, LIKE_A_FILE, LIMITS, NO_FILES, REFUSED
-from sim_action.robot.mjcf_files import MAX_FILES, MjcfFiles, collect_files
+from sim_action.robot.mjcf.elements import DROPPED, FILES, LIKE_A_FILE, LIMITS, NO_FILES, REFUSED
+from sim_action.robot.mjcf.files import MAX_FILES, MjcfFiles, collect_files
 from sim_action.robot.packages import Packages
 from sim_action.robot.spec import Robot
 from tests.mesh_files import stl

@@ -1,0 +1,70 @@
+"""The parts of a robot model that only MJCF has, as data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Final, Literal
+
+from sim_action.core.geometry import Pose, Quaternion
+
+MESH_OF_TEXT: Final = "mjcf:"
+"""Prefix in `Visual.file` of the name of a mesh that an MJCF text contains."""
+
+
+MotorKind = Literal["position", "velocity", "effort"]
+
+
+@dataclass(frozen=True, slots=True)
+class Motor:
+    """The motor of a joint as an MJCF model states it. The engine simulates it with its own gains and limits.
+
+    Attributes:
+        actuator: its name in the model.
+        kind: the quantity that its control sets: it is a position servo, a velocity servo, or exerts an effort.
+        tendon: the fixed tendon on which it acts, together with its other joints; empty if it acts on the joint.
+    """
+
+    actuator: str
+    kind: MotorKind
+    tendon: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Keyframe:
+    """A state of the robot that an MJCF model names.
+
+    Attributes:
+        joints: joint name -> rad (m if prismatic).
+        turns: name of a ball joint whose position is not recorded -> orientation.
+        base: pose of the base link, world frame; None if it is fixed.
+        controls: actuator name -> control, in the actuator's own unit; empty if the keyframe states none.
+    """
+
+    joints: Mapping[str, float]
+    turns: Mapping[str, Quaternion] = field(default_factory=dict)
+    base: Pose | None = None
+    controls: Mapping[str, float] = field(default_factory=dict)
+
+
+MeshBytes = tuple[bytes, bytes]
+"""The points (P, 3) of a mesh as 32-bit floats, and its triangles (T, 3) as 32-bit integers."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mjcf:
+    """The input of MuJoCo for a model in its own format; it names no file.
+
+    Attributes:
+        text: the model with its included files.
+        models: name in the text -> text of each model to attach.
+        meshes: mesh name -> its surface, for meshes that collide or have a mass.
+        looked_at: geoms that are only drawn.
+        actuators: names of all actuators; joints without one are passive if there is any.
+    """
+
+    text: str
+    models: Mapping[str, bytes] = field(repr=False)
+    meshes: Mapping[str, MeshBytes] = field(repr=False)
+    looked_at: frozenset[str] = frozenset()
+    actuators: tuple[str, ...] = ()
