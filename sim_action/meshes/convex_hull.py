@@ -18,6 +18,9 @@ IntArray = NDArray[np.intp]
 # Tolerance relative to the extent: nearer points lie on a plane.
 _FLAT: Final = 1e-6
 
+# Directions times points: the temporary arrays stay in the processor's cache.
+_PRODUCTS_AT_A_TIME: Final = 1 << 14
+
 # Fewer points are searched one direction after the other, which is as fast.
 _MIN_POINTS_FOR_CELLS: Final = 10_000
 # The search for distant points: 40^3 cells have numbers of 16 bits, and 56 groups of directions are not empty.
@@ -140,7 +143,7 @@ def _most_distant(columns: FloatArray, directions: FloatArray) -> Iterator[int]:
     as far as a point that is already known.
     """
     if columns.shape[1] < _MIN_POINTS_FOR_CELLS:
-        yield from (int(along(columns.T, direction).argmax()) for direction in directions)
+        yield from _search(columns, directions)
         return
     order, starts = _by_cell(columns, _cells_along_axis(columns.shape[1]))
     counts = np.diff(starts, append=len(order))
@@ -152,9 +155,16 @@ def _most_distant(columns: FloatArray, directions: FloatArray) -> Iterator[int]:
         known = columns.take(_members(order, starts, counts, np.unique(reach.argmax(axis=1))), axis=1)
         most = _reach(known, known, group).max(axis=1, keepdims=True)
         near = np.sort(_members(order, starts, counts, np.flatnonzero((reach >= most - slack).any(axis=0))))
-        candidates = columns.take(near, axis=1)
-        for direction in group:
-            yield int(near[along(candidates.T, direction).argmax()])
+        yield from (int(near[row]) for row in _search(columns.take(near, axis=1), group))
+
+
+def _search(columns: FloatArray, directions: FloatArray) -> Iterator[int]:
+    """Yield the first of the most distant points (3, N) in each direction (D, 3); all points are searched."""
+    at_a_time = max(1, _PRODUCTS_AT_A_TIME // columns.shape[1])
+    for start in range(0, len(directions), at_a_time):
+        x, y, z = directions[start : start + at_a_time].T[..., None]
+        # The sums of `along`.
+        yield from (columns[0] * x + columns[1] * y + columns[2] * z).argmax(axis=1).tolist()
 
 
 def _reach(lower: FloatArray, upper: FloatArray, directions: FloatArray) -> FloatArray:
