@@ -16,7 +16,7 @@ from sim_action.commands import COMMANDS
 from sim_action.core import units
 from sim_action.core.field_types import Quantity, bounds_text
 from sim_action.drives import DRIVES
-from sim_action.robot.loading import BUILT_IN
+from sim_action.robot.built_in import BUILT_IN
 from sim_action.sensors import SENSORS
 
 

@@ -8,8 +8,12 @@ from typing import Final
 
 from sim_action import __version__
 from sim_action.core.errors import UsageError
+from sim_action.core.wording import did_you_mean
+from sim_action.robot.built_in import BUILT_IN
 
-_SCENARIO: Final = """\
+_ROBOT: Final = "turtlebot3_burger"
+
+_DRIVE: Final = """\
 # yaml-language-server: $schema=scenario.schema.json
 # A simulation test of a robot. Run it in the folder above this one: sim-action run simulation
 name: robot drives straight
@@ -36,6 +40,36 @@ expect:                         # expectations (sim-action assertions lists what
 time_limit: 20 s                # sim time at which the scenario fails if a goal is not met
 """
 
+_ARM: Final = """\
+# yaml-language-server: $schema=scenario.schema.json
+# A simulation test of an arm. Run it in the folder above this one: sim-action run simulation
+name: arm moves to a pose
+
+robot:
+  model: ur5e_gripper           # a built-in model (sim-action models), or the path of your .urdf, relative to this file
+  joints: {shoulder_lift_joint: -90 deg}   # where joints begin; all others begin at 0
+
+world:                          # flat ground, and a box that the arm must not touch
+  objects:
+    - {name: box, box: [0.2, 0.2, 0.2], pose: {x: 0.5, y: 0.5}}
+
+commands:                       # what moves the arm (sim-action commands lists more)
+  rate: 240 Hz                  # a command at each physics step; fewer would jerk
+  joints:
+    - {at: 1.5 s, position: {elbow_joint: 90 deg, wrist_1_joint: -90 deg, wrist_2_joint: -90 deg}}
+    - {at: 2 s, position: {left_finger_joint: 40 mm}}   # 0 is open, 42.5 mm is closed; the other finger follows
+  interpolation: minimum_jerk   # each motion starts and ends at rest
+
+expect:                         # expectations (sim-action assertions lists what they can be)
+  - joint: {name: elbow_joint, near: 90 deg, tolerance: 1 deg}   # a goal: it must come true once
+    before: 2 s                 # deadline of this goal
+  - joint: {name: right_finger_joint, near: 40 mm, tolerance: 1 mm}
+  - no_collision                # an invariant: it must always hold; the run ends when it is broken
+  - effort: {joints: ["shoulder_*", elbow_joint], at_most: 60 N m}
+
+time_limit: 5 s                 # sim time at which the scenario fails if a goal is not met
+"""
+
 # The tag that moves to the newest release of this major version.
 _MOVING_TAG: Final = f"v{__version__.partition('.')[0]}"
 
@@ -55,18 +89,37 @@ jobs:
 """
 
 
-def files(schema: str) -> dict[str, str]:
+def _scenario(robot: str) -> tuple[str, str]:
+    """Return the name and the text of the scenario of a built-in robot. Raises UsageError for any other name."""
+    if robot not in BUILT_IN:
+        raise UsageError(
+            f"--robot: unknown robot '{robot}'{did_you_mean(robot, BUILT_IN)}; for a model of your own, {_OWN}"
+        )
+    if robot == "ur5e_gripper":
+        return "move_to_pose", _ARM
+    # The comment stays where it is.
+    return "drive_straight", _DRIVE.replace(f"{_ROBOT:23}", f"{robot:23}")
+
+
+_OWN: Final = "leave out --robot and set robot.model in the scenario"
+
+
+def files(schema: str, robot: str = _ROBOT) -> dict[str, str]:
     """Path below the folder -> text of each file that `init` writes."""
+    name, text = _scenario(robot)
     return {
-        "simulation/drive_straight.sim.yml": _SCENARIO,
+        f"simulation/{name}.sim.yml": text,
         "simulation/scenario.schema.json": schema,
         ".github/workflows/simulation.yml": _WORKFLOW,
     }
 
 
-def write_scaffold(folder: Path, schema: str, *, force: bool) -> list[Path]:
-    """Writes the files; returns their paths. Raises UsageError, and writes nothing, if one is there already."""
-    targets = {folder / name: text for name, text in files(schema).items()}
+def write_scaffold(folder: Path, schema: str, *, force: bool, robot: str = _ROBOT) -> list[Path]:
+    """Writes the files; returns their paths. Raises UsageError, and writes nothing, if one is there already.
+
+    :param robot: the built-in robot of the scenario.
+    """
+    targets = {folder / name: text for name, text in files(schema, robot).items()}
     existing = [str(path) for path in targets if os.path.exists(path)]  # noqa: PTH110 - a name may be too long
     if existing and not force:
         raise UsageError(f"file exists already: {', '.join(existing)}; use --force to overwrite it")

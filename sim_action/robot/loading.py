@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Hashable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from sim_action.core.errors import ModelError
 from sim_action.core.wording import did_you_mean
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.robot.audit.rules import limited_notes
+from sim_action.robot.built_in import BUILT_IN, FOLDER
 from sim_action.robot.model_files import find_model_file, is_model_folder
 from sim_action.robot.packages import PackageError, Packages
 from sim_action.robot.robot_model import Finding, RobotModel
@@ -22,18 +22,6 @@ if TYPE_CHECKING:
     from sim_action.robot.spec import Robot
 
 _PACKAGE_NOTES: Final = frozenset({"several-packages", "package-folder"})
-
-_BUILT_IN_FOLDER: Final = Path(__file__).parent / "built_in"
-
-BUILT_IN: Final = MappingProxyType(
-    {
-        "turtlebot3_burger": "two-wheeled robot, 1 kg, diff drive: wheel radius 0.033 m, separation 0.160 m",
-        "husky_a200": "four-wheeled rover, 50 kg, skid steer: wheel radius 0.1651 m, separation 0.555 m, at most 1 m/s",
-        "f1tenth": "car of scale 1:10, 3.74 kg, Ackermann steering: wheelbase 0.33 m, turning radius 0.87 m",
-        "ur5e_gripper": "six-axis arm with a parallel gripper, 21.5 kg, fixed to the world: reach 0.85 m, stroke 85 mm",
-    }
-)
-"""Name of each model that comes with sim-action -> its description."""
 
 
 # Keyframes that a message lists.
@@ -118,7 +106,7 @@ def _no_keyframe(name: str, model: RobotModel) -> str:
 
 def _read_model(robot: Robot, workspace: Workspace) -> RobotModel:
     if robot.model in BUILT_IN:
-        return read_urdf(_BUILT_IN_FOLDER / f"{robot.model}.urdf")
+        return read_urdf(FOLDER / f"{robot.model}.urdf")
     packages = Packages(workspace, robot.packages)
     path = _path(robot.model, packages)
     if not robot.is_xacro:

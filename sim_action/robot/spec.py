@@ -7,6 +7,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from sim_action.core.field_types import FrozenModel, JointPosition, NamesFile, Placement
+from sim_action.robot.built_in import BUILT_IN
 
 
 class Robot(FrozenModel):
@@ -15,7 +16,11 @@ class Robot(FrozenModel):
     model: Annotated[
         str,
         NamesFile(),
-        Field(min_length=1, description="name of a built-in model, or path of a URDF, xacro, SDF or MJCF file"),
+        Field(
+            min_length=1,
+            description="name of a built-in model, or path of a URDF, xacro, SDF or MJCF file",
+            examples=list(BUILT_IN),
+        ),
     ]
     base: Annotated[
         Literal["free", "fixed"] | None,

@@ -21,7 +21,7 @@ from sim_action.core.errors import Location
 from sim_action.core.field_types import NamesFile
 from sim_action.core.yaml_document import Document, KeyPath
 from sim_action.drives import DRIVES
-from sim_action.robot.loading import BUILT_IN
+from sim_action.robot.built_in import BUILT_IN
 from sim_action.robot.spec import Robot
 from sim_action.sensors import SENSORS
 from sim_action.world import World

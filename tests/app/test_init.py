@@ -6,6 +6,7 @@ import pytest
 
 from sim_action.app.init import write_scaffold
 from sim_action.core.errors import UsageError
+from sim_action.robot.built_in import BUILT_IN
 from sim_action.scenario.loading import load_scenario
 
 ROOT = Path(__file__).parents[2]
@@ -16,6 +17,24 @@ def test_the_scenario_is_valid_and_the_schema_is_where_it_says(tmp_path: Path) -
     assert load_scenario(scenario).warnings == ()
     assert scenario.read_text().splitlines()[0].endswith(f"$schema={schema.name}")
     assert workflow == tmp_path / ".github/workflows/simulation.yml"
+
+
+@pytest.mark.parametrize("robot", BUILT_IN)
+def test_the_scenario_of_each_built_in_robot_is_valid(robot: str, tmp_path: Path) -> None:
+    scenario, *_ = write_scaffold(tmp_path, "{}", force=False, robot=robot)
+    loaded = load_scenario(scenario)
+    assert loaded.warnings == ()
+    assert loaded.scenario.robot.model == robot
+    comments = [
+        line.index("#") for line in scenario.read_text().splitlines() if line.startswith(("  model:", "world:"))
+    ]
+    assert comments == [32, 32]
+
+
+def test_a_robot_that_is_not_built_in_is_a_usage_error(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="unknown robot 'husky'; did you mean 'husky_a200'"):
+        write_scaffold(tmp_path, "{}", force=False, robot="husky")
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_nothing_is_overwritten_without_force(tmp_path: Path) -> None:

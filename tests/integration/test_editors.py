@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 from sim_action.app.init import write_scaffold
 from sim_action.app.schema import base_schema, scenario_schema, schema_text
+from sim_action.robot.built_in import BUILT_IN
 from tests.app.typos import SCENARIO, TYPOS
 from tests.integration.language_server import LanguageServer
 from tests.integration.node import ENVIRONMENT, MODULES
@@ -81,6 +82,7 @@ def test_an_editor_explains_keys_with_their_units(
         ("e.sim.yml", "commands:\n  ", {"twist", "waypoints", "script", "rate"}),
         ("f.sim.yml", "commands:\n  script: a.py\n  ", {"rate", "function", "class"}),
         ("g.sim.yml", "robot:\n  drive:\n    ", {"diff", "mecanum", "skid", "ackermann"}),
+        ("k.sim.yml", "robot:\n  model: ", set(BUILT_IN)),
         ("h.sim.yml", "extends: a.base.yml\nrobot:\n  ", {"model", "pose", "drive"}),
         ("i.base.yml", "", {"robot", "world", "expect", "variations"}),
         ("j.base.yml", "world:\n  ", {"gravity", "objects"}),

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, Final
 from xml.etree import ElementTree as ET
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_action.robot import loading
+from sim_action.robot.built_in import FOLDER
 from tests.physics.arms import angle_at, joint_angle, sag
 from tests.physics.case import Case, Run, Setup
 from tests.physics.caster import driven
@@ -84,8 +83,7 @@ def frames(angles: Sequence[float]) -> list[Matrix]:
 def _masses() -> dict[str, tuple[float, Matrix]]:
     """Link -> its mass, and its centre of mass in its own frame; as the file has them."""
     found = {}
-    path = Path(loading.__file__).parent / f"built_in/{_ARM}.urdf"
-    for link in ET.parse(path).getroot().iterfind("link[inertial]"):
+    for link in ET.parse(FOLDER / f"{_ARM}.urdf").getroot().iterfind("link[inertial]"):
         mass, origin = link.find("inertial/mass"), link.find("inertial/origin")
         assert mass is not None
         assert origin is not None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -15,13 +14,12 @@ from sim_action.core.geometry import compose, conjugate, rotate
 from sim_action.core.workspace import Workspace
 from sim_action.drives.ackermann import AckermannDrive
 from sim_action.drives.wheels import centre_of_mass
-from sim_action.robot import loading
+from sim_action.robot.built_in import BUILT_IN, FOLDER
 from sim_action.robot.kinematics import link_poses
-from sim_action.robot.loading import BUILT_IN, load_model
+from sim_action.robot.loading import load_model
 from sim_action.robot.robot_model import RobotModel
 from sim_action.robot.spec import Robot
 
-FOLDER = Path(loading.__file__).parent / "built_in"
 Matrix = NDArray[np.float64]
 
 

@@ -9,7 +9,8 @@ import pytest
 from sim_action.core.errors import InvalidScenario, ModelError, RefusedModel
 from sim_action.core.permissions import Permissions
 from sim_action.core.workspace import Workspace
-from sim_action.robot.loading import BUILT_IN, ModelLibrary, check_text, load_model
+from sim_action.robot.built_in import BUILT_IN
+from sim_action.robot.loading import ModelLibrary, check_text, load_model
 from sim_action.robot.robot_model import RobotModel
 from sim_action.robot.spec import Robot
 from sim_action.scenario.loading import load_scenario

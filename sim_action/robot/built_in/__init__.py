@@ -1,0 +1,19 @@
+"""The built-in robots, each in a URDF file of this folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import MappingProxyType
+from typing import Final
+
+FOLDER: Final = Path(__file__).parent
+
+BUILT_IN: Final = MappingProxyType(
+    {
+        "turtlebot3_burger": "two-wheeled robot, 1 kg, diff drive: wheel radius 0.033 m, separation 0.160 m",
+        "husky_a200": "four-wheeled rover, 50 kg, skid steer: wheel radius 0.1651 m, separation 0.555 m, at most 1 m/s",
+        "f1tenth": "car of scale 1:10, 3.74 kg, Ackermann steering: wheelbase 0.33 m, turning radius 0.87 m",
+        "ur5e_gripper": "six-axis arm with a parallel gripper, 21.5 kg, fixed to the world: reach 0.85 m, stroke 85 mm",
+    }
+)
+"""Name of each model that comes with sim-action -> its description."""
