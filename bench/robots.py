@@ -76,17 +76,17 @@ BURGER: Final = KnownRobot("burger", "turtlebot3_burger")
 MINITAUR: Final = KnownRobot("minitaur", "quadruped/minitaur.urdf", {"allow": ["missing-limits"]})
 
 ROBOTS: Final = (
-    KnownRobot("husky", "husky/husky.urdf", {"allow": ["unexpanded-expression"]}, {"diff": _HUSKYS_WHEELS}),
+    KnownRobot("husky", "husky/husky.urdf", {}, {"diff": _HUSKYS_WHEELS}),
     KnownRobot("racecar", "racecar/racecar.urdf"),
     KnownRobot("r2d2", "r2d2.urdf"),
     KnownRobot("a1", "a1/a1.urdf", {"joints": _STANCE}),
-    KnownRobot("laikago", "laikago/laikago_toes.urdf", {"allow": ["impossible-inertia"]}),
+    KnownRobot("laikago", "laikago/laikago_toes.urdf"),
     MINITAUR,
-    KnownRobot("kuka_iiwa", "kuka_iiwa/model.urdf", {"allow": ["zero-mass"], "base": "fixed"}),
+    KnownRobot("kuka_iiwa", "kuka_iiwa/model.urdf", {"base": "fixed"}),
     KnownRobot(
         "franka_panda",
         "franka_panda/panda.urdf",
-        {"allow": ["zero-mass"], "base": "fixed", "packages": {"meshes": str(DATA / "franka_panda/meshes")}},
+        {"base": "fixed", "packages": {"meshes": str(DATA / "franka_panda/meshes")}},
     ),
 )
 """The robots of `pybullet_data`."""

@@ -307,8 +307,9 @@ def _height(model: RobotModel, lowest_corner: Vector3) -> float:
 
 
 def _base(model: RobotModel) -> str | None:
-    """Return "fixed" for a base without mass, which engines hold still."""
-    return "fixed" if model.links_by_name[model.root].mass == 0 and model.root != WORLD else None
+    """Return "fixed" for a base without mass, which engines hold still, and for a model without any mass."""
+    is_weightless = model.links_by_name[model.root].mass == 0 or not model.mass
+    return "fixed" if is_weightless and model.root != WORLD else None
 
 
 def _link_entry(link: Link) -> LinkEntry:

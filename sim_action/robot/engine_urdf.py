@@ -7,12 +7,17 @@ between numbers, missing limits, an empty <dynamics> or <axis>, elements of a di
 
 from __future__ import annotations
 
+import math
 from typing import Final, cast
 from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element
 
-from sim_action.robot.audit.inertia import principal_moments
-from sim_action.robot.audit.joints import UNSUPPORTED, is_free_base, mimic_problem
+from sim_action.core import geometry
+from sim_action.core.geometry import Pose
+from sim_action.robot.audit.inertia import RigidBodies, principal_moments
+from sim_action.robot.audit.joints import UNSUPPORTED, is_free_base, mimic_problem, still_position
+from sim_action.robot.audit.shapes import is_empty
+from sim_action.robot.robot_model import MOVING_TYPES
 from sim_action.robot.urdf_elements import (
     BALLS,
     CONTACT,
@@ -24,6 +29,7 @@ from sim_action.robot.urdf_elements import (
     limits,
     number,
     numbers,
+    origin,
     parent_of,
 )
 from sim_action.robot.xml_document import ModelDocument
@@ -52,6 +58,28 @@ def _ball(mass: float) -> Element:
     axes = {"ixx": moment, "iyy": moment, "izz": moment, "ixy": "0", "ixz": "0", "iyz": "0"}
     ET.SubElement(inertial, "inertia", axes)
     return inertial
+
+
+def drop_massless_frames(document: ModelDocument) -> None:
+    """Remove an <inertial> with a mass of 0 from links that are fixed to others with a mass."""
+    bodies = RigidBodies(document)
+    for link in document.elements("link"):
+        inertial = link.find("inertial")
+        if (
+            inertial is not None
+            and number(inertial.find("mass"), "value") == 0
+            and bodies.holds_mass(link.attrib["name"])
+        ):
+            link.remove(inertial)
+
+
+def drop_empty_shapes(document: ModelDocument) -> None:
+    """Remove collision shapes without any extent."""
+    for link in document.elements("link"):
+        for collision in link.findall("collision"):
+            shape = collision.find("geometry/*")
+            if shape is not None and is_empty(shape):
+                link.remove(collision)
 
 
 def drop_zero_masses(document: ModelDocument) -> None:
@@ -100,12 +128,34 @@ def fix_unsupported_joints(document: ModelDocument) -> None:
 
 
 def drop_invalid_mimics(document: ModelDocument) -> None:
-    """Remove each <mimic> that cannot work, if the audit allowed it: the joint moves independently."""
+    """Remove each <mimic> that cannot work, if the audit allowed it: the joint moves independently.
+
+    A joint that its <mimic> never moves becomes fixed, at the position of the <mimic>.
+    """
     joints = {joint.attrib["name"]: joint for joint in document.elements("joint")}
+    for joint in joints.values():
+        if (position := still_position(joint, joints)) is not None:
+            fix_at(joint, position)
     odd = [joint for joint in joints.values() if mimic_problem(joint, joints) is not None]
     for joint in odd:
         for mimic in joint.findall("mimic"):
             joint.remove(mimic)
+
+
+def fix_at(joint: Element, position: float) -> None:
+    """Make a joint fixed at a position in rad (m if prismatic)."""
+    x, y, z = axis(joint)
+    if joint.attrib["type"] == "prismatic":
+        motion = Pose((x * position, y * position, z * position))
+    else:
+        sine = math.sin(position / 2)
+        motion = Pose(orientation_xyzw=(x * sine, y * sine, z * sine, math.cos(position / 2)))
+    at = geometry.compose(origin(joint), motion) if position and joint.attrib["type"] in MOVING_TYPES else origin(joint)
+    for part in (*joint.findall("origin"), *joint.findall("mimic")):
+        joint.remove(part)
+    rpy = geometry.rpy_from_quaternion(at.orientation_xyzw)
+    ET.SubElement(joint, "origin", xyz=_spelled(at.position_xyz), rpy=_spelled(rpy))
+    joint.set("type", "fixed")
 
 
 def engine_text(document: ModelDocument) -> str:
@@ -181,6 +231,9 @@ def _joint(joint: Element) -> Element:
 def _limit(joint: Element) -> Element:
     """Write <limit>: no positions if neither side is limited, else both, because Bullet's default upper limit is -1."""
     written = _numbers("limit", joint.find("limit"), "effort", "velocity")
+    for name in ("effort", "velocity"):
+        if float(written.get(name, 0)) < 0:
+            del written.attrib[name]
     lower, upper = limits(joint)
     if (lower, upper) != (None, None):
         below, above = -UNLIMITED if lower is None else lower, UNLIMITED if upper is None else upper

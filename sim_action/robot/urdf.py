@@ -17,7 +17,9 @@ from sim_action.robot.audit.stages import audit
 from sim_action.robot.control_tags import commanded_joints, with_controllers
 from sim_action.robot.engine_urdf import (
     drop_empty_root,
+    drop_empty_shapes,
     drop_invalid_mimics,
+    drop_massless_frames,
     drop_zero_masses,
     engine_text,
     fill_in_inertia,
@@ -66,7 +68,7 @@ def model_of(document: ModelDocument, path: Path, packages: Packages, allow: Ite
     meshes = resolve_meshes(document, path, packages)
     findings += meshes.findings
     refuse_errors(findings, allowed)
-    for mend in (drop_empty_root, fix_unsupported_joints, drop_invalid_mimics):
+    for mend in (drop_empty_root, fix_unsupported_joints, drop_invalid_mimics, drop_massless_frames, drop_empty_shapes):
         mend(document)
     plugins = with_controllers(plugins_of(document), path, packages)
     commanded = commanded_joints(document)
@@ -141,10 +143,16 @@ def _joint(element: Element) -> Joint:
         axis_xyz=axis(element),
         lower=lower,
         upper=upper,
-        max_effort=number(limit, "effort") or None,
-        max_velocity=number(limit, "velocity") or None,
+        max_effort=_most(limit, "effort"),
+        max_velocity=_most(limit, "velocity"),
         mimic=_mimic(element.find("mimic")),
     )
+
+
+def _most(limit: Element | None, name: str) -> float | None:
+    """Return an effort or velocity limit; None if it is 0 or less, which means no limit."""
+    value = number(limit, name) or 0.0
+    return value if value > 0 else None
 
 
 def _mimic(element: Element | None) -> Mimic | None:

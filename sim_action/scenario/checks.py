@@ -171,9 +171,8 @@ def sensor_problems(scene: Scene, sensors: Sequence[MountedSensor], paths: Seque
 def robot_problems(scenario: Scenario, model: RobotModel) -> SpecProblems:
     """Yield a base that cannot move, missing joints, invalid start positions and a drive that does not fit."""
     robot = scenario.robot
-    if robot.base != "fixed" and model.root != WORLD and model.links_by_name[model.root].mass == 0:
-        message = f"the base link '{model.root}' has no mass, so the engine would hold it still"
-        yield ("robot", "model"), f"{message}; say base: fixed, or give it a mass"
+    if robot.base != "fixed" and model.root != WORLD and (trouble := _weightless(model, robot.allow)) is not None:
+        yield ("robot", "model"), trouble
     for name, written in robot.joints.items():
         path: KeyPath = ("robot", "joints", name)
         joint = model.joints_by_name.get(name)
@@ -193,6 +192,17 @@ def robot_problems(scenario: Scenario, model: RobotModel) -> SpecProblems:
     if robot.drive is not None:
         for below, message in robot.drive.problems(model):
             yield ("robot", "drive", robot.drive.key, *below), message
+
+
+def _weightless(model: RobotModel, allowed: Sequence[str]) -> str | None:
+    """Return a message if the base of a model could not move freely because of its mass, else None."""
+    if model.links_by_name[model.root].mass == 0:
+        message = f"the base link '{model.root}' has no mass, so the engine would hold it still"
+        return f"{message}; say base: fixed, or give it a mass"
+    if model.mass or "massless-model" in allowed:
+        return None
+    message = "no link of the model has a mass, so it cannot move freely"
+    return f"{message}; say base: fixed, add <inertial> to the links, or allow massless-model"
 
 
 def follower_problems(scene: Scene) -> SpecProblems:
@@ -217,7 +227,8 @@ def rule_problems(scenario: Scenario) -> SpecProblems:
     """Yield unknown rules in `robot.allow` and rules that cannot be allowed."""
     hinted = FirstFew()
     for index, name in enumerate(scenario.robot.allow):
-        if name not in ALLOWABLE:
+        # A rule whose findings are notes needs no permission; it may have needed one before.
+        if name not in RULES or RULES[name].level == "fatal":
             path: KeyPath = ("robot", "allow", index)
             hint = "; no engine accepts such a model" if name in RULES else ""
             if not hint and hinted.one_more():

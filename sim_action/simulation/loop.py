@@ -14,6 +14,7 @@ from sim_action.assertions.monitors.becoming import Rest
 from sim_action.core.errors import ControllersFinished, RunError
 from sim_action.drives import Drive, recognise
 from sim_action.engines import ENGINES, Engine, chosen
+from sim_action.robot.audit.rules import grouped_notes
 from sim_action.scenario.claim_audit import NOT_SIMULATED, ClaimFinding
 from sim_action.scenario.model import Scenario
 from sim_action.simulation.accuracy import AccuracyWatch, links_with_springs
@@ -153,7 +154,7 @@ class _Loop:
         self._tunnelling: Tunnelling | None = None
         self._pinning: Pinning | None = None
         self._body_poses: FloatArray | None = None
-        self._notes = [*map(str, scene.model.findings), *backend.notes, *_about_drive(scenario, scene, drive)]
+        self._notes = [*grouped_notes(scene.model.findings), *backend.notes, *_about_drive(scenario, scene, drive)]
         self._motion = drive.open(scene.model, scenario.physics.rate, scene.world.weight) if drive else None
         self._arrivals = Spawns.of(scenario)
         self._last_step = scenario.steps(scenario.time_limit)

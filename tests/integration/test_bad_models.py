@@ -22,6 +22,7 @@ from tests.robot.bad_models import BAD_MODELS, GOOD
 
 SPHERE: Final = '<sphere radius="0.5"/>'
 GOOD_ONES: Final = 8
+_WEIGHTLESS: Final = ("massless-base", "massless-model")
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,9 +56,12 @@ def write(folder: Path, name: str, text: str, files: tuple[tuple[str, bytes], ..
     (folder / "robot.urdf").write_text(text, encoding="utf-8")
     for file, data in files:
         (folder / file).write_bytes(data)
+    # These need a base that cannot move.
+    bolted = {"base": "fixed"} if any(text == bad.text for bad in BAD_MODELS if bad.rule in _WEIGHTLESS) else {}
     scenario = {
         "name": name,
-        "robot": {"model": "robot.urdf"},
+        "robot": {"model": "robot.urdf", **bolted},
+        "allow": ["fixed-base"] if bolted else [],
         "physics": {"settle": 0},
         "expect": ["upright"],
         "time_limit": "0.1 s",

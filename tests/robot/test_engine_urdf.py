@@ -7,8 +7,12 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
+from sim_action.core import geometry
+from sim_action.robot.kinematics import link_poses
 from sim_action.robot.urdf import read_urdf
 from tests.robot.bad_models import GOOD
+
+BALL = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
 
 
 def links(folder: Path, text: str, *allow: str) -> dict[str, ET.Element]:
@@ -205,3 +209,40 @@ def test_a_second_of_what_there_is_one_of_is_left_out(tmp_path: Path) -> None:
 def test_prefixes_that_nobody_declared_do_no_harm(tmp_path: Path) -> None:
     root = written(tmp_path, GOOD.replace("<robot", '<robot xmlns:x="" y:z="1"'))
     assert root.attrib == {"name": "robot"}
+
+
+@pytest.mark.parametrize(
+    ("follower", "mimic"),
+    [
+        ('type="revolute"', 'joint="shoulder" multiplier="0" offset="0.5"'),
+        ('type="revolute"', 'joint="hold" multiplier="3" offset="0.5"'),
+        ('type="prismatic"', 'joint="hold" offset="0.5"'),
+    ],
+)
+def test_a_joint_whose_mimic_never_moves_it_is_fixed_where_it_would_be(
+    follower: str, mimic: str, tmp_path: Path
+) -> None:
+    links = "".join(f'<link name="{name}">{BALL}</link>' for name in ("still", "hand"))
+    hold = '<joint name="hold" type="fixed"><parent link="upper"/><child link="still"/></joint>'
+    ends = '<parent link="upper"/><child link="hand"/><origin xyz="0 0 1"/><axis xyz="0 0 1"/>'
+    joint = f'<joint name="j" {follower}>{ends}<limit lower="-1" upper="1"/><mimic {mimic}/></joint>'
+    path = tmp_path / "robot.urdf"
+    path.write_text(GOOD.replace("</robot>", f"{links}{hold}{joint}</robot>"))
+    model = read_urdf(path)
+    assert model.joints_by_name["j"].type == "fixed"
+    at = geometry.compose(geometry.inverse(link_poses(model, {})["upper"]), link_poses(model, {})["hand"])
+    if "prismatic" in follower:
+        assert at.position_xyz == pytest.approx((0.0, 0.0, 1.5))
+    else:
+        assert geometry.rpy_from_quaternion(at.orientation_xyzw) == pytest.approx((0.0, 0.0, 0.5))
+
+
+def test_a_root_without_mass_that_carries_a_robot_does_not_fix_it(tmp_path: Path) -> None:
+    massless = BALL.replace('mass value="1"', 'mass value="0"')
+    frame = f'<link name="root">{massless}</link>'
+    joint = '<joint name="j" type="fixed"><parent link="root"/><child link="base"/></joint>'
+    path = tmp_path / "robot.urdf"
+    path.write_text(GOOD.replace("</robot>", f"{frame}{joint}</robot>"))
+    model = read_urdf(path)
+    assert (model.root, model.links_by_name["root"].mass) == ("root", None)
+    assert [finding.rule for finding in model.findings] == ["massless-frame"]

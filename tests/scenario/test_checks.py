@@ -37,6 +37,17 @@ def test_a_free_base_without_mass_would_stand_still(tmp_path: Path) -> None:
     assert load(tmp_path, arm(tmp_path))
 
 
+def test_a_free_robot_has_a_mass(tmp_path: Path) -> None:
+    (found,) = told(tmp_path, arm(tmp_path, inertial=""))
+    assert "no link of the model has a mass, so it cannot move freely; say base: fixed" in found
+    assert load(tmp_path, arm(tmp_path, ", base: fixed", inertial=""))
+    assert load(tmp_path, arm(tmp_path, ", allow: [massless-model]", inertial=""))
+
+
+def test_a_rule_whose_findings_are_notes_may_be_allowed(tmp_path: Path) -> None:
+    assert load(tmp_path, arm(tmp_path, ", allow: [missing-visual, zero-inertia]"))
+
+
 @pytest.mark.parametrize(
     ("position", "problem"),
     [

@@ -6,6 +6,7 @@ Models contain elements of other tools and of dialects. Only a name that is clos
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterator
 from typing import Final
 from xml.etree.ElementTree import Element
@@ -63,7 +64,6 @@ _NUMBERS: Final = {
 """Path -> attribute -> the count of numbers that it must hold."""
 
 _NOT_NEGATIVE: Final = {
-    "limit": ("effort", "velocity"),
     "dynamics": ("damping", "friction"),
     **dict.fromkeys(CONTACT, ("value",)),
 }
@@ -98,6 +98,8 @@ _KNOWN: Final = {
     ),
 }
 """Path of the parent element -> known names of its children."""
+
+_OPTENV: Final = re.compile(r"\$\(optenv\s+\w+\s*([^()]*)\)")
 
 _LIKENESS: Final = 0.75
 
@@ -144,11 +146,11 @@ def numbers(document: ModelDocument) -> Iterator[Finding]:
     for path, counts in _NUMBERS.items():
         for element in document.elements(path):
             for name, count in counts.items():
-                yield from _not_numbers(document, element, name, count, required=name in _REQUIRED.get(path, ()))
+                yield from _not_numbers(document, element, path, name, count, required=name in _REQUIRED.get(path, ()))
 
 
 def _not_numbers(
-    document: ModelDocument, element: Element, name: str, count: int, *, required: bool
+    document: ModelDocument, element: Element, path: str, name: str, count: int, *, required: bool
 ) -> Iterator[Finding]:
     text = element.get(name)
     if text is None:
@@ -158,7 +160,9 @@ def _not_numbers(
     if is_expression(text):
         message += "; this is a xacro expression: expand the file, or use the .xacro file as the model"
     if is_expression(text) and not required:
-        yield document.finding("unexpanded-expression", element, message)
+        # A wrong place of what is only drawn does not change the motion.
+        rule = "passed-over" if path.startswith("link/visual") else "unexpanded-expression"
+        yield document.finding(rule, element, message)
     elif not is_numbers(text, count):
         yield document.finding("bad-number", element, message)
     elif count == 1 and (due := _due(element.tag, name, float(text))) is not None:
@@ -223,6 +227,18 @@ def repeated_inertials(document: ModelDocument) -> Iterator[Finding]:
             yield document.finding("second-inertial", inertial, message)
 
 
+def default_expressions(document: ModelDocument) -> Iterator[Finding]:
+    """Replace each $(optenv NAME DEFAULT) by its default, as xacro does without such a variable, and yield a note."""
+    for element in document.root.iter():
+        for name, text in element.attrib.items():
+            if "$(optenv " in text:
+                element.set(name, _OPTENV.sub(r"\1", text))
+                message = (
+                    f'<{element.tag} {name}="{text[:_MAX_SHOWN_CHARS]}">: "{element.get(name)}" is used, the default'
+                )
+                yield document.finding("default-expression", element, message)
+
+
 def gazebo_numbers(document: ModelDocument) -> Iterator[Finding]:
     """Yield contact coefficients in <gazebo> that are not numbers, or are negative."""
     for tag in document.elements("gazebo"):
@@ -249,8 +265,12 @@ def restitutions(document: ModelDocument) -> Iterator[Finding]:
 
 
 def _bounce(document: ModelDocument, part: Element, text: str) -> Iterator[Finding]:
-    if is_numbers(text, 1) and float(text) > 0:
+    if is_numbers(text, 1) and float(text) > MAX_IGNORED_RESTITUTION:
         yield document.finding("restitution", part, no_bounce(f"<{part.tag}> is {float(text):g}"))
+
+
+MAX_IGNORED_RESTITUTION: Final = 0.1
+"""A contact with at most this restitution loses 99 % of its energy: that nothing bounces is not reported."""
 
 
 def no_bounce(found: str, remedy: str = "set it to 0") -> str:

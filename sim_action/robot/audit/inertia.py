@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from decimal import Decimal
 from typing import Final
 from xml.etree.ElementTree import Element
 
@@ -15,11 +16,14 @@ from sim_action.core import geometry
 from sim_action.core.geometry import Vector3
 from sim_action.robot.audit.joints import is_free_base
 from sim_action.robot.robot_model import WORLD, Finding, Link, Shape
-from sim_action.robot.urdf_elements import number, origin, parent_of
+from sim_action.robot.urdf_elements import MOMENTS, child_of, number, origin, parent_of
 from sim_action.robot.xml_document import ModelDocument
 
 # Exporters round: smaller deviations are not reported.
 _ROUNDING: Final = 1e-3
+
+# A repair that adds this share of the largest moment does not change the motion: it is a note.
+_SMALL_SHARE: Final = 0.01
 
 _MAX_GYRATION_RATIO: Final = 100.0
 """Bounds on the radius of gyration divided by the reach of the link; 0.1 to 1 for a body that fills its shapes."""
@@ -38,38 +42,104 @@ _MIN_THICKNESS_M: Final = 1e-3
 
 def masses(document: ModelDocument) -> Iterator[Finding]:
     """Yield masses that are negative or 0."""
-    for mass in document.elements("link/inertial/mass"):
+    bodies: RigidBodies | None = None
+    for link in document.elements("link"):
+        mass = link.find("inertial/mass")
         value = number(mass, "value") or 0.0
+        if mass is None or value > 0:
+            continue
+        name = link.attrib["name"]
+        bodies = bodies or RigidBodies(document)
         if value < 0:
             yield document.finding("negative-mass", mass, f'<mass value="{value:g}">: a mass must not be negative')
-        elif value == 0:
-            message = '<mass value="0">: an engine would fix a base of mass 0; state the mass, or remove <inertial>'
+        elif bodies.holds_mass(name):
+            message = f"link '{name}' has a mass of 0, and is fixed to others that have one: it adds nothing"
+            yield document.finding("massless-frame", mass, message)
+        elif bodies.is_base(name):
+            message = f"base link '{name}' has a mass of 0: it cannot move; set base: fixed, or give it a mass"
+            yield document.finding("massless-base", mass, message)
+        else:
+            message = f"link '{name}' moves, but has a mass of 0: state the mass, or remove <inertial>"
             yield document.finding("zero-mass", mass, message)
+
+
+class RigidBodies:
+    """The links of a model in groups that fixed joints hold together."""
+
+    def __init__(self, document: ModelDocument) -> None:
+        held = {child_of(joint): parent_of(joint) for joint in document.elements("joint") if _is_rigid(joint)}
+        self._moved = {child_of(joint) for joint in document.elements("joint")} - held.keys()
+        self._first: dict[str, str] = {}
+        self._masses: dict[str, float] = {}
+        for link in document.elements("link"):
+            first = name = link.attrib["name"]
+            while first in held:
+                first = held[first]
+            self._first[name] = first
+            mass = number(link.find("inertial/mass"), "value") or 0.0
+            self._masses[first] = self._masses.get(first, 0.0) + max(0.0, mass)
+
+    def holds_mass(self, link: str) -> bool:
+        """Return True if a link is fixed to one with a mass, or to the world."""
+        first = self._first[link]
+        return self._masses[first] > 0 or first == WORLD
+
+    def is_base(self, link: str) -> bool:
+        """Return True if a link is the base, or is fixed to it."""
+        return self._first[link] not in self._moved
+
+
+def _is_rigid(joint: Element) -> bool:
+    return joint.attrib["type"] == "fixed"
 
 
 def tensors(document: ModelDocument) -> Iterator[Finding]:
     """Yield inertias whose principal moments are not positive, or break the triangle inequality."""
-    for inertia in document.elements("link/inertial/inertia"):
+    for inertial in document.elements("link/inertial"):
+        inertia = inertial.find("inertia")
+        if inertia is None or number(inertial.find("mass"), "value") == 0:
+            continue
         a, b, c = sorted(principal_moments(inertia))
         found = f"principal moments of inertia {a:.3g}, {b:.3g}, {c:.3g} kg m^2"
-        if a <= 0:
-            yield document.finding("impossible-inertia", inertia, f"{found}: all of them must be greater than 0")
-        elif c > (a + b) * (1 + _ROUNDING):
-            message = f"{found}: none may be greater than the sum of the other two"
-            yield document.finding("impossible-inertia", inertia, message)
+        if all((number(inertia, name) or 0.0) == 0 for name in MOMENTS):
+            message = f"{found}: the mass counts as a ball of 5 cm radius; state the moments"
+            yield document.finding("zero-inertia", inertia, message)
+            continue
+        lacking = max(-a, c - a - b)
+        if a > 0 and lacking <= _ROUNDING * (a + b):
+            continue
+        wanted = "all of them must be greater than 0" if a <= 0 else "none may be greater than the sum of the other two"
+        if lacking <= max(_SMALL_SHARE * c, _rounding_of(inertia)):
+            message = f"{found}: {wanted}; they miss this only by rounding, and are increased"
+            yield document.finding("rounded-inertia", inertia, message)
+        else:
+            yield document.finding("impossible-inertia", inertia, f"{found}: {wanted}")
+
+
+def _rounding_of(inertia: Element) -> float:
+    """Return by how much in kg m^2 the principal moments may be off because their digits are rounded."""
+    return 2 * max(_last_digit(inertia.get(name, "0")) for name in MOMENTS)
+
+
+def _last_digit(text: str) -> float:
+    """Return the value of the last digit of a number, such as 0.001 for "1.234"; 0 for 0."""
+    value = Decimal(text.strip())
+    exponent = value.as_tuple().exponent
+    return float(Decimal(1).scaleb(exponent)) if value and isinstance(exponent, int) and exponent < 0 else 0.0
 
 
 def presence(document: ModelDocument) -> Iterator[Finding]:
     """Yield links without <inertial>, and a model in which no link has a mass."""
+    if not any(number(mass, "value") for mass in document.elements("link/inertial/mass")):
+        message = "no link of the model has a mass: each gets a negligible one, and the base must be fixed"
+        yield document.finding("massless-model", document.root, message)
+        return
     joints = document.elements("joint")
     free_of_mass = {WORLD, *(parent_of(joint) for joint in joints if is_free_base(document, joint))}
     for link in document.elements("link"):
         if link.find("inertial") is None and link.attrib["name"] not in free_of_mass:
             message = f"link '{link.attrib['name']}' has no <inertial>: it gets a negligible mass"
             yield document.finding("missing-inertia", link, message)
-    if not any(number(mass, "value") for mass in document.elements("link/inertial/mass")):
-        message = "no link of the model has a mass; add <inertial> to the links"
-        yield document.finding("massless-model", document.root, message)
 
 
 def principal_moments(inertia: Element) -> tuple[float, float, float]:

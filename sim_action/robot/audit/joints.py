@@ -53,7 +53,12 @@ def limits(document: ModelDocument) -> Iterator[Finding]:
         if kind not in LIMITED:
             continue
         lower, upper = number(limit, "lower"), number(limit, "upper")
-        if limit is None or (lower is None and upper is None):
+        if limit is None and kind == "revolute":
+            message = (
+                f"revolute joint '{name}' has no <limit>: it turns without limits; make it 'continuous' if it should"
+            )
+            yield document.finding("unlimited-joint", joint, message)
+        elif limit is None or (lower is None and upper is None):
             other = ", or make it 'continuous' if it turns without end" if kind == "revolute" else ""
             message = (
                 f"{kind} joint '{name}' has no limits, so it could not move: add <limit lower= upper= .../>{other}"
@@ -85,9 +90,12 @@ def motors(document: ModelDocument) -> Iterator[Finding]:
     """Yield effort and velocity limits of 0. Exporters write 0 for values that were not filled in."""
     for joint in document.elements("joint"):
         limit = joint.find("limit")
-        zeros = [what for what in ("effort", "velocity") if number(limit, what) == 0]
+        stated = {what: number(limit, what) for what in ("effort", "velocity")}
+        zeros = {what: value for what, value in stated.items() if value is not None and value <= 0}
         if limit is not None and zeros and joint.attrib["type"] in MOVING_TYPES:
-            found = " and ".join(f"{'an' if what == 'effort' else 'a'} {what} of 0" for what in zeros)
+            found = " and ".join(
+                f"{'an' if what == 'effort' else 'a'} {what} of {value + 0.0:g}" for what, value in zeros.items()
+            )
             message = (
                 f"joint '{joint.attrib['name']}' has {found} in <limit>, so it could not move: it counts as no limit"
             )
@@ -132,7 +140,10 @@ def mimics(document: ModelDocument) -> Iterator[Finding]:
     """Yield joints whose <mimic> cannot work."""
     joints = {joint.attrib["name"]: joint for joint in document.elements("joint")}
     for joint in joints.values():
-        if (trouble := mimic_problem(joint, joints)) is not None:
+        if (position := still_position(joint, joints)) is not None:
+            message = f"joint '{joint.attrib['name']}' has a <mimic> that never moves it: it is fixed at {position:g}"
+            yield document.finding("still-mimic", joint, message)
+        elif (trouble := mimic_problem(joint, joints)) is not None:
             yield document.finding("bad-mimic", joint, f"joint '{joint.attrib['name']}' mimics {trouble}")
 
 
@@ -164,6 +175,23 @@ def _taken(mimic: Element, leader: Element) -> tuple[float, float]:
 def _range(joint: Element) -> tuple[float, float]:
     lower, upper = limits_of(joint)
     return -math.inf if lower is None else lower, math.inf if upper is None else upper
+
+
+def still_position(joint: Element, joints: Mapping[str, Element]) -> float | None:
+    """Return the position in rad (m if prismatic) at which a <mimic> holds a joint for good; None if it may move it.
+
+    It does so if the joint is fixed, if the joint that it follows is fixed, or by a multiplier of 0.
+    """
+    mimic = joint.find("mimic")
+    leader = None if mimic is None else joints.get(mimic.attrib["joint"])
+    if mimic is None or (leader is None and joint.attrib["type"] != "fixed"):
+        return None
+    if joint.attrib["type"] == "fixed":
+        return 0.0
+    is_still = leader is not None and leader.attrib["type"] == "fixed"
+    if joint.attrib["type"] in MOVING_TYPES and (is_still or number(mimic, "multiplier") == 0):
+        return number(mimic, "offset") or 0.0
+    return None
 
 
 def mimic_problem(joint: Element, joints: Mapping[str, Element]) -> str | None:

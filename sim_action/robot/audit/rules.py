@@ -6,7 +6,7 @@ Each finding carries the name of its rule. `robot.allow` lists the names of rule
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Final
@@ -17,6 +17,8 @@ from sim_action.robot.robot_model import Finding, Level
 
 # Each finding is a line in every report.
 _MAX_REPORTED: Final = 100
+
+_MAX_LINES: Final = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,32 +71,44 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         "unexpanded-expression": Rule(
             "error", "an unexpanded xacro expression, ${...} or $(...); if allowed, the value counts as left out"
         ),
-        "missing-visual": Rule("error", "a visual mesh that does not exist; if allowed, it is not drawn"),
         "missing-limits": Rule(
-            "error", "a revolute or prismatic joint without limits; if allowed, it moves without limits"
+            "error",
+            "a prismatic joint without limits, or a <limit> without positions; if allowed, it moves without limits",
         ),
         "reversed-limits": Rule(
             "error", "a lower limit above the upper limit; if allowed, the joint moves without limits"
         ),
-        "zero-mass": Rule(
-            "error", "a mass of 0; if allowed, a base link is fixed, and another link gets a negligible mass"
-        ),
+        "zero-mass": Rule("error", "a mass of 0 on a link that moves by itself; if allowed, it gets a negligible mass"),
         "impossible-inertia": Rule(
             "error",
-            "moments of inertia that are physically impossible; if allowed, all three moments are increased until they "
-            "are possible, and an inertia of 0 becomes that of a small ball",
-        ),
-        "massless-model": Rule(
-            "error", "a model in which no link has a mass; if allowed, every link gets a negligible mass"
+            "moments of inertia that are physically impossible, by more than rounding; if allowed, all three moments "
+            "are increased until they are possible",
         ),
         "absurd-size": Rule(
             "error", "a part that is larger than a robot can be: probably in millimetres instead of metres"
         ),
         "restitution": Rule(
-            "error", "a contact that bounces: nothing bounces in the simulation; if allowed, the restitution is ignored"
+            "error",
+            "a contact with a restitution above 0.1: nothing bounces in the simulation; if allowed, it is ignored",
         ),
         "unsupported-part": Rule("error", "a part of SDF that is not supported; if allowed, it is ignored"),
         "xacro-warning": Rule("warning", "a warning that xacro itself printed"),
+        "missing-visual": Rule("warning", "a visual mesh that does not exist: the collision shapes are drawn instead"),
+        "massless-model": Rule(
+            "warning",
+            "a model in which no link has a mass: every link gets a negligible mass, and the base must be fixed",
+        ),
+        "massless-base": Rule("warning", "a mass of 0 on the base link: the base must be fixed"),
+        "massless-frame": Rule("warning", "a mass of 0 on a link that is fixed to a link with a mass: it adds nothing"),
+        "rounded-inertia": Rule(
+            "warning",
+            "moments of inertia that are impossible only by rounding: they are increased until they are possible",
+        ),
+        "zero-inertia": Rule("warning", "moments of inertia that are all 0: the mass counts as a ball of 5 cm radius"),
+        "empty-shape": Rule("warning", "a collision shape whose sizes are all 0: it is ignored"),
+        "unlimited-joint": Rule("warning", "a revolute joint without <limit>: it turns without limits"),
+        "still-mimic": Rule("warning", "a <mimic> that never moves its joint: the joint is fixed"),
+        "default-expression": Rule("warning", "an expression $(optenv NAME DEFAULT) in a URDF: DEFAULT is used"),
         "locked-joint": Rule("warning", "a joint that cannot move because its limits are equal, often 0 on a wheel"),
         "concave-mesh": Rule("warning", "a collision mesh that is not convex: its convex hull collides"),
         "tiny-mesh": Rule("warning", "a collision mesh smaller than 1 mm: probably scaled to metres twice"),
@@ -109,7 +123,7 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         "two-frictions": Rule(
             "warning", "friction that depends on the direction: one coefficient is used for all directions"
         ),
-        "zero-limit": Rule("warning", "an effort or velocity of 0 in <limit>: it counts as no limit"),
+        "zero-limit": Rule("warning", "an effort or velocity of 0 or less in <limit>: it counts as no limit"),
         "follower-limits": Rule("warning", "a joint whose <mimic> takes it beyond its own limits"),
         "odd-angle": Rule("warning", "a rotation of more than a full turn: probably in degrees instead of radians"),
         "odd-limits": Rule("warning", "limits that are too far apart for a robot: probably in degrees or millimetres"),
@@ -165,6 +179,24 @@ def limited_notes(findings: Iterable[Finding]) -> tuple[Finding, ...]:
             left_out.setdefault(found.rule, found)
     rest = (replace(found, message=_more(seen[rule] - _MAX_REPORTED)) for rule, found in left_out.items())
     return (*told, *rest)
+
+
+def grouped_notes(findings: Iterable[Finding]) -> tuple[str, ...]:
+    """Return the findings as text, one for each rule and file: the first one, and the lines of the others."""
+    groups: dict[tuple[str, str], list[Finding]] = {}
+    for found in findings:
+        groups.setdefault((found.rule, found.location.file), []).append(found)
+    return tuple(map(_note, groups.values()))
+
+
+def _note(findings: Sequence[Finding]) -> str:
+    first, *others = findings
+    if not others:
+        return str(first)
+    lines = list(dict.fromkeys(found.location.line for found in others))
+    shown = ", ".join(map(str, lines[:_MAX_LINES])) + (", ..." if len(lines) > _MAX_LINES else "")
+    more = f"and {len(others):,} more like this; line{'s' * (len(lines) > 1)} {shown}"
+    return f"{first.location}: {first.message} ({more}) [{first.rule}]"
 
 
 def _more(count: int) -> str:

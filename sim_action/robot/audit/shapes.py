@@ -32,11 +32,21 @@ def kinds(document: ModelDocument) -> Iterator[Finding]:
 def sizes(document: ModelDocument) -> Iterator[Finding]:
     """Yield shapes with a size that is not greater than 0."""
     for shape in _shapes(document):
+        if is_empty(shape):
+            message = f"<{shape.tag}> has no size, so nothing can touch it: it is ignored"
+            yield document.finding("empty-shape", shape, message)
+            continue
         for name, lengths in _lengths(shape).items():
             if min(lengths) <= 0:
                 found = f'<{shape.tag} {name}="{shape.attrib[name]}">'
                 wanted = f"the {name} must be greater than 0" if name != "size" else "all sizes must be greater than 0"
                 yield document.finding("bad-shape", shape, f"{found}: {wanted}")
+
+
+def is_empty(shape: Element) -> bool:
+    """Return True if all sizes of a shape are 0; a cylinder or capsule has none without a radius."""
+    lengths = _lengths(shape)
+    return bool(lengths) and not any(lengths.get("radius", next(iter(lengths.values()))))
 
 
 def extents(document: ModelDocument) -> Iterator[Finding]:

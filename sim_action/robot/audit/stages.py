@@ -16,7 +16,7 @@ Check = Callable[[ModelDocument], Iterator[Finding]]
 
 STAGES: Final[tuple[tuple[Check, ...], ...]] = (
     (elements.root, elements.required_attributes, elements.required_children),
-    (elements.numbers, elements.gazebo_numbers),
+    (elements.default_expressions, elements.numbers, elements.gazebo_numbers),
     (
         kinematic_tree.names,
         kinematic_tree.joint_types,

@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import Final
 from xml.etree.ElementTree import Element
 
-from sim_action.robot.audit.elements import no_bounce
+from sim_action.robot.audit.elements import MAX_IGNORED_RESTITUTION, no_bounce
 from sim_action.robot.sdf.elements import Notes, SdfProblem, flag_of, number_of, text_of
 
 Default = bool | float | None
@@ -68,7 +68,7 @@ def note_contact(notes: Notes, collision: Element, owner: str) -> None:
     if bullet is not None and number_of(collision, f"{_FRICTION}/bullet/friction", 1.0) != _friction(collision):
         _add(notes, bullet, owner)
     bounce = collision.find(_BOUNCE)
-    if bounce is not None and (restitution := number_of(collision, _BOUNCE, 0.0)) > 0:
+    if bounce is not None and (restitution := number_of(collision, _BOUNCE, 0.0)) > MAX_IGNORED_RESTITUTION:
         notes.add("restitution", bounce, no_bounce(f"<{bounce.tag}> of {owner} is {restitution:g}"))
     contact = collision.find(_CONTACT)
     if contact is None:

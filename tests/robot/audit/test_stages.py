@@ -175,7 +175,7 @@ def test_what_hangs_on_an_unknown_link_is_no_loop(tmp_path: Path) -> None:
 
 
 def test_all_that_a_stage_finds_is_told_at_once(tmp_path: Path) -> None:
-    text = GOOD.replace('mass value="2"', 'mass value="-2"').replace('radius="0.5"', 'radius="0"')
+    text = GOOD.replace('mass value="2"', 'mass value="-2"').replace('radius="0.5"', 'radius="-1"')
     assert {finding.rule for finding in findings(tmp_path, text)} == {"negative-mass", "bad-shape"}
 
 

@@ -147,7 +147,6 @@ BAD_SDF_MODELS = [
     _also("one-root", 2, "none: its joints form a loop", joint("j", "tool", "base")),
     # Links.
     _bad("negative-mass", 3, "a mass must not be negative", "<mass>1", "<mass>-1"),
-    _bad("zero-mass", 3, "or remove <inertial>", "<mass>1", "<mass>0"),
     _bad("impossible-inertia", 3, "principal moments", "<ixx>1", "<ixx>9"),
     _bad("unsupported-part", 3, "<inertial auto> of link 'base'", "<inertial>", '<inertial auto="true">'),
     _surface(
@@ -166,7 +165,7 @@ BAD_SDF_MODELS = [
     _shape("missing-part", "<mesh> has no <uri>", "<mesh/>"),
     _shape("missing-mesh", "'absent.stl' does not exist", "<mesh><uri>absent.stl</uri></mesh>"),
     _shape("unsupported-part", "<submesh>", "<mesh><uri>a.stl</uri><submesh><name>b</name></submesh></mesh>"),
-    _shape("bad-shape", "the radius must be greater than 0", "<sphere><radius>0</radius></sphere>"),
+    _shape("bad-shape", "the radius must be greater than 0", "<sphere><radius>-1</radius></sphere>"),
     _shape("absurd-size", "is it in millimetres?", "<box><size>120 80 40</size></box>"),
     _shape("unknown-shape", "it has no bounds", "<plane><normal>0 0 1</normal></plane>"),
     _shape("unknown-shape", "it can be part of a world only", "<heightmap/>"),
