@@ -130,11 +130,14 @@ def _last_digit(text: str) -> float:
 
 def presence(document: ModelDocument) -> Iterator[Finding]:
     """Yield links without <inertial>, and a model in which no link has a mass."""
+    joints = list(document.elements("joint"))
+    is_fixed = any(link.attrib["name"] == WORLD for link in document.elements("link"))
+    if is_fixed and all(joint.get("type") == "fixed" for joint in joints):
+        return  # Nothing moves, so no mass has an effect.
     if not any(number(mass, "value") for mass in document.elements("link/inertial/mass")):
         message = "no link of the model has a mass: each gets a negligible one, and the base must be fixed"
         yield document.finding("massless-model", document.root, message)
         return
-    joints = document.elements("joint")
     free_of_mass = {WORLD, *(parent_of(joint) for joint in joints if is_free_base(document, joint))}
     for link in document.elements("link"):
         if link.find("inertial") is None and link.attrib["name"] not in free_of_mass:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final, TypeVar
@@ -26,6 +27,9 @@ _TRUE: Final = frozenset({"true", "1"})
 
 _FALSE: Final = frozenset({"false", "0"})
 
+# Exporters write the largest number of a type for "no limit", such as -1.79769e+308.
+_HUGE: Final = re.compile(r"[+-]?[0-9]+(\.[0-9]*)?e\+?[0-9]{2,3}")
+
 _INFINITE: Final = frozenset({"inf", "+inf", "-inf", "infinity", "+infinity", "-infinity"})
 
 
@@ -48,6 +52,7 @@ class Notes:
 
     places: dict[Element, Location] = field(default_factory=dict)
     findings: list[Finding] = field(default_factory=list)
+    _parts: dict[str, tuple[Element, str, int]] = field(default_factory=dict)
     _reported: set[SdfProblem] = field(default_factory=set)
 
     @property
@@ -58,6 +63,21 @@ class Notes:
     def add(self, rule: str, element: Element, message: str) -> None:
         """Add a finding."""
         self.findings.append(finding(rule, message, self.places[element]))
+
+    def leave_out(self, kind: str, part: Element, text: str) -> None:
+        """Note a part that is not simulated; `kind`: parts of one kind become one finding.
+
+        :param text: the part and its owner, such as "<gravity> of link 'a'".
+        """
+        first, shown_text, count = self._parts.get(kind, (part, text, 0))
+        self._parts[kind] = first, shown_text, count + 1
+
+    def report_parts(self) -> None:
+        """Add a finding for each kind of parts that are not simulated."""
+        for part, text, count in self._parts.values():
+            number = f" ({count} of them)" if count > 1 else ""
+            self.add("passed-over", part, f"{text} is not simulated; it is ignored{number}")
+        self._parts.clear()
 
     def attempt(self, step: Callable[[Subject], Result], subject: Subject) -> Result | None:
         """Return the result of a step. If it raises SdfProblem, add that as a finding, once, and return None."""
@@ -105,7 +125,7 @@ def limit_of(limit: Element | None, tag: str, otherwise: float) -> float:
     if element is None:
         return otherwise
     text = (element.text or "").strip().lower()
-    value = float(text) if text in _INFINITE else numbers_of(element, 1)[0]
+    value = float(text) if text in _INFINITE or _HUGE.fullmatch(text) else numbers_of(element, 1)[0]
     return max(-UNLIMITED, min(UNLIMITED, value))
 
 

@@ -127,8 +127,7 @@ class Frames:
             if entry is not None and entry.kind == "link":
                 return entry
             raise SdfProblem("unknown-frame", scope.element, f"the canonical_link '{name}' is not a link")
-        own = (entry for entry in scope.members if entry.kind == "link")
-        link = next(own, None) or next(scope.all_of("link"), None)
+        link = next(_own_links(scope), None) or next(scope.all_of("link"), None)
         if link is None:
             raise SdfProblem(
                 "missing-part", scope.element, "<model> has no <link>, so nothing can be attached to its frame"
@@ -216,3 +215,12 @@ class Frames:
         for model in self._around(entry.owner, scope):
             pose = geometry.compose(self._poses[model], pose)
         return pose
+
+
+def _own_links(scope: Scope) -> Iterator[Entry]:
+    """Yield the links of a model, with those of merged models, in the order of the file."""
+    for entry in scope.members:
+        if entry.kind == "link":
+            yield entry
+        elif entry.scope is not None and not entry.name:
+            yield from _own_links(entry.scope)

@@ -28,7 +28,7 @@ from sim_action.robot.sdf.elements import (
 )
 from sim_action.robot.sdf.frames import Frames
 from sim_action.robot.sdf.old_versions import FRAMES_NAMED, PARENT_MODEL_FLAG
-from sim_action.robot.sdf.unsupported_parts import note_parts
+from sim_action.robot.sdf.unsupported_parts import note_parts, note_sensors
 from sim_action.robot.sdf.urdf_writer import UrdfWriter, numbers
 from sim_action.robot.urdf_elements import UNLIMITED
 
@@ -162,6 +162,7 @@ class JointWriter:
             type=_URDF_TYPES.get(resolved.type, resolved.type),
         )
         writer.add_origin(joint, element, origin)
+        note_sensors(self._notes, element, f"joint '{resolved.entry.full_name}'")
         writer.add(joint, "parent", element, link=WORLD if resolved.parent is None else resolved.parent.full_name)
         writer.add(joint, "child", element, link=resolved.child.full_name)
         if resolved.axis_xyz is not None:

@@ -22,7 +22,7 @@ from sim_action.robot.sdf.elements import (
     vector_of,
 )
 from sim_action.robot.sdf.frames import Frames
-from sim_action.robot.sdf.unsupported_parts import note_contact, note_parts
+from sim_action.robot.sdf.unsupported_parts import note_contact, note_parts, note_sensors
 from sim_action.robot.sdf.urdf_writer import UrdfWriter, numbers
 from sim_action.robot.urdf_elements import is_numbers
 
@@ -32,6 +32,7 @@ _MOMENTS: Final = {"ixx": 1.0, "ixy": 0.0, "ixz": 0.0, "iyy": 1.0, "iyz": 0.0, "
 _FRICTION: Final = "collision/surface/friction/ode"
 _CONTACT: Final = "collision/surface/contact/ode"
 _DEFAULT_FRICTION: Final = 1.0
+_NEVER_SLIDES: Final = 1e9
 
 EMPTY: Final = "empty"
 """The tag of a shape that does not collide."""
@@ -125,7 +126,7 @@ class LinkWriter:
     def _write_surface(self, link: Element, name: str) -> None:
         """Write the surface of a link. URDF has one per link: the smallest friction of its collisions is used."""
         frictions = [friction for friction in link.findall(_FRICTION) if friction.find("mu") is not None]
-        stated = {number_of(friction, "mu", _DEFAULT_FRICTION): friction for friction in frictions}
+        stated = {_friction(friction, "mu"): friction for friction in frictions}
         if len(stated) > 1:
             message = f"the collisions of link '{name}' have different friction: the smallest value is used for all"
             self._notes.add("passed-over", stated[min(stated)], message)
@@ -134,7 +135,7 @@ class LinkWriter:
         gazebo = writer.add(writer.root, "gazebo", source, reference=name)
         writer.add(gazebo, "mu1", source).text = numbers(min(stated, default=_DEFAULT_FRICTION))
         if stated and source.find("mu2") is not None:
-            writer.add(gazebo, "mu2", source).text = numbers(number_of(source, "mu2", _DEFAULT_FRICTION))
+            writer.add(gazebo, "mu2", source).text = numbers(_friction(source, "mu2"))
         contact = link.find(_CONTACT)
         for tag in ("kp", "kd"):
             if contact is not None and contact.find(tag) is not None:
@@ -142,10 +143,17 @@ class LinkWriter:
 
     def _note_unsupported_parts(self, link: Element, owner: str) -> None:
         note_parts(self._notes, link, owner)
+        note_sensors(self._notes, link, owner)
         for collision in link.findall("collision"):
             name = f"collision '{collision.get('name', '')}' of {owner}"
             note_parts(self._notes, collision, name)
             note_contact(self._notes, collision, name)
+
+
+def _friction(friction: Element, tag: str) -> float:
+    """Return a coefficient; one below 0 means that nothing slides, as in Gazebo. Raises SdfProblem."""
+    stated = number_of(friction, tag, _DEFAULT_FRICTION)
+    return _NEVER_SLIDES if stated < 0 else stated
 
 
 def shape_in(holder: Element) -> Element | None:

@@ -6,6 +6,7 @@ engine's solver are not in the table.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
@@ -19,7 +20,7 @@ Default = bool | float | None
 
 _PARTS: Final[Mapping[str, Mapping[str, Default]]] = MappingProxyType(
     {
-        "model": {"self_collide": False, "enable_wind": False},
+        "model": {"self_collide": False, "enable_wind": False, "gripper": None},
         "link": {
             "gravity": True,
             "kinematic": False,
@@ -33,6 +34,7 @@ _PARTS: Final[Mapping[str, Mapping[str, Default]]] = MappingProxyType(
             "surface/friction/torsional/coefficient": 0.0,
             "surface/friction/ode/slip1": 0.0,
             "surface/friction/ode/slip2": 0.0,
+            "surface/friction/ode/fdir1": None,
             "surface/friction/bullet/rolling_friction": 0.0,
             "surface/soft_contact": None,
         },
@@ -44,6 +46,13 @@ _PARTS: Final[Mapping[str, Mapping[str, Default]]] = MappingProxyType(
         },
     }
 )
+_FORCES: Final = re.compile(
+    r"buoyan|hydrodynamic|lift_?drag|thruster|(motor|multicopter)_?(motor_?)?model|wind|surface_?(float|wave)|suction|"
+    r"magnet|vacuum",
+    re.IGNORECASE,
+)
+"""Words in the names of plugins that push or hold links."""
+
 _FRICTION: Final = "surface/friction"
 _BOUNCE: Final = "surface/bounce/restitution_coefficient"
 _CONTACT: Final = "surface/contact"
@@ -59,14 +68,29 @@ def note_parts(notes: Notes, holder: Element, owner: str) -> None:
     for path, default in _PARTS[holder.tag].items():
         part = holder.find(path)
         if part is not None and _has_effect(holder, path, default):
-            _add(notes, part, owner)
+            _add(notes, f"{holder.tag}/{path}", part, owner)
+
+
+def note_sensors(notes: Notes, holder: Element, owner: str) -> None:
+    """Note the sensors of a <link> or <joint>."""
+    for sensor in holder.findall("sensor"):
+        stated = f"<sensor type=\"{sensor.get('type', '')}\"> '{sensor.get('name', '')}' of {owner}"
+        notes.leave_out("sensor", sensor, f"{stated} (a scenario has its own 'sensors')")
+
+
+def note_plugin(notes: Notes, plugin: Element) -> None:
+    """Note a plugin of a model that acts on links with forces."""
+    title = f"{plugin.get('name', '')} {plugin.get('filename', '')}"
+    if _FORCES.search(title):
+        name = plugin.get("name") or plugin.get("filename", "")
+        notes.leave_out(f"plugin {plugin.get('filename')}", plugin, f"the force of plugin '{name}'")
 
 
 def note_contact(notes: Notes, collision: Element, owner: str) -> None:
     """Add a finding for each unsupported contact property of a <collision>. Raises SdfProblem."""
     bullet = collision.find(f"{_FRICTION}/bullet/friction")
     if bullet is not None and number_of(collision, f"{_FRICTION}/bullet/friction", 1.0) != _friction(collision):
-        _add(notes, bullet, owner)
+        _add(notes, "bullet", bullet, owner)
     bounce = collision.find(_BOUNCE)
     if bounce is not None and (restitution := number_of(collision, _BOUNCE, 0.0)) > MAX_IGNORED_RESTITUTION:
         notes.add("restitution", bounce, no_bounce(f"<{bounce.tag}> of {owner} is {restitution:g}"))
@@ -94,10 +118,10 @@ def _has_effect(holder: Element, path: str, default: Default) -> bool:
     )
 
 
-def _add(notes: Notes, part: Element, owner: str) -> None:
+def _add(notes: Notes, kind: str, part: Element, owner: str) -> None:
     text = (part.text or "").strip()
     stated = f"<{part.tag}>{text}</{part.tag}>" if text else f"<{part.tag}>"
-    notes.add("passed-over", part, f"{stated} of {owner} is not simulated; it is ignored")
+    notes.leave_out(kind, part, f"{stated} of {owner}")
 
 
 def _mask(contact: Element, tag: str, otherwise: int) -> int:

@@ -184,7 +184,7 @@ BAD_SDF_MODELS = [
         3,
         "of 0 or more",
         "</geometry>",
-        "</geometry><surface><friction><ode><mu>-1</mu></ode></friction></surface>",
+        "</geometry><surface><contact><ode><kp>-1</kp></ode></contact></surface>",
     ),
     BadSdf("weightless", "massless-model", 2, "no link of the model has a mass", GOOD.replace(INERTIAL, "")),
     # Includes.

@@ -9,6 +9,7 @@ import pytest
 
 from sim_action.core.geometry import Vector3
 from tests.robot.sdf.models import facing, joint, link, load, near, position, sdf
+from tests.ros_workspace import written
 
 HALF = math.pi / 2
 QUARTER_TURN = f"0 0 0 0 0 {HALF}"
@@ -101,6 +102,14 @@ def test_a_models_frame_is_attached_to_its_canonical_link(tmp_path: Path) -> Non
     inner = f'<model name="arm" canonical_link="b">{link("a")}{link("b")}{joint("j", "a", "b")}</model>'
     on_arm = joint("k", "arm", "tool")
     assert load(tmp_path, sdf(inner, link("tool"), on_arm)).joints_by_name["k"].parent == "arm::b"
+
+
+def test_the_first_link_may_be_in_a_merged_model(tmp_path: Path) -> None:
+    """The parts of a merged model stand where its <include> stands."""
+    written(tmp_path / "arm.sdf", sdf(link("a")))
+    body = f'<include merge="true"><uri>arm.sdf</uri></include>{link("b")}{joint("j", "a", "b")}'
+    model = load(tmp_path, sdf(f'<model name="inner">{body}</model>', link("tool"), joint("k", "inner", "tool")))
+    assert model.joints_by_name["k"].parent == "inner::a"
 
 
 def test_in_old_files_a_joint_may_have_the_name_of_a_link(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from sim_action.core.geometry import Vector3
-from sim_action.robot.robot_model import Mimic, Plugin
+from sim_action.robot.robot_model import Mimic
 from tests.robot.sdf.models import joint, link, load, near, position, rules, sdf
 
 HALF = math.pi / 2
@@ -170,7 +170,8 @@ def test_plugins_are_handed_on_as_they_stand(tmp_path: Path) -> None:
         '<plugin filename="libdrive.so" name="drive"><left_joint>wl</left_joint><odom><rate>30</rate></odom></plugin>'
     )
     model = load(tmp_path, sdf(link("a"), plugin))
-    assert model.plugins == (Plugin("drive", (("left_joint", "wl"), ("odom", ""))),)
+    (handed,) = model.plugins
+    assert (handed.name, handed.parameters) == ("drive", (("left_joint", "wl"), ("odom", "")))
 
 
 def test_what_never_had_a_meaning_is_said(tmp_path: Path) -> None:
@@ -186,3 +187,15 @@ def test_a_link_named_world_is_the_world_where_it_may_be(tmp_path: Path) -> None
 
 def test_a_newer_version_is_read_as_the_newest_that_is_known(tmp_path: Path) -> None:
     assert rules(load(tmp_path, sdf(link("a"), version="1.12"))) == ["passed-over"]
+
+
+@pytest.mark.parametrize("limit", ["1.79769e+308", "1.7976931348623157e308", "inf", "3.4e38"])
+def test_the_largest_number_of_a_type_is_no_limit(limit: str, tmp_path: Path) -> None:
+    limits = f"<limit><lower>-{limit}</lower><upper>{limit}</upper></limit>"
+    (made,) = load(tmp_path, sdf(turning(axis=f"<xyz>0 0 1</xyz>{limits}"))).joints
+    assert (made.type, made.lower, made.upper) == ("continuous", None, None)
+
+
+def test_a_static_model_needs_no_mass(tmp_path: Path) -> None:
+    model = load(tmp_path, sdf("<static>1</static>", '<link name="a"/>', '<link name="b"/>'))
+    assert (rules(model), model.mass) == (["no-collision-shape"], 0)

@@ -128,3 +128,10 @@ def test_a_colour_that_is_none_is_passed_over(diffuse: str, tmp_path: Path) -> N
     visual = f'<visual name="v"><geometry><box><size>1 2 3</size></box></geometry>{material}</visual>'
     (read,) = load(tmp_path, sdf(link("a", visual))).links[0].visuals
     assert read.color is None
+
+
+def test_a_friction_below_0_means_that_nothing_slides(tmp_path: Path) -> None:
+    surface = "<surface><friction><ode><mu>-1</mu><mu2>-1</mu2></ode></friction></surface>"
+    rough = SPHERE.replace("</geometry>", f"</geometry>{surface}")
+    model = load(tmp_path, sdf(f'<link name="a">{INERTIAL}{rough}</link>'))
+    assert (model.links[0].surface.friction, model.findings) == (1.0, ())

@@ -136,3 +136,27 @@ def test_changes_to_what_is_included_are_refused(tmp_path: Path) -> None:
     model = load(tmp_path, sdf(f"<include><uri>arm.sdf</uri>{changes}</include>"), allow=("unsupported-part",))
     assert rules(model) == ["unsupported-part"]
     assert model.findings[0].location.line == 4
+
+
+def test_parts_of_one_kind_are_one_note(tmp_path: Path) -> None:
+    light = [link(name, "<gravity>false</gravity><kinematic>1</kinematic>") for name in "abc"]
+    joints = (joint("i", "a", "b"), joint("j", "b", "c"))
+    first, second = load(tmp_path, sdf(*light, *joints)).findings
+    assert (first.location.line, second.location.line) == (3, 3)
+    assert first.message == "<gravity>false</gravity> of link 'a' is not simulated; it is ignored (3 of them)"
+    assert second.message.startswith("<kinematic>")
+
+
+def test_sensors_and_forces_of_plugins_are_noted(tmp_path: Path) -> None:
+    sensors = '<sensor type="imu" name="i"/><sensor type="gpu_lidar" name="l"/>'
+    wing = '<plugin filename="gz-sim-lift-drag-system" name="gz::sim::systems::LiftDrag"/>'
+    drive = '<plugin filename="gz-sim-diff-drive-system" name="gz::sim::systems::DiffDrive"/>'
+    lidar, lift = load(tmp_path, sdf(link("a", sensors), wing, drive, wing)).findings
+    assert lidar.message.startswith("<sensor type=\"imu\"> 'i' of link 'a'")
+    assert lidar.message.endswith("(2 of them)")
+    assert "the force of plugin 'gz::sim::systems::LiftDrag' is not simulated" in lift.message
+
+
+def test_the_direction_of_friction_is_noted(tmp_path: Path) -> None:
+    (finding,) = load(tmp_path, collision("<friction><ode><fdir1>1 0 0</fdir1></ode></friction>")).findings
+    assert "<fdir1>1 0 0</fdir1>" in finding.message
