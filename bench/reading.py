@@ -1,4 +1,6 @@
-"""Reading a robot: a URDF of 27 links against importing an engine, and 100 MB of binary STL: `python -m bench.reading`.
+"""Reading robots and 100 MB of binary STL: `python -m bench.reading`.
+
+A URDF of 27 links is compared with importing an engine, an MJCF arm with MuJoCo's compiler.
 
 Each measurement is an interpreter of its own, which prints what it took; the least of several counts. The files are
 generated. The first reading has an empty cache of meshes, the second one the cache that the first one wrote.
@@ -29,6 +31,10 @@ FIRST_GOAL_S: Final = 2.0
 SECOND_GOAL_S: Final = 0.5
 
 _ROUNDS: Final = 3
+MJCF_LINKS: Final = 8
+_MJCF_ROUNDS: Final = 5
+_COARSE_RINGS: Final = 22
+_FINE_RINGS: Final = 70
 _PARTS: Final = 20
 _ENGINES: Final = ("pybullet", "mujoco")
 # Two triangles for each cell of the grid on a sphere: 100 MB of 50 bytes each.
@@ -39,6 +45,7 @@ _RINGS_OF_A_PART: Final = 158
 def reading_costs(folder: Path) -> Iterator[Goal | Ratio | str]:
     """Yield a line for each bound. Files are written to a folder."""
     yield from _urdf_costs(folder)
+    yield from _mjcf_costs(folder)
     for name, count, rings in (("in one file", 1, _RINGS_OF_ONE), (f"in {_PARTS} files", _PARTS, _RINGS_OF_A_PART)):
         yield from _stl_costs(name, folder / f"stl-{count}", count, rings)
 
@@ -55,6 +62,17 @@ def _urdf_costs(folder: Path) -> Iterator[Ratio | str]:
             continue
         imported, read = (min(each[key] for each in rounds) for key in ("imported", "read"))
         yield Ratio(name, read, imported, 0.3)
+
+
+def _mjcf_costs(folder: Path) -> Iterator[Ratio | str]:
+    path = write_mjcf(folder / "mjcf")
+    name = f"reading an MJCF of {MJCF_LINKS} links with meshes, against MuJoCo's compiler"
+    try:
+        theirs, ours = (min(_child("mjcf", who, path)[who] for _ in range(_MJCF_ROUNDS)) for who in ("mujoco", "ours"))
+    except NotMeasuredError as missing:
+        yield f"     {name}: not measured: {missing}"
+        return
+    yield Ratio(name, ours, theirs, 2.0)
 
 
 def _stl_costs(name: str, folder: Path, count: int, rings: int) -> Iterator[Goal | Ratio]:
@@ -85,6 +103,30 @@ def urdf_text() -> str:
     """Return a chain of links with a box and a cylinder each, as robots have them."""
     links, joints = map(_link, range(LINKS)), map(_joint, range(1, LINKS))
     return "".join(['<robot name="chain">\n', *links, *joints, "</robot>\n"])
+
+
+def write_mjcf(folder: Path) -> Path:
+    """Write an arm as MuJoCo's collections have them: for each link a coarse mesh to touch and a fine one to see."""
+    folder.mkdir()
+    for name, rings in (("coarse", _COARSE_RINGS), ("fine", _FINE_RINGS)):
+        for number in range(MJCF_LINKS):
+            (folder / f"{name}_{number}.stl").write_bytes(sphere(rings, 0.05 + 0.001 * number))
+    numbers = range(MJCF_LINKS)
+    meshes = "".join(f'<mesh file="coarse_{n}.stl"/><mesh file="fine_{n}.stl"/>\n' for n in numbers)
+    links = "".join(
+        f'<body name="link_{n}" pos="0 0 0.1"><joint name="joint_{n}" axis="0 1 0"/>'
+        f'<inertial pos="0 0 0" mass="1" diaginertia="1e-3 1e-3 1e-3"/><geom class="see" mesh="fine_{n}"/>'
+        f'<geom type="mesh" mesh="coarse_{n}"/>\n'
+        for n in numbers
+    )
+    motors = "".join(f'<position joint="joint_{n}" kp="100"/>' for n in numbers)
+    default = '<default class="see"><geom type="mesh" contype="0" conaffinity="0" group="2"/></default>'
+    path = folder / "arm.xml"
+    path.write_text(
+        f"<mujoco><default>{default}</default><asset>{meshes}</asset><worldbody>{links}{'</body>' * MJCF_LINKS}"
+        f"</worldbody><actuator>{motors}</actuator></mujoco>"
+    )
+    return path
 
 
 def _joint(number: int) -> str:
@@ -141,6 +183,23 @@ def _measure_urdf(engine: str, path: str) -> dict[str, float]:
     return {"imported": imported, "read": _seconds(lambda: load_model(robot, workspace))}
 
 
+def _measure_mjcf(who: str, path: str) -> dict[str, float]:
+    try:
+        import mujoco
+    except ImportError:
+        return {}
+    if who == "mujoco":
+        return {who: _seconds(lambda: mujoco.MjModel.from_xml_path(path))}
+    from sim_action.core.workspace import Workspace
+    from sim_action.robot.loading import load_model
+    from sim_action.robot.mjcf import motors, reader  # noqa: F401 - imports do not count
+    from sim_action.robot.spec import Robot
+
+    folder = Path(path).parent
+    robot, workspace = Robot(model=Path(path).name), Workspace(folder, folder)
+    return {who: _seconds(lambda: load_model(robot, workspace))}
+
+
 def _measure_stl(folder: str, cache: str) -> dict[str, float]:
     import numpy as np  # noqa: F401 - an engine has imported it before
 
@@ -174,7 +233,11 @@ def _seconds(call: Callable[[], object]) -> float:
     return time.perf_counter() - started
 
 
-_MEASURED: Final[dict[str, Callable[[str, str], dict[str, float]]]] = {"urdf": _measure_urdf, "stl": _measure_stl}
+_MEASURED: Final[dict[str, Callable[[str, str], dict[str, float]]]] = {
+    "urdf": _measure_urdf,
+    "mjcf": _measure_mjcf,
+    "stl": _measure_stl,
+}
 
 
 def main() -> None:

@@ -294,6 +294,9 @@ def _remarks(model: RobotModel, robot: Robot, wheels: tuple[WheelEntry, ...], dr
     """Yield keys that the robot's owner has to decide."""
     if robot.base is None and model.root != WORLD and not wheels and drive is None:
         yield "base: fixed  # if the robot is bolted to the world, like an arm"
+    if model.keyframes and robot.keyframe is None:
+        first, *others = model.keyframes
+        yield f"keyframe: {_flow(first)}  # to begin there{f'; there are {len(others)} others' if others else ''}"
     sides = None if drive else sides_on_ground(model)
     if sides:
         left, right = sides

@@ -91,6 +91,27 @@ LEFT_OUT: Final[Mapping[str, str]] = MappingProxyType(
 SECTIONS: Final = frozenset({"sensor"})
 """Elements of `LEFT_OUT` whose children count."""
 
+_CONTACTS: Final = (
+    "condim, solref, solimp, margin, gap and priority of <geom> are ignored: contacts are those of the engine, with "
+    "the first number of 'friction'"
+)
+_WORLD: Final = "gravity, wind, density and 'o_...' of <option> are ignored: 'world' of the scenario states gravity"
+
+IGNORED: Final[Mapping[str, tuple[frozenset[str], str]]] = MappingProxyType(
+    {
+        "option": (
+            frozenset({"gravity", "wind", "magnetic", "density", "viscosity", "o_margin", "o_solref", "o_solimp"}),
+            _WORLD,
+        ),
+        "flag": (frozenset(), "<flag> of <option> is ignored"),
+        "geom": (
+            frozenset({"condim", "solref", "solimp", "solmix", "margin", "gap", "priority", "fluidshape"}),
+            _CONTACTS,
+        ),
+    }
+)
+"""Element -> its attributes that are not simulated (empty: all), and the note."""
+
 UNDRAWN: Final = frozenset({"texture", "texrepeat", "texuniform"})
 """Attributes of <material> that are removed from the text."""
 

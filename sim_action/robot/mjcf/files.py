@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import html
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -20,6 +20,7 @@ from sim_action.core.wording import shown
 from sim_action.robot.mjcf.elements import (
     DROPPED,
     FILES,
+    IGNORED,
     LEFT_OUT,
     SECTIONS,
     UNDRAWN,
@@ -140,7 +141,9 @@ class _Collector:
         expanded = self._expanded(merged.root, merged, sizes)
         self._leave_out(merged.root, merged)
         # MuJoCo counts lines in each text: blank lines make the numbers distinct.
-        return "\n" * len(self._lines) + "".join(self._written(merged.root, merged)), expanded
+        written = ["\n" * len(self._lines)]
+        self._write(merged.root, merged, written)
+        return "".join(written), expanded
 
     def _read(self, path: Path, place: Location | None) -> ModelDocument:
         self._files += 1
@@ -224,16 +227,22 @@ class _Collector:
         """Remove the elements without an effect on the simulation, and note those that a user may miss."""
         for name in UNDRAWN & element.attrib.keys() if element.tag == "material" else ():
             del element.attrib[name]
+        attributes, message = IGNORED.get(element.tag, (frozenset[str](), ""))
+        if message and (attributes & element.attrib.keys() or not attributes):
+            self._note(message, merged.places[element])
         for child in list(element):
-            if child.tag in LEFT_OUT and element.tag != "default":
-                kind = LEFT_OUT[child.tag]
-                if kind and (len(child) or child.tag not in SECTIONS):
-                    place, count = self._left_out.get(kind, (merged.places[child], 0))
-                    self._left_out[kind] = place, count + (len(child) if child.tag in SECTIONS else 1)
-            if child.tag in LEFT_OUT:
-                element.remove(child)
-            else:
+            if child.tag not in LEFT_OUT:
                 self._leave_out(child, merged)
+                continue
+            count = len(child) if child.tag in SECTIONS else int(element.tag != "default")
+            if LEFT_OUT[child.tag] and count:
+                self._note(LEFT_OUT[child.tag], merged.places[child], count)
+            element.remove(child)
+
+    def _note(self, message: str, place: Location, count: int = 1) -> None:
+        """Note an element that is left out; the first one of its kind gives the place."""
+        first, known = self._left_out.get(message, (place, 0))
+        self._left_out[message] = first, known + count
 
     def _token(self, suffix: str) -> str:
         self._named += 1
@@ -275,16 +284,16 @@ class _Collector:
 
     # --- writing ---
 
-    def _written(self, element: Element, merged: _Merged) -> Iterator[str]:
+    def _write(self, element: Element, merged: _Merged, written: list[str]) -> None:
         place = merged.places[element]
         attributes = "".join(f' {name}="{_escaped(text)}"' for name, text in element.attrib.items())
         self._lines.append(place)
-        yield f"<{element.tag}{attributes}{'' if len(element) else '/'}>\n"
+        written.append(f"<{element.tag}{attributes}{'' if len(element) else '/'}>\n")
         if len(element):
             for child in element:
-                yield from self._written(child, merged)
+                self._write(child, merged, written)
             self._lines.append(place)
-            yield f"</{element.tag}>\n"
+            written.append(f"</{element.tag}>\n")
 
 
 def _escaped(text: str) -> str:

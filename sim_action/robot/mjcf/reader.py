@@ -156,13 +156,15 @@ class _Reader:
         from sim_action.robot.mjcf.motors import largest_efforts, motors_of
 
         single = {int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)}
-        names = [model.joint(number).name for number, kind in enumerate(model.jnt_type.tolist()) if kind in single]
+        # Lists, because reading single numbers of MuJoCo's arrays takes far longer.
+        self._kinds, self._first_joints = model.jnt_type.tolist(), model.body_jntadr.tolist()
+        self._joint_names = _names(model, model.name_jntadr)
+        names = [name for name, kind in zip(self._joint_names, self._kinds, strict=True) if kind in single]
         self._model, self._built = model, built
         self._motors = motors_of(built, names)
         self._limits = largest_efforts(model, self._motors)
         self._collides = ((model.geom_contype != 0) | (model.geom_conaffinity != 0)).tolist()
-        self._bodies = [model.body(body).name for body in range(model.nbody)]
-        self._meshes = [model.mesh(mesh).name for mesh in range(model.nmesh)]
+        self._bodies, self._meshes = _names(model, model.name_bodyadr), _names(model, model.name_meshadr)
         self._mimics = _mimics(model, self._motors)
 
     def links(self) -> tuple[Link, ...]:
@@ -184,13 +186,13 @@ class _Reader:
     def free_joint(self) -> str | None:
         """Return the name of the free joint of the base; None if the robot is fixed to the world."""
         body = next((body for body in range(1, self._model.nbody) if self._is_free(body)), None)
-        return None if body is None else str(self._model.joint(int(self._model.body_jntadr[body])).name)
+        return None if body is None else self._joint_names[self._first_joints[body]]
 
     def _is_free(self, body: int) -> bool:
         import mujoco
 
-        first = self._model.body_jntadr[body]
-        return bool(first >= 0 and self._model.jnt_type[first] == mujoco.mjtJoint.mjJNT_FREE)
+        first = self._first_joints[body]
+        return bool(first >= 0 and self._kinds[first] == int(mujoco.mjtJoint.mjJNT_FREE))
 
     def _link(self, body: int) -> Link:
         model = self._model
@@ -232,11 +234,11 @@ class _Reader:
         model, kinds = self._model, mujoco.mjtJoint
         first, count = model.body_jntadr[body], model.body_jntnum[body]
         numbers = list(range(first, first + count))
-        if numbers and model.jnt_type[numbers[0]] == kinds.mjJNT_FREE:
+        if numbers and self._kinds[numbers[0]] == int(kinds.mjJNT_FREE):
             return
         name, parent = self._bodies[body], self._bodies[model.body_parentid[body]]
         origin = _pose(model.body_pos[body], model.body_quat[body])
-        balls = [number for number in numbers if model.jnt_type[number] == kinds.mjJNT_BALL]
+        balls = [number for number in numbers if self._kinds[number] == int(kinds.mjJNT_BALL)]
         if balls and len(numbers) == 1:
             ax, ay, az = model.jnt_pos[balls[0]].tolist()
             yield from ball_joints(model.joint(balls[0]).name, parent, name, origin, (ax, ay, az))[0]
@@ -252,12 +254,12 @@ class _Reader:
 
         model = self._model
         limited = bool(model.jnt_limited[number])
-        turns = model.jnt_type[number] == mujoco.mjtJoint.mjJNT_HINGE
+        turns = self._kinds[number] == int(mujoco.mjtJoint.mjJNT_HINGE)
         kind: JointType = ("revolute" if limited else "continuous") if turns else "prismatic"
         x, y, z = model.jnt_axis[number].tolist()
         ax, ay, az = model.jnt_pos[number].tolist()
         lower, upper = model.jnt_range[number].tolist() if limited else (None, None)
-        name = model.joint(number).name
+        name = self._joint_names[number]
         return Joint(
             name=name,
             type=kind,
@@ -273,6 +275,12 @@ class _Reader:
             reference=float(model.qpos0[model.jnt_qposadr[number]]),
             motor=self._motors.get(name),
         )
+
+
+def _names(model: Any, starts: Any) -> list[str]:
+    """Return the names at these places of MuJoCo's text of all names."""
+    text = bytes(model.names)
+    return [text[start : text.index(b"\0", start)].decode() for start in starts.tolist()]
 
 
 def at_zero(joints: Sequence[Joint]) -> list[Joint]:

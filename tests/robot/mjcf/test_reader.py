@@ -353,3 +353,14 @@ def test_links_of_joints_with_a_reference_are_where_mujoco_has_them(tmp_path: Pa
         assert poses[link].position_xyz == pytest.approx(tuple(data.body(link).xpos), abs=1e-12)
         x, y, z, w = poses[link].orientation_xyzw
         assert abs(np.dot((w, x, y, z), data.body(link).xquat)) == pytest.approx(1)
+
+
+def test_what_is_ignored_of_options_and_contacts_is_one_note_each(tmp_path: Path) -> None:
+    text = ROVER.replace(
+        "<default>", '<option density="1.2" timestep="0.01"><flag contact="disable"/></option><default>', 1
+    )
+    text = text.replace('<geom friction="0.8"/>', '<geom friction="0.8" condim="4" solref="0.02 1"/>')
+    notes = {finding.message.split(" (")[0]: finding.location.line for finding in read(tmp_path, text).findings}
+    ignored = {message: line for message, line in notes.items() if "ignored" in message}
+    assert [message.split()[0] for message in ignored] == ["gravity,", "<flag>", "condim,"]
+    assert list(ignored.values()) == [3, 3, 4]
