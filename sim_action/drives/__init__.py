@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar, Final, Protocol, Self
 
@@ -11,6 +11,14 @@ from sim_action.core.field_types import FrozenModel
 from sim_action.core.geometry import Twist
 from sim_action.core.registry import Table
 from sim_action.core.yaml_errors import SpecProblems
+from sim_action.drives.plugins import (
+    Kind,
+    base_mover,
+    plugins_of_kind,
+    source_of,
+    unread_parameters,
+    unusable_plugins,
+)
 from sim_action.robot.kinematics import Mobility
 from sim_action.robot.robot_model import RobotModel
 from sim_action.state.command import JointTargets
@@ -126,13 +134,24 @@ def is_level(twist: Twist) -> bool:
     return not any((twist.linear_xyz[2], *twist.angular_xyz[:2]))
 
 
+# Kind of drive -> kinds of the plugins that state it. A differential drive with several wheels per side is skid steer.
+_STATED_BY: Final[Mapping[str, tuple[Kind, ...]]] = {
+    "diff": ("diff",),
+    "mecanum": ("mecanum",),
+    "skid": ("skid", "diff"),
+    "ackermann": ("ackermann",),
+}
+
+
 def recognise(model: RobotModel) -> Drive | None:
     """Return the drive that a plugin or a controller states, else the one that the wheels look like, else None."""
-    kinds = [DRIVES.load(name) for name in DRIVES]
-    for kind in kinds:
-        if (stated := kind.stated(model)) is not None:
+    claimed = [name for name in DRIVES if plugins_of_kind(model, *_STATED_BY[name])]
+    for name in claimed:
+        if (stated := DRIVES.load(name).stated(model)) is not None:
             return stated
-    found = (_by_wheels(kind, model) for kind in kinds if _may_have(model, kind.key))
+    # A plugin rules other kinds out, also if it does not fit. Without wheels of its own, all of them.
+    likely = claimed or (DRIVES if base_mover(model) is None else ())
+    found = (_by_wheels(DRIVES.load(name), model) for name in likely)
     return next((drive for drive in found if not isinstance(drive, str)), None)
 
 
@@ -147,7 +166,6 @@ def _by_wheels(kind: type[Drive], model: RobotModel) -> Drive | str:
 
 def why_not_recognised(model: RobotModel) -> tuple[str, ...]:
     """Return the reasons why no drive is recognised, most likely first: of the plugins, then of each kind of drive."""
-    from sim_action.drives.plugins import base_mover, source_of, unread_parameters, unusable_plugins
     from sim_action.drives.undercarriage import undercarriage
 
     stated = [drive for name in DRIVES if (drive := DRIVES.load(name).statement(model)) is not None]
@@ -171,14 +189,3 @@ def _unfit(drive: Drive, model: RobotModel) -> Iterator[str]:
 
 # More wheels cannot belong to a differential drive.
 _MAX_DIFF_WHEELS: Final = 3
-
-
-def _may_have(model: RobotModel, key: str) -> bool:
-    """Return False if a plugin states another kind of drive, or moves the base without wheels."""
-    from sim_action.drives.plugins import base_mover, plugins_of_kind
-
-    two_sided = bool(plugins_of_kind(model, "diff", "skid"))
-    steered, mecanum = bool(plugins_of_kind(model, "ackermann")), bool(plugins_of_kind(model, "mecanum"))
-    if not (two_sided or steered or mecanum):
-        return base_mover(model) is None
-    return {"diff": two_sided, "skid": two_sided, "ackermann": steered, "mecanum": mecanum}[key]

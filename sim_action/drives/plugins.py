@@ -170,7 +170,7 @@ def base_mover(model: RobotModel) -> Plugin | None:
 def sides_by_plugin(model: RobotModel, kinds: Sequence[Kind]) -> StatedSides | None:
     """Return the statements of the first plugin of these kinds whose joints exist in the model, else None."""
     for plugin in plugins_of_kind(model, *kinds):
-        left, right = _joints(plugin, _LEFT), _joints(plugin, _RIGHT)
+        left, right = _joints(model, plugin, _LEFT), _joints(model, plugin, _RIGHT)
         if left and right and _drivable(model, (*left, *right)):
             return _meant(plugin, left, right)
     return None
@@ -179,7 +179,7 @@ def sides_by_plugin(model: RobotModel, kinds: Sequence[Kind]) -> StatedSides | N
 def steering_by_plugin(model: RobotModel) -> StatedSteering | None:
     """Return the statements of the first Ackermann plugin whose joints exist in the model, else None."""
     for plugin in plugins_of_kind(model, "ackermann"):
-        steering, wheels = _steering_and_wheels(plugin)
+        steering, wheels = _steering_and_wheels(model, plugin)
         if steering and wheels and _drivable(model, (*steering, *wheels)):
             figures = _figures(plugin, {**_STEERING_FIGURES, **_axle_figures(plugin)})
             return StatedSteering(steering, wheels, figures, _unlimited(figures, _NO_LIMIT_AHEAD), source_of(plugin))
@@ -189,7 +189,7 @@ def steering_by_plugin(model: RobotModel) -> StatedSteering | None:
 def corners_by_plugin(model: RobotModel) -> StatedSides | None:
     """Return the statements of the first mecanum plugin whose joints exist in the model, else None."""
     for plugin in plugins_of_kind(model, "mecanum"):
-        corners = [name for tags in _CORNERS for name in _joints(plugin, tags)]
+        corners = [name for tags in _CORNERS for name in _joints(model, plugin, tags)]
         if len(corners) == len(_CORNERS) and _drivable(model, corners):
             figures = _figures(plugin, _MECANUM_FIGURES)
             remarks = _unlimited(figures, _NO_LIMIT_AHEAD)
@@ -201,7 +201,7 @@ def corners_by_plugin(model: RobotModel) -> StatedSides | None:
 def unusable_plugins(model: RobotModel) -> Iterator[str]:
     """Yield the reason why each plugin of a drive does not state the joints of one."""
     for plugin in plugins_of_kind(model, "diff", "skid", "ackermann", "mecanum"):
-        names = _all_joints(plugin)
+        names = _all_joints(model, plugin)
         troubles = [trouble for name in names if (trouble := model.why_not_driven(name)) is not None]
         reason = troubles[0] if troubles else f"it names {', '.join(names) or 'no joints'}, which is too few"
         yield f"{source_of(plugin)} does not fit: {reason}"
@@ -220,21 +220,21 @@ def joints_by_plugin(model: RobotModel) -> dict[str, tuple[str, str]]:
     for plugin in plugins_of_kind(model, "velocity joint", "position joint"):
         interface = "velocity" if kind_of(plugin) == "velocity joint" else "position"
         for name in plugin.texts("joint_name"):
-            found[name] = (interface, source_of(plugin))
+            found[_in_model(model, name)] = (interface, source_of(plugin))
     return found
 
 
-def _all_joints(plugin: Plugin) -> tuple[str, ...]:
+def _all_joints(model: RobotModel, plugin: Plugin) -> tuple[str, ...]:
     corners = tuple(tag for tags in _CORNERS for tag in tags)
     tags = {"mecanum": corners, "ackermann": (*_STEERING, *_TRACTION, *_AXLES)}.get(kind_of(plugin) or "")
-    return _joints(plugin, tags or (*_LEFT, *_RIGHT))
+    return _joints(model, plugin, tags or (*_LEFT, *_RIGHT))
 
 
-def _steering_and_wheels(plugin: Plugin) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    front, rear = (_joints(plugin, (tag,)) for tag in _AXLES)
+def _steering_and_wheels(model: RobotModel, plugin: Plugin) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    front, rear = (_joints(model, plugin, (tag,)) for tag in _AXLES)
     if front and rear:
         return (front, rear) if _steers_in_front(plugin) else (rear, front)
-    return _joints(plugin, _STEERING), _joints(plugin, _TRACTION)
+    return _joints(model, plugin, _STEERING), _joints(model, plugin, _TRACTION)
 
 
 def _steers_in_front(plugin: Plugin) -> bool:
@@ -285,8 +285,16 @@ def _drivable(model: RobotModel, names: Sequence[str]) -> bool:
     return all(model.why_not_driven(name) is None for name in names)
 
 
-def _joints(plugin: Plugin, tags: tuple[str, ...]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(name for tag in tags for name in plugin.texts(tag)))
+def _joints(model: RobotModel, plugin: Plugin, tags: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(_in_model(model, name) for tag in tags for name in plugin.texts(tag)))
+
+
+def _in_model(model: RobotModel, name: str) -> str:
+    """Return the name of a joint in the whole model; a plugin of a nested model of SDF may leave its scope out."""
+    if name in model.joints_by_name:
+        return name
+    nested = [joint.name for joint in model.joints if joint.name.endswith(f"::{name}")]
+    return nested[0] if len(nested) == 1 else name
 
 
 def _figures(plugin: Plugin, known: Mapping[str, tuple[str, float]]) -> dict[str, float]:

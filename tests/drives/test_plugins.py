@@ -235,3 +235,18 @@ def test_wheels_of_a_plugin_that_roll_along_the_line_between_them_are_no_drive()
     )
     assert recognise(model) is None
     assert "its wheels roll along the line between the sides" in why_not_recognised(model)[0]
+
+
+def test_a_plugin_of_a_nested_model_leaves_its_scope_out() -> None:
+    model = asking(
+        cart(wheel("base::a", 0.0, 0.3), wheel("base::b", 0.0, -0.3)),
+        *("gz-sim-diff-drive-system", ("left_joint", "a"), ("right_joint", "base::b")),
+    )
+    assert recognise(model) == DiffDrive(left=("base::a",), right=("base::b",))
+
+
+def test_a_name_that_several_nested_models_have_is_unknown() -> None:
+    twice = cart(wheel("one::a", 0.0, 0.3), wheel("two::a", 0.0, -0.3), wheel("b", 0.5, -0.3))
+    model = asking(twice, "gz-sim-diff-drive-system", ("left_joint", "a"), ("right_joint", "b"))
+    assert recognise(model) is None
+    assert "does not fit: the model has no moving joint 'a'" in why_not_recognised(model)[0]
