@@ -16,6 +16,7 @@ from sim_action.core.workspace import Workspace
 from sim_action.drives import Drive, recognise, why_not_recognised
 from sim_action.drives.diff import DiffDrive
 from sim_action.drives.skid import SkidSteer, sides_on_ground
+from sim_action.drives.undercarriage import unrolling_pair
 from sim_action.drives.wheels import Wheel, wheels_on_ground
 from sim_action.results.masking import Mask
 from sim_action.robot.audit.rules import ALLOWABLE
@@ -63,7 +64,8 @@ def _summary(found: Inspection) -> Iterator[str]:
     if found.drive:
         yield from _wrapped(f"recognised from {found.drive_source}: {found.drive}")
     elif found.wheels or found.drive_reasons:
-        yield "no drive is recognised; state it in robot.drive if the robot has one:"
+        example = "{diff: {left: [...], right: [...]}}"
+        yield from _wrapped(f"no drive is recognised; if the robot has one, state it in robot.drive, such as {example}:")
         for reason in found.drive_reasons:
             yield from _wrapped(reason, "  ")
 
@@ -297,7 +299,7 @@ def _remarks(model: RobotModel, robot: Robot, wheels: tuple[WheelEntry, ...], dr
     if model.keyframes and robot.keyframe is None:
         first, *others = model.keyframes
         yield f"keyframe: {_flow(first)}  # to begin there{f'; there are {len(others)} others' if others else ''}"
-    sides = None if drive else sides_on_ground(model)
+    sides = None if drive or unrolling_pair(model) else sides_on_ground(model)
     if sides:
         left, right = sides
         kind = SkidSteer if len(left) + len(right) > 2 else DiffDrive

@@ -129,7 +129,7 @@ def _off_axis(point: Vector3, axis: Vector3, anchor: Vector3) -> float:
 @lru_cache(maxsize=64)
 def _mesh_tyre(shape: Shape, axis: Vector3, anchor: Vector3) -> Tyre | NotRound:
     """Return the tyre of a mesh, from its hulls."""
-    if not shape.hulls:
+    if not (shape.hulls or shape.corners):
         return NotRound("is a mesh whose shape is not known here")
     import numpy as np
 
@@ -160,7 +160,10 @@ def shape_points(shape: Shape) -> NDArray[np.float64]:
 
     from sim_action.meshes.hull_file import read_unshrunk_points
 
-    points = np.concatenate(read_unshrunk_points(shape.hulls, ENGINE_MARGIN_M))
+    if shape.corners:
+        points = np.frombuffer(shape.corners, np.float32).reshape(-1, 3).astype(np.float64)
+    else:
+        points = np.concatenate(read_unshrunk_points(shape.hulls, ENGINE_MARGIN_M))
     rows = zip(*(geometry.rotate(shape.pose.orientation_xyzw, unit) for unit in _UNITS), strict=True)
     placed: NDArray[np.float64] = np.stack([_along(points, row) for row in rows], axis=1)
     return placed + np.array(shape.pose.position_xyz, dtype=np.float64)

@@ -207,7 +207,7 @@ def _lowest_at_home(same: _Same) -> Lowest | None:
     while waiting:
         z, number, is_exact = heappop(waiting)
         pose, link, shape = shapes[number]
-        if is_exact or not shape.hulls:
+        if is_exact or not (shape.hulls or shape.corners):
             return Lowest(z, link, shape.kind)
         heappush(waiting, (_lowest_point(pose, shape), number, True))
     return None

@@ -54,7 +54,8 @@ class Shape:
         pose: in the link's frame.
         radius: m, for cylinders, capsules and spheres.
         lower_xyz, upper_xyz: m, the corners of its bounding box, in its own frame.
-        hulls: the text of a clean mesh, as `sim_action.meshes` makes it; empty for other shapes.
+        hulls: the text of a clean mesh, as `sim_action.meshes` makes it; empty for other shapes, and in MJCF.
+        corners: the points (P, 3) of a mesh of MJCF in m, as 32-bit floats in its own frame; else empty.
     """
 
     kind: str
@@ -63,6 +64,7 @@ class Shape:
     lower_xyz: Vector3 = ZERO
     upper_xyz: Vector3 = ZERO
     hulls: bytes = field(default=b"", repr=False)
+    corners: bytes = field(default=b"", repr=False)
 
 
 @dataclass(frozen=True, slots=True)

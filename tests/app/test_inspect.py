@@ -167,6 +167,9 @@ def test_the_block_holds_what_gazebos_plugin_says(tmp_path: Path) -> None:
     )
     found = inspect_model("robot.urdf", workspace(tmp_path, GOOD.replace("</robot>", f"{wheels}{plugin}")))
     assert "drive: {diff: {left: [l], right: [r], radius: 0.05, separation: 0.25}}" in found.robot
+    assert found.drive_source is not None
+    assert found.drive_source.startswith("plugin gazebo_ros_diff_drive at ")
+    assert found.drive_source.endswith("robot.urdf:22")
 
 
 def test_meshes_are_as_large_as_they_are_scaled(tmp_path: Path) -> None:
@@ -242,7 +245,7 @@ def test_a_drive_that_is_likely_is_offered_and_left_to_the_reader(tmp_path: Path
     found = cart(tmp_path, FOUR[0], FOUR[2])
     assert found.drive is None
     assert "\n  # drive: {diff: {left: [a_joint], right: [c_joint]}}\n" in found.robot
-    assert "no drive is recognised; state it in robot.drive" in inspection_text(found)
+    assert "no drive is recognised; if the robot has one, state it in robot.drive" in inspection_text(found)
     reason = "'a_joint', 'c_joint' stand on the ground, but their names do not show which is on the left"
     assert found.drive_reasons[0] == f"diff: {reason}"
 

@@ -324,7 +324,16 @@ def _shape(model: Any, geom: int) -> Shape:
     radius = float(model.geom_size[geom, 0]) if kind in {"sphere", "cylinder", "capsule"} else None
     x, y, z, along_x, along_y, along_z = model.geom_aabb[geom].tolist()
     lower, upper = (x - along_x, y - along_y, z - along_z), (x + along_x, y + along_y, z + along_z)
-    return Shape(kind, _pose(model.geom_pos[geom], model.geom_quat[geom]), radius, lower, upper)
+    pose = _pose(model.geom_pos[geom], model.geom_quat[geom])
+    return Shape(kind, pose, radius, lower, upper, corners=_corners(model, geom) if kind == "mesh" else b"")
+
+
+def _corners(model: Any, geom: int) -> bytes:
+    """Return the points (P, 3) of a mesh as 32-bit floats in m, in the frame of the geom."""
+    mesh = model.geom_dataid[geom]
+    first = model.mesh_vertadr[mesh]
+    corners: bytes = model.mesh_vert[first : first + model.mesh_vertnum[mesh]].tobytes()
+    return corners
 
 
 def _mimics(model: Any, motors: Mapping[str, Motor]) -> dict[str, Mimic]:
