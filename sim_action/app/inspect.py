@@ -65,7 +65,9 @@ def _summary(found: Inspection) -> Iterator[str]:
         yield from _wrapped(f"recognised from {found.drive_source}: {found.drive}")
     elif found.wheels or found.drive_reasons:
         example = "{diff: {left: [...], right: [...]}}"
-        yield from _wrapped(f"no drive is recognised; if the robot has one, state it in robot.drive, such as {example}:")
+        yield from _wrapped(
+            f"no drive is recognised; if the robot has one, state it in robot.drive, such as {example}:"
+        )
         for reason in found.drive_reasons:
             yield from _wrapped(reason, "  ")
 

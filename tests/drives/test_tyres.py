@@ -82,6 +82,16 @@ def test_a_mesh_wheel_is_measured_about_any_axis(
     assert found.middle_xyz == pytest.approx((0.3, -0.2, 0.1), abs=1e-3 * radius)
 
 
+def test_a_mesh_of_mjcf_has_its_corners() -> None:
+    angles = np.arange(32) * (2 * np.pi / 32)
+    rims = [np.stack([0.1 * np.cos(angles), np.full(32, y), 0.1 * np.sin(angles)], axis=1) for y in (0.0, 0.04)]
+    corners = np.concatenate(rims).astype(np.float32).tobytes()
+    found = tyre(Shape("mesh", Pose(), corners=corners))
+    assert isinstance(found, Tyre)
+    assert [found.radius, found.width] == pytest.approx([32 * 0.1 * math.sin(math.pi / 32) / math.pi, 0.04])
+    assert found.middle_xyz == pytest.approx((0.0, 0.02, 0.0))
+
+
 @pytest.mark.parametrize(
     ("shape", "reason"),
     [
