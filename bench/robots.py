@@ -86,7 +86,7 @@ ROBOTS: Final = (
     KnownRobot(
         "franka_panda",
         "franka_panda/panda.urdf",
-        {"base": "fixed", "packages": {"meshes": str(DATA / "franka_panda/meshes")}},
+        {"base": "fixed"},
     ),
 )
 """The robots of `pybullet_data`."""

@@ -26,6 +26,7 @@ _SKIPPED: Final = frozenset({"build", "devel", "install", "log", "node_modules",
 _MAX_FOLDERS: Final = 20_000
 _MAX_DEPTH: Final = 16
 _MAX_PACKAGE_BYTES: Final = 1_000_000
+_MAX_NAME_BYTES: Final = 255
 
 PACKAGE_VARIABLES: Final = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
 
@@ -130,6 +131,13 @@ def _steps(start: Path, end: Path) -> int:
     """Return the number of folders on the path from one to the other."""
     common = len(Path(os.path.commonpath((start, end))).parts)
     return len(start.parts) + len(end.parts) - 2 * common
+
+
+def folders_named(name: str, parents: Iterable[Path]) -> Iterator[Path]:
+    """Yield the folders with a name in other folders, without packages and links."""
+    for folder in _children(parents, name):
+        if not folder.is_symlink() and not (folder / PACKAGE_FILE).is_file():
+            yield folder
 
 
 def package_name(folder: Path) -> str:
@@ -249,7 +257,7 @@ class EnvironmentFolders:
 
 
 def _children(parents: Iterable[Path], name: str) -> Iterator[Path]:
-    if "/" in name or "\0" in name or name in ("", ".", ".."):
+    if "/" in name or "\0" in name or name in ("", ".", "..") or len(os.fsencode(name)) > _MAX_NAME_BYTES:
         return iter(())
     return (folder for parent in parents if (folder := parent / name).is_dir())
 

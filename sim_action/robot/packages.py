@@ -31,6 +31,7 @@ from sim_action.robot.package_search import (
     PackageFolders,
     by_distance,
     folders_below,
+    folders_named,
     package_name,
 )
 from sim_action.robot.references import Reference
@@ -118,13 +119,11 @@ class Packages:
         except ValueError as error:
             raise PackageError("bad-reference", str(error)) from None
         for found in self._candidates(stated, here):
-            # A package that is not found is reported as such.
             first = first or (None if found.is_guessed else found)
             if self._is_there(found.path):
-                if start := stated.odd_start(reference):
-                    text = f"'{start}' is read as '{stated.scheme}://{stated.name}/'"
-                    return replace(found, notes=(*found.notes, Note("file-spelling", text, here)))
-                return found
+                start = stated.odd_start(reference)
+                note = Note("file-spelling", f"'{start}' is read as '{stated.scheme}://{stated.name}/'", here)
+                return replace(found, notes=(*found.notes, note)) if start else found
         if first is not None:
             return first
         if stated.scheme == "file":
@@ -171,7 +170,9 @@ class Packages:
         for folder in self._above(here):
             if folder.name == name and not (folder / PACKAGE_FILE).is_file():
                 yield self._noted(folder, f"{undeclared}: {self._shown(folder)}, above {here.name}, is used")
-        below = by_distance(self._inside.folders.get(name, ()), here)
+        # The search of the workspace does not find folders beside a model that may be outside of it.
+        beside = folders_named(name, self._above(here))
+        below = by_distance({*beside, *self._inside.folders.get(name, ())}, here)
         suitable = [folder for folder in below if self._is_there(folder / stated.path)] or below[:1]
         for folder in suitable[:1]:
             others = _listed(self._shown(other) for other in suitable[1:])

@@ -121,6 +121,7 @@ LAYOUTS = {
         f"{_URDF} hand/package.xml=gripper hand/m/a.stl", "package://hand/m/a.stl", "missing-package"
     ),
     "no such package": Layout(f"{_URDF} arm/m/a.stl", "package://hand/m/b.stl", "missing-package"),
+    "name that is too long": Layout(f"{_URDF} arm/m/a.stl", f"package://{'a' * 300}/m/b.stl", "missing-package"),
     "no such file": Layout(f"{_URDF} arm/m/a.stl", "package://arm/m/zz.stl", "missing-file"),
     "folder beside the workspace": Layout(
         f"{_URDF} ../hand/m/a.stl ../m/b.stl", "package://hand/m/a.stl", "missing-package"
@@ -230,6 +231,17 @@ def test_a_folder_above_the_workspace_is_named_in_the_error(tmp_path: Path) -> N
     packages, referrer = _packages(Layout("arm.urdf ../m/a.stl", "", ""), root)
     with pytest.raises(PackageError, match=rf"--package arm={root.parent}$"):
         packages.resolve("package://arm/m/a.stl", referrer)
+
+
+def test_outside_of_the_workspace_a_folder_beside_the_model_has_the_name(tmp_path: Path) -> None:
+    folder, root = tmp_path.resolve() / "arm", tmp_path.resolve() / "repository"
+    _, referrer = _packages(Layout("arm.urdf meshes/visual/a.stl", "", ""), folder)
+    found = Packages(Workspace(root, root, allow_outside=True), environment={}).resolve(
+        "package://meshes/visual/a.stl", referrer
+    )
+    assert found.path == folder / "meshes/visual/a.stl"
+    with pytest.raises(PackageError, match="was not found"):
+        Packages(Workspace(root, root), environment={}).resolve("package://meshes/visual/a.stl", referrer)
 
 
 def test_two_notes_about_one_folder_are_equal_for_all_files(tmp_path: Path) -> None:
