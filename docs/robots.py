@@ -13,10 +13,11 @@ from pathlib import Path
 from typing import Final
 from xml.etree import ElementTree as ET
 
-from bench.robots import BURGER, DATA, REFUSED, ROBOTS, WORKSPACE, KnownRobot
+from bench.robots import BURGER, REFUSED, ROBOTS, WORKSPACE, KnownRobot
 from bench.step_cost import StepCost, step_cost
 from docs.generate import BLOCK
 from docs.generators.markdown import table
+from docs.survey import rules_cell
 from sim_action.core.errors import RefusedModel
 from sim_action.robot.loading import load_model
 from sim_action.robot.robot_model import RobotModel
@@ -42,7 +43,7 @@ def _facts(known: KnownRobot, model: RobotModel) -> tuple[str, ...]:
         "<br>".join(_keys(known)) or "none",
         _mass(model),
         f"{len(model.joints)}, {len(model.moving_joints)} move",
-        "<br>".join(f"`{rule}` {count}" for rule, count in Counter(f.rule for f in model.findings).items()) or "none",
+        rules_cell(Counter(finding.rule for finding in model.findings)),
     )
 
 
@@ -52,8 +53,6 @@ def _keys(known: KnownRobot) -> Iterator[str]:
         yield f"`allow: [{', '.join(known.robot.allow)}]`"
     if known.robot.base == "fixed":
         yield "`base: fixed`"
-    for name, folder in known.robot.packages.items():
-        yield f"`packages: {{{name}: {Path(folder).relative_to(DATA).as_posix()}}}`"
 
 
 def _mass(model: RobotModel) -> str:
