@@ -109,9 +109,12 @@ class Scene:
             if not {"roll", "pitch", "yaw"} & pose.model_fields_set:
                 roll, pitch, yaw = rpy_from_quaternion(at.orientation_xyzw)
                 pose = pose.model_copy(update={"roll": roll, "pitch": pitch, "yaw": yaw})
-            return pose if pose.z is not None else pose.model_copy(update={"z": at.position_xyz[2]})
+            # A file without its floor may have the base of a keyframe below the ground.
+            height = at.position_xyz[2] if at.position_xyz[2] > 0 else None
+            return pose if pose.z is not None else pose.model_copy(update={"z": height})
         at_origin = pose.z is None and self.bolted and self.model.root == WORLD
-        return pose.model_copy(update={"z": 0.0}) if at_origin else pose
+        floor = 0.0 if self.model.mjcf is None else self.model.mjcf.floor
+        return pose.model_copy(update={"z": 0.0 - floor}) if at_origin else pose
 
     @property
     def joint_positions(self) -> dict[str, float]:

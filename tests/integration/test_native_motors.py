@@ -168,3 +168,23 @@ def test_the_height_of_a_keyframe_is_that_of_the_base_unless_the_scenario_states
     assert (placed.x, placed.y, placed.z, placed.yaw) == pytest.approx((0, 0, 2, np.pi / 2), abs=1e-4)
     placed = scene(tmp_path, drone, keyframe="up", pose={"z": 3, "yaw": 0.1}).placement
     assert (placed.z, placed.yaw) == (3, 0.1)
+
+
+def test_a_keyframe_counts_from_the_floor_of_its_file(tmp_path: Path) -> None:
+    drone = """<mujoco><worldbody><geom type="plane" size="1 1 1" pos="0 0 -1"/>
+      <body name="d"><freejoint name="root"/><geom size="0.1" mass="1"/></body></worldbody>
+      <keyframe><key name="up" qpos="0 0 -0.5 0 0 0 0"/></keyframe></mujoco>"""
+    placed = scene(tmp_path, drone, keyframe="up").placement
+    assert (placed.z, placed.orientation_xyzw) == (0.5, (0, 0, 0, 1))
+    placed = scene(tmp_path, drone.replace("plane", "sphere"), keyframe="up").placement
+    assert placed.z is None, "below the ground: it stands on the ground"
+
+
+def test_a_bolted_robot_is_above_the_floor_of_its_file(tmp_path: Path) -> None:
+    arm = """<mujoco><option timestep="0.01" integrator="RK4"/><worldbody>
+      <geom type="plane" size="1 1 1" pos="0 0 -0.5"/><body name="d" pos="0 0 -0.2"><geom size="0.1"/></body>
+      </worldbody></mujoco>"""
+    bolted = scene(tmp_path, arm)
+    assert bolted.placement.z == 0.5
+    with running("mujoco", bolted) as engine:
+        assert engine.link_pose("d").position_xyz == pytest.approx((0, 0, 0.3))

@@ -43,6 +43,7 @@ class Actuators:
         for number, kind in enumerate(map(self.kind, range(len(self._joints)))):
             if kind == "position":
                 self._aim(number)
+        self._hold_others()
         for name, control in controls.items():
             self._data.ctrl[self._model.actuator(engine_name(name)).id] = control
         self._begin()
@@ -133,6 +134,15 @@ class Actuators:
         if mimic is None:
             return self._targets[number]
         return mimic.multiplier * self._target(self._numbers[mimic.joint]) + mimic.offset
+
+    def _hold_others(self) -> None:
+        """Set the controls of position servos that no command can name to their balance where they begin."""
+        mujoco.mj_fwdPosition(self._model, self._data)
+        for at in set(range(self._model.nu)).difference(self._actuator):
+            gain, (bias, per_length) = float(self._gains[at, 0]), self._biases[at, :2].tolist()
+            fixed = self._model.actuator_gaintype[at] == mujoco.mjtGain.mjGAIN_FIXED
+            if fixed and gain and per_length and self._model.actuator_biastype[at] == mujoco.mjtBias.mjBIAS_AFFINE:
+                self._data.ctrl[at] = -(bias + per_length * self._data.actuator_length[at]) / gain
 
     def _begin(self) -> None:
         """Begin the motors with an own state at rest: filters at their control, integrators at their position."""

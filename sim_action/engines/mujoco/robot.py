@@ -147,6 +147,9 @@ def add_native_robot(spec: Any, model: RobotModel, *, fixed: bool) -> list[Colli
     """Add the links, joints and actuators of an MJCF model; return the colliders."""
     assert model.mjcf is not None
     robot = engine_spec(model.mjcf)
+    # Otherwise MuJoCo warns of each option that the model states in another way.
+    for name in (name for name in dir(spec.option) if not name.startswith("_")):
+        setattr(robot.option, name, getattr(spec.option, name))
     for joint in list(robot.joints):
         if joint.type == mujoco.mjtJoint.mjJNT_FREE:
             robot.delete(joint)

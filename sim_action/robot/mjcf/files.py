@@ -40,6 +40,8 @@ _MAX_DEPTH: Final = 100
 
 _MAX_NAME: Final = 1000
 
+_NUMBER: Final = re.compile(r"\d*\.?\d+(?:[eE]-?\d{1,2})?")
+
 
 @dataclass(frozen=True, slots=True)
 class MeshFile:
@@ -229,6 +231,10 @@ class _Collector:
             del element.attrib[name]
         attributes, message = IGNORED.get(element.tag, (frozenset[str](), ""))
         if message and (attributes & element.attrib.keys() or not attributes):
+            self._note(message, merged.places[element])
+        if element.tag == "option" and _NUMBER.fullmatch(element.get("timestep", "").strip()):
+            rate = 1 / max(float(element.attrib["timestep"]), 1e-6)
+            message = f"<option timestep> is ignored; for the same steps, state physics: {{rate: {rate:.0f} Hz}}"
             self._note(message, merged.places[element])
         for child in list(element):
             if child.tag not in LEFT_OUT:

@@ -61,6 +61,7 @@ class Mjcf:
         meshes: mesh name -> its surface, for meshes that collide or have a mass.
         looked_at: geoms that are only drawn.
         actuators: names of all actuators; joints without one are passive if there is any.
+        floor: m, height of the horizontal plane of the file, which is at the height 0 of the scenario; 0 without one.
     """
 
     text: str
@@ -68,3 +69,4 @@ class Mjcf:
     meshes: Mapping[str, MeshBytes] = field(repr=False)
     looked_at: frozenset[str] = frozenset()
     actuators: tuple[str, ...] = ()
+    floor: float = 0.0

@@ -13,8 +13,8 @@ from sim_action.robot.mjcf.spec import Built
 from sim_action.robot.robot_model import Joint, ball_angles
 
 _NO_COMMAND: Final = (
-    "an <actuator> that no command can name keeps its control of robot.keyframe, or 0: it acts on a site, a body or a "
-    "spatial tendon, is a muscle, or shares its joint with another actuator"
+    "an <actuator> that no command can name keeps its control of robot.keyframe; without one, a servo holds where it "
+    "begins, and others are at 0. It acts on a site, a body or a spatial tendon, is a muscle, or shares its joint"
 )
 _TRN: Final = mujoco.mjtTrn
 _ON_JOINT: Final = frozenset({_TRN.mjTRN_JOINT, _TRN.mjTRN_JOINTINPARENT})
@@ -110,7 +110,7 @@ def keyframes_of(built: Built, joints: Iterable[Joint], free: str | None) -> dic
         base = None
         if free is not None and free in at:
             x, y, z, *turned = at[free]
-            base = Pose((x, y, z), _turn(turned))
+            base = Pose((x, y, z - built.mjcf.floor), _turn(turned))
         controls = dict(zip(built.actuators, ctrl, strict=True)) if len(ctrl) == len(built.actuators) else {}
         positions = {joint.name: at[joint.name][0] for joint in moving if joint.name in at}
         angles = {ball: ball_angles(turn) for ball, turn in balls.items()}
@@ -128,7 +128,9 @@ _AXES: Final = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 def _turn(wxyz: Iterable[float]) -> tuple[float, float, float, float]:
-    """Return a unit quaternion x, y, z, w."""
+    """Return a unit quaternion x, y, z, w; zeros mean no rotation, as in MuJoCo."""
     w, x, y, z = wxyz
-    length = (w * w + x * x + y * y + z * z) ** 0.5 or 1.0
+    length = (w * w + x * x + y * y + z * z) ** 0.5
+    if not length:
+        return 0.0, 0.0, 0.0, 1.0
     return x / length, y / length, z / length, w / length

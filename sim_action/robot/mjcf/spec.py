@@ -65,6 +65,8 @@ def build(files: MjcfFiles, place: Location) -> Built:
     actuators = tuple(actuator.name for actuator in spec.actuators)
     keyframes = {key.name: (tuple(key.qpos), tuple(key.ctrl)) for key in spec.keys if key.name}
     notes = Notes(files, place)
+    planes = [geom.pos[2] for geom in spec.worldbody.geoms if geom.type == _GEOM.mjGEOM_PLANE]
+    floor = float(max(planes, default=0.0))
     _leave_out(spec, notes)
     looked_at = _looked_at(spec)
     drawn, meshes = dict[str, MeshFile](), dict[str, MeshBytes]()
@@ -89,6 +91,7 @@ def build(files: MjcfFiles, place: Location) -> Built:
         meshes,
         looked_at,
         tuple(actuator.name for actuator in spec.actuators),
+        floor,
     )
     _fill_meshes(spec, mjcf)
     return Built(spec, mjcf, drawn, positions, keyframes, actuators, notes)
