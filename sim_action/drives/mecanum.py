@@ -89,12 +89,8 @@ class MecanumDrive(Drive):
     @classmethod
     def by_wheels(cls, model: RobotModel) -> Self:
         """See Drive.by_wheels. Rollers are not modelled as joints."""
-        looks = (
-            f"by their shapes, the {count} wheels on the ground"
-            if (count := len(wheels_on_ground(model)))
-            else "wheels"
-        )
-        raise NoDrive(f"no plugin or controller states four mecanum wheels, and {looks} do not show rollers")
+        looks = "the wheels on the ground show no rollers" if wheels_on_ground(model) else "no wheel is on the ground"
+        raise NoDrive(f"no plugin or controller states four mecanum wheels, and {looks}")
 
     def source(self, model: RobotModel) -> str:
         """See Drive.source."""

@@ -71,7 +71,7 @@ class SkidSteer(TwoSidedDrive):
         wheels = refuse_other_than_fixed(undercarriage(model)).driven
         if len(wheels) < _MIN_WHEELS:
             raise NoDrive(
-                f"{len(wheels)} wheels on the ground could be driven, and skid steer has {_MIN_WHEELS} or more"
+                f"wheels on the ground that could be driven: {len(wheels)}; skid steer has {_MIN_WHEELS} or more"
             )
         if names := _mecanum_names(model):
             raise NoDrive(f"'{names[0]}' names wheels with rollers, which do not skid")

@@ -40,6 +40,8 @@ _PAIR: Final = 2
 _MAX_DIFFERENCE: Final = 0.05
 # A heading with a smaller cosine is not along the base's x axis.
 _MIN_ALONG_X: Final = 0.99
+# Wheels of a robot that stands tilted end at most this share of their radius above the lowest point of the level robot.
+_MAX_TILTED_LIFT_SHARE: Final = 0.5
 # A sliding joint with a smaller z component of its axis does not lift a wheel.
 _MIN_LIFTING_Z: Final = 0.5
 _ROLLING: Final = frozenset({"velocity", "effort"})
@@ -72,8 +74,15 @@ class Undercarriage:
 
 
 def undercarriage(model: RobotModel) -> Undercarriage:
-    """Return the undercarriage of a model."""
-    wheels, motors = wheels_on_ground(model), _motors(model)
+    """Return the undercarriage of a model. If a caster is too low, the robot tilts until its wheels touch the ground."""
+    wheels = wheels_on_ground(model)
+    found = _undercarriage(model, wheels)
+    tilted = () if found.steered or len(found.driven) >= _PAIR else wheels_on_ground(model, _MAX_TILTED_LIFT_SHARE)
+    return _undercarriage(model, tilted) if len(tilted) > len(wheels) else found
+
+
+def _undercarriage(model: RobotModel, wheels: Sequence[Wheel]) -> Undercarriage:
+    motors = _motors(model)
     rolling = {found.joint for found in wheels if _ROLLING & motors.get(found.joint, (frozenset(), ""))[0]}
     source = motors[min(rolling)][1] if rolling else ""
     driven, steered, casters, idle = list[Wheel](), list[tuple[Wheel, Joint]](), list[Wheel](), list[Wheel]()
@@ -145,8 +154,8 @@ def driven_pair(model: RobotModel) -> tuple[str, str]:
         raise NoDrive(why_no_wheels(model))
     if len(found.driven) != _PAIR:
         which = named(found.driven) if found.driven else "the others turn below upright joints, or have no motors"
-        count = f"{len(found.driven)} wheels on the ground could be driven, and a differential drive has {_PAIR}"
-        raise NoDrive(f"{count}: {which}")
+        count = f"wheels on the ground that could be driven: {len(found.driven)} ({which})"
+        raise NoDrive(f"{count}; a differential drive has {_PAIR}")
     if not found.is_stated and (others := unrolling_pair(model)) is not None:
         raise NoDrive(f"'{others[0]}' and '{others[1]}' stand on the ground as well, but no joint lets them roll")
     one, other = found.driven

@@ -27,8 +27,8 @@ MAX_AXLE_DEVIATION: Final = 0.1
 MIN_UPRIGHT_Z: Final = 0.8
 """An axis with at least this z component, as a unit vector, counts as upright."""
 
-# A wheel on the ground ends at most this share of its radius above the lowest point of the robot.
-_MAX_LIFT_SHARE: Final = 0.1
+MAX_LIFT_SHARE: Final = 0.1
+"""A wheel on the ground ends at most this share of its radius above the lowest point of the robot."""
 
 # An axle with a greater component, as a unit vector, is not level or not perpendicular to the heading.
 _MAX_TILT_COMPONENT: Final = 0.5
@@ -59,12 +59,15 @@ def wheel(model: RobotModel, joint_name: str) -> Wheel:
     return _wheel_at_home(_Same(model), joint_name)
 
 
-def wheels_on_ground(model: RobotModel) -> tuple[Wheel, ...]:
-    """Return round links on level continuous joints that are as low as any part of the robot."""
+def wheels_on_ground(model: RobotModel, max_lift_share: float = MAX_LIFT_SHARE) -> tuple[Wheel, ...]:
+    """Return round links on level continuous joints that are as low as any part of the robot.
+
+    :param max_lift_share: the most that a wheel may end above the lowest part, as a share of its radius.
+    """
     ground = lowest_shape(model)
     if ground is None:
         return ()
-    return tuple(found for found in round_wheels(model) if is_on_ground(found, ground))
+    return tuple(found for found in round_wheels(model) if is_on_ground(found, ground, max_lift_share))
 
 
 def round_wheels(model: RobotModel) -> tuple[Wheel, ...]:
@@ -83,10 +86,10 @@ def is_level(model: RobotModel, joint: Joint) -> bool:
     return abs(_axis(joint, _poses(model))[2]) <= MAX_AXLE_DEVIATION
 
 
-def is_on_ground(found: Wheel, ground: Lowest) -> bool:
+def is_on_ground(found: Wheel, ground: Lowest, max_lift_share: float = MAX_LIFT_SHARE) -> bool:
     """Return True if a wheel is as low as the lowest shape of the robot."""
     radius = found.radius or 0.0
-    return found.position_xyz[2] - radius < ground.z + _MAX_LIFT_SHARE * radius
+    return found.position_xyz[2] - radius < ground.z + max_lift_share * radius
 
 
 def stands(model: RobotModel, link_name: str, ground: Lowest) -> bool:
@@ -95,7 +98,7 @@ def stands(model: RobotModel, link_name: str, ground: Lowest) -> bool:
     boxes = (
         shape_box(geometry.compose(pose, shape.pose), shape) for shape in model.links_by_name[link_name].collisions
     )
-    return any(low[2] < ground.z + _MAX_LIFT_SHARE * (high[2] - low[2]) / 2 for low, high in boxes)
+    return any(low[2] < ground.z + MAX_LIFT_SHARE * (high[2] - low[2]) / 2 for low, high in boxes)
 
 
 def tyre(model: RobotModel, joint: Joint) -> Tyre | NotRound:

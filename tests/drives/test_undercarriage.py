@@ -158,8 +158,8 @@ REASONS = [
         cart(PAIR[0], wheel("right", 0.2, -0.3)),
         "diff: 'left', 'right' are not on one axle: one is 0.2 m ahead of the other",
     ),
-    (cart(PAIR[0], *FOUR[2:]), "diff: 3 wheels on the ground could be driven, and a differential drive has 2"),
-    (cart(*FOUR[:3]), "skid: 3 wheels on the ground could be driven, and skid steer has 4 or more"),
+    (cart(PAIR[0], *FOUR[2:]), "diff: wheels on the ground that could be driven: 3 ('left', 'c', 'd'); a"),
+    (cart(*FOUR[:3]), "skid: wheels on the ground that could be driven: 3; skid steer has 4 or more"),
     (cart(*FOUR, wheel("e", 0.5, 0.3)), "skid: there are 3 wheels on the left and 2 on the right"),
 ]
 
@@ -188,6 +188,14 @@ def test_a_wheel_without_a_collision_shape_is_named() -> None:
     links = tuple(dataclasses.replace(link, collisions=()) if link.name != "tip_link" else link for link in model.links)
     found = why_not_recognised(dataclasses.replace(model, links=links))[0]
     assert found.startswith("diff: the link of 'left' has no collision shape")
+
+
+@pytest.mark.parametrize(("below", "expected"), [(0.002, DIFF), (0.04, DIFF), (0.06, None)])
+def test_a_ball_that_is_too_low_tilts_the_robot(below: float, expected: DiffDrive | None) -> None:
+    (joint,), (link,) = ball("tail", -0.3, 0.03)
+    (shape,) = link.collisions
+    lower = dataclasses.replace(shape, pose=Pose((-0.3, 0.0, 0.03 - RADIUS - below)))
+    assert recognise(cart(*PAIR, ((joint,), (dataclasses.replace(link, collisions=(lower,)),)))) == expected
 
 
 def test_wheels_that_hang_in_the_air_are_named() -> None:
