@@ -74,7 +74,7 @@ class Undercarriage:
 
 
 def undercarriage(model: RobotModel) -> Undercarriage:
-    """Return the undercarriage of a model. If a caster is too low, the robot tilts until its wheels touch the ground."""
+    """Return the undercarriage of a model. If a caster is too low, the robot tilts, and its wheels touch the ground."""
     wheels = wheels_on_ground(model)
     found = _undercarriage(model, wheels)
     tilted = () if found.steered or len(found.driven) >= _PAIR else wheels_on_ground(model, _MAX_TILTED_LIFT_SHARE)
