@@ -148,6 +148,8 @@ class Joint:
         mimic: its coupling to another joint; None if it moves independently.
         anchor_xyz: m, a point on the axis, in the child link's frame; the origin in URDF.
         reference: rad (m), the position in which the model is drawn; 0 in URDF.
+        stiffness: of a spring, in N m/rad (N/m); 0 without one. No motor holds a joint with a spring.
+        spring_reference: rad (m), the position at which the spring is at rest.
         ball: the ball joint of which this is the rotation about one axis; empty for other joints.
         motor: the motor that the model states; None: an ideal servo moves the joint when it is commanded.
     """
@@ -165,6 +167,8 @@ class Joint:
     mimic: Mimic | None = None
     anchor_xyz: Vector3 = ZERO
     reference: float = 0.0
+    stiffness: float = 0.0
+    spring_reference: float = 0.0
     ball: str = ""
     motor: Motor | None = None
 

@@ -40,6 +40,7 @@ from sim_action.robot.urdf_elements import (
     origin,
     parent_of,
     plugins_of,
+    spring_of,
     surface_of,
     vector,
 )
@@ -127,13 +128,14 @@ def _joints(document: ModelDocument) -> tuple[tuple[Joint, ...], tuple[Link, ...
             joints += parts
             links += between
         else:
-            joints.append(_joint(element))
+            joints.append(_joint(document, element))
     return tuple(joints), tuple(links)
 
 
-def _joint(element: Element) -> Joint:
+def _joint(document: ModelDocument, element: Element) -> Joint:
     kind, limit = cast(JointType, element.attrib["type"]), element.find("limit")
     lower, upper = limits(element)
+    stiffness, at_rest = spring_of(document, element)
     return Joint(
         name=element.attrib["name"],
         type=kind,
@@ -146,6 +148,8 @@ def _joint(element: Element) -> Joint:
         max_effort=_most(limit, "effort"),
         max_velocity=_most(limit, "velocity"),
         mimic=_mimic(element.find("mimic")),
+        stiffness=stiffness,
+        spring_reference=at_rest,
     )
 
 

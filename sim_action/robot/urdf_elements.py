@@ -56,6 +56,9 @@ MAX_NUMBER: Final = 1e18
 NUMBERS: Final = ("mu1", "mu2", "kp", "kd")
 """The numbers that are read from the <gazebo> tag of a link."""
 
+SPRING: Final = ("springStiffness", "springReference")
+"""The numbers that are read from the <gazebo> tag of a joint."""
+
 # Gazebo uses the smaller of two coefficients, the engines their product: equal on a ground of 1 if none exceeds 1.
 _MAX_FRICTION: Final = 1.0
 
@@ -153,6 +156,19 @@ def surface_of(document: ModelDocument, link: Element) -> Surface:
     # Models write a stiffness of 0 for "not specified".
     stated = {"friction": friction, "stiffness": stiffness or None, "damping": damping}
     return Surface(**{name: value for name, value in stated.items() if value is not None})
+
+
+def spring_of(document: ModelDocument, joint: Element) -> tuple[float, float]:
+    """Return stiffness and rest position of the spring of a joint; 0 and 0 without a spring.
+
+    They are attributes of <dynamics>, as `sim_action.robot.sdf` writes them, or Gazebo's tags for URDF.
+    """
+    dynamics = joint.find("dynamics")
+    stiffness, reference = (number(dynamics, name) for name in ("spring_stiffness", "spring_reference"))
+    for tag in tags_of(document, joint.attrib["name"]):
+        stated, at = (_number(tag, name) for name in SPRING)
+        stiffness, reference = stated or stiffness, reference if at is None else at
+    return (stiffness, reference or 0.0) if stiffness else (0.0, 0.0)
 
 
 def tags_of(document: ModelDocument, name: str) -> Iterator[Element]:

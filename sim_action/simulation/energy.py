@@ -170,7 +170,7 @@ class EnergyWatch:
         is_shaped = any(link.collisions for link in model.links)
         if scene.acted_on or model.mjcf or (is_shaped and (scene.world.objects or scene.world.patches)):
             return None
-        if model.balls or (scene.bolted and not model.moving_joints):
+        if model.balls or any(joint.stiffness for joint in model.joints) or (scene.bolted and not model.moving_joints):
             return None
         if any(joint.mimic is not None for joint in model.joints) or _is_braked(model):
             return None

@@ -158,3 +158,37 @@ def test_a_robot_on_a_ball_caster_drives_straight(engine: str, tmp_path: Path) -
     # The caster rolls.
     roll = run.trace.joint_velocity[run.row(4), run.trace.joint_names.index("caster_joint_x") :]
     assert float(np.linalg.norm(roll)) == pytest.approx(0.25 / 0.005, rel=0.05)
+
+
+# --- springs ---
+
+STIFFNESS, SPRUNG_KG, REST = 80.0, 2.0, 0.15
+
+
+def sprung(kind: str, more: str = "") -> str:
+    """A carriage of 2 kg on a level rail with a spring, or a wheel of 2 kg m^2 with a torsion spring."""
+    limit = '<limit lower="-1" upper="1" effort="100" velocity="50"/>'
+    spring = f'<dynamics spring_stiffness="{STIFFNESS}" spring_reference="{REST}" {more}/>'
+    ends = '<parent link="base"/><child link="bob"/><axis xyz="0 0 1"/><origin rpy="0 1.5707963267948966 0"/>'
+    if kind == "revolute":
+        ends = ends.replace("1.5707963267948966", "0")
+    joint = f'<joint name="s" type="{kind}">{ends}{limit}{spring}</joint>'
+    bob = inertial(SPRUNG_KG, (SPRUNG_KG, SPRUNG_KG, SPRUNG_KG))
+    return robot(link("base", inertial(1.0, (1.0, 1.0, 1.0))), link("bob", bob), joint)
+
+
+@pytest.mark.parametrize("kind", ["prismatic", "revolute"])
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_mass_on_a_spring_swings_with_its_period_and_keeps_its_energy(engine: str, kind: str) -> None:
+    run = swinging(engine, 5.0, sprung(kind))
+    away = run.trace.joint_position[:, 0] - REST
+    period = 2 * math.pi * math.sqrt(SPRUNG_KG / STIFFNESS)
+    assert float(np.diff(passages(run.trace.time, away)).mean()) == pytest.approx(period, rel=1e-3)
+    assert away[-300:].max() == pytest.approx(REST, rel=0.01)
+    assert np.abs(run.trace.joint_effort).max() == 0.0
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_damped_spring_comes_to_rest_at_its_reference(engine: str) -> None:
+    run = swinging(engine, 3.0, sprung("prismatic", 'damping="25"'))
+    assert run.trace.joint_position[-1, 0] == pytest.approx(REST, abs=1e-4)

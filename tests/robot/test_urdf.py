@@ -45,6 +45,14 @@ ARM = """\
 """
 
 
+def test_the_spring_of_a_joint_is_that_of_its_gazebo_tag(tmp_path: Path) -> None:
+    tags = "<springStiffness>9</springStiffness><springReference>-0.5</springReference>"
+    path = tmp_path / "arm.urdf"
+    path.write_text(ARM.replace("</robot>", f'<gazebo reference="shoulder">{tags}</gazebo></robot>'))
+    joint = read_urdf(path).joints_by_name["shoulder"]
+    assert (joint.stiffness, joint.spring_reference) == (9.0, -0.5)
+
+
 # One of its corners twice as far out as the others.
 TETRAHEDRON = (
     "solid t\n"

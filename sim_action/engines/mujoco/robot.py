@@ -70,6 +70,8 @@ def _hang(parent: Any, joint: Joint, child: str, element: Element) -> Any:
             axis=list(joint.axis_xyz),
             damping=[_number(dynamics, "damping"), 0, 0],
             frictionloss=_number(dynamics, "friction"),
+            stiffness=[joint.stiffness, 0, 0],
+            springref=joint.spring_reference,
             **_limits(joint),
         )
     return body

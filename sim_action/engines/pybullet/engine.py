@@ -57,8 +57,9 @@ from sim_action.world import GROUND
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.engines.pybullet.ball_joints import BallJoints
+    from sim_action.engines.pybullet.passive_joints import BallJoints, Springs
     from sim_action.engines.pybullet.sliding import SlidingWheels
+    from sim_action.robot.robot_model import RobotModel
 
 
 class PyBulletEngine:
@@ -140,8 +141,8 @@ class PyBulletEngine:
 
     def _apply_forces(self, step: int) -> None:
         """Apply the forces that PyBullet forgets after each step."""
-        if self._held_efforts:
-            self._push(self._held_efforts)
+        if self._held_efforts or self._springs:
+            self._push(self._springs.added_to(self._held_efforts) if self._springs else self._held_efforts)
         if self._base_push is not None:
             here = self.observe(step, contacts=False)
             found = base_wrench(self._base_push, self._robot_inertia, here.pose, here.twist, 1 / self._rate)
@@ -253,6 +254,7 @@ class PyBulletEngine:
         self._friction = {name: by_name[name][7] for name in self._motor_names}
         self._max_effort = {name: by_name[name][10] or UNLIMITED_EFFORT for name in self._motor_names}
         self._max_velocity = {name: by_name[name][11] for name in self._motor_names}
+        self._springs = self._springs_of(scene.model)
         self._balls = self._ball_joints({name: by_name[name][0] for name in scene.model.balls})
         links = scene.model.links_by_name
         set_surfaces(
@@ -268,9 +270,17 @@ class PyBulletEngine:
     def _ball_joints(self, numbers: Mapping[str, int]) -> BallJoints | None:
         if not numbers:
             return None
-        from sim_action.engines.pybullet.ball_joints import BallJoints
+        from sim_action.engines.pybullet.passive_joints import BallJoints
 
         return BallJoints(self._client, self._robot, numbers)
+
+    def _springs_of(self, model: RobotModel) -> Springs | None:
+        sprung = {self._index[joint.name]: joint for joint in model.motor_joints if joint.stiffness}
+        if not sprung:
+            return None
+        from sim_action.engines.pybullet.passive_joints import Springs
+
+        return Springs(self._client, self._robot, sprung)
 
     def _calm(self, scene: Scene) -> tuple[str, ...]:
         """Change damped joints so that no damping adds energy, and return the notes about them."""
@@ -295,7 +305,7 @@ class PyBulletEngine:
         for joint in scene.model.motor_joints:
             position = positions[joint.name]
             pybullet.resetJointState(self._robot, self._index[joint.name], position, physicsClientId=self._client)
-            if joint.type == "continuous" or joint.mimic is not None:
+            if joint.type == "continuous" or joint.mimic is not None or joint.stiffness:
                 # Switches the default motor off; only the joint's own friction remains.
                 self._motor(joint.name, pybullet.VELOCITY_CONTROL, force=self._friction[joint.name])
             else:

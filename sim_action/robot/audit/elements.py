@@ -19,6 +19,7 @@ from sim_action.robot.urdf_elements import (
     MOMENTS,
     NUMBERS,
     SHAPES,
+    SPRING,
     is_expression,
     is_numbers,
     number_text,
@@ -56,7 +57,7 @@ _NUMBERS: Final = {
     "joint/origin": {"xyz": 3, "rpy": 3},
     "joint/axis": {"xyz": 3},
     "joint/limit": {"lower": 1, "upper": 1, "effort": 1, "velocity": 1},
-    "joint/dynamics": {"damping": 1, "friction": 1},
+    "joint/dynamics": {"damping": 1, "friction": 1, "spring_stiffness": 1, "spring_reference": 1},
     "joint/mimic": {"multiplier": 1, "offset": 1},
     "link/contact/inertia_scaling": {"value": 1},
     **{f"link/contact/{tag}": {"value": 1} for tag in CONTACT},
@@ -64,7 +65,7 @@ _NUMBERS: Final = {
 """Path -> attribute -> the count of numbers that it must hold."""
 
 _NOT_NEGATIVE: Final = {
-    "dynamics": ("damping", "friction"),
+    "dynamics": ("damping", "friction", "spring_stiffness"),
     **dict.fromkeys(CONTACT, ("value",)),
 }
 """Tag -> attributes that must not be negative, because a negative value would add energy."""
@@ -242,16 +243,18 @@ def default_expressions(document: ModelDocument) -> Iterator[Finding]:
 def gazebo_numbers(document: ModelDocument) -> Iterator[Finding]:
     """Yield contact coefficients in <gazebo> that are not numbers, or are negative."""
     for tag in document.elements("gazebo"):
-        for name in NUMBERS:
+        for name in (*NUMBERS, *SPRING):
             text = number_text(tag, name)
             if text is None:
                 continue
-            message = f"<{name}>{text}</{name}>: expected a finite number of 0 or more"
+            may_be_negative = name == "springReference"
+            wanted = "a finite number" if may_be_negative else "a finite number of 0 or more"
+            message = f"<{name}>{text}</{name}>: expected {wanted}"
             if is_expression(text):
                 yield document.finding(
                     "unexpanded-expression", tag, f"{message}; this is a xacro expression: expand the file"
                 )
-            elif not is_numbers(text, 1) or float(text) < 0:
+            elif not is_numbers(text, 1) or (float(text) < 0 and not may_be_negative):
                 yield document.finding("bad-number", tag, message)
 
 

@@ -194,6 +194,9 @@ class JointWriter:
         if dynamics is None:
             return
         stated = {tag: numbers(number_of(dynamics, tag, 0.0)) for tag in ("damping", "friction")}
+        if number_of(dynamics, "spring_stiffness", 0.0):
+            tags = ("spring_stiffness", "spring_reference")
+            stated |= {tag: numbers(number_of(dynamics, tag, 0.0)) for tag in tags}
         self._writer.add(joint, "dynamics", dynamics, **stated)
 
     def _write_mimic(self, joint: Element, axis: Element, entry: Entry) -> None:

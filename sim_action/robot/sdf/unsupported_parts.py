@@ -41,8 +41,6 @@ _PARTS: Final[Mapping[str, Mapping[str, Default]]] = MappingProxyType(
         "axis": {
             "limit/stiffness": 1e8,
             "limit/dissipation": 1.0,
-            "dynamics/spring_stiffness": 0.0,
-            "dynamics/spring_reference": 0.0,
         },
     }
 )

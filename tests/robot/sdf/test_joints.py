@@ -115,7 +115,8 @@ def test_damping_mimic_and_what_is_passed_over(tmp_path: Path) -> None:
     assert made is not None
     assert made.attrib == {"damping": "0.3", "friction": "0.2"}
     assert model.joints_by_name["j"].mimic == Mimic("lead", 2.0, 0.5)
-    assert rules(model) == ["passed-over", "passed-over"]
+    assert (model.joints_by_name["j"].stiffness, model.joints_by_name["j"].spring_reference) == (9.0, 0.0)
+    assert rules(model) == ["passed-over"]
     assert "robot.joints: {j: 0.5}" in model.findings[0].message
 
 

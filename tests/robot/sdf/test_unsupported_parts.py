@@ -86,11 +86,6 @@ def test_a_restitution_is_refused_unless_it_is_allowed(tmp_path: Path) -> None:
     [
         ("<limit><stiffness>10</stiffness></limit>", "<limit><stiffness>1e8</stiffness></limit>"),
         ("<limit><dissipation>2</dissipation></limit>", "<limit><dissipation>1</dissipation></limit>"),
-        ("<dynamics><spring_stiffness>2</spring_stiffness></dynamics>", "<dynamics/>"),
-        (
-            "<dynamics><spring_reference>2</spring_reference></dynamics>",
-            "<dynamics><spring_reference>0</spring_reference></dynamics>",
-        ),
     ],
 )
 def test_how_a_joint_moves_and_is_not_simulated_to(odd: str, usual: str, tmp_path: Path) -> None:

@@ -1,7 +1,7 @@
-"""Ball joints in PyBullet: no motor holds them, and their state is read as that of three joints in series.
+"""Passive joints in PyBullet: ball joints, and the springs of joints.
 
-PyBullet starts each of them with a motor that holds it. It gives the orientation and the angular velocity of the child
-link in the frame of its principal axes.
+PyBullet starts each ball joint with a motor that holds it. It gives the orientation and the angular velocity of the
+child link in the frame of its principal axes.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Final
 import pybullet
 
 from sim_action.core import geometry
-from sim_action.robot.robot_model import ball_angles, ball_orientation
+from sim_action.robot.robot_model import Joint, ball_angles, ball_orientation
 
 _STILL: Final = {"targetVelocity": (0, 0, 0), "positionGain": 0, "velocityGain": 0, "force": (0, 0, 0)}
 
@@ -54,3 +54,24 @@ def _turned(rotation: geometry.Quaternion, frame: geometry.Quaternion) -> geomet
     """Return a rotation that is given in a frame, in the frame outside."""
     x, y, z = geometry.rotate(frame, rotation[:3])
     return (x, y, z, rotation[3])
+
+
+class Springs:
+    """The springs of joints, which PyBullet does not have: their efforts are applied at every step."""
+
+    def __init__(self, client: int, robot: int, joints: Mapping[int, Joint]) -> None:
+        """`joints`: number -> joint."""
+        self._client, self._robot = client, robot
+        self._springs = [(number, joint.stiffness, joint.spring_reference) for number, joint in joints.items()]
+        self._numbers = list(joints)
+
+    def added_to(self, efforts: Mapping[int, float]) -> dict[int, float]:
+        """Return efforts by number of the joint, in N m or N, with those of the springs added.
+
+        The position before the step makes the integrator symplectic: a spring neither gains nor loses energy.
+        """
+        states = pybullet.getJointStates(self._robot, self._numbers, self._client)
+        total = dict(efforts)
+        for (number, stiffness, rest), (position, *_) in zip(self._springs, states, strict=True):
+            total[number] = total.get(number, 0.0) + stiffness * (rest - position)
+        return total
