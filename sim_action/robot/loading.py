@@ -66,7 +66,7 @@ def _place(robot: Robot, workspace: Workspace) -> tuple[Hashable, ...]:
         return (robot.model,)
     if not robot.packages and "://" not in robot.model:
         try:
-            return (workspace.file(robot.model),)
+            return (workspace.file(robot.file), robot.name_in_world)
         except PathError:
             pass  # load_model reports it
     return workspace.directory, robot.model
@@ -108,9 +108,9 @@ def _read_model(robot: Robot, workspace: Workspace) -> RobotModel:
     if robot.model in BUILT_IN:
         return read_urdf(FOLDER / f"{robot.model}.urdf")
     packages = Packages(workspace, robot.packages)
-    path = _path(robot.model, packages)
+    path = _path(robot.file, packages)
     if not robot.is_xacro:
-        return _model(read_document(path), path, packages, robot.allow)
+        return _model(read_document(path), path, packages, robot.allow, robot.name_in_world)
     # xacro takes 40 ms to import.
     from sim_action.robot.xacro_expansion import read_xacro
 
@@ -119,8 +119,11 @@ def _read_model(robot: Robot, workspace: Workspace) -> RobotModel:
     return replace(model, findings=(*model.findings, *warnings))
 
 
-def _model(document: ModelDocument, path: Path, packages: Packages, allow: Iterable[str]) -> RobotModel:
-    """Return the model of a document. Its root element decides the format; MJCF also needs the file suffix .xml."""
+def _model(document: ModelDocument, path: Path, packages: Packages, allow: Iterable[str], name: str = "") -> RobotModel:
+    """Return the model of a document. Its root element decides the format; MJCF also needs the file suffix .xml.
+
+    :param name: name of the model in a world file; empty for other files.
+    """
     if document.root.tag == "mujoco" and path.suffix == ".xml":
         # MuJoCo takes 0.1 s to import.
         from sim_action.robot.mjcf.reader import read_mjcf
@@ -130,7 +133,7 @@ def _model(document: ModelDocument, path: Path, packages: Packages, allow: Itera
         return model_of(document, path, packages, allow)
     from sim_action.robot.sdf.conversion import urdf_of_sdf
 
-    urdf, findings = urdf_of_sdf(document, path, packages, allow)
+    urdf, findings = urdf_of_sdf(document, path, packages, allow, name)
     model = model_of(urdf, path, packages, allow)
     return replace(model, findings=(*model.findings, *findings))
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
 from sim_action.core.field_types import FrozenModel, JointPosition, NamesFile, Placement
 from sim_action.robot.built_in import BUILT_IN
+
+IN_WORLD: Final = "#"
+"""Between a world file and the name of a model in it."""
 
 
 class Robot(FrozenModel):
@@ -60,6 +63,17 @@ class Robot(FrozenModel):
         if self.args and not self.is_xacro:
             raise ValueError(f"args: only a .xacro file has arguments, and the model is '{self.model}'; remove 'args'")
         return self
+
+    @property
+    def file(self) -> str:
+        """The model without the name of a model in a world file: `office.world` of `office.world#burger`."""
+        file, separator, _ = self.model.rpartition(IN_WORLD)
+        return file if separator else self.model
+
+    @property
+    def name_in_world(self) -> str:
+        """The name of the model in a world file; empty for other files."""
+        return self.model.rpartition(IN_WORLD)[2] if IN_WORLD in self.model else ""
 
     @property
     def is_xacro(self) -> bool:

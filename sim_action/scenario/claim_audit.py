@@ -48,7 +48,10 @@ SINGLE_ROW: Final = "single-row-golden"
 """The rule against golden files without a motion."""
 
 NOT_SIMULATED: Final = "not-simulated"
-"""The rule about parts of launch files that are not simulated."""
+"""The rule about parts of launch files and world files that are not simulated."""
+
+INCOMPLETE_WORLD: Final = "incomplete-world"
+"""The rule about files of a world that cannot be used, so that an obstacle is missing."""
 
 RULES: Final[Mapping[str, Rule]] = MappingProxyType(
     {
@@ -95,7 +98,13 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
             "warning", "a controller (script, process, replay, ROS nodes) that gave no command other than zero"
         ),
         "never-moved": Rule("warning", "a robot that was commanded to move, and never moved"),
-        NOT_SIMULATED: Rule("warning", "a part of a launch file that is not simulated, where `allow_losses` is true"),
+        NOT_SIMULATED: Rule(
+            "warning",
+            "a part of a world file that is not simulated; a part of a launch file, where `allow_losses` is true",
+        ),
+        INCOMPLETE_WORLD: Rule(
+            "error", "a model or a mesh of a world file that is not found or cannot be used: an obstacle is missing"
+        ),
         "event-never-began": Rule("warning", "a disturbance, a body or a path that is due after the end of the run"),
     }
 )

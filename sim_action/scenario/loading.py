@@ -31,6 +31,7 @@ from sim_action.scenario.model import DrivenRobot, LoadedScenario, Scenario
 from sim_action.scenario.part_reader import PartReader
 from sim_action.scenario.robot_claims import audit_robot
 from sim_action.scenario.source import Refused, Source
+from sim_action.scenario.world_file import WorldLibrary, filled, with_robot_of_world
 from sim_action.world.scene import Fitting, Scene
 from sim_action.world.shape_files import ShapeLibrary, read_surroundings
 
@@ -42,10 +43,11 @@ _PERMISSIONS: Final = Permissions()
 
 @dataclass(frozen=True, slots=True)
 class Libraries:
-    """Robot models and body shapes that the scenarios of a suite share, each read once."""
+    """Robot models, body shapes and world files that the scenarios of a suite share, each read once."""
 
     models: ModelLibrary = field(default_factory=ModelLibrary)
     shapes: ShapeLibrary = field(default_factory=ShapeLibrary)
+    worlds: WorldLibrary = field(default_factory=WorldLibrary)
 
 
 def load_scenario(
@@ -178,6 +180,13 @@ def _scene(scenario: Scenario, model: RobotModel, source: Source, parts: Mapping
     )
 
 
+def _in_document(problems: SpecProblems, written: int) -> SpecProblems:
+    """Yield problems; those of bodies from a world file are at the key that names the file."""
+    for path, message in problems:
+        index = path[2] if path[:2] == ("world", "objects") and len(path) > 2 else -1
+        yield (("world", "file") if isinstance(index, int) and index >= written else path), message
+
+
 class _Loader:
     """Turns one document into a scenario."""
 
@@ -198,28 +207,32 @@ class _Loader:
 
     def load(self) -> Scenario:
         assert isinstance(self._data, dict)  # whoever read the file has looked
-        scenario = self._parts.validated(Scenario, self._parts.with_families(self._data), ())
+        data = with_robot_of_world(self._data)
+        scenario = self._parts.validated(Scenario, self._parts.with_families(data), ())
         if scenario is not None:
-            self._check(scenario, states_drive="drive" in self._data["robot"])
+            written = len(scenario.world.objects)
+            found = filled(scenario, self._workspace, self._libraries.worlds, self._problems, self._allowed)
+            scenario, self.parts, self.warnings = found.scenario, found.parts, found.warnings
+            self._check(scenario, written, states_drive="drive" in data["robot"])
         if scenario is None or self._problems:
             raise self._problems.error()
         return scenario
 
-    def _check(self, scenario: Scenario, *, states_drive: bool) -> None:
-        """Check the scenario as a whole."""
-        self._problems.note_all((), self._own_problems(scenario))
+    def _check(self, scenario: Scenario, written: int, *, states_drive: bool) -> None:
+        """Check the scenario as a whole; `written`: number of bodies that are not from a world file."""
+        self._problems.note_all((), _in_document(self._own_problems(scenario), written))
         if not self._problems:  # a source with a problem may be the code
             self._problems.note_all((), scenario_checks.environment_problems(scenario))
         self._take(audit_scenario(scenario, self._parts.expect_paths, self._parts.command_paths))
         self.unchecked = tuple(remark for source in scenario.commands for remark in source.unchecked)
-        surroundings = read_surroundings(scenario.world, self._workspace, self._libraries.shapes)
+        surroundings = read_surroundings(scenario.world, self._workspace, self._libraries.shapes, self.parts)
         self.parts = surroundings.parts
         self._problems.note_all((), iter(surroundings.problems))
         self._problems.note_all((), world_checks.motion_problems(scenario, self.parts))
         if scenario.world.objects:
             from sim_action.scenario.body_overlaps import clash_problems
 
-            self._problems.note_all((), clash_problems(scenario.world))
+            self._problems.note_all((), _in_document(clash_problems(scenario.world), written))
         self.model = self._read_model(scenario.robot)
         if self.model is not None:
             scene = _scene(scenario, self.model, self._source, self.parts)

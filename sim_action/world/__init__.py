@@ -6,9 +6,9 @@ The fields are the keys of a scenario file; `sim-action schema` prints the docst
 from __future__ import annotations
 
 import math
-from typing import Annotated, Final
+from typing import Annotated, Final, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.geometry import Vector3
@@ -18,7 +18,7 @@ from sim_action.world.compound import Inertia, Shape
 from sim_action.world.disturbance import Disturbance
 from sim_action.world.ground import GROUND, Ground, Patch
 from sim_action.world.physics import GRAVITY, MAX_PHYSICS_RATE_HZ, MAX_SPEED, Gravity, Physics
-from sim_action.world.shapes import Cylinder, Heightfield, MeshFile, OccupancyMap, Ramp, Sphere, Stairs
+from sim_action.world.shapes import Cylinder, File, Heightfield, MeshFile, OccupancyMap, Ramp, Sphere, Stairs
 
 __all__ = [
     "GRAVITY",
@@ -51,6 +51,13 @@ MAX_PATCHES: Final = 50
 class World(FrozenModel):
     """The surroundings of the robot."""
 
+    file: Annotated[
+        File | None,
+        Field(description="a world file of Gazebo (SDF): its models become bodies; 'objects' adds others"),
+    ] = None
+    robot: Annotated[
+        str | None, Field(min_length=1, description="name of the model in 'file' that is the robot, if one of them is")
+    ] = None
     gravity: Gravity = GRAVITY
     ground: Ground = Ground.model_construct()
     patches: Annotated[
@@ -60,6 +67,12 @@ class World(FrozenModel):
     disturbances: Annotated[
         tuple[Disturbance, ...], Field(description="forces, torques and pushes on the robot or on bodies")
     ] = ()
+
+    @model_validator(mode="after")
+    def _has_file_of_robot(self) -> Self:
+        if self.robot is not None and self.file is None:
+            raise ValueError("'robot' names a model of a world file: add 'file', or name the model in robot.model")
+        return self
 
     @property
     def gravity_xyz(self) -> Vector3:

@@ -139,9 +139,9 @@ class MeshFile(FrozenModel):
     """A triangle mesh from a file; a body with a mass gets its convex hull, of uniform density.
 
     Its `pose` is that of the file's own origin; without z, the lowest point is on the ground. A fixed mesh may be
-    hollow or open. A mesh that is not convex may have at most 40,000 triangles, or 4,000 on MuJoCo. MuJoCo needs convex
-    pieces and gets one behind each triangle, at most 5 mm thick. The front of a triangle is the side from which its
-    corners are counter-clockwise.
+    hollow or open. A mesh that is not convex may have at most 40,000 triangles, or 20,000 on MuJoCo. MuJoCo needs
+    convex pieces and gets one behind each triangle, at most 5 mm thick. The front of a triangle is the side from which
+    its corners are counter-clockwise.
     """
 
     file: Annotated[File, Field(description="a .stl, .obj or .dae file; the path is relative to the scenario")]

@@ -100,6 +100,8 @@ def test_the_keys_of_files_are_those_that_the_specs_tell() -> None:
     assert set(file_keys()) == {
         ("robot", "model"),
         ("robot", "packages", "*"),
+        ("world", "file"),
+        ("world", "objects", "*", "shapes", "*", "mesh", "file"),
         ("world", "objects", "*", "mesh", "file"),
         ("world", "objects", "*", "heightfield", "image"),
         ("world", "objects", "*", "map", "file"),

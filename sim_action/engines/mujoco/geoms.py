@@ -134,7 +134,7 @@ def thickened(points: FloatArray) -> FloatArray:
     return points
 
 
-MAX_TRIANGLES: Final = 4_000
+MAX_TRIANGLES: Final = 20_000
 """Limit for all surfaces of a body: each triangle is tested with each shape of the robot at every step."""
 
 # Thickness in m of a heightfield below its lowest sample, and the least range of its heights.

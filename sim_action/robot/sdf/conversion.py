@@ -28,6 +28,7 @@ from sim_action.robot.sdf.joints import JointWriter, ResolvedJoint, resolve_join
 from sim_action.robot.sdf.links import LinkWriter
 from sim_action.robot.sdf.unsupported_parts import note_parts, note_plugin
 from sim_action.robot.sdf.urdf_writer import UrdfWriter
+from sim_action.robot.sdf.worlds import robot_scope
 from sim_action.robot.xml_document import ModelDocument
 
 _MIN_ROTATION_RAD: Final = 1e-6
@@ -84,29 +85,37 @@ def _placed(frames: Frames, link: Entry, carrier: ResolvedJoint | None) -> Pose:
 
 
 def urdf_of_sdf(
-    document: ModelDocument, path: Path, packages: Packages, allow: Iterable[str]
+    document: ModelDocument, path: Path, packages: Packages, allow: Iterable[str], name: str = ""
 ) -> tuple[ModelDocument, tuple[Finding, ...]]:
     """Return the URDF of a parsed SDF, and the findings. Raises ModelError.
 
     :param path: the file of the document.
     :param allow: rules whose errors are accepted.
+    :param name: name of the model in a world; empty: the file has one model.
     """
-    file, notes = read_sdf_file(path.resolve(), document), Notes()
-    scope = Assembly(file, packages, notes).read()
-    if file.version > NEWEST:
+    notes = Notes()
+    if name:
+        scope, version = robot_scope(path.resolve(), document, name, packages, notes)
+    else:
+        file = read_sdf_file(path.resolve(), document)
+        scope, version = Assembly(file, packages, notes).read(), file.version
+    if version > NEWEST:
         message = (
             f"SDF {document.root.get('version')} is newer than {NEWEST[0]}.{NEWEST[1]}, and is read as that version"
         )
         notes.add("passed-over", document.root, message)
     allowed = set(allow)
     refuse_errors(notes.findings, allowed)
-    urdf = convert(scope, notes)
+    urdf = convert(scope, notes, places_base=bool(name))
     refuse_errors(notes.findings, allowed)
     return urdf, tuple(notes.findings)
 
 
-def convert(scope: Scope, notes: Notes) -> ModelDocument:
-    """Return the URDF, as complete as possible. Problems become findings in `notes`."""
+def convert(scope: Scope, notes: Notes, *, places_base: bool = False) -> ModelDocument:
+    """Return the URDF, as complete as possible. Problems become findings in `notes`.
+
+    :param places_base: True if the base starts where the file has it.
+    """
     frames = Frames(scope)
     kinematics = kinematics_of(scope, frames, notes)
     writer = UrdfWriter(scope.element.get("name") or scope.file.path.stem, scope.element, notes.places)
@@ -118,7 +127,8 @@ def convert(scope: Scope, notes: Notes) -> ModelDocument:
     for link in kinematics.static:
         _fix_to_world(writer, kinematics, link)
     _copy_plugins(writer, scope, notes)
-    _note_rotated_base(notes, kinematics)
+    if not places_base:
+        _note_rotated_base(notes, kinematics)
     _note_unsupported_parts(notes, scope)
     notes.report_parts()
     _note_frames(notes, scope)

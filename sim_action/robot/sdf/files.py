@@ -62,10 +62,8 @@ def _only_model(document: ModelDocument) -> Element:
     models, world = root.findall("model"), root.find("world")
     if world is not None:
         names = ", ".join(f"'{model.get('name', '')}'" for model in world.findall("model")) or "none"
-        message = f"this SDF describes a world with the models {names}; a robot must be a <model> directly in <sdf>: "
-        refuse_errors(
-            [document.finding("not-a-robot", world, f"{message}move it out of <world> into a file of its own")]
-        )
+        message = f"this SDF describes a world with the models {names}; name file and robot in the section world"
+        refuse_errors([document.finding("not-a-robot", world, f"{message}: world: {{file: ..., robot: NAME}}")])
     if not models:
         refuse_errors([document.finding("not-a-robot", root, "this SDF has no <model>; one is required")])
     if len(models) > 1:

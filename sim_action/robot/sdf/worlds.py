@@ -7,7 +7,8 @@ relative to other models have one reader.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from itertools import count
 from pathlib import Path, PurePosixPath
 from typing import Final
 from urllib.parse import unquote
@@ -29,6 +30,8 @@ from sim_action.robot.xml_document import ModelDocument
 OWN_MODELS: Final = frozenset({"ground_plane", "sun"})
 """The models of Gazebo that need no file: every world has a ground, and lights are only drawn."""
 
+_MODELS: Final = ("model", "include")
+
 # Of a <world> without an <sdf> around it.
 _BARE_VERSION: Final[Version] = (1, 6)
 
@@ -42,6 +45,7 @@ class SdfWorld:
         scope: its models, as those of an outermost model.
         states: name of a model -> its <model> in <state>.
         has_ground: True if it includes the ground plane of Gazebo.
+        renamed: models with the name of an earlier one -> that name.
     """
 
     element: Element
@@ -49,6 +53,7 @@ class SdfWorld:
     frames: Frames
     states: Mapping[str, Element]
     has_ground: bool
+    renamed: Mapping[Element, str] = field(default_factory=dict)
 
     @property
     def models(self) -> Mapping[str, Entry]:
@@ -95,12 +100,13 @@ def read_sdf_world(path: Path, document: ModelDocument, packages: Packages, note
     document = upgraded(document, version)
     kept = Element("world", element.attrib)
     kept.extend(child for child in element if not _is_own(child))
+    renamed = _rename_doubles(kept)
     document = replace(document, places={**document.places, kept: document.places[element]})
     scope = Assembly(SdfFile(path, version, kept, document), packages, notes).read()
     state = element.find("state")
     states = {} if state is None else {model.get("name", ""): model for model in state.findall("model")}
     has_ground = any(_is_own(child) and _own_name(child) == "ground_plane" for child in element)
-    return SdfWorld(element, scope, Frames(scope), states, has_ground)
+    return SdfWorld(element, scope, Frames(scope), states, has_ground, renamed)
 
 
 def robot_scope(
@@ -153,6 +159,25 @@ def _pose_element(pose: Pose) -> Element:
     element = Element("pose", {"rotation_format": "quat_xyzw"})
     element.text = " ".join(map(repr, (*pose.position_xyz, *pose.orientation_xyzw)))
     return element
+
+
+def _rename_doubles(world: Element) -> Mapping[Element, str]:
+    """Give models with the name of an earlier one another name, such as `crate_1`; return the old names."""
+    stated = {child: child.get("name", "") or text_of(child, "name") for child in world if child.tag in _MODELS}
+    taken, renamed = set(stated.values()), dict[Element, str]()
+    seen = set[str]()
+    for child, name in stated.items():
+        if name and name in seen:
+            number = next(number for number in count(1) if f"{name}_{number}" not in taken)
+            holder = child.find("name")
+            if holder is None:
+                child.set("name", f"{name}_{number}")
+            else:
+                holder.text = f"{name}_{number}"
+            renamed[child] = name
+            taken.add(f"{name}_{number}")
+        seen.add(name)
+    return renamed
 
 
 def _is_own(child: Element) -> bool:

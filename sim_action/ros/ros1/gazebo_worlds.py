@@ -111,7 +111,7 @@ def read_world(path: Path, folders: tuple[Path, ...], known: Container[str]) -> 
         text = f'<sdf version="{version}">{ET.tostring(model, encoding="unicode")}</sdf>'
         description = text if file is None else file.read_text(encoding="utf-8")
         robot = WorldRobot(found.robot.name, description, found.robot.pose, file)
-    return GazeboWorld(found.world, robot, found.losses)
+    return GazeboWorld(found.world, robot, _without_remarks(found))
 
 
 def body_of(name: str, description: str, pose: Pose) -> tuple[Body, tuple[Loss, ...]]:
@@ -134,7 +134,7 @@ def body_of(name: str, description: str, pose: Pose) -> tuple[Body, tuple[Loss, 
     bodies = found.world.objects
     if len(bodies) != 1:
         raise BadWorld(f"a model that is spawned must be one body with a collision shape, found {len(bodies)}")
-    return bodies[0].model_copy(update={"name": name}), found.losses
+    return bodies[0].model_copy(update={"name": name}), _without_remarks(found)
 
 
 def model_folders() -> tuple[Path, ...]:
@@ -145,6 +145,10 @@ def model_folders() -> tuple[Path, ...]:
 def _drives(model: Entry, known: Container[str]) -> bool:
     """Return True if a model moves and has a plugin that drives a robot."""
     return model.scope is not None and not model.scope.static and any(name in known for name in plugin_names(model))
+
+
+def _without_remarks(found: WorldFile) -> tuple[Loss, ...]:
+    return tuple(loss for loss in found.losses if not loss.is_remark)
 
 
 def _read(path: Path, source: Path | bytes) -> ModelDocument:

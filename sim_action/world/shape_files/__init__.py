@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from sim_action.core.workspace import Workspace
@@ -48,13 +49,21 @@ class ShapeLibrary:
         return found
 
 
-def read_surroundings(world: World, workspace: Workspace, shapes: ShapeLibrary | None = None) -> Surroundings:
-    """Read the bodies of a world whose shapes are in files or arrays; `shapes`: the cache."""
+def read_surroundings(
+    world: World,
+    workspace: Workspace,
+    shapes: ShapeLibrary | None = None,
+    known: Mapping[str, tuple[Part, ...]] = MappingProxyType({}),
+) -> Surroundings:
+    """Read the bodies of a world whose shapes are in files or arrays.
+
+    `shapes`: the cache; `known`: name of a body -> its parts, for bodies whose files were read already.
+    """
     shapes = shapes or ShapeLibrary()
-    parts: dict[str, tuple[Part, ...]] = {}
+    parts = dict(known)
     problems: list[SpecProblem] = []
     for index, body in enumerate(world.objects):
-        if body.is_read:
+        if body.is_read and body.name not in known:
             try:
                 parts[body.name] = shapes.parts(body, workspace)
             except ShapeError as error:

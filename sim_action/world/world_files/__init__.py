@@ -65,6 +65,7 @@ class WorldFile:
         losses: the parts that are not simulated.
         remarks: warnings about the file.
         stated: the keys of `world` that the file states, besides its objects.
+        has_ground: True if the file has a ground plane.
     """
 
     world: World
@@ -74,6 +75,7 @@ class WorldFile:
     losses: tuple[Loss, ...] = ()
     remarks: tuple[Finding, ...] = ()
     stated: frozenset[str] = frozenset()
+    has_ground: bool = True
 
 
 def read_world_file(
@@ -107,6 +109,9 @@ class _WorldReader:
         element = self._world.element
         for tag, message in lost_tags(element):
             self._losses.add(tag, message)
+        for model, name in self._world.renamed.items():
+            message = f"a second model '{name}' has another name here, with a number at its end"
+            self._losses.remark(model, message, "models with the name of another one: they get a number")
         self._note_state(element.find("state"))
         bodies = [body for model in self._world.models.values() for body in self._read_model(model, is_robot)]
         for plugin in element.findall("plugin"):
@@ -127,6 +132,7 @@ class _WorldReader:
             (*missing, *self._losses.found),
             tuple(each for each in self._notes.findings if each.level == "warning"),
             frozenset(stated),
+            self._shapes.has_ground,
         )
 
     def _made(self, keys: Mapping[str, Any]) -> World:

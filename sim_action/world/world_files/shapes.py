@@ -26,6 +26,9 @@ _LENGTH_TOLERANCE_M: Final = 1e-3
 # SDF's default, and the greatest value: engines multiply the two frictions of a contact, Gazebo takes the lesser one.
 MAX_FRICTION: Final = 1.0
 
+_MeshKey = tuple[Path, Vector3, bool]
+"""File, scale, and True if it moves."""
+
 _MESH_ABSENT: Final = "a mesh that cannot be used: it is left out"
 
 
@@ -75,7 +78,8 @@ class ShapeReader:
     notes: Notes
     has_ground: bool = False
     ground_friction: float | None = None
-    _meshes: dict[tuple[Path, Vector3, bool], tuple[Part, ...] | str] = field(default_factory=dict)
+    _meshes: dict[_MeshKey, tuple[Part, ...] | str] = field(default_factory=dict)
+    _simplified: dict[_MeshKey, float] = field(default_factory=dict)
 
     def shapes(self, link: Entry, at: Pose, collision: Element, owner: str, *, moves: bool) -> Iterator[PlacedShape]:
         """Yield the shapes of a <collision>; `at`: pose of its frame in the world. Raises SdfProblem."""
@@ -158,12 +162,26 @@ class ShapeReader:
         if moves and not self._is_convex(path, scale):
             message = f"'{owner}' moves and is not convex: its convex hull collides"
             self.losses.add(mesh, message, kind="a mesh that moves and is not convex: its convex hull collides")
+        if (way := self._simplified.get((path, scale, moves))) is not None:
+            kind = "a mesh with many triangles is simplified"
+            moved_by = f"its points move by up to {1000 * way:.2g} mm"
+            self.losses.remark(mesh, f"'{uri}' of '{owner}' has many triangles and is simplified: {moved_by}", kind)
         factor = scale[0] if len(set(scale)) == 1 else scale
         yield PlacedShape(collision, {"mesh": {"file": str(path), "scale": factor}}, at, parts)
 
     def _is_convex(self, path: Path, scale: Vector3) -> bool:
         parts = self._parts_of_mesh(path, scale, moves=False)
         return not isinstance(parts, str) and len(parts) == 1 and not isinstance(parts[0], SurfacePart)
+
+    def _with_fewer_triangles(self, key: _MeshKey, parts: tuple[Part, ...]) -> tuple[Part, ...]:
+        from sim_action.world.world_files.simplification import simplified
+
+        if len(parts) != 1 or not isinstance(parts[0], SurfacePart) or (found := simplified(parts[0])) is None:
+            return parts
+        surface, way = found
+        if way > 0:
+            self._simplified[key] = way
+        return (surface,)
 
     def _parts_of_mesh(self, path: Path, scale: Vector3, *, moves: bool) -> tuple[Part, ...] | str:
         """Return the parts of a mesh in its own frame, or the reason why it cannot be used."""
@@ -174,7 +192,8 @@ class ShapeReader:
 
             try:
                 spec = MeshFile(file=path.name, scale=scale)
-                self._meshes[key] = tuple(read_mesh_parts(path, spec, moves=moves))
+                parts = tuple(read_mesh_parts(path, spec, moves=moves))
+                self._meshes[key] = self._with_fewer_triangles(key, parts)
             except (ShapeError, ValidationError) as error:
                 self._meshes[key] = said(error)
         return self._meshes[key]

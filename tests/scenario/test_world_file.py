@@ -1,0 +1,188 @@
+"""The world file of a scenario."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from sim_action.core.errors import InvalidScenario
+from sim_action.scenario.loading import build_scene, load_scenario
+from sim_action.scenario.model import LoadedScenario
+
+CRATE = """<model name="crate"><pose>2 0 0.5 0 0 0</pose><link name="l"><inertial><mass>3</mass></inertial>
+<collision name="c"><geometry><box><size>1 1 1</size></box></geometry></collision></link></model>"""
+ROVER = """<model name="rover"><pose>1 2 0.1 0 0 1</pose>
+<link name="base"><pose>0 0 0.1 0 0 0</pose><inertial><mass>2</mass></inertial>
+<collision name="c"><geometry><box><size>0.4 0.2 0.1</size></box></geometry></collision></link></model>"""
+GROUND = "<include><uri>model://ground_plane</uri></include>"
+ROBOT = "robot: {model: turtlebot3_burger}"
+
+
+def loaded(folder: Path, inside: str, world: str = "", robot: str = ROBOT, more: str = "") -> LoadedScenario:
+    (folder / "worlds").mkdir(exist_ok=True)
+    text = f'<?xml version="1.0"?>\n<sdf version="1.9"><world name="w">\n{inside}\n</world></sdf>'
+    (folder / "worlds/office.world").write_text(text)
+    file = folder / "a.sim.yml"
+    file.write_text(
+        f"name: a\n{robot}\nworld: {{file: worlds/office.world{world}}}\nexpect: [upright]\ntime_limit: 1 s\n{more}"
+    )
+    return load_scenario(file)
+
+
+def problems(folder: Path, inside: str, world: str = "", robot: str = ROBOT) -> list[tuple[str, int | None, str]]:
+    with pytest.raises(InvalidScenario) as error:
+        loaded(folder, inside, world, robot)
+    found = error.value.problems
+    return [(Path(each.location.file).name, each.location.line, each.message) for each in found]
+
+
+def test_models_become_bodies_beside_the_objects_of_the_scenario(tmp_path: Path) -> None:
+    found = loaded(tmp_path, GROUND + CRATE, ", objects: [{name: ball, sphere: {radius: 0.1}}]")
+
+    assert [body.name for body in found.scenario.world.objects] == ["ball", "crate"]
+    assert found.warnings == ()
+    assert build_scene(found).world.objects[1].mass == 3
+
+
+def test_gravity_and_ground_are_those_of_the_file_unless_the_scenario_states_them(tmp_path: Path) -> None:
+    plane = "<collision name='c'><geometry><plane><normal>0 0 1</normal></plane></geometry>"
+    rough = "<surface><friction><ode><mu>0.4</mu></ode></friction></surface></collision>"
+    model = f"<model name='g'><static>1</static><link name='l'>{plane}{rough}</link></model>"
+    inside = f"<gravity>0 0 -3.7</gravity>{model}"
+
+    world = loaded(tmp_path, inside).scenario.world
+    assert (world.gravity, world.ground.friction, world.objects) == ((0, 0, -3.7), 0.4, ())
+    stated = loaded(tmp_path, inside, ", gravity: 1.6, ground: {friction: 0.9}").scenario.world
+    assert (stated.gravity, stated.ground.friction) == ((0, 0, -1.6), 0.9)
+
+
+@pytest.mark.parametrize("robot", ["", "robot: {}", "robot: {base: free}"])
+def test_a_model_of_the_world_is_the_robot(robot: str, tmp_path: Path) -> None:
+    found = loaded(tmp_path, GROUND + CRATE + ROVER, ", robot: rover", robot)
+
+    assert found.model is not None
+    assert (found.model.root, found.model.mass) == ("base", 2)
+    at = found.scenario.robot.pose
+    assert (at.x, at.y, at.z, at.yaw) == pytest.approx((1, 2, 0.2, 1))
+    assert [body.name for body in found.scenario.world.objects] == ["crate"]
+    assert found.warnings == ()
+
+
+def test_a_pose_of_the_scenario_comes_before_that_of_the_file(tmp_path: Path) -> None:
+    found = loaded(tmp_path, GROUND + ROVER, ", robot: rover", "robot: {pose: {x: 7}}")
+
+    assert (found.scenario.robot.pose.x, found.scenario.robot.pose.z) == (7, None)
+
+
+def test_a_robot_of_the_world_can_be_named_in_the_robot_section(tmp_path: Path) -> None:
+    found = loaded(tmp_path, GROUND + ROVER, "", "robot: {model: 'worlds/office.world#rover', pose: {x: 5, z: 0}}")
+
+    assert found.model is not None
+    assert found.model.name == "rover"
+
+
+def test_an_included_robot_has_the_pose_of_the_include(tmp_path: Path) -> None:
+    model = tmp_path / "models/rover/model.sdf"
+    model.parent.mkdir(parents=True)
+    model.write_text(f'<sdf version="1.6">{ROVER}</sdf>')
+    include = "<include><uri>model://rover</uri><name>one</name><pose>0 3 0 0 0 0</pose></include>"
+
+    found = loaded(tmp_path, GROUND + include, ", robot: one", "")
+
+    at = found.scenario.robot.pose
+    assert (at.x, at.y, at.z) == pytest.approx((0, 3, 0.1))
+    assert found.model is not None
+    assert found.model.name == "one"
+
+
+def test_a_wrong_name_has_the_nearest_ones(tmp_path: Path) -> None:
+    found = problems(tmp_path, GROUND + CRATE + ROVER, ", robot: rovr")
+
+    assert found[0][:2] == ("a.sim.yml", 3)
+    assert found[0][2].startswith("world.robot: worlds/office.world has no model 'rovr'; did you mean 'rover'?")
+
+
+MESSAGE = (
+    "world.objects.0.name: worlds/office.world has a body 'crate', too; names are unique: give this one another name"
+)
+
+
+def test_the_same_name_twice_is_an_error(tmp_path: Path) -> None:
+    found = problems(tmp_path, GROUND + CRATE, ", objects: [{name: crate, sphere: {radius: 1}}]")
+
+    assert found == [("a.sim.yml", 3, MESSAGE)]
+
+
+@pytest.mark.parametrize(
+    ("inside", "line", "message"),
+    [
+        (CRATE.replace("<size>1 1 1", "<size>1 1"), 4, "<size> is '1 1': expected 3 finite numbers"),
+        ("<model name='m'>", 4, "not well-formed XML"),
+        ("<include><uri>model://house</uri></include>", 3, "the model 'house', which was not found"),
+        ("<include><uri>../../../etc/passwd</uri></include>", 3, "is outside the workspace"),
+        (CRATE.replace("<box><size>1 1 1</size></box>", "<mesh><uri>a.obj</uri></mesh>"), 4, "[incomplete-world]"),
+    ],
+)
+def test_a_problem_of_the_file_has_its_line(inside: str, line: int, message: str, tmp_path: Path) -> None:
+    found = problems(tmp_path, inside)
+
+    assert [each[:2] for each in found] == [("office.world", line)]
+    assert message in found[0][2]
+
+
+@pytest.mark.parametrize(
+    ("world", "message"),
+    [
+        ("worlds/none.world", "'worlds/none.world' does not exist"),
+        ("../a.world", "is outside the workspace"),
+    ],
+)
+def test_a_file_that_cannot_be_read_is_named(world: str, message: str, tmp_path: Path) -> None:
+    (tmp_path.parent / "a.world").write_text("<sdf/>")
+    file = tmp_path / "a.sim.yml"
+    file.write_text(f"name: a\n{ROBOT}\nworld: {{file: {world}}}\nexpect: [upright]\ntime_limit: 1 s\n")
+    with pytest.raises(InvalidScenario, match=message):
+        load_scenario(file)
+
+
+def test_a_second_model_of_a_name_gets_a_number(tmp_path: Path) -> None:
+    found = loaded(tmp_path, GROUND + CRATE + "\n" + CRATE.replace("2 0 0.5", "4 0 0.5"))
+
+    assert [(body.name, body.pose.x) for body in found.scenario.world.objects] == [("crate", 2), ("crate_1", 4)]
+    (warning,) = found.warnings
+    assert (warning.location.line, warning.message[:24]) == (5, "a second model 'crate' h")
+
+
+def test_a_model_that_is_not_found_can_be_allowed(tmp_path: Path) -> None:
+    inside = GROUND + "<include><uri>model://house</uri></include>"
+
+    (warning,) = loaded(tmp_path, inside, more="allow: [incomplete-world]").warnings
+
+    assert warning.rule == "incomplete-world"
+
+
+def test_each_kind_of_loss_is_one_note(tmp_path: Path) -> None:
+    actors = "<actor name='a'/>\n<actor name='b'/>\n<plugin filename='libsky.so' name='s'/>"
+
+    times = "2 times in the world; this is the first"
+    notes = [(warning.location.line, str(warning)) for warning in loaded(tmp_path, GROUND + actors).warnings]
+
+    assert notes == [
+        (3, f"<actor> is not simulated: nothing can touch or see it ({times}) [not-simulated]"),
+        (5, "the plugin sky of the world is not supported and has no effect [not-simulated]"),
+    ]
+    assert loaded(tmp_path, GROUND + actors, more="allow: [not-simulated]").warnings == ()
+
+
+def test_a_world_without_a_ground_plane_is_noted(tmp_path: Path) -> None:
+    (warning,) = loaded(tmp_path, CRATE).warnings
+
+    assert "has no ground plane" in warning.message
+
+
+def test_robot_needs_a_file(tmp_path: Path) -> None:
+    file = tmp_path / "a.sim.yml"
+    file.write_text(f"name: a\n{ROBOT}\nworld: {{robot: rover}}\nexpect: [upright]\ntime_limit: 1 s\n")
+    with pytest.raises(InvalidScenario, match="'robot' names a model of a world file: add 'file'"):
+        load_scenario(file)
