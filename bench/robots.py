@@ -73,6 +73,14 @@ _STANCE: Final = {f"{leg}_upper_joint": 0.8 for leg in _LEGS} | {f"{leg}_lower_j
 _HUSKYS_WHEELS: Final = {side: [f"front_{side}_wheel", f"rear_{side}_wheel"] for side in ("left", "right")}
 
 BURGER: Final = KnownRobot("burger", "turtlebot3_burger")
+OUR_ROBOTS: Final = (
+    BURGER,
+    KnownRobot("rover", "husky_a200"),
+    KnownRobot("car", "f1tenth"),
+    KnownRobot("arm", "ur5e_gripper"),
+)
+"""The built-in robots."""
+
 MINITAUR: Final = KnownRobot("minitaur", "quadruped/minitaur.urdf", {"allow": ["missing-limits"]})
 
 ROBOTS: Final = (

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Final
 from xml.etree import ElementTree as ET
 
-from bench.robots import BURGER, REFUSED, ROBOTS, WORKSPACE, KnownRobot
+from bench.robots import OUR_ROBOTS, REFUSED, ROBOTS, WORKSPACE, KnownRobot
 from bench.step_cost import StepCost, step_cost
 from docs.generate import BLOCK
 from docs.generators.markdown import table
@@ -31,7 +31,7 @@ _NO_FIGURES: Final = "| # / # | # |"
 
 def rows(costs: dict[str, StepCost]) -> Iterator[tuple[str, ...]]:
     """Yield a row for each robot; without its cost, the times stay open."""
-    for known in (BURGER, *ROBOTS):
+    for known in (*OUR_ROBOTS, *ROBOTS):
         model = load_model(known.robot, WORKSPACE)
         yield (*_facts(known, model), *_figures(costs.get(known.name)))
     yield (f"{REFUSED.name}<br>`{REFUSED.model}`", "refused", "", "", _refusal(REFUSED), "", "")
@@ -92,7 +92,7 @@ def main() -> None:
             if without_figures(PAGE.read_text("utf-8")) != page({})
             else 0
         )
-    PAGE.write_text(page({known.name: step_cost(known) for known in (BURGER, *ROBOTS)}), encoding="utf-8")
+    PAGE.write_text(page({known.name: step_cost(known) for known in (*OUR_ROBOTS, *ROBOTS)}), encoding="utf-8")
 
 
 if __name__ == "__main__":
