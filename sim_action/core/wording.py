@@ -15,6 +15,7 @@ MAX_MESSAGE_CHARS: Final = 2_000
 _MAX_VALUE_CHARS: Final = 60
 # Limits on the cost of files with any number of names.
 _MAX_NAMES_COMPARED: Final = 1_000
+_MIN_BEGINNING_CHARS: Final = 3
 _MAX_NAME_CHARS: Final = 100
 _MAX_NAMES_LISTED: Final = 30
 _MAX_HINTS: Final = 10
@@ -91,10 +92,15 @@ def did_you_mean(found: str, allowed: Iterable[str]) -> str:
 
 
 def nearest(found: str, names: Iterable[str]) -> str | None:
-    """Return the most similar name, or None; long names are skipped, and only the first 1,000 are compared."""
-    short = (name for name in names if len(name) <= _MAX_NAME_CHARS)
-    near = difflib.get_close_matches(found[:_MAX_NAME_CHARS], islice(short, _MAX_NAMES_COMPARED), n=1)
-    return near[0] if near else None
+    """Return the most similar name, else the only one that begins with `found`, else None.
+
+    Long names are skipped, and only the first 1,000 are compared.
+    """
+    short = list(islice((name for name in names if len(name) <= _MAX_NAME_CHARS), _MAX_NAMES_COMPARED))
+    if near := difflib.get_close_matches(found[:_MAX_NAME_CHARS], short, n=1):
+        return near[0]
+    longer = [name for name in short if len(found) >= _MIN_BEGINNING_CHARS and name.startswith(found)]
+    return longer[0] if len(longer) == 1 else None
 
 
 class FirstFew:

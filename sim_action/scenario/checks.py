@@ -242,7 +242,16 @@ def wheel_problems(scenario: Scenario, scene: Scene, sensor_paths: Sequence[KeyP
     sensors = zip(sensor_paths, scenario.sensors, strict=True)
     odometry = [(*path, mounted.sensor.key) for path, mounted in sensors if mounted.sensor.reads_wheels]
     if (drives or odometry) and recognise(scene.model) is None:
-        yield from ((path, _no_wheels(scene.model)) for path in ([("robot",)] if drives else odometry))
+        message = _drives_nothing(scene.model) if drives and scene.bolted else _no_wheels(scene.model)
+        yield from ((path, message) for path in ([("robot",)] if drives else odometry))
+
+
+def _drives_nothing(model: RobotModel) -> str:
+    joint = next((joint.name for joint in model.moving_joints), "JOINT")
+    return (
+        f"'{model.name}' is fixed to the world and has no wheels, so no twist can drive it; command its joints, such "
+        f"as commands: {{joints: [{{at: 1 s, position: {{{joint}: 0.5}}}}]}}"
+    )
 
 
 def _no_wheels(model: RobotModel) -> str:

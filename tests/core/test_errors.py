@@ -67,6 +67,12 @@ def test_a_name_that_is_near_to_none_gets_the_list_alone() -> None:
     assert did_you_mean("zzz", []) == " (allowed: none)"
 
 
+def test_a_name_that_begins_with_the_word_is_near_if_it_is_the_only_one() -> None:
+    assert nearest("ur5", ["husky_a200", "ur5e_gripper"]) == "ur5e_gripper"
+    assert nearest("ur5", ["ur5e_gripper", "ur5e_with_camera"]) is None
+    assert nearest("ur", ["ur5e_gripper"]) is None
+
+
 def test_of_many_names_some_are_listed() -> None:
     hint = did_you_mean("n77", [f"n{number:02}" for number in range(99)])
     assert hint.startswith("; did you mean 'n77'? (allowed: n00, n01, ")

@@ -288,6 +288,14 @@ def test_twists_for_a_robot_whose_wheels_are_not_plain_need_a_drive(tmp_path: Pa
     )
 
 
+def test_a_twist_for_an_arm_that_is_fixed_leads_to_its_joints(tmp_path: Path) -> None:
+    problem, *_ = told(tmp_path, LEAST.replace("turtlebot3_burger", "ur5e_gripper"))
+    assert problem == (
+        "2:1: robot: 'ur5e_gripper' is fixed to the world and has no wheels, so no twist can drive it; command its "
+        "joints, such as commands: {joints: [{at: 1 s, position: {shoulder_pan_joint: 0.5}}]}"
+    )
+
+
 def test_a_broken_model_is_told_with_its_own_line(tmp_path: Path) -> None:
     (tmp_path / "bad.urdf").write_text("<robot>\n<link/>\n</robot>")
     (tmp_path / "a.sim.yml").write_text(LEAST.replace("turtlebot3_burger", "bad.urdf"))
