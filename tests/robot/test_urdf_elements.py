@@ -7,7 +7,7 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from sim_action.robot.robot_model import Plugin, RobotModel, Surface
+from sim_action.robot.robot_model import RobotModel, Surface
 from sim_action.robot.urdf import read_urdf
 from sim_action.robot.urdf_elements import axis
 from tests.robot.bad_models import GOOD
@@ -70,8 +70,10 @@ def test_plugins_keep_what_they_were_given(tmp_path: Path) -> None:
         "<leftJoint> a </leftJoint><joint>b</joint><joint>c</joint><empty/></plugin></gazebo>"
         '<gazebo reference="upper"><sensor><plugin filename="gz-sim-imu-system"/></sensor></gazebo>',
     )
-    drive = Plugin("gazebo_ros_diff_drive", (("leftJoint", "a"), ("joint", "b"), ("joint", "c"), ("empty", "")))
-    assert model.plugins == (drive,)
+    (drive,) = model.plugins
+    assert drive.name == "gazebo_ros_diff_drive"
+    assert drive.title == "drive"
+    assert drive.parameters == (("leftJoint", "a"), ("joint", "b"), ("joint", "c"), ("empty", ""))
     assert drive.texts("joint") == ("b", "c")
     assert drive.texts("rightJoint") == ()
 

@@ -103,6 +103,7 @@ def test_the_keys_of_files_are_those_that_the_specs_tell() -> None:
         ("world", "file"),
         ("world", "objects", "*", "shapes", "*", "mesh", "file"),
         ("world", "objects", "*", "mesh", "file"),
+        ("world", "objects", "*", "shapes", "*", "mesh", "file"),
         ("world", "objects", "*", "heightfield", "image"),
         ("world", "objects", "*", "map", "file"),
         ("commands", "script"),
