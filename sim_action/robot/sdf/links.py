@@ -10,6 +10,7 @@ from xml.etree.ElementTree import Element
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose
+from sim_action.robot.sdf.auto_inertia import auto_inertia
 from sim_action.robot.sdf.composition import Entry
 from sim_action.robot.sdf.elements import (
     Notes,
@@ -71,7 +72,9 @@ class LinkWriter:
         link = writer.add(writer.root, "link", element, name=entry.full_name)
         self._note_unsupported_parts(element, f"link '{entry.full_name}'")
         inertial = element.find("inertial")
-        if inertial is not None:
+        if inertial is not None and flag_attribute(inertial, "auto"):
+            self._write_auto_inertia(link, inertial, entry, frame)
+        elif inertial is not None:
             self._write_inertial(link, inertial, self._placed(entry, inertial, frame))
         for holder in element:
             if holder.tag in {"collision", "visual"}:
@@ -91,10 +94,19 @@ class LinkWriter:
         moments = {name: numbers(number_of(holder, name, default)) for name, default in _MOMENTS.items()}
         writer.add(inertial, "inertia", holder, **moments)
 
+    def _write_auto_inertia(self, link: Element, source: Element, entry: Entry, frame: Pose) -> None:
+        """Write the inertia of the link's collisions. If that is allowed to fail, the link has no <inertial>."""
+        collisions = [(holder, self._placed(entry, holder, frame)) for holder in entry.element.findall("collision")]
+        found = self._notes.attempt(lambda source: auto_inertia(source, collisions), source)
+        if found is None:
+            return
+        writer = self._writer
+        inertial = writer.add(link, "inertial", source)
+        writer.add_origin(inertial, source, Pose(found.centre_xyz))
+        writer.add(inertial, "mass", source, value=numbers(found.mass))
+        writer.add(inertial, "inertia", source, **{name: numbers(value) for name, value in found.moments.items()})
+
     def _note_defaults(self, inertial: Element, name: str) -> None:
-        if flag_attribute(inertial, "auto"):
-            message = f"<inertial auto> of link '{name}' is not supported: write <mass> and <inertia>"
-            self._notes.add("unsupported-part", inertial, message)
         units = {"mass": "kg"} | {f"inertia/{name}": "kg m^2" for name in ("ixx", "iyy", "izz")}
         absent = [f"{path} = 1 {unit}" for path, unit in units.items() if inertial.find(path) is None]
         if absent:

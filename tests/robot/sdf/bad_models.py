@@ -148,7 +148,7 @@ BAD_SDF_MODELS = [
     # Links.
     _bad("negative-mass", 3, "a mass must not be negative", "<mass>1", "<mass>-1"),
     _bad("impossible-inertia", 3, "principal moments", "<ixx>1", "<ixx>9"),
-    _bad("unsupported-part", 3, "<inertial auto> of link 'base'", "<inertial>", '<inertial auto="true">'),
+    _bad("unsupported-part", 3, "needs a <collision>", f"{INERTIAL}{SPHERE}", '<inertial auto="true"/>'),
     _surface(
         "unsupported-part", "<collide_without_contact> of", "<collide_without_contact>1</collide_without_contact>"
     ),
