@@ -128,9 +128,21 @@ def _models() -> tuple[Schema, Schema]:
     definitions["Expectation"] = _one_of(ASSERTIONS, definitions.pop(ExpectationOptions.__name__)["properties"])
     definitions |= _combined_assertions(definitions)
     definitions["Sensor"] = _one_of(SENSORS, definitions.pop(Mounting.__name__)["properties"])
+    _let_world_name_robot(scenario, definitions["DrivenRobot"])
     robot = definitions["DrivenRobot"]["properties"]
     robot["drive"] = {"description": robot["drive"]["description"], **_choice(_drive_keys())}
     return scenario, definitions
+
+
+def _let_world_name_robot(scenario: Schema, robot: Schema) -> None:
+    """Require `robot.model` only if `world.robot` names no model of a world file."""
+    scenario["required"].remove("robot")
+    robot["required"].remove("model")
+    if not robot["required"]:
+        del robot["required"]
+    named = {"world": {"type": "object", "required": ["file", "robot"]}}
+    scenario["if"] = {"required": ["world"], "properties": named}
+    scenario["else"] = {"required": ["robot"], "properties": {"robot": {"required": ["model"]}}}
 
 
 def _combined_assertions(definitions: Schema) -> Schema:

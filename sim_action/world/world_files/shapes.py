@@ -110,8 +110,8 @@ class ShapeReader:
         stated = collision.find("surface/friction/ode")
         if stated is None:
             return MAX_FRICTION
-        along = number_of(stated, "mu", MAX_FRICTION)
-        across = number_of(stated, "mu2", along)
+        # ODE takes a negative coefficient as infinite.
+        along, across = (value if value >= 0 else math.inf for value in _coefficients(stated))
         if min(along, across) < MAX_FRICTION and along != across:
             used = f"<mu>{along:g}</mu> is used for all directions"
             message = f"the friction of '{owner}' depends on the direction; {used}"
@@ -210,6 +210,11 @@ def _plain(shape: Element) -> dict[str, Any] | None:
     if shape.tag == "ellipsoid" and len(set(radii := vector_of(needed(shape, "radii")))) == 1:
         return {"sphere": {"radius": radii[0]}}
     return None
+
+
+def _coefficients(stated: Element) -> tuple[float, float]:
+    along = number_of(stated, "mu", MAX_FRICTION)
+    return along, number_of(stated, "mu2", along)
 
 
 def _size(shape: Element, tag: str) -> float:

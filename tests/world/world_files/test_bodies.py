@@ -151,6 +151,7 @@ SURFACE = "<surface><friction><ode>{}</ode></friction></surface>"
         ("<mu>0.2</mu><mu2>0.2</mu2>", 0.2, 0),
         ("<mu>100</mu><mu2>50</mu2>", 1.0, 0),
         ("<mu>0.2</mu><mu2>0.4</mu2>", 0.2, 1),
+        ("<mu>-1</mu>", 1.0, 0),
         ("<slip1>0.1</slip1>", 1.0, 1),
         ("<slip1>0.0</slip1>", 1.0, 0),
     ],
