@@ -166,7 +166,9 @@ def page(found: Mapping[str, tuple[str, list[Survey]]]) -> str:
 
 
 def _name(collection: str, result: Survey) -> str:
-    return f"{Path(result.model).stem.removesuffix('.urdf')}<br>`{collection.rpartition('/')[2]}/{result.model}`"
+    path = Path(result.model)
+    stem = path.parent.name if path.stem == "model" else path.stem.removesuffix(".urdf")
+    return f"{stem}<br>`{collection.rpartition('/')[2]}/{result.model}`"
 
 
 def _shown(found: Mapping[str, tuple[str, list[Survey]]]) -> Iterator[tuple[str, Survey]]:
