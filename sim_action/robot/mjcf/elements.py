@@ -115,7 +115,7 @@ IGNORED: Final[Mapping[str, tuple[frozenset[str], str]]] = MappingProxyType(
 UNDRAWN: Final = frozenset({"texture", "texrepeat", "texuniform"})
 """Attributes of <material> that are removed from the text."""
 
-_GIGABYTE: Final = 1_000_000_000
+_GIGABYTE: Final = 1 << 30
 
 LIMITS: Final[Mapping[tuple[str, str], int]] = MappingProxyType(
     {

@@ -198,11 +198,13 @@ def _leave_out(spec: Any, notes: Notes) -> None:
     """Delete the parts that are not simulated. Raises ModelError if the rest is not a robot."""
     robot = _robot(spec, notes)
     names = set[str]()
-    for body in spec.worldbody.bodies:
-        if body.name not in robot:
-            names |= _names_below(body)
-            text = "a body with 'mocap' is not simulated" if body.mocap else _OTHER_BODY
-            notes.leave_out(body, f"body '{body.name}' {text}")
+    others = [body for body in spec.worldbody.bodies if body.name not in robot]
+    for body in others:
+        names |= _names_below(body)
+    if others:
+        first = ", ".join(f"'{body.name}'" for body in others[:_MAX_NAMED])
+        more = f" and {len(others) - _MAX_NAMED} more" if len(others) > _MAX_NAMED else ""
+        notes.leave_out(others[0], f"the file also has body {first}{more}: {_OTHER_BODY}")
     wrapped = {step.target.name for tendon in spec.tendons for step in tendon.path if step.target is not None}
     for tendon in list(spec.tendons):
         if any(step.target is not None and step.target.name in names for step in tendon.path):
@@ -212,8 +214,7 @@ def _leave_out(spec: Any, notes: Notes) -> None:
     dropped += [equality for equality in spec.equalities if {equality.name1, equality.name2} & names]
     dropped += [actuator for actuator in spec.actuators if actuator.target in names]
     dropped += [body for body in spec.worldbody.bodies if body.name not in robot]
-    for pair in spec.pairs:
-        notes.leave_out(pair, "<pair> in <contact> is not simulated: parts of the robot do not touch each other")
+    _take_pairs(spec, names | {geom.name for geom in spec.worldbody.geoms}, notes)
     for geom in spec.worldbody.geoms:
         if geom.name in wrapped:
             geom.contype = geom.conaffinity = 0
@@ -225,7 +226,19 @@ def _leave_out(spec: Any, notes: Notes) -> None:
     _leave_out_heightfields(spec, notes)
 
 
-_OTHER_BODY: Final = "is left out, because it is not a part of the robot; make it a body of 'world.objects'"
+def _take_pairs(spec: Any, outside: set[str], notes: Notes) -> None:
+    """Let geoms collide that the file pairs with the world; `outside`: names of geoms that are not the robot's."""
+    for pair in spec.pairs:
+        ours = [name for name in (pair.geomname1, pair.geomname2) if name not in outside]
+        if len(ours) == 1:
+            geom = spec.geom(ours[0])
+            geom.contype = geom.contype or 1
+        elif ours:
+            notes.leave_out(pair, "<pair> in <contact> is not simulated: parts of the robot do not touch each other")
+
+
+_OTHER_BODY: Final = "left out, because it is not a part of the robot; make it a body of 'world.objects'"
+_MAX_NAMED: Final = 5
 _WORLD_GEOM: Final = "a <geom> of <worldbody> is left out, such as a floor: 'world' of the scenario has the ground"
 
 

@@ -222,7 +222,7 @@ OUTSIDE: Final = "is outside the workspace"
         ('<texture builtin="flat" width="nan"/>', "this is not a number"),
         (f'<texture width="{"9" * 5000}"/>', "this is too large"),
         ('<mesh builtin="supersphere" params="1e9 1 1"/>', "<mesh params='1e9 1 1'>: this is too large"),
-        ('<size memory="100G"/>', "<size memory='100G'>: this is too much memory; at most 1,000,000,000 is allowed"),
+        ('<size memory="100G"/>', "<size memory='100G'>: this is too much memory; at most 1,073,741,824 is allowed"),
         ('<size memory="all"/>', "this is not a size in bytes, such as 10M"),
         ('<size nkey="100000000"/>', "<size nkey='100000000'>: this is too large; at most 1,000 is allowed"),
         ('<size nuser_geom="1000000"/>', "this is too large; at most 100 is allowed"),

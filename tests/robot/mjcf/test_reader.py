@@ -316,12 +316,19 @@ def test_the_robot_of_a_scene_is_found_among_other_bodies(tmp_path: Path) -> Non
     scene = scene.replace("</worldbody>", "</worldbody><equality><weld body1='target' body2='cube'/></equality>")
     model = read(tmp_path, scene)
     assert (model.root, [link.name for link in model.links]) == ("chassis", ["chassis", "left_wheel", "right_wheel"])
-    notes = [finding.message for finding in model.findings]
-    assert {name for name in ("table", "cube", "target") if any(f"body '{name}'" in note for note in notes)} == {
-        "table",
-        "cube",
-        "target",
-    }
+    (note,) = (finding.message for finding in model.findings if "not a part of the robot" in finding.message)
+    assert "the file also has body 'table', 'cube', 'target': left out" in note
+
+
+def test_geoms_that_the_file_pairs_with_its_floor_collide(tmp_path: Path) -> None:
+    text = """<mujoco><default><geom contype="0" conaffinity="0"/></default><worldbody>
+      <geom name="floor" type="plane" size="1 1 1"/>
+      <body><freejoint/><geom name="foot" size="0.1"/><geom name="head" size="0.2"/><geom name="tail" size="0.3"/>
+      </body></worldbody>
+      <contact><pair geom1="foot" geom2="floor"/><pair geom1="head" geom2="tail"/></contact></mujoco>"""
+    model = read(tmp_path, text)
+    assert [shape.radius for link in model.links for shape in link.collisions] == [0.1]
+    assert [finding.message.split()[0] for finding in model.findings] == ["<pair>", "a"]
 
 
 def test_two_arms_on_the_ground_are_one_robot(tmp_path: Path) -> None:
