@@ -17,7 +17,7 @@ from sim_action.drives import Drive, recognise, why_not_recognised
 from sim_action.drives.diff import DiffDrive
 from sim_action.drives.skid import SkidSteer, sides_on_ground
 from sim_action.drives.undercarriage import unrolling_pair
-from sim_action.drives.wheels import Wheel, wheels_on_ground
+from sim_action.drives.wheels import Wheel, opposed_note, wheels_on_ground
 from sim_action.results.masking import Mask
 from sim_action.robot.audit.rules import ALLOWABLE
 from sim_action.robot.kinematics import link_poses, robot_box
@@ -63,6 +63,8 @@ def _summary(found: Inspection) -> Iterator[str]:
         yield f"wheel: {wheel.joint}, radius {_length(wheel.radius)} m, at x = {x} m, y = {y} m"
     if found.drive:
         yield from _wrapped(f"recognised from {found.drive_source}: {found.drive}")
+        if (note := opposed_note({wheel.joint: wheel.axis_xyz for wheel in found.wheels})) is not None:
+            yield from _wrapped(note)
     elif found.wheels or found.drive_reasons:
         example = "{diff: {left: [...], right: [...]}}"
         yield from _wrapped(

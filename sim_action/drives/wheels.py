@@ -27,6 +27,9 @@ MAX_AXLE_DEVIATION: Final = 0.1
 MIN_UPRIGHT_Z: Final = 0.8
 """An axis with at least this z component, as a unit vector, counts as upright."""
 
+# The least product of two unit vectors that count as parallel.
+_PARALLEL: Final = 0.99
+
 MAX_LIFT_SHARE: Final = 0.1
 """A wheel on the ground ends at most this share of its radius above the lowest point of the robot."""
 
@@ -57,6 +60,27 @@ class Wheel:
 def wheel(model: RobotModel, joint_name: str) -> Wheel:
     """Return the wheel that a joint turns. Raises KeyError if the model has no such joint."""
     return _wheel_at_home(_Same(model), joint_name)
+
+
+def opposed_note(axes: Mapping[str, Vector3]) -> str | None:
+    """Return a note about wheels whose axis points against that of the others, else None.
+
+    :param axes: joint of each wheel -> its axis, unit vector in the base frame. Of two groups of the same size, the one
+        that turns about the base's -y axis is named.
+    """
+    if not axes:
+        return None
+    _, (x, y, z) = next(iter(axes.items()))
+    along = {name: axis[0] * x + axis[1] * y + axis[2] * z for name, axis in axes.items()}
+    groups = [[name for name in axes if sign * along[name] > _PARALLEL] for sign in (1, -1)]
+    fewer = min(groups, key=lambda group: (len(group), sum(axes[name][1] for name in group)))
+    if not fewer:
+        return None
+    names = ", ".join(f"'{name}'" for name in fewer)
+    return (
+        f"joint{'s' * (len(fewer) > 1)} {names}: the axis points against that of the other wheels, so that a positive "
+        "velocity rolls backward, and the drive turns it the other way; if this is a mistake, reverse the axis"
+    )
 
 
 def wheels_on_ground(model: RobotModel, max_lift_share: float = MAX_LIFT_SHARE) -> tuple[Wheel, ...]:

@@ -13,6 +13,7 @@ import numpy as np
 from sim_action.assertions.monitors.becoming import Rest
 from sim_action.core.errors import ControllersFinished, RunError
 from sim_action.drives import Drive, recognise
+from sim_action.drives.wheels import axis_in_base, opposed_note
 from sim_action.engines import ENGINES, Engine, chosen
 from sim_action.robot.audit.rules import grouped_notes
 from sim_action.scenario.claim_audit import NOT_SIMULATED, ClaimFinding
@@ -124,6 +125,11 @@ def _about_drive(scenario: Scenario, scene: Scene, drive: Drive | None) -> Itera
         drive = stated or recognise(scene.model)
     if drive is not None:
         yield ("" if stated else "recognised: ") + drive.describe(scene.model, scene.world.weight)
+        joints = drive.open(scene.model, scenario.physics.rate, scene.world.weight).joints
+        axes = {name: axis_in_base(scene.model, scene.model.joints_by_name[name]) for name in sorted(joints)}
+        turning = {name: axis for name, axis in axes.items() if scene.model.joints_by_name[name].type == "continuous"}
+        if (note := opposed_note(turning)) is not None:
+            yield note
         if scene.bolted and any(source.gives_twists(scene) for source in scenario.commands):
             yield BOLTED
 

@@ -10,9 +10,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.core.geometry import Pose
+from sim_action.core.geometry import Pose, Vector3
 from sim_action.drives import wheels
-from sim_action.drives.wheels import Wheel, centre_of_mass, heading_of, rolling, turned_forward, wheel, wheels_on_ground
+from sim_action.drives.wheels import (
+    Wheel,
+    centre_of_mass,
+    heading_of,
+    opposed_note,
+    rolling,
+    turned_forward,
+    wheel,
+    wheels_on_ground,
+)
 from sim_action.robot.kinematics import link_poses
 from sim_action.robot.robot_model import RobotModel
 from sim_action.robot.urdf import read_urdf
@@ -158,3 +167,25 @@ def test_a_wheel_is_seen_in_the_direction_of_its_drive(direction: float, ahead: 
 def test_along_y_and_upright_axles() -> None:
     assert heading_of([wheel_rolling(-math.pi / 2)]) == pytest.approx(math.pi / 2)
     assert heading_of([Wheel("w", 0.1, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0))]) == 0.0
+
+
+UP = (0.0, 1.0, 0.0)
+DOWN = (0.0, -1.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("axes", "named"),
+    [
+        ({}, None),
+        ({"a": UP, "b": UP}, None),
+        ({"a": UP, "b": DOWN}, "joint 'b': the"),
+        ({"a": DOWN, "b": UP}, "joint 'a': the"),
+        ({"a": DOWN, "b": DOWN}, None),
+        ({"a": DOWN, "b": UP, "c": DOWN, "d": DOWN}, "joint 'b': the"),
+        ({"a": UP, "b": DOWN, "c": UP, "d": DOWN}, "joints 'b', 'd': the"),
+        ({"a": UP, "b": (1.0, 0.0, 0.0)}, None),
+    ],
+)
+def test_a_wheel_whose_axis_points_the_other_way_is_named(axes: dict[str, Vector3], named: str | None) -> None:
+    note = opposed_note(axes)
+    assert (named in note) if named and note else (note is named)
