@@ -233,7 +233,9 @@ class _Loader:
             from sim_action.scenario.body_overlaps import clash_problems
 
             self._problems.note_all((), _in_document(clash_problems(scenario.world), written))
-        self.model = self._read_model(scenario.robot)
+        # A robot in a world file has the same problem as the file.
+        is_refused = bool(scenario.robot.name_in_world) and self._problems.has_below(("world",))
+        self.model = None if is_refused else self._read_model(scenario.robot)
         if self.model is not None:
             scene = _scene(scenario, self.model, self._source, self.parts)
             self._check_scene(scene, scenario, states_drive=states_drive)

@@ -97,8 +97,9 @@ def test_an_included_robot_has_the_pose_of_the_include(tmp_path: Path) -> None:
 
 
 def test_a_wrong_name_has_the_nearest_ones(tmp_path: Path) -> None:
-    found = problems(tmp_path, GROUND + CRATE + ROVER, ", robot: rovr")
+    found = problems(tmp_path, GROUND + CRATE + ROVER, ", robot: rovr", "")
 
+    assert len(found) == 1
     assert found[0][:2] == ("a.sim.yml", 3)
     assert found[0][2].startswith("world.robot: worlds/office.world has no model 'rovr'; did you mean 'rover'?")
 
