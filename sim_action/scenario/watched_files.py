@@ -35,7 +35,7 @@ _PERMISSIONS: Final = Permissions()
 _LONGEST_NAME: Final = 500
 # Attributes and elements that name files in URDF, xacro, SDF and MJCF, and the mtllib line of OBJ.
 _NAMED: Final = re.compile(
-    r"""\b(?:filename|file|uri)\s*=\s*["']([^"'\n]+)["']|<(?:uri|sdf)\b[^>]*>([^<\n]+)</|^mtllib (.+)$""",
+    r"""\b(?:filename|file|uri)\s*=\s*["']([^"'\n]+)["']|<(?:uri|sdf|parameters)\b[^>]*>([^<\n]+)</|^mtllib (.+)$""",
     re.MULTILINE,
 )
 _MESH_FOLDER: Final = re.compile(r"""\b(?:meshdir|assetdir)\s*=\s*["']([^"'\n]+)["']""")

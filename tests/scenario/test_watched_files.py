@@ -102,6 +102,16 @@ def test_models_are_watched_with_their_meshes_and_what_they_include() -> None:
     assert found("robot: {model: 'package://robots/urdf/wheel.xacro'}")[0] == "robots/meshes/wheel.stl"
 
 
+def test_parameter_files_of_plugins_are_watched() -> None:
+    write("robots/package.xml", "<package><name>robots</name></package>")
+    tags = "<parameters>$(find robots)/config/a.yaml</parameters><parameters>../config/b.yaml</parameters>"
+    write("robots/urdf/r.urdf", f"<robot><gazebo><plugin>{tags}</plugin></gazebo></robot>")
+    write("robots/config/a.yaml", "a: 1")
+    write("robots/config/b.yaml", "b: 1")
+    watched = found("robot: {model: ../robots/urdf/r.urdf}")
+    assert watched == ["robots/config/a.yaml", "robots/config/b.yaml", "robots/urdf/r.urdf", "sim/a.sim.yml"]
+
+
 def test_a_gazebo_model_is_watched_by_its_folder() -> None:
     write("models/cart/model.config", "<model><sdf version='1.6'>model.sdf</sdf></model>")
     write("models/cart/model.sdf", "<sdf><model><mesh><uri>meshes/cart.obj</uri></mesh></model></sdf>")
