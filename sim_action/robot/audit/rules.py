@@ -93,7 +93,7 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         ),
         "unsupported-part": Rule("error", "a part of SDF that is not supported; if allowed, it is ignored"),
         "xacro-warning": Rule("warning", "a warning that xacro itself printed"),
-        "missing-visual": Rule("warning", "a visual mesh that does not exist: the collision shapes are drawn instead"),
+        "missing-visual": Rule("warning", "a visual mesh that does not exist: it is not drawn"),
         "massless-model": Rule(
             "warning",
             "a model in which no link has a mass: every link gets a negligible mass, and the base must be fixed",
