@@ -74,7 +74,7 @@ def _resolve(
             found = packages.resolve(mesh.attrib["filename"], document.files.get(mesh, path))
         except PackageError as error:
             missing = "missing-mesh" if error.rule == "missing-file" else error.rule
-            rule = "missing-visual" if shape.tag == "visual" else missing
+            rule = "missing-visual" if shape.tag == "visual" and error.rule != "outside-workspace" else missing
             yield document.finding(rule, mesh, str(error))
             continue
         for note in found.notes:

@@ -213,6 +213,12 @@ BAD_MODELS = [
     _bad("outside-workspace", 10, _SPHERE, '<mesh filename="../../outside.stl"/>'),
     _bad("bad-reference", 10, _SPHERE, f'<mesh filename="{"a" * 300}.stl"/>', "a long name"),
     _bad("missing-package", 10, _SPHERE, '<mesh filename="package://absent/a.stl"/>'),
+    _bad(
+        "outside-workspace",
+        12,
+        "</link>",
+        '<visual><geometry><mesh filename="../../a.dae"/></geometry></visual></link>',
+    ),
     _bad("missing-visual", 12, "</link>", '<visual><geometry><mesh filename="a.dae"/></geometry></visual></link>'),
     _bad("unlimited-joint", 14, '    <limit lower="-1" upper="2" effort="10" velocity="3"/>\n', "", "no limit"),
     _bad("missing-limits", 19, 'lower="-1" upper="2" ', ""),
