@@ -14,7 +14,7 @@ from xml.etree.ElementTree import Element
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose
-from sim_action.robot.audit.inertia import RigidBodies, principal_moments
+from sim_action.robot.audit.inertia import RigidBodies, increase, principal_moments
 from sim_action.robot.audit.joints import UNSUPPORTED, is_free_base, mimic_problem, still_position
 from sim_action.robot.audit.shapes import is_empty
 from sim_action.robot.robot_model import MOVING_TYPES
@@ -38,8 +38,6 @@ from sim_action.robot.xml_document import ModelDocument
 _NEGLIGIBLE_SHARE: Final = 1e-4
 _NEGLIGIBLE_RADIUS_M: Final = 0.05
 _LEAST_MASS: Final = 1e-6
-# Engines round when they compute the principal axes. A flat plate, which is correct, lies exactly on the bound.
-_ROUNDING: Final = 1e-6
 
 
 def fill_in_inertia(document: ModelDocument) -> None:
@@ -97,12 +95,11 @@ def repair_inertia(document: ModelDocument) -> None:
         inertia = inertial.find("inertia")
         if inertia is None:
             continue
-        least, middle, most = sorted(principal_moments(inertia))
-        if most <= 0:
+        if max(principal_moments(inertia)) <= 0:
             ball = _ball(number(inertial.find("mass"), "value") or _LEAST_MASS)
             inertia.attrib.update(cast(Element, ball.find("inertia")).attrib)
-        elif (lacking := most - least - middle + _ROUNDING * most) > 0:
-            _spread(inertia, lacking - min(0.0, least))
+        elif (moment := increase(inertia)) > 0:
+            _spread(inertia, moment)
 
 
 def _spread(inertia: Element, moment: float) -> None:

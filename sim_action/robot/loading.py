@@ -128,7 +128,8 @@ def _model(document: ModelDocument, path: Path, packages: Packages, allow: Itera
         # MuJoCo takes 0.1 s to import.
         from sim_action.robot.mjcf.reader import read_mjcf
 
-        return read_mjcf(path, packages, allow)
+        model = read_mjcf(path, packages, allow)
+        return replace(model, findings=(*model.findings, *document.findings))
     if document.root.tag != "sdf":
         return model_of(document, path, packages, allow)
     from sim_action.robot.sdf.conversion import urdf_of_sdf

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 from xml.etree import ElementTree as ET
@@ -52,6 +52,8 @@ _MAX_SHOWN_CHARS: Final = 60
 
 _REFERENCE: Final = re.compile(rb"&[^;&<>]{0,40}.$")
 
+_ENCODING: Final = re.compile(rb"""encoding\s*=\s*["']([\w.-]+)["']""")
+
 _CLOSING: Final = re.compile(rb"</([^\s>]*)")
 
 
@@ -64,12 +66,14 @@ class ModelDocument:
         places: the file and line of each element.
         files: for elements whose relative paths do not start from the model's own file: the file that they start from.
         size: size of the file in bytes; 0 for a generated document.
+        findings: notes on the XML of the file.
     """
 
     root: Element
     places: Mapping[Element, Location] = field(repr=False)
     files: Mapping[Element, Path] = field(default_factory=dict, repr=False)
     size: int = 0
+    findings: tuple[Finding, ...] = ()
 
     def finding(self, rule: str, element: Element, message: str) -> Finding:
         """Return a finding at an element."""
@@ -84,14 +88,14 @@ class ModelDocument:
 def read_document(path: Path) -> ModelDocument:
     """Read and parse a file. Raises ModelError."""
     file = shown_file(path)
-    return _Parser(file).parse(_bytes(path, Location(file)))
+    return _parsed(_bytes(path, Location(file)), file)
 
 
 def parse_document(data: bytes, file: str) -> ModelDocument:
     """Parse the content of a file; `file` is its name in messages. Raises ModelError."""
     if len(data) > MAX_BYTES:
         raise ModelError(f"it is too large: a model may have at most {MAX_BYTES // 1_000_000} MB", Location(file))
-    return _Parser(file).parse(data)
+    return _parsed(data, file)
 
 
 def shown_file(path: Path) -> str:
@@ -114,13 +118,37 @@ def _bytes(path: Path, where: Location) -> bytes:
     return data
 
 
+def _parsed(data: bytes, file: str) -> ModelDocument:
+    """Parse the content of a file. A declaration may follow white space and comments, as in ROS and Gazebo."""
+    try:
+        return _Parser(file).parse(data)
+    except _LateDeclaration as late:
+        line, text = late.line, data[late.start : late.end]
+        # The line numbers stay those of the file.
+        blank = data[: late.start] + re.sub(rb"[^\n]", b" ", text) + data[late.end :]
+    stated = _ENCODING.search(text)
+    document = _Parser(file, stated[1].decode() if stated else "utf-8").parse(blank)
+    message = "<?xml ...?> follows white space or a comment, which strict readers refuse: move it to the first line"
+    note = finding("late-declaration", message, Location(file, line))
+    return replace(document, findings=(note,))
+
+
+class _LateDeclaration(Exception):
+    """An XML declaration after white space or comments: its line, and where it starts and ends in the file in bytes."""
+
+    def __init__(self, line: int, start: int, end: int) -> None:
+        super().__init__(line, start, end)
+        self.line, self.start, self.end = line, start, end
+
+
 class _Parser:
     """The state of parsing one file."""
 
-    def __init__(self, file: str) -> None:
-        self._file = file
+    def __init__(self, file: str, encoding: str | None = None) -> None:
+        """`encoding`: that of a file whose declaration was late, and is blank now; None: the file has its own."""
+        self._file, self._may_be_late = file, encoding is None
         self._builder = ET.TreeBuilder()
-        self._expat = expat.ParserCreate()
+        self._expat = expat.ParserCreate(encoding)
         self._expat.StartElementHandler, self._expat.EndElementHandler = self._start, self._end
         self._expat.CharacterDataHandler, self._expat.StartDoctypeDeclHandler = self._builder.data, self._doctype
         self._places: dict[Element, Location] = {}
@@ -133,6 +161,10 @@ class _Parser:
             self._expat.Parse(data, True)
             return ModelDocument(self._builder.close(), self._places, size=len(data))
         except expat.ExpatError as error:
+            start = self._expat.ErrorByteIndex
+            end = data.find(b"?>", start) + 2
+            if self._may_be_late and error.code == _MISPLACED and not self._places and end > start:
+                raise _LateDeclaration(error.lineno, start, end) from None
             self._refuse(explain_xml_error(error, data), error.lineno)
         except (LookupError, ValueError) as error:  # an encoding that Python does not know
             self._refuse(f"{error}; save the model as UTF-8", 1)

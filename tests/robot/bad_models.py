@@ -93,7 +93,14 @@ BAD_MODELS = [
     _bad("bad-xml", 22, _END, f"{_END}\0"),
     _bad("bad-xml", 22, _END, f"{_END}junk"),
     _bad("bad-xml", 12, "</link>", "</lnk>"),
-    _bad("bad-xml", 2, "<robot", '\n<?xml version="1.0"?><robot', "a blank line before the declaration"),
+    _bad("bad-xml", 1, "<robot", 'text<?xml version="1.0"?><robot', "text before the declaration"),
+    _bad("bad-xml", 12, "</link>", '<?xml version="1.0"?></link>', "a declaration inside"),
+    _bad("bad-xml", 2, "<robot", '\n<?xml version="1.0"?><?xml version="1.0"?><robot', "two declarations"),
+    _bad("bad-xml", 2, "<robot", '\n<?xml version="1.0"?><!DOCTYPE robot><robot', "a DOCTYPE after a late declaration"),
+    _bad("late-declaration", 2, "<robot", '\n<?xml version="1.0"?><robot', "a blank line before the declaration"),
+    _bad(
+        "late-declaration", 2, "<robot", '<!--\n--><?xml version="1.0" encoding="utf-8"?><robot', "a comment before it"
+    ),
     _bad("bad-xml", 1, "<robot", '<!DOCTYPE robot [<!ENTITY a "b">]><robot'),
     _bad("bad-xml", 1, "<robot", '<?xml version="1.0" encoding="nonsense"?><robot'),
     _bad("bad-xml", 22, _END, "<a>" * 200 + "</a>" * 200 + _END, "deep"),
@@ -241,8 +248,10 @@ BAD_MODELS = [
         '<visual><origin xyz="0 0 ${z}"/><geometry><sphere radius="1"/></geometry></visual></link>',
     ),
     _bad("impossible-inertia", 6, 'ixx="1"', 'ixx="-1"'),
-    _bad("impossible-inertia", 6, 'ixx="1"', 'ixx="3"'),
     _bad("impossible-inertia", 6, 'ixy="0"', 'ixy="2"'),
+    _bad("uneven-inertia", 6, 'ixx="1"', 'ixx="3"'),
+    _bad("uneven-inertia", 6, 'ixx="1"', 'ixx="3000"', "far off"),
+    _bad("uneven-inertia", 6, 'ixx="1" ixy="0" ixz="0" iyy="1"', 'ixx="0" ixy="0" ixz="0" iyy="3"', "a thin plate"),
     BadModel(
         "massless-model",
         "massless-model",

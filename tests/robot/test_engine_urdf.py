@@ -82,10 +82,17 @@ def test_a_flat_plate_turns_as_one(greatest: str, tmp_path: Path) -> None:
     assert izz < ixx + iyy
 
 
-def test_an_inertia_that_no_body_can_have_and_was_let_go_is_made_one(tmp_path: Path) -> None:
-    _, ixx, iyy, izz = inertia(links(tmp_path, GOOD.replace('izz="1"', 'izz="5"', 1), "impossible-inertia")["base"])
+def test_an_inertia_that_no_body_can_have_is_made_one_and_a_note_says_which(tmp_path: Path) -> None:
+    text = GOOD.replace('izz="1"', 'izz="5"', 1)
+    _, ixx, iyy, izz = inertia(links(tmp_path, text)["base"])
     assert (ixx, iyy, izz) == pytest.approx((4, 4, 8), rel=1e-5)
     assert izz < ixx + iyy
+    (note,) = read_urdf(tmp_path / "robot.urdf").findings
+    assert note.message == (
+        "link 'base' has principal moments of inertia 1, 1, 5 kg m^2: none may be greater than the sum of the other "
+        "two; 4, 4, 8 kg m^2 are used, the smallest increase that is possible; state the moments about the "
+        "centre of mass"
+    )
 
 
 def test_a_joint_that_was_let_go_as_it_mimics_itself_moves_by_itself_however_often_it_says_so(tmp_path: Path) -> None:

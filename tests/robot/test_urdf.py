@@ -207,7 +207,7 @@ def test_the_burger_weighs_and_is_what_is_published() -> None:
     [
         ("", "not well-formed XML: no element found"),
         ("robot", "not well-formed XML"),
-        ('\n<?xml version="1.0"?><robot/>', ":2: not well-formed XML: there is text before <?xml ...?>"),
+        ('<robot>\n<?xml version="1.0"?></robot>', ":2: not well-formed XML: there is text before <?xml ...?>"),
         ("<robot>\n</robot>\0", ":2: not well-formed XML: a NUL character; remove it"),
         ("<sdf/>", "the root element of a URDF is <robot>, but this file has <sdf>"),
         ("<mujoco/>", "it is MJCF, which only MuJoCo reads"),

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.robot.xml_document import explain_xml_error
+from sim_action.robot.xml_document import explain_xml_error, parse_document
 
 
 def said(data: bytes) -> str:
@@ -34,6 +34,18 @@ def said(data: bytes) -> str:
 )
 def test_what_to_mend_is_said(text: str, message: str) -> None:
     assert said(text.encode()) == message
+
+
+@pytest.mark.parametrize(
+    ("before", "encoding"), [("\n", ""), ("<!-- \xfc -->\n ", ' encoding="utf-8"'), ("\n", ' encoding = "latin-1"')]
+)
+def test_a_declaration_that_is_not_the_first_counts_and_lines_are_those_of_the_file(before: str, encoding: str) -> None:
+    data = f'{before}<?xml version="1.0"\n{encoding}?>\n<a>\n<b name="\xfc"/></a>'
+    document = parse_document(data.encode("latin-1" if "latin" in encoding else "utf-8"), "a.urdf")
+    assert document.root[0].get("name") == "\xfc"
+    assert [place.line for place in document.places.values()] == [4, 5]
+    (note,) = document.findings
+    assert (note.rule, note.location.line) == ("late-declaration", 2)
 
 
 def test_another_encoding_is_named() -> None:

@@ -25,6 +25,9 @@ _ROUNDING: Final = 1e-3
 # A repair that adds this share of the largest moment does not change the motion: it is a note.
 _SMALL_SHARE: Final = 0.01
 
+# Engines round when they compute the principal axes. A flat plate, which is correct, lies exactly on the bound.
+_REPAIRED: Final = 1e-6
+
 _MAX_GYRATION_RATIO: Final = 100.0
 """Bounds on the radius of gyration divided by the reach of the link; 0.1 to 1 for a body that fills its shapes."""
 
@@ -95,25 +98,42 @@ def _is_rigid(joint: Element) -> bool:
 
 def tensors(document: ModelDocument) -> Iterator[Finding]:
     """Yield inertias whose principal moments are not positive, or break the triangle inequality."""
-    for inertial in document.elements("link/inertial"):
-        inertia = inertial.find("inertia")
-        if inertia is None or number(inertial.find("mass"), "value") == 0:
-            continue
-        a, b, c = sorted(principal_moments(inertia))
-        found = f"principal moments of inertia {a:.3g}, {b:.3g}, {c:.3g} kg m^2"
-        if all((number(inertia, name) or 0.0) == 0 for name in MOMENTS):
-            message = f"{found}: the mass counts as a ball of 5 cm radius; state the moments"
-            yield document.finding("zero-inertia", inertia, message)
-            continue
-        lacking = max(-a, c - a - b)
-        if a > 0 and lacking <= _ROUNDING * (a + b):
-            continue
-        wanted = "all of them must be greater than 0" if a <= 0 else "none may be greater than the sum of the other two"
-        if lacking <= max(_SMALL_SHARE * c, _rounding_of(inertia)):
-            message = f"{found}: {wanted}; they miss this only by rounding, and are increased"
-            yield document.finding("rounded-inertia", inertia, message)
-        else:
-            yield document.finding("impossible-inertia", inertia, f"{found}: {wanted}")
+    for link in document.elements("link"):
+        for inertial in link.findall("inertial"):
+            if number(inertial.find("mass"), "value") != 0:
+                yield from _tensor(document, link.attrib["name"], inertial.find("inertia"))
+
+
+def _tensor(document: ModelDocument, link: str, inertia: Element | None) -> Iterator[Finding]:
+    if inertia is None:
+        return
+    a, b, c = sorted(principal_moments(inertia))
+    found = f"principal moments of inertia {a:.3g}, {b:.3g}, {c:.3g} kg m^2"
+    if all((number(inertia, name) or 0.0) == 0 for name in MOMENTS):
+        message = f"{found}: the mass counts as a ball of 5 cm radius; state the moments"
+        yield document.finding("zero-inertia", inertia, message)
+        return
+    lacking, rounding = max(-a, c - a - b), max(_SMALL_SHARE * c, _rounding_of(inertia))
+    if a > 0 and lacking <= _ROUNDING * (a + b):
+        return
+    wanted = "all of them must be greater than 0" if a <= 0 else "none may be greater than the sum of the other two"
+    if lacking <= rounding:
+        message = f"{found}: {wanted}; they miss this only by rounding, and are increased"
+        yield document.finding("rounded-inertia", inertia, message)
+    elif -a <= rounding < c:
+        more = increase(inertia)
+        used = f"{a + more:.3g}, {b + more:.3g}, {c + more:.3g} kg m^2 are used, the smallest increase that is possible"
+        message = f"link '{link}' has {found}: {wanted}; {used}; state the moments about the centre of mass"
+        yield document.finding("uneven-inertia", inertia, message)
+    else:
+        yield document.finding("impossible-inertia", inertia, f"{found}: {wanted}")
+
+
+def increase(inertia: Element) -> float:
+    """Return the smallest moment in kg m^2 that makes an inertia possible if it is added about every axis."""
+    least, middle, most = sorted(principal_moments(inertia))
+    lacking = most - least - middle + _REPAIRED * most
+    return lacking - min(0.0, least) if lacking > 0 else 0.0
 
 
 def _rounding_of(inertia: Element) -> float:

@@ -81,8 +81,8 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         "zero-mass": Rule("error", "a mass of 0 on a link that moves by itself; if allowed, it gets a negligible mass"),
         "impossible-inertia": Rule(
             "error",
-            "moments of inertia that are physically impossible, by more than rounding; if allowed, all three moments "
-            "are increased until they are possible",
+            "a principal moment of inertia below 0, by more than rounding; if allowed, all three moments are increased "
+            "until they are possible",
         ),
         "absurd-size": Rule(
             "error", "a part that is larger than a robot can be: probably in millimetres instead of metres"
@@ -104,10 +104,16 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
             "warning",
             "moments of inertia that are impossible only by rounding: they are increased until they are possible",
         ),
+        "uneven-inertia": Rule(
+            "warning",
+            "a moment of inertia that is greater than the sum of the other two, which no body can have: they are "
+            "increased until they are possible",
+        ),
         "zero-inertia": Rule("warning", "moments of inertia that are all 0: the mass counts as a ball of 5 cm radius"),
         "empty-shape": Rule("warning", "a collision shape whose sizes are all 0: it is ignored"),
         "unlimited-joint": Rule("warning", "a revolute joint without <limit>: it turns without limits"),
         "still-mimic": Rule("warning", "a <mimic> that never moves its joint: the joint is fixed"),
+        "late-declaration": Rule("warning", "white space or a comment before <?xml ...?>"),
         "default-expression": Rule("warning", "an expression $(optenv NAME DEFAULT) in a URDF: DEFAULT is used"),
         "locked-joint": Rule("warning", "a joint that cannot move because its limits are equal, often 0 on a wheel"),
         "concave-mesh": Rule("warning", "a collision mesh that is not convex: its convex hull collides"),

@@ -51,7 +51,7 @@ STAGES: Final[tuple[tuple[Check, ...], ...]] = (
 
 def audit(document: ModelDocument) -> list[Finding]:
     """Return the findings of all stages, up to and including the first stage with a fatal finding."""
-    findings: list[Finding] = []
+    findings = list(document.findings)
     for stage in STAGES:
         findings += [finding for check in stage for finding in check(document)]
         if any(finding.level == "fatal" for finding in findings):

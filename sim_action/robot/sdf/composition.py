@@ -231,6 +231,7 @@ class Assembly:
             return file
         file = self._files[path] = read_sdf_file(path, self._budget.read(path))
         self.notes.places.update(file.document.places)
+        self.notes.findings += file.document.findings
         return file
 
     def _enter(self, scope: Scope, entry: Entry) -> None:

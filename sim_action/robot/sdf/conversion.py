@@ -93,7 +93,7 @@ def urdf_of_sdf(
     :param allow: rules whose errors are accepted.
     :param name: name of the model in a world; empty: the file has one model.
     """
-    notes = Notes()
+    notes = Notes(findings=list(document.findings))
     if name:
         scope, version = robot_scope(path.resolve(), document, name, packages, notes)
     else:

@@ -71,6 +71,7 @@ BAD_SDF_MODELS = [
     BadSdf("old", "not-a-robot", 1, "'gz sdf -p'", '<sdf version="1.2"><model name="a"/></sdf>'),
     BadSdf("odd version", "not-a-robot", 1, "'one' is not supported", '<sdf version="one"><model name="a"/></sdf>'),
     BadSdf("gazebo", "not-a-robot", 1, "older than SDF 1.3", '<gazebo version="1.0"><model name="a"/></gazebo>'),
+    BadSdf("a blank line", "late-declaration", 2, "<?xml ...?> follows", f"\n<?xml version='1.0'?>{GOOD}"),
     BadSdf("DOCTYPE", "bad-xml", 1, "DOCTYPE", f"<!DOCTYPE sdf>{GOOD}"),
     BadSdf("no links", "not-a-robot", 2, "the model has no <link>", '<sdf version="1.9">\n<model name="a"/></sdf>'),
     # Names.
@@ -147,7 +148,8 @@ BAD_SDF_MODELS = [
     _also("one-root", 2, "none: its joints form a loop", joint("j", "tool", "base")),
     # Links.
     _bad("negative-mass", 3, "a mass must not be negative", "<mass>1", "<mass>-1"),
-    _bad("impossible-inertia", 3, "principal moments", "<ixx>1", "<ixx>9"),
+    _bad("impossible-inertia", 3, "principal moments", "<ixx>1", "<ixx>-9"),
+    _bad("uneven-inertia", 3, "9 kg m^2: none may be", "<ixx>1", "<ixx>9"),
     _bad("unsupported-part", 3, "needs a <collision>", f"{INERTIAL}{SPHERE}", '<inertial auto="true"/>'),
     _surface(
         "unsupported-part", "<collide_without_contact> of", "<collide_without_contact>1</collide_without_contact>"
