@@ -8,6 +8,7 @@ between numbers, missing limits, an empty <dynamics> or <axis>, elements of a di
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Final, cast
 from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element
@@ -17,7 +18,7 @@ from sim_action.core.geometry import Pose
 from sim_action.robot.audit.inertia import RigidBodies, increase, principal_moments
 from sim_action.robot.audit.joints import UNSUPPORTED, is_free_base, mimic_problem, still_position
 from sim_action.robot.audit.shapes import is_empty
-from sim_action.robot.robot_model import MOVING_TYPES
+from sim_action.robot.robot_model import MOVING_TYPES, WORLD
 from sim_action.robot.urdf_elements import (
     BALLS,
     CONTACT,
@@ -26,8 +27,10 @@ from sim_action.robot.urdf_elements import (
     UNLIMITED,
     axis,
     child_of,
+    flag,
     limits,
     number,
+    number_text,
     numbers,
     origin,
     parent_of,
@@ -38,6 +41,21 @@ from sim_action.robot.xml_document import ModelDocument
 _NEGLIGIBLE_SHARE: Final = 1e-4
 _NEGLIGIBLE_RADIUS_M: Final = 0.05
 _LEAST_MASS: Final = 1e-6
+
+
+def with_static_base(document: ModelDocument) -> ModelDocument:
+    """Return the document of a model whose <gazebo> says <static>, with its root link fixed to a new link `world`."""
+    links = {link.get("name", "") for link in document.elements("link")}
+    roots = links.difference(map(child_of, document.elements("joint")))
+    tags = (tag for tag in document.elements("gazebo") if tag.get("reference") is None)
+    stated = next((tag for tag in tags if flag(number_text(tag, "static") or "")), None)
+    if stated is None or WORLD in links or len(roots) != 1:
+        return document
+    world = ET.SubElement(document.root, "link", name=WORLD)
+    (root,) = roots
+    joint = ET.SubElement(document.root, "joint", name=f"{WORLD}_{root}", type="fixed")
+    parts = (world, joint, ET.SubElement(joint, "parent", link=WORLD), ET.SubElement(joint, "child", link=root))
+    return replace(document, places={**document.places, **dict.fromkeys(parts, document.places[stated])})
 
 
 def fill_in_inertia(document: ModelDocument) -> None:

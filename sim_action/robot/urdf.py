@@ -25,6 +25,7 @@ from sim_action.robot.engine_urdf import (
     fill_in_inertia,
     fix_unsupported_joints,
     repair_inertia,
+    with_static_base,
 )
 from sim_action.robot.mesh_references import Meshes, resolve_meshes
 from sim_action.robot.packages import Packages
@@ -64,6 +65,7 @@ def model_of(document: ModelDocument, path: Path, packages: Packages, allow: Ite
     :param path: the file from which relative paths start.
     """
     allowed = set(allow)
+    document = with_static_base(document)
     findings = audit(document)
     refuse_errors(findings, allowed)
     meshes = resolve_meshes(document, path, packages)

@@ -1,7 +1,7 @@
 """Read values of URDF elements after the audit: numbers, poses, limits, and the supported parts of <gazebo> tags.
 
-Supported in <gazebo> are contact coefficients and plugins (classic.gazebosim.org, "URDF in Gazebo"); everything else
-is ignored. Numbers in <gazebo> are text, or an attribute `value`.
+Supported in <gazebo> are contact coefficients, springs, <static> and plugins (classic.gazebosim.org, "URDF in Gazebo").
+Numbers in <gazebo> are text, or an attribute `value`.
 """
 
 from __future__ import annotations
@@ -180,6 +180,11 @@ def number_text(tag: Element, name: str) -> str | None:
     """Return the text of a number in a <gazebo> tag; None if it is missing."""
     element = tag.find(name)
     return None if element is None else element.get("value", element.text or "").strip()
+
+
+def flag(text: str) -> bool:
+    """Return the flag in a <gazebo> tag, as Gazebo reads it."""
+    return text.lower() in {"true", "yes", "1"}
 
 
 def plugins_of(document: ModelDocument) -> tuple[Plugin, ...]:

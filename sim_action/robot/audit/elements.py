@@ -7,22 +7,18 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Final
 from xml.etree.ElementTree import Element
 
-from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.robot.robot_model import Finding
 from sim_action.robot.urdf_elements import (
     CONTACT,
     MAX_NUMBER,
     MOMENTS,
-    NUMBERS,
     SHAPES,
-    SPRING,
     is_expression,
     is_numbers,
-    number_text,
 )
 from sim_action.robot.xml_document import ModelDocument
 
@@ -199,8 +195,16 @@ def _is_large(word: str) -> bool:
 
 def misspelled_tags(document: ModelDocument) -> Iterator[Finding]:
     """Yield unknown elements whose name is close to a known one."""
+    yield from misspelled(document, _KNOWN)
+
+
+def misspelled(document: ModelDocument, tables: Mapping[str, tuple[str, ...]]) -> Iterator[Finding]:
+    """Yield unknown elements whose name is close to a known one.
+
+    :param tables: path of the parent element -> known names of its children.
+    """
     near: dict[tuple[str, str], str | None] = {}
-    for path, known in _KNOWN.items():
+    for path, known in tables.items():
         for element in document.elements(path):
             for child in element:
                 if child.tag in known or len(child.tag) > _MAX_TAG_CHARS or len(near) > _MAX_REPORTED:
@@ -214,8 +218,16 @@ def misspelled_tags(document: ModelDocument) -> Iterator[Finding]:
 
 
 def _nearest(tag: str, known: tuple[str, ...]) -> str | None:
-    found = difflib.get_close_matches(tag.lower(), known, n=1, cutoff=_LIKENESS)
-    return found[0] if found else None
+    """Return the closest name, of several equally close ones the first; None if none is close."""
+    by_letters = {name.lower(): name for name in known}
+    found = difflib.get_close_matches(tag.lower(), by_letters, n=len(known), cutoff=_LIKENESS)
+    # The order of equally close matches is reversed.
+    best = [name for name in found if _likeness(name, tag) == _likeness(found[0], tag)]
+    return by_letters[min(best, key=list(by_letters).index)] if best else None
+
+
+def _likeness(name: str, tag: str) -> float:
+    return difflib.SequenceMatcher(None, name, tag.lower()).ratio()
 
 
 def repeated_inertials(document: ModelDocument) -> Iterator[Finding]:
@@ -240,24 +252,6 @@ def default_expressions(document: ModelDocument) -> Iterator[Finding]:
                 yield document.finding("default-expression", element, message)
 
 
-def gazebo_numbers(document: ModelDocument) -> Iterator[Finding]:
-    """Yield contact coefficients in <gazebo> that are not numbers, or are negative."""
-    for tag in document.elements("gazebo"):
-        for name in (*NUMBERS, *SPRING):
-            text = number_text(tag, name)
-            if text is None:
-                continue
-            may_be_negative = name == "springReference"
-            wanted = "a finite number" if may_be_negative else "a finite number of 0 or more"
-            message = f"<{name}>{text}</{name}>: expected {wanted}"
-            if is_expression(text):
-                yield document.finding(
-                    "unexpanded-expression", tag, f"{message}; this is a xacro expression: expand the file"
-                )
-            elif not is_numbers(text, 1) or (float(text) < 0 and not may_be_negative):
-                yield document.finding("bad-number", tag, message)
-
-
 def restitutions(document: ModelDocument) -> Iterator[Finding]:
     """Yield restitutions above 0 in Bullet's <contact>, and anywhere in <gazebo>. Nothing bounces in the simulation."""
     for part in document.elements("link/contact/restitution", "link/collision/contact/restitution"):
@@ -279,26 +273,3 @@ MAX_IGNORED_RESTITUTION: Final = 0.1
 def no_bounce(found: str, remedy: str = "set it to 0") -> str:
     """Return the message of the rule `restitution`; `found`: the stated value and its place; `remedy`: the change."""
     return f"{found}, but nothing bounces in the simulation: {remedy}, or ignore it by robot.allow"
-
-
-def gazebo_references(document: ModelDocument) -> Iterator[Finding]:
-    """Yield <gazebo> tags that refer to an unknown link or joint."""
-    names = {element.attrib["name"] for element in document.elements("link", "joint")}
-    hinted = FirstFew()
-    for tag in document.elements("gazebo"):
-        name = tag.get("reference")
-        if name is not None and name not in names:
-            hint = did_you_mean(name, names) if hinted.one_more() else ""
-            message = f'<gazebo reference="{name}">: no link or joint has this name{hint}'
-            yield document.finding("unknown-reference", tag, message)
-
-
-def gazebo_frictions(document: ModelDocument) -> Iterator[Finding]:
-    """Yield links whose friction depends on the direction. The engines have one coefficient for all directions."""
-    for tag in document.elements("gazebo"):
-        mu1, mu2 = (number_text(tag, name) for name in ("mu1", "mu2"))
-        if mu1 and mu2 and not is_expression(mu1 + mu2) and float(mu1) != float(mu2):
-            message = (
-                f"mu1 is {mu1} and mu2 is {mu2}, but friction cannot depend on the direction: mu1 is used for both"
-            )
-            yield document.finding("two-frictions", tag, message)

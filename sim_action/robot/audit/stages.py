@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Final
 
-from sim_action.robot.audit import elements, inertia, joints, kinematic_tree, shapes
+from sim_action.robot.audit import elements, gazebo_tags, inertia, joints, kinematic_tree, shapes
 from sim_action.robot.robot_model import Finding
 from sim_action.robot.xml_document import ModelDocument
 
@@ -16,7 +16,7 @@ Check = Callable[[ModelDocument], Iterator[Finding]]
 
 STAGES: Final[tuple[tuple[Check, ...], ...]] = (
     (elements.root, elements.required_attributes, elements.required_children),
-    (elements.default_expressions, elements.numbers, elements.gazebo_numbers),
+    (elements.default_expressions, elements.numbers, gazebo_tags.coefficients),
     (
         kinematic_tree.names,
         kinematic_tree.joint_types,
@@ -38,12 +38,14 @@ STAGES: Final[tuple[tuple[Check, ...], ...]] = (
         inertia.masses,
         inertia.tensors,
         inertia.presence,
-        elements.gazebo_references,
-        elements.gazebo_frictions,
+        gazebo_tags.references,
+        gazebo_tags.frictions,
+        gazebo_tags.unsupported_parts,
         elements.restitutions,
         shapes.angles,
         joints.limit_units,
         elements.misspelled_tags,
+        gazebo_tags.misspelled_parts,
         elements.repeated_inertials,
     ),
 )

@@ -26,7 +26,7 @@ from sim_action.robot.sdf.files import read_sdf_file
 from sim_action.robot.sdf.frames import Frames
 from sim_action.robot.sdf.joints import JointWriter, ResolvedJoint, resolve_joint
 from sim_action.robot.sdf.links import LinkWriter
-from sim_action.robot.sdf.unsupported_parts import note_parts, note_plugin
+from sim_action.robot.sdf.unsupported_parts import note_parts
 from sim_action.robot.sdf.urdf_writer import UrdfWriter
 from sim_action.robot.sdf.worlds import robot_scope
 from sim_action.robot.xml_document import ModelDocument
@@ -126,7 +126,7 @@ def convert(scope: Scope, notes: Notes, *, places_base: bool = False) -> ModelDo
     _write_tree(kinematics, LinkWriter(notes, frames, writer), JointWriter(notes, frames, writer), notes)
     for link in kinematics.static:
         _fix_to_world(writer, kinematics, link)
-    _copy_plugins(writer, scope, notes)
+    _copy_plugins(writer, scope)
     if not places_base:
         _note_rotated_base(notes, kinematics)
     _note_unsupported_parts(notes, scope)
@@ -152,12 +152,11 @@ def _fix_to_world(writer: UrdfWriter, kinematics: Kinematics, link: Entry) -> No
     writer.add(joint, "child", source, link=link.full_name)
 
 
-def _copy_plugins(writer: UrdfWriter, scope: Scope, notes: Notes) -> None:
+def _copy_plugins(writer: UrdfWriter, scope: Scope) -> None:
     includes = [entry.element for entry in scope.all_of("model") if entry.element.tag == "include"]
     for holder in (*(inner.element for inner in scope.scopes()), *includes):
         for plugin in holder.findall("plugin"):
             writer.copy(writer.add(writer.root, "gazebo", plugin), plugin)
-            note_plugin(notes, plugin)
 
 
 def _note_rotated_base(notes: Notes, kinematics: Kinematics) -> None:

@@ -60,6 +60,11 @@ class Notes:
         """Return True if there is a fatal finding."""
         return any(finding.level == "fatal" for finding in self.findings)
 
+    @property
+    def left_out(self) -> tuple[Element, ...]:
+        """The first part of each kind that is not simulated."""
+        return tuple(part for part, _, _ in self._parts.values())
+
     def add(self, rule: str, element: Element, message: str) -> None:
         """Add a finding."""
         self.findings.append(finding(rule, message, self.places[element]))

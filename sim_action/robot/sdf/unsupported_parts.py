@@ -12,13 +12,14 @@ from types import MappingProxyType
 from typing import Final
 from xml.etree.ElementTree import Element
 
+from sim_action.core.geometry import ZERO
 from sim_action.robot.audit.elements import MAX_IGNORED_RESTITUTION, no_bounce
-from sim_action.robot.sdf.elements import Notes, SdfProblem, flag_of, number_of, text_of
+from sim_action.robot.sdf.elements import Notes, SdfProblem, flag_of, needed, number_of, numbers_of, text_of
 
-Default = bool | float | None
+Default = bool | float | tuple[float, ...] | None
 """The value that has no effect; None: the presence of the part has an effect."""
 
-_PARTS: Final[Mapping[str, Mapping[str, Default]]] = MappingProxyType(
+PARTS: Final[Mapping[str, Mapping[str, Default]]] = MappingProxyType(
     {
         "model": {"self_collide": False, "enable_wind": False, "gripper": None},
         "link": {
@@ -34,7 +35,7 @@ _PARTS: Final[Mapping[str, Mapping[str, Default]]] = MappingProxyType(
             "surface/friction/torsional/coefficient": 0.0,
             "surface/friction/ode/slip1": 0.0,
             "surface/friction/ode/slip2": 0.0,
-            "surface/friction/ode/fdir1": None,
+            "surface/friction/ode/fdir1": ZERO,
             "surface/friction/bullet/rolling_friction": 0.0,
             "surface/soft_contact": None,
         },
@@ -46,7 +47,7 @@ _PARTS: Final[Mapping[str, Mapping[str, Default]]] = MappingProxyType(
 )
 _FORCES: Final = re.compile(
     r"buoyan|hydrodynamic|lift_?drag|thruster|(motor|multicopter)_?(motor_?)?model|wind|surface_?(float|wave)|suction|"
-    r"magnet|vacuum",
+    r"magnet|vacuum|ros_force\b|link_?wrench",
     re.IGNORECASE,
 )
 """Words in the names of plugins that push or hold links."""
@@ -63,14 +64,20 @@ def note_parts(notes: Notes, holder: Element, owner: str) -> None:
 
     :param owner: the name of the element in messages.
     """
-    for path, default in _PARTS[holder.tag].items():
+    for path, default in PARTS[holder.tag].items():
         part = holder.find(path)
         if part is not None and _has_effect(holder, path, default):
-            _add(notes, f"{holder.tag}/{path}", part, owner)
+            note_part(notes, f"{holder.tag}/{path}", part, (part.text or "").strip(), owner)
+
+
+def note_part(notes: Notes, kind: str, part: Element, text: str, owner: str) -> None:
+    """Note a part with this text that is not simulated; `kind`: see `Notes.leave_out`."""
+    stated = f"<{part.tag}>{text}</{part.tag}>" if text else f"<{part.tag}>"
+    notes.leave_out(kind, part, f"{stated} of {owner}")
 
 
 def note_sensors(notes: Notes, holder: Element, owner: str) -> None:
-    """Note the sensors of a <link> or <joint>."""
+    """Note the sensors of a <link> or <joint>, or of the <gazebo> of one."""
     for sensor in holder.findall("sensor"):
         stated = f"<sensor type=\"{sensor.get('type', '')}\"> '{sensor.get('name', '')}' of {owner}"
         notes.leave_out("sensor", sensor, f"{stated} (a scenario has its own 'sensors')")
@@ -88,7 +95,7 @@ def note_contact(notes: Notes, collision: Element, owner: str) -> None:
     """Add a finding for each unsupported contact property of a <collision>. Raises SdfProblem."""
     bullet = collision.find(f"{_FRICTION}/bullet/friction")
     if bullet is not None and number_of(collision, f"{_FRICTION}/bullet/friction", 1.0) != _friction(collision):
-        _add(notes, "bullet", bullet, owner)
+        note_part(notes, "bullet", bullet, (bullet.text or "").strip(), owner)
     bounce = collision.find(_BOUNCE)
     if bounce is not None and (restitution := number_of(collision, _BOUNCE, 0.0)) > MAX_IGNORED_RESTITUTION:
         notes.add("restitution", bounce, no_bounce(f"<{bounce.tag}> of {owner} is {restitution:g}"))
@@ -111,15 +118,11 @@ def _friction(collision: Element) -> float:
 def _has_effect(holder: Element, path: str, default: Default) -> bool:
     if default is None:
         return True
-    return (
-        flag_of(holder, path) != default if isinstance(default, bool) else number_of(holder, path, default) != default
-    )
-
-
-def _add(notes: Notes, kind: str, part: Element, owner: str) -> None:
-    text = (part.text or "").strip()
-    stated = f"<{part.tag}>{text}</{part.tag}>" if text else f"<{part.tag}>"
-    notes.leave_out(kind, part, f"{stated} of {owner}")
+    if isinstance(default, bool):
+        return flag_of(holder, path) != default
+    if isinstance(default, float):
+        return number_of(holder, path, default) != default
+    return numbers_of(needed(holder, path), len(default)) != default
 
 
 def _mask(contact: Element, tag: str, otherwise: int) -> int:

@@ -146,7 +146,7 @@ def test_sensors_and_forces_of_plugins_are_noted(tmp_path: Path) -> None:
     sensors = '<sensor type="imu" name="i"/><sensor type="gpu_lidar" name="l"/>'
     wing = '<plugin filename="gz-sim-lift-drag-system" name="gz::sim::systems::LiftDrag"/>'
     drive = '<plugin filename="gz-sim-diff-drive-system" name="gz::sim::systems::DiffDrive"/>'
-    lidar, lift = load(tmp_path, sdf(link("a", sensors), wing, drive, wing)).findings
+    lift, lidar = load(tmp_path, sdf(link("a", sensors), wing, drive, wing)).findings
     assert lidar.message.startswith("<sensor type=\"imu\"> 'i' of link 'a'")
     assert lidar.message.endswith("(2 of them)")
     assert "the force of plugin 'gz::sim::systems::LiftDrag' is not simulated" in lift.message
@@ -155,3 +155,4 @@ def test_sensors_and_forces_of_plugins_are_noted(tmp_path: Path) -> None:
 def test_the_direction_of_friction_is_noted(tmp_path: Path) -> None:
     (finding,) = load(tmp_path, collision("<friction><ode><fdir1>1 0 0</fdir1></ode></friction>")).findings
     assert "<fdir1>1 0 0</fdir1>" in finding.message
+    assert load(tmp_path, collision("<friction><ode><fdir1>0 0 0</fdir1></ode></friction>")).findings == ()
