@@ -24,7 +24,7 @@ from sim_action.simulation.monitors import End, Panel
 from sim_action.simulation.recorder import RunRecorder, moving_bodies
 from sim_action.simulation.run_audit import Motion, RunFacts, audit_run, unreached_events
 from sim_action.simulation.sensors import Sensing
-from sim_action.simulation.start_checks import Spawns, moved_while_settling, refuse_bad_start
+from sim_action.simulation.start_checks import Spawns, moved_while_settling, raised_to_stand, refuse_bad_start
 from sim_action.simulation.tunnelling import Tunnelling
 from sim_action.simulation.watchdog import Watchdog
 from sim_action.state.observation import Observation
@@ -188,8 +188,9 @@ class _Loop:
             from sim_action.simulation.pinning import Pinning
 
             self._pinning = Pinning(self._scene, start.twist.linear_xyz)
-        if (moved := moved_while_settling(self._scene, self._placed.pose, start.pose)) is not None:
-            self._notes.append(moved)
+        raised = raised_to_stand(self._scene, self._placed.pose)
+        moved = moved_while_settling(self._scene, self._placed.pose, start.pose)
+        self._notes += [note for note in (raised, moved) if note is not None]
         panel = Panel.open(self._scenario, self._scene, start)
         digest = Digest()
         motion = Motion(Rest.of(self._scene, start))

@@ -38,6 +38,17 @@ def refuse_bad_start(scene: Scene, at: Pose, overlaps: Iterable[Overlap], clashe
         raise BadStart(problems)
 
 
+def raised_to_stand(scene: Scene, at: Pose) -> str | None:
+    """Return a note if the robot stands higher than its keyframe puts it, else None; `at` as above."""
+    if not scene.is_at_keyframe_height:
+        return None
+    raised = at.position_xyz[2] - (scene.placement.z or 0.0)
+    if raised <= DEPTH:
+        return None
+    inside = f"keyframe '{scene.robot.keyframe}' puts the robot {units.display(raised, 'm')} inside the ground"
+    return f"{inside}: it is raised and stands on the ground; robot.pose.z sets another height"
+
+
 def moved_while_settling(scene: Scene, before: Pose, after: Pose) -> str | None:
     """Return a note if the base tilted or sank while the robot settled, else None; poses in the world frame."""
     tilted = _tilt(after) - _tilt(before)
@@ -68,10 +79,15 @@ def _problems(scene: Scene, overlaps: Iterable[Overlap]) -> SpecProblems:
         told.add(body)
         where = f"the robot's link '{link}' starts {units.display(depth, 'm')} inside "
         if body == GROUND:
-            or_not = "" if scene.robot.pose.z is None else ", or leave z out to place it on the ground"
-            yield ("robot", "pose"), f"{where}the ground; raise its z{or_not}"
+            yield ("robot", "pose"), f"{where}the ground{_remedy(scene)}"
         else:
             yield ("robot", "pose"), f"{where}'{body}'; move it, or world.objects[{indices[body]}].pose"
+
+
+def _remedy(scene: Scene) -> str:
+    if scene.is_at_keyframe_height:
+        return f" by keyframe '{scene.robot.keyframe}'; set robot.pose.z, or correct the keyframe"
+    return "; raise its z" if scene.robot.pose.z is None else "; raise its z, or leave z out to place it on the ground"
 
 
 def _buried(scene: Scene, at: Pose) -> SpecProblems:

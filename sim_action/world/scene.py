@@ -5,7 +5,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from sim_action.core import units
 from sim_action.core.field_types import Placement
@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     from numpy.random import Generator
 
     from sim_action.world.parts import Part
+
+
+MAX_RAISED_M: Final = 0.05
+"""A robot that a keyframe puts at most this deep into the ground is raised, so that it stands on the ground."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,6 +100,12 @@ class Scene:
     def keyframe(self) -> Keyframe | None:
         """The keyframe of the model at which the robot begins, if the scenario names one."""
         return None if self.robot.keyframe is None else self.model.keyframes[self.robot.keyframe]
+
+    @property
+    def is_at_keyframe_height(self) -> bool:
+        """True if a keyframe alone states the height of a base that moves freely."""
+        at = None if self.keyframe is None else self.keyframe.base
+        return at is not None and self.robot.pose.z is None and at.position_xyz[2] > 0 and not self.bolted
 
     @property
     def placement(self) -> Placement:

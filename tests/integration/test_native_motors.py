@@ -9,10 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim_action.core.errors import ModelError
+from sim_action.core.errors import BadStart, ModelError
+from sim_action.core.geometry import Pose
+from sim_action.simulation.start_checks import raised_to_stand, refuse_bad_start
 from sim_action.state.command import JointTargets
+from sim_action.state.observation import Overlap
 from sim_action.state.trace import Trace
-from sim_action.world import GRAVITY
+from sim_action.world import GRAVITY, GROUND
 from tests.integration.engines import advance, running
 from tests.integration.test_native_robots import scene
 
@@ -178,6 +181,35 @@ def test_a_keyframe_counts_from_the_floor_of_its_file(tmp_path: Path) -> None:
     assert (placed.z, placed.orientation_xyzw) == (0.5, (0, 0, 0, 1))
     placed = scene(tmp_path, drone.replace("plane", "sphere"), keyframe="up").placement
     assert placed.z is None, "below the ground: it stands on the ground"
+
+
+DOG = """<mujoco><worldbody><geom type="plane" size="1 1 1"/>
+  <body name="d"><freejoint name="root"/><geom size="0.1" mass="1"/></body></worldbody>
+  <keyframe><key name="home" qpos="0 0 {} 1 0 0 0"/></keyframe></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("height", "pose", "placed"),
+    [(0.08, {}, 0.1), (0.3, {}, 0.3), (0.04, {}, 0.04), (0.08, {"z": 0.09}, 0.09), (0.096, {}, 0.1)],
+)
+def test_a_keyframe_that_is_a_little_inside_the_ground_is_raised(
+    height: float, pose: dict[str, float], placed: float, tmp_path: Path
+) -> None:
+    dog = scene(tmp_path, DOG.format(height), keyframe="home", pose=pose)
+    with running("mujoco", dog) as engine:
+        at = engine.observe(0, contacts=False).pose
+        sunk = [overlap.depth for overlap in engine.overlaps()]
+    assert at.position_xyz[2] == pytest.approx(placed)
+    assert sum(sunk) == pytest.approx(max(0, 0.1 - placed), abs=1e-6)
+    note = raised_to_stand(dog, at)
+    assert (note is not None) == (height == 0.08 and not pose)
+    assert note is None or "keyframe 'home' puts the robot 0.02 m inside the ground" in note
+
+
+def test_a_keyframe_that_is_far_inside_the_ground_is_named(tmp_path: Path) -> None:
+    dog = scene(tmp_path, DOG.format(0.04), keyframe="home")
+    with pytest.raises(BadStart, match=r"by keyframe 'home'; set robot\.pose\.z, or correct the keyframe"):
+        refuse_bad_start(dog, Pose((0, 0, 0.04)), [Overlap("d", GROUND, 0.06)], [])
 
 
 def test_a_bolted_robot_is_above_the_floor_of_its_file(tmp_path: Path) -> None:

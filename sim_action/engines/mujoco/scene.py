@@ -17,7 +17,7 @@ from sim_action.engines.mujoco.names import engine_name, object_name
 from sim_action.engines.mujoco.robot import add_native_robot, add_robot
 from sim_action.robot.robot_model import ball_orientation
 from sim_action.world import placed
-from sim_action.world.scene import Scene
+from sim_action.world.scene import MAX_RAISED_M, Scene
 
 IMPEDANCE: Final = 0.9999
 """Impedance of motors, limits and gears: MuJoCo's maximum. They yield by 1e-4 of the force on them."""
@@ -103,8 +103,11 @@ class CompiledScene:
         at = scene.placement
         pose = Pose((at.x, at.y, at.z or 0.0), at.orientation_xyzw)
         position = self._put(self.base, pose, free=not self.fixed)
-        if at.z is None:
-            position[2] = -(lowest_geom(self.model, self.data, list(self.links)) or 0.0)
+        if at.z is None or scene.is_at_keyframe_height:
+            lowest = lowest_geom(self.model, self.data, list(self.links)) or 0.0
+            # The engine would push a robot out of the ground in a jump.
+            if at.z is None or -MAX_RAISED_M <= lowest < 0:
+                position[2] -= lowest
         for body in scene.world.objects:
             pose = placed(body, scene.parts_of(body))
             self._put(self.model.body(object_name(body.name)).id, pose, free=body.mass is not None)
