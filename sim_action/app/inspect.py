@@ -95,11 +95,18 @@ def _tree(found: Inspection) -> Iterator[str]:
 def _below(
     link: str, children: dict[str, list[JointEntry]], masses: dict[str, float | None], stem: str
 ) -> Iterator[str]:
-    joints = children.get(link, [])
-    for joint in joints:
-        last = joint is joints[-1]
-        yield f"{stem}{'`-' if last else '|-'} {_joint(joint)} -> {_link(joint.child, masses)}"
-        yield from _below(joint.child, children, masses, f"{stem}{'   ' if last else '|  '}")
+    branches: dict[str, list[JointEntry]] = {}
+    for joint in children.get(link, []):
+        branches.setdefault(joint.child, []).append(joint)
+    for number, (child, joints) in enumerate(branches.items(), 1):
+        is_last = number == len(branches)
+        inner = f"{stem}{'   ' if is_last else '|  '}"
+        starts = [f"{stem}{'`-' if is_last else '|-'} ", *(inner for _ in joints[1:])]
+        # A link of MJCF may have several joints in series.
+        ends = [*("" for _ in joints[1:]), f" -> {_link(child, masses)}"]
+        for start, joint, end in zip(starts, joints, ends, strict=True):
+            yield f"{start}{_joint(joint)}{end}"
+        yield from _below(child, children, masses, inner)
 
 
 def _link(name: str, masses: dict[str, float | None]) -> str:
@@ -300,9 +307,11 @@ def _remarks(model: RobotModel, robot: Robot, wheels: tuple[WheelEntry, ...], dr
     """Yield keys that the robot's owner has to decide."""
     if robot.base is None and model.root != WORLD and not wheels and drive is None:
         yield "base: fixed  # if the robot is bolted to the world, like an arm"
-    if model.keyframes and robot.keyframe is None:
-        first, *others = model.keyframes
-        yield f"keyframe: {_flow(first)}  # to begin there{f'; there are {len(others)} others' if others else ''}"
+    usable = [name for name, keyframe in model.keyframes.items() if not keyframe.flaw]
+    if usable and robot.keyframe is None:
+        first, *others = usable
+        more = f"; there {'is 1 other' if len(others) == 1 else f'are {len(others)} others'}" if others else ""
+        yield f"keyframe: {first if first.isdecimal() else _flow(first)}  # to begin there{more}"
     sides = None if drive or unrolling_pair(model) else sides_on_ground(model)
     if sides:
         left, right = sides

@@ -24,10 +24,6 @@ if TYPE_CHECKING:
 _PACKAGE_NOTES: Final = frozenset({"several-packages", "package-folder"})
 
 
-# Keyframes that a message lists.
-_MAX_NAMED: Final = 10
-
-
 class ModelLibrary:
     """A cache of loaded models: each model of a suite is read once, even when many scenarios name it.
 
@@ -82,8 +78,8 @@ def load_model(robot: Robot, workspace: Workspace) -> RobotModel:
     A xacro file is evaluated, which runs the expressions in it.
     """
     model = _read_model(robot, workspace)
-    if robot.keyframe is not None and robot.keyframe not in model.keyframes:
-        raise ModelError(_no_keyframe(robot.keyframe, model))
+    if robot.keyframe is not None:
+        _check_keyframe(str(robot.keyframe), model)
     return replace(model, findings=limited_notes(_told_once(model.findings)))
 
 
@@ -97,11 +93,14 @@ def _told_once(findings: Iterable[Finding]) -> Iterator[Finding]:
             yield found
 
 
-def _no_keyframe(name: str, model: RobotModel) -> str:
+def _check_keyframe(name: str, model: RobotModel) -> None:
     if not model.keyframes:
-        return f"robot.keyframe: the model has no keyframes with a name; remove 'keyframe: {name}'"
-    known = ", ".join(f"'{known}'" for known in list(model.keyframes)[:_MAX_NAMED])
-    return f"robot.keyframe: the model has no keyframe '{name}'{did_you_mean(name, model.keyframes)}; it has {known}"
+        raise ModelError(f"robot.keyframe: the model has no keyframes; remove 'keyframe: {name}'")
+    if name not in model.keyframes:
+        raise ModelError(f"robot.keyframe: the model has no keyframe '{name}'{did_you_mean(name, model.keyframes)}")
+    found = model.keyframes[name]
+    if found.flaw:
+        raise ModelError(f"keyframe '{name}' cannot be used: {found.flaw}; correct it", found.place)
 
 
 def _read_model(robot: Robot, workspace: Workspace) -> RobotModel:

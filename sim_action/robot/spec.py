@@ -45,9 +45,10 @@ class Robot(FrozenModel):
     ] = Field(default_factory=dict)
 
     keyframe: Annotated[
-        str | None,
+        Annotated[str, Field(min_length=1)] | Annotated[int, Field(ge=0)] | None,
         Field(
-            min_length=1, description="name of a keyframe of an MJCF file, where the robot begins; `joints` override it"
+            description="keyframe of an MJCF file, where the robot begins: its name, or, if it has none, its number "
+            "from 0 on; `joints` override it"
         ),
     ] = None
 

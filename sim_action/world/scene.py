@@ -99,7 +99,7 @@ class Scene:
     @property
     def keyframe(self) -> Keyframe | None:
         """The keyframe of the model at which the robot begins, if the scenario names one."""
-        return None if self.robot.keyframe is None else self.model.keyframes[self.robot.keyframe]
+        return None if self.robot.keyframe is None else self.model.keyframes[str(self.robot.keyframe)]
 
     @property
     def is_at_keyframe_height(self) -> bool:

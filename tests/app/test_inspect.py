@@ -138,6 +138,23 @@ def test_joints_are_a_tree_for_people_and_a_list_for_programs(tmp_path: Path) ->
     assert (joint["name"], joint["lower"], joint["upper"], joint["axis_xyz"]) == ("shoulder", -1, 2, [0, 0, 1])
 
 
+def test_several_joints_of_one_link_are_one_branch(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco", reason="MJCF is read by MuJoCo, which is not installed")
+    (tmp_path / "robot.xml").write_text("""<mujoco model="cart"><worldbody><body name="cart">
+      <joint name="x" type="slide" axis="1 0 0"/><joint name="y" type="slide" axis="0 1 0"/><geom size="0.1" mass="2"/>
+      <body name="arm"><joint name="turn" axis="0 0 1"/><geom size="0.1" mass="1"/></body></body>
+      <body name="other"><joint name="lift" type="slide" axis="0 0 1"/><geom size="0.1" mass="1"/></body>
+    </worldbody></mujoco>""")
+    text = inspection_text(inspect_model("robot.xml", Workspace(tmp_path, tmp_path)))
+    assert text.split("\n\n")[1].splitlines() == [
+        "world",
+        "|- x [prismatic along x]",
+        "|  y [prismatic along y] -> cart (2 kg)",
+        "|  `- turn [continuous about z] -> arm (1 kg)",
+        "`- lift [prismatic along z] -> other (1 kg)",
+    ]
+
+
 def test_the_box_is_around_the_shapes_where_the_joints_put_them(tmp_path: Path) -> None:
     found = inspect_model("robot.urdf", workspace(tmp_path))
     assert (found.lower_xyz, found.upper_xyz) == ((0.5, 1.5, 2.5), (1.5, 2.5, 3.5))

@@ -160,8 +160,36 @@ def test_an_actuator_without_a_joint_to_command_is_a_note(tmp_path: Path) -> Non
 def test_a_keyframe_is_found_by_name_and_a_typo_has_a_suggestion(tmp_path: Path) -> None:
     with pytest.raises(ModelError, match="has no keyframe 'hone'; did you mean 'home'"):
         scene(tmp_path, ARM, keyframe="hone")
-    with pytest.raises(ModelError, match="the model has no keyframes with a name; remove 'keyframe: home'"):
+    with pytest.raises(ModelError, match=r"the model has no keyframe 'xx' \(allowed: 1, home\)$"):
+        scene(tmp_path, ARM, keyframe="xx")
+    with pytest.raises(ModelError, match="the model has no keyframes; remove 'keyframe: home'"):
         scene(tmp_path, "<mujoco><worldbody><body><geom size='1'/></body></worldbody></mujoco>", keyframe="home")
+
+
+def test_a_keyframe_without_a_name_has_its_number(tmp_path: Path) -> None:
+    assert scene(tmp_path, ARM, keyframe=1).joint_positions["elbow"] == 0
+    assert scene(tmp_path, ARM, keyframe="1").joint_positions["elbow"] == 0
+    with pytest.raises(ModelError, match="the model has no keyframe '0'"):
+        scene(tmp_path, ARM, keyframe=0)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "flaw"),
+    [
+        ("0.02 0.3", "0.02", "'qpos' has 6 numbers, but the joints of the file need 7"),
+        ("0.02 0.3", "0.02 0.3 0", "'qpos' has 8 numbers, but the joints of the file need 7"),
+        ("128 0", "128", "'ctrl' has 4 numbers, but the actuators of the file need 5"),
+    ],
+)
+def test_a_keyframe_with_a_wrong_count_of_numbers_is_refused_with_its_line(
+    before: str, after: str, flaw: str, tmp_path: Path
+) -> None:
+    odd = ARM.replace(before, after)
+    with pytest.raises(ModelError, match=rf"keyframe 'home' cannot be used: {flaw}; correct it") as refused:
+        scene(tmp_path, odd, keyframe="home")
+    assert refused.value.location is not None
+    assert refused.value.location.line == 1 + odd[: odd.index('<key name="home"')].count("\n")
+    assert scene(tmp_path, odd, keyframe=1).keyframe is not None, "others can be used"
 
 
 def test_the_height_of_a_keyframe_is_that_of_the_base_unless_the_scenario_states_one(tmp_path: Path) -> None:

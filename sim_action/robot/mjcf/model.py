@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final, Literal
 
+from sim_action.core.errors import Location
 from sim_action.core.geometry import Pose, Quaternion
 
 MESH_OF_TEXT: Final = "mjcf:"
@@ -39,12 +40,16 @@ class Keyframe:
         turns: name of a ball joint whose position is not recorded -> orientation.
         base: pose of the base link, world frame; None if it is fixed.
         controls: actuator name -> control, in the actuator's own unit; empty if the keyframe states none.
+        place: where it stands; None if that is unknown.
+        flaw: the reason why it cannot be used; then it has no positions.
     """
 
     joints: Mapping[str, float]
     turns: Mapping[str, Quaternion] = field(default_factory=dict)
     base: Pose | None = None
     controls: Mapping[str, float] = field(default_factory=dict)
+    place: Location | None = None
+    flaw: str = ""
 
 
 MeshBytes = tuple[bytes, bytes]

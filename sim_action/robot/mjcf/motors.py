@@ -91,15 +91,18 @@ def largest_efforts(model: Any, motors: Mapping[str, Motor]) -> dict[str, float]
 
 
 def keyframes_of(built: Built, joints: Iterable[Joint], free: str | None) -> dict[str, Keyframe]:
-    """Return name -> keyframe, for those that fit the model.
+    """Return name -> keyframe; one that does not fit the model has a flaw.
 
     :param joints: of the robot. free: name of its free joint, if it has one.
     """
     count = sum(numbers for _, numbers in built.positions.values())
     moving = [joint for joint in joints if joint.moves]
-    found = {}
-    for name, (qpos, ctrl) in built.keyframes.items():
-        if qpos and len(qpos) != count:
+    found = dict[str, Keyframe]()
+    for name, qpos, ctrl, place in built.keyframes:
+        flaw = _wrong_count("qpos", qpos, count, "joints")
+        flaw = flaw or _wrong_count("ctrl", ctrl, len(built.actuators), "actuators")
+        if flaw:
+            found.setdefault(name, Keyframe({}, place=place, flaw=flaw))
             continue
         at = (
             {joint: qpos[first : first + numbers] for joint, (first, numbers) in built.positions.items()}
@@ -111,7 +114,7 @@ def keyframes_of(built: Built, joints: Iterable[Joint], free: str | None) -> dic
         if free is not None and free in at:
             x, y, z, *turned = at[free]
             base = Pose((x, y, z - built.mjcf.floor), _turn(turned))
-        controls = dict(zip(built.actuators, ctrl, strict=True)) if len(ctrl) == len(built.actuators) else {}
+        controls = dict(zip(built.actuators, ctrl, strict=True)) if ctrl else {}
         positions = {joint.name: at[joint.name][0] for joint in moving if joint.name in at}
         angles = {ball: ball_angles(turn) for ball, turn in balls.items()}
         for joint in moving:
@@ -119,8 +122,15 @@ def keyframes_of(built: Built, joints: Iterable[Joint], free: str | None) -> dic
                 positions[joint.name] = angles[joint.ball][_AXES.index(joint.axis_xyz)]
         recorded = {joint.ball for joint in moving}
         turns = {ball: turn for ball, turn in balls.items() if ball not in recorded}
-        found[name] = Keyframe(positions, turns, base, controls)
+        found.setdefault(name, Keyframe(positions, turns, base, controls, place))
     return found
+
+
+def _wrong_count(attribute: str, numbers: tuple[float, ...], count: int, owners: str) -> str:
+    """Return the flaw of an attribute with a wrong count of numbers; empty if it is right, or not stated."""
+    if len(numbers) in (0, count):
+        return ""
+    return f"'{attribute}' has {len(numbers)} numbers, but the {owners} of the file need {count}"
 
 
 _QUATERNION: Final = 4

@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import mujoco
 import numpy as np
@@ -34,6 +34,18 @@ _FREE: Final = mujoco.mjtJoint.mjJNT_FREE
 _NUMBERS: Final = {_FREE: 7, mujoco.mjtJoint.mjJNT_BALL: 4}
 
 
+class StatedKeyframe(NamedTuple):
+    """A keyframe as the file states it: `qpos` and `ctrl` are empty if it does not state them.
+
+    A keyframe without a name has its number in MuJoCo as its name.
+    """
+
+    name: str
+    qpos: tuple[float, ...]
+    ctrl: tuple[float, ...]
+    place: Location | None
+
+
 @dataclass(frozen=True, eq=False)
 class Built:
     """A model before it is compiled.
@@ -43,7 +55,7 @@ class Built:
         mjcf: the input from which the engine builds it again.
         drawn: mesh name -> its file, for meshes that are drawn from their files.
         positions: joint name -> its first number and its count in `qpos` of the file, with all bodies.
-        keyframes: name -> (`qpos`, `ctrl`) in the order of the file; empty if the file does not state them.
+        keyframes: those of the file, in its order.
         actuators: names, in the order of the file.
         notes: parts that are left out.
     """
@@ -52,7 +64,7 @@ class Built:
     mjcf: Mjcf
     drawn: Mapping[str, MeshFile]
     positions: Mapping[str, tuple[int, int]]
-    keyframes: Mapping[str, tuple[tuple[float, ...], tuple[float, ...]]]
+    keyframes: tuple[StatedKeyframe, ...]
     actuators: tuple[str, ...]
     notes: Notes
 
@@ -63,7 +75,7 @@ def build(files: MjcfFiles, place: Location) -> Built:
     _name_all(spec)
     positions = _positions(spec)
     actuators = tuple(actuator.name for actuator in spec.actuators)
-    keyframes = {key.name: (tuple(key.qpos), tuple(key.ctrl)) for key in spec.keys if key.name}
+    keyframes = _keyframes(spec, files)
     notes = Notes(files, place)
     planes = [geom.pos[2] for geom in spec.worldbody.geoms if geom.type == _GEOM.mjGEOM_PLANE]
     floor = float(max(planes, default=0.0))
@@ -189,6 +201,17 @@ def _positions(spec: Any) -> dict[str, tuple[int, int]]:
             first += found[joint.name][1]
         waiting += reversed(body.bodies)
     return found
+
+
+def _keyframes(spec: Any, files: MjcfFiles) -> tuple[StatedKeyframe, ...]:
+    # MuJoCo does not keep the lines of keyframes.
+    lines = (number for number, line in enumerate(files.text.split("\n"), 1) if line.startswith(("<key ", "<key/")))
+    places = map(files.place, lines)
+    # Keyframes of attached models come last, and have no line in this text.
+    return tuple(
+        StatedKeyframe(key.name or str(number), tuple(key.qpos), tuple(key.ctrl), next(places, None))
+        for number, key in enumerate(spec.keys)
+    )
 
 
 # --- parts that are left out ---
