@@ -221,7 +221,7 @@ def _add_output(outcome: Outcome, cases: list[ET.Element]) -> None:
         add_line(case, "system-out", f"warning: {warning.location}: {warning}")
     for measured in outcome.measurements:
         add_line(case, "system-out", f"{INFORMATION.word}: {measured.message}")
-    for note in outcome.notes:
+    for note in (*outcome.model_notes, *outcome.notes):
         add_line(case, "system-out", f"note: {note}")
     add_line(case, "system-out", user_output(outcome))
     for diagnostic in outcome.diagnostics:

@@ -35,6 +35,7 @@ from sim_action.results.results_json import RESULTS_FILE, Results
 
 _ALL_SYMBOLS: Final = "".join(display.symbol for display in (*STATUS_DISPLAYS.values(), INFORMATION)) + "│"
 _BEST_FIRST: Final = tuple(reversed(WORST_FIRST))
+_MAX_MODEL_NOTES: Final = 6
 _MAX_VARIATIONS: Final = 20
 
 
@@ -60,6 +61,7 @@ class _Printer:
         self._shows_symbols = log_text(_ALL_SYMBOLS, self._encoding) == _ALL_SYMBOLS
         self._bar = "│" if self._shows_symbols else "|"
         self._margin = ""
+        self._announced = set[str]()
 
     def group(self, group: ScenarioGroup) -> None:
         """Print one scenario and an empty line; variations that passed are only counted, unless verbose."""
@@ -75,6 +77,7 @@ class _Printer:
             self._heading(group.status, group.name, file, _after(repeats_text(group.worst)))
             self._outcome(group.worst)
             self._warnings(group)
+        self._model_notes(group)
         self._line()
 
     def _heading(self, look: DisplayStatus, name: str, file: str, rest: str = "") -> None:
@@ -126,6 +129,19 @@ class _Printer:
         for warning, runs in group.warnings:
             self._line("  ", self._symbol("warned"), (group.warning_text(warning, runs), ""))
             self._line("      ", (str(warning.location), "cyan"))
+
+    def _model_notes(self, group: ScenarioGroup) -> None:
+        """Print the notes on the robot model, each once for all scenarios."""
+        if self._verbosity == "quiet":
+            return
+        notes = dict.fromkeys(note for outcome in group.outcomes for note in outcome.model_notes)
+        new = [note for note in notes if note not in self._announced]
+        self._announced.update(new)
+        most = len(new) if self._verbosity == "verbose" else _MAX_MODEL_NOTES
+        for note in new[:most]:
+            self._line("  ", ("note: ", "dim"), (note, "dim"))
+        if len(new) > most:
+            self._line("  ", (f"{len(new) - most} more notes on the model: --verbose shows them", "dim"))
 
     def closing(self, results: Results) -> None:
         """Print the counts and, unless quiet, the paths of all files."""

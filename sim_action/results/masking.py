@@ -79,6 +79,7 @@ class Mask:
                 "expectations": tuple(self._expectation(each, names=names) for each in outcome.expectations),
                 "failures": tuple(map(self._failure, outcome.failures)),
                 "notes": tuple(map(self.text, outcome.notes)),
+                "model_notes": tuple(map(self.text, outcome.model_notes)),
                 "warnings": tuple(_changed(each, message=self.text(each.message)) for each in outcome.warnings),
                 "diagnostics": tuple(_changed(each, message=self.text(each.message)) for each in outcome.diagnostics),
                 "output": self.text(outcome.output),

@@ -258,7 +258,7 @@ class Outcome(FrozenModel):
         repeats: the repeated runs; this outcome describes the first run, or the first of the runs that agree.
         provenance: the versions and the machine that produced the run.
         warnings: the parts of the scenario that checked nothing in this run.
-        notes: assumptions and remarks.
+        notes, model_notes: assumptions and remarks; those on the robot model that every report shows.
         diagnostics: messages of the engine.
         output: the end of the text that the user's code printed.
         trace: the path of the stored trace, relative to the results file.
@@ -290,6 +290,7 @@ class Outcome(FrozenModel):
     provenance: Provenance | None = None
     warnings: tuple[AuditWarning, ...] = ()
     notes: tuple[str, ...] = ()
+    model_notes: tuple[str, ...] = ()
     diagnostics: tuple[Diagnostic, ...] = ()
     output: str = ""
     trace: str | None = None

@@ -365,4 +365,5 @@ def _judged(job: Job, scenario: Scenario, run: SimulationRun) -> Outcome:
         engine=run.engine,
         warnings=(*job.loaded.warnings, *(each.warning(job.loaded.document) for each in run.findings)),
         notes=run.notes,
+        model_notes=run.model_notes,
     )

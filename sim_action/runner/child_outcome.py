@@ -185,8 +185,8 @@ def _of_limited_length(outcome: Outcome) -> Outcome:
         )
         for each in outcome.failures
     )
-    notes = tuple(map(_cut, outcome.notes))
-    return outcome.model_copy(update={"expectations": expectations, "failures": failures, "notes": notes})
+    notes = {"notes": tuple(map(_cut, outcome.notes)), "model_notes": tuple(map(_cut, outcome.model_notes))}
+    return outcome.model_copy(update={"expectations": expectations, "failures": failures, **notes})
 
 
 def _cut(text: str) -> str:

@@ -15,7 +15,7 @@ from sim_action.core.errors import ControllersFinished, RunError
 from sim_action.drives import Drive, recognise
 from sim_action.drives.wheels import axis_in_base, opposed_note
 from sim_action.engines import ENGINES, Engine, chosen
-from sim_action.robot.audit.rules import grouped_notes
+from sim_action.robot.audit.rules import announced, unannounced
 from sim_action.scenario.claim_audit import NOT_SIMULATED, ClaimFinding
 from sim_action.scenario.model import Scenario
 from sim_action.simulation.accuracy import AccuracyWatch, links_with_springs
@@ -64,6 +64,7 @@ class SimulationRun:
         travelled: the distance in m between the first and last position of the base, on the ground plane.
         wall_time: the duration of the loop in s, without loading and settling.
         notes: assumptions and observations, for people.
+        model_notes: notes on the robot model that every report shows.
         findings: of the audit of claims after the run, except those that the scenario allows.
     """
 
@@ -75,6 +76,7 @@ class SimulationRun:
     wall_time: float
     engine: str
     notes: tuple[str, ...]
+    model_notes: tuple[str, ...] = ()
     findings: tuple[ClaimFinding, ...] = ()
 
     @property
@@ -160,7 +162,7 @@ class _Loop:
         self._tunnelling: Tunnelling | None = None
         self._pinning: Pinning | None = None
         self._body_poses: FloatArray | None = None
-        self._notes = [*grouped_notes(scene.model.findings), *backend.notes, *_about_drive(scenario, scene, drive)]
+        self._notes = [*unannounced(scene.model.findings), *backend.notes, *_about_drive(scenario, scene, drive)]
         self._motion = drive.open(scene.model, scenario.physics.rate, scene.world.weight) if drive else None
         self._arrivals = Spawns.of(scenario)
         self._last_step = scenario.steps(scenario.time_limit)
@@ -175,7 +177,7 @@ class _Loop:
     def run(self, progress: Progress) -> SimulationRun:
         with self._opened:
             run = self._run(progress)
-        return replace(run, notes=(*self._all_notes(), *run.notes))
+        return replace(run, notes=(*self._all_notes(), *run.notes), model_notes=announced(self._scene.model.findings))
 
     def _run(self, progress: Progress) -> SimulationRun:
         footage = self._footage

@@ -95,7 +95,7 @@ def test_every_bad_model_is_an_error_of_its_rule_on_its_line(suite: Path) -> Non
         outcome = found[case.name]
         if not case.is_refused:
             assert outcome.status == "passed", case
-            assert any(note.endswith(f"[{case.rule}]") for note in outcome.notes), case
+            assert any(note.endswith(f"[{case.rule}]") for note in (*outcome.notes, *outcome.model_notes)), case
             continue
         failure = outcome.failures[0]
         assert (outcome.status, failure.kind) == ("error", "invalid"), case

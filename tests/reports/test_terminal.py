@@ -71,6 +71,21 @@ def test_quiet_prints_no_warnings_of_the_audit(samples: Samples, options: Report
     assert "nothing-to-touch" not in printed(samples["audited"], options, "quiet")
 
 
+def test_notes_on_the_model_are_printed_once_for_all_scenarios(samples: Samples, options: ReportOptions) -> None:
+    notes = tuple(f"robot.sdf:{line}: part {line} is not simulated" for line in range(1, 10))
+    made = [
+        each.model_copy(update={"name": f"drive {number}", "model_notes": notes})
+        for each in samples["passed"].outcomes
+        for number in (1, 2)
+    ]
+    results = samples["passed"].model_copy(update={"outcomes": tuple(made)})
+    text = printed(results, options)
+    assert [text.count(f"  note: {note}\n") for note in notes] == [1] * 6 + [0] * 3
+    assert text.count("3 more notes on the model: --verbose shows them") == 1
+    assert printed(results, options, "verbose").count("  note: robot.sdf:") == len(notes)
+    assert "note" not in printed(results, options, "quiet")
+
+
 def test_ascii_stream(samples: Samples, options: ReportOptions) -> None:
     text = printed(samples["failed"], options, encoding="ascii")
     assert "x no_collision: base_link touched wall" in text

@@ -365,7 +365,7 @@ def _remarks(outcome: Outcome) -> Iterator[str]:
         yield f"{code(varied.key)}: {code(json.dumps(varied.value))}"
     if outcome.trace:
         yield f"trace: {code(outcome.trace)}"
-    for note in outcome.notes[:_MAX_REMARKS]:
+    for note in (*outcome.model_notes, *outcome.notes)[:_MAX_REMARKS]:
         yield f"note: {_message(note)}"
     for diagnostic in outcome.diagnostics[:_MAX_REMARKS]:
         yield f"engine {diagnostic.level}: {_message(diagnostic.message)}"

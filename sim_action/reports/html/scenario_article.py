@@ -211,7 +211,7 @@ def details(outcome: Outcome, results: Results, options: ReportOptions) -> Html:
     return joined(
         _again(outcome, options),
         _said("Engine", said),
-        _said("Notes", [("note", note) for note in outcome.notes]),
+        _said("Notes", [("note", note) for note in (*outcome.model_notes, *outcome.notes)]),
         _printed(user_output(outcome)),
         _facts(outcome, results),
     )

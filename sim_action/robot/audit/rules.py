@@ -187,11 +187,44 @@ def limited_notes(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     return (*told, *rest)
 
 
+_ANNOUNCED: Final = frozenset(
+    {
+        "concave-mesh",
+        "file-spelling",
+        "impossible-inertia",
+        "massless-base",
+        "massless-model",
+        "missing-visual",
+        "package-folder",
+        "passed-over",
+        "restitution",
+        "several-packages",
+        "two-frictions",
+        "zero-inertia",
+    }
+)
+"""Rules whose notes every report shows: a part is not simulated as the file states it, or a file had to be searched."""
+
+
+def announced(findings: Iterable[Finding]) -> tuple[str, ...]:
+    """Return the notes that every report shows."""
+    return grouped_notes(each for each in findings if each.level == "warning" and each.rule in _ANNOUNCED)
+
+
+def unannounced(findings: Iterable[Finding]) -> tuple[str, ...]:
+    """Return the other notes."""
+    return grouped_notes(each for each in findings if each.level != "warning" or each.rule not in _ANNOUNCED)
+
+
 def grouped_notes(findings: Iterable[Finding]) -> tuple[str, ...]:
-    """Return the findings as text, one for each rule and file: the first one, and the lines of the others."""
-    groups: dict[tuple[str, str], list[Finding]] = {}
+    """Return the findings as text, one for each rule and file: the first one, and the lines of the others.
+
+    The readers report each kind of part that is not simulated once, so those are not grouped.
+    """
+    groups: dict[tuple[str, str, str], list[Finding]] = {}
     for found in findings:
-        groups.setdefault((found.rule, found.location.file), []).append(found)
+        kind = found.message if found.rule == "passed-over" else ""
+        groups.setdefault((found.rule, found.location.file, kind), []).append(found)
     return tuple(map(_note, groups.values()))
 
 

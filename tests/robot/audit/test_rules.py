@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from sim_action.core.errors import Location
-from sim_action.robot.audit.rules import finding, grouped_notes
+from sim_action.robot.audit.rules import RULES, announced, finding, grouped_notes, unannounced
 
 
 def test_notes_of_one_rule_and_file_are_one_line_that_names_the_others() -> None:
@@ -15,3 +15,22 @@ def test_notes_of_one_rule_and_file_are_one_line_that_names_the_others() -> None
         "a.urdf:4: joint [locked-joint]",
         "b.urdf:1: link 1 (and 1 more like this; line 9) [missing-inertia]",
     )
+
+
+def test_each_kind_of_part_that_is_not_simulated_is_a_line() -> None:
+    kinds = ("<gravity>", "<sensor>", "<wind>")
+    found = [
+        finding("passed-over", f"{kind} is ignored", Location("a.sdf", line)) for line, kind in enumerate(kinds, 1)
+    ]
+    assert grouped_notes(found) == tuple(
+        f"a.sdf:{line}: {kind} is ignored [passed-over]" for line, kind in enumerate(kinds, 1)
+    )
+
+
+def test_every_report_shows_the_parts_that_are_not_simulated_and_each_finding_is_a_note_once() -> None:
+    found = [finding(rule, f"a finding of {rule}", Location("a.sdf", 1)) for rule in RULES]
+    shown, others = announced(found), unannounced(found)
+    assert sorted((*shown, *others)) == sorted(grouped_notes(found))
+    assert "a.sdf:1: a finding of passed-over [passed-over]" in shown
+    # Links of sensors and tools often have no inertial.
+    assert "a.sdf:1: a finding of missing-inertia [missing-inertia]" in others

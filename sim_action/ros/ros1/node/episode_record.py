@@ -78,7 +78,7 @@ class EpisodeRecord:
             self._first = episode.footage.start.pose.position_xyz
         if run is not None:
             self.engine = run.engine
-            self._notes += run.notes
+            self._notes += (*run.model_notes, *run.notes)
             # An episode that ended at once, by a change of the world, has no motion.
             if run.sim_time > 0:
                 self._digests.append(run.digest)
