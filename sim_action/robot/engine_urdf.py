@@ -8,6 +8,7 @@ between numbers, missing limits, an empty <dynamics> or <axis>, elements of a di
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import replace
 from typing import Final, cast
 from xml.etree import ElementTree as ET
@@ -16,7 +17,7 @@ from xml.etree.ElementTree import Element
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose
 from sim_action.robot.audit.inertia import RigidBodies, increase, principal_moments
-from sim_action.robot.audit.joints import UNSUPPORTED, is_free_base, mimic_problem, still_position
+from sim_action.robot.audit.joints import is_free_base, mimic_problem, still_position
 from sim_action.robot.audit.shapes import is_empty
 from sim_action.robot.robot_model import MOVING_TYPES, WORLD
 from sim_action.robot.urdf_elements import (
@@ -58,13 +59,13 @@ def with_static_base(document: ModelDocument) -> ModelDocument:
     return replace(document, places={**document.places, **dict.fromkeys(parts, document.places[stated])})
 
 
-def fill_in_inertia(document: ModelDocument) -> None:
-    """Add a negligible <inertial> to links without one; an engine would assume 1 kg."""
+def fill_in_inertia(document: ModelDocument, massless: Collection[str]) -> None:
+    """Add a negligible <inertial> to links without one, and one of 0 to massless links; an engine would assume 1 kg."""
     stated = sum(number(mass, "value") or 0.0 for mass in document.elements("link/inertial/mass"))
     mass = max(_LEAST_MASS, _NEGLIGIBLE_SHARE * stated)
     for link in document.elements("link"):
         if link.find("inertial") is None:
-            link.append(_ball(mass))
+            link.append(_ball(0.0 if link.get("name") in massless else mass))
 
 
 def _ball(mass: float) -> Element:
@@ -111,13 +112,17 @@ def repair_inertia(document: ModelDocument) -> None:
     """Repair inertias that are impossible. An engine would ignore them, and no torque could turn the link."""
     for inertial in document.elements("link/inertial"):
         inertia = inertial.find("inertia")
-        if inertia is None:
+        if inertia is None or (number(inertial.find("mass"), "value") == 0 and _is_zero(inertia)):
             continue
         if max(principal_moments(inertia)) <= 0:
             ball = _ball(number(inertial.find("mass"), "value") or _LEAST_MASS)
             inertia.attrib.update(cast(Element, ball.find("inertia")).attrib)
         elif (moment := increase(inertia)) > 0:
             _spread(inertia, moment)
+
+
+def _is_zero(inertia: Element) -> bool:
+    return not any(number(inertia, name) for name in MOMENTS)
 
 
 def _spread(inertia: Element, moment: float) -> None:
@@ -133,13 +138,6 @@ def drop_empty_root(document: ModelDocument) -> None:
             (root,) = (link for link in document.elements("link") if link.attrib["name"] == parent_of(joint))
             document.root.remove(root)
             document.root.remove(joint)
-
-
-def fix_unsupported_joints(document: ModelDocument) -> None:
-    """Make joints of unsupported types fixed, if the audit allowed them."""
-    for joint in document.elements("joint"):
-        if joint.attrib["type"] in UNSUPPORTED:
-            joint.set("type", "fixed")
 
 
 def drop_invalid_mimics(document: ModelDocument) -> None:

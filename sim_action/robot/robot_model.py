@@ -150,6 +150,7 @@ class Joint:
         reference: rad (m), the position in which the model is drawn; 0 in URDF.
         stiffness: of a spring, in N m/rad (N/m); 0 without one. No motor holds a joint with a spring.
         spring_reference: rad (m), the position at which the spring is at rest.
+        series: the joint with several motions of which this is one; empty for other joints. No motor holds it.
         ball: the ball joint of which this is the rotation about one axis; empty for other joints.
         motor: the motor that the model states; None: an ideal servo moves the joint when it is commanded.
     """
@@ -169,6 +170,7 @@ class Joint:
     reference: float = 0.0
     stiffness: float = 0.0
     spring_reference: float = 0.0
+    series: str = ""
     ball: str = ""
     motor: Motor | None = None
 
@@ -189,6 +191,11 @@ class Joint:
             return self.reference
         middle = (lower + upper) / 2
         return middle if math.isfinite(middle) else max(lower, min(upper, self.reference))
+
+    @property
+    def is_held(self) -> bool:
+        """Return True if a motor holds the joint until it gets a command."""
+        return self.type in ("revolute", "prismatic") and not (self.mimic or self.stiffness or self.series)
 
     @property
     def moves(self) -> bool:
@@ -322,8 +329,7 @@ class RobotModel:
     @cached_property
     def moving_joints(self) -> tuple[Joint, ...]:
         """The joints with a position, in the order of the file, but those of ball joints come last."""
-        balls = (joint for joint in self.joints if joint.type == "ball")
-        return (*self.motor_joints, *balls)
+        return (*self.motor_joints, *(joint for joint in self.joints if joint.type == "ball"))
 
     @cached_property
     def motor_joints(self) -> tuple[Joint, ...]:

@@ -23,13 +23,13 @@ from sim_action.robot.engine_urdf import (
     drop_zero_masses,
     engine_text,
     fill_in_inertia,
-    fix_unsupported_joints,
     repair_inertia,
     with_static_base,
 )
 from sim_action.robot.mesh_references import Meshes, resolve_meshes
 from sim_action.robot.packages import Packages
 from sim_action.robot.robot_model import Color, Joint, JointType, Link, Mimic, RobotModel, Shape, Visual, ball_joints
+from sim_action.robot.series_joints import Series, expand_series
 from sim_action.robot.urdf_elements import (
     BALLS,
     SHAPES,
@@ -71,8 +71,9 @@ def model_of(document: ModelDocument, path: Path, packages: Packages, allow: Ite
     meshes = resolve_meshes(document, path, packages)
     findings += meshes.findings
     refuse_errors(findings, allowed)
-    for mend in (drop_empty_root, fix_unsupported_joints, drop_invalid_mimics, drop_massless_frames, drop_empty_shapes):
+    for mend in (drop_empty_root, drop_invalid_mimics, drop_massless_frames, drop_empty_shapes):
         mend(document)
+    series = expand_series(document)
     plugins = with_controllers(plugins_of(document), path, packages)
     commanded = commanded_joints(document)
     colors = materials(document)
@@ -81,9 +82,10 @@ def model_of(document: ModelDocument, path: Path, packages: Packages, allow: Ite
         for link in document.elements("link")
     )
     findings += proportions(document, links)
-    joints, between = _joints(document)
-    for mend in (drop_zero_masses, fill_in_inertia, repair_inertia):
-        mend(document)
+    joints, between = _joints(document, series)
+    drop_zero_masses(document)
+    fill_in_inertia(document, series.links)
+    repair_inertia(document)
     name = document.root.get("name", path.stem)
     parts, text = (*links, *between), engine_text(document)
     return RobotModel(name, str(path), parts, joints, text, tuple(findings), plugins, commanded=commanded)
@@ -120,7 +122,7 @@ def _box(shape: Element) -> Box:
     return (-x, -y, -z), (x, y, z)
 
 
-def _joints(document: ModelDocument) -> tuple[tuple[Joint, ...], tuple[Link, ...]]:
+def _joints(document: ModelDocument, series: Series) -> tuple[tuple[Joint, ...], tuple[Link, ...]]:
     """Return the joints, and the massless links between the parts of ball joints."""
     joints: list[Joint] = []
     links: list[Link] = []
@@ -130,7 +132,7 @@ def _joints(document: ModelDocument) -> tuple[tuple[Joint, ...], tuple[Link, ...
             joints += parts
             links += between
         else:
-            joints.append(_joint(document, element))
+            joints.append(replace(_joint(document, element), series=series.joints.get(element.attrib["name"], "")))
     return tuple(joints), tuple(links)
 
 

@@ -105,9 +105,9 @@ def origin(element: Element) -> Pose:
     return Pose(vector(stated, "xyz", geometry.ZERO), geometry.quaternion_from_rpy(*rpy))
 
 
-def axis(joint: Element) -> Vector3:
+def axis(joint: Element, tag: str = "axis") -> Vector3:
     """Return the axis of a joint, of unit length; the x axis if it is missing."""
-    x, y, z = vector(joint.find("axis"), "xyz", (1.0, 0.0, 0.0))
+    x, y, z = vector(joint.find(tag), "xyz", (1.0, 0.0, 0.0))
     # Scale by the largest component first: squares of small numbers would underflow.
     largest = max(abs(x), abs(y), abs(z)) or 1.0
     x, y, z = x / largest, y / largest, z / largest

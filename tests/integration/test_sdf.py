@@ -209,7 +209,10 @@ def named(model: Path) -> RobotModel:
 
 @pytest.mark.parametrize("name", sdf_files())
 def test_a_world_is_refused_in_clear_words(name: str) -> None:
-    with pytest.raises(RefusedModel, match=r"sdf:[0-9]+: this SDF describes a world with the models '.*move it out"):
+    with pytest.raises(
+        RefusedModel,
+        match=r"sdf:[0-9]+: this SDF describes a world with the models '.*name file and robot in the section world",
+    ):
         named(DATA / name)
 
 

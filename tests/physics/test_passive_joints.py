@@ -192,3 +192,93 @@ def test_a_mass_on_a_spring_swings_with_its_period_and_keeps_its_energy(engine: 
 def test_a_damped_spring_comes_to_rest_at_its_reference(engine: str) -> None:
     run = swinging(engine, 3.0, sprung("prismatic", 'damping="25"'))
     assert run.trace.joint_position[-1, 0] == pytest.approx(REST, abs=1e-4)
+
+
+# --- joints in series ---
+
+_PUCK = inertial(2.0, (0.02, 0.02, 0.03))
+
+
+def _base_and(kind: str, body: str, more: str = "") -> str:
+    tilted = f'<origin rpy="0 {TILT!r} 0"/>'
+    joint = f'<joint name="p" type="{kind}">{tilted}<parent link="base"/><child link="bob"/>{more}</joint>'
+    return robot(link("base", inertial(1.0, (1.0, 1.0, 1.0))), link("bob", body), joint)
+
+
+def _column(run: Run, name: str) -> FloatArray:
+    return np.asarray(run.trace.joint_position[:, run.trace.joint_names.index(name)])
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_puck_on_a_planar_joint_slides_down_a_slope_and_turns(engine: str) -> None:
+    # A push along y at the centre, and a torque about the normal.
+    push = {
+        "at": 0,
+        "for": 1,
+        "link": "bob",
+        "force": [0, 1, 0],
+        "torque": [0.003 * math.sin(TILT), 0, 0.003 * math.cos(TILT)],
+    }
+    model = _base_and("planar", _PUCK, '<axis xyz="0 0 1"/>')
+    run = swinging(engine, 1.0, model, world={"disturbances": [push]})
+    assert run.trace.joint_names == ("p_x", "p_y", "p_turn")
+    # Each integrator is off by half a step.
+    assert _column(run, "p_x")[-1] == pytest.approx(GRAVITY * math.sin(TILT) / 2, rel=0.005)
+    assert _column(run, "p_y")[-1] == pytest.approx(0.5 / 2, rel=0.005)
+    assert _column(run, "p_turn")[-1] == pytest.approx(0.1 / 2, rel=0.005)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_the_damping_of_a_planar_joint_limits_the_speed(engine: str) -> None:
+    # The damping takes 5 times the speed of 2 kg each second; 20,000 times would explode.
+    for damping, seconds in ((10.0, 1.5), (40_000.0, 0.5)):
+        more = f'<axis xyz="0 0 1"/><dynamics damping="{damping}"/>'
+        run = swinging(engine, seconds, _base_and("planar", _PUCK, more))
+        speed = run.trace.joint_velocity[-1, run.trace.joint_names.index("p_x")]
+        most = 2 * GRAVITY * math.sin(TILT) / damping
+        if damping < 240:
+            assert speed == pytest.approx(most * (1 - math.exp(-damping / 2 * seconds)), rel=0.02)
+        else:
+            assert abs(speed) < 0.15
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_pendulum_on_a_universal_joint_has_the_periods_of_both_axes(engine: str, axis: int) -> None:
+    body = inertial(MASS, (0.06, 0.02, 0.05), (0.0, 0.0, -LENGTH))
+    more = '<origin rpy="0 0 0.4"/><axis xyz="1 0 0"/><axis2 xyz="0 1 0"/>'
+    hung = f'<joint name="p" type="universal">{more}<parent link="base"/><child link="bob"/></joint>'
+    model = robot(link("base", inertial(1.0, (1.0, 1.0, 1.0))), link("bob", body), hung)
+    run = swinging(engine, 4.0, model, {f"p_{axis + 1}": TILT})
+    moment = MASS * LENGTH**2 + (0.06, 0.02)[axis]
+    swung = _column(run, f"p_{axis + 1}")
+    period = float(np.diff(passages(run.trace.time, swung)).mean())
+    assert period == pytest.approx(pendulum_period(moment / (MASS * LENGTH), TILT), rel=1e-3)
+    assert np.abs(_column(run, f"p_{2 - axis}")).max() < 1e-6
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_body_on_a_floating_joint_falls_and_turns_as_a_free_one(engine: str) -> None:
+    body = inertial(2.0, (0.03, 0.03, 0.03), (0.1, 0.0, 0.0))
+    push = {"at": 0, "for": 0.5, "link": "bob", "torque": [0, 0, 0.03]}
+    run = swinging(
+        engine, 0.5, _base_and("floating", body).replace("rpy=", "xyz='0 0 1' rpy="), world={"disturbances": [push]}
+    )
+    down = [_column(run, f"p_slide_{axis}")[-1] for axis in "xyz"]
+    # Its origin is 0.1 m from its centre of mass, and turns by 0.125 rad about the upright axis.
+    fallen = GRAVITY * 0.5**2 / 2
+    at = geometry.rotate(geometry.quaternion_from_rpy(0.0, TILT, 0.0), (down[0], down[1], down[2]))
+    assert at[2] == pytest.approx(-fallen, rel=0.01)
+    assert math.hypot(at[0], at[1]) < 0.02
+    speed = run.trace.joint_velocity[-1, [run.trace.joint_names.index(f"p_{axis}") for axis in "xyz"]]
+    assert float(np.linalg.norm(speed)) == pytest.approx(0.5, rel=0.05)
+
+
+def test_both_engines_move_joints_in_series_in_the_same_way() -> None:
+    blow = {"at": 0.2, "for": 0.1, "link": "bob", "force": [3, 2, 1], "point": [0.05, 0.02, -0.2]}
+    body = inertial(2.0, (0.02, 0.02, 0.03), (0.1, 0.0, 0.0))
+    for kind in ("planar", "floating", "universal"):
+        model = _base_and(kind, body, '<axis xyz="0.3 0 1"/><axis2 xyz="0 1 0.2"/><dynamics damping="0.1"/>')
+        first, second = (swinging(engine, 1.0, model, world={"disturbances": [blow]}).trace for engine in ENGINES)
+        assert first.joint_names == second.joint_names
+        assert np.abs(first.joint_position - second.joint_position).max() < 0.01, kind

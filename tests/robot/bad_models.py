@@ -34,6 +34,7 @@ GOOD = f"""\
 
 _BALL = GOOD.replace("revolute", "ball").replace('<limit lower="-1" upper="2" effort="10" velocity="3"/>', "")
 _FRAME = _SPARE.replace('mass value="1"', 'mass value="0"')
+_PLANAR, _FLOATING = (_BALL.replace('"ball"', f'"{kind}"') for kind in ("planar", "floating"))
 _SPHERE = '<sphere radius="0.5"/>'
 _JOINT = '<joint name="shoulder" type="revolute">'
 _END = "</robot>"
@@ -178,8 +179,18 @@ BAD_MODELS = [
     _bad("passed-over", 14, "revolute", "spherical", "limits of a ball joint"),
     BadModel("friction of a ball joint", "passed-over", 14, _BALL.replace('damping="0.1"', 'friction="0.1"')),
     BadModel("two names of a ball joint", "duplicate-name", 14, _BALL.replace('"upper"', '"shoulder_x"')),
-    _bad("unsupported-joint", 14, "revolute", "floating"),
-    _bad("unsupported-joint", 14, "revolute", "planar"),
+    _bad("passed-over", 14, "revolute", "floating", "limits of a floating joint"),
+    _bad("passed-over", 14, "revolute", "planar", "limits of a planar joint"),
+    BadModel("two names of a planar joint", "duplicate-name", 14, _PLANAR.replace('"upper"', '"shoulder_turn"')),
+    BadModel("two names of a floating joint", "duplicate-name", 14, _FLOATING.replace('"upper"', '"shoulder_y"')),
+    BadModel(
+        "a second axis of length 0",
+        "zero-axis",
+        21,
+        _FLOATING.replace("floating", "universal").replace(
+            "</joint>", '<axis xyz="1 0 0"/><axis2 xyz="0 0 0"/></joint>'
+        ),
+    ),
     _bad("missing-part", 21, "</joint>", "<mimic/></joint>"),
     _bad("bad-number", 21, "</joint>", '<mimic joint="elbow" offset="half"/></joint>'),
     _bad("bad-mimic", 14, "</joint>", '<mimic joint="elbow"/></joint>'),

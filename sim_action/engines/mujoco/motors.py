@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from sim_action.engines import UNLIMITED_EFFORT
 from sim_action.engines.mujoco.actuators import Actuators
 from sim_action.engines.mujoco.scene import IMPEDANCE, STEPS_TO_CONVERGE, CompiledScene, solver_parameters
-from sim_action.robot.robot_model import Joint
 from sim_action.state.command import JointTargets
 from sim_action.state.trace import FloatArray
 from sim_action.world.scene import Scene
@@ -64,7 +63,7 @@ class Motors:
             kind = self._actuators.kind(number)
             if kind in {"position", "velocity"}:
                 self._set(number, _OWN, 0.0, self._friction[number])
-            elif _is_held(joint) and not (is_passive and kind is None):
+            elif joint.is_held and not (is_passive and kind is None):
                 self._set(number, _POSITION, self._data.qpos[self._qpos[number]], self._max_effort[number])
             elif model.mjcf is not None:
                 self._set(number, _FREE, 0.0, self._friction[number])
@@ -183,11 +182,6 @@ class Motors:
     def _servo(self) -> None:
         speed = self._gain * (self._goals - self._data.qpos[self._servo_qpos]) + self._goal_speeds
         self._bias[self._servos] = self._damping * np.clip(speed, -self._fastest, self._fastest)
-
-
-def _is_held(joint: Joint) -> bool:
-    """Return True if a motor holds a joint until it gets a command."""
-    return joint.type != "continuous" and joint.mimic is None and not joint.stiffness
 
 
 def _in_a_row(numbers: NDArray[np.intp]) -> _Numbers:

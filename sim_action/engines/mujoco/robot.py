@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any, Final
 from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element
@@ -44,9 +45,13 @@ def add_robot(spec: Any, model: RobotModel, *, fixed: bool) -> list[Collider]:
     while waiting:
         parent, above = waiting.pop()
         for joint in (joint for joint in model.joints if joint.parent == parent):
-            element = joints[joint.ball or joint.name]
+            # MuJoCo has joints in series in one body, and no massless bodies.
+            parts = [joint, *_in_series(model, joint)]
+            element = joints[parts[-1].ball or parts[-1].name]
             child = child_of(element)
-            body = _hang(above, joint, child, element)
+            body = _hang(above, joint, child)
+            for part in parts:
+                _join(body, part, joints[part.ball or part.name])
             colliders += _fill(spec, body, links[child], model)
             waiting.append((child, body))
     for joint in model.joints:
@@ -55,10 +60,26 @@ def add_robot(spec: Any, model: RobotModel, *, fixed: bool) -> list[Collider]:
     return colliders
 
 
-def _hang(parent: Any, joint: Joint, child: str, element: Element) -> Any:
-    """Add the body of a link below a joint; `joint`: of a ball joint, its first part."""
+def _in_series(model: RobotModel, joint: Joint) -> Iterator[Joint]:
+    """Yield the joints that follow a joint in series; of a ball joint, the first part."""
+    series = joint.series
+    while series:
+        below = (other for other in model.joints if other.parent == joint.child)
+        following = next((other for other in below if series in (other.series, other.ball)), None)
+        if following is None or joint.ball:
+            return
+        yield following
+        joint = following
+
+
+def _hang(parent: Any, joint: Joint, child: str) -> Any:
+    """Add the body of a link below a joint."""
     at = joint.origin
-    body = parent.add_body(name=engine_name(child), pos=list(at.position_xyz), quat=wxyz(at.orientation_xyzw))
+    return parent.add_body(name=engine_name(child), pos=list(at.position_xyz), quat=wxyz(at.orientation_xyzw))
+
+
+def _join(body: Any, joint: Joint, element: Element) -> None:
+    """Add a joint to its body; `joint`: of a ball joint, its first part."""
     dynamics = element.find("dynamics")
     if joint.ball:
         damping = [_number(dynamics, "damping"), 0, 0]
@@ -74,7 +95,6 @@ def _hang(parent: Any, joint: Joint, child: str, element: Element) -> Any:
             springref=joint.spring_reference,
             **_limits(joint),
         )
-    return body
 
 
 def _follow(spec: Any, joint: Joint, mimic: Mimic) -> None:

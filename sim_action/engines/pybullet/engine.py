@@ -305,11 +305,11 @@ class PyBulletEngine:
         for joint in scene.model.motor_joints:
             position = positions[joint.name]
             pybullet.resetJointState(self._robot, self._index[joint.name], position, physicsClientId=self._client)
-            if joint.type == "continuous" or joint.mimic is not None or joint.stiffness:
+            if joint.is_held:
+                self._servo(joint.name, position, self._max_effort[joint.name])
+            else:
                 # Switches the default motor off; only the joint's own friction remains.
                 self._motor(joint.name, pybullet.VELOCITY_CONTROL, force=self._friction[joint.name])
-            else:
-                self._servo(joint.name, position, self._max_effort[joint.name])
             if joint.mimic is not None:
                 leader = self._index[joint.mimic.joint]
                 add_gear(self._client, self._robot, self._index[joint.name], leader, joint.mimic)

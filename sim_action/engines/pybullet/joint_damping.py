@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final, Self
 
 import numpy as np
@@ -39,9 +39,10 @@ _AXES: Final = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 @dataclass(frozen=True, slots=True)
 class _Damped:
-    """A joint with damping. Attributes: the numbers of its links, its axis in the world frame, its damping in SI."""
+    """A joint with damping. Attributes: numbers of the joint and its links, its axis in the world frame, SI damping."""
 
     name: str
+    number: int
     child: int
     parent: int
     axis_xyz: Vector3
@@ -115,12 +116,13 @@ def calm(client: int, robot: int, rate: float, *, bolted: bool) -> tuple[str, ..
     masses = {number: _mass(client, robot, number) for number in range(BASE, len(infos))}
     fixed = frozenset(info[0] for info in infos if info[2] == pybullet.JOINT_FIXED)
     parents = {info[0]: info[16] for info in infos}
+    damped = [_between_masses(joint, parents, masses) for joint in damped]
     mechanism = _Mechanism.of(parents, fixed, masses, held=bolted or not masses[BASE].mass)
     for link, axis, moment in _added(mechanism, [joint for joint in damped if not joint.is_sliding], rate):
         _add_moment(client, robot, link, axis, moment)
     notes = []
     for joint, most in _limited(mechanism, [joint for joint in damped if joint.is_sliding], rate):
-        pybullet.changeDynamics(robot, joint.child, jointDamping=most, physicsClientId=client)
+        pybullet.changeDynamics(robot, joint.number, jointDamping=most, physicsClientId=client)
         notes.append(_note(joint, most, rate))
     return tuple(notes)
 
@@ -131,7 +133,18 @@ def _read(client: int, robot: int, info: Sequence[Any]) -> list[_Damped]:
     turned = _inertial(client, robot, info[0]).orientation_xyzw
     sliding = info[2] == pybullet.JOINT_PRISMATIC
     axes = _AXES if info[2] == pybullet.JOINT_SPHERICAL else [geometry.rotate(turned, info[13])]
-    return [_Damped(info[1].decode(), info[0], info[16], axis, info[6], sliding) for axis in axes]
+    return [_Damped(info[1].decode(), info[0], info[0], info[16], axis, info[6], sliding) for axis in axes]
+
+
+def _between_masses(joint: _Damped, parents: Mapping[int, int], masses: Mapping[int, _Mass]) -> _Damped:
+    """Return a joint between the nearest links with a mass: those between joints in series have none."""
+    children = {parent: link for link, parent in parents.items()}
+    child, parent = joint.child, joint.parent
+    while not masses[child].mass and child in children:
+        child = children[child]
+    while parent != BASE and not masses[parent].mass:
+        parent = parents[parent]
+    return replace(joint, child=child, parent=parent)
 
 
 def _mass(client: int, robot: int, link: int) -> _Mass:

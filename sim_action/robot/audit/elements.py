@@ -38,6 +38,9 @@ _CHILDREN: Final = {"joint": ("parent", "child"), "link/collision": ("geometry",
 
 _MAX_SHOWN_CHARS: Final = 100
 
+_LIMIT: Final = {"lower": 1, "upper": 1, "effort": 1, "velocity": 1}
+_DYNAMICS: Final = {"damping": 1, "friction": 1, "spring_stiffness": 1, "spring_reference": 1}
+
 _NUMBERS: Final = {
     "link/inertial/origin": {"xyz": 3, "rpy": 3},
     "link/inertial/mass": {"value": 1},
@@ -52,8 +55,11 @@ _NUMBERS: Final = {
     "link/visual/geometry/mesh": {"scale": 3},
     "joint/origin": {"xyz": 3, "rpy": 3},
     "joint/axis": {"xyz": 3},
-    "joint/limit": {"lower": 1, "upper": 1, "effort": 1, "velocity": 1},
-    "joint/dynamics": {"damping": 1, "friction": 1, "spring_stiffness": 1, "spring_reference": 1},
+    "joint/axis2": {"xyz": 3},
+    "joint/limit": _LIMIT,
+    "joint/limit2": _LIMIT,
+    "joint/dynamics": _DYNAMICS,
+    "joint/dynamics2": _DYNAMICS,
     "joint/mimic": {"multiplier": 1, "offset": 1},
     "link/contact/inertia_scaling": {"value": 1},
     **{f"link/contact/{tag}": {"value": 1} for tag in CONTACT},
@@ -61,7 +67,7 @@ _NUMBERS: Final = {
 """Path -> attribute -> the count of numbers that it must hold."""
 
 _NOT_NEGATIVE: Final = {
-    "dynamics": ("damping", "friction", "spring_stiffness"),
+    **dict.fromkeys(("dynamics", "dynamics2"), ("damping", "friction", "spring_stiffness")),
     **dict.fromkeys(CONTACT, ("value",)),
 }
 """Tag -> attributes that must not be negative, because a negative value would add energy."""
@@ -86,8 +92,11 @@ _KNOWN: Final = {
         "child",
         "origin",
         "axis",
+        "axis2",
         "limit",
+        "limit2",
         "dynamics",
+        "dynamics2",
         "mimic",
         "safety_controller",
         "calibration",

@@ -15,9 +15,6 @@ from sim_action.robot.urdf_elements import BALLS, child_of, number, parent_of, v
 from sim_action.robot.urdf_elements import limits as limits_of
 from sim_action.robot.xml_document import ModelDocument
 
-UNSUPPORTED: Final = ("floating", "planar")
-"""URDF joint types that the engines do not support inside a robot."""
-
 LIMITED: Final = ("revolute", "prismatic")
 """Joint types that must have position limits."""
 
@@ -38,12 +35,12 @@ A limit beyond the upper bound stands for "no limit".
 def axes(document: ModelDocument) -> Iterator[Finding]:
     """Yield moving joints with an axis of length 0. Exporters write 0 0 0 for joints that do not move."""
     for joint in document.elements("joint"):
-        axis = joint.find("axis")
-        if joint.attrib["type"] in {"fixed", "floating", *BALLS} or axis is None:
+        if joint.attrib["type"] in {"fixed", "floating", *BALLS}:
             continue
-        if vector(axis, "xyz", (1.0, 0.0, 0.0)) == ZERO:
-            message = f"joint '{joint.attrib['name']}' has an axis of length 0"
-            yield document.finding("zero-axis", axis, message)
+        for axis in (*joint.findall("axis"), *joint.findall("axis2")):
+            if vector(axis, "xyz", (1.0, 0.0, 0.0)) == ZERO:
+                message = f"joint '{joint.attrib['name']}' has an axis of length 0"
+                yield document.finding("zero-axis", axis, message)
 
 
 def limits(document: ModelDocument) -> Iterator[Finding]:
@@ -102,26 +99,16 @@ def motors(document: ModelDocument) -> Iterator[Finding]:
             yield document.finding("zero-limit", limit, message)
 
 
-def kinds(document: ModelDocument) -> Iterator[Finding]:
-    """Yield joints with more than one motion, except the joint of a free base."""
+def passive(document: ModelDocument) -> Iterator[Finding]:
+    """Yield ball, planar and floating joints with limits or friction, which are not simulated."""
     for joint in document.elements("joint"):
         kind = joint.attrib["type"]
-        if kind in UNSUPPORTED and not is_free_base(document, joint):
-            message = (
-                f"{kind} joint '{joint.attrib['name']}' has more than one motion, which is not supported; use several "
-                "revolute or prismatic joints"
-            )
-            yield document.finding("unsupported-joint", joint, message)
-
-
-def balls(document: ModelDocument) -> Iterator[Finding]:
-    """Yield ball joints with limits or friction, which are not simulated."""
-    for joint in document.elements("joint"):
-        if joint.attrib["type"] not in BALLS:
+        if kind not in {"planar", "floating", *BALLS} or is_free_base(document, joint):
             continue
         parts = {("limit", "lower"): "<limit>", ("limit", "upper"): "<limit>", ("dynamics", "friction"): "friction"}
         for what in dict.fromkeys(what for (tag, name), what in parts.items() if number(joint.find(tag), name)):
-            message = f"ball joint '{joint.attrib['name']}' swings freely: its {what} is not simulated"
+            title = f"{'ball' if kind in BALLS else kind} joint '{joint.attrib['name']}'"
+            message = f"{title} moves freely: its {what} is not simulated"
             yield document.finding("passed-over", joint, message)
 
 

@@ -15,10 +15,11 @@ from xml.etree.ElementTree import Element
 
 from sim_action.core.wording import did_you_mean
 from sim_action.robot.robot_model import MOVING_TYPES, Finding
+from sim_action.robot.series_joints import SERIES, part_names
 from sim_action.robot.urdf_elements import BALLS, child_of, parent_of
 from sim_action.robot.xml_document import ModelDocument
 
-_JOINT_TYPES: Final = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar", *BALLS)
+_JOINT_TYPES: Final = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar", "universal", *BALLS)
 
 
 # Each hint compares a name with all others.
@@ -53,16 +54,18 @@ def names(document: ModelDocument) -> Iterator[Finding]:
                     "duplicate-name", element, f"a second {tag} is named '{name}'; names must be unique"
                 )
             seen.add(name)
-    yield from _ball_names(document)
+    yield from _part_names(document)
 
 
-def _ball_names(document: ModelDocument) -> Iterator[Finding]:
-    """Yield ball joints whose parts would have the name of a joint or link."""
+def _part_names(document: ModelDocument) -> Iterator[Finding]:
+    """Yield joints with several motions whose parts would have the name of a joint or link."""
     taken = {element.attrib["name"] for element in document.elements("link", "joint")}
     for joint in document.elements("joint"):
-        parts = (f"{joint.attrib['name']}_{axis}" for axis in "xyz") if joint.attrib["type"] in BALLS else ()
-        for part in taken.intersection(parts):
-            message = f"the rotation of ball joint '{joint.attrib['name']}' would be named '{part}', as another part"
+        name, kind = joint.attrib["name"], joint.attrib["type"]
+        turns = [f"{name}_{axis}" for axis in "xyz"] if kind in (*BALLS, "floating") else []
+        for part in taken.intersection((*part_names(joint), *turns)):
+            kind = "ball" if kind in BALLS else kind
+            message = f"a motion of {kind} joint '{name}' would be named '{part}', as another part"
             yield document.finding("duplicate-name", joint, f"{message}; rename one of them")
 
 
@@ -124,9 +127,10 @@ def _reached(root: str, children: dict[str, list[str]]) -> set[str]:
 
 def joint_counts(document: ModelDocument) -> Iterator[Finding]:
     """Yield a finding if the model has more joints than PyBullet can hold."""
-    joints = list(document.elements("joint"))
-    moving = [joint for joint in joints if joint.get("type") in MOVING_TYPES]
-    balls = [joint for joint in joints if joint.get("type") in BALLS]
+    # Each motion counts.
+    joints = [joint for joint in document.elements("joint") for _ in range(max(1, len(part_names(joint))))]
+    moving = [joint for joint in joints if joint.get("type") in {*MOVING_TYPES, *SERIES}]
+    balls = [joint for joint in document.elements("joint") if joint.get("type") in {*BALLS, "floating"}]
     yield from _beyond(document, joints, MAX_JOINTS, "joints")
     yield from _beyond(document, [*moving, *balls * _BALL_NUMBERS], MAX_MOVING_JOINTS, "joints that move")
 

@@ -64,9 +64,7 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         "empty-mesh": Rule("fatal", "a collision mesh in which no triangle has an area"),
         "mesh-index": Rule("fatal", "a collision mesh with a face that refers to a missing point"),
         "too-large-mesh": Rule("fatal", "a collision mesh with too many triangles or bytes"),
-        "unsupported-joint": Rule(
-            "error", "a joint with more than one motion, such as floating, planar or ball; if allowed, it is fixed"
-        ),
+        "unsupported-joint": Rule("error", "a screw joint in SDF, which no engine has; if allowed, it is fixed"),
         "bad-mimic": Rule("error", "a <mimic> that cannot work; if allowed, the joint moves independently"),
         "unexpanded-expression": Rule(
             "error", "an unexpanded xacro expression, ${...} or $(...); if allowed, the value counts as left out"

@@ -32,13 +32,13 @@ from sim_action.robot.sdf.unsupported_parts import note_parts, note_sensors
 from sim_action.robot.sdf.urdf_writer import UrdfWriter, numbers
 from sim_action.robot.urdf_elements import UNLIMITED
 
-_SUPPORTED: Final = ("revolute", "continuous", "prismatic", "ball", "fixed")
-_URDF_TYPES: Final = {"ball": "spherical"}
+_SUPPORTED: Final = ("revolute", "continuous", "prismatic", "ball", "universal", "revolute2", "fixed")
+_URDF_TYPES: Final = {"ball": "spherical", "revolute2": "universal"}
 _UNSUPPORTED: Final = {
-    "universal": "use two revolute joints",
-    "revolute2": "use two revolute joints",
-    "screw": "use a revolute and a prismatic joint with <mimic>",
+    "screw": "no engine couples a rotation and a translation in one joint; use a revolute and a prismatic joint with "
+    "<mimic>",
 }
+_TWO_AXES: Final = ("universal", "revolute2")
 # Poses in files are rounded.
 _AXIS_TOLERANCE_M: Final = 1e-9
 
@@ -52,6 +52,7 @@ class ResolvedJoint:
         parent: the parent link; None is the world.
         pose: the joint's frame, in the outermost model's frame.
         axis_xyz: in the frame of the child link; None for a fixed joint and a ball joint.
+        axis2_xyz: the second axis of a universal joint, in the same frame.
     """
 
     entry: Entry
@@ -60,13 +61,14 @@ class ResolvedJoint:
     child: Entry
     pose: Pose
     axis_xyz: Vector3 | None
+    axis2_xyz: Vector3 | None = None
 
     def shift(self, child_pose: Pose) -> Vector3:
         """Return the offset in m, in the child link's frame, that moves the child's origin onto the axis."""
         if self.type in ("fixed", "prismatic"):
             return ZERO
         origin = geometry.compose(geometry.inverse(child_pose), self.pose).position_xyz
-        if self.axis_xyz is None:
+        if self.axis_xyz is None or self.axis2_xyz is not None:
             return origin if math.hypot(*origin) > _AXIS_TOLERANCE_M else ZERO
         length = math.hypot(*self.axis_xyz)
         away = math.hypot(*geometry.cross(origin, self.axis_xyz)) / length if length else 0.0
@@ -89,8 +91,10 @@ def resolve_joint(notes: Notes, frames: Frames, entry: Entry) -> ResolvedJoint:
     pose = frames.in_root(entry)
     has_axis = kind not in ("fixed", "ball")
     turned = pose.orientation_xyzw
-    axis = _axis(notes, frames, entry, turned, frames.in_root(child)) if has_axis else None
-    return ResolvedJoint(entry, kind, parent, child, pose, axis)
+    tags = ["axis", "axis2"] if kind in _TWO_AXES else ["axis"] if has_axis else []
+    to_child = geometry.conjugate(frames.in_root(child).orientation_xyzw)
+    axes = [geometry.rotate(to_child, _axis(notes, frames, entry, turned, tag)) for tag in tags]
+    return ResolvedJoint(entry, kind, parent, child, pose, *axes, *[None] * (1 - len(axes)))
 
 
 def _type(notes: Notes, entry: Entry) -> str:
@@ -115,22 +119,27 @@ def _type(notes: Notes, entry: Entry) -> str:
     return "continuous" if kind == "revolute" and not _is_limited(element.find("axis/limit")) else kind
 
 
+def _kind_of_axis(kind: str, axis: Element) -> str:
+    """Return the URDF type of the motion about an axis of a joint."""
+    return ("revolute" if _is_limited(axis.find("limit")) else "continuous") if kind in _TWO_AXES else kind
+
+
 def _is_limited(limit: Element | None) -> bool:
     return limit_of(limit, "lower", -UNLIMITED) > -UNLIMITED or limit_of(limit, "upper", UNLIMITED) < UNLIMITED
 
 
-def _axis(notes: Notes, frames: Frames, entry: Entry, joint_orientation: Quaternion, child: Pose) -> Vector3:
-    """Return the axis in the child link's frame. Raises SdfProblem."""
-    axis = needed(entry.element, "axis")
+def _axis(notes: Notes, frames: Frames, entry: Entry, turned: Quaternion, tag: str = "axis") -> Vector3:
+    """Return an axis in the frame of the outermost model; `turned`: the joint's frame in it. Raises SdfProblem."""
+    axis = needed(entry.element, tag)
     xyz = axis.find("xyz")
     vector = (0.0, 0.0, 1.0) if xyz is None else vector_of(xyz)
     scope, name = entry.owner, "" if xyz is None else xyz.get("expressed_in", "")
     _check_flag(notes, entry, axis)
-    orientation = joint_orientation
+    orientation = turned
     if name:
         frame = frames.named(scope, name, axis if xyz is None else xyz)
         orientation = (frames.in_root(frame) if frame else frames.model_in_root(scope)).orientation_xyzw
-    return geometry.rotate(geometry.conjugate(child.orientation_xyzw), geometry.rotate(orientation, vector))
+    return geometry.rotate(orientation, vector)
 
 
 def _check_flag(notes: Notes, entry: Entry, axis: Element) -> None:
@@ -167,13 +176,22 @@ class JointWriter:
         writer.add(joint, "child", element, link=resolved.child.full_name)
         if resolved.axis_xyz is not None:
             axis = needed(element, "axis")
-            writer.add(joint, "axis", axis, xyz=numbers(*resolved.axis_xyz))
-            self._write_limits(joint, axis, resolved.type)
-            self._write_dynamics(joint, axis)
-            self._write_mimic(joint, axis, resolved.entry)
-            note_parts(self._notes, axis, f"joint '{resolved.entry.full_name}'")
+            kind = _kind_of_axis(resolved.type, axis)
+            self._write_axis(joint, axis, resolved.axis_xyz, kind)
+            if resolved.axis2_xyz is None:
+                self._write_mimic(joint, axis, resolved.entry)
+        if resolved.axis2_xyz is not None:
+            second = needed(element, "axis2")
+            self._write_axis(joint, second, resolved.axis2_xyz, _kind_of_axis(resolved.type, second), "2")
 
-    def _write_limits(self, joint: Element, axis: Element, kind: str) -> None:
+    def _write_axis(self, joint: Element, axis: Element, xyz: Vector3, kind: str, number: str = "") -> None:
+        """Write an axis with its limits and dynamics; `number`: at the end of the tags."""
+        self._writer.add(joint, f"axis{number}", axis, xyz=numbers(*xyz))
+        self._write_limits(joint, axis, kind, number)
+        self._write_dynamics(joint, axis, number)
+        note_parts(self._notes, axis, f"joint '{joint.attrib['name']}'")
+
+    def _write_limits(self, joint: Element, axis: Element, kind: str, number: str) -> None:
         limit = axis.find("limit")
         bounds = {"lower": limit_of(limit, "lower", -UNLIMITED), "upper": limit_of(limit, "upper", UNLIMITED)}
         attributes = {} if kind == "continuous" else {tag: numbers(bound) for tag, bound in bounds.items()}
@@ -182,10 +200,10 @@ class JointWriter:
             if 0 <= most < UNLIMITED:
                 attributes[tag] = numbers(most)
         if attributes:
-            self._writer.add(joint, "limit", axis if limit is None else limit, **attributes)
+            self._writer.add(joint, f"limit{number}", axis if limit is None else limit, **attributes)
 
-    def _write_dynamics(self, joint: Element, axis: Element) -> None:
-        name = joint.attrib["name"]
+    def _write_dynamics(self, joint: Element, axis: Element, number: str) -> None:
+        name = f"{joint.attrib['name']}_{number or 1}" if "universal" in joint.attrib["type"] else joint.attrib["name"]
         start = number_of(axis, "initial_position", 0.0)
         if start:
             message = f"<initial_position> is ignored: set robot.joints: {{{name}: {start:g}}} in the scenario"
@@ -197,7 +215,7 @@ class JointWriter:
         if number_of(dynamics, "spring_stiffness", 0.0):
             tags = ("spring_stiffness", "spring_reference")
             stated |= {tag: numbers(number_of(dynamics, tag, 0.0)) for tag in tags}
-        self._writer.add(joint, "dynamics", dynamics, **stated)
+        self._writer.add(joint, f"dynamics{number}", dynamics, **stated)
 
     def _write_mimic(self, joint: Element, axis: Element, entry: Entry) -> None:
         mimic = axis.find("mimic")

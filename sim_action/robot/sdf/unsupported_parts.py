@@ -60,11 +60,11 @@ _EVERYTHING: Final = 0xFFFF
 
 
 def note_parts(notes: Notes, holder: Element, owner: str) -> None:
-    """Add a finding for each unsupported part of a <model>, <link>, <collision> or <axis>. Raises SdfProblem.
+    """Add a finding for each unsupported part of a <model>, <link>, <collision>, <axis> or <axis2>. Raises SdfProblem.
 
     :param owner: the name of the element in messages.
     """
-    for path, default in PARTS[holder.tag].items():
+    for path, default in PARTS[holder.tag.removesuffix("2")].items():
         part = holder.find(path)
         if part is not None and _has_effect(holder, path, default):
             note_part(notes, f"{holder.tag}/{path}", part, (part.text or "").strip(), owner)

@@ -84,7 +84,7 @@ def test_every_rule_has_a_model_that_breaks_it() -> None:
     elsewhere = {"package-folder", "file-spelling"}
     elsewhere |= {"several-packages", "xacro-warning", "bad-xacro", "unknown-argument", "missing-include"}
     # What only SDF can do is in test_bad_sdf.py and test_sdf.py.
-    elsewhere |= {"unknown-frame", "frame-loop", "include-loop", "unsupported-part"}
+    elsewhere |= {"unknown-frame", "frame-loop", "include-loop", "unsupported-part", "unsupported-joint"}
     elsewhere |= {"default-inertia", "turned-base"}
     # What takes mesh files is in test_meshes.py and test_references.py.
     elsewhere |= {
@@ -113,7 +113,7 @@ def test_a_restitution_of_zero_is_no_finding(part: str, tmp_path: Path) -> None:
     assert findings(tmp_path, GOOD.replace("</robot>", text)) == []
 
 
-@pytest.mark.parametrize("rule", sorted({*ALLOWABLE} - {"unsupported-part"}))
+@pytest.mark.parametrize("rule", sorted({*ALLOWABLE} - {"unsupported-part", "unsupported-joint"}))
 def test_an_error_can_be_let_go_and_is_told_all_the_same(rule: str, tmp_path: Path) -> None:
     bad = next(bad for bad in BAD_MODELS if bad.rule == rule)
     path = tmp_path / "robot.urdf"

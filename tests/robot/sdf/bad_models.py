@@ -131,7 +131,7 @@ BAD_SDF_MODELS = [
     _bad("unknown-link", 5, "has the world as its child", "<child>tool", "<child>world"),
     _kind("joint-type", "the unknown type 'hinge'; the types are revolute", "hinge"),
     _kind("joint-type", "use <mimic> in the <axis>", "gearbox"),
-    _kind("unsupported-joint", "two revolute joints", "universal"),
+    _kind("unsupported-joint", "no engine couples a rotation and a translation", "screw"),
     _bad("zero-axis", 5, "has an axis of length 0", "0 0 1</xyz>", "0 0 0</xyz>"),
     BadSdf(
         "reversed",

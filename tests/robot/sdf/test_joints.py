@@ -133,9 +133,28 @@ def test_a_ball_joint_turns_about_the_origin_of_its_own_frame(tmp_path: Path) ->
     assert element.get("type") == "spherical"
 
 
-@pytest.mark.parametrize("kind", ["universal", "screw", "revolute2"])
-def test_a_joint_that_is_not_simulated_is_fixed_where_that_is_allowed(kind: str, tmp_path: Path) -> None:
-    model = load(tmp_path, sdf(link("a"), link("b"), joint("j", "a", "b", "", kind)), allow=("unsupported-joint",))
+@pytest.mark.parametrize("kind", ["universal", "revolute2"])
+def test_a_joint_with_two_axes_is_two_hinges_at_the_origin_of_its_own_frame(kind: str, tmp_path: Path) -> None:
+    first = "<axis><xyz>0 0 1</xyz><limit><lower>-0.5</lower><upper>0.6</upper></limit></axis>"
+    dynamics = "<dynamics><damping>0.3</damping><spring_stiffness>9</spring_stiffness></dynamics>"
+    second = f"<axis2><xyz>1 0 0</xyz>{dynamics}<initial_position>0.2</initial_position></axis2>"
+    two = joint("j", "a", "b", f"<pose>0 0 0.5 0 0 1.5707963267948966</pose>{first}{second}", kind)
+    model = load(tmp_path, sdf(link("a"), link("b", "<pose>0 0 1 0 0 0</pose>"), two))
+    assert [(part.name, part.type, part.parent, part.child) for part in model.joints] == [
+        ("j_1", "revolute", "a", "j_1"),
+        ("j_2", "continuous", "j_1", "b"),
+    ]
+    one, other = model.joints
+    assert {one.series, other.series} == {"j"}
+    assert (one.origin.position_xyz, other.origin.position_xyz) == (near(0, 0, 1.5), near(0, 0, 0))
+    assert (one.axis_xyz, other.axis_xyz) == (near(0, 0, 1), near(0, 1, 0))
+    assert (one.lower, one.upper, other.stiffness) == (-0.5, 0.6, 9.0)
+    assert rules(model) == ["passed-over"]
+    assert "robot.joints: {j_2: 0.2}" in model.findings[0].message
+
+
+def test_a_joint_that_is_not_simulated_is_fixed_where_that_is_allowed(tmp_path: Path) -> None:
+    model = load(tmp_path, sdf(link("a"), link("b"), joint("j", "a", "b", "", "screw")), allow=("unsupported-joint",))
     assert model.joints[0].type == "fixed"
     assert rules(model) == ["unsupported-joint"]
 
