@@ -5,8 +5,11 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path, PurePath
 from typing import Final
+
+from sim_action.core.wording import nearest
 
 
 def is_of_git(path: PurePath) -> bool:
@@ -28,6 +31,20 @@ class PathError(ValueError):
 def path_problem(error: Exception, wanted: str = "file") -> str:
     """Return the reason why a path cannot be resolved: a loop of links (RuntimeError), its length, or a NUL."""
     return f"a link leads to itself; replace it with a {wanted}" if isinstance(error, RuntimeError) else str(error)
+
+
+_MAX_NAMES_READ: Final = 10_000
+
+
+def similar_name(path: Path) -> str:
+    """Return the hint "; did you mean ..." with a similar name in the folder of a missing file, in any letter case."""
+    try:
+        with os.scandir(path.parent) as entries:
+            names = {entry.name.lower(): entry.name for entry in islice(entries, _MAX_NAMES_READ)}
+    except OSError:
+        return ""
+    near = nearest(path.name.lower(), sorted(names))
+    return "" if near is None else f"; did you mean '{names[near]}'?"
 
 
 @dataclass(frozen=True, slots=True)

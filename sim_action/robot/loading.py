@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Final
 
 from sim_action.core.errors import ModelError
 from sim_action.core.wording import did_you_mean
-from sim_action.core.workspace import PathError, Workspace
+from sim_action.core.workspace import PathError, Workspace, similar_name
 from sim_action.robot.audit.rules import limited_notes
 from sim_action.robot.built_in import BUILT_IN, FOLDER
-from sim_action.robot.model_files import find_model_file, is_model_folder
+from sim_action.robot.model_files import find_model_file, is_folder, is_model_folder, model_files_in
 from sim_action.robot.packages import PackageError, Packages
 from sim_action.robot.robot_model import Finding, RobotModel
 from sim_action.robot.urdf import model_of, read_urdf
@@ -152,8 +152,15 @@ def check_text(robot: Robot, workspace: Workspace) -> tuple[str, ...]:
     return check_xacro_text(path, robot.args, packages)
 
 
+def package_problems(robot: Robot, workspace: Workspace) -> Iterator[tuple[tuple[str, ...], str]]:
+    """Yield a problem, with its path in the scenario, for each key of `robot.packages` that leads to no folder."""
+    for name, message in Packages(workspace, robot.packages).mapped_problems():
+        yield ("robot", "packages", name), message
+
+
 def _path(name: str, packages: Packages) -> Path:
-    if "/" not in name and "." not in name:
+    place = packages.workspace.directory / name
+    if "/" not in name and "." not in name and not is_folder(place):
         built_in = f"unknown robot '{name}'{did_you_mean(name, BUILT_IN)}"
         raise ModelError(f"{built_in}, or the path of a .urdf, .xacro, .sdf or .xml file")
     workspace = packages.workspace
@@ -162,4 +169,20 @@ def _path(name: str, packages: Packages) -> Path:
             return find_model_file(name, workspace.directory / "scenario", packages).path
         return workspace.file(name)
     except (PathError, PackageError) as error:
-        raise ModelError(str(error)) from None
+        raise ModelError(f"{error}{'' if '://' in name else _next_step(name, place, packages)}") from None
+
+
+def _next_step(name: str, place: Path, packages: Packages) -> str:
+    """Return the end of a message about a path that is no model file: a similar name, or the files in the folder."""
+    try:
+        found = place.resolve()
+        if not packages.may_read(found):
+            return ""
+        if not found.exists():
+            return similar_name(found)
+        files = model_files_in(found)
+    except (OSError, ValueError, RuntimeError):
+        return ""
+    if not files:
+        return ""
+    return f"; the model files in it are: {', '.join(files)}; write 'model: {name.rstrip('/')}/{files[0]}'"

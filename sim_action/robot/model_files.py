@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from itertools import islice
 from pathlib import Path
 from typing import Final
 
-from sim_action.robot.package_search import is_model
+from sim_action.robot.package_search import PACKAGE_FILE, is_model
 from sim_action.robot.packages import Found, Note, PackageError, Packages
 from sim_action.robot.xml_document import ModelDocument, read_document
 
@@ -15,6 +16,9 @@ Version = tuple[int, int]
 
 NEWEST: Final[Version] = (1, 11)
 """The newest version of SDF that is supported; a newer file is read as this version."""
+
+_MAX_FILES_READ: Final = 10_000
+_MAX_FILES_NAMED: Final = 10
 
 _MANIFEST: Final = "model.config"
 
@@ -33,7 +37,7 @@ def find_model_file(
     name, _, path = rest.partition("/")
     if not separator:
         place = referrer.resolve().parent / reference
-        if "/" not in reference and not place.suffix and not _is_folder(place):
+        if "/" not in reference and not place.suffix and not is_folder(place):
             # A bare name is a model's name, as in SDF_PATH.
             return find_model_file(f"model://{reference}", referrer, packages, read)
     elif name and scheme in {"model", "package"}:
@@ -42,14 +46,36 @@ def find_model_file(
         place, notes = found.path, found.notes
     else:
         return packages.resolve(reference, referrer)
-    if not _is_folder(place):
+    if not is_folder(place):
         return Found(packages.file(place, reference), notes)
     return Found(_file_in(place.resolve(), reference, packages, read), notes)
 
 
 def is_model_folder(path: Path) -> bool:
     """Return True if a folder contains a model.config or a model.sdf."""
-    return _is_folder(path) and is_model(path)
+    return is_folder(path) and is_model(path)
+
+
+def is_folder(path: Path) -> bool:
+    """Return True if a path is a folder, for any text as path."""
+    try:
+        return path.is_dir()
+    except (OSError, ValueError, RuntimeError):
+        return False
+
+
+def model_files_in(folder: Path) -> tuple[str, ...]:
+    """Return the first files in a folder that may be models, the likeliest one first.
+
+    The folders below it are read if it has none. Files with the suffix .xml count if there are no others.
+    """
+    for suffixes in ((".urdf", ".xacro", ".sdf"), (".xml",)):
+        for pattern in ("*", "*/*", "*/*/*"):
+            files = [path for path in islice(folder.glob(pattern), _MAX_FILES_READ) if path.suffix in suffixes]
+            likely = sorted(files, key=lambda path: (path.stem not in folder.name, str(path)))
+            if named := [path.relative_to(folder).as_posix() for path in likely if path.name != PACKAGE_FILE]:
+                return tuple(named[:_MAX_FILES_NAMED])
+    return ()
 
 
 def parsed_version(text: str) -> Version:
@@ -71,11 +97,3 @@ def _file_in(folder: Path, reference: str, packages: Packages, read: Callable[[P
     best = max(known or files, key=lambda file: parsed_version(file.get("version", "")))
     name = (best.text or "").strip()
     return packages.file(folder / name, f"{reference}/{name}")
-
-
-def _is_folder(path: Path) -> bool:
-    """Return True if a path is a folder, for any text as path."""
-    try:
-        return path.is_dir()
-    except (OSError, ValueError, RuntimeError):
-        return False

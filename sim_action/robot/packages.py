@@ -21,7 +21,7 @@ from typing import Final
 from urllib.parse import unquote
 
 from sim_action.core.wording import FirstFew, nearest
-from sim_action.core.workspace import OUTSIDE_REMEDY, Workspace, path_problem
+from sim_action.core.workspace import OUTSIDE_REMEDY, Workspace, path_problem, similar_name
 from sim_action.robot.file_spelling import Listings
 from sim_action.robot.package_search import (
     MODEL_VARIABLES,
@@ -37,7 +37,6 @@ from sim_action.robot.package_search import (
 from sim_action.robot.references import Reference
 
 _PLACES_SHOWN: Final = 5
-_NAMES_READ: Final = 10_000
 
 
 class PackageError(Exception):
@@ -89,6 +88,14 @@ class Packages:
     environment: Mapping[str, str] = field(default_factory=lambda: dict(os.environ), repr=False)
     _hinted: FirstFew = field(default_factory=FirstFew, init=False, repr=False, compare=False)
     _listings: Listings = field(default_factory=Listings, init=False, repr=False, compare=False)
+
+    def mapped_problems(self) -> Iterator[tuple[str, str]]:
+        """Yield each name in `robot.packages` that leads to no folder, and the problem."""
+        for name in self.mapped:
+            try:
+                self._given(name) or self._mapped(name)
+            except PackageError as error:
+                yield name, str(error)
 
     def find(self, name: str, referrer: Path) -> Found:
         """Return the folder of a package; `referrer` is the file that names it. Raises PackageError."""
@@ -262,9 +269,9 @@ class Packages:
             raise PackageError("missing-file", f"'{reference}' is not a regular file (looked for {found})")
         if not is_file:
             reason = "is a folder" if is_folder else "does not exist"
-            raise PackageError(
-                "missing-file", f"'{reference}' {reason} (looked for {found}){self._similar_name(found)}"
-            )
+            # A model may miss many files.
+            hint = similar_name(found) if self._hinted.one_more() else ""
+            raise PackageError("missing-file", f"'{reference}' {reason} (looked for {found}){hint}")
         return found
 
     def place(self, path: Path, reference: str) -> Path:
@@ -365,18 +372,6 @@ class Packages:
             f"add it to the repository, or set its folder: robot.packages: {{{name}: path/to/{name}}}, or "
             f"name a folder outside the repository: --package {name}={outside}",
         )
-
-    def _similar_name(self, path: Path) -> str:
-        """Return a hint with a similar name in the same folder: exporters confuse Base.STL and base.stl."""
-        if not self._hinted.one_more():
-            return ""
-        try:
-            with os.scandir(path.parent) as entries:
-                names = {entry.name.lower(): entry.name for entry in islice(entries, _NAMES_READ)}
-        except OSError:
-            return ""
-        near = nearest(path.name.lower(), sorted(names))
-        return "" if near is None else f"; did you mean '{names[near]}'?"
 
 
 def _of(folder: Path | None) -> Found | None:

@@ -10,7 +10,7 @@ from sim_action.core.errors import InvalidScenario, ModelError, RefusedModel
 from sim_action.core.permissions import Permissions
 from sim_action.core.workspace import Workspace
 from sim_action.robot.built_in import BUILT_IN
-from sim_action.robot.loading import ModelLibrary, check_text, load_model
+from sim_action.robot.loading import ModelLibrary, check_text, load_model, package_problems
 from sim_action.robot.robot_model import RobotModel
 from sim_action.robot.spec import Robot
 from sim_action.scenario.loading import load_scenario
@@ -89,6 +89,35 @@ def test_what_is_no_model_is_told_with_what_would_be(name: str, message: str, tm
     with pytest.raises(ModelError) as raised:
         load_model(Robot(model=name), Workspace(tmp_path, tmp_path))
     assert message in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("Box.urdf", "; did you mean 'box.urdf'?"),
+        ("bix.urdf", "; did you mean 'box.urdf'?"),
+        ("two_arms", "the model files in it are: arms.xml, hand.xml; write 'model: two_arms/arms.xml'"),
+        ("./two_arms/", "write 'model: ./two_arms/arms.xml'"),
+        ("deep", "the model files in it are: urdf/a.urdf, urdf/b.xacro; write 'model: deep/urdf/a.urdf'"),
+        ("empty", "'empty' is a folder, not a file"),
+    ],
+)
+def test_a_near_name_and_a_folder_lead_to_the_file(name: str, message: str, tmp_path: Path) -> None:
+    files = ("box.urdf", "two_arms/hand.xml", "two_arms/arms.xml", "two_arms/package.xml", "two_arms/x.stl")
+    for file in (*files, "deep/urdf/a.urdf", "deep/urdf/b.xacro", "empty/x.stl"):
+        (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / file).write_text("")
+    with pytest.raises(ModelError) as raised:
+        load_model(Robot(model=name), Workspace(tmp_path, tmp_path))
+    assert message in str(raised.value)
+
+
+def test_a_key_of_packages_that_leads_to_no_folder_is_a_problem(tmp_path: Path) -> None:
+    (tmp_path / "there").mkdir()
+    robot = Robot(model="box.urdf", packages={"a": "there", "b": "nope"})
+    ((path, message),) = package_problems(robot, Workspace(tmp_path, tmp_path))
+    assert path == ("robot", "packages", "b")
+    assert message == f"'b: nope' in robot.packages is not a folder (looked for {tmp_path / 'nope'})"
 
 
 def test_of_many_findings_the_first_of_each_rule_are_notes(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 from xml.etree.ElementTree import Element
 
-from sim_action.core.wording import did_you_mean
+from sim_action.core.wording import FirstFew, did_you_mean, nearest
 from sim_action.robot.robot_model import MOVING_TYPES, Finding
 from sim_action.robot.series_joints import SERIES, part_names
 from sim_action.robot.urdf_elements import BALLS, child_of, parent_of
@@ -71,9 +71,12 @@ def _part_names(document: ModelDocument) -> Iterator[Finding]:
 
 def joint_types(document: ModelDocument) -> Iterator[Finding]:
     """Yield joints whose type URDF does not define."""
+    hinted = FirstFew()
     for joint in document.elements("joint"):
-        if joint.attrib["type"] not in _JOINT_TYPES:
-            message = f"unknown joint type '{joint.attrib['type']}'; the types are {', '.join(_JOINT_TYPES)}"
+        if (kind := joint.attrib["type"]) not in _JOINT_TYPES:
+            near = nearest(kind, _JOINT_TYPES) if hinted.one_more() else None
+            hint = f"; did you mean '{near}'?" if near else ""
+            message = f"unknown joint type '{kind}'{hint} (allowed: {', '.join(_JOINT_TYPES)})"
             yield document.finding("joint-type", joint, message)
 
 

@@ -52,6 +52,12 @@ def test_a_bad_model_breaks_its_rule_on_its_line(bad: BadModel, tmp_path: Path) 
     assert problem.message.isprintable()
 
 
+@pytest.mark.parametrize(("kind", "meant"), [("continous", "continuous"), ("Revolute", "revolute")])
+def test_a_misspelled_joint_type_leads_to_the_nearest(kind: str, meant: str, tmp_path: Path) -> None:
+    (found,) = findings(tmp_path, GOOD.replace('type="revolute"', f'type="{kind}"'))
+    assert found.message.startswith(f"unknown joint type '{kind}'; did you mean '{meant}'? (allowed: revolute, ")
+
+
 @pytest.mark.parametrize(
     ("leader", "follower", "mimic"),
     [
