@@ -202,13 +202,21 @@ class EngineError(RunError):
 
 
 class BadStart(RunError):
-    """The scenario cannot start; each problem comes with the keys that lead to its cause."""
+    """The scenario cannot start; each problem comes with the keys that lead to its cause.
+
+    Attributes:
+        elsewhere: problems in other files.
+    """
 
     exit_code = ExitCode.INVALID
 
-    def __init__(self, problems: Iterable[tuple[tuple[str | int, ...], str]]) -> None:
+    def __init__(
+        self, problems: Iterable[tuple[tuple[str | int, ...], str]], elsewhere: Iterable[Problem] = ()
+    ) -> None:
         self.problems = tuple(problems)
-        super().__init__("\n".join(message for _, message in self.problems))
+        self.elsewhere = tuple(elsewhere)
+        messages = [*(message for _, message in self.problems), *(each.message for each in self.elsewhere)]
+        super().__init__("\n".join(messages))
 
 
 class BadSource(RunError):

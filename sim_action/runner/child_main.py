@@ -254,7 +254,8 @@ def _simulated(loaded: LoadedScenario, scene: Scene, footage: RunRecorder, progr
         with guard:
             run = simulate(loaded.scenario, scene, progress, footage)
     except BadStart as error:
-        raise InvalidScenario(loaded.document.problem(*problem) for problem in error.problems) from None
+        problems = [loaded.document.problem(*problem) for problem in error.problems]
+        raise InvalidScenario([*problems, *error.elsewhere]) from None
     except BadSource as error:
         raise InvalidScenario([_of_source(loaded.document, error)]) from None
     finally:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final, Self
 
-from sim_action.core.yaml_errors import SpecProblems
-from sim_action.scenario.world_checks import DEPTH, clash_problem
+from sim_action.scenario.world_checks import DEPTH
+from sim_action.state.observation import Clash
 from sim_action.world import GROUND, Body, World, placed
 from sim_action.world.overlap_depth import Solid, depth, inner_solids
 from sim_action.world.parts import lowest
@@ -37,7 +38,7 @@ class _Placed:
         return cls(body, index, tuple(inner_solids(parts, at)), buried)
 
 
-def clash_problems(world: World) -> SpecProblems:
+def clashes(world: World) -> Iterator[Clash]:
     """Yield each body with a mass that begins deep inside another body or the ground: an engine would throw it out.
 
     Only boxes, spheres and cylinders that are there from the start are checked here. The run checks the others and the
@@ -55,4 +56,4 @@ def clash_problems(world: World) -> SpecProblems:
             found = [(depth(one.solids, other.solids), other.body.name) for other in beside]
             deep, inside = max((*found, (one.buried, GROUND)))
             if deep > DEPTH:
-                yield clash_problem(one.index, one.body.name, inside, deep)
+                yield Clash(one.body.name, inside, deep)

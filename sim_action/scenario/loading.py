@@ -32,7 +32,7 @@ from sim_action.scenario.part_reader import PartReader
 from sim_action.scenario.robot_claims import audit_robot
 from sim_action.scenario.source import Refused, Source
 from sim_action.scenario.world_file import WorldLibrary, filled, with_robot_of_world
-from sim_action.world.scene import Fitting, Scene
+from sim_action.world.scene import Fitting, Scene, WorldPlaces
 from sim_action.world.shape_files import ShapeLibrary, read_surroundings
 
 if TYPE_CHECKING:
@@ -72,7 +72,8 @@ def checked(
     scenario = loader.load()
     if source.group is not None:
         scenario = scenario.model_copy(update={"name": source.name})
-    return LoadedScenario(scenario, source, loader.model, loader.unchecked, loader.parts, loader.warnings)
+    model, parts, places = loader.model, loader.parts, loader.places
+    return LoadedScenario(scenario, source, model, loader.unchecked, parts, loader.warnings, places=places)
 
 
 def load_all(
@@ -158,10 +159,12 @@ def _loaded_or_refused(
 def build_scene(loaded: LoadedScenario) -> Scene:
     """Return the scene of a scenario; read its model if necessary. Raises ModelError."""
     model = loaded.model or load_model(loaded.scenario.robot, loaded.workspace)
-    return _scene(loaded.scenario, model, loaded.source, loaded.parts)
+    return _scene(loaded.scenario, model, loaded.source, loaded.parts, loaded.places)
 
 
-def _scene(scenario: Scenario, model: RobotModel, source: Source, parts: Mapping[str, tuple[Part, ...]]) -> Scene:
+def _scene(
+    scenario: Scenario, model: RobotModel, source: Source, parts: Mapping[str, tuple[Part, ...]], places: WorldPlaces
+) -> Scene:
     return Scene(
         scenario.robot,
         model,
@@ -177,6 +180,7 @@ def _scene(scenario: Scenario, model: RobotModel, source: Source, parts: Mapping
         file=source.document.file,
         variation=source.values_in_file_names,
         acted_on=bool(scenario.commands or scenario.world.disturbances),
+        places=places,
     )
 
 
@@ -195,6 +199,7 @@ class _Loader:
         self.unchecked: tuple[str, ...] = ()
         self.parts: Mapping[str, tuple[Part, ...]] = {}
         self.warnings: tuple[AuditWarning, ...] = ()
+        self.places = WorldPlaces()
         self._libraries = libraries
         self._evaluate = evaluate
         self._source = source
@@ -213,6 +218,7 @@ class _Loader:
             written = len(scenario.world.objects)
             found = filled(scenario, self._workspace, self._libraries.worlds, self._problems, self._allowed)
             scenario, self.parts, self.warnings = found.scenario, found.parts, found.warnings
+            self.places = found.places
             self._check(scenario, written, states_drive="drive" in data["robot"])
         if scenario is None or self._problems:
             raise self._problems.error()
@@ -230,14 +236,17 @@ class _Loader:
         self._problems.note_all((), iter(surroundings.problems))
         self._problems.note_all((), world_checks.motion_problems(scenario, self.parts))
         if scenario.world.objects:
-            from sim_action.scenario.body_overlaps import clash_problems
+            from sim_action.scenario.body_overlaps import clashes
 
-            self._problems.note_all((), _in_document(clash_problems(scenario.world), written))
+            found = world_checks.Clashes.of(scenario.world, clashes(scenario.world), self.places.bodies)
+            self._problems.note_all((), found.problems())
+            for problem in found.problems_of_file():
+                self._problems.note_elsewhere(problem)
         # A robot in a world file has the same problem as the file.
         is_refused = bool(scenario.robot.name_in_world) and self._problems.has_below(("world",))
         self.model = None if is_refused else self._read_model(scenario.robot)
         if self.model is not None:
-            scene = _scene(scenario, self.model, self._source, self.parts)
+            scene = _scene(scenario, self.model, self._source, self.parts, self.places)
             self._check_scene(scene, scenario, states_drive=states_drive)
 
     def _take(self, findings: Iterable[ClaimFinding]) -> None:

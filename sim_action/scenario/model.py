@@ -39,7 +39,7 @@ from sim_action.scenario.variation_values import MAX_SEED, Normal, Uniform
 from sim_action.sensors import MountedSensor
 from sim_action.state.trace_channels import Channels
 from sim_action.world import Physics, World
-from sim_action.world.scene import Scene
+from sim_action.world.scene import Scene, WorldPlaces
 
 if TYPE_CHECKING:
     from sim_action.state.observation import Observation
@@ -328,6 +328,7 @@ class LoadedScenario:
         parts: name of a world body -> its parts, for bodies that are read from files.
         warnings: the findings of the audit of claims that do not refuse it.
         compared: True if the run is compared with that of another engine.
+        places: of the models in the world file.
     """
 
     scenario: Scenario
@@ -337,6 +338,7 @@ class LoadedScenario:
     parts: Mapping[str, tuple[Part, ...]] = field(default_factory=dict)
     warnings: tuple[AuditWarning, ...] = ()
     compared: bool = False
+    places: WorldPlaces = field(default_factory=WorldPlaces)
 
     @property
     def document(self) -> Document:

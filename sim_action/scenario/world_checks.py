@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Self
 
 from sim_action.core import units
+from sim_action.core.errors import Location, Problem
 from sim_action.core.field_types import Placement
 from sim_action.core.wording import did_you_mean
-from sim_action.core.yaml_errors import SpecProblem, SpecProblems
+from sim_action.core.yaml_errors import SpecProblems
 from sim_action.scenario.model import Scenario
-from sim_action.world import GROUND, Body, Disturbance, Physics, placed
+from sim_action.state.observation import Clash
+from sim_action.world import GROUND, Body, Disturbance, Physics, World, placed
 from sim_action.world.body_path import placements
 from sim_action.world.scene import Scene
 
@@ -21,6 +24,11 @@ if TYPE_CHECKING:
 
 DEPTH: Final = 0.005
 """m. A smaller overlap is a contact, such as of fingers; it is resolved while the robot settles."""
+
+MAX_FILE_OVERLAP_M: Final = 0.02
+"""Bodies of a world file that begin deeper in each other are an error; engines move others apart without a throw."""
+
+_MAX_NAMED: Final = 3
 
 # Advised times are rounded up to this step in s.
 _ADVISED: Final = 0.001
@@ -53,11 +61,73 @@ def disturbance_problems(scene: Scene, time_limit: float) -> SpecProblems:
             yield ("world", "disturbances", index, *below), message
 
 
-def clash_problem(index: int, name: str, inside: str, deep: float) -> SpecProblem:
-    """Return the problem of a body that begins `deep` m inside another; `index`: its index in the objects."""
-    where = "the ground" if inside == GROUND else f"'{inside}'"
-    message = f"'{name}' begins {units.display(deep, 'm')} deep in {where}, which would throw it out; move it"
-    return ("world", "objects", index, "pose"), message
+@dataclass(frozen=True, slots=True)
+class Clashes:
+    """The moving bodies that begin inside something, each once, the deepest first.
+
+    Attributes:
+        indices: name of a body -> its index in the objects.
+        places: name of a body of the world file -> its place.
+        own: those with a body of the scenario.
+        of_file: those of bodies of the world file only, or with the ground.
+    """
+
+    indices: Mapping[str, int]
+    places: Mapping[str, Location]
+    own: tuple[Clash, ...]
+    of_file: tuple[Clash, ...]
+
+    @classmethod
+    def of(cls, world: World, found: Iterable[Clash], places: Mapping[str, Location]) -> Self:
+        """Return the clashes that are deeper than a contact."""
+        deepest: dict[str, Clash] = {}
+        for clash in sorted(found, key=lambda clash: -clash.depth):
+            if clash.depth > DEPTH:
+                deepest.setdefault(clash.body, clash)
+        theirs = {*places, GROUND}
+        of_file = tuple(each for each in deepest.values() if {each.body, each.other} <= theirs)
+        own = tuple(each for each in deepest.values() if each not in of_file)
+        return cls({body.name: index for index, body in enumerate(world.objects)}, places, own, of_file)
+
+    def problems(self) -> SpecProblems:
+        """Yield the problems of bodies of the scenario."""
+        for clash in self.own:
+            name = clash.other if clash.body in self.places else clash.body
+            message = f"{_in_other(clash)}, which would throw it out; move {'it' if name == clash.body else repr(name)}"
+            yield ("world", "objects", self.indices[name], "pose"), message
+
+    def problems_of_file(self) -> Iterator[Problem]:
+        """Yield one problem about all bodies of the world file that begin too deep in others."""
+        deep = [each for each in self.of_file if each.depth > MAX_FILE_OVERLAP_M]
+        if not deep:
+            return
+        limit, place = units.display(MAX_FILE_OVERLAP_M, "m"), self.places[deep[0].body]
+        if len(deep) == 1:
+            message = f"{_in_other(deep[0])}, which would throw it out; move it: at most {limit} is allowed"
+        else:
+            begin = f"{len(deep)} bodies begin more than {limit} deep in others, which would throw them out; move them"
+            message = f"{begin}: {_few(deep)}"
+        yield Problem(place, message)
+
+    def note(self) -> str | None:
+        """Return a note on the bodies of the world file that begin a little inside others."""
+        shallow = [each for each in self.of_file if each.depth <= MAX_FILE_OVERLAP_M]
+        if not shallow:
+            return None
+        bodies = "1 body of the world file begins" if len(shallow) == 1 else f"{len(shallow)} bodies begin"
+        place = self.places[shallow[0].body]
+        return f"{bodies} a little inside others, and the engine moves them apart: {_few(shallow)} ({place})"
+
+
+def _few(clashes: Sequence[Clash]) -> str:
+    more = len(clashes) - _MAX_NAMED
+    named = ", ".join(map(_in_other, clashes[:_MAX_NAMED]))
+    return f"{named} and {more} more" if more > 0 else named
+
+
+def _in_other(clash: Clash) -> str:
+    where = "the ground" if clash.other == GROUND else f"'{clash.other}'"
+    return f"'{clash.body}' begins {units.display(clash.depth, 'm')} deep in {where}"
 
 
 def _start(body: Body, read: Sequence[Part] | None) -> Placement:

@@ -18,6 +18,7 @@ from sim_action.robot.packages import Packages
 from sim_action.robot.spec import IN_WORLD
 from sim_action.scenario.claim_audit import INCOMPLETE_WORLD, NOT_SIMULATED, AuditWarning
 from sim_action.scenario.model import Scenario
+from sim_action.world.scene import WorldPlaces
 
 if TYPE_CHECKING:
     from sim_action.world.parts import Part
@@ -63,11 +64,13 @@ class FilledScenario:
     Attributes:
         parts: name of a body of the file -> its parts, if its shape is in a file.
         warnings: the parts of the file that are not simulated.
+        places: of the models in the file.
     """
 
     scenario: Scenario
     parts: Mapping[str, tuple[Part, ...]] = field(default_factory=dict)
     warnings: tuple[AuditWarning, ...] = ()
+    places: WorldPlaces = field(default_factory=WorldPlaces)
 
 
 def with_robot_of_world(data: Mapping[str, Any]) -> dict[str, Any]:
@@ -107,8 +110,10 @@ def filled(
     base = found.robot.base if found.robot is not None else None
     if base is not None and "pose" not in scenario.robot.model_fields_set:
         changed["robot"] = scenario.robot.model_copy(update={"pose": _placement(base)})
-    here = Location(world.file)
-    return FilledScenario(scenario.model_copy(update=changed), found.parts, tuple(_warnings(found, here, allowed)))
+    place = found.robot.place if found.robot is not None and "robot" in changed else None
+    warnings = tuple(_warnings(found, Location(world.file), allowed))
+    places = WorldPlaces({name: at for name, at in found.places.items() if name not in names}, place)
+    return FilledScenario(scenario.model_copy(update=changed), found.parts, warnings, places)
 
 
 def _note_names(scenario: Scenario, found: WorldFile, problems: ProblemList) -> None:

@@ -24,7 +24,13 @@ from sim_action.simulation.monitors import End, Panel
 from sim_action.simulation.recorder import RunRecorder, moving_bodies
 from sim_action.simulation.run_audit import Motion, RunFacts, audit_run, unreached_events
 from sim_action.simulation.sensors import Sensing
-from sim_action.simulation.start_checks import Spawns, moved_while_settling, raised_to_stand, refuse_bad_start
+from sim_action.simulation.start_checks import (
+    Spawns,
+    moved_while_settling,
+    opened_on_top,
+    raised_to_stand,
+    refuse_bad_start,
+)
 from sim_action.simulation.tunnelling import Tunnelling
 from sim_action.simulation.watchdog import Watchdog
 from sim_action.state.observation import Observation
@@ -98,11 +104,13 @@ def simulate(scenario: Scenario, scene: Scene, progress: Progress, footage: RunR
     channels = _judged_channels(scenario)
     paths = Channels(contacts=any(body.path for body in scene.world.objects))
     watched = channels | footage.channels(scene.world) | paths
-    backend = ENGINES.load(chosen(scenario.backend))(scene, watched)
+    engine = ENGINES.load(chosen(scenario.backend))
+    backend, notes = opened_on_top(scene, lambda scene: engine(scene, watched))
     try:
         at = backend.observe(0, contacts=False).pose
-        refuse_bad_start(scene, at, backend.overlaps(), backend.clashes())
-        return _Loop(scenario, scene, drive, backend, channels, footage=footage, springs=springs).run(progress)
+        notes += refuse_bad_start(scene, at, backend.overlaps(), backend.clashes())
+        run = _Loop(scenario, scene, drive, backend, channels, footage=footage, springs=springs).run(progress)
+        return replace(run, notes=(*run.notes, *notes))
     finally:
         backend.close()
 

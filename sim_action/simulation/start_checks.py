@@ -7,17 +7,18 @@ throw it at 5 m/s. Measurements after that say nothing about the robot.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from collections.abc import Set as AbstractSet
+from dataclasses import dataclass, replace
 from typing import Final, Self
 
 from sim_action.core import geometry, units
-from sim_action.core.errors import BadStart, RunError
+from sim_action.core.errors import BadStart, Problem, RunError
 from sim_action.core.geometry import Pose
-from sim_action.core.yaml_errors import SpecProblems
+from sim_action.core.yaml_errors import SpecProblem, SpecProblems
 from sim_action.engines import Engine
 from sim_action.scenario.model import Scenario
-from sim_action.scenario.world_checks import DEPTH, clash_problem
+from sim_action.scenario.world_checks import DEPTH, Clashes
 from sim_action.state.observation import Clash, Overlap
 from sim_action.world import GROUND, placed
 from sim_action.world.parts import GridPart, height_at
@@ -27,15 +28,63 @@ from sim_action.world.scene import Scene
 _MAX_TILT_RAD: Final = math.radians(2)
 _MAX_SINK_M: Final = 0.02
 
+MAX_LIFT_M: Final = 0.1
+"""A robot that starts at most this deep in the ground or in fixed bodies starts on them."""
 
-def refuse_bad_start(scene: Scene, at: Pose, overlaps: Iterable[Overlap], clashes: Iterable[Clash]) -> None:
+# A robot that is less deep in a body stands on it.
+_ON_TOP_M: Final = 0.0005
+
+
+def refuse_bad_start(scene: Scene, at: Pose, overlaps: Iterable[Overlap], clashes: Iterable[Clash]) -> tuple[str, ...]:
     """Raise BadStart if the robot or a moving body starts inside something.
 
-    `at`: the pose of the base link, world frame.
+    `at`: the pose of the base link, world frame. Returns the notes on bodies that begin only a little inside others.
     """
-    problems = (*_problems(scene, overlaps), *_buried(scene, at), *_clash_problems(scene, clashes))
-    if problems:
-        raise BadStart(problems)
+    inside = _problems(scene, overlaps)
+    found = Clashes.of(scene.world, clashes, scene.places.bodies)
+    problems = [*inside, *_buried(scene, at), *found.problems()]
+    elsewhere = list(found.problems_of_file())
+    if (place := scene.places.robot) is not None:
+        elsewhere = [*(Problem(place, message) for _, message in inside), *elsewhere]
+        problems = problems[len(inside) :]
+    if problems or elsewhere:
+        raise BadStart(problems, elsewhere)
+    return (note,) if (note := found.note()) is not None else ()
+
+
+def opened_on_top(scene: Scene, opened: Callable[[Scene], Engine]) -> tuple[Engine, tuple[str, ...]]:
+    """Open the engine, with the robot on the ground or the fixed bodies that it would start a little inside of.
+
+    Only a robot without a stated z, or with the pose of a world file, is lifted. The notes name the lift.
+    """
+    backend = opened(scene)
+    if scene.bolted or (scene.placement.z is not None and scene.places.robot is None):
+        return backend, ()
+    x, y, z = backend.observe(0, contacts=False).pose.position_xyz
+    fixed = {GROUND, *(body.name for body in scene.world.objects if body.mass is None and not body.path)}
+    lift, below = 0.0, set[str]()
+    while found := [each for each in backend.overlaps() if each.body in fixed and each.depth > _ON_TOP_M]:
+        deepest = max(found, key=lambda overlap: overlap.depth)
+        if not lift and deepest.depth <= DEPTH:
+            break
+        backend.close()
+        # No lift is larger than the robot needs, because depths are the shortest ways out.
+        lift += deepest.depth
+        below.add(deepest.body)
+        if lift > MAX_LIFT_M:
+            return opened(scene), ()
+        pose = scene.robot.pose.model_copy(update={"x": x, "y": y, "z": z + lift})
+        backend = opened(replace(scene, robot=scene.robot.model_copy(update={"pose": pose})))
+    return backend, (_lift_note(scene, lift, below),) if lift else ()
+
+
+def _lift_note(scene: Scene, lift: float, below: AbstractSet[str]) -> str:
+    names = " and ".join("the ground" if name == GROUND else f"'{name}'" for name in sorted(below))
+    if (place := scene.places.robot) is None:
+        above = f"the robot starts on {names}, {units.display(lift, 'm')} above the ground"
+        return f"{above}, and touches it all the time: no_collision needs allow; robot.pose.z states another z"
+    start = f"the pose of the robot in the world file puts it {units.display(lift, 'm')} into {names}"
+    return f"{start}: it starts on top of that; robot.pose states another pose ({place})"
 
 
 def raised_to_stand(scene: Scene, at: Pose) -> str | None:
@@ -66,8 +115,9 @@ def _tilt(pose: Pose) -> float:
     return math.acos(max(-1.0, min(1.0, geometry.rotate(pose.orientation_xyzw, (0.0, 0.0, 1.0))[2])))
 
 
-def _problems(scene: Scene, overlaps: Iterable[Overlap]) -> SpecProblems:
-    """Yield one problem for each body that the robot overlaps, about its deepest link."""
+def _problems(scene: Scene, overlaps: Iterable[Overlap]) -> list[SpecProblem]:
+    """Return one problem for each body that the robot overlaps, about its deepest link."""
+    problems = list[SpecProblem]()
     indices = {body.name: index for index, body in enumerate(scene.world.objects)}
     fixed = {GROUND, *(body.name for body in scene.world.objects if body.mass is None)}
     # A fixed link in a fixed body does not move: the author may want a robot's foot inside a table.
@@ -79,14 +129,19 @@ def _problems(scene: Scene, overlaps: Iterable[Overlap]) -> SpecProblems:
         told.add(body)
         where = f"the robot's link '{link}' starts {units.display(depth, 'm')} inside "
         if body == GROUND:
-            yield ("robot", "pose"), f"{where}the ground{_remedy(scene)}"
+            problems.append((("robot", "pose"), f"{where}the ground{_remedy(scene)}"))
         else:
-            yield ("robot", "pose"), f"{where}'{body}'; move it, or world.objects[{indices[body]}].pose"
+            place = scene.places.bodies.get(body)
+            other = f"world.objects[{indices[body]}].pose" if place is None else f"the model at {place}"
+            problems.append((("robot", "pose"), f"{where}'{body}'; move it, or {other}"))
+    return problems
 
 
 def _remedy(scene: Scene) -> str:
     if scene.is_at_keyframe_height:
         return f" by keyframe '{scene.robot.keyframe}'; set robot.pose.z, or correct the keyframe"
+    if scene.places.robot is not None:
+        return "; raise its <pose>, or state robot.pose in the scenario"
     return "; raise its z" if scene.robot.pose.z is None else "; raise its z, or leave z out to place it on the ground"
 
 
@@ -102,16 +157,6 @@ def _buried(scene: Scene, at: Pose) -> SpecProblems:
             if height is not None and up < height:
                 deep = units.display(height - up, "m")
                 yield ("robot", "pose"), f"the robot starts {deep} below the surface of '{body.name}'; raise its z"
-
-
-def _clash_problems(scene: Scene, clashes: Iterable[Clash]) -> SpecProblems:
-    """Yield one problem for each body that starts deep inside another."""
-    indices = {body.name: index for index, body in enumerate(scene.world.objects)}
-    told = set[str]()
-    for body, other, depth in sorted(clashes, key=lambda clash: -clash.depth):
-        if depth > DEPTH and body not in told:
-            told.add(body)
-            yield clash_problem(indices[body], body, other, depth)
 
 
 @dataclass(frozen=True, slots=True)

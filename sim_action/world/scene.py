@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
 from sim_action.core import units
+from sim_action.core.errors import Location
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import rpy_from_quaternion
 from sim_action.core.workspace import Workspace
@@ -44,6 +45,19 @@ class Fitting:
 
 
 @dataclass(frozen=True, slots=True)
+class WorldPlaces:
+    """The places of models in the world file of a scenario.
+
+    Attributes:
+        bodies: name of a body of the file -> its place.
+        robot: the place of the model that is the robot, if `robot.pose` is that of the file.
+    """
+
+    bodies: Mapping[str, Location] = field(default_factory=dict)
+    robot: Location | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Scene:
     """Everything that is simulated, with names resolved and files read.
 
@@ -58,6 +72,7 @@ class Scene:
         file: path of the scenario, as in reports.
         variation: suffix that distinguishes this variation in file names; or empty.
         acted_on: True if commands or disturbances act on the robot.
+        places: of the models of the world file.
     """
 
     robot: Robot
@@ -75,6 +90,7 @@ class Scene:
     file: str = ""
     variation: str = ""
     acted_on: bool = False
+    places: WorldPlaces = field(default_factory=WorldPlaces)
 
     @property
     def bolted(self) -> bool:

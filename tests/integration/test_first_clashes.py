@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import pytest
 
-from sim_action.scenario.body_overlaps import clash_problems
+from sim_action.scenario.body_overlaps import clashes
 from sim_action.scenario.world_checks import DEPTH
 from sim_action.world import Body, World
 from tests.integration.engines import at, on_every_engine, running, scene_of
@@ -41,7 +41,7 @@ def test_what_is_told_before_is_what_the_engine_finds(engine: str, seed: int, tm
     world = pair(seed)
     with running(engine, scene_of(tmp_path, GOOD, at(z=1.0), world)) as backend:
         deepest = max((clash.depth for clash in backend.clashes()), default=0.0)
-    told = list(clash_problems(world))
+    told = list(clashes(world))
     if told:
         assert deepest > DEPTH - _ROUNDING
     if deepest > DEPTH + _ROUNDING and all(body.cylinder is None for body in world.objects):

@@ -5,23 +5,30 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
 import pytest
 
-from sim_action.core.errors import BadStart, RunError
+from sim_action.core.errors import BadStart, Location, RunError
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, quaternion_from_rpy
 from sim_action.engines import Engine
 from sim_action.robot.robot_model import Joint, JointType, Link, RobotModel
 from sim_action.robot.spec import Robot
 from sim_action.scenario.world_checks import DEPTH
-from sim_action.simulation.start_checks import Spawns, moved_while_settling, refuse_bad_start
+from sim_action.simulation.start_checks import (
+    MAX_LIFT_M,
+    Spawns,
+    moved_while_settling,
+    opened_on_top,
+    refuse_bad_start,
+)
 from sim_action.state.observation import Clash, Overlap
 from sim_action.world import GROUND, Body, Heightfield, Physics, World
 from sim_action.world.parts import GridPart
-from sim_action.world.scene import Scene
+from sim_action.world.scene import Scene, WorldPlaces
 from tests.scenarios import load
 from tests.traces import HERE
 
@@ -147,6 +154,118 @@ def test_a_robot_below_a_heightfield_is_told_though_it_touches_nothing(x: float,
         return
     with pytest.raises(BadStart, match=r"starts 0.1 m below the surface of 'hill'"):
         refuse_bad_start(scene, Pose((x, 0, z)), (), ())
+
+
+@dataclass
+class Floor:
+    """An engine with a floor under the robot; without a stated z, the robot begins at z = 0."""
+
+    scene: Scene
+    top: float
+    is_closed: bool = False
+
+    @property
+    def z(self) -> float:
+        return self.scene.robot.pose.z or 0.0
+
+    def observe(self, step: int, *, contacts: bool) -> object:
+        return SimpleNamespace(pose=Pose((1.0, 2.0, self.z)))
+
+    def overlaps(self) -> tuple[Overlap, ...]:
+        # A way out through a side is never longer than that upwards.
+        depth = self.top - self.z
+        return (Overlap("base", "wall", min(depth, 0.04)),) if depth > 0 else ()
+
+    def close(self) -> None:
+        assert not self.is_closed
+        self.is_closed = True
+
+
+HERE_IN_WORLD = Location("office.world", 7)
+
+
+def lifted(top: float, z: float | None, place: Location | None = None, base: str = "free") -> tuple[float, list[str]]:
+    robot = Robot.model_validate({"model": "arm.urdf", "base": base, "pose": {"x": 1, "y": 2, "z": z}})
+    places = WorldPlaces({"wall": Location("office.world", 3)}, place)
+    scene = Scene(robot, ARM, World(objects=(CRATE, WALL)), Physics(), HERE, places=places)
+    opened: list[Floor] = []
+
+    def start(scene: Scene) -> Engine:
+        opened.append(Floor(scene, top))
+        return cast(Engine, opened[-1])
+
+    backend, notes = opened_on_top(scene, start)
+    assert [each.is_closed for each in opened] == [True] * (len(opened) - 1) + [False]
+    assert cast(object, backend) is opened[-1]
+    return opened[-1].z, list(notes)
+
+
+def test_a_robot_without_z_stands_on_a_fixed_body_below_it() -> None:
+    z, (note,) = lifted(0.05, None)
+
+    assert z == pytest.approx(0.05)
+    assert note.startswith("the robot starts on 'wall', 0.05 m above the ground")
+    assert lifted(0.09, None)[0] == pytest.approx(0.09)
+
+
+def test_a_robot_of_a_world_file_starts_on_top_with_a_note_on_its_line() -> None:
+    z, (note,) = lifted(0.03, 0.01, HERE_IN_WORLD)
+
+    assert z == pytest.approx(0.03)
+    assert note.startswith("the pose of the robot in the world file puts it 0.02 m into 'wall'")
+    assert note.endswith("(office.world:7)")
+
+
+@pytest.mark.parametrize(
+    ("top", "z", "place", "base"),
+    [
+        (0.05, 0.0, None, "free"),
+        (0.05, None, None, "fixed"),
+        (DEPTH, None, None, "free"),
+        (MAX_LIFT_M + 0.01, None, None, "free"),
+        (MAX_LIFT_M + 0.01, 0.0, HERE_IN_WORLD, "free"),
+    ],
+    ids=["stated z", "bolted", "a contact", "too deep", "too deep in a world file"],
+)
+def test_other_robots_stay_where_they_are(top: float, z: float | None, place: Location | None, base: str) -> None:
+    assert lifted(top, z, place, base) == (z or 0.0, [])
+
+
+def of_file(overlaps: Sequence[Overlap] = (), clashes: Sequence[Clash] = (), **places: Location) -> list[str]:
+    robot = Robot.model_validate({"model": "arm.urdf", "pose": {"z": 0.1}})
+    at = WorldPlaces({name: place for name, place in places.items() if name != "robot"}, places.get("robot"))
+    scene = Scene(robot, ARM, World(objects=(CRATE, WALL)), Physics(), HERE, places=at)
+    with pytest.raises(BadStart) as told:
+        refuse_bad_start(scene, Pose(), overlaps, clashes)
+    own = [".".join(map(str, path)) + f": {message}" for path, message in told.value.problems]
+    return [*own, *map(str, told.value.elsewhere)]
+
+
+def test_a_start_in_a_body_of_the_world_file_names_its_line() -> None:
+    place = Location("office.world", 3)
+    deep = Overlap("hand", "wall", 0.12)
+    inside = "the robot's link 'hand' starts 0.12 m inside 'wall'; move it, or the model at office.world:3"
+    assert of_file([deep], wall=place) == [f"robot.pose: {inside}"]
+    assert of_file([deep], wall=place, robot=HERE_IN_WORLD) == [f"office.world:7: {inside}"]
+    (message,) = of_file([Overlap("hand", GROUND, 0.12)], robot=HERE_IN_WORLD)
+    assert message.startswith("office.world:7: the robot's link 'hand' starts 0.12 m inside the ground; ")
+    assert message.endswith("; raise its <pose>, or state robot.pose in the scenario")
+
+
+def test_bodies_of_the_world_file_may_begin_a_little_in_each_other() -> None:
+    places = {"crate": Location("office.world", 3), "wall": Location("office.world", 5)}
+    scene = Scene(
+        Robot(model="arm.urdf"), ARM, World(objects=(CRATE, WALL)), Physics(), HERE, places=WorldPlaces(places)
+    )
+    (note,) = refuse_bad_start(scene, Pose(), (), [Clash("crate", "wall", 0.02)])
+
+    assert note == (
+        "1 body of the world file begins a little inside others, and the engine moves them apart: "
+        "'crate' begins 0.02 m deep in 'wall' (office.world:3)"
+    )
+    (message,) = of_file((), [Clash("crate", "wall", 0.021)], **places)
+    assert message.startswith("office.world:3: 'crate' begins 0.021 m deep in 'wall', which would throw it out; ")
+    assert message.endswith("; move it: at most 0.02 m is allowed")
 
 
 TEXT = """\

@@ -14,6 +14,7 @@ from xml.etree.ElementTree import Element
 
 from pydantic import ValidationError
 
+from sim_action.core.errors import Location
 from sim_action.core.geometry import Pose
 from sim_action.robot.audit.rules import refuse_errors
 from sim_action.robot.packages import Packages
@@ -47,12 +48,14 @@ class WorldRobot:
         entry: the model, or the <include>.
         pose: pose of the model in the world.
         base: pose of its root link in the world; None if it is fixed to the world.
+        place: in the file.
     """
 
     name: str
     entry: Entry
     pose: Pose
     base: Pose | None
+    place: Location | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +69,7 @@ class WorldFile:
         remarks: warnings about the file.
         stated: the keys of `world` that the file states, besides its objects.
         has_ground: True if the file has a ground plane.
+        places: name of a body -> the place of its model in the file.
     """
 
     world: World
@@ -76,6 +80,7 @@ class WorldFile:
     remarks: tuple[Finding, ...] = ()
     stated: frozenset[str] = frozenset()
     has_ground: bool = True
+    places: Mapping[str, Location] = field(default_factory=dict)
 
 
 def read_world_file(
@@ -133,6 +138,7 @@ class _WorldReader:
             tuple(each for each in self._notes.findings if each.level == "warning"),
             frozenset(stated),
             self._shapes.has_ground,
+            {each.body.name: each.place for each in bodies if each.place is not None},
         )
 
     def _made(self, keys: Mapping[str, Any]) -> World:
@@ -173,7 +179,7 @@ class _WorldReader:
         if self._robot is None and is_robot(model):
             pose = self._notes.attempt(self._world.pose, model)
             base = self._notes.attempt(lambda name: base_pose(self._world, name), model.name)
-            self._robot = WorldRobot(model.name, model, pose or Pose(), base)
+            self._robot = WorldRobot(model.name, model, pose or Pose(), base, self._notes.places.get(model.element))
             return
         if plugins := plugin_names(model):
             message = f"'{model.name}' is simulated as a body, not as a robot; its plugins have no effect"

@@ -14,6 +14,7 @@ from xml.etree.ElementTree import Element
 from pydantic import ValidationError
 
 from sim_action.core import geometry
+from sim_action.core.errors import Location
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, Vector3, rpy_from_quaternion
 from sim_action.robot.robot_model import WORLD
@@ -37,10 +38,11 @@ _MOMENTS: Final = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "
 
 @dataclass(frozen=True, eq=False)
 class ReadBody:
-    """A body of a world file; `parts`: in its frame, if its shape is in a file."""
+    """A body of a world file; `parts`: in its frame, if its shape is in a file; `place`: of its model."""
 
     body: Body
     parts: tuple[Part, ...] | None
+    place: Location | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,9 +128,10 @@ class BodyReader:
         is_read = any(shape.own_parts is not None for shape in shapes)
         parts = tuple(part for shape in shapes for part in shape.parts(frame)) if is_read else None
         try:
-            return ReadBody(Body.model_validate({**keys, "pose": _placement(frame)}), parts)
+            body = Body.model_validate({**keys, "pose": _placement(frame)})
         except ValidationError as error:
             raise SdfProblem("bad-shape", model.element, f"'{name}': {said(error)}") from None
+        return ReadBody(body, parts, self._losses.places.get(model.element))
 
     def _friction(self, shapes: Sequence[PlacedShape], owner: str) -> float:
         found = {self._shapes.friction(shape.collision, owner): shape.collision for shape in shapes}
