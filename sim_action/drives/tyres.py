@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Vector3
-from sim_action.robot.mesh_references import ENGINE_MARGIN_M
+from sim_action.robot.kinematics import shape_points
 from sim_action.robot.robot_model import Joint, Link, Shape
 
 if TYPE_CHECKING:
@@ -152,21 +152,6 @@ def _mesh_tyre(shape: Shape, axis: Vector3, anchor: Vector3) -> Tyre | NotRound:
     low, high = float(rim.min()), float(rim.max())
     length = math.fsum(math.dist(*pair) for pair in zip(corners, (*corners[1:], corners[0]), strict=True))
     return Tyre(length / (2 * math.pi), _plus(anchor, axis, (low + high) / 2), high - low, shape.kind)
-
-
-def shape_points(shape: Shape) -> NDArray[np.float64]:
-    """Return the corners (P, 3) of the hulls of a mesh in m, in the frame of its link."""
-    import numpy as np
-
-    from sim_action.meshes.hull_file import read_unshrunk_points
-
-    if shape.corners:
-        points = np.frombuffer(shape.corners, np.float32).reshape(-1, 3).astype(np.float64)
-    else:
-        points = np.concatenate(read_unshrunk_points(shape.hulls, ENGINE_MARGIN_M))
-    rows = zip(*(geometry.rotate(shape.pose.orientation_xyzw, unit) for unit in _UNITS), strict=True)
-    placed: NDArray[np.float64] = np.stack([_along(points, row) for row in rows], axis=1)
-    return placed + np.array(shape.pose.position_xyz, dtype=np.float64)
 
 
 _UNITS: Final[tuple[Vector3, ...]] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

@@ -17,8 +17,8 @@ from typing import Final
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Vector3
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.drives.tyres import NotRound, Tyre, shape_points, tyre_of
-from sim_action.robot.kinematics import link_poses, shape_box
+from sim_action.drives.tyres import NotRound, Tyre, tyre_of
+from sim_action.robot.kinematics import link_poses, shape_box, shape_points
 from sim_action.robot.robot_model import Joint, RobotModel, Shape
 
 MAX_AXLE_DEVIATION: Final = 0.1

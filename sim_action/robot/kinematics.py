@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from sim_action.core import geometry, units
 from sim_action.core.geometry import ZERO, Box, Pose, Vector3
 from sim_action.robot.robot_model import Joint, Reading, RobotModel, Shape
 
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
 _UNITS: tuple[Vector3, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+# The largest part of a quaternion, beyond which a rotation moves no point by more than 1e-7 of its distance.
+_UNTURNED: Final = 1 - 1e-15
 
 # Models round: a limit may be 1.5707963 where the scenario says 90 deg. In rad, or m.
 _POSITION_ROUNDING: Final = 1e-6
@@ -42,14 +49,70 @@ def link_poses(model: RobotModel, positions: Mapping[str, float]) -> dict[str, P
 def robot_box(model: RobotModel, poses: Mapping[str, Pose]) -> Box | None:
     """Return the box around all collision shapes, in the base frame; None if there are no shapes.
 
-    The box is tight, except around rotated meshes: only their extents along their own axes are known.
+    The box is tight, except around rotated meshes whose points are not known.
     """
-    shapes = ((poses[link.name], shape) for link in model.links for shape in link.collisions)
-    boxes = [shape_box(geometry.compose(frame, shape.pose), shape) for frame, shape in shapes]
-    if not boxes:
-        return None
+    placed = [(poses[link.name], shape) for link in model.links for shape in link.collisions]
+    boxes = [(shape_box(geometry.compose(frame, shape.pose), shape), frame, shape) for frame, shape in placed]
+    found = [box for box, frame, shape in boxes if not _is_loose(frame, shape)]
+    # Reading the points of a mesh takes time. Meshes that reach furthest come first, because others may be inside them.
+    for loose, frame, shape in sorted((box for box in boxes if _is_loose(*box[1:])), key=_least_corner):
+        around = _around(found) if found else None
+        if around is None or not _contains(around, loose):
+            found.append(_points_box(frame, shape))
+    return _around(found) if found else None
+
+
+def _least_corner(placed: tuple[Box, Pose, Shape]) -> float:
+    """Return a number that is smaller for larger boxes."""
+    lower, upper = placed[0]
+    return sum(lower) - sum(upper)
+
+
+def _is_loose(frame: Pose, shape: Shape) -> bool:
+    """Return True for a rotated mesh whose points are known: the box around its box is too large."""
+    turned = geometry.multiply(frame.orientation_xyzw, shape.pose.orientation_xyzw)
+    return bool(shape.hulls or shape.corners) and max(map(abs, turned)) < _UNTURNED
+
+
+def _points_box(frame: Pose, shape: Shape) -> Box:
+    """Return the box around the points of a mesh whose link is at a pose."""
+    points = shape_points(shape)
+    rows = list(zip(*(geometry.rotate(frame.orientation_xyzw, unit) for unit in _UNITS), strict=True))
+    ends = []
+    for at, (x, y, z) in zip(frame.position_xyz, rows, strict=True):
+        along = x * points[:, 0] + y * points[:, 1] + z * points[:, 2]
+        ends.append((at + float(along.min()), at + float(along.max())))
+    (ax, bx), (ay, by), (az, bz) = ends
+    return (ax, ay, az), (bx, by, bz)
+
+
+def _around(boxes: Iterable[Box]) -> Box:
     xs, ys, zs = zip(*(corner for box in boxes for corner in box), strict=True)
     return (min(xs), min(ys), min(zs)), (max(xs), max(ys), max(zs))
+
+
+def _contains(outer: Box, inner: Box) -> bool:
+    return all(low <= at for low, at in zip(outer[0], inner[0], strict=True)) and all(
+        at <= high for at, high in zip(inner[1], outer[1], strict=True)
+    )
+
+
+def shape_points(shape: Shape) -> NDArray[np.float64]:
+    """Return the corners (P, 3) of the hulls of a mesh in m, in the frame of its link."""
+    import numpy as np
+
+    from sim_action.meshes.hull_file import read_unshrunk_points
+    from sim_action.robot.mesh_references import ENGINE_MARGIN_M
+
+    if shape.corners:
+        points = np.frombuffer(shape.corners, np.float32).reshape(-1, 3).astype(np.float64)
+    else:
+        points = np.concatenate(read_unshrunk_points(shape.hulls, ENGINE_MARGIN_M))
+    rows = zip(*(geometry.rotate(shape.pose.orientation_xyzw, unit) for unit in _UNITS), strict=True)
+    # Sums of products, written out: the same on every machine.
+    along = [x * points[:, 0] + y * points[:, 1] + z * points[:, 2] for x, y, z in rows]
+    placed: NDArray[np.float64] = np.stack(along, axis=1)
+    return placed + np.array(shape.pose.position_xyz, dtype=np.float64)
 
 
 def joint_motion(joint: Joint, position: float) -> Pose:

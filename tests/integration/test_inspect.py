@@ -22,9 +22,9 @@ from tests.ros_workspace import ros_workspace
 FAR: Final = 50.0
 TIGHT: Final = 2e-4
 """m: what margins of the engine and its floats come to."""
-TURNED: Final = {"laikago": (0.001, TIGHT), "franka_panda": (TIGHT, 0.012)}
-"""m, where a mesh that is turned reaches furthest: the engine's margin rounds its edges, and we know but its box."""
-ASKEW: Final = (0.001, 0.05)
+ROUNDED: Final = 0.001
+"""m, where a mesh that is turned reaches furthest: the engine's margin rounds its edges."""
+TURNED: Final = frozenset({"laikago", "franka_panda"})
 every_robot = pytest.mark.parametrize(
     "known", [pytest.param(known, marks=pytest.mark.pybullet, id=known.name) for known in ROBOTS]
 )
@@ -85,9 +85,9 @@ def test_the_box_is_the_engines(known: KnownRobot, askew: float, tmp_path: Path)
     assert box is not None
     ours = [corner[axis] * (1 if upper else -1) for axis in range(3) for upper, corner in enumerate(box)]
     engines = [at * (1 if place % 2 else -1) for place, at in enumerate(engines_box(scene))]
-    below, above = ASKEW if askew else TURNED.get(known.name, (TIGHT, TIGHT))
+    apart = ROUNDED if askew or known.name in TURNED else TIGHT
     for mine, its in zip(ours, engines, strict=True):
-        assert its - below <= mine <= its + above
+        assert mine == pytest.approx(its, abs=apart)
 
 
 def inspected(folder: Path, model: str, *options: str) -> tuple[str, dict[str, Any]]:

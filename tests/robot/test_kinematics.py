@@ -6,17 +6,23 @@ import math
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Vector3
+from sim_action.meshes.collision_hulls import shrunk
+from sim_action.meshes.hull_file import hull_lines
 from sim_action.robot.kinematics import Mobility, beyond_limits, link_poses, robot_box, too_fast, too_strong
+from sim_action.robot.mesh_references import ENGINE_MARGIN_M
 from sim_action.robot.robot_model import Joint, JointType, Link, RobotModel, Shape
 from sim_action.robot.urdf import read_urdf
 from tests.robot.bad_models import GOOD
+from tests.soak import examples
 
 QUARTER = math.pi / 2
 UP = (0.0, 0.0, 1.0)
@@ -105,6 +111,33 @@ def test_a_mesh_that_lies_beside_its_origin_is_where_it_is() -> None:
     lower, upper = robot_box(it, link_poses(it, {})) or ((), ())
     assert lower == pytest.approx((-0.5, 1.0, 1.0))
     assert upper == pytest.approx((0.0, 3.0, 1.2))
+
+
+CORNERS = np.array([(0, 0, 0), (1, 0, 0), (0, 0.5, 0), (0, 0, 0.25)], dtype=np.float32)
+
+
+def meshes(corners: np.ndarray[Any, np.dtype[np.float32]], pose: Pose) -> tuple[Shape, Shape]:
+    """Return a mesh as MJCF has it, and as URDF has it."""
+    (ax, ay, az), (bx, by, bz) = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
+    in_mjcf = Shape("mesh", pose, None, (ax, ay, az), (bx, by, bz), corners=corners.tobytes())
+    hull = shrunk(corners.astype(np.float64), ENGINE_MARGIN_M)
+    return in_mjcf, replace(in_mjcf, corners=b"", hulls=f"o hull_0\n{hull_lines(hull, 0)}".encode())
+
+
+@examples(10)
+@given(st.tuples(angles, angles, angles), st.tuples(angles, angles, angles))
+def test_the_box_around_a_turned_mesh_is_that_around_its_points(
+    own: tuple[float, float, float], swing: tuple[float, float, float]
+) -> None:
+    pose = Pose((0.1, -0.2, 0.3), geometry.quaternion_from_rpy(*own))
+    frame = Pose((1, 2, 3), geometry.quaternion_from_rpy(*swing))
+    points = [geometry.compose(geometry.compose(frame, pose), Pose(at)).position_xyz for at in CORNERS.tolist()]
+    for shape in meshes(CORNERS, pose):
+        # A smaller one inside it changes nothing.
+        box = robot_box(model(shapes=(*meshes(CORNERS / 2, pose), shape)), {"base": frame})
+        assert box is not None
+        for corner, most in zip(box, (min, max), strict=True):
+            assert corner == pytest.approx([most(each) for each in zip(*points, strict=True)], abs=1e-6)
 
 
 HINGE = Joint("j", "revolute", "a", "b", Pose(), (0, 0, 1), -1.0, 1.5707963, max_effort=10.0, max_velocity=2.0)
