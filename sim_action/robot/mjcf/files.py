@@ -8,6 +8,7 @@ that may name a file; any other element that does is refused. Counts that could 
 from __future__ import annotations
 
 import html
+import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -17,6 +18,7 @@ from xml.etree.ElementTree import Element
 
 from sim_action.core.errors import Location
 from sim_action.core.wording import shown
+from sim_action.robot.audit.rules import finding
 from sim_action.robot.mjcf.elements import (
     DROPPED,
     FILES,
@@ -31,6 +33,7 @@ from sim_action.robot.mjcf.elements import (
     shown_name,
 )
 from sim_action.robot.packages import PackageError, Packages
+from sim_action.robot.robot_model import Finding
 from sim_action.robot.xml_document import MAX_BYTES, MAX_ELEMENTS, ModelDocument, read_document
 
 MAX_FILES: Final = 100
@@ -62,6 +65,7 @@ class MjcfFiles:
         meshes: name in the text -> the file of each mesh.
         places: the place of each line of the texts; lines count through all texts.
         left_out: the elements that the text lacks: a message for each kind, its first place, and its count.
+        findings: notes about files that are spelled otherwise.
     """
 
     text: str
@@ -69,6 +73,7 @@ class MjcfFiles:
     meshes: Mapping[str, MeshFile]
     places: tuple[Location, ...] = field(repr=False)
     left_out: tuple[tuple[str, Location, int], ...] = ()
+    findings: tuple[Finding, ...] = ()
 
     def place(self, line: int) -> Location | None:
         """Return the place in the user's files of a line of the text; None if there is no such line."""
@@ -77,7 +82,7 @@ class MjcfFiles:
 
 def collect_files(path: Path, packages: Packages) -> MjcfFiles:
     """Read an MJCF file with its includes and attached models, and resolve its other files. Raise RefusedModel."""
-    return _Collector(packages).collected(path)
+    return _Collector(packages, path).collected()
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,18 +107,19 @@ class _Merged:
 class _Collector:
     """The state of collecting one model."""
 
-    def __init__(self, packages: Packages) -> None:
-        self._packages = packages
+    def __init__(self, packages: Packages, path: Path) -> None:
+        self._packages, self._main = packages, path
+        self._findings: dict[Path, Finding] = {}
         self._models: dict[str, bytes] = {}
         self._meshes: dict[str, MeshFile] = {}
         self._lines: list[Location] = []
         self._left_out: dict[str, tuple[Location, int]] = {}
         self._files = self._bytes = self._elements = self._named = 0
 
-    def collected(self, path: Path) -> MjcfFiles:
-        text, _ = self._model(path, None, ())
+    def collected(self) -> MjcfFiles:
+        text, _ = self._model(self._main, None, ())
         left_out = tuple((kind, place, count) for kind, (place, count) in self._left_out.items())
-        return MjcfFiles(text, self._models, self._meshes, tuple(self._lines), left_out)
+        return MjcfFiles(text, self._models, self._meshes, tuple(self._lines), left_out, tuple(self._findings.values()))
 
     # --- files and includes ---
 
@@ -263,7 +269,24 @@ class _Collector:
                 return self._packages.file(path, reference)
             except PackageError as error:
                 problems.append(error)
-        raise refusal(str(problems[0]), place)
+        respelled = self._respelled(paths, place)
+        if respelled is None:
+            raise refusal(str(problems[0]), place)
+        return respelled
+
+    def _respelled(self, paths: list[Path], place: Location) -> Path | None:
+        """Return the file at one of several paths in another letter case, or with backslashes, and note it."""
+        for path in paths:
+            # The search begins below a folder that may be read. With a dot, no name looks like package://.
+            beside = f"./{os.path.relpath(path, self._main.parent)}"
+            try:
+                found = self._packages.resolve(beside, self._main)
+            except PackageError:
+                continue
+            for note in found.notes:
+                self._findings.setdefault(found.path, finding(note.rule, note.text.replace(beside, beside[2:]), place))
+            return found.path
+        return None
 
     def _place(self, path: Path, reference: str, place: Location) -> None:
         """Raise RefusedModel if a file may not be read, whether it exists or not."""

@@ -99,7 +99,7 @@ def _read(path: Path, files: MjcfFiles) -> RobotModel:
         reader.links(),
         joints,
         urdf="",
-        findings=(*_bounces(model, built), *built.notes.findings()),
+        findings=(*_bounces(model, built), *files.findings, *built.notes.findings()),
         mjcf=built.mjcf,
         keyframes=keyframes_of(built, joints, reader.free_joint()),
     )

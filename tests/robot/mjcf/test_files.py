@@ -304,3 +304,30 @@ def test_the_check_without_an_engine_finds_the_files_too(tmp_path: Path) -> None
     (tmp_path / "robot.xml").write_text(ASSET.format('<mesh file="absent.stl"/>'))
     with pytest.raises(ModelError, match=r"'absent\.stl' does not exist"):
         check_text(Robot(model="robot.xml"), Workspace(tmp_path, tmp_path))
+
+
+@pytest.mark.parametrize("name", ["PART.stl", "meshes/part.stl", "meshes\\\\part.stl"])
+def test_a_file_in_another_letter_case_is_found_with_a_note(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "inside/Assets/Meshes/part.STL"
+    path.parent.mkdir(parents=True)
+    path.write_bytes(stl())
+    folder = "assets/" if "/" in name or "\\" in name else "assets/meshes"
+    text = f'<mujoco>\n<compiler meshdir="{folder}"/>\n' + ASSET.format(f'<mesh file="{name}"/>')[8:]
+    found = collected(tmp_path, text)
+    assert [mesh.path for mesh in found.meshes.values()] == [path]
+    (note,) = found.findings
+    assert (note.rule, note.location.line) == ("file-spelling", 3)
+    assert "is spelled Assets/Meshes/part.STL on the disk" in note.message
+
+
+def test_an_included_file_in_another_letter_case_is_found_with_a_note(tmp_path: Path) -> None:
+    found = collected(tmp_path, '<mujoco><include file="Arm.xml"/></mujoco>', arm_xml=f"<mujoco>{BODY}</mujoco>")
+    assert [note.rule for note in found.findings] == ["file-spelling"]
+
+
+def test_another_letter_case_leads_to_no_file_outside_of_the_workspace(tmp_path: Path) -> None:
+    (tmp_path / "part.stl").write_bytes(stl())
+    (tmp_path / "inside").mkdir()
+    (tmp_path / "inside/out.stl").symlink_to(tmp_path / "part.stl")
+    for name in ("../Part.stl", "Out.stl", "package://Part.stl"):
+        assert f"'{name}'" in refused(tmp_path, ASSET.format(f'<mesh file="{name}"/>'))
