@@ -134,7 +134,7 @@ def test_the_box_around_a_turned_mesh_is_that_around_its_points(
     points = [geometry.compose(geometry.compose(frame, pose), Pose(at)).position_xyz for at in CORNERS.tolist()]
     for shape in meshes(CORNERS, pose):
         # A smaller one inside it changes nothing.
-        box = robot_box(model(shapes=(*meshes(CORNERS / 2, pose), shape)), {"base": frame})
+        box = robot_box(model(shapes=(*meshes(CORNERS / np.float32(2), pose), shape)), {"base": frame})
         assert box is not None
         for corner, most in zip(box, (min, max), strict=True):
             assert corner == pytest.approx([most(each) for each in zip(*points, strict=True)], abs=1e-6)
