@@ -95,22 +95,30 @@ _CONTACTS: Final = (
     "condim, solref, solimp, margin, gap and priority of <geom> are ignored: contacts are those of the engine, with "
     "the first number of 'friction'"
 )
-_WORLD: Final = "gravity, wind, density and 'o_...' of <option> are ignored: 'world' of the scenario states gravity"
+_PAIRS: Final = (
+    "friction, condim, solref, solreffriction, solimp, margin and gap of <pair> are ignored: a contact has the first "
+    "number of 'friction' of its <geom>, times the friction of the ground"
+)
 
-IGNORED: Final[Mapping[str, tuple[frozenset[str], str]]] = MappingProxyType(
+IGNORED: Final[Mapping[str, tuple[tuple[frozenset[str], str], ...]]] = MappingProxyType(
     {
         "option": (
-            frozenset({"gravity", "wind", "magnetic", "density", "viscosity", "o_margin", "o_solref", "o_solimp"}),
-            _WORLD,
+            (frozenset({"gravity"}), "{} of <option> is ignored: 'world.gravity' of the scenario states it"),
+            (frozenset({"wind", "density", "viscosity"}), "{} of <option> is ignored: air and water are not simulated"),
+            (frozenset({"magnetic"}), "{} of <option> is ignored: it has no effect on motion"),
+            (
+                frozenset({"o_margin", "o_solref", "o_solimp", "o_friction"}),
+                "{} of <option> is ignored: contacts are those of the engine",
+            ),
         ),
-        "flag": (frozenset(), "<flag> of <option> is ignored"),
+        "flag": ((frozenset(), "<flag> of <option> is ignored"),),
         "geom": (
-            frozenset({"condim", "solref", "solimp", "solmix", "margin", "gap", "priority", "fluidshape"}),
-            _CONTACTS,
+            (frozenset({"condim", "solref", "solimp", "solmix", "margin", "gap", "priority", "fluidshape"}), _CONTACTS),
         ),
+        "pair": ((frozenset({"friction", "condim", "solref", "solreffriction", "solimp", "margin", "gap"}), _PAIRS),),
     }
 )
-"""Element -> its attributes that are not simulated (empty: all), and the note."""
+"""Element -> groups of its attributes that are not simulated (empty: all), and the note; {} are those of the file."""
 
 UNDRAWN: Final = frozenset({"texture", "texrepeat", "texuniform"})
 """Attributes of <material> that are removed from the text."""

@@ -235,9 +235,10 @@ class _Collector:
         """Remove the elements without an effect on the simulation, and note those that a user may miss."""
         for name in UNDRAWN & element.attrib.keys() if element.tag == "material" else ():
             del element.attrib[name]
-        attributes, message = IGNORED.get(element.tag, (frozenset[str](), ""))
-        if message and (attributes & element.attrib.keys() or not attributes):
-            self._note(message, merged.places[element])
+        for attributes, message in IGNORED.get(element.tag, ()):
+            stated = [name for name in element.attrib if name in attributes]
+            if stated or not attributes:
+                self._note(message.format(", ".join(stated)), merged.places[element])
         if element.tag == "option" and _NUMBER.fullmatch(element.get("timestep", "").strip()):
             rate = 1 / max(float(element.attrib["timestep"]), 1e-6)
             message = f"<option timestep> is ignored; for the same steps, state physics: {{rate: {rate:.0f} Hz}}"

@@ -13,10 +13,15 @@ from sim_action.robot.mjcf.spec import Built
 from sim_action.robot.robot_model import Joint, ball_angles
 
 _NO_COMMAND: Final = (
-    "an <actuator> that no command can name keeps its control of robot.keyframe; without one, a servo holds where it "
-    "begins, and others are at 0. It acts on a site, a body or a spatial tendon, is a muscle, or shares its joint"
+    "an <actuator> that no command can name, because it {}: it keeps its control of robot.keyframe; without one, a "
+    "servo holds where it begins, and others are at 0"
 )
 _TRN: Final = mujoco.mjtTrn
+_PLACES: Final = {
+    _TRN.mjTRN_SITE: "a site",
+    _TRN.mjTRN_BODY: "a body",
+    _TRN.mjTRN_SLIDERCRANK: "a slider-crank",
+}
 _ON_JOINT: Final = frozenset({_TRN.mjTRN_JOINT, _TRN.mjTRN_JOINTINPARENT})
 _RANKS: Final[Mapping[MotorKind, int]] = {"position": 0, "velocity": 1, "effort": 2}
 _DIRECT: Final = frozenset({mujoco.mjtDyn.mjDYN_NONE, mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT})
@@ -44,8 +49,29 @@ def motors_of(built: Built, moving: Iterable[str]) -> dict[str, Motor]:
             commanded.add(actuator.name)
     for actuator in spec.actuators:
         if actuator.name not in commanded:
-            built.notes.leave_out(actuator, _NO_COMMAND)
+            reason = _why_not_commanded(actuator, joints, tendons)
+            built.notes.leave_out(actuator, _NO_COMMAND.format(reason))
     return found
+
+
+def _why_not_commanded(actuator: Any, joints: set[str], tendons: Mapping[str, tuple[str, ...]]) -> str:
+    """Return the reason why no command can name an actuator, to follow "it".
+
+    :param joints: names of those with one degree of freedom. tendons: name -> joints, for fixed ones.
+    """
+    on_joint, on_tendon = actuator.trntype in _ON_JOINT, actuator.trntype == _TRN.mjTRN_TENDON
+    through = tendons.get(actuator.target, ())
+    reasons = (
+        (actuator.dyntype == mujoco.mjtDyn.mjDYN_MUSCLE, "is a muscle"),
+        (actuator.dyntype not in _DIRECT, "acts on the integral of its control, as <intvelocity> does"),
+        (on_tendon and not through, "acts on a spatial tendon"),
+        (on_tendon and _kind(actuator) != "position", "acts on a fixed tendon and is not a position servo"),
+        (on_tendon, "acts on a fixed tendon whose joints have motors of their own, or are not all hinges and slides"),
+        (not on_joint, f"acts on {_PLACES.get(actuator.trntype, 'neither a joint nor a tendon')}"),
+        (_kind(actuator) is None, "is neither a motor nor a servo, as <damper> is not"),
+        (actuator.target not in joints, "acts on a ball joint or on the free base"),
+    )
+    return next((reason for applies, reason in reasons if applies), "shares its joint with one that is commanded")
 
 
 def _kind(actuator: Any) -> MotorKind | None:
@@ -115,6 +141,7 @@ def keyframes_of(built: Built, joints: Iterable[Joint], free: str | None) -> dic
             x, y, z, *turned = at[free]
             base = Pose((x, y, z - built.mjcf.floor), _turn(turned))
         controls = dict(zip(built.actuators, ctrl, strict=True)) if ctrl else {}
+        controls = {name: control for name, control in controls.items() if name in built.mjcf.actuators}
         positions = {joint.name: at[joint.name][0] for joint in moving if joint.name in at}
         angles = {ball: ball_angles(turn) for ball, turn in balls.items()}
         for joint in moving:

@@ -22,6 +22,7 @@ from sim_action.robot.audit.rules import finding
 from sim_action.robot.mjcf.elements import refusal
 from sim_action.robot.mjcf.files import MeshFile, MjcfFiles
 from sim_action.robot.mjcf.model import MeshBytes, Mjcf
+from sim_action.robot.mjcf.worldbody import floor_height, named, names_below, robot_bodies
 from sim_action.robot.robot_model import Finding
 
 # A tetrahedron.
@@ -77,26 +78,25 @@ def build(files: MjcfFiles, place: Location) -> Built:
     actuators = tuple(actuator.name for actuator in spec.actuators)
     keyframes = _keyframes(spec, files)
     notes = Notes(files, place)
-    planes = [geom.pos[2] for geom in spec.worldbody.geoms if geom.type == _GEOM.mjGEOM_PLANE]
-    floor = float(max(planes, default=0.0))
+    floor = _floor(spec, notes)
     _leave_out(spec, notes)
     looked_at = _looked_at(spec)
     drawn, meshes = dict[str, MeshFile](), dict[str, MeshBytes]()
     real = {geom.meshname for geom in spec.geoms if geom.name not in looked_at or geom.type != _GEOM.mjGEOM_MESH}
     used = {geom.meshname for geom in spec.geoms}
     for mesh in spec.meshes:
-        named = files.meshes.get(mesh.file)
-        if named is None:
+        file = files.meshes.get(mesh.file)
+        if file is None:
             continue
-        if named.path.suffix.lower().removeprefix(".") not in READERS:
-            _parsed(named)
+        if file.path.suffix.lower().removeprefix(".") not in READERS:
+            _parsed(file)
         if mesh.name not in used:
             continue
         moved = _frame(mesh) != _NO_FRAME
         if mesh.name in real or moved:
-            meshes[mesh.name] = _parsed(named)
+            meshes[mesh.name] = _parsed(file)
         if not moved:
-            drawn[mesh.name] = named
+            drawn[mesh.name] = file
     mjcf = Mjcf(
         files.text,
         dict(files.models),
@@ -219,15 +219,16 @@ def _keyframes(spec: Any, files: MjcfFiles) -> tuple[StatedKeyframe, ...]:
 
 def _leave_out(spec: Any, notes: Notes) -> None:
     """Delete the parts that are not simulated. Raises ModelError if the rest is not a robot."""
-    robot = _robot(spec, notes)
+    robot, chosen = robot_bodies(spec, notes.place)
+    if chosen:
+        notes.leave_out(next(body for body in spec.worldbody.bodies if body.name in robot), chosen)
     names = set[str]()
     others = [body for body in spec.worldbody.bodies if body.name not in robot]
     for body in others:
-        names |= _names_below(body)
+        names |= names_below(body)
     if others:
-        first = ", ".join(f"'{body.name}'" for body in others[:_MAX_NAMED])
-        more = f" and {len(others) - _MAX_NAMED} more" if len(others) > _MAX_NAMED else ""
-        notes.leave_out(others[0], f"the file also has body {first}{more}: {_OTHER_BODY}")
+        first = named([body.name for body in others])
+        notes.leave_out(others[0], f"the file also has body {first}: {_OTHER_BODY}")
     wrapped = {step.target.name for tendon in spec.tendons for step in tendon.path if step.target is not None}
     for tendon in list(spec.tendons):
         if any(step.target is not None and step.target.name in names for step in tendon.path):
@@ -236,6 +237,7 @@ def _leave_out(spec: Any, notes: Notes) -> None:
     dropped = [*spec.keys, *spec.pairs, *spec.excludes]
     dropped += [equality for equality in spec.equalities if {equality.name1, equality.name2} & names]
     dropped += [actuator for actuator in spec.actuators if actuator.target in names]
+    dropped += _disabled(spec, names, notes)
     dropped += [body for body in spec.worldbody.bodies if body.name not in robot]
     _take_pairs(spec, names | {geom.name for geom in spec.worldbody.geoms}, notes)
     for geom in spec.worldbody.geoms:
@@ -249,6 +251,16 @@ def _leave_out(spec: Any, notes: Notes) -> None:
     _leave_out_heightfields(spec, notes)
 
 
+def _disabled(spec: Any, outside: set[str], notes: Notes) -> list[Any]:
+    """Return the actuators that the file disables; `outside`: names of parts that are not the robot's."""
+    groups = int(spec.option.disableactuator)
+    found = [actuator for actuator in spec.actuators if actuator.target not in outside]
+    found = [actuator for actuator in found if actuator.group in range(_MAX_GROUPS) and groups >> actuator.group & 1]
+    for actuator in found:
+        notes.leave_out(actuator, "an <actuator> is left out, because <option actuatorgroupdisable> disables its group")
+    return found
+
+
 def _take_pairs(spec: Any, outside: set[str], notes: Notes) -> None:
     """Let geoms collide that the file pairs with the world; `outside`: names of geoms that are not the robot's."""
     for pair in spec.pairs:
@@ -260,37 +272,19 @@ def _take_pairs(spec: Any, outside: set[str], notes: Notes) -> None:
             notes.leave_out(pair, "<pair> in <contact> is not simulated: parts of the robot do not touch each other")
 
 
+# Groups that <option actuatorgroupdisable> can name.
+_MAX_GROUPS: Final = 31
 _OTHER_BODY: Final = "left out, because it is not a part of the robot; make it a body of 'world.objects'"
-_MAX_NAMED: Final = 5
 _WORLD_GEOM: Final = "a <geom> of <worldbody> is left out, such as a floor: 'world' of the scenario has the ground"
 
 
-def _robot(spec: Any, notes: Notes) -> frozenset[str]:
-    """Return the bodies of the world that make up the robot. Raises ModelError if that is ambiguous.
-
-    They are the bodies with joints of their own: one that moves freely, or all that are fixed to the world.
-    """
-    tops = [body for body in spec.worldbody.bodies if not body.mocap]
-    free = {body.name for body in tops if any(joint.type == _FREE for joint in body.joints)}
-    jointed = {body.name for body in tops if _has_joints(body)}
-    robot = jointed or free or {body.name for body in tops}
-    if robot & free:
-        robot &= free
-    if len(robot) == 1 or (robot and not robot & free and jointed):
-        return frozenset(robot)
-    found = f"the model has {len(robot)} bodies in its world"
-    raise ModelError(f"a robot must be one body with its children, but {found}", notes.place(spec.worldbody))
-
-
-def _has_joints(body: Any) -> bool:
-    """Return True if a body or one below it has a joint that is not free."""
-    return any(joint.type != _FREE for joint in body.joints) or any(map(_has_joints, body.bodies))
-
-
-def _names_below(body: Any) -> set[str]:
-    """Return the names of a body, of all bodies below it, and of their joints, geoms and sites."""
-    own = {body.name, *(element.name for kind in (body.joints, body.geoms, body.sites) for element in kind)}
-    return own.union(*map(_names_below, body.bodies)) - {""}
+def _floor(spec: Any, notes: Notes) -> float:
+    """Return the height of the floor of the file in m, and note which one counts if there are several."""
+    height, geom, count = floor_height(spec)
+    if count > 1:
+        text = f"geom '{geom.name}' at z = {height:g} m is the ground: it is the highest of {count} level planes"
+        notes.leave_out(geom, f"{text}, and heights of keyframes and of a bolted robot start from it")
+    return height
 
 
 def _leave_out_heightfields(spec: Any, notes: Notes) -> None:
