@@ -7,8 +7,10 @@ from pathlib import Path
 import pytest
 
 from sim_action.core.errors import InvalidScenario
+from sim_action.robot.kinematics import link_poses
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.scenario.model import LoadedScenario
+from tests.ros_workspace import written
 
 CRATE = """<model name="crate"><pose>2 0 0.5 0 0 0</pose><link name="l"><inertial><mass>3</mass></inertial>
 <collision name="c"><geometry><box><size>1 1 1</size></box></geometry></collision></link></model>"""
@@ -187,3 +189,70 @@ def test_robot_needs_a_file(tmp_path: Path) -> None:
     file.write_text(f"name: a\n{ROBOT}\nworld: {{robot: rover}}\nexpect: [upright]\ntime_limit: 1 s\n")
     with pytest.raises(InvalidScenario, match="'robot' names a model of a world file: add 'file'"):
         load_scenario(file)
+
+
+def robot_link(name: str, z: float) -> str:
+    inertial = "<inertial><mass>2</mass></inertial>"
+    ball = "<collision name='c'><geometry><sphere><radius>0.1</radius></sphere></geometry></collision>"
+    return f'<link name="{name}"><pose>0 0 {z} 0 0 0</pose>{inertial}{ball}</link>'
+
+
+def held(name: str, parent: str, child: str, kind: str = "revolute") -> str:
+    ends = f"<parent>{parent}</parent><child>{child}</child>"
+    return f'<joint name="{name}" type="{kind}">{ends}<axis><xyz>0 0 1</xyz></axis></joint>'
+
+
+ARM, BASE, TURN = robot_link("arm", 0.7), robot_link("base", 0.4), held("turn", "base", "arm")
+TIP = '<frame name="tip" attached_to="arm"/>'
+INNER = f'<model name="in"><pose>0 0 1 0 0 0</pose>{ARM}{robot_link("mid", 0)}{held("j", "mid", "arm")}</model>'
+
+
+@pytest.mark.parametrize(
+    "inside",
+    [
+        ARM + BASE + TURN,
+        ARM + BASE + TIP + held("turn", "base", "tip"),
+        INNER + BASE + held("mount", "base", "in::mid", "fixed"),
+        f'<model name="in">{ARM}</model>' + BASE + held("mount", "base", "in"),
+    ],
+    ids=["second-link", "frame-as-child", "joint-in-a-nested-model", "model-as-child"],
+)
+def test_the_robot_starts_where_its_root_link_is(inside: str, tmp_path: Path) -> None:
+    robot = f'<model name="r"><pose>2 1 0.5 0 0 0</pose>{inside}</model>'
+    found = loaded(tmp_path, GROUND + robot, ", robot: r", "")
+
+    assert found.model is not None
+    assert found.model.root == "base"
+    at = found.scenario.robot.pose
+    assert (at.x, at.y, at.z) == pytest.approx((2, 1, 0.9))
+
+
+@pytest.mark.parametrize("static", [False, True])
+def test_a_robot_that_is_joined_to_the_world_stays_at_its_place_in_the_file(static: bool, tmp_path: Path) -> None:
+    hold = "<static>1</static>" if static else held("hold", "world", "base", "fixed")
+    robot = f'<model name="r"><pose>2 1 0.5 0 0 0</pose>{ARM}{BASE}{TURN}{hold}</model>'
+    found = loaded(tmp_path, GROUND + robot, ", robot: r", "", "allow: [fixed-base]")
+
+    assert found.model is not None
+    assert link_poses(found.model, {})["base"].position_xyz == pytest.approx((2, 1, 0.9))
+    at = found.scenario.robot.pose
+    assert (found.model.root, at.x, at.y, at.yaw) == ("world", 0, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("attribute", "tag"),
+    [("", "<placement_frame>arm</placement_frame>"), (' placement_frame="arm"', "")],
+    ids=["include", "model"],
+)
+def test_a_placement_frame_counts_once(attribute: str, tag: str, tmp_path: Path) -> None:
+    inside = f'<model name="rover"{attribute}>{ARM}{BASE}{TURN}{held("hold", "world", "base", "fixed")}</model>'
+    written(tmp_path / "models/rover/model.sdf", f'<sdf version="1.9">{inside}</sdf>')
+    include = f"<include><uri>model://rover</uri><name>r</name>{tag}<pose>2 1 1.5 0 0 0</pose></include>"
+    found = loaded(tmp_path, GROUND + include, ", robot: r", "", "allow: [fixed-base]")
+
+    assert found.model is not None
+    poses = link_poses(found.model, {})
+    assert [poses[link].position_xyz for link in ("arm", "base")] == [
+        pytest.approx((2, 1, 1.5)),
+        pytest.approx((2, 1, 1.2)),
+    ]

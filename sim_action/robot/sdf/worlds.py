@@ -21,7 +21,7 @@ from sim_action.robot.audit.rules import refuse_errors
 from sim_action.robot.model_files import Version
 from sim_action.robot.packages import Packages
 from sim_action.robot.sdf.composition import Assembly, Entry, Scope
-from sim_action.robot.sdf.elements import Notes, pose_of, text_of
+from sim_action.robot.sdf.elements import Notes, SdfProblem, pose_of, text_of
 from sim_action.robot.sdf.files import SdfFile, sdf_version
 from sim_action.robot.sdf.frames import Frames
 from sim_action.robot.sdf.old_versions import upgraded
@@ -147,12 +147,20 @@ def base_pose(world: SdfWorld, name: str) -> Pose | None:
     entry = world.models[name]
     scope = entry.scope
     assert scope is not None
-    joints = [(text_of(joint.element, "parent"), text_of(joint.element, "child")) for joint in scope.all_of("joint")]
-    carried = {id(scope.find(child)) for _, child in joints}
-    if scope.static or any(parent == "world" for parent, _ in joints):
+    carried = {_child_of(world.frames, joint) for joint in scope.all_of("joint")}
+    roots = [link for link in scope.all_of("link") if link not in carried]
+    if not roots or any(root.owner.static for root in roots):
         return None
-    roots = [link for link in scope.all_of("link") if id(link) not in carried]
-    return world.link_pose(entry, roots[0]) if roots else None
+    return world.link_pose(entry, roots[0])
+
+
+def _child_of(frames: Frames, joint: Entry) -> Entry | None:
+    """Return the child link of a joint. None if it cannot be found: the reader of the robot reports it."""
+    owner = joint.owner
+    try:
+        return frames.link_of(frames.named(owner, text_of(joint.element, "child"), joint.element), owner)
+    except SdfProblem:
+        return None
 
 
 def _pose_element(pose: Pose) -> Element:
