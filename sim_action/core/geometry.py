@@ -138,3 +138,23 @@ def twist_between(here: Pose, there: Pose, seconds: float) -> Twist:
     rate = 2 * math.atan2(math.copysign(sine, qw), abs(qw)) / (sine * seconds) if sine else 0.0
     vx, vy, vz = moved
     return Twist((vx, vy, vz), (qx * rate, qy * rate, qz * rate))
+
+
+def symmetric_eigenvalues(diagonal: Vector3, xy: float, xz: float, yz: float) -> Vector3:
+    """Return the eigenvalues of a symmetric 3 x 3 matrix, in rising order; from rounding, the first two may swap.
+
+    See O. K. Smith, Communications of the ACM 4(4), 1961.
+    """
+    xx, yy, zz = diagonal
+    mean = (xx + yy + zz) / 3
+    off = xy**2 + xz**2 + yz**2
+    spread = math.sqrt(((xx - mean) ** 2 + (yy - mean) ** 2 + (zz - mean) ** 2 + 2 * off) / 6)
+    if spread == 0:
+        return (mean, mean, mean)
+    u, v, w = ((value - mean) / spread for value in (xx, yy, zz))
+    p, q, r = xy / spread, xz / spread, yz / spread
+    half_determinant = (u * (v * w - r * r) - p * (p * w - r * q) + q * (p * r - v * q)) / 2
+    angle = math.acos(max(-1.0, min(1.0, half_determinant))) / 3
+    largest = mean + 2 * spread * math.cos(angle)
+    least = mean + 2 * spread * math.cos(angle + 2 * math.pi / 3)
+    return (least, 3 * mean - largest - least, largest)

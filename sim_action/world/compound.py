@@ -14,7 +14,7 @@ from sim_action.core.field_types import (
     NonNegativeKilogramSquareMetres,
     RelativePose,
 )
-from sim_action.core.geometry import Vector3
+from sim_action.core.geometry import Vector3, symmetric_eigenvalues
 from sim_action.world.shapes import MAX_LENGTH_M, Cylinder, MeshFile, Ramp, Size, Sphere, Stairs
 
 if TYPE_CHECKING:
@@ -29,6 +29,9 @@ Arm = Annotated[Metres, Field(ge=-MAX_LENGTH_M, le=MAX_LENGTH_M)]
 
 # Moments may break the triangle inequality by this share: files are rounded.
 _ROUNDING: Final = 1e-3
+
+# The error of a computed principal moment, as a share of the largest one, is less.
+_SMALLEST_SHARE: Final = 1e-7
 
 
 class ShapePose(RelativePose):
@@ -110,12 +113,15 @@ class Inertia(FrozenModel):
 
     @model_validator(mode="after")
     def _is_possible(self) -> Self:
-        moments = sorted((self.ixx, self.iyy, self.izz))
-        if moments[0] <= 0 or moments[2] > (moments[0] + moments[1]) * (1 + _ROUNDING):
-            found = " ".join(f"{moment:g}" for moment in (self.ixx, self.iyy, self.izz))
-            raise ValueError(
-                f"no body has the moments {found}: each is greater than 0 and at most the sum of the others"
-            )
+        diagonal, products = (self.ixx, self.iyy, self.izz), (self.ixy, self.ixz, self.iyz)
+        is_turned = any(products)
+        least, middle, most = sorted(symmetric_eigenvalues(diagonal, *products) if is_turned else diagonal)
+        smallest = _SMALLEST_SHARE * most if is_turned else 0.0
+        if least <= smallest or most > (least + middle) * (1 + _ROUNDING):
+            found = " ".join(f"{moment:g}" for moment in ((least, middle, most) if is_turned else diagonal))
+            kind = "principal moments" if is_turned else "moments"
+            rule = "each is greater than 0 and at most the sum of the others"
+            raise ValueError(f"no body has the {kind} {found}: {rule}")
         return self
 
     @property

@@ -46,6 +46,14 @@ def test_the_shapes_of_a_body_are_placed_in_its_frame() -> None:
         ({"sphere": {"radius": 1}, "inertia": {"ixx": 1, "iyy": 1, "izz": 1}}, "'inertia' needs a 'mass'"),
         ({"sphere": {"radius": 1}, "mass": 1, "inertia": {"ixx": 1, "iyy": 1, "izz": 3}}, "no body has the moments"),
         ({"sphere": {"radius": 1}, "mass": 1, "inertia": {"ixx": 0, "iyy": 1, "izz": 1}}, "no body has the moments"),
+        (
+            {"sphere": {"radius": 1}, "mass": 1, "inertia": {"ixx": 0.02, "iyy": 0.02, "izz": 0.02, "ixy": 0.05}},
+            "no body has the principal moments -0.03 0.02 0.07",
+        ),
+        (
+            {"sphere": {"radius": 1}, "mass": 1, "inertia": {"ixx": 2, "iyy": 2, "izz": 1.2, "iyz": 1.2}},
+            "no body has the principal moments 0.335",
+        ),
     ],
 )
 def test_impossible_bodies_are_refused(keys: dict[str, Any], message: str) -> None:

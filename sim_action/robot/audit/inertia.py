@@ -166,23 +166,9 @@ def presence(document: ModelDocument) -> Iterator[Finding]:
 
 
 def principal_moments(inertia: Element) -> tuple[float, float, float]:
-    """Return the principal moments in kg m^2, in rising order.
-
-    They are the eigenvalues of a symmetric 3 x 3 matrix (O. K. Smith, Communications of the ACM 4(4), 1961).
-    """
+    """Return the principal moments in kg m^2, in rising order."""
     xx, xy, xz, yy, yz, zz = (number(inertia, name) or 0.0 for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
-    mean = (xx + yy + zz) / 3
-    off = xy**2 + xz**2 + yz**2
-    spread = math.sqrt(((xx - mean) ** 2 + (yy - mean) ** 2 + (zz - mean) ** 2 + 2 * off) / 6)
-    if spread == 0:
-        return (mean, mean, mean)
-    u, v, w = ((value - mean) / spread for value in (xx, yy, zz))
-    p, q, r = xy / spread, xz / spread, yz / spread
-    half_determinant = (u * (v * w - r * r) - p * (p * w - r * q) + q * (p * r - v * q)) / 2
-    angle = math.acos(max(-1.0, min(1.0, half_determinant))) / 3
-    largest = mean + 2 * spread * math.cos(angle)
-    least = mean + 2 * spread * math.cos(angle + 2 * math.pi / 3)
-    return (least, 3 * mean - largest - least, largest)
+    return geometry.symmetric_eigenvalues((xx, yy, zz), xy, xz, yz)
 
 
 def proportions(document: ModelDocument, links: Sequence[Link]) -> Iterator[Finding]:

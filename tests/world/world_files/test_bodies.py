@@ -195,6 +195,38 @@ def test_a_moving_body_has_its_stated_inertia(
     assert [each.startswith(message or "") for each in lost] == [True] * (message is not None)
 
 
+def test_an_impossible_product_of_inertia_is_replaced(tmp_path: Path) -> None:
+    bodies, (lost,) = read(BOX.format(pose="", ixx=0.5).replace("<ixy>0<", "<ixy>0.6<"), tmp_path)
+
+    assert [body.inertia for body in bodies] == [None]
+    assert "no body has the principal moments -0.1 0.5 1.1" in lost
+
+
+def test_the_axes_of_an_inertia_turn_with_its_pose(tmp_path: Path) -> None:
+    """A positive turn about z by 30 degrees makes a negative ixy of moments with ixx < iyy."""
+    pose = f"<pose>0 0 0 0 0 {math.pi / 6}</pose>"
+    bodies, lost = read(BOX.format(pose=pose, ixx=0.2), tmp_path)
+
+    (body,) = bodies
+    assert body.inertia is not None
+    moments = body.inertia.ixx, body.inertia.iyy, body.inertia.ixy
+    assert moments == pytest.approx((0.275, 0.425, -0.3 * math.sqrt(3) / 4))
+    assert lost == []
+
+
+def test_the_smallest_friction_of_several_shapes_counts(tmp_path: Path) -> None:
+    rough = SURFACE.format("<mu>0.3</mu><mu2>0.3</mu2>")
+    smooth = SURFACE.format("<mu>0.1</mu><mu2>0.1</mu2>")
+    shapes = "".join(
+        f"<collision name='{name}'><geometry><sphere><radius>1</radius></sphere></geometry>{more}</collision>"
+        for name, more in (("a", rough), ("b", smooth), ("c", rough))
+    )
+    bodies, lost = read(f"<model name='m'><static>1</static><link name='l'>{shapes}</link></model>", tmp_path)
+
+    assert [body.friction for body in bodies] == [0.1]
+    assert lost == ["'m' has shapes of one body with different friction: the smallest is used for all"]
+
+
 LINK = """<link name="{name}"><pose>{x} 0 1 0 0 0</pose><inertial><mass>{mass}</mass></inertial>
 <collision name="c"><geometry><box><size>0.2 0.2 0.2</size></box></geometry></collision></link>"""
 TWO = LINK.format(name="a", x=0, mass=1) + LINK.format(name="b", x=1, mass=3)
