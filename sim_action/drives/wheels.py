@@ -100,6 +100,38 @@ def round_wheels(model: RobotModel) -> tuple[Wheel, ...]:
     return tuple(wheel(model, joint.name) for joint in level if isinstance(tyre(model, joint), Tyre))
 
 
+def held_joints(model: RobotModel) -> frozenset[str]:
+    """Return the joints that a servo holds at their initial positions until they get a command.
+
+    These are the joints with limits, and continuous joints with an effort limit. Not held are joints with a spring or
+    a mimic, and continuous joints that turn or carry a wheel. Here, a wheel is a link on a level axis that is called
+    a wheel, or that is round about the axis, ends at most a radius above the lowest shape, and carries no moving joint.
+    """
+    able = [joint for joint in model.motor_joints if not (joint.mimic or joint.stiffness or joint.series)]
+    turning = [joint for joint in able if joint.type == "continuous" and _has_motor(model, joint)]
+    wheels = [joint.name for joint in turning if _may_roll(model, joint)]
+    rolling = {*wheels, *(above.name for name in wheels for above in joints_above(model, name))}
+    held = {joint.name for joint in turning} - rolling
+    return frozenset(held.union(joint.name for joint in able if joint.type != "continuous"))
+
+
+def _has_motor(model: RobotModel, joint: Joint) -> bool:
+    """Return True if the limits of a continuous joint show that it has a motor; MJCF states motors by themselves."""
+    return model.mjcf is None and bool(joint.max_effort)
+
+
+def _may_roll(model: RobotModel, joint: Joint) -> bool:
+    """Return True for a link that is called a wheel, or that is round, near the ground, and carries no moving joint."""
+    ground = lowest_shape(model)
+    if ground is None or not is_level(model, joint):
+        return False
+    if "wheel" in joint.name.lower() or "wheel" in joint.child.lower():
+        return True
+    if not isinstance(tyre(model, joint), Tyre) or not is_on_ground(wheel(model, joint.name), ground, 1.0):
+        return False
+    return all(joint not in joints_above(model, other.name) for other in model.moving_joints)
+
+
 def axis_in_base(model: RobotModel, joint: Joint) -> Vector3:
     """Return the axis of a joint as a unit vector in the base frame, with all joints at their initial positions."""
     return _axis(joint, _poses(model))

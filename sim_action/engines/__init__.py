@@ -32,7 +32,7 @@ UNLIMITED_EFFORT: Final = 1e6
 class Engine(EngineQueries, Protocol):
     """A physics engine that holds one scene.
 
-    Until it gets a command, a joint with limits is held at its initial position and a continuous joint rolls freely.
+    Until it gets a command, a joint is held at its initial position or moves freely, see `held_joints`.
     """
 
     version: str

@@ -193,11 +193,6 @@ class Joint:
         return middle if math.isfinite(middle) else max(lower, min(upper, self.reference))
 
     @property
-    def is_held(self) -> bool:
-        """Return True if a motor holds the joint until it gets a command."""
-        return self.type in ("revolute", "prismatic") and not (self.mimic or self.stiffness or self.series)
-
-    @property
     def moves(self) -> bool:
         """Return True if the joint has a position."""
         return self.type in MOVING_TYPES or self.type == "ball"

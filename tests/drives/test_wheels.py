@@ -16,6 +16,7 @@ from sim_action.drives.wheels import (
     Wheel,
     centre_of_mass,
     heading_of,
+    held_joints,
     opposed_note,
     rolling,
     turned_forward,
@@ -23,8 +24,10 @@ from sim_action.drives.wheels import (
     wheels_on_ground,
 )
 from sim_action.robot.kinematics import link_poses
-from sim_action.robot.robot_model import RobotModel
+from sim_action.robot.robot_model import Joint, JointType, Link, RobotModel, Shape
 from sim_action.robot.urdf import read_urdf
+from tests.drives.carts import FOUR, LYING, Part, cart, steered
+from tests.drives.carts import wheel as cart_wheel
 from tests.traces import burger
 
 # The axle is turned a quarter about z and the wheel hangs on it: 1 m forward of the axle is 1 m to the left.
@@ -189,3 +192,49 @@ DOWN = (0.0, -1.0, 0.0)
 def test_a_wheel_whose_axis_points_the_other_way_is_named(axes: dict[str, Vector3], named: str | None) -> None:
     note = opposed_note(axes)
     assert (named in note) if named and note else (note is named)
+
+
+def roll_joint(name: str, z: float, *, parent: str = "base", kind: JointType = "continuous", **limits: float) -> Part:
+    """A joint of an arm about a level axis, with a round link."""
+    shape = Shape("cylinder", LYING, 0.05, (-0.05, -0.05, -0.02), (0.05, 0.05, 0.02))
+    joint = Joint(name, kind, parent, f"{name}_link", Pose((0.0, 0.0, z)), (0.0, 1.0, 0.0), **limits)
+    return (joint,), (Link(f"{name}_link", 1.0, (shape,)),)
+
+
+def with_motors(model: RobotModel) -> RobotModel:
+    """The same model with an effort limit on every joint."""
+    return replace(model, joints=tuple(replace(joint, max_effort=50.0) for joint in model.joints))
+
+
+def test_a_continuous_joint_of_an_arm_is_held_if_it_has_an_effort_limit() -> None:
+    arm = (roll_joint("strong", 1.0, max_effort=50.0), roll_joint("limp", 1.2), roll_joint("zero", 1.4, max_effort=0.0))
+    assert held_joints(cart(*FOUR, *arm)) == {"strong"}
+
+
+def test_joints_with_limits_are_held_without_an_effort_limit() -> None:
+    hinge = roll_joint("hinge", 1.0, kind="revolute", lower=-1.0, upper=1.0)
+    sprung = roll_joint("sprung", 1.2, kind="revolute", lower=-1.0, upper=1.0, stiffness=5.0)
+    assert held_joints(cart(*FOUR, hinge, sprung)) == {"hinge"}
+
+
+def test_wheels_roll_freely_and_so_do_the_forks_of_casters() -> None:
+    caster = steered("tail", -0.3, 0.0, limit=None)
+    lifted = cart_wheel("lifted", 0.0, 0.0, radius=0.06)
+    assert held_joints(with_motors(cart(*FOUR, caster, lifted))) == frozenset()
+
+
+def test_a_link_that_is_called_a_wheel_rolls_even_if_it_is_not_round() -> None:
+    # The outline of a mesh without corners is unknown, as that of a wheel with lugs.
+    shape = Shape("box", Pose(), None, (-0.1,) * 3, (0.1,) * 3)
+    for name, is_held in (("track_wheel", False), ("paddle", True)):
+        joint = Joint(name, "continuous", "base", name, Pose(), (0.0, 1.0, 0.0), max_effort=5.0)
+        assert bool(held_joints(cart(*FOUR, ((joint,), (Link(name, 1.0, (shape,)),))))) is is_held
+
+
+def test_a_round_motor_of_a_leg_is_no_wheel() -> None:
+    hip, knee = roll_joint("hip", 0.0, max_effort=5.0), roll_joint("knee", 0.0, parent="hip_link", max_effort=5.0)
+    assert held_joints(cart(hip)) == frozenset()
+    # The lowest link may still be a wheel on a leg; then the leg could be a rocker.
+    leg = Joint("knee", "revolute", "hip_link", "shank", Pose(), (0.0, 1.0, 0.0), -1.0, 1.0)
+    assert held_joints(cart(hip, ((leg,), (Link("shank", 1.0),)))) == {"hip", "knee"}
+    assert held_joints(cart(hip, knee)) == frozenset()

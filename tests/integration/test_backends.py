@@ -429,7 +429,8 @@ def test_links_of_a_robot_do_not_touch_each_other(engine: str, tmp_path: Path) -
 
 def test_a_pendulum_swings_with_its_analytic_period(engine: str, tmp_path: Path) -> None:
     robot = Robot(model="robot.urdf", base="fixed", pose=Placement(z=3), joints={"hinge": 0.1})
-    with running(engine, scene_of(tmp_path, PENDULUM.format(type="continuous"), robot, rate=1000)) as backend:
+    urdf = PENDULUM.format(type="continuous").replace(' effort="50"', "")
+    with running(engine, scene_of(tmp_path, urdf, robot, rate=1000)) as backend:
         trace = advance(backend, 0, 4000)
     angle = trace.joint_position[:, 0]
     crossings = trace.time[1:][(angle[:-1] < 0) & (angle[1:] >= 0)]
@@ -438,9 +439,12 @@ def test_a_pendulum_swings_with_its_analytic_period(engine: str, tmp_path: Path)
     assert angle.max() == pytest.approx(0.1, rel=0.01)
 
 
-def test_a_joint_between_limits_is_held_until_it_is_told_otherwise(engine: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", ["revolute", "continuous"])
+def test_a_joint_with_limits_or_a_motor_is_held_until_it_is_told_otherwise(
+    engine: str, kind: str, tmp_path: Path
+) -> None:
     robot = Robot(model="robot.urdf", base="fixed", pose=Placement(z=3), joints={"hinge": 1.0})
-    with running(engine, scene_of(tmp_path, PENDULUM.format(type="revolute"), robot)) as backend:
+    with running(engine, scene_of(tmp_path, PENDULUM.format(type=kind), robot)) as backend:
         held = advance(backend, 0, 480)
         limp = advance(backend, 480, 240, JointTargets(effort={"hinge": 0.0}))
     assert held.joint_position[-1, 0] == pytest.approx(1.0, abs=1e-3)
@@ -642,7 +646,7 @@ for bad in BAD_MODELS:
     except (ModelError, EngineError) as error:
         print("\nREFUSED", type(error).__name__, flush=True)
         continue
-    spun = JointTargets(velocity={joint.name: 1.0 for joint in scene.model.moving_joints if joint.mimic is None})
+    spun = JointTargets(velocity={joint.name: 1.0 for joint in scene.model.motor_joints if joint.mimic is None})
     backend.advance(0, [spun, *[None] * 48])
     print("\nSIMULATED", len(backend.collect()), flush=True)
 """

@@ -28,7 +28,9 @@ def link(name: str, mass: float = 0.1, moment: float = 1e-4, com: str = "0 0 0")
 def joint(name: str, ends: str, axis: str, damping: float, *, origin: str = "0 0 0", kind: str = "") -> str:
     parent, child = ends.split(">")
     ends = f'<parent link="{parent}"/><child link="{child}"/><origin xyz="{origin}"/><axis xyz="{axis}"/>'
-    limit = '<limit lower="-9" upper="9" effort="90" velocity="90"/>'
+    # A continuous joint without an effort limit moves freely.
+    effort = 'effort="90"' if kind else ""
+    limit = f'<limit lower="-9" upper="9" {effort} velocity="90"/>'
     return f'<joint name="{name}" type="{kind or "continuous"}">{ends}{limit}<dynamics damping="{damping}"/></joint>'
 
 

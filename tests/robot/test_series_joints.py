@@ -7,6 +7,7 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
+from sim_action.drives.wheels import held_joints
 from sim_action.robot.kinematics import link_poses
 from sim_action.robot.robot_model import RobotModel
 from sim_action.robot.urdf import read_urdf
@@ -31,7 +32,7 @@ def test_a_planar_joint_is_two_slides_and_a_hinge(tmp_path: Path) -> None:
         ("shoulder_turn", "continuous", (0, 0, 1)),
     ]
     assert {part.series for part in model.joints} == {"shoulder"}
-    assert not any(part.is_held for part in model.joints)
+    assert held_joints(model) == frozenset()
     assert model.mass == 3
     masses = {link.attrib["name"]: link.find("inertial/mass") for link in ET.fromstring(model.urdf).iter("link")}
     assert {name: mass.get("value") for name, mass in masses.items() if mass is not None} == {
@@ -62,7 +63,7 @@ def test_a_universal_joint_has_limits_for_each_axis(tmp_path: Path) -> None:
     first, second = model.joints
     assert (first.name, first.type, first.lower, first.upper) == ("shoulder_1", "revolute", -1, 1)
     assert (second.name, second.type, second.lower, second.max_effort) == ("shoulder_2", "continuous", None, 3)
-    assert not first.is_held
+    assert held_joints(model) == frozenset()
 
 
 def test_a_floating_joint_below_the_base_is_three_slides_and_a_ball_joint(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_action.drives.wheels import held_joints
 from sim_action.engines import UNLIMITED_EFFORT
 from sim_action.engines.mujoco.actuators import Actuators
 from sim_action.engines.mujoco.scene import IMPEDANCE, STEPS_TO_CONVERGE, CompiledScene, solver_parameters
@@ -59,11 +60,12 @@ class Motors:
         self._soft = self._model.dof_solref[self._dofs].copy(), self._model.dof_solimp[self._dofs].copy()
         self._actuators = Actuators(model, compiled, rate, scene.controls)
         is_passive = model.mjcf is not None and bool(model.mjcf.actuators)
+        held = held_joints(model)
         for number, joint in enumerate(joints):
             kind = self._actuators.kind(number)
             if kind in {"position", "velocity"}:
                 self._set(number, _OWN, 0.0, self._friction[number])
-            elif joint.is_held and not (is_passive and kind is None):
+            elif joint.name in held and not (is_passive and kind is None):
                 self._set(number, _POSITION, self._data.qpos[self._qpos[number]], self._max_effort[number])
             elif model.mjcf is not None:
                 self._set(number, _FREE, 0.0, self._friction[number])

@@ -18,6 +18,7 @@ from sim_action.core import geometry
 from sim_action.core.errors import EngineError
 from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.core.wording import system_reason
+from sim_action.drives.wheels import held_joints
 from sim_action.engines import NO_CHANNELS, UNLIMITED_EFFORT, named_version
 from sim_action.engines.body_control import base_wrench
 from sim_action.engines.clearances import ClearanceRecorder
@@ -299,13 +300,13 @@ class PyBulletEngine:
         return SlidingWheels(self._client, self._robot, scrubbing, movers)
 
     def _place_robot(self, scene: Scene) -> None:
-        positions = scene.joint_positions
+        positions, held = scene.joint_positions, held_joints(scene.model)
         if self._balls is not None:
             self._balls.release([positions[joint.name] for joint in scene.model.moving_joints if joint.ball])
         for joint in scene.model.motor_joints:
             position = positions[joint.name]
             pybullet.resetJointState(self._robot, self._index[joint.name], position, physicsClientId=self._client)
-            if joint.is_held:
+            if joint.name in held:
                 self._servo(joint.name, position, self._max_effort[joint.name])
             else:
                 # Switches the default motor off; only the joint's own friction remains.
