@@ -48,8 +48,9 @@ _HALVINGS: Final = 60
 class SkidSteer(TwoSidedDrive):
     """Two sides with several wheels each. In turns wheels slip, as if they were `slip` times as far apart.
 
-    The computed factor is valid on level ground for friction that is the same in all directions. Wheels without a
-    contact stiffness in the model get that of a hard tyre. Wheels obey the velocity limits of their joints as in diff.
+    The computed factor is valid on level ground for friction that is the same in all directions. Wheels have the
+    contact stiffness of a hard tyre, or less if the model states less. Wheels obey the velocity limits of their joints
+    as in diff.
     """
 
     key: ClassVar[str] = "skid"
@@ -119,7 +120,7 @@ class SkidSteer(TwoSidedDrive):
 
 
 def _with_tyres(model: RobotModel, wheels: frozenset[str], gravity_xyz: Vector3) -> RobotModel:
-    """Return the model with wheels that are springs, damped for their share of the mass."""
+    """Return the model with wheels that are springs, damped for their share of the mass, and not stiffer than tyres."""
     mass = model.mass / len(wheels)
     stiffness = mass * math.hypot(*gravity_xyz) / _TYRE_DEPTH_M
     if not stiffness:
@@ -127,7 +128,7 @@ def _with_tyres(model: RobotModel, wheels: frozenset[str], gravity_xyz: Vector3)
     damping = _TYRE_DAMPING * 2 * math.sqrt(stiffness * mass)
     links = tuple(
         replace(link, surface=replace(link.surface, stiffness=stiffness, damping=damping))
-        if link.name in wheels and link.surface.stiffness is None
+        if link.name in wheels and (link.surface.stiffness or math.inf) > stiffness
         else link
         for link in model.links
     )

@@ -167,6 +167,18 @@ def test_wheels_have_tyres_that_give_way_a_little_under_the_weight(drive: SkidSt
     assert links["base"].surface.stiffness is None
 
 
+def test_wheels_are_not_stiffer_than_tyres_even_if_the_model_says_so() -> None:
+    model = cart(*FOUR)
+    stiff = tuple(
+        dataclasses.replace(link, surface=Surface(0.8, 1e8, 1.0)) if link.name != "base" else link
+        for link in model.links
+    )
+    expected = {name: link.surface for name, link in prepared(SKID, model).model.links_by_name.items()}
+    found = prepared(SKID, dataclasses.replace(model, links=stiff)).model.links_by_name
+    for name in ("a_link", "b_link", "c_link", "d_link"):
+        assert found[name].surface == dataclasses.replace(expected[name], friction=0.8)
+
+
 def test_stated_tyres_stay_and_without_gravity_there_are_none() -> None:
     model = cart(*FOUR)
     own = Surface(1.0, 5e4, 100.0)
