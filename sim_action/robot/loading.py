@@ -12,6 +12,7 @@ from sim_action.core.wording import did_you_mean
 from sim_action.core.workspace import PathError, Workspace, similar_name
 from sim_action.robot.audit.rules import limited_notes
 from sim_action.robot.built_in import BUILT_IN, FOLDER
+from sim_action.robot.mjcf.model import keyframe_of
 from sim_action.robot.model_files import find_model_file, is_folder, is_model_folder, model_files_in
 from sim_action.robot.packages import PackageError, Packages
 from sim_action.robot.robot_model import Finding, RobotModel
@@ -79,7 +80,7 @@ def load_model(robot: Robot, workspace: Workspace) -> RobotModel:
     """
     model = _read_model(robot, workspace)
     if robot.keyframe is not None:
-        _check_keyframe(str(robot.keyframe), model)
+        _check_keyframe(robot.keyframe, model)
     return replace(model, findings=limited_notes(_told_once(model.findings)))
 
 
@@ -93,12 +94,12 @@ def _told_once(findings: Iterable[Finding]) -> Iterator[Finding]:
             yield found
 
 
-def _check_keyframe(name: str, model: RobotModel) -> None:
+def _check_keyframe(name: str | int, model: RobotModel) -> None:
     if not model.keyframes:
-        raise ModelError(f"robot.keyframe: the model has no keyframes; remove 'keyframe: {name}'")
-    if name not in model.keyframes:
-        raise ModelError(f"robot.keyframe: the model has no keyframe '{name}'{did_you_mean(name, model.keyframes)}")
-    found = model.keyframes[name]
+        raise ModelError(f"the model has no keyframes; remove 'keyframe: {name}'")
+    found = keyframe_of(model.keyframes, name)
+    if found is None:
+        raise ModelError(f"the model has no keyframe '{name}'{did_you_mean(str(name), model.keyframes)}")
     if found.flaw:
         raise ModelError(f"keyframe '{name}' cannot be used: {found.flaw}; correct it", found.place)
 

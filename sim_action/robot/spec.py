@@ -47,8 +47,8 @@ class Robot(FrozenModel):
     keyframe: Annotated[
         Annotated[str, Field(min_length=1)] | Annotated[int, Field(ge=0)] | None,
         Field(
-            description="keyframe of an MJCF file, where the robot begins: its name, or, if it has none, its number "
-            "from 0 on; `joints` override it"
+            description="keyframe of an MJCF file, where the robot begins: its name, or its number from 0 on; "
+            "`joints` override it"
         ),
     ] = None
 

@@ -52,6 +52,15 @@ class Keyframe:
     flaw: str = ""
 
 
+def keyframe_of(keyframes: Mapping[str, Keyframe], wanted: str | int) -> Keyframe | None:
+    """Return a keyframe by its name, or by its number in the file, from 0 on; None if there is none."""
+    if str(wanted) in keyframes:
+        return keyframes[str(wanted)]
+    if isinstance(wanted, int) and wanted < len(keyframes):
+        return list(keyframes.values())[wanted]
+    return None
+
+
 MeshBytes = tuple[bytes, bytes]
 """The points (P, 3) of a mesh as 32-bit floats, and its triangles (T, 3) as 32-bit integers."""
 
