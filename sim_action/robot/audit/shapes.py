@@ -14,6 +14,10 @@ from sim_action.robot.xml_document import ModelDocument
 MAX_PART_SIZE_M: Final = 50.0
 """A part of a robot that is larger was probably drawn in millimetres."""
 
+# Beyond this size, a part that is this many times as large as all usual ones was probably drawn in millimetres.
+_MAX_USUAL_SIZE_M: Final = 10.0
+_MAX_RATIO: Final = 100.0
+
 _TURN: Final = 6.3
 """360 deg in rad, rounded up."""
 
@@ -51,11 +55,17 @@ def is_empty(shape: Element) -> bool:
 
 def extents(document: ModelDocument) -> Iterator[Finding]:
     """Yield shapes and offsets that are too large for a robot."""
-    for shape in _shapes(document):
-        largest = max((max(lengths) for lengths in _lengths(shape).values()), default=0.0)
-        if largest > MAX_PART_SIZE_M:
-            message = f"<{shape.tag}> is {largest:g} m large; models are in metres: is it in millimetres?"
+    sizes = {shape: _extent(shape) for shape in _shapes(document)}
+    usual = max((size for size in sizes.values() if size <= _MAX_USUAL_SIZE_M), default=0.0)
+    # A mesh can be larger than the other parts.
+    is_known = usual > 0 and document.root.find("link/collision/geometry/mesh") is None
+    for shape, size in sizes.items():
+        if size > MAX_PART_SIZE_M:
+            message = f"<{shape.tag}> is {size:g} m large; models are in metres: is it in millimetres?"
             yield document.finding("absurd-size", shape, message)
+        elif is_known and size > _MAX_USUAL_SIZE_M and size > _MAX_RATIO * usual:
+            message = f"<{shape.tag}> is {size:g} m large, but the other parts at most {usual:g} m"
+            yield document.finding("absurd-size", shape, f"{message}: is it in millimetres?")
     for origin in document.elements("joint/origin", "link/collision/origin", "link/inertial/origin"):
         offset = max(map(abs, vector(origin, "xyz", (0.0, 0.0, 0.0))))
         if offset > MAX_PART_SIZE_M:
@@ -81,6 +91,11 @@ def presence(document: ModelDocument) -> Iterator[Finding]:
 
 def _shapes(document: ModelDocument) -> Iterator[Element]:
     return document.elements(*(f"link/collision/geometry/{tag}" for tag in SHAPES))
+
+
+def _extent(shape: Element) -> float:
+    """Return the largest size of a shape in m; a round one is two radii wide."""
+    return max((max(sizes) * (2 if name == "radius" else 1) for name, sizes in _lengths(shape).items()), default=0.0)
 
 
 def _lengths(shape: Element) -> dict[str, tuple[float, ...]]:

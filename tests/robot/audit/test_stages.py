@@ -52,6 +52,23 @@ def test_a_bad_model_breaks_its_rule_on_its_line(bad: BadModel, tmp_path: Path) 
     assert problem.message.isprintable()
 
 
+@pytest.mark.parametrize(
+    ("shape", "message"),
+    [
+        ('<cylinder radius="33" length="18"/>', "<cylinder> is 66 m large; models are in metres"),
+        ('<sphere radius="25.5"/>', "<sphere> is 51 m large; models are in metres"),
+        ('<cylinder radius="20" length="18"/>', "<cylinder> is 40 m large, but the other parts at most 0.2 m: is it"),
+        ('<box size="21 1 1"/>', "<box> is 21 m large, but the other parts at most 0.2 m: is it"),
+        ('<box size="19 1 1"/>', ""),
+        ('<cylinder radius="4.9" length="9"/>', ""),
+    ],
+)
+def test_a_part_in_millimetres_is_too_large(shape: str, message: str, tmp_path: Path) -> None:
+    wheel = f'<link name="upper"><collision><geometry>{shape}</geometry></collision>'
+    found = findings(tmp_path, GOOD.replace('radius="0.5"', 'radius="0.1"').replace('<link name="upper">', wheel))
+    assert [each.message[: len(message)] for each in found if each.rule == "absurd-size"] == [message] * bool(message)
+
+
 @pytest.mark.parametrize(("kind", "meant"), [("continous", "continuous"), ("Revolute", "revolute")])
 def test_a_misspelled_joint_type_leads_to_the_nearest(kind: str, meant: str, tmp_path: Path) -> None:
     (found,) = findings(tmp_path, GOOD.replace('type="revolute"', f'type="{kind}"'))
