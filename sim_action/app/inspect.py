@@ -146,16 +146,37 @@ def _findings(found: Inspection) -> Iterator[str]:
     for rule in dict.fromkeys(finding.rule for finding in found.findings):
         same = [finding for finding in found.findings if finding.rule == rule]
         yield f"{same[0].level} {rule}{', can be allowed by robot.allow' if rule in found.needs else ''}"
-        for message in dict.fromkeys(finding.message for finding in same):
-            yield from _wrapped(_places([finding for finding in same if finding.message == message]), "  ")
+        for kind in dict.fromkeys(map(_kind, same)):
+            yield from _wrapped(_places([finding for finding in same if _kind(finding) == kind]), "  ")
+
+
+_NAME: Final = re.compile(r"'[^']*'")
+_NUMBER: Final = re.compile(r"[-+]?\d[\d.]*(e[-+]?\d+)?")
+_MAX_OTHERS: Final = 4
+
+
+def _kind(finding: Finding) -> tuple[str, str]:
+    """Return the file of a finding, and its message without names and numbers."""
+    return finding.location.file, _NUMBER.sub("0", _NAME.sub("''", finding.message))
 
 
 def _places(findings: list[Finding]) -> str:
-    """Return a finding with all lines where it occurs."""
+    """Return the first of findings of one kind, and the count, first names and first lines of the others."""
     first, *others = findings
-    lines = ", ".join(str(finding.location.line) for finding in others)
-    also = f" (also on line{'s' * (len(others) > 1)} {lines})" if others else ""
-    return f"{first.location}: {first.message}{also}"
+    if not others:
+        return f"{first.location}: {first.message}"
+    lines = list(dict.fromkeys(str(finding.location.line) for finding in others))
+    where = f"line{'s' * (len(lines) > 1)} {_first_few(lines)}"
+    if all(finding.message == first.message for finding in others):
+        return f"{first.location}: {first.message} (also on {where})"
+    found = (_NAME.search(finding.message) for finding in others)
+    names = list(dict.fromkeys(name[0] for name in found if name))
+    named = f": {_first_few(names)}" if names else ""
+    return f"{first.location}: {first.message} (and {len(others):,} more like this{named}; {where})"
+
+
+def _first_few(texts: list[str]) -> str:
+    return ", ".join(texts[:_MAX_OTHERS]) + (", ..." if len(texts) > _MAX_OTHERS else "")
 
 
 def _wrapped(text: str, indent: str = "") -> list[str]:
@@ -317,6 +338,8 @@ def _remarks(model: RobotModel, robot: Robot, wheels: tuple[WheelEntry, ...], dr
         left, right = sides
         kind = SkidSteer if len(left) + len(right) > 2 else DiffDrive
         yield f"drive: {drive_text(kind(left=left, right=right))}"
+    elif drive is None and (placed := DiffDrive.by_place(model)) is not None:
+        yield f"drive: {drive_text(placed)}  # by place; if the names are right, swap the sides and give 'heading'"
 
 
 def _height(model: RobotModel, lowest_corner: Vector3) -> float:

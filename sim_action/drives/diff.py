@@ -13,7 +13,7 @@ from pydantic import Field
 from sim_action.core.field_types import PositiveMetres, PositiveMetresPerSecondSquared
 from sim_action.core.geometry import Twist
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.drives import NOT_PLANAR, Drive, is_planar
+from sim_action.drives import NOT_PLANAR, Drive, NoDrive, is_planar
 from sim_action.drives.plugins import DIFF_PLUGINS, Kind, StatedSides, sides_by_plugin
 from sim_action.drives.undercarriage import driven_pair, undercarriage
 from sim_action.drives.wheel_settings import (
@@ -116,7 +116,7 @@ class TwoSidedDrive(Drive):
         heading = self.forward(model)
         for found in self._wheels(model):
             yield from axle_problems(found, heading)
-        if self.heading is None and abs(heading) > _BACKWARD:
+        if self.is_swapped(model):
             yield ("left",), "these wheels are on the right in the model; swap 'left' and 'right', or give 'heading'"
         if self.separation is None and self.separation_in(model) < MIN_LENGTH_M:
             yield (), "the left and right wheels are at the same place in the model; give 'separation'"
@@ -124,6 +124,10 @@ class TwoSidedDrive(Drive):
             if self.radius is None and found.radius is None:
                 yield (), f"the model has no radius for the wheel at '{found.joint}'; give 'radius'"
                 return
+
+    def is_swapped(self, model: RobotModel) -> bool:
+        """Return True if the left wheels are on the right in the model, and no heading explains it."""
+        return self.heading is None and abs(self.forward(model)) > _BACKWARD
 
     def open(self, model: RobotModel, rate: float, gravity: float = GRAVITY) -> TwoSidedMotion:
         """See Drive.open."""
@@ -262,7 +266,22 @@ class DiffDrive(TwoSidedDrive):
         Casters, and wheels without a motor, may stand on the ground as well.
         """
         left, right = driven_pair(model)
-        return cls(left=(left,), right=(right,))
+        drive = cls(left=(left,), right=(right,))
+        if drive.is_swapped(model):
+            raise NoDrive(
+                f"'{left}' is on the right in the model and '{right}' on the left, so their names and places show "
+                "different sides; state the sides in robot.drive"
+            )
+        return drive
+
+    @classmethod
+    def by_place(cls, model: RobotModel) -> Self | None:
+        """Return the drive with the sides as placed if the names of its two wheels show the opposite, else None."""
+        try:
+            left, right = driven_pair(model)
+        except NoDrive:
+            return None
+        return cls(left=(right,), right=(left,)) if cls(left=(left,), right=(right,)).is_swapped(model) else None
 
 
 class TwoSidedMotion:

@@ -295,6 +295,12 @@ def test_not_all_that_is_round_is_a_wheel(other: str, tmp_path: Path) -> None:
     assert [entry.joint for entry in cart(tmp_path, *FOUR, other).wheels] == [f"{name}_joint" for name in "abcd"]
 
 
+def test_wheels_named_against_their_places_lead_to_a_drive_to_copy(tmp_path: Path) -> None:
+    found = cart(tmp_path, wheel("left", "0 -0.3 0"), wheel("right", "0 0.3 0"))
+    assert found.drive is None
+    assert "\n  # drive: {diff: {left: [right_joint], right: [left_joint]}}  # by place; " in found.robot
+
+
 @pytest.mark.parametrize(
     ("root", "mass", "written"), [("base", 0, "base: fixed\n"), ("base", 2, "# base: fixed"), ("world", 0, "")]
 )
@@ -312,6 +318,19 @@ def test_the_same_finding_is_told_once_with_all_its_lines_and_lines_are_short(tm
     assert "(also on line 13)" in " ".join(text.split())
     findings = text.split("the audit found:")[1].split("to paste")[0].splitlines()
     assert max(len(line) for line in findings if str(tmp_path) not in line) <= 80
+
+
+def test_findings_of_one_kind_are_one_line_with_the_first_names_and_lines(tmp_path: Path) -> None:
+    frame = '\n<link name="f{0}"/><joint name="j{0}" type="fixed"><parent link="base"/><child link="f{0}"/></joint>'
+    frames = "".join(frame.format(number) for number in range(7))
+    text = inspection_text(
+        inspect_model("robot.urdf", workspace(tmp_path, GOOD.replace("</robot>", f"{frames}</robot>")))
+    )
+    line = GOOD.count("\n") + 1
+    more = ", ".join(str(line + number) for number in range(1, 5))
+    found = " ".join(text.split())
+    assert text.count("has no <inertial>") == 1
+    assert f"negligible mass (and 6 more like this: 'f1', 'f2', 'f3', 'f4', ...; lines {more}, ...)" in found
 
 
 def test_what_a_scenario_has_to_allow_stands_in_the_block(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from sim_action.core.geometry import Twist, Vector3
-from sim_action.drives import recognise
+from sim_action.drives import recognise, why_not_recognised
 from sim_action.drives.diff import DiffDrive
 from sim_action.robot.robot_model import RobotModel, Shape
 from sim_action.state.command import JointTargets
@@ -209,6 +209,24 @@ def test_sides_that_are_swapped_are_a_problem() -> None:
     ((path, message),) = problems(DiffDrive(left=(RIGHT,), right=(LEFT,)), burger())
     assert path == ("left",)
     assert message == "these wheels are on the right in the model; swap 'left' and 'right', or give 'heading'"
+
+
+def test_names_against_places_are_no_drive_but_lead_to_one() -> None:
+    model = cart(wheel("left_wheel", 0.0, -0.3), wheel("right_wheel", 0.0, 0.3))
+    assert recognise(model) is None
+    (reason,) = [each for each in why_not_recognised(model) if each.startswith("diff: ")]
+    assert reason == (
+        "diff: 'left_wheel' is on the right in the model and 'right_wheel' on the left, so their names and places show "
+        "different sides; state the sides in robot.drive"
+    )
+    placed = DiffDrive.by_place(model)
+    assert placed == DiffDrive(left=("right_wheel",), right=("left_wheel",))
+    assert problems(placed, model) == []
+    usual = cart(wheel("left_wheel", 0.0, 0.3), wheel("right_wheel", 0.0, -0.3))
+    assert (recognise(usual), DiffDrive.by_place(usual)) == (
+        placed.model_copy(update={"left": placed.right, "right": placed.left}),
+        None,
+    )
 
 
 @pytest.mark.parametrize(
