@@ -6,6 +6,7 @@ import json
 import re
 import textwrap
 from collections.abc import Iterator, Mapping
+from pathlib import PurePath
 from typing import Final
 
 from sim_action.core import units
@@ -150,14 +151,15 @@ def _findings(found: Inspection) -> Iterator[str]:
             yield from _wrapped(_places([finding for finding in same if _kind(finding) == kind]), "  ")
 
 
-_NAME: Final = re.compile(r"'[^']*'")
+_NAME: Final = re.compile(r"""'[^']*'|"[^"]*\"""")
+_HINT: Final = re.compile(r"(; did you mean '[^']*'\?)? \(allowed: .*\)")
 _NUMBER: Final = re.compile(r"[-+]?\d[\d.]*(e[-+]?\d+)?")
 _MAX_OTHERS: Final = 4
 
 
-def _kind(finding: Finding) -> tuple[str, str]:
-    """Return the file of a finding, and its message without names and numbers."""
-    return finding.location.file, _NUMBER.sub("0", _NAME.sub("''", finding.message))
+def _kind(finding: Finding) -> str:
+    """Return the message of a finding without names, numbers and hints."""
+    return _NUMBER.sub("0", _NAME.sub("''", _HINT.sub("", finding.message)))
 
 
 def _places(findings: list[Finding]) -> str:
@@ -165,14 +167,20 @@ def _places(findings: list[Finding]) -> str:
     first, *others = findings
     if not others:
         return f"{first.location}: {first.message}"
-    lines = list(dict.fromkeys(str(finding.location.line) for finding in others))
+    lines = list(dict.fromkeys(_line(finding, first.location.file) for finding in others))
     where = f"line{'s' * (len(lines) > 1)} {_first_few(lines)}"
     if all(finding.message == first.message for finding in others):
         return f"{first.location}: {first.message} (also on {where})"
     found = (_NAME.search(finding.message) for finding in others)
     names = list(dict.fromkeys(name[0] for name in found if name))
     named = f": {_first_few(names)}" if names else ""
-    return f"{first.location}: {first.message} (and {len(others):,} more like this{named}; {where})"
+    return f"{first.location}: {_HINT.sub('', first.message)} (and {len(others):,} more like this{named}; {where})"
+
+
+def _line(finding: Finding, file: str) -> str:
+    """Return the line of a finding, with the name of its file if it is another one than `file`."""
+    place = finding.location
+    return str(place.line) if place.file == file else f"{PurePath(place.file).name}:{place.line}"
 
 
 def _first_few(texts: list[str]) -> str:

@@ -333,6 +333,16 @@ def test_findings_of_one_kind_are_one_line_with_the_first_names_and_lines(tmp_pa
     assert f"negligible mass (and 6 more like this: 'f1', 'f2', 'f3', 'f4', ...; lines {more}, ...)" in found
 
 
+def test_findings_of_one_kind_are_one_line_also_if_their_hints_differ(tmp_path: Path) -> None:
+    tags = "".join(f'\n<gazebo reference="{name}"/>' for name in ("bas", "upp", "shoulde"))
+    text = inspection_text(
+        inspect_model("robot.urdf", workspace(tmp_path, GOOD.replace("</robot>", f"{tags}</robot>")))
+    )
+    found = " ".join(text.split())
+    assert found.count("no link or joint has this name") == 1
+    assert 'no link or joint has this name (and 2 more like this: "upp", "shoulde"; lines ' in found
+
+
 def test_what_a_scenario_has_to_allow_stands_in_the_block(tmp_path: Path) -> None:
     found = inspect_model("robot.urdf", workspace(tmp_path, GOOD.replace('lower="-1" upper="2" ', "")))
     assert found.needs == ("missing-limits",)

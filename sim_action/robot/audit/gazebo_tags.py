@@ -35,9 +35,22 @@ _UNSUPPORTED: Final[Mapping[str, Mapping[str, Default]]] = MappingProxyType(
 
 _OTHERS: Final = (
     *("material", "visual", "collision", "surface", "laserRetro", "inertial", "pose", "light", "projector", "battery"),
-    *("sensor", "plugin", "static", "minDepth", "maxContacts", "stopCfm", "stopErp", "fudgeFactor", "provideFeedback"),
+    *(
+        "sensor",
+        "plugin",
+        "static",
+        "minDepth",
+        "maxContacts",
+        "stopCfm",
+        "stopErp",
+        "stopKp",
+        "stopKd",
+        "fudgeFactor",
+        "provideFeedback",
+    ),
     *("implicitSpringDamper", "cfmDamping", "disableFixedJointLumping", "preserveFixedJoint", "velocity_decay"),
-    *("particle_emitter", "audio_source", "audio_sink", "physics", "axis", "frame", "allow_auto_disable"),
+    *("particle_emitter", "audio_source", "audio_sink", "physics", "axis", "frame", "fudgeFactor"),
+    "provideFeedback",
 )
 """Known parts with a meaning of their own, or none for the motion."""
 
