@@ -23,6 +23,7 @@ import pybullet
 from sim_action.core import geometry
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, Vector3
+from sim_action.robot.audit.kinematic_tree import beyond_pybullet
 from sim_action.robot.robot_model import Mimic, Surface
 from sim_action.world import MAX_SPEED, Body, World, placed
 from sim_action.world.ground import ground_tiles
@@ -116,6 +117,8 @@ def add_pieces(
 
 def load_robot(client: int, scene: Scene) -> int:
     """Add the robot at the origin; return its number. Raise OSError or pybullet.error."""
+    if (trouble := beyond_pybullet(scene.model)) is not None:
+        raise pybullet.error(trouble)
     try:
         return _load_from_files(client, scene)
     except (OSError, pybullet.error):

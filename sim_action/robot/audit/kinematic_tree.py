@@ -14,7 +14,7 @@ from typing import Final
 from xml.etree.ElementTree import Element
 
 from sim_action.core.wording import FirstFew, did_you_mean, nearest
-from sim_action.robot.robot_model import MOVING_TYPES, Finding
+from sim_action.robot.robot_model import MOVING_TYPES, Finding, RobotModel
 from sim_action.robot.series_joints import SERIES, part_names
 from sim_action.robot.urdf_elements import BALLS, child_of, parent_of
 from sim_action.robot.xml_document import ModelDocument
@@ -36,6 +36,11 @@ MAX_JOINTS: Final = 128 - 1
 
 # The state of a ball joint is a quaternion.
 _BALL_NUMBERS: Final = 4
+
+MOST_JOINTS: Final = 1000
+"""The largest number of joints in MuJoCo, which has no limit of its own."""
+
+_MOVE: Final = "joints that move"
 
 _ADVICE: Final = "merge links that are connected by fixed joints, or remove parts that the test does not need"
 
@@ -129,16 +134,33 @@ def _reached(root: str, children: dict[str, list[str]]) -> set[str]:
 
 
 def joint_counts(document: ModelDocument) -> Iterator[Finding]:
-    """Yield a finding if the model has more joints than PyBullet can hold."""
+    """Yield a finding if the model has more joints than any engine simulates, or than PyBullet can hold."""
     # Each motion counts.
     joints = [joint for joint in document.elements("joint") for _ in range(max(1, len(part_names(joint))))]
     moving = [joint for joint in joints if joint.get("type") in {*MOVING_TYPES, *SERIES}]
     balls = [joint for joint in document.elements("joint") if joint.get("type") in {*BALLS, "floating"}]
+    if len(joints) > MOST_JOINTS:
+        message = f"{len(joints)} joints; at most {MOST_JOINTS} are supported: {_ADVICE}"
+        yield document.finding("too-many-joints", joints[MOST_JOINTS], message)
+        return
     yield from _beyond(document, joints, MAX_JOINTS, "joints")
-    yield from _beyond(document, [*moving, *balls * _BALL_NUMBERS], MAX_MOVING_JOINTS, "joints that move")
+    yield from _beyond(document, [*moving, *balls * _BALL_NUMBERS], MAX_MOVING_JOINTS, _MOVE)
 
 
 def _beyond(document: ModelDocument, joints: Sequence[Element], most: int, what: str) -> Iterator[Finding]:
     if len(joints) > most:
-        message = f"{len(joints)} {what}; the engine supports at most {most}: {_ADVICE}"
-        yield document.finding("too-many-joints", joints[most], message)
+        yield document.finding("many-joints", joints[most], _too_many(len(joints), most, what))
+
+
+def beyond_pybullet(model: RobotModel) -> str | None:
+    """Return a message if a model has more joints than PyBullet can hold, else None."""
+    motors, balls = len(model.motor_joints), len(model.balls)
+    joints = balls + sum(not joint.ball for joint in model.joints)
+    if joints > MAX_JOINTS:
+        return f"the robot has {_too_many(joints, MAX_JOINTS, 'joints')}"
+    moving = motors + _BALL_NUMBERS * balls
+    return f"the robot has {_too_many(moving, MAX_MOVING_JOINTS, _MOVE)}" if moving > MAX_MOVING_JOINTS else None
+
+
+def _too_many(count: int, most: int, what: str) -> str:
+    return f"{count} {what}, but PyBullet supports at most {most}: set backend: mujoco, or {_ADVICE}"

@@ -53,7 +53,7 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         "one-root": Rule("fatal", "a model without a root link, or with several"),
         "loop": Rule("fatal", "joints that form a loop"),
         "joint-type": Rule("fatal", "an unknown joint type"),
-        "too-many-joints": Rule("fatal", "more joints than the engine supports: 127 in total, 121 that move"),
+        "too-many-joints": Rule("fatal", "more than 1,000 joints"),
         "unknown-shape": Rule("fatal", "a shape that is not supported"),
         "bad-shape": Rule("fatal", "a size that is not greater than 0"),
         "zero-axis": Rule("fatal", "a moving joint with an axis of length 0"),
@@ -111,6 +111,9 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         "empty-shape": Rule("warning", "a collision shape whose sizes are all 0: it is ignored"),
         "unlimited-joint": Rule("warning", "a revolute joint without <limit>: it turns without limits"),
         "still-mimic": Rule("warning", "a <mimic> that never moves its joint: the joint is fixed"),
+        "many-joints": Rule(
+            "warning", "more joints than PyBullet supports, 127 in total and 121 that move: only MuJoCo simulates them"
+        ),
         "late-declaration": Rule("warning", "white space or a comment before <?xml ...?>"),
         "default-expression": Rule("warning", "an expression $(optenv NAME DEFAULT) in a URDF: DEFAULT is used"),
         "locked-joint": Rule("warning", "a joint that cannot move because its limits are equal, often 0 on a wheel"),
