@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Hashable, Iterator, Mapping
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from itertools import islice
+from pathlib import PurePath
+from typing import TYPE_CHECKING, Any, Final
 
 from sim_action.core.errors import Location, ModelError, Problem, RefusedModel
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, rpy_from_quaternion
-from sim_action.core.wording import did_you_mean
+from sim_action.core.wording import did_you_mean, nearest
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_document import KeyPath
 from sim_action.core.yaml_errors import ProblemList
@@ -25,6 +27,9 @@ if TYPE_CHECKING:
     from sim_action.world.world_files import WorldFile
 
 _FILE: KeyPath = ("world", "file")
+_SUFFIXES: Final = (".world", ".sdf")
+_MAX_NAMES_READ: Final = 1_000
+_MAX_LINES: Final = 3
 
 
 class WorldLibrary:
@@ -97,9 +102,15 @@ def filled(
         for problem in error.problems:
             problems.note_elsewhere(problem)
         return FilledScenario(scenario)
-    except (PathError, ModelError) as error:
+    except PathError as error:
+        problems.note(_FILE, f"{error}{_nearest_file(world.file, workspace)}")
+        return FilledScenario(scenario)
+    except ModelError as error:
         problems.note(_FILE, str(error))
         return FilledScenario(scenario)
+    if world.robot is not None and scenario.robot.model != f"{world.file}{IN_WORLD}{world.robot}":
+        message = f"world.robot makes '{world.robot}' of {world.file} the robot; remove robot.model or world.robot"
+        problems.note(("robot", "model"), message)
     _note_names(scenario, found, problems)
     _note_missing(found, problems, allowed)
     stated = {key: getattr(found.world, key) for key in found.stated if key not in world.model_fields_set}
@@ -116,6 +127,19 @@ def filled(
     return FilledScenario(scenario.model_copy(update=changed), found.parts, warnings, places)
 
 
+def _nearest_file(file: str, workspace: Workspace) -> str:
+    """Return a hint with a similar name in the same folder of the workspace, if there is one."""
+    try:
+        folder = (workspace.directory / file).resolve().parent
+        if workspace.refusal(folder) is not None:
+            return ""
+        names = {each.name.lower(): each.name for each in islice(folder.iterdir(), _MAX_NAMES_READ)}
+    except (OSError, ValueError, RuntimeError):
+        return ""
+    near = nearest(PurePath(file).name.lower(), sorted(name for name in names if name.endswith(_SUFFIXES)))
+    return "" if near is None else f"; did you mean '{names[near]}'?"
+
+
 def _note_names(scenario: Scenario, found: WorldFile, problems: ProblemList) -> None:
     name, file = scenario.world.robot, scenario.world.file
     if name is not None and found.robot is None:
@@ -130,10 +154,18 @@ def _note_names(scenario: Scenario, found: WorldFile, problems: ProblemList) -> 
 def _note_missing(found: WorldFile, problems: ProblemList, allowed: AbstractSet[str]) -> None:
     if INCOMPLETE_WORLD in allowed:
         return
+    same: dict[str, list[tuple[Location, str]]] = {}
     for loss in found.losses:
         if loss.is_missing and loss.location is not None:
-            remedy = f"to run without it: allow: [{INCOMPLETE_WORLD}]"
-            problems.note_elsewhere(Problem(loss.location, f"{loss.message}; {remedy} [{INCOMPLETE_WORLD}]"))
+            # The rest of a message is where it was searched, and a hint that only the first few have.
+            same.setdefault(loss.message.partition(" (")[0], []).append((loss.location, loss.message))
+    for places in same.values():
+        (first, message), *others = places
+        lines = ", ".join(str(place) for place, _ in others[:_MAX_LINES])
+        more = f" and {len(others) - _MAX_LINES} more" if len(others) > _MAX_LINES else ""
+        also = f"; {len(places)} times, also at {lines}{more}" if others else ""
+        remedy = f"to run without it: allow: [{INCOMPLETE_WORLD}]"
+        problems.note_elsewhere(Problem(first, f"{message}{also}; {remedy} [{INCOMPLETE_WORLD}]"))
 
 
 def _warnings(found: WorldFile, here: Location, allowed: AbstractSet[str]) -> Iterator[AuditWarning]:

@@ -100,8 +100,10 @@ class Body(FrozenModel):
 
     @model_validator(mode="after")
     def _has_one_shape(self) -> Self:
-        if sum(getattr(self, shape) is not None for shape in SHAPES) != 1:
-            raise ValueError(f"an object needs exactly one shape of {_listed(SHAPES)}")
+        found = [shape for shape in SHAPES if getattr(self, shape) is not None]
+        if len(found) != 1:
+            but = f", found {_listed(found)}; 'shapes' takes a list of several" if found else ""
+            raise ValueError(f"an object needs exactly one shape of {_listed(SHAPES)}{but}")
         if self.mass is not None and self.shape not in _MAY_MOVE:
             raise ValueError(f"'{self.shape}' is always fixed: remove 'mass'; {_listed(_MAY_MOVE)} can have one")
         stated = next((key for key in ("center_of_mass", "inertia") if getattr(self, key) is not None), None)

@@ -55,8 +55,11 @@ class Shape(FrozenModel):
 
     @model_validator(mode="after")
     def _is_one_shape(self) -> Self:
-        if sum(getattr(self, shape) is not None for shape in SHAPES) != 1:
-            raise ValueError(f"needs exactly one of {', '.join(SHAPES)}; begin each shape with '- '")
+        found = [f"'{shape}'" for shape in SHAPES if getattr(self, shape) is not None]
+        if len(found) > 1:
+            raise ValueError(f"{' and '.join(found)} are in one shape; begin each shape with '- '")
+        if not found:
+            raise ValueError(f"needs exactly one of {', '.join(SHAPES)}")
         return self
 
     @property

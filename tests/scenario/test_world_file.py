@@ -165,6 +165,36 @@ def test_a_model_that_is_not_found_can_be_allowed(tmp_path: Path) -> None:
     assert warning.rule == "incomplete-world"
 
 
+def test_a_model_that_is_missing_many_times_is_one_problem(tmp_path: Path) -> None:
+    includes = [f"<include><uri>model://house</uri><name>h{number}</name></include>" for number in range(12)]
+
+    found = problems(tmp_path, GROUND + "\n".join([*includes, "<include><uri>model://tree</uri></include>"]))
+
+    assert [(file, line) for file, line, _ in found] == [("office.world", 3), ("office.world", 15)]
+    assert "12 times, also at " in found[0][2]
+    assert "office.world:6 and 8 more; to run without it" in found[0][2]
+    assert " times, also" not in found[1][2]
+
+
+def test_a_robot_besides_that_of_the_world_is_an_error(tmp_path: Path) -> None:
+    found = problems(tmp_path, GROUND + ROVER, ", robot: rover")
+
+    message = (
+        "robot.model: world.robot makes 'rover' of worlds/office.world the robot; remove robot.model or world.robot"
+    )
+    assert found == [("a.sim.yml", 2, message)]
+    same = "robot: {model: 'worlds/office.world#rover'}"
+    assert loaded(tmp_path, GROUND + ROVER, ", robot: rover", same).model is not None
+
+
+def test_a_world_file_in_another_spelling_is_named(tmp_path: Path) -> None:
+    loaded(tmp_path, GROUND)
+    file = tmp_path / "b.sim.yml"
+    file.write_text(f"name: a\n{ROBOT}\nworld: {{file: worlds/Ofice.world}}\nexpect: [upright]\ntime_limit: 1 s\n")
+    with pytest.raises(InvalidScenario, match=r"does not exist .*; did you mean 'office\.world'\?"):
+        load_scenario(file)
+
+
 def test_each_kind_of_loss_is_one_note(tmp_path: Path) -> None:
     actors = "<actor name='a'/>\n<actor name='b'/>\n<plugin filename='libsky.so' name='s'/>"
 

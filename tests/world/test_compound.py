@@ -40,8 +40,8 @@ def test_the_shapes_of_a_body_are_placed_in_its_frame() -> None:
     [
         ({"shapes": ()}, "at least 1 item"),
         ({"shapes": ({},)}, "needs exactly one of box, cylinder"),
-        ({"shapes": ({"box": (1, 1, 1), "sphere": {"radius": 1}},)}, "needs exactly one of box"),
-        ({"shapes": ({"sphere": {"radius": 1}},), "sphere": {"radius": 1}}, "exactly one shape"),
+        ({"shapes": ({"box": (1, 1, 1), "sphere": {"radius": 1}},)}, "'box' and 'sphere' are in one shape; begin each"),
+        ({"shapes": ({"sphere": {"radius": 1}},), "sphere": {"radius": 1}}, "found 'sphere' and 'shapes'"),
         ({"sphere": {"radius": 1}, "center_of_mass": (0, 0, 1)}, "'center_of_mass' needs a 'mass'"),
         ({"sphere": {"radius": 1}, "inertia": {"ixx": 1, "iyy": 1, "izz": 1}}, "'inertia' needs a 'mass'"),
         ({"sphere": {"radius": 1}, "mass": 1, "inertia": {"ixx": 1, "iyy": 1, "izz": 3}}, "no body has the moments"),

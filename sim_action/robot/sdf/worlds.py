@@ -46,6 +46,7 @@ class SdfWorld:
         states: name of a model -> its <model> in <state>.
         has_ground: True if it includes the ground plane of Gazebo.
         renamed: models with the name of an earlier one -> that name.
+        version: of the file.
     """
 
     element: Element
@@ -54,6 +55,7 @@ class SdfWorld:
     states: Mapping[str, Element]
     has_ground: bool
     renamed: Mapping[Element, str] = field(default_factory=dict)
+    version: Version = _BARE_VERSION
 
     @property
     def models(self) -> Mapping[str, Entry]:
@@ -106,7 +108,7 @@ def read_sdf_world(path: Path, document: ModelDocument, packages: Packages, note
     state = element.find("state")
     states = {} if state is None else {model.get("name", ""): model for model in state.findall("model")}
     has_ground = any(_is_own(child) and _own_name(child) == "ground_plane" for child in element)
-    return SdfWorld(element, scope, Frames(scope), states, has_ground, renamed)
+    return SdfWorld(element, scope, Frames(scope), states, has_ground, renamed, version)
 
 
 def robot_scope(

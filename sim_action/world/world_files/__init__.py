@@ -17,6 +17,7 @@ from pydantic import ValidationError
 from sim_action.core.errors import Location
 from sim_action.core.geometry import Pose
 from sim_action.robot.audit.rules import refuse_errors
+from sim_action.robot.model_files import NEWEST
 from sim_action.robot.packages import Packages
 from sim_action.robot.robot_model import Finding
 from sim_action.robot.sdf.composition import Entry
@@ -114,6 +115,14 @@ class _WorldReader:
         element = self._world.element
         for tag, message in lost_tags(element):
             self._losses.add(tag, message)
+        if self._world.version > NEWEST:
+            own, newest = (".".join(map(str, version)) for version in (self._world.version, NEWEST))
+            message = f"SDF {own} is newer than {newest}, and is read as that version"
+            self._losses.remark(element, message, message)
+        for wind in element.findall("wind/linear_velocity"):
+            if any(self._notes.attempt(lambda tag: numbers_of(tag, 3), wind) or ()):
+                message = f"<wind> is not simulated: there is no wind of {(wind.text or '').strip()} m/s"
+                self._losses.remark(wind, message, message)
         for model, name in self._world.renamed.items():
             message = f"a second model '{name}' has another name here, with a number at its end"
             self._losses.remark(model, message, "models with the name of another one: they get a number")

@@ -96,6 +96,9 @@ class BodyReader:
                 for tag, message in lost_tags(each.element):
                     self._losses.add(tag, message, model.name)
         for link in scope.all_of("link"):
+            for sensor in link.element.findall("sensor"):
+                kind = "a sensor of a body measures nothing: only the robot has sensors"
+                self._losses.remark(sensor, f"{kind} ('{model.name}')", kind)
             for tag, message in lost_tags_below(link.element, moves=not link.owner.static):
                 self._losses.add(tag, message, model.name)
 

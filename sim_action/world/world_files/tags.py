@@ -60,7 +60,7 @@ _TAGS: Final[Mapping[str, Mapping[str, Row]]] = MappingProxyType(
             "magnetic_field": _PLUGINS,
             "spherical_coordinates": _PLUGINS,
             "atmosphere": _PLUGINS,
-            "wind": Row("none", "it acts only on models with <enable_wind>, which are reported"),
+            "wind": Row("none", "a wind other than 0 is a remark; it acts only on models with <enable_wind>"),
             "frame": READ,
             "actor": Row("lost", "nothing can touch or see it"),
             "population": Row("lost", "its models are missing"),
@@ -83,7 +83,7 @@ _TAGS: Final[Mapping[str, Mapping[str, Row]]] = MappingProxyType(
             "include": READ,
             "plugin": READ,
             "allow_auto_disable": _SOLVER,
-            "self_collide": Row("none", "a body does not touch itself"),
+            "self_collide": Row("lost", "links that move as one body do not touch each other", ("false",), moving=True),
             "frame": READ,
             "enable_wind": Row("lost", "there is no wind", ("false",), moving=True),
             "joint": Row("lost", "the links that it joins move as one body", moving=True),
@@ -97,12 +97,12 @@ _TAGS: Final[Mapping[str, Mapping[str, Row]]] = MappingProxyType(
             "light": _DRAWN,
             "projector": _DRAWN,
             "particle_emitter": _DRAWN,
-            "sensor": Row("none", "without a plugin it publishes nothing for nodes, and plugins are reported"),
+            "sensor": Row("none", "it is a remark; without a plugin it publishes nothing for nodes"),
             "battery": _PLUGINS,
             "audio_sink": Row("none", "there is no sound"),
             "audio_source": Row("none", "there is no sound"),
             "must_be_base_link": _SOLVER,
-            "self_collide": Row("none", "a body does not touch itself"),
+            "self_collide": Row("lost", "links that move as one body do not touch each other", ("false",), moving=True),
             "gravity": Row("lost", "the body falls", ("true",), moving=True),
             "kinematic": Row("lost", "the body obeys forces", ("false",), moving=True),
             "enable_wind": Row("lost", "there is no wind", ("false",), moving=True),
@@ -210,7 +210,7 @@ def lost_tags(holder: Element, kind: str = "", *, moves: bool = False) -> Iterat
     for tag in holder:
         row = rows.get(tag.tag)
         text = (tag.text or "").strip()
-        if tag.tag == "joint" and tag.get("type") == "fixed":
+        if tag.tag == "joint" and tag.get("type") == "fixed" and holder.tag != "world":
             continue
         if row is None:
             yield tag, f"<{tag.tag}> of <{holder.tag}> is not supported and has no effect"

@@ -300,3 +300,34 @@ def test_bad_values_have_their_line(old: str, new: str, line: int, message: str 
         read(text.replace(old, new, 1), tmp_path)
     assert message in str(error.value)
     assert [problem.location.line for problem in error.value.problems] == [line]
+
+
+@pytest.mark.parametrize(
+    ("inside", "message"),
+    [
+        (
+            "<wind><linear_velocity>30 0 0</linear_velocity></wind>",
+            "<wind> is not simulated: there is no wind of 30 0 0",
+        ),
+        ("<wind><linear_velocity>0 0 0</linear_velocity></wind><wind/>", None),
+        (
+            "<model name='m'><link name='l'><sensor name='s' type='camera'/></link></model>",
+            "only the robot has sensors",
+        ),
+        ("<road name='r'/>", None),
+    ],
+)
+def test_parts_without_an_effect_on_bodies_are_remarks(inside: str, message: str | None, tmp_path: Path) -> None:
+    found = world_file(tmp_path, inside).losses
+
+    assert all(loss.is_remark for loss in found)
+    assert [message is not None and message in loss.message for loss in found] == ([True] if message else [])
+
+
+def test_a_newer_version_is_a_remark(tmp_path: Path) -> None:
+    path = tmp_path / "a.world"
+    path.write_text("<sdf version='1.99'><world name='w'/></sdf>")
+
+    (loss,) = read_world_file(path, Packages(Workspace(tmp_path, tmp_path), environment={}), lambda _: False).losses
+
+    assert loss.message.startswith("SDF 1.99 is newer than 1.")

@@ -39,6 +39,12 @@ def test_what_is_only_drawn_or_set_for_the_engine_of_gazebo_is_not_lost() -> Non
     assert list(lost_tags(ET.fromstring(f"<world>{world}</world>"))) == []
 
 
+@pytest.mark.parametrize("kind", ["fixed", "revolute"])
+def test_a_joint_between_models_is_lost(kind: str) -> None:
+    world = ET.fromstring(f"<world><joint type='{kind}'/></world>")
+    assert [message for _, message in lost_tags(world)] == ["<joint> is not simulated: the models are not joined"]
+
+
 def test_an_unknown_tag_is_lost() -> None:
     (message,) = lost("<link><gravitty>0</gravitty></link>")
     assert message == "<gravitty> of <link> is not supported and has no effect"
@@ -51,6 +57,8 @@ def test_an_unknown_tag_is_lost() -> None:
         ("<gravity>true</gravity>", 0, 0),
         ("<kinematic>false</kinematic>", 0, 0),
         ("<kinematic>1</kinematic>", 0, 1),
+        ("<self_collide>true</self_collide>", 0, 1),
+        ("<self_collide>0</self_collide>", 0, 0),
         ("<velocity_decay><linear>0</linear><angular>0.1</angular></velocity_decay>", 0, 1),
         ("<visual><anything/></visual>", 0, 0),
         ("<sensor><camera/></sensor>", 0, 0),
