@@ -16,6 +16,7 @@ from typing import Final
 from xml.parsers import expat
 
 from sim_action.core.files import read_at_most
+from sim_action.core.workspace import is_of_git
 
 PACKAGE_FILE: Final = "package.xml"
 _MODEL_FILES: Final = frozenset({"model.config", "model.sdf"})
@@ -212,7 +213,9 @@ class EnvironmentFolders:
         return (folder for folder in _children(self._model_path, name) if not name.startswith("."))
 
     def contains(self, path: Path) -> bool:
-        """Return True if a path, with its links resolved, is in one of these packages, models and folders."""
+        """Return True if a path, with its links resolved, is in one of these, and not in .git."""
+        if is_of_git(path):
+            return False
         for folder in (path, *path.parents):
             if folder.parent in self._model_path and not folder.name.startswith(".") and folder.is_dir():
                 return True

@@ -59,10 +59,21 @@ class _Reader:
         found, waiting, mesh_folders = {first}, [first], list[Path]()
         while waiting:
             for path in self._named_in(waiting.pop(), mesh_folders):
-                if path not in found and len(found) < MAX_FILES:
+                if path not in found and len(found) < MAX_FILES and self._may_read(path):
                     found.add(path)
                     waiting.append(path)
         return found
+
+    def readable(self, folder: Path, name: str) -> set[Path]:
+        """Return the files that a scenario in this folder names, without files that may not be read."""
+        return set(filter(self._may_read, self.at(folder, name)))
+
+    def _may_read(self, path: Path) -> bool:
+        """Return True if a path, which may be missing, leads into the workspace or a package."""
+        try:
+            return self.packages.may_read(path.resolve())
+        except (OSError, ValueError, RuntimeError):  # too long, a NUL in it, or a loop of links
+            return False
 
     def _named_in(self, path: Path, mesh_folders: list[Path]) -> Iterator[Path]:
         """Yield the files and folders that a file names; `mesh_folders`: of the MJCF files that led to it."""
@@ -174,7 +185,7 @@ class NamedFiles:
         key = (id(reader), text)
         if key not in self._closures:
             folder = reader.workspace.directory
-            named = {path for name in _names_in(text) for path in reader.at(folder, name)}
+            named = {path for name in _names_in(text) for path in reader.readable(folder, name)}
             self._closures[key] = frozenset().union(*map(reader.closure, named))
         return self._closures[key]
 

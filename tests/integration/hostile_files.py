@@ -171,6 +171,13 @@ URDF_CASES: Final = (
     urdf("mesh by an address", mesh("file://OUT/secret.stl")),
     urdf("mesh of a package", mesh("package://p/UP/../outside/secret.stl"),
          files={"package.xml": "<package><name>p</name></package>"}),
+    urdf("files of a package", BOX, "", "", files={"package.xml": "<package><name>watched</name></package>"}, visual=(
+         '</link><gazebo><plugin name="gz_ros2_control-system" filename="libgz_ros2_control-system.so">'
+         "<parameters>$(find watched)/UP/secret.yaml</parameters>"
+         "<parameters>$(find watched)/../.git/c.yaml</parameters>"
+         '<x filename="$(find watched)/UP/secret.xml"/><y file="$(find watched)/UP/secret.obj"/>'
+         '<z uri="$(find watched)/../.git/config.xml"/></plugin></gazebo>'
+         '<joint name="j" type="fixed"><parent link="b"/><child link="c"/></joint><link name="c">')),
     urdf("mesh of a package by a link", mesh("package://linked/m.stl"),
          "refers to the package 'linked', which was not found", links={"package.xml": "OUT/secret.package.xml"}),
     urdf("mesh by a link", mesh("m.stl"), links={"m.stl": "OUT/secret.stl"}),
@@ -194,7 +201,7 @@ URDF_CASES: Final = (
          '<texture filename="OUT/secret.png"/></material></visual>'),
     Case("urdf DTD", "a DOCTYPE is not allowed", "r.urdf:1",
          {"r.urdf": XXE + URDF.replace("SHAPE", BOX).replace("VISUAL", "&e;")}, scenario=robot("r.urdf")),
-    Case("urdf packages outside", OUTSIDE, "r.urdf:3", {"r.urdf": URDF.replace("SHAPE", mesh("package://q/secret.stl"))},
+    Case("urdf packages outside", OUTSIDE, "s.sim.yml:3", {"r.urdf": URDF.replace("SHAPE", mesh("package://q/secret.stl"))},
          scenario=robot("r.urdf", packages={"q": "UP"})),
     Case("model absolute", OUTSIDE, "s.sim.yml:3", scenario=robot("OUT/secret.urdf")),
     Case("model by a link", OUTSIDE, "s.sim.yml:3", links={"r.xml": "OUT/secret.xml"}, scenario=robot("r.xml")),
@@ -216,6 +223,11 @@ SDF_CASES: Final = (
          {"m/model.config": '<model><sdf version="1.9">../UP/secret.sdf</sdf></model>'}, scenario=robot("./m")),
     Case("sdf manifest by a link", "<sdf> has no attribute 'version'", "m/model.sdf:1", {"m/model.sdf": "<sdf/>"},
          links={"m/model.config": "OUT/secret.config"}, scenario=robot("./m")),
+    sdf("files of a package", SDF.replace("SHAPE", "<box><size>1 1 1</size></box>").replace("</model>",
+        "<plugin name='p' filename='libx.so'><uri>$(find watched)/UP/secret.xml</uri></plugin></model>"), "", ""),
+    Case("sdf folder with links", "", "",
+         {"m/model.sdf": SDF.replace("SHAPE", "<box><size>1 1 1</size></box>")},
+         links={"m/x.sdf": "OUT/secret.sdf", "m/y.config": "OUT/secret.config"}, scenario=robot("./m")),
     sdf("DTD", XXE + SDF, "a DOCTYPE is not allowed", "r.sdf:1"),
 )  # fmt: skip
 
@@ -299,6 +311,8 @@ def write_cases(root: Path, cases: tuple[Case, ...]) -> Path:
     for folder in (workspace / ".git", outside):
         folder.mkdir(parents=True)
     (workspace / ".git/config").write_text(f"[http]\n\textraheader = {SENTINEL}\n")
+    (workspace / ".git/config.xml").write_text(f"<x>{SENTINEL}</x>")
+    (workspace / ".git/c.yaml").write_text(f"{SENTINEL}: 1\n")
     for name, content in SECRETS.items():
         _write(outside / name, content, outside)
     for case in cases:

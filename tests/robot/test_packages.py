@@ -264,6 +264,19 @@ def test_models_of_the_machine_are_found(variable: str, ros: RosWorkspace, elsew
         packages.find_model("no_model", ros.rover)
 
 
+@pytest.mark.parametrize("variable", ["GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH", "ROS_PACKAGE_PATH"])
+@pytest.mark.parametrize("path", [".git/t.stl", "meshes/.GIT/t.stl"])
+def test_git_folders_of_models_of_the_machine_are_not_read(
+    variable: str, path: str, ros: RosWorkspace, elsewhere: Path
+) -> None:
+    model = gazebo_model(ros_package(elsewhere / "cart"))
+    written(model / path, "")
+    packages = ros.packages(environment={variable: str(elsewhere)})
+    for reference in (f"model://cart/{path}", f"file://{model / path}", f"package://cart/{path}"):
+        with pytest.raises(PackageError):
+            packages.resolve(reference, ros.rover)
+
+
 def test_a_package_serves_as_a_model(ros: RosWorkspace) -> None:
     found = ros.packages().resolve("model://rover_sensors/meshes/lidar.stl", ros.rover)
     assert found.path == ros.sensors / "meshes/lidar.stl"

@@ -143,6 +143,39 @@ def test_nothing_outside_of_the_workspace_is_looked_at_unless_it_may_be(tmp_path
     assert "outside.csv" in found(scenario, "inner/a.sim.yml", allow_outside=True)
 
 
+@pytest.mark.parametrize(
+    "tag",
+    [
+        '<xacro:include filename="$(find p)/../../outside/secret.xml"/>',
+        '<xacro:include filename="$(find p)/../.git/c.yaml"/>',
+        "<parameters>$(find p)/../../outside/secret.yaml</parameters>",
+        "<parameters>$(find p)/../.GIT/c.yaml</parameters>",
+    ],
+)
+def test_no_reference_of_a_model_leads_outside_the_workspace(tag: str, tmp_path: Path) -> None:
+    write("outside/secret.xml")
+    write("outside/secret.yaml")
+    (tmp_path / "inner/.git").mkdir(parents=True)
+    write("inner/.git/c.yaml")
+    write("inner/p/package.xml", "<package><name>p</name></package>")
+    write("inner/p/r.urdf", f"<robot>{tag}</robot>")
+    expected = ["inner/a.sim.yml", "inner/p/r.urdf"]
+    assert found("name: a\nrobot: {model: p/r.urdf}", "inner/a.sim.yml") == expected
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(tmp_path / "inner")
+        assert named("name: a\nrobot: {model: ../p/r.urdf}") == [["p/r.urdf", "sim/a.sim.yml"]]
+
+
+def test_links_in_a_model_folder_lead_not_outside_the_workspace(tmp_path: Path) -> None:
+    write("outside/secret.sdf")
+    (tmp_path / "inner/.git").mkdir(parents=True)
+    write("inner/m/model.sdf")
+    (tmp_path / "inner/m/x.sdf").symlink_to(tmp_path / "outside/secret.sdf")
+    (tmp_path / "inner/m/y.config").symlink_to(tmp_path / "outside/secret.sdf")
+    (tmp_path / "inner/m/z.config").symlink_to("z.config")
+    assert found("robot: {model: ./m}", "inner/a.sim.yml") == ["inner/a.sim.yml", "inner/m/model.sdf"]
+
+
 def test_there_is_a_most(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "MAX_FILES", 5)
     scenario = f"variations: {{robot.model: [{', '.join(f'{number}.urdf' for number in range(20))}]}}"
