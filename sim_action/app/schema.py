@@ -140,9 +140,11 @@ def _let_world_name_robot(scenario: Schema, robot: Schema) -> None:
     robot["required"].remove("model")
     if not robot["required"]:
         del robot["required"]
-    named = {"world": {"type": "object", "required": ["file", "robot"]}}
-    scenario["if"] = {"required": ["world"], "properties": named}
-    scenario["else"] = {"required": ["robot"], "properties": {"robot": {"required": ["model"]}}}
+    in_world: Schema = {"type": "object", "required": ["file", "robot"], "properties": {"file": {}, "robot": {}}}
+    # Editors offer the words of this branch, so it repeats the schema of the key.
+    of_robot: Schema = {"type": "object", "required": ["model"], "properties": {"model": robot["properties"]["model"]}}
+    scenario["if"] = {"required": ["world"], "properties": {"world": in_world}}
+    scenario["else"] = {"required": ["robot"], "properties": {"robot": of_robot}}
 
 
 def _combined_assertions(definitions: Schema) -> Schema:

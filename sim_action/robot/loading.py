@@ -12,8 +12,6 @@ from sim_action.core.wording import did_you_mean
 from sim_action.core.workspace import PathError, Workspace, similar_name
 from sim_action.robot.audit.rules import limited_notes
 from sim_action.robot.built_in import BUILT_IN, FOLDER
-from sim_action.robot.mjcf.model import keyframe_of
-from sim_action.robot.model_files import find_model_file, is_folder, is_model_folder, model_files_in
 from sim_action.robot.packages import PackageError, Packages
 from sim_action.robot.robot_model import Finding, RobotModel
 from sim_action.robot.urdf import model_of, read_urdf
@@ -97,6 +95,8 @@ def _told_once(findings: Iterable[Finding]) -> Iterator[Finding]:
 def _check_keyframe(name: str | int, model: RobotModel) -> None:
     if not model.keyframes:
         raise ModelError(f"the model has no keyframes; remove 'keyframe: {name}'")
+    from sim_action.robot.mjcf.model import keyframe_of
+
     found = keyframe_of(model.keyframes, name)
     if found is None:
         raise ModelError(f"the model has no keyframe '{name}'{did_you_mean(str(name), model.keyframes)}")
@@ -160,10 +160,13 @@ def package_problems(robot: Robot, workspace: Workspace) -> Iterator[tuple[tuple
 
 
 def _path(name: str, packages: Packages) -> Path:
+    from sim_action.robot.model_files import find_model_file, is_folder, is_model_folder
+
     place = packages.workspace.directory / name
     if "/" not in name and "." not in name and not is_folder(place):
         built_in = f"unknown robot '{name}'{did_you_mean(name, BUILT_IN)}"
         raise ModelError(f"{built_in}, or the path of a .urdf, .xacro, .sdf or .xml file")
+
     workspace = packages.workspace
     try:
         if "://" in name or is_model_folder(workspace.directory / name):
@@ -175,6 +178,8 @@ def _path(name: str, packages: Packages) -> Path:
 
 def _next_step(name: str, place: Path, packages: Packages) -> str:
     """Return the end of a message about a path that is no model file: a similar name, or the files in the folder."""
+    from sim_action.robot.model_files import model_files_in
+
     try:
         found = place.resolve()
         if not packages.may_read(found):

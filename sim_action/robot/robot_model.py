@@ -7,14 +7,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 from sim_action.core import geometry, units
 from sim_action.core.errors import Location
 from sim_action.core.geometry import ZERO, Pose, Quaternion, Vector3
 from sim_action.core.units import Dimension
 from sim_action.core.wording import did_you_mean
-from sim_action.robot.mjcf.model import Keyframe, Mjcf, Motor
+
+if TYPE_CHECKING:
+    from sim_action.robot.mjcf.model import Keyframe, Mjcf, Motor
 
 Reading = Literal["position", "velocity", "effort"]
 

@@ -14,12 +14,12 @@ from sim_action.core.field_types import Placement
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.scenario.model import Scenario
-from sim_action.state.observation import Clash
 from sim_action.world import GROUND, Body, Disturbance, Physics, World, placed
 from sim_action.world.body_path import placements
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
+    from sim_action.state.observation import Clash
     from sim_action.world.parts import Part
 
 DEPTH: Final = 0.005

@@ -13,7 +13,6 @@ from sim_action.core.field_types import Placement
 from sim_action.core.geometry import rpy_from_quaternion
 from sim_action.core.workspace import Workspace
 from sim_action.robot.kinematics import Mobility
-from sim_action.robot.mjcf.model import Keyframe, keyframe_of
 from sim_action.robot.robot_model import WORLD, RobotModel
 from sim_action.robot.spec import Robot
 from sim_action.world import Body, Physics, World
@@ -21,6 +20,7 @@ from sim_action.world import Body, Physics, World
 if TYPE_CHECKING:
     from numpy.random import Generator
 
+    from sim_action.robot.mjcf.model import Keyframe
     from sim_action.world.parts import Part
 
 
@@ -115,8 +115,11 @@ class Scene:
     @property
     def keyframe(self) -> Keyframe | None:
         """The keyframe of the model at which the robot begins, if the scenario names one."""
-        wanted = self.robot.keyframe
-        return None if wanted is None else keyframe_of(self.model.keyframes, wanted)
+        if self.robot.keyframe is None:
+            return None
+        from sim_action.robot.mjcf.model import keyframe_of
+
+        return keyframe_of(self.model.keyframes, self.robot.keyframe)
 
     @property
     def is_at_keyframe_height(self) -> bool:

@@ -28,12 +28,16 @@ class LanguageServer:
             ["node", _SERVER, "--stdio"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=ENVIRONMENT
         )
         self._requests = 0
+        self._asked_for_settings = False
         self._found: dict[str, list[dict[str, Any]]] = {}
         document = {"hover": {"contentFormat": ["markdown"]}, "completion": {}, "publishDiagnostics": {}}
         capabilities = {"textDocument": document, "workspace": {"configuration": True}}
         self._ask("initialize", {"processId": None, "rootUri": None, "capabilities": capabilities})
         self._tell("initialized", {})
         self._tell("workspace/didChangeConfiguration", {"settings": self._settings})
+        # Before the server has asked for its settings, it knows no schema.
+        while not self._asked_for_settings:
+            self._answer(self._read())
 
     def __enter__(self) -> Self:
         """Return the server."""
@@ -87,6 +91,7 @@ class LanguageServer:
         elif method == "workspace/configuration":
             sections = [self._settings.get(item["section"], {}) for item in parameters["items"]]
             self._send({"id": message["id"], "result": sections})
+            self._asked_for_settings = True
         elif method and "id" in message:
             self._send({"id": message["id"], "result": None})
 

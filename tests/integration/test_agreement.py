@@ -114,7 +114,8 @@ SCRUBBING = {
     "husky": (
         dict(zip(HUSKY, (-3.0, -3.0, 3.0, 3.0), strict=True)),
         1.21,
-        {"pybullet": 0.15, "mujoco": 0.04},
+        # A frame of 4 g that moves by 0.2 m changes MuJoCo's rate by 3 %.
+        {"pybullet": 0.15, "mujoco": 0.08},
     ),
     "r2d2": (dict(zip(R2D2, (10.0, 10.0, -10.0, -10.0), strict=True)), 1.106, {"pybullet": 0.02, "mujoco": 0.02}),
 }

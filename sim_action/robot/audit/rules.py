@@ -201,6 +201,7 @@ _ANNOUNCED: Final = frozenset(
         "restitution",
         "several-packages",
         "two-frictions",
+        "uneven-inertia",
         "zero-inertia",
     }
 )

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
-from xml.etree import ElementTree as ET
 
 from junitparser import Error, Failure, JUnitXml, JUnitXmlError, TestCase, TestSuite
 
@@ -62,7 +61,7 @@ class _Reporter:
 def _cases(file: Path) -> list[TestCase]:
     try:
         suites = [suite for suite in JUnitXml.fromfile(str(file)) if isinstance(suite, TestSuite)]
-    except (ET.ParseError, JUnitXmlError) as error:
+    except (SyntaxError, JUnitXmlError) as error:  # from the parser of the standard library, or from lxml
         raise StepFailed(f"{file} is no JUnit XML: {error}") from error
     return [case for suite in suites for case in suite if isinstance(case, TestCase)]
 
