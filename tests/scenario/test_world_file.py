@@ -32,6 +32,11 @@ def loaded(folder: Path, inside: str, world: str = "", robot: str = ROBOT, more:
     return load_scenario(file)
 
 
+def held(name: str, parent: str, child: str, kind: str = "revolute") -> str:
+    ends = f"<parent>{parent}</parent><child>{child}</child>"
+    return f'<joint name="{name}" type="{kind}">{ends}<axis><xyz>0 0 1</xyz></axis></joint>'
+
+
 def problems(folder: Path, inside: str, world: str = "", robot: str = ROBOT) -> list[tuple[str, int | None, str]]:
     with pytest.raises(InvalidScenario) as error:
         loaded(folder, inside, world, robot)
@@ -208,6 +213,32 @@ def test_each_kind_of_loss_is_one_note(tmp_path: Path) -> None:
     assert loaded(tmp_path, GROUND + actors, more="allow: [not-simulated]").warnings == ()
 
 
+@pytest.mark.parametrize(
+    ("inside", "message"),
+    [
+        (held("j", "crate", "rover", "fixed"), "the models are not joined"),
+        (GROUND.replace("</uri>", "</uri><pose>0 0 1 0 0 0</pose>"), "the <pose> of the ground plane is not simulated"),
+        (GROUND.replace("</uri>", "</uri><pose>5 0 0 0 0 1</pose>"), ""),
+        ("</world><world name='two'>", "only the first <world> is read; 'two' is ignored"),
+    ],
+)
+def test_a_part_of_the_world_that_is_left_out_is_noted(inside: str, message: str, tmp_path: Path) -> None:
+    found = [warning.message for warning in loaded(tmp_path, GROUND + CRATE + ROVER + inside).warnings]
+
+    assert len(found) == (1 if message else 0)
+    assert all(message in each for each in found)
+
+
+def test_a_model_that_is_merged_into_the_world_is_missing(tmp_path: Path) -> None:
+    written(tmp_path / "models/crate/model.sdf", f'<sdf version="1.9">{CRATE}</sdf>')
+    include = '<include merge="true"><uri>model://crate</uri></include>'
+
+    ((_, line, message),) = problems(tmp_path, GROUND + include)
+
+    assert line == 3
+    assert "its model is missing: remove 'merge'" in message
+
+
 def test_a_world_without_a_ground_plane_is_noted(tmp_path: Path) -> None:
     (warning,) = loaded(tmp_path, CRATE).warnings
 
@@ -225,11 +256,6 @@ def robot_link(name: str, z: float) -> str:
     inertial = "<inertial><mass>2</mass></inertial>"
     ball = "<collision name='c'><geometry><sphere><radius>0.1</radius></sphere></geometry></collision>"
     return f'<link name="{name}"><pose>0 0 {z} 0 0 0</pose>{inertial}{ball}</link>'
-
-
-def held(name: str, parent: str, child: str, kind: str = "revolute") -> str:
-    ends = f"<parent>{parent}</parent><child>{child}</child>"
-    return f'<joint name="{name}" type="{kind}">{ends}<axis><xyz>0 0 1</xyz></axis></joint>'
 
 
 ARM, BASE, TURN = robot_link("arm", 0.7), robot_link("base", 0.4), held("turn", "base", "arm")

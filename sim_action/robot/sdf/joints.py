@@ -180,6 +180,9 @@ class JointWriter:
             self._write_axis(joint, axis, resolved.axis_xyz, kind)
             if resolved.axis2_xyz is None:
                 self._write_mimic(joint, axis, resolved.entry)
+        damping = number_of(element, "axis/dynamics/damping", 0.0)
+        if resolved.type == "ball" and damping:
+            writer.add(joint, "dynamics", element, damping=numbers(damping))
         if resolved.axis2_xyz is not None:
             second = needed(element, "axis2")
             self._write_axis(joint, second, resolved.axis2_xyz, _kind_of_axis(resolved.type, second), "2")

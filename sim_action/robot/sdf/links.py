@@ -30,7 +30,7 @@ from sim_action.robot.urdf_elements import is_numbers
 _MOMENTS: Final = {"ixx": 1.0, "ixy": 0.0, "ixz": 0.0, "iyy": 1.0, "iyz": 0.0, "izz": 1.0}
 """The moments of inertia and their defaults in SDF, in kg m^2."""
 
-_FRICTION: Final = "collision/surface/friction/ode"
+_FRICTION: Final = "surface/friction/ode"
 _CONTACT: Final = "collision/surface/contact/ode"
 _DEFAULT_FRICTION: Final = 1.0
 _NEVER_SLIDES: Final = 1e9
@@ -137,16 +137,21 @@ class LinkWriter:
 
     def _write_surface(self, link: Element, name: str) -> None:
         """Write the surface of a link. URDF has one per link: the smallest friction of its collisions is used."""
-        frictions = [friction for friction in link.findall(_FRICTION) if friction.find("mu") is not None]
-        stated = {_friction(friction, "mu"): friction for friction in frictions}
-        if len(stated) > 1:
-            message = f"the collisions of link '{name}' have different friction: the smallest value is used for all"
-            self._notes.add("passed-over", stated[min(stated)], message)
-        source = stated[min(stated)] if stated else link
+        surfaces = [_surface(collision) for collision in link.findall("collision") if _collides(collision)]
+        # Engines take no friction above the default.
+        found = {min(_friction(surface, "mu"), _DEFAULT_FRICTION): surface for surface in reversed(surfaces)}
+        source = found[min(found)] if found else link
+        if len(found) > 1:
+            least, most = min(found), max(found)
+            message = (
+                f"the collisions of link '{name}' have frictions from {least:g} to {most:g}: {least:g} is used for "
+                "all; for different ones, make them links of their own, joined by fixed joints"
+            )
+            self._notes.add("passed-over", source, message)
         writer = self._writer
         gazebo = writer.add(writer.root, "gazebo", source, reference=name)
-        writer.add(gazebo, "mu1", source).text = numbers(min(stated, default=_DEFAULT_FRICTION))
-        if stated and source.find("mu2") is not None:
+        writer.add(gazebo, "mu1", source).text = numbers(_friction(source, "mu"))
+        if source.find("mu2") is not None:
             writer.add(gazebo, "mu2", source).text = numbers(_friction(source, "mu2"))
         contact = link.find(_CONTACT)
         for tag in ("kp", "kd"):
@@ -160,6 +165,16 @@ class LinkWriter:
             name = f"collision '{collision.get('name', '')}' of {owner}"
             note_parts(self._notes, collision, name)
             note_contact(self._notes, collision, name)
+
+
+def _collides(collision: Element) -> bool:
+    return collision.find(f"geometry/{EMPTY}") is None
+
+
+def _surface(collision: Element) -> Element:
+    """Return the element with the friction of a collision; without one, the collision."""
+    stated = collision.find(_FRICTION)
+    return collision if stated is None else stated
 
 
 def _friction(friction: Element, tag: str) -> float:

@@ -107,7 +107,9 @@ def read_sdf_world(path: Path, document: ModelDocument, packages: Packages, note
     scope = Assembly(SdfFile(path, version, kept, document), packages, notes).read()
     state = element.find("state")
     states = {} if state is None else {model.get("name", ""): model for model in state.findall("model")}
-    has_ground = any(_is_own(child) and _own_name(child) == "ground_plane" for child in element)
+    has_ground = any(is_ground(child) for child in element)
+    for other in document.root.findall("world")[1:]:
+        notes.add("passed-over", other, f"only the first <world> is read; '{other.get('name', '')}' is ignored")
     return SdfWorld(element, scope, Frames(scope), states, has_ground, renamed, version)
 
 
@@ -188,6 +190,11 @@ def _rename_doubles(world: Element) -> Mapping[Element, str]:
             taken.add(f"{name}_{number}")
         seen.add(name)
     return renamed
+
+
+def is_ground(child: Element) -> bool:
+    """Return True if an element includes the ground plane of Gazebo."""
+    return _is_own(child) and _own_name(child) == "ground_plane"
 
 
 def _is_own(child: Element) -> bool:

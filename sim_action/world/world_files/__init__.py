@@ -6,6 +6,7 @@ outside the workspace be read without permission.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path, PurePath
@@ -14,6 +15,7 @@ from xml.etree.ElementTree import Element
 
 from pydantic import ValidationError
 
+from sim_action.core import geometry
 from sim_action.core.errors import Location
 from sim_action.core.geometry import Pose
 from sim_action.robot.audit.rules import refuse_errors
@@ -21,8 +23,8 @@ from sim_action.robot.model_files import NEWEST
 from sim_action.robot.packages import Packages
 from sim_action.robot.robot_model import Finding
 from sim_action.robot.sdf.composition import Entry
-from sim_action.robot.sdf.elements import Notes, numbers_of
-from sim_action.robot.sdf.worlds import SdfWorld, base_pose, read_sdf_world
+from sim_action.robot.sdf.elements import Notes, flag_attribute, numbers_of, pose_of
+from sim_action.robot.sdf.worlds import SdfWorld, base_pose, is_ground, read_sdf_world
 from sim_action.robot.xml_document import ModelDocument, read_document
 from sim_action.world import GRAVITY, Ground, World
 from sim_action.world.world_files.bodies import BodyReader, ReadBody
@@ -37,6 +39,9 @@ __all__ = ["Loss", "WorldFile", "WorldRobot", "plugin_name", "plugin_names", "re
 
 _MISSING: Final = frozenset({"missing-include", "missing-package"})
 """Rules of findings that make a model missing from the world."""
+
+# m, and a part of a direction: a greater pose of the ground is noted.
+_LEVEL_M: Final = 1e-3
 
 _ABSENT: Final = "an included model that is missing"
 
@@ -123,6 +128,8 @@ class _WorldReader:
             if any(self._notes.attempt(lambda tag: numbers_of(tag, 3), wind) or ()):
                 message = f"<wind> is not simulated: there is no wind of {(wind.text or '').strip()} m/s"
                 self._losses.remark(wind, message, message)
+        for include in element.findall("include"):
+            self._notes.attempt(self._note_include, include)
         for model, name in self._world.renamed.items():
             message = f"a second model '{name}' has another name here, with a number at its end"
             self._losses.remark(model, message, "models with the name of another one: they get a number")
@@ -169,6 +176,17 @@ class _WorldReader:
             yield "gravity", gravity
         if (friction := self._shapes.ground_friction) is not None and friction != Ground().friction:
             yield "ground", Ground(friction=friction)
+
+    def _note_include(self, include: Element) -> None:
+        """Note an <include> whose model is missing, or not at its pose. Raises SdfProblem."""
+        if flag_attribute(include, "merge"):
+            message = "an <include merge> in <world> is not supported and its model is missing: remove 'merge'"
+            self._losses.add(include, message, is_missing=True)
+        pose = pose_of(include.find("pose"))
+        up = geometry.rotate(pose.orientation_xyzw, (0.0, 0.0, 1.0))
+        if is_ground(include) and (abs(pose.position_xyz[2]) > _LEVEL_M or math.hypot(*up[:2]) > _LEVEL_M):
+            message = "the <pose> of the ground plane is not simulated: the ground is z = 0; move the other models"
+            self._losses.add(include, message)
 
     def _note_state(self, state: Element | None) -> None:
         """Note the losses in a <state>."""

@@ -18,8 +18,9 @@ from sim_action.core.errors import Location
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, Vector3, rpy_from_quaternion
 from sim_action.robot.robot_model import WORLD
+from sim_action.robot.sdf.auto_inertia import auto_inertia
 from sim_action.robot.sdf.composition import SEPARATOR, Entry, Scope
-from sim_action.robot.sdf.elements import SdfProblem, number_of, text_of
+from sim_action.robot.sdf.elements import SdfProblem, flag_attribute, number_of, text_of
 from sim_action.robot.sdf.worlds import SdfWorld
 from sim_action.world import Body, Inertia
 from sim_action.world.parts import Part
@@ -175,9 +176,15 @@ class BodyReader:
         inertial = link.element.find("inertial")
         if inertial is None:
             return _Weight(1.0, None, None)
-        mass = number_of(inertial, "mass", 1.0)
-        if mass <= 0:
-            raise SdfProblem("bad-number", inertial, f"<mass> of '{model.name}' is {mass:g}: expected more than 0")
+        mass = _mass(model, inertial)
+        if flag_attribute(inertial, "auto"):
+            try:
+                return self._computed_weight(model, link, inertial, frame)
+            except SdfProblem as problem:
+                kind = "an <inertial auto> that cannot be computed: <mass>, or 1 kg, is used"
+                message = f"'{model.name}': {problem}; <mass>, or 1 kg, is used"
+                self._losses.add(inertial, message, kind=kind)
+                return _Weight(mass, None, None)
         at = geometry.compose(self._world.link_pose(model, link), self._in_link(link, inertial))
         own = geometry.compose(geometry.inverse(frame), at)
         stated = inertial.find("inertia")
@@ -187,6 +194,25 @@ class BodyReader:
 
         moments = {name: number_of(stated, name, 1.0 if name[1] == name[2] else 0.0) for name in _MOMENTS}
         return _Weight(mass, own.position_xyz, turned_tensor(moments, own.orientation_xyzw))
+
+    def _computed_weight(self, model: Entry, link: Entry, inertial: Element, frame: Pose) -> _Weight:
+        """Return the weight of <inertial auto>. Raises SdfProblem."""
+        from sim_action.world.world_files.inertials import turned_tensor
+
+        in_body = geometry.compose(geometry.inverse(frame), self._world.link_pose(model, link))
+        collisions = [
+            (holder, geometry.compose(in_body, self._in_link(link, holder)))
+            for holder in link.element.findall("collision")
+        ]
+        found = auto_inertia(inertial, collisions)
+        return _Weight(found.mass, found.centre_xyz, turned_tensor(found.moments, geometry.IDENTITY))
+
+
+def _mass(model: Entry, inertial: Element) -> float:
+    mass = number_of(inertial, "mass", 1.0)
+    if mass <= 0:
+        raise SdfProblem("bad-number", inertial, f"<mass> of '{model.name}' is {mass:g}: expected more than 0")
+    return mass
 
 
 def _groups(scope: Scope) -> list[_Group]:

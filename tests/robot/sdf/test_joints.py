@@ -133,6 +133,15 @@ def test_a_ball_joint_turns_about_the_origin_of_its_own_frame(tmp_path: Path) ->
     assert element.get("type") == "spherical"
 
 
+def test_a_ball_joint_has_the_damping_of_its_axis(tmp_path: Path) -> None:
+    axis = "<axis><xyz>0 0 1</xyz><dynamics><damping>0.3</damping></dynamics></axis>"
+    model = load(tmp_path, sdf(link("a"), link("b"), joint("j", "a", "b", axis, "ball")))
+    dynamics = ET.fromstring(model.urdf).find("joint[@name='j']/dynamics")
+    assert dynamics is not None
+    assert dynamics.attrib == {"damping": "0.3"}
+    assert rules(model) == []
+
+
 @pytest.mark.parametrize("kind", ["universal", "revolute2"])
 def test_a_joint_with_two_axes_is_two_hinges_at_the_origin_of_its_own_frame(kind: str, tmp_path: Path) -> None:
     first = "<axis><xyz>0 0 1</xyz><limit><lower>-0.5</lower><upper>0.6</upper></limit></axis>"

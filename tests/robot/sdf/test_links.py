@@ -75,7 +75,9 @@ def test_a_part_of_a_link_may_be_placed_relative_to_another_frame(tmp_path: Path
         (["<mu>0.2</mu>"], 0.2, []),
         (["<mu>100</mu><mu2>50</mu2>"], 1.0, ["two-frictions"]),
         (["<mu>0.2</mu><mu2>0.2</mu2>", "<mu>0</mu><mu2>0</mu2>"], 0.0, ["passed-over"]),
-        (["<mu>0.2</mu><mu2>0.2</mu2>", ""], 0.2, []),
+        (["<mu>0.2</mu><mu2>0.2</mu2>", ""], 0.2, ["passed-over"]),
+        (["", "<mu>0</mu><mu2>0</mu2>"], 0.0, ["passed-over"]),
+        (["", "<mu>50</mu><mu2>50</mu2>"], 1.0, []),
     ],
 )
 def test_friction_is_what_a_collision_of_the_link_says(

@@ -195,6 +195,28 @@ def test_a_moving_body_has_its_stated_inertia(
     assert [each.startswith(message or "") for each in lost] == [True] * (message is not None)
 
 
+AUTO = """<model name="m"><link name="l"><inertial auto="true"><density>500</density></inertial>
+<collision name="c"><pose>0 0 1 0 0 0</pose><geometry>{}</geometry></collision></link></model>"""
+
+
+def test_an_automatic_inertia_is_that_of_the_shapes(tmp_path: Path) -> None:
+    (body,), lost = read(AUTO.format("<box><size>1 2 1</size></box>"), tmp_path)
+
+    assert (body.mass, body.center_of_mass) == (1000, (0, 0, 1))
+    assert body.inertia is not None
+    moments = body.inertia.ixx, body.inertia.iyy, body.inertia.izz
+    assert moments == pytest.approx((5000 / 12, 2000 / 12, 5000 / 12))
+    assert lost == []
+
+
+def test_an_automatic_inertia_of_a_mesh_is_noted(tmp_path: Path) -> None:
+    written(tmp_path / "a.obj", TETRAHEDRON)
+    (body,), (lost,) = read(AUTO.format("<mesh><uri>a.obj</uri></mesh>"), tmp_path)
+
+    assert body.mass == 1
+    assert "cannot be computed from <mesh>" in lost
+
+
 def test_an_impossible_product_of_inertia_is_replaced(tmp_path: Path) -> None:
     bodies, (lost,) = read(BOX.format(pose="", ixx=0.5).replace("<ixy>0<", "<ixy>0.6<"), tmp_path)
 
