@@ -16,7 +16,9 @@ from sim_action.core.wording import log_line
 from sim_action.core.workspace import Workspace
 from sim_action.drives import Drive, recognise, why_not_recognised
 from sim_action.drives.diff import DiffDrive
-from sim_action.drives.skid import SkidSteer, sides_on_ground
+from sim_action.drives.ignored_statements import ignored_statements
+from sim_action.drives.likely import likely_drive
+from sim_action.drives.skid import mecanum_names
 from sim_action.drives.undercarriage import unrolling_pair
 from sim_action.drives.wheels import Wheel, opposed_note, wheels_on_ground
 from sim_action.results.masking import Mask
@@ -317,13 +319,19 @@ def _inspection(robot: Robot, model: RobotModel, start: Mapping[str, float], nee
         upper_xyz=box[1] if box else None,
         height=_height(model, box[0]) if box else None,
         wheels=wheels,
-        drive=drive.describe(model) if drive else None,
+        drive=_described(drive, model) if drive else None,
         drive_source=drive.source(model) if drive else None,
         drive_reasons=() if drive or not _may_roll(robot, model) else why_not_recognised(model),
         findings=model.findings,
         needs=needs,
         robot=robot_block(robot, drive, *_remarks(model, robot, wheels, drive)),
     )
+
+
+def _described(drive: Drive, model: RobotModel) -> str:
+    """Return the parameters of a recognised drive, and the statements of the model that it does not use."""
+    ignored = ignored_statements(model, drive.source(model), drive.open(model, 1.0).joints)
+    return "; ".join((drive.describe(model), *ignored))
 
 
 def _may_roll(robot: Robot, model: RobotModel) -> bool:
@@ -341,12 +349,10 @@ def _remarks(model: RobotModel, robot: Robot, wheels: tuple[WheelEntry, ...], dr
         first, *others = usable
         more = f"; there {'is 1 other' if len(others) == 1 else f'are {len(others)} others'}" if others else ""
         yield f"keyframe: {first if first.isdecimal() else _flow(first)}  # to begin there{more}"
-    sides = None if drive or unrolling_pair(model) else sides_on_ground(model)
-    if sides:
-        left, right = sides
-        kind = SkidSteer if len(left) + len(right) > 2 else DiffDrive
-        yield f"drive: {drive_text(kind(left=left, right=right))}"
-    elif drive is None and (placed := DiffDrive.by_place(model)) is not None:
+    likely = None if drive or unrolling_pair(model) else likely_drive(model)
+    if likely is not None:
+        yield f"drive: {drive_text(likely)}"
+    elif drive is None and not mecanum_names(model) and (placed := DiffDrive.by_place(model)) is not None:
         yield f"drive: {drive_text(placed)}  # by place; if the names are right, swap the sides and give 'heading'"
 
 

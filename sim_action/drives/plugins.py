@@ -260,7 +260,7 @@ def _corrected(plugin: Plugin, figures: dict[str, float]) -> tuple[dict[str, flo
         name: value
         for name in ("wheel_separation", "wheel_radius", "left_wheel_radius", "right_wheel_radius")
         for text in plugin.texts(f"{name}_multiplier")
-        if (value := _positive(text)) is not None
+        if (value := number_above_zero(text)) is not None
     }
     left, right = (factors.get(f"{side}_wheel_radius", 1.0) for side in ("left", "right"))
     by_key = {"separation": factors.get("wheel_separation", 1.0), "radius": factors.get("wheel_radius", 1.0)}
@@ -302,12 +302,13 @@ def _figures(plugin: Plugin, known: Mapping[str, tuple[str, float]]) -> dict[str
     found = {}
     for tag, text in plugin.parameters:
         name, factor = known.get(tag, ("", 0.0))
-        if name and (value := _positive(text)) is not None:
+        if name and (value := number_above_zero(text)) is not None:
             found[name] = factor * value
     return found
 
 
-def _positive(text: str) -> float | None:
+def number_above_zero(text: str) -> float | None:
+    """Return the finite number above zero that a text states, else None."""
     try:
         value = float(text)
     except ValueError:

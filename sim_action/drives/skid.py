@@ -74,7 +74,7 @@ class SkidSteer(TwoSidedDrive):
             raise NoDrive(
                 f"wheels on the ground that could be driven: {len(wheels)}; skid steer has {_MIN_WHEELS} or more"
             )
-        if names := _mecanum_names(model):
+        if names := mecanum_names(model):
             raise NoDrive(f"'{names[0]}' names wheels with rollers, which do not skid")
         left, right = sides_on_ground(model) or ((), ())
         if not left:
@@ -135,7 +135,7 @@ def _with_tyres(model: RobotModel, wheels: frozenset[str], gravity_xyz: Vector3)
     return replace(model, links=links)
 
 
-def _mecanum_names(model: RobotModel) -> list[str]:
+def mecanum_names(model: RobotModel) -> list[str]:
     """Return the names of links, joints, drawn meshes and of the model itself that name wheels with rollers."""
     meshes = [PurePath(visual.file).name for link in model.links for visual in link.visuals if visual.file]
     names = [*model.links_by_name, *model.joints_by_name, *meshes, model.name]

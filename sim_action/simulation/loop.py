@@ -13,6 +13,7 @@ import numpy as np
 from sim_action.assertions.monitors.becoming import Rest
 from sim_action.core.errors import ControllersFinished, RunError
 from sim_action.drives import Drive, recognise
+from sim_action.drives.ignored_statements import ignored_statements
 from sim_action.drives.wheels import axis_in_base, opposed_note
 from sim_action.engines import ENGINES, Engine, chosen
 from sim_action.robot.audit.rules import announced, unannounced
@@ -128,20 +129,31 @@ def _drive_of(scenario: Scenario, scene: Scene) -> Drive | None:
     return (scenario.robot.drive or recognise(scene.model)) if scenario.commands else None
 
 
-def _about_drive(scenario: Scenario, scene: Scene, drive: Drive | None) -> Iterator[str]:
-    """Yield notes on the drive: the wheels that commands turn, or that sensors read."""
-    stated = scenario.robot.drive
+def _noted_drive(scenario: Scenario, scene: Scene, drive: Drive | None) -> Drive | None:
+    """Return the drive whose wheels commands turn or sensors read."""
     if drive is None and any(mounted.sensor.reads_wheels for mounted in scenario.sensors):
-        drive = stated or recognise(scene.model)
+        return scenario.robot.drive or recognise(scene.model)
+    return drive
+
+
+def _about_drive(scenario: Scenario, scene: Scene, drive: Drive | None) -> Iterator[str]:
+    """Yield notes on a drive."""
     if drive is not None:
-        yield ("" if stated else "recognised: ") + drive.describe(scene.model, scene.world.weight)
+        yield ("" if scenario.robot.drive else "recognised: ") + drive.describe(scene.model, scene.world.weight)
+        if scene.bolted and any(source.gives_twists(scene) for source in scenario.commands):
+            yield BOLTED
+
+
+def _about_model_of_drive(scenario: Scenario, scene: Scene, drive: Drive | None) -> Iterator[str]:
+    """Yield notes on what the model states about a drive, and the drive does otherwise."""
+    if drive is not None:
         joints = drive.open(scene.model, scenario.physics.rate, scene.world.weight).joints
         axes = {name: axis_in_base(scene.model, scene.model.joints_by_name[name]) for name in sorted(joints)}
         turning = {name: axis for name, axis in axes.items() if scene.model.joints_by_name[name].type == "continuous"}
         if (note := opposed_note(turning)) is not None:
             yield note
-        if scene.bolted and any(source.gives_twists(scene) for source in scenario.commands):
-            yield BOLTED
+        if scenario.robot.drive is None:
+            yield from ignored_statements(scene.model, drive.source(scene.model), joints)
 
 
 class _Loop:
@@ -170,7 +182,10 @@ class _Loop:
         self._tunnelling: Tunnelling | None = None
         self._pinning: Pinning | None = None
         self._body_poses: FloatArray | None = None
-        self._notes = [*unannounced(scene.model.findings), *backend.notes, *_about_drive(scenario, scene, drive)]
+        noted = _noted_drive(scenario, scene, drive)
+        self._notes = [*unannounced(scene.model.findings), *backend.notes, *_about_drive(scenario, scene, noted)]
+        about_model = _about_model_of_drive(scenario, scene, noted)
+        self._model_notes = (*announced(scene.model.findings), *about_model)
         self._motion = drive.open(scene.model, scenario.physics.rate, scene.world.weight) if drive else None
         self._arrivals = Spawns.of(scenario)
         self._last_step = scenario.steps(scenario.time_limit)
@@ -185,7 +200,7 @@ class _Loop:
     def run(self, progress: Progress) -> SimulationRun:
         with self._opened:
             run = self._run(progress)
-        return replace(run, notes=(*self._all_notes(), *run.notes), model_notes=announced(self._scene.model.findings))
+        return replace(run, notes=(*self._all_notes(), *run.notes), model_notes=self._model_notes)
 
     def _run(self, progress: Progress) -> SimulationRun:
         footage = self._footage

@@ -267,6 +267,18 @@ def test_a_drive_that_is_likely_is_offered_and_left_to_the_reader(tmp_path: Path
     assert found.drive_reasons[0] == f"diff: {reason}"
 
 
+def test_mecanum_wheels_by_name_are_offered_as_such(tmp_path: Path) -> None:
+    found = cart(
+        tmp_path,
+        *(
+            part.replace('link name="a"', 'link name="mecanum_a"').replace('link="a"', 'link="mecanum_a"')
+            for part in FOUR
+        ),
+    )
+    assert found.drive is None
+    assert "\n  # drive: {mecanum: {left: [a_joint, b_joint], right: [c_joint, d_joint]}}\n" in found.robot
+
+
 @pytest.mark.parametrize(
     "odd",
     [
