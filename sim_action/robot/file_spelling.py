@@ -43,6 +43,10 @@ class Listings:
                 place /= part if part in names else names[0]
         return place
 
+    def similar(self, place: Path) -> list[str]:
+        """Return the other names in the folder of a matched file that differ from its name in letter case only."""
+        return [name for name in self._in(place.parent).get(place.name.casefold(), ()) if name != place.name]
+
     def _in(self, folder: Path) -> dict[str, list[str]]:
         if folder not in self._names:
             names = defaultdict[str, list[str]](list)

@@ -11,6 +11,7 @@ from collections import defaultdict, deque
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import islice
 from pathlib import Path
 from typing import Final
 from xml.parsers import expat
@@ -267,3 +268,12 @@ def _children(parents: Iterable[Path], name: str) -> Iterator[Path]:
 
 def _is_below(folder: Path, entries: Iterable[Path]) -> bool:
     return any(folder.is_relative_to(entry) for entry in entries)
+
+
+def listed(places: Iterable[str]) -> str:
+    """Return the first places as text."""
+    first = list(islice(places, _PLACES_SHOWN + 1))
+    return ", ".join([*first[:_PLACES_SHOWN], *(["..."] if len(first) > _PLACES_SHOWN else [])])
+
+
+_PLACES_SHOWN: Final = 5

@@ -12,12 +12,11 @@ can set them. Links are resolved first, so that a link cannot lead out of a pack
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import islice, takewhile
+from itertools import takewhile
 from pathlib import Path, PurePosixPath
-from typing import Final
 from urllib.parse import unquote
 
 from sim_action.core.wording import FirstFew, nearest
@@ -32,11 +31,10 @@ from sim_action.robot.package_search import (
     by_distance,
     folders_below,
     folders_named,
+    listed,
     package_name,
 )
 from sim_action.robot.references import Reference
-
-_PLACES_SHOWN: Final = 5
 
 
 class PackageError(Exception):
@@ -116,7 +114,16 @@ class Packages:
     def resolve(self, reference: str, referrer: Path) -> Found:
         """Return the file that `reference`, written in `referrer`, names. Raises PackageError."""
         found = self.locate(reference, referrer)
-        return replace(found, path=self.file(found.path, reference))
+        try:
+            return replace(found, path=self.file(found.path, reference))
+        except PackageError as error:
+            stated = Reference.parsed(reference)
+            if error.rule != "missing-file" or not stated.name:
+                raise
+            named = {*self._inside.packages.get(stated.name, ()), *self._inside.folders.get(stated.name, ())}
+            others = sorted(self._shown(place) for place in named if self._is_there(place / stated.path))
+            hint = f"; the file is in {listed(others)}, which robot.packages or --package can name" if others else ""
+            raise PackageError(error.rule, f"{error}{hint}") from None
 
     def locate(self, reference: str, referrer: Path) -> Found:
         """Return the file or folder that `reference` names; it may be missing. Raises PackageError."""
@@ -182,7 +189,7 @@ class Packages:
         below = by_distance({*beside, *self._inside.folders.get(name, ())}, here)
         suitable = [folder for folder in below if self._is_there(folder / stated.path)] or below[:1]
         for folder in suitable[:1]:
-            others = _listed(self._shown(other) for other in suitable[1:])
+            others = listed(self._shown(other) for other in suitable[1:])
             reason = f"because it is nearest to {here.name}, not {others}" if others else "a folder of that name"
             yield self._noted(folder, f"{undeclared}: {self._shown(folder)} is used, {reason}")
         yield from map(Found, self._environment_folders.named(name))
@@ -192,6 +199,7 @@ class Packages:
         place = self._listings.matched(folder.path, path, lambda listed: self.may_read(listed.resolve()))
         if place is not None:
             text = f"'{path}' is spelled {self._shown(place)} on the disk: write it like that, as Linux needs it"
+            text += f"; not {listed(others)}" if (others := self._listings.similar(place)) else ""
             yield replace(folder, path=place, notes=(*folder.notes, Note("file-spelling", text, place.parent)))
 
     def _shortened(self, stated: Reference, here: Path, known: Found | None) -> Iterator[Found]:
@@ -220,7 +228,7 @@ class Packages:
         deeper = [place for place in same if place.relative_to(package).parts[-len(inner) :] == inner]
         deeper = [place for place in deeper if self._is_there(place / path.name)]
         for folder in by_distance(deeper, package / PACKAGE_FILE)[:1]:
-            others = _listed(self._shown(other) for other in deeper if other != folder)
+            others = listed(self._shown(other) for other in deeper if other != folder)
             text = (
                 f"{self._shown(package)} has no folder '{'/'.join(inner)}' with the file: {self._shown(folder)} is used"
             )
@@ -385,11 +393,6 @@ def _nearest(folders: tuple[Path, ...] | None, here: Path) -> Found | None:
     nearest, *others = by_distance(folders, here)
     if not others:
         return Found(nearest)
-    chosen = f"{nearest} is used, because it is nearest to {here.name}, not {_listed(map(str, others))}"
+    chosen = f"{nearest} is used, because it is nearest to {here.name}, not {listed(map(str, others))}"
     text = f"{len(folders)} packages have the same name: {chosen}; set robot.packages to choose one"
     return Found(nearest, (Note("several-packages", text, nearest),))
-
-
-def _listed(places: Iterable[str]) -> str:
-    first = list(islice(places, _PLACES_SHOWN + 1))
-    return ", ".join([*first[:_PLACES_SHOWN], *(["..."] if len(first) > _PLACES_SHOWN else [])])

@@ -244,6 +244,24 @@ def test_outside_of_the_workspace_a_folder_beside_the_model_has_the_name(tmp_pat
         Packages(Workspace(root, root), environment={}).resolve("package://meshes/visual/a.stl", referrer)
 
 
+@pytest.mark.parametrize("package", ["far/package.xml=hand", "arm/package.xml=hand"])
+def test_a_package_without_the_file_names_the_folder_that_has_it(package: str, tmp_path: Path) -> None:
+    root = tmp_path.resolve()
+    packages, referrer = _packages(Layout(f"{_URDF} {package} near/hand/m/a.stl", "", ""), root)
+    with pytest.raises(PackageError, match=r"does not exist.*; the file is in near/hand, which robot.packages or"):
+        packages.resolve("package://hand/m/a.stl", referrer)
+    with pytest.raises(PackageError) as refused:
+        packages.resolve("package://hand/m/other.stl", referrer)
+    assert "the file is in" not in str(refused.value)
+
+
+def test_the_note_on_the_letter_case_names_similar_files(tmp_path: Path) -> None:
+    packages, referrer = _packages(Layout(f"{_URDF} arm/urdf/m.obj arm/urdf/m.OBJ", "", ""), tmp_path.resolve())
+    (note,) = packages.resolve("M.obj", referrer).notes
+    assert note.text.startswith("'M.obj' is spelled arm/urdf/m.OBJ on the disk")
+    assert note.text.endswith("; not m.obj")
+
+
 def test_two_notes_about_one_folder_are_equal_for_all_files(tmp_path: Path) -> None:
     layout = Layout(f"{_URDF} x/hand/m/a.stl x/hand/m/b.stl", "", "")
     packages, referrer = _packages(layout, tmp_path.resolve())
