@@ -6,6 +6,7 @@ row, is refused.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -148,10 +149,16 @@ LIMITS: Final[Mapping[tuple[str, str], int]] = MappingProxyType(
 """An element and its attribute -> the largest value. MuJoCo allocates memory in proportion."""
 
 _UNITS: Final[Mapping[str, int]] = MappingProxyType({"": 0, **{unit: 10 * (n + 1) for n, unit in enumerate("KMGTPE")}})
-_NUMBER: Final = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?")
+_NUMBER: Final = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,3})?")
 _SIZE: Final = re.compile(r"(-?\d{1,18})([KMGTPE]?)", re.IGNORECASE)
 
 _MAX_SHOWN: Final = 60
+_MAX_TEXT: Final = 1_000
+
+NUMBERS_PER_ELEMENT: Final = 200
+"""As many numbers of a heightfield, mesh or <numeric> count as one element."""
+
+_AREAS: Final = MappingProxyType({"hfield": ("nrow", "ncol"), "mesh": ("params", "params"), "numeric": ("size",)})
 
 
 def refusal(message: str, place: Location) -> RefusedModel:
@@ -169,6 +176,13 @@ def check_element(element: Element, place: Location) -> None:
         most = LIMITS.get((tag, name))
         if most is not None:
             _check_number(tag, name, text, most, place)
+
+
+def numbers_in(element: Element) -> int:
+    """Return the number of values that MuJoCo allocates for an element that has passed `check_element`."""
+    sizes = _AREAS.get(element.tag, ())
+    stated = [max(map(float, element.get(name, "0").split())) for name in sizes]
+    return int(abs(math.prod(stated))) if stated else 0
 
 
 def check_attributes(element: Element, place: Location) -> None:
@@ -202,6 +216,8 @@ def _check_number(tag: str, name: str, text: str, most: int, place: Location) ->
         if int(size[1]) << _UNITS[size[2].upper()] > most:
             refuse("this is too much memory")
         return
+    if len(text) > _MAX_TEXT:
+        refuse("this is too large")
     words = text.split()
     if not words or not all(map(_NUMBER.fullmatch, words)) or (name == "count" and not text.isdecimal()):
         refuse("this is not a whole number" if name == "count" else "this is not a number")

@@ -24,11 +24,13 @@ from sim_action.robot.mjcf.elements import (
     FILES,
     IGNORED,
     LEFT_OUT,
+    NUMBERS_PER_ELEMENT,
     SECTIONS,
     UNDRAWN,
     FileRow,
     check_attributes,
     check_element,
+    numbers_in,
     refusal,
     shown_name,
 )
@@ -43,7 +45,7 @@ _MAX_DEPTH: Final = 100
 
 _MAX_NAME: Final = 1000
 
-_NUMBER: Final = re.compile(r"\d*\.?\d+(?:[eE]-?\d{1,2})?")
+_NUMBER: Final = re.compile(r"(?:\d{1,30}(?:\.\d{1,30})?|\.\d{1,30})(?:[eE]-?\d{1,2})?")
 
 
 @dataclass(frozen=True, slots=True)
@@ -309,8 +311,11 @@ class _Collector:
             inside += sizes.get(element.get("model", ""), max(sizes.values(), default=0))
         if inside >= MAX_ELEMENTS:
             found = f"<{element.tag}> makes {inside:,} elements"
-            raise refusal(f"{found}; at most {MAX_ELEMENTS:,} are allowed: reduce the counts", merged.places[element])
-        return inside + 1
+            most = f"at most {MAX_ELEMENTS:,} are allowed"
+            if element.tag not in ("replicate", "attach"):
+                most += f", and {NUMBERS_PER_ELEMENT} numbers of a heightfield, mesh or <numeric> count as one"
+            raise refusal(f"{found}; {most}: reduce the counts", merged.places[element])
+        return inside + 1 + numbers_in(element) // NUMBERS_PER_ELEMENT
 
     # --- writing ---
 

@@ -252,6 +252,29 @@ def test_counts_multiply(tmp_path: Path) -> None:
     assert found == "./robot.xml:2: <replicate> makes 65,640 elements; at most 50,000 are allowed: reduce the counts"
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "<custom>" + "<numeric size='100000' data='0'/>" * 101 + "</custom>",
+        "<asset>" + "<hfield nrow='1000' ncol='1000' size='1 1 1 1'/>" * 11 + "</asset>",
+        "<asset>" + "<mesh builtin='supersphere' params='300 1 1'/>" * 120 + "</asset>",
+    ],
+)
+def test_numbers_of_all_elements_are_limited_together(text: str, tmp_path: Path) -> None:
+    found = refused(tmp_path, f"<mujoco>{BODY.format('')}{text}</mujoco>")
+    assert "200 numbers of a heightfield, mesh or <numeric> count as one: reduce the counts" in found
+
+
+@pytest.mark.parametrize("text", ["<option timestep='{}'/>", "<size nkey='{}'/>"])
+def test_the_text_of_a_number_takes_no_quadratic_time(text: str, tmp_path: Path) -> None:
+    # This would take minutes.
+    model = f"<mujoco>{text.format('1' * 1_000_000 + 'x')}{BODY.format('')}</mujoco>"
+    if "size" in text:
+        assert "this is too large" in refused(tmp_path, model)
+    else:
+        assert collected(tmp_path, model).left_out == ()
+
+
 def test_attached_models_multiply(tmp_path: Path) -> None:
     names = ["robot_xml", *(f"m{number}_xml" for number in range(5)), "leaf_xml"]
     files = {"leaf_xml": f"<mujoco>{BODY.format('')}</mujoco>"}
