@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 from typing import Any, Final
 from xml.etree.ElementTree import Element
@@ -24,6 +25,10 @@ MAX_PARAMETER_BYTES: Final = 1_000_000
 
 _MAX_DEPTH: Final = 20
 _MAX_VALUES: Final = 10_000
+_MAX_KEY: Final = 200
+_MAX_CONTROLLERS: Final = 1_000
+_MAX_FILES: Final = 10
+_TAGS: Final = frozenset(f"tag:yaml.org,2002:{kind}" for kind in ("str", "int", "float", "bool", "null", "seq", "map"))
 
 _CONTROL_PLUGIN: Final = re.compile(r"gazebo_ros2_control|(gz|ign|ignition)_ros2_control-system")
 _FIND: Final = re.compile(r"\$\(find ([^)\s]+)\)/")
@@ -64,20 +69,26 @@ def _kind(interface: str) -> str:
 
 
 def with_controllers(plugins: tuple[Plugin, ...], path: Path, packages: Packages) -> tuple[Plugin, ...]:
-    """Return the plugins, and the controllers in the parameter files that they name.
+    """Return the plugins, and the controllers in the parameter files that they name; each file is read once.
 
     :param path: the file of the model.
     """
-    found, controllers = list[Plugin](), list[Plugin]()
+    found, read = list[Plugin](), dict[Path, tuple[Plugin, ...] | str]()
     for plugin in plugins:
         unread = []
-        for reference in plugin.texts("parameters") if _CONTROL_PLUGIN.fullmatch(plugin.name) else ():
+        references = plugin.texts("parameters") if _CONTROL_PLUGIN.fullmatch(plugin.name) else ()
+        for reference in islice(dict.fromkeys(references), _MAX_FILES + 1):
             try:
-                controllers += controllers_in(_file(reference, path, packages))
-            except (PackageError, ValueError) as error:
+                file = _file(reference, path, packages)
+            except PackageError as error:
                 unread.append(str(error))
+                continue
+            if file not in read:
+                read[file] = _read(file) if len(read) < _MAX_FILES else f"a model has at most {_MAX_FILES} of them"
+            if isinstance(problem := read[file], str):
+                unread.append(problem)
         found.append(replace(plugin, unread=tuple(unread)))
-    return (*found, *controllers)
+    return (*found, *(plugin for plugins in read.values() if not isinstance(plugins, str) for plugin in plugins))
 
 
 def _file(reference: str, path: Path, packages: Packages) -> Path:
@@ -85,67 +96,119 @@ def _file(reference: str, path: Path, packages: Packages) -> Path:
     return packages.resolve(_FIND.sub(r"package://\1/", reference), path).path
 
 
+def _read(path: Path) -> tuple[Plugin, ...] | str:
+    """Return the controllers in a parameter file, or the reason why it cannot be read."""
+    try:
+        return controllers_in(path)
+    except ValueError as error:
+        return str(error)
+
+
 def controllers_in(path: Path) -> tuple[Plugin, ...]:
     """Return the controllers with a type in a parameter file of ROS. Raises ValueError if it cannot be read."""
     import yaml
 
     shown = shown_file(path)
+    lines: dict[str, int] = {}
     try:
         data = read_at_most(path, MAX_PARAMETER_BYTES)
-        if data is None:
-            raise ValueError(f"'{shown}' is larger than {MAX_PARAMETER_BYTES // 1_000_000} MB")
-        text = data.decode()
-        _refuse_aliases(yaml, text, shown)
-        tree = yaml.safe_load(text)
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, RecursionError) as error:
-        raise ValueError(f"'{shown}' cannot be read as YAML: {str(error).splitlines()[0]}") from None
+        if data is not None:
+            tree = _tree(yaml, data.decode(), lines)
+    except (OSError, ValueError, OverflowError, yaml.YAMLError) as error:
+        reason = next(iter(str(error).splitlines()), type(error).__name__)
+        raise ValueError(f"'{shown}' cannot be read as YAML: {reason}") from None
+    if data is None:
+        raise ValueError(f"'{shown}' is larger than {MAX_PARAMETER_BYTES // 1_000_000} MB")
     types: dict[str, str] = {}
     values: dict[str, dict[str, Any]] = {}
-    for name, parameters in _nodes(tree, "", 0):
+    for name, parameters in _nodes(tree, ""):
         own = values.setdefault(name, {})
         own.update(parameters)
-        if isinstance(kind := parameters.get("type"), str):
+        if isinstance(kind := parameters.get("type"), str) and any(map(str.isalpha, kind)):
             types[name] = kind
-    return tuple(
-        Plugin(kind, tuple(_flat(values[name], "", 0))[:_MAX_VALUES], name, Location(shown, _line(text, name)))
-        for name, kind in types.items()
-    )
+    found, left = list[Plugin](), _MAX_VALUES
+    for name, kind in islice(types.items(), _MAX_CONTROLLERS):
+        flat = tuple(islice(_flat(values[name], ""), left))
+        left -= len(flat)
+        found.append(Plugin(kind, flat, name, Location(shown, lines.get(name))))
+    return tuple(found)
 
 
-def _refuse_aliases(yaml: Any, text: str, shown: str) -> None:
-    """Raise ValueError for a file with aliases, whose values may be many more than its bytes."""
-    if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, Loader=yaml.SafeLoader)):
-        raise ValueError(f"'{shown}' has YAML aliases, which are not read in parameter files")
+def _tree(yaml: Any, text: str, lines: dict[str, int]) -> object:
+    """Return the content of a YAML file; each single value is its text. Raises ValueError.
+
+    :param lines: gets the last line of each key, without its namespace: parameters of a node follow its type.
+    """
+    root: list[Any] = []
+    open_: list[dict[str, Any] | list[Any]] = [root]
+    keys: list[str | None] = [None]
+    for event in _checked(yaml, text):
+        inner, key = open_[-1], keys[-1]
+        if isinstance(event, yaml.CollectionEndEvent):
+            open_.pop()
+            keys.pop()
+        elif isinstance(inner, dict) and key is None:
+            line = event.start_mark.line + 1
+            if not isinstance(event, yaml.ScalarEvent) or len(event.value) > _MAX_KEY:
+                raise ValueError(f"line {line}: a key must be a text of at most {_MAX_KEY} characters")
+            keys[-1] = event.value
+            lines[event.value.rpartition("/")[2]] = line
+        else:
+            collection: dict[str, Any] | list[Any] = {} if isinstance(event, yaml.MappingStartEvent) else []
+            value = event.value if isinstance(event, yaml.ScalarEvent) else collection
+            keys[-1] = None
+            if isinstance(inner, dict):
+                inner[str(key)] = value
+            else:
+                inner.append(value)
+            if value is collection:
+                open_.append(collection)
+                keys.append(None)
+    return root[0] if root else None
 
 
-def _nodes(tree: object, name: str, depth: int) -> Iterator[tuple[str, Mapping[str, Any]]]:
+def _checked(yaml: Any, text: str) -> Iterator[Any]:
+    """Yield the events of one YAML document that begin and end values. Raises ValueError.
+
+    The values are bounded: tags construct nothing, and an alias may be many more values than its bytes.
+    """
+    count = depth = documents = 0
+    for event in yaml.parse(text, Loader=yaml.SafeLoader):
+        count += isinstance(event, yaml.NodeEvent)
+        documents += isinstance(event, yaml.DocumentStartEvent)
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        problem = ""
+        if isinstance(event, yaml.AliasEvent):
+            problem = "it has YAML aliases, which are not read in parameter files"
+        elif count > 2 * _MAX_VALUES or depth > _MAX_DEPTH or documents > 1:
+            problem = f"at most {_MAX_VALUES:,} values, {_MAX_DEPTH} levels and one document are read"
+        elif getattr(event, "tag", None) not in (None, "!", *_TAGS):
+            problem = "a tag is not read in parameter files; remove it"
+        if problem:
+            raise ValueError(f"line {event.start_mark.line + 1}: {problem}")
+        if isinstance(event, yaml.NodeEvent | yaml.CollectionEndEvent):
+            yield event
+
+
+def _nodes(tree: object, name: str) -> Iterator[tuple[str, Mapping[str, Any]]]:
     """Yield nodes with their parameters; in ROS 2 the manager states the types of its controllers."""
-    if not isinstance(tree, dict) or depth > _MAX_DEPTH:
+    if not isinstance(tree, dict):
         return
     if isinstance(stated := tree.get(_PARAMETERS), dict):
         yield name, stated
     elif isinstance(tree.get("type"), str):
         yield name, tree
     for key, below in tree.items():
-        yield from _nodes(below, name if key == _PARAMETERS else str(key).rpartition("/")[2], depth + 1)
+        yield from _nodes(below, name if key == _PARAMETERS else key.rpartition("/")[2])
 
 
-def _flat(tree: object, name: str, depth: int) -> Iterator[tuple[str, str]]:
+def _flat(tree: object, name: str) -> Iterator[tuple[str, str]]:
     """Yield (name, text) of each value; nested names are joined with dots."""
     if isinstance(tree, dict):
-        if depth < _MAX_DEPTH:
-            for key, below in tree.items():
-                yield from _flat(below, f"{name}.{key}" if name else str(key), depth + 1)
+        for key, below in tree.items():
+            yield from _flat(below, f"{name}.{key}" if name else key)
     elif isinstance(tree, list):
         for item in tree:
-            yield from _flat(item, name, depth + 1)
+            yield from _flat(item, name)
     else:
         yield name, str(tree)
-
-
-def _line(text: str, name: str) -> int | None:
-    """Return the last line that begins with the name as a key: its parameters follow its type."""
-    lines = text.split("\n")
-    keys = (f"{name}:", f'"{name}":', f"'{name}':", f"/{name}:")
-    found = [number for number, line in enumerate(lines, 1) if line.strip().startswith(keys)]
-    return found[-1] if found else None

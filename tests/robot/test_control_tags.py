@@ -7,9 +7,10 @@ from pathlib import Path
 import pytest
 
 from sim_action.core.workspace import Workspace
+from sim_action.robot import control_tags
 from sim_action.robot.control_tags import controllers_in
 from sim_action.robot.packages import Packages
-from sim_action.robot.robot_model import RobotModel
+from sim_action.robot.robot_model import Plugin, RobotModel
 from sim_action.robot.urdf import read_urdf
 
 CONTROL = """
@@ -145,8 +146,14 @@ def test_controllers_are_found_wherever_their_types_stand(text: str, tmp_path: P
         ("a: &x [1]\nb: *x\n", "has YAML aliases"),
         ("a: !!python/object:os.system {}", "cannot be read as YAML"),
         ("x" * 1_000_001, "is larger than 1 MB"),
+        ("a: 1\nb: " + "[" * 10_000, "line 2: .* 20 levels"),
+        ("[" + "1," * 30_000 + "]", "line 1: at most 10,000 values"),
+        ("a: 1\n---\nb: 1\n---\nc: 1", "one document"),
+        ("? " + "k" * 1_000 + "\n: 1", "a key must be a text of at most 200 characters"),
+        ("? [a]\n: 1", "a key must be a text"),
+        ('a: "\\UFFFFFFFF"', "cannot be read as YAML"),
     ],
-    ids=["syntax", "aliases", "tags", "size"],
+    ids=["syntax", "aliases", "tags", "size", "levels", "values", "documents", "long key", "list as key", "escape"],
 )
 def test_files_that_cannot_be_read_say_why(text: str, reason: str, tmp_path: Path) -> None:
     (tmp_path / "a.yaml").write_text(text)
@@ -158,3 +165,43 @@ def test_files_that_cannot_be_read_say_why(text: str, reason: str, tmp_path: Pat
 def test_files_without_controllers_have_none(text: str, tmp_path: Path) -> None:
     (tmp_path / "a.yaml").write_text(text)
     assert all("/" not in found.name for found in controllers_in(tmp_path / "a.yaml"))
+
+
+@pytest.mark.parametrize("value", ["!!bool foo", "!!int foo", "!!float foo", "!!timestamp foo", "2020-99-99", "1e999"])
+def test_values_are_texts_whatever_their_tag(value: str, tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").write_text(f"c: {{type: a/B, x: {value}}}")
+    try:
+        (controller,) = controllers_in(tmp_path / "a.yaml")
+    except ValueError as error:
+        assert "a tag is not read" in str(error)  # noqa: PT017 - both are right
+    else:
+        assert dict(controller.parameters)["x"] == value.rpartition(" ")[2]
+
+
+def test_values_of_nested_controllers_are_limited_together(tmp_path: Path) -> None:
+    start = "".join(f"{'  ' * level}n{level}:\n{'  ' * level}  type: x\n" for level in range(17))
+    (tmp_path / "a.yaml").write_text(f"{start}{'  ' * 17}v: [{'1,' * 5_000}]\n")
+    assert sum(len(found.parameters) for found in controllers_in(tmp_path / "a.yaml")) == 10_000
+
+
+def test_each_parameter_file_is_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    read = list[Path]()
+
+    def counted(path: Path) -> tuple[Plugin, ...]:
+        read.append(path)
+        return controllers_in(path)
+
+    monkeypatch.setattr(control_tags, "controllers_in", counted)
+    (tmp_path / "a.yaml").write_text(ROS_1)
+    names = ("../a.yaml", "package://demo/a.yaml", "../a.yaml")
+    found = robot(tmp_path, plugin(*names) + plugin(*names)).plugins
+    assert read == [tmp_path / "a.yaml"]
+    assert [plugin.title for plugin in found].count("base_controller") == 1
+
+
+def test_the_parameter_files_of_a_model_are_limited(tmp_path: Path) -> None:
+    names = [f"{number}.yaml" for number in range(20)]
+    for name in names:
+        (tmp_path / name).write_text("")
+    (asked,) = robot(tmp_path, plugin(*(f"../{name}" for name in names))).plugins
+    assert asked.unread == ("a model has at most 10 of them",)
