@@ -139,6 +139,8 @@ def _details(joint: JointEntry) -> Iterator[str]:
         yield f"follows {joint.mimics}"
     elif joint.start:
         yield f"begins at {units.display(joint.start, unit)}"
+    if joint.motor is not None:
+        yield joint.motor
 
 
 def _findings(found: Inspection) -> Iterator[str]:
@@ -230,7 +232,10 @@ def _flow(value: object) -> str:
 
 
 class JointEntry(FrozenModel):
-    """A joint; positions in rad (m if prismatic), None without a limit; `mimics`: the joint that it follows."""
+    """A joint; positions in rad (m if prismatic), None without a limit.
+
+    `mimics`: the joint that it follows. `motor`: its motor in MJCF as text, None without one.
+    """
 
     name: str
     type: JointType
@@ -241,6 +246,7 @@ class JointEntry(FrozenModel):
     upper: float | None
     start: float
     mimics: str | None
+    motor: str | None
 
 
 class LinkEntry(FrozenModel):
@@ -387,4 +393,5 @@ def _joint_entry(joint: Joint, start: Mapping[str, float]) -> JointEntry:
         upper=joint.upper,
         start=start.get(joint.name, 0.0),
         mimics=None if joint.mimic is None else joint.mimic.joint,
+        motor=None if joint.motor is None else joint.motor.text,
     )

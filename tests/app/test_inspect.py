@@ -375,3 +375,17 @@ def test_names_of_a_model_act_nowhere(tmp_path: Path) -> None:
     )
     assert not any(line.startswith("::") for line in text.splitlines())
     assert "##[" not in text
+
+
+def test_motors_and_tendons_of_mjcf_are_listed(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco", reason="MJCF is read by MuJoCo, which is not installed")
+    fingers = "".join(
+        f'<body><joint name="{name}" type="slide" axis="0 1 0"/><geom size=".1"/></body>' for name in ("f1", "f2", "f3")
+    )
+    text = f"""<mujoco><worldbody><body><geom size=".1"/>{fingers}</body></worldbody>
+      <tendon><fixed name="grip"><joint joint="f1" coef="1"/><joint joint="f2" coef="1"/></fixed></tendon>
+      <actuator><position name="close" tendon="grip"/><motor name="m" joint="f3"/></actuator></mujoco>"""
+    (tmp_path / "r.xml").write_text(text, encoding="utf-8")
+    found = inspection_text(inspection.inspect_model(Robot(model="r.xml"), Workspace(tmp_path, tmp_path)))
+    assert "f1 [prismatic along y, position servo 'close' on tendon 'grip']" in found
+    assert "f3 [prismatic along y, motor 'm']" in found

@@ -30,6 +30,12 @@ class Motor:
     kind: MotorKind
     tendon: str = ""
 
+    @property
+    def text(self) -> str:
+        """Its kind, its name and its tendon."""
+        kind = "motor" if self.kind == "effort" else f"{self.kind} servo"
+        return f"{kind} '{self.actuator}'{f' on tendon {self.tendon!r}' if self.tendon else ''}"
+
 
 @dataclass(frozen=True, slots=True)
 class Keyframe:
