@@ -203,8 +203,11 @@ def plain_joint(joint: ET.Element, parent: str, child: str, in_model: Mapping[st
 # --- MJCF: MuJoCo's compiler ---
 
 
-def compiled(model: Any) -> Read:
-    """Return what MuJoCo's compiler made of a model; joints and bodies without a name have numbers."""
+def compiled(model: Any, without: frozenset[str] = frozenset()) -> Read:
+    """Return what MuJoCo's compiler made of a model; joints and bodies without a name have numbers.
+
+    :param without: bodies to leave out, with their joints.
+    """
     import mujoco
 
     data = mujoco.MjData(model)
@@ -218,13 +221,16 @@ def compiled(model: Any) -> Read:
     is_free = bool(model.body_jntnum[1]) and model.jnt_type[model.body_jntadr[1]] == mujoco.mjtJoint.mjJNT_FREE
     base = frame(data.xpos[int(is_free)], data.xmat[int(is_free)].reshape(3, 3))
     bodies = {}
+    names = [model.body(body).name or f"body_{body}" for body in range(model.nbody)]
     for body in range(1, model.nbody):
+        if names[body] in without:
+            continue
         at = np.linalg.inv(base) @ frame(data.xipos[body], data.ximat[body].reshape(3, 3))
-        bodies[model.body(body).name or f"body_{body}"] = placed(
-            float(model.body_mass[body]), at, np.diag(model.body_inertia[body])
-        )
+        bodies[names[body]] = placed(float(model.body_mass[body]), at, np.diag(model.body_inertia[body]))
     joints = dict[str, Joined]()
     for joint in range(model.njnt):
+        if names[model.jnt_bodyid[joint]] in without:
+            continue
         if int(model.jnt_type[joint]) in {int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)}:
             limits = bounds(*model.jnt_range[joint]) if model.jnt_limited[joint] else bounds(None, None)
             joints[str(len(joints))] = Joined(("", ""), base[:3, :3].T @ data.xaxis[joint], limits)
