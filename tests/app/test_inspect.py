@@ -377,6 +377,14 @@ def test_names_of_a_model_act_nowhere(tmp_path: Path) -> None:
     assert "##[" not in text
 
 
+def test_a_line_break_in_a_name_begins_no_line(tmp_path: Path) -> None:
+    model = GOOD.replace('"arm"', '"x&#10;INJECTED&#13;&#x85;"').replace('"upper"', '"y&#10;INJECTED"')
+    text = inspection_text(inspect_model("robot.urdf", workspace(tmp_path, model)))
+    assert "x\\nINJECTED\\r\\x85" in text
+    assert "y\\nINJECTED" in text
+    assert not any(line.startswith("INJECTED") for line in text.splitlines())
+
+
 def test_motors_and_tendons_of_mjcf_are_listed(tmp_path: Path) -> None:
     pytest.importorskip("mujoco", reason="MJCF is read by MuJoCo, which is not installed")
     fingers = "".join(
