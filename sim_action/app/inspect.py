@@ -6,14 +6,13 @@ import json
 import re
 import textwrap
 from collections.abc import Iterator, Mapping
-from dataclasses import fields, is_dataclass, replace
 from pathlib import PurePath
-from typing import Any, Final
+from typing import Final
 
 from sim_action.core import units
-from sim_action.core.field_types import FrozenModel
+from sim_action.core.field_types import FrozenModel, on_lines
 from sim_action.core.geometry import Vector3
-from sim_action.core.wording import escaped_line, log_line
+from sim_action.core.wording import log_line
 from sim_action.core.workspace import Workspace
 from sim_action.drives import Drive, recognise, why_not_recognised
 from sim_action.drives.diff import DiffDrive
@@ -46,20 +45,9 @@ def inspection_json(found: Inspection, mask: Mask) -> str:
 def inspection_text(found: Inspection) -> str:
     """Return the description of a model as text: summary, tree of joints, findings of the audit, `robot:` block."""
     block = ["block for a scenario in this folder:", "", found.robot]
-    found = _on_lines(found)
+    found = on_lines(found)
     parts = (_summary(found), _tree(found), _findings(found), block)
     return "\n\n".join("\n".join(map(log_line, "\n".join(part).split("\n"))) for part in parts)
-
-
-def _on_lines(value: Any) -> Any:
-    """Return a value whose texts are one printable line each: a name in a model may have line breaks."""
-    if isinstance(value, str):
-        return escaped_line(value)
-    if isinstance(value, FrozenModel):
-        return value.model_copy(update={name: _on_lines(part) for name, part in value})
-    if is_dataclass(value) and not isinstance(value, type):
-        return replace(value, **{each.name: _on_lines(getattr(value, each.name)) for each in fields(value)})
-    return tuple(map(_on_lines, value)) if isinstance(value, tuple) else value
 
 
 def _summary(found: Inspection) -> Iterator[str]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Annotated, Any, Final, NoReturn, get_args
 
 from annotated_types import Ge, Gt, Le, Lt
@@ -26,6 +26,7 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from sim_action.core import geometry, units
 from sim_action.core.units import Dimension
+from sim_action.core.wording import escaped_line
 
 
 class FrozenModel(BaseModel):
@@ -322,3 +323,14 @@ def _all_in(annotation: Any) -> Iterator[Any]:
     for part in get_args(annotation):
         if not (isinstance(part, type) and issubclass(part, BaseModel)):
             yield from _all_in(part)
+
+
+def on_lines(value: Any) -> Any:
+    """Return a value whose texts are one printable line each: a name in a model may have line breaks."""
+    if isinstance(value, str):
+        return escaped_line(value)
+    if isinstance(value, FrozenModel):
+        return value.model_copy(update={name: on_lines(part) for name, part in value})
+    if is_dataclass(value) and not isinstance(value, type):
+        return replace(value, **{each.name: on_lines(getattr(value, each.name)) for each in fields(value)})
+    return tuple(map(on_lines, value)) if isinstance(value, tuple) else value

@@ -28,13 +28,13 @@ class Listings:
         Of several such names, the exact one is taken, else the first in the order of the alphabet.
 
         :param folder: without links.
-        :param may_read: returns True if a folder may be listed.
+        :param may_read: returns True if a folder without links in its path may be listed.
         """
         place = folder
         for part in PurePosixPath(path.replace("\\", "/")).parts:
             if part in ("/", ".."):
                 place = Path("/") if part == "/" else place.parent
-            elif not may_read(place):
+            elif not _may_list(place, may_read):
                 return None
             else:
                 names = self._in(place).get(part.casefold(), [])
@@ -58,3 +58,10 @@ class Listings:
                 pass
             self._names[folder] = dict(names)
         return self._names[folder]
+
+
+def _may_list(place: Path, may_read: Callable[[Path], bool]) -> bool:
+    try:
+        return may_read(place.resolve())
+    except (OSError, ValueError, RuntimeError):  # too long, a NUL in it, or a loop of links
+        return False

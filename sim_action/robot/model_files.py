@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Final
 
 from sim_action.robot.package_search import PACKAGE_FILE, is_model
-from sim_action.robot.packages import Found, Note, PackageError, Packages
+from sim_action.robot.packages import Found, PackageError, Packages
+from sim_action.robot.references import Note
 from sim_action.robot.xml_document import ModelDocument, read_document
 
 Version = tuple[int, int]

@@ -58,18 +58,26 @@ def folders_below(root: Path, *, inside_packages: bool) -> PackageFolders:
     :param inside_packages: also search below a package, and read no file outside of `root`.
     """
     packages, models, named = (defaultdict[str, list[Path]](list) for _ in range(3))
-    walk = _Walk(root, inside_packages)
+    walk, names = _Walk(root, inside_packages), PackageNames()
     for folder, files in walk.folders():
         if PACKAGE_FILE in files:
             # In the workspace, a link may lead out of it.
-            is_own = not inside_packages or (folder / PACKAGE_FILE).resolve().is_relative_to(root)
-            name = package_name(folder) if is_own else folder.name
+            is_own = not inside_packages or _is_in(folder / PACKAGE_FILE, root)
+            name = names.of(folder) if is_own else folder.name
             packages[name].append(folder)
         if files & _MODEL_FILES:
             models[folder.name].append(folder)
         if inside_packages and PACKAGE_FILE not in files:
             named[folder.name].append(folder)
     return PackageFolders(_fixed(packages), _fixed(models), _fixed(named), walk.complete)
+
+
+def _is_in(path: Path, root: Path) -> bool:
+    try:
+        file = path.resolve()
+    except (OSError, RuntimeError):  # a loop of links
+        return False
+    return file.is_relative_to(root) and not is_of_git(file.relative_to(root))
 
 
 def _fixed(names: Mapping[str, list[Path]]) -> Mapping[str, tuple[Path, ...]]:
@@ -115,13 +123,20 @@ def _listed(folder: Path) -> tuple[frozenset[str], list[Path]]:
     try:
         with os.scandir(folder) as entries:
             for entry in entries:
-                if not entry.is_dir():
+                if not _is_folder(entry):
                     files.append(entry.name)
                 elif not (entry.is_symlink() or entry.name.startswith(".") or entry.name in _SKIPPED):
                     below.append(entry.name)
     except OSError:  # no permission
         return frozenset(), []
     return frozenset(files), [folder / name for name in sorted(below)]
+
+
+def _is_folder(entry: os.DirEntry[str]) -> bool:
+    try:
+        return entry.is_dir()
+    except OSError:  # a loop of links
+        return False
 
 
 def by_distance(folders: Iterable[Path], here: Path) -> list[Path]:
@@ -144,11 +159,33 @@ def folders_named(name: str, parents: Iterable[Path]) -> Iterator[Path]:
 
 def package_name(folder: Path) -> str:
     """Return the name in a package's package.xml; the name of the folder if it cannot be read."""
+    return _stated_name(folder / PACKAGE_FILE) or folder.name
+
+
+def _stated_name(file: Path) -> str:
+    """Return the name in a package.xml; empty if it cannot be read."""
     try:
-        data = read_at_most(folder / PACKAGE_FILE, _MAX_PACKAGE_BYTES)
+        data = read_at_most(file, _MAX_PACKAGE_BYTES)
     except OSError:
-        return folder.name
-    return (data and _NameReader().read(data)) or folder.name
+        return ""
+    return _NameReader().read(data) if data else ""
+
+
+class PackageNames:
+    """The names of packages; each package.xml is read once, also if several folders have a link to it."""
+
+    def __init__(self) -> None:
+        self._names: dict[Path, str] = {}
+
+    def of(self, folder: Path) -> str:
+        """Return the name in a package's package.xml; the name of the folder if it cannot be read."""
+        try:
+            file = (folder / PACKAGE_FILE).resolve()
+        except (OSError, RuntimeError):  # a loop of links
+            return folder.name
+        if file not in self._names:
+            self._names[file] = _stated_name(file)
+        return self._names[file] or folder.name
 
 
 def is_model(folder: Path) -> bool:

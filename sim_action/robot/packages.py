@@ -17,6 +17,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import takewhile
 from pathlib import Path, PurePosixPath
+from typing import Final
 from urllib.parse import unquote
 
 from sim_action.core.wording import FirstFew, nearest
@@ -28,13 +29,15 @@ from sim_action.robot.package_search import (
     PACKAGE_VARIABLES,
     EnvironmentFolders,
     PackageFolders,
+    PackageNames,
     by_distance,
     folders_below,
     folders_named,
     listed,
-    package_name,
 )
-from sim_action.robot.references import Reference
+from sim_action.robot.references import Note, Reference
+
+_MAX_SAME: Final = 100
 
 
 class PackageError(Exception):
@@ -46,15 +49,6 @@ class PackageError(Exception):
     def __init__(self, rule: str, message: str) -> None:
         self.rule = rule
         super().__init__(message)
-
-
-@dataclass(frozen=True, slots=True)
-class Note:
-    """A note for the user; two notes of the same rule about the same folder say the same."""
-
-    rule: str
-    text: str
-    about: Path
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +80,11 @@ class Packages:
     environment: Mapping[str, str] = field(default_factory=lambda: dict(os.environ), repr=False)
     _hinted: FirstFew = field(default_factory=FirstFew, init=False, repr=False, compare=False)
     _listings: Listings = field(default_factory=Listings, init=False, repr=False, compare=False)
+    _names: PackageNames = field(default_factory=PackageNames, init=False, repr=False, compare=False)
+    _known: dict[tuple[str, str, Path], Found | None] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
+    _ordered: dict[tuple[str, Path], list[Path]] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def mapped_problems(self) -> Iterator[tuple[str, str]]:
         """Yield each name in `robot.packages` that leads to no folder, and the problem."""
@@ -98,7 +97,7 @@ class Packages:
     def find(self, name: str, referrer: Path) -> Found:
         """Return the folder of a package; `referrer` is the file that names it. Raises PackageError."""
         here = referrer.resolve()
-        found = self._package(name, here) or next(self._folders(Reference("package", name), here), None)
+        found = self._declared("package", name, here) or next(self._folders(Reference("package", name), here), None)
         if found is None:
             raise self._missing("package", name, here)
         return found
@@ -106,7 +105,7 @@ class Packages:
     def find_model(self, name: str, referrer: Path) -> Found:
         """Return the folder of a Gazebo model, or of a package with that name. Raises PackageError."""
         here = referrer.resolve()
-        found = self._model(name, here)
+        found = self._declared("model", name, here)
         if found is None:
             raise self._missing("model", name, here)
         return found
@@ -155,7 +154,7 @@ class Packages:
             yield from self._respelled(folder, stated.path)
         is_chosen = self._given(stated.name) or stated.name in self.mapped
         if stated.name and not is_chosen and ".." not in PurePosixPath(stated.path).parts:
-            yield from self._shortened(stated, here, self._declared(stated, here))
+            yield from self._shortened(stated, here, self._declared(stated.scheme, stated.name, here))
 
     def _places(self, stated: Reference, here: Path) -> Iterator[Found]:
         """Yield the folders in which the path of a reference may start."""
@@ -169,13 +168,15 @@ class Packages:
             for folder in self._places(Reference("model", name, path), here):
                 if self._is_there(folder.path / path):
                     yield replace(folder, path=folder.path.parent)
-        elif (declared := self._declared(stated, here)) is not None:
+        elif (declared := self._declared(stated.scheme, stated.name, here)) is not None:
             yield declared
         else:
             yield from self._folders(stated, here)
 
-    def _declared(self, stated: Reference, here: Path) -> Found | None:
-        return (self._model if stated.scheme == "model" else self._package)(stated.name, here)
+    def _declared(self, scheme: str, name: str, here: Path) -> Found | None:
+        if (scheme, name, here) not in self._known:
+            self._known[scheme, name, here] = (self._model if scheme == "model" else self._package)(name, here)
+        return self._known[scheme, name, here]
 
     def _folders(self, stated: Reference, here: Path) -> Iterator[Found]:
         """Yield the folders with the name of a package that has no package.xml."""
@@ -184,9 +185,12 @@ class Packages:
         for folder in self._above(here):
             if folder.name == name and not (folder / PACKAGE_FILE).is_file():
                 yield self._noted(folder, f"{undeclared}: {self._shown(folder)}, above {here.name}, is used")
-        # The search of the workspace does not find folders beside a model that may be outside of it.
-        beside = folders_named(name, self._above(here))
-        below = by_distance({*beside, *self._inside.folders.get(name, ())}, here)
+        if (name, here) not in self._ordered:
+            # The search of the workspace does not find folders beside a model that may be outside of it.
+            beside = folders_named(name, self._above(here))
+            below = by_distance({*beside, *self._inside.folders.get(name, ())}, here)
+            self._ordered[name, here] = below[:_MAX_SAME]
+        below = self._ordered[name, here]
         suitable = [folder for folder in below if self._is_there(folder / stated.path)] or below[:1]
         for folder in suitable[:1]:
             others = listed(self._shown(other) for other in suitable[1:])
@@ -196,7 +200,7 @@ class Packages:
 
     def _respelled(self, folder: Found, path: str) -> Iterator[Found]:
         """Yield the file whose name differs in letter case or has slashes for backslashes."""
-        place = self._listings.matched(folder.path, path, lambda listed: self.may_read(listed.resolve()))
+        place = self._listings.matched(folder.path, path, self.may_read)
         if place is not None:
             text = f"'{path}' is spelled {self._shown(place)} on the disk: write it like that, as Linux needs it"
             text += f"; not {listed(others)}" if (others := self._listings.similar(place)) else ""
@@ -334,7 +338,7 @@ class Packages:
         """Return the package of the referring file, if it has this name: it comes before others of the same name."""
         for folder in self._above(here):
             manifest = folder / PACKAGE_FILE
-            if manifest.is_file() and self.may_read(manifest.resolve()) and package_name(folder) == name:
+            if manifest.is_file() and self.may_read(manifest.resolve()) and self._names.of(folder) == name:
                 return Found(folder)
         return None
 
@@ -358,15 +362,12 @@ class Packages:
     def _missing(self, kind: str, name: str, here: Path) -> PackageError:
         inside, root = self._inside, self.workspace.root
         variables = (*MODEL_VARIABLES, *PACKAGE_VARIABLES) if kind == "model" else PACKAGE_VARIABLES
-        known = {
-            *self.mapped,
-            *(given for given, _ in self.workspace.packages),
-            *inside.packages,
-            *self._environment_folders.package_names,
-            *(inside.models if kind == "model" else ()),
-        }
-        near = nearest(name, sorted(known)) if self._hinted.one_more() else None
-        hint = "" if near is None else f"; did you mean '{near}'?"
+        hint = ""
+        if self._hinted.one_more():
+            given, models = (given for given, _ in self.workspace.packages), inside.models if kind == "model" else ()
+            known = {*self.mapped, *given, *inside.packages, *self._environment_folders.package_names, *models}
+            near = nearest(name, sorted(known))
+            hint = "" if near is None else f"; did you mean '{near}'?"
         extent = (
             f"{len(inside.packages)} packages" if inside.complete else "only some of its folders: there are too many"
         )

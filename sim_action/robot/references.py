@@ -4,8 +4,22 @@ from __future__ import annotations
 
 import re
 import sys
-from pathlib import PureWindowsPath
-from typing import NamedTuple
+from dataclasses import dataclass
+from pathlib import Path, PureWindowsPath
+from typing import Final, NamedTuple
+
+_MAX_LENGTH: Final = 4_000
+_MAX_FOLDERS: Final = 100
+_MAX_SHOWN: Final = 60
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """A note for the user; two notes of the same rule about the same folder say the same."""
+
+    rule: str
+    text: str
+    about: Path
 
 
 class Reference(NamedTuple):
@@ -24,6 +38,9 @@ class Reference(NamedTuple):
     @classmethod
     def parsed(cls, text: str) -> Reference:
         """Return the parts of a text. One slash or three after the scheme are accepted. Raises ValueError."""
+        if len(text) > _MAX_LENGTH or len(re.findall(r"[\\/]+", text)) > _MAX_FOLDERS:
+            limits = f"{_MAX_LENGTH:,} characters and {_MAX_FOLDERS} folders"
+            raise ValueError(f"{text[:_MAX_SHOWN]!r}... is too long for a reference; at most {limits} are allowed")
         match = re.fullmatch(r"(package|model|file):([\\/]+)(.*)", text.strip(), re.DOTALL)
         if match is None:
             if "://" in text:

@@ -25,7 +25,8 @@ from xml.etree import ElementTree as ET
 
 from sim_action.core.errors import Location
 from sim_action.robot.audit.rules import finding, refuse_errors
-from sim_action.robot.packages import Note, PackageError, Packages
+from sim_action.robot.packages import PackageError, Packages
+from sim_action.robot.references import Note
 from sim_action.robot.robot_model import Finding
 from sim_action.robot.xacro_documents import UnknownArgument, XacroDocuments, XacroError, place_of, read_bytes
 from sim_action.robot.xacro_errors import explain_xacro_error

@@ -9,7 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from sim_action.core.files import read_at_most
 from sim_action.core.workspace import Workspace
+from sim_action.robot import package_search
 from sim_action.robot.packages import PackageError, Packages
 from tests.ros_workspace import RosWorkspace, gazebo_model, ros_package, ros_workspace, written
 
@@ -466,3 +468,51 @@ def test_links_in_a_circle_are_refused_with_a_remedy(ros: RosWorkspace) -> None:
         ros.packages().resolve("circle.stl", ros.rover)
     with pytest.raises(PackageError, match=r"a link leads to itself.*; replace it with a folder$|is not a folder"):
         ros.packages({"rover": str(link)}).find("rover", ros.rover)
+
+
+@pytest.mark.parametrize("reference", ["q/m.stl", "Q/m.stl", "package://rover_sensors/Q/m.stl", "Q/../m.stl"])
+def test_a_loop_of_links_hides_no_other_folder(reference: str, ros: RosWorkspace) -> None:
+    for folder in (ros.rover.parent, ros.sensors, ros.root, ros.root / "src"):
+        (folder / "q").symlink_to("q")
+    (ros.root / "src/r").mkdir()
+    (ros.root / "src/r/package.xml").symlink_to("package.xml")
+    packages = ros.packages()
+    with pytest.raises(PackageError):
+        packages.resolve(reference, ros.rover)
+    assert packages.find("rover_sensors", ros.rover).path == ros.sensors
+
+
+@pytest.mark.parametrize("reference", ["package://p/" + "a/" * 101 + "m.stl", "m" * 5_000, "a\\" * 101])
+def test_the_length_of_a_reference_is_limited(reference: str, ros: RosWorkspace) -> None:
+    with pytest.raises(PackageError, match="too long for a reference") as error:
+        ros.packages().resolve(reference, ros.rover)
+    assert len(str(error.value)) < 200
+
+
+def test_a_package_is_searched_once_for_all_files_that_a_model_names(
+    ros: RosWorkspace, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read = list[Path]()
+    packages = ros.packages()
+
+    def counted(path: Path, most: int) -> bytes | None:
+        read.append(path)
+        return read_at_most(path, most)
+
+    monkeypatch.setattr(package_search, "read_at_most", counted)
+    for number in range(5):
+        written(ros.sensors / f"{number}.stl", "")
+        linked = ros.root / f"far/away/from/here/linked{number}"
+        linked.mkdir(parents=True)
+        (linked / "package.xml").symlink_to(ros.sensors / "package.xml")
+        packages.resolve(f"package://rover_sensors/{number}.stl", ros.rover)
+    # Above the model, and in the search of the workspace.
+    assert max(read.count(path) for path in read) <= 2
+
+
+def test_a_package_xml_may_not_be_a_link_into_git(ros: RosWorkspace) -> None:
+    written(ros.root / ".git/x", "<package><name>secret</name></package>")
+    (ros.root / "src/p").mkdir()
+    (ros.root / "src/p/package.xml").symlink_to(ros.root / ".git/x")
+    with pytest.raises(PackageError):
+        ros.packages().find("secret", ros.rover)
