@@ -120,7 +120,8 @@ class Packages:
             if error.rule != "missing-file" or not stated.name:
                 raise
             named = {*self._inside.packages.get(stated.name, ()), *self._inside.folders.get(stated.name, ())}
-            others = sorted(self._shown(place) for place in named if self._is_there(place / stated.path))
+            places = sorted(named)[:_MAX_SAME]
+            others = [self._shown(place) for place in places if self._is_there(place / stated.path)]
             hint = f"; the file is in {listed(others)}, which robot.packages or --package can name" if others else ""
             raise PackageError(error.rule, f"{error}{hint}") from None
 
