@@ -638,7 +638,8 @@ from sim_action.core.errors import EngineError, ModelError
 from sim_action.robot.audit.rules import ALLOWABLE
 from tests.integration.engines import at, scene_of
 from tests.robot.bad_models import BAD_MODELS
-for bad in BAD_MODELS:
+# PyBullet alone refuses a model with many joints.
+for bad in [each for each in BAD_MODELS if each.rule != "many-joints"]:
     print("\nMODEL", bad.name, flush=True)
     try:
         scene = scene_of(Path(sys.argv[2]), bad.text, at(), allow=ALLOWABLE)

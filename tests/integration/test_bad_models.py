@@ -40,8 +40,13 @@ class Case:
         return RULES[self.rule].level != "warning"
 
 
+# PyBullet alone refuses a model with many joints.
 CASES: Final = [
-    *(Case(f"model {number}", bad.rule, bad.line, bad.text) for number, bad in enumerate(BAD_MODELS)),
+    *(
+        Case(f"model {number}", bad.rule, bad.line, bad.text)
+        for number, bad in enumerate(BAD_MODELS)
+        if bad.rule != "many-joints"
+    ),
     *(
         Case(f"mesh {number}", rule, 10, GOOD.replace(SPHERE, f'<mesh filename="{file}"/>'), ((file, data),))
         for number, (file, data, rule, _) in enumerate(BAD_MESHES.values())

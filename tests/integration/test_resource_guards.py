@@ -107,7 +107,7 @@ REFUSED: Final[dict[str, tuple[Files, str]]] = {
         lambda: {"robot.urdf": shape("collision", "mesh.obj"), "mesh.obj": obj()},
         "robot.urdf:2: mesh 'mesh.obj': has 500,001 triangles or more; at most 500,000 are read",
     ),
-    "a chain of 3,000 links": (lambda: {"robot.urdf": chain(3000)}, "2999 joints; the engine supports at most 127"),
+    "a chain of 3,000 links": (lambda: {"robot.urdf": chain(3000)}, "2999 joints; at most 1000 are supported"),
     "a model of 100,000 links": (lambda: {"robot.urdf": chain(100_000)}, "a model may have at most 20 MB"),
     "a model of 100,000 links that say little": (
         lambda: {"robot.urdf": robot('<link name="l"/>\n' * 100_000)},

@@ -258,6 +258,7 @@ BAD_MODELS = [
         "</link>",
         '<visual><origin xyz="0 0 ${z}"/><geometry><sphere radius="1"/></geometry></visual></link>',
     ),
+    _bad("unused-sensor", 22, _END, '<gazebo reference="upper"><sensor type="ray" name="lidar"/></gazebo>' + _END),
     _bad("impossible-inertia", 6, 'ixx="1"', 'ixx="-1"'),
     _bad("impossible-inertia", 6, 'ixy="0"', 'ixy="2"'),
     _bad("uneven-inertia", 6, 'ixx="1"', 'ixx="3"'),

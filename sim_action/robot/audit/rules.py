@@ -143,6 +143,10 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         "default-inertia": Rule("warning", "an SDF <inertial> without a mass or a moment: it is 1, the default of SDF"),
         "turned-base": Rule("warning", "a root link that the SDF file rotates: set robot.pose instead"),
         "passed-over": Rule("warning", "a part of the model that is not simulated: it is ignored"),
+        "shared-friction": Rule(
+            "warning", "collisions of an SDF link with different frictions: the smallest counts for all"
+        ),
+        "unused-sensor": Rule("warning", "a sensor of the model: a scenario has its own `sensors`"),
         "no-collision-shape": Rule("warning", "a model without a collision shape: nothing can touch it"),
     }
 )
@@ -200,8 +204,10 @@ _ANNOUNCED: Final = frozenset(
         "passed-over",
         "restitution",
         "several-packages",
+        "shared-friction",
         "two-frictions",
         "uneven-inertia",
+        "unused-sensor",
         "zero-inertia",
     }
 )
@@ -225,7 +231,7 @@ def grouped_notes(findings: Iterable[Finding]) -> tuple[str, ...]:
     """
     groups: dict[tuple[str, str, str], list[Finding]] = {}
     for found in findings:
-        kind = found.message if found.rule == "passed-over" else ""
+        kind = found.message if found.rule in ("passed-over", "unused-sensor") else ""
         groups.setdefault((found.rule, found.location.file, kind), []).append(found)
     return tuple(map(_note, groups.values()))
 

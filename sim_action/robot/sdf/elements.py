@@ -52,7 +52,7 @@ class Notes:
 
     places: dict[Element, Location] = field(default_factory=dict)
     findings: list[Finding] = field(default_factory=list)
-    _parts: dict[str, tuple[Element, str, int]] = field(default_factory=dict)
+    _parts: dict[str, tuple[Element, str, str, int]] = field(default_factory=dict)
     _reported: set[SdfProblem] = field(default_factory=set)
 
     @property
@@ -63,25 +63,25 @@ class Notes:
     @property
     def left_out(self) -> tuple[Element, ...]:
         """The first part of each kind that is not simulated."""
-        return tuple(part for part, _, _ in self._parts.values())
+        return tuple(part for part, *_ in self._parts.values())
 
     def add(self, rule: str, element: Element, message: str) -> None:
         """Add a finding."""
         self.findings.append(finding(rule, message, self.places[element]))
 
-    def leave_out(self, kind: str, part: Element, text: str) -> None:
+    def leave_out(self, kind: str, part: Element, text: str, rule: str = "passed-over") -> None:
         """Note a part that is not simulated; `kind`: parts of one kind become one finding.
 
         :param text: the part and its owner, such as "<gravity> of link 'a'".
         """
-        first, shown_text, count = self._parts.get(kind, (part, text, 0))
-        self._parts[kind] = first, shown_text, count + 1
+        first, shown_text, shown_rule, count = self._parts.get(kind, (part, text, rule, 0))
+        self._parts[kind] = first, shown_text, shown_rule, count + 1
 
     def report_parts(self) -> None:
         """Add a finding for each kind of parts that are not simulated."""
-        for part, text, count in self._parts.values():
+        for part, text, rule, count in self._parts.values():
             number = f" ({count} of them)" if count > 1 else ""
-            self.add("passed-over", part, f"{text} is not simulated; it is ignored{number}")
+            self.add(rule, part, f"{text} is not simulated; it is ignored{number}")
         self._parts.clear()
 
     def attempt(self, step: Callable[[Subject], Result], subject: Subject) -> Result | None:

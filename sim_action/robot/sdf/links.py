@@ -147,7 +147,7 @@ class LinkWriter:
                 f"the collisions of link '{name}' have frictions from {least:g} to {most:g}: {least:g} is used for "
                 "all; for different ones, make them links of their own, joined by fixed joints"
             )
-            self._notes.add("passed-over", source, message)
+            self._notes.add("shared-friction", source, message)
         writer = self._writer
         gazebo = writer.add(writer.root, "gazebo", source, reference=name)
         writer.add(gazebo, "mu1", source).text = numbers(_friction(source, "mu"))

@@ -80,7 +80,7 @@ def note_sensors(notes: Notes, holder: Element, owner: str) -> None:
     """Note the sensors of a <link> or <joint>, or of the <gazebo> of one."""
     for sensor in holder.findall("sensor"):
         stated = f"<sensor type=\"{sensor.get('type', '')}\"> '{sensor.get('name', '')}' of {owner}"
-        notes.leave_out("sensor", sensor, f"{stated} (a scenario has its own 'sensors')")
+        notes.leave_out("sensor", sensor, f"{stated} (a scenario has its own 'sensors')", "unused-sensor")
 
 
 def note_plugin(notes: Notes, plugin: Element) -> None:

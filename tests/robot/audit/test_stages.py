@@ -108,7 +108,7 @@ def test_every_rule_has_a_model_that_breaks_it() -> None:
     elsewhere |= {"several-packages", "xacro-warning", "bad-xacro", "unknown-argument", "missing-include"}
     # What only SDF can do is in test_bad_sdf.py and test_sdf.py.
     elsewhere |= {"unknown-frame", "frame-loop", "include-loop", "unsupported-part", "unsupported-joint"}
-    elsewhere |= {"default-inertia", "turned-base"}
+    elsewhere |= {"default-inertia", "turned-base", "shared-friction"}
     # What takes mesh files is in test_meshes.py and test_references.py.
     elsewhere |= {
         "unknown-mesh-format",

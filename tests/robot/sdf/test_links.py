@@ -74,9 +74,9 @@ def test_a_part_of_a_link_may_be_placed_relative_to_another_frame(tmp_path: Path
         (["<mu>0.2</mu><mu2>0.3</mu2>"], 0.2, ["two-frictions"]),
         (["<mu>0.2</mu>"], 0.2, []),
         (["<mu>100</mu><mu2>50</mu2>"], 1.0, ["two-frictions"]),
-        (["<mu>0.2</mu><mu2>0.2</mu2>", "<mu>0</mu><mu2>0</mu2>"], 0.0, ["passed-over"]),
-        (["<mu>0.2</mu><mu2>0.2</mu2>", ""], 0.2, ["passed-over"]),
-        (["", "<mu>0</mu><mu2>0</mu2>"], 0.0, ["passed-over"]),
+        (["<mu>0.2</mu><mu2>0.2</mu2>", "<mu>0</mu><mu2>0</mu2>"], 0.0, ["shared-friction"]),
+        (["<mu>0.2</mu><mu2>0.2</mu2>", ""], 0.2, ["shared-friction"]),
+        (["", "<mu>0</mu><mu2>0</mu2>"], 0.0, ["shared-friction"]),
         (["", "<mu>50</mu><mu2>50</mu2>"], 1.0, []),
     ],
 )

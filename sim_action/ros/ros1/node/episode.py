@@ -160,7 +160,8 @@ class EpisodeFactory:
         for message in lost_robot_tags(root) if root.tag == "robot" else ():
             self._lose(message)
         for finding in model.findings:
-            if finding.rule in LOST_FINDINGS:
+            # The parts of <gazebo> tags have a table of their own, above.
+            if finding.rule in LOST_FINDINGS and not (root.tag == "robot" and finding.rule == "passed-over"):
                 # Other descriptions are copies.
                 self._lose(finding.message, finding.location if robot.file else None)
         for plugin in plugins_of(root, robot.space):

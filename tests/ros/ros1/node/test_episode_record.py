@@ -62,7 +62,9 @@ def test_findings_count_if_all_runs_have_them(
     for seconds, rules in runs:
         episode: Any = SimpleNamespace(bridge=SimpleNamespace(first_command=first_command), footage=footage())
         findings = tuple(ClaimFinding(rule, ("commands",), f"about {rule}") for rule in rules)
-        run: Any = SimpleNamespace(engine="e", notes=(), digest="d", sim_time=seconds, findings=findings)
+        run: Any = SimpleNamespace(
+            engine="e", notes=(), model_notes=(), digest="d", sim_time=seconds, findings=findings
+        )
         record.end(episode, run)
     assert list(record.claims) == found
     assert record.claims.get(STILL, "about never-moved") == "about never-moved"
