@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
-from typing import Annotated, Any, Final, NoReturn, get_args
+from typing import Annotated, Any, Final, NoReturn, Self, get_args
 
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic import (
@@ -233,6 +233,13 @@ class Placement(FrozenModel):
     roll: Radians = 0.0
     pitch: Radians = 0.0
     yaw: Radians = 0.0
+
+    @classmethod
+    def of(cls, pose: geometry.Pose) -> Self:
+        """Return the placement at a pose."""
+        x, y, z = pose.position_xyz
+        roll, pitch, yaw = geometry.rpy_from_quaternion(pose.orientation_xyzw)
+        return cls(x=x, y=y, z=z, roll=roll, pitch=pitch, yaw=yaw)
 
     @property
     def orientation_xyzw(self) -> geometry.Quaternion:

@@ -17,6 +17,8 @@ Box = tuple[Vector3, Vector3]
 
 ZERO: Final[Vector3] = (0.0, 0.0, 0.0)
 IDENTITY: Final[Quaternion] = (0.0, 0.0, 0.0, 1.0)
+AXES: Final[tuple[Vector3, Vector3, Vector3]] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+"""The unit vectors along x, y and z."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,3 +160,34 @@ def symmetric_eigenvalues(diagonal: Vector3, xy: float, xz: float, yz: float) ->
     largest = mean + 2 * spread * math.cos(angle)
     least = mean + 2 * spread * math.cos(angle + 2 * math.pi / 3)
     return (least, 3 * mean - largest - least, largest)
+
+
+@dataclass(frozen=True, slots=True)
+class Solid:
+    """A solid of uniform density.
+
+    Attributes:
+        volume: its volume in m^3.
+        moments: the moments of inertia of 1 kg about its centre, along its own axes, in m^2.
+    """
+
+    volume: float
+    moments: Vector3
+
+
+def box_solid(size_xyz: Vector3) -> Solid:
+    """Return the solid box with these full sizes in m."""
+    x, y, z = size_xyz
+    return Solid(x * y * z, ((y * y + z * z) / 12, (x * x + z * z) / 12, (x * x + y * y) / 12))
+
+
+def cylinder_solid(radius: float, height: float) -> Solid:
+    """Return the solid cylinder about its z axis; sizes in m."""
+    across = (3 * radius * radius + height * height) / 12
+    return Solid(math.pi * radius * radius * height, (across, across, radius * radius / 2))
+
+
+def ellipsoid_solid(radii_xyz: Vector3) -> Solid:
+    """Return the solid ellipsoid with these radii in m; a sphere has three equal ones."""
+    a, b, c = radii_xyz
+    return Solid(4 / 3 * math.pi * a * b * c, ((b * b + c * c) / 5, (a * a + c * c) / 5, (a * a + b * b) / 5))

@@ -11,7 +11,7 @@ from typing import Annotated, ClassVar, Final, Self
 
 from pydantic import Field
 
-from sim_action.core import units
+from sim_action.core import geometry, units
 from sim_action.core.field_types import PositiveMetresPerSecondSquared, PositiveNewtons
 from sim_action.core.geometry import Twist, Vector3
 from sim_action.core.yaml_errors import SpecProblems
@@ -341,7 +341,7 @@ class MecanumOdometry:
         """Coefficients (3, 4) of each wheel for motion ahead, to the left and turning (least squares)."""
         import numpy as np
 
-        motions = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+        motions = geometry.AXES
         ways = [[found.gear * found.speed(*motion) for motion in motions] for found in self.wheels]
         shares: list[list[float]] = np.linalg.pinv(np.array(ways)).tolist()
         return shares

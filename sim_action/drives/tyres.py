@@ -154,9 +154,6 @@ def _mesh_tyre(shape: Shape, axis: Vector3, anchor: Vector3) -> Tyre | NotRound:
     return Tyre(length / (2 * math.pi), _plus(anchor, axis, (low + high) / 2), high - low, shape.kind)
 
 
-_UNITS: Final[tuple[Vector3, ...]] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-
-
 def _outline(across: NDArray[np.float64]) -> list[tuple[float, float]]:
     """Return the corners of the convex hull of points (2, P), counter-clockwise, as seen in many directions."""
     import numpy as np
@@ -181,7 +178,7 @@ def _across(axis: Vector3) -> tuple[Vector3, Vector3]:
     """Return two unit vectors across an axis."""
     x, y, z = axis
     least = min(range(3), key=lambda place: abs(axis[place]))
-    ux, uy, uz = _UNITS[least]
+    ux, uy, uz = geometry.AXES[least]
     cross = (y * uz - z * uy, z * ux - x * uz, x * uy - y * ux)
     length = math.hypot(*cross)
     a, b, c = (part / length for part in cross)

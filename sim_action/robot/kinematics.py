@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-_UNITS: tuple[Vector3, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 # The largest part of a quaternion, beyond which a rotation moves no point by more than 1e-7 of its distance.
 _UNTURNED: Final = 1 - 1e-15
@@ -77,7 +76,7 @@ def _is_loose(frame: Pose, shape: Shape) -> bool:
 def _points_box(frame: Pose, shape: Shape) -> Box:
     """Return the box around the points of a mesh whose link is at a pose."""
     points = shape_points(shape)
-    rows = list(zip(*(geometry.rotate(frame.orientation_xyzw, unit) for unit in _UNITS), strict=True))
+    rows = list(zip(*(geometry.rotate(frame.orientation_xyzw, unit) for unit in geometry.AXES), strict=True))
     ends = []
     for at, (x, y, z) in zip(frame.position_xyz, rows, strict=True):
         along = x * points[:, 0] + y * points[:, 1] + z * points[:, 2]
@@ -108,7 +107,7 @@ def shape_points(shape: Shape) -> NDArray[np.float64]:
         points = np.frombuffer(shape.corners, np.float32).reshape(-1, 3).astype(np.float64)
     else:
         points = np.concatenate(read_unshrunk_points(shape.hulls, ENGINE_MARGIN_M))
-    rows = zip(*(geometry.rotate(shape.pose.orientation_xyzw, unit) for unit in _UNITS), strict=True)
+    rows = zip(*(geometry.rotate(shape.pose.orientation_xyzw, unit) for unit in geometry.AXES), strict=True)
     # Sums of products, written out: the same on every machine.
     along = [x * points[:, 0] + y * points[:, 1] + z * points[:, 2] for x, y, z in rows]
     placed: NDArray[np.float64] = np.stack(along, axis=1)
@@ -134,7 +133,7 @@ def shape_box(pose: Pose, shape: Shape) -> Box:
     middle = geometry.compose(pose, Pose(((ax + bx) / 2, (ay + by) / 2, (az + bz) / 2))).position_xyz
     half: Vector3 = ((bx - ax) / 2, (by - ay) / 2, (bz - az) / 2)
     # The rows of the rotation matrix: each axis of the base in the frame of the shape.
-    rows = zip(*(geometry.rotate(pose.orientation_xyzw, unit) for unit in _UNITS), strict=True)
+    rows = zip(*(geometry.rotate(pose.orientation_xyzw, unit) for unit in geometry.AXES), strict=True)
     x, y, z = (_half_along(row, shape.kind, half) for row in rows)
     return (middle[0] - x, middle[1] - y, middle[2] - z), (middle[0] + x, middle[1] + y, middle[2] + z)
 

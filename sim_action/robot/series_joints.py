@@ -24,8 +24,6 @@ SERIES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
 )
 """Type of a joint with several motions -> the ends of the names of its parts; in "floating", a ball joint follows."""
 
-_AXES: Final[tuple[Vector3, ...]] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-
 
 @dataclass(frozen=True, slots=True)
 class Series:
@@ -80,7 +78,7 @@ def _motions(joint: Element) -> Iterator[tuple[str, Vector3]]:
     """Yield the type and axis of each part, in the order from the parent to the child."""
     kind = joint.attrib["type"]
     if kind == "floating":
-        yield from (("prismatic", along) for along in _AXES)
+        yield from (("prismatic", along) for along in geometry.AXES)
     elif kind == "planar":
         normal = axis(joint)
         first = _across(normal)
@@ -97,7 +95,7 @@ def _motions(joint: Element) -> Iterator[tuple[str, Vector3]]:
 def _across(normal: Vector3) -> Vector3:
     """Return the x axis of the plane normal to an axis: x for z, y for x, z for y."""
     x, y, z = map(abs, normal)
-    start = _AXES[1 if x >= max(y, z) else 2 if y >= z else 0]
+    start = geometry.AXES[1 if x >= max(y, z) else 2 if y >= z else 0]
     along = sum(a * b for a, b in zip(start, normal, strict=True))
     rest = tuple(a - along * b for a, b in zip(start, normal, strict=True))
     length = math.hypot(*rest)

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 from sim_action.core.errors import Location, ModelError, Problem, RefusedModel
 from sim_action.core.field_types import Placement
-from sim_action.core.geometry import Pose, rpy_from_quaternion
 from sim_action.core.wording import did_you_mean, nearest
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_document import KeyPath
@@ -120,7 +119,7 @@ def filled(
     changed: dict[str, Any] = {"world": world.model_copy(update={**stated, "objects": objects})}
     base = found.robot.base if found.robot is not None else None
     if base is not None and "pose" not in scenario.robot.model_fields_set:
-        changed["robot"] = scenario.robot.model_copy(update={"pose": _placement(base)})
+        changed["robot"] = scenario.robot.model_copy(update={"pose": Placement.of(base)})
     place = found.robot.place if found.robot is not None and "robot" in changed else None
     warnings = tuple(_warnings(found, Location(world.file), allowed))
     places = WorldPlaces({name: at for name, at in found.places.items() if name not in names}, place)
@@ -181,9 +180,3 @@ def _warnings(found: WorldFile, here: Location, allowed: AbstractSet[str]) -> It
         if not found.has_ground:
             message = f"{here.file} has no ground plane; the ground z = 0 is there all the same"
             yield AuditWarning(rule=NOT_SIMULATED, message=message, location=here)
-
-
-def _placement(pose: Pose) -> Placement:
-    x, y, z = pose.position_xyz
-    roll, pitch, yaw = rpy_from_quaternion(pose.orientation_xyzw)
-    return Placement(x=x, y=y, z=z, roll=roll, pitch=pitch, yaw=yaw)

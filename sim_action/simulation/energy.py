@@ -33,8 +33,6 @@ _LEAST_SPAN_S: Final = 0.5
 
 _LEAST_ENERGY_J: Final = 1e-6
 
-_AXES: Final[tuple[geometry.Vector3, ...]] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Body:
@@ -130,7 +128,7 @@ def _bodies(model: RobotModel) -> dict[str, _Body]:
         if inertial is not None:
             xx, xy, xz, yy, yz, zz = (number(inertial.find("inertia"), name) or 0.0 for name in MOMENTS)
             at, tensor = origin(inertial), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-            axes = np.column_stack([geometry.rotate(at.orientation_xyzw, axis) for axis in _AXES])
+            axes = np.column_stack([geometry.rotate(at.orientation_xyzw, axis) for axis in geometry.AXES])
             mass = number(inertial.find("mass"), "value") or 0.0
             found[link.attrib["name"]] = _Body(mass, at.position_xyz, axes @ tensor @ axes.T)
     return found

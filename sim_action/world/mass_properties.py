@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim_action.core import geometry
-from sim_action.core.geometry import Pose, Vector3
+from sim_action.core.geometry import Pose, Quaternion, Vector3
 from sim_action.world.body import Body
 from sim_action.world.parts import BoxPart, CylinderPart, HullPart, Part, SpherePart
-
-_AXES: Final[tuple[Vector3, ...]] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +24,7 @@ class MassProperties:
 
 
 @dataclass(frozen=True, eq=False)
-class _Solid:
+class _Placed:
     """A solid of 1 kg: its volume in m^3, centre of mass, and inertia about that, in the axes of the body."""
 
     volume: float
@@ -65,23 +62,33 @@ def displaced(arm: NDArray[np.float64]) -> NDArray[np.float64]:
     return found
 
 
-def _solid(part: Part) -> _Solid:
+def _solid(part: Part) -> _Placed:
     if isinstance(part, HullPart):
         from sim_action.meshes.convex_hull import mass_properties
 
         hull = mass_properties(np.array(part.points_xyz))
-        return _Solid(hull.volume, hull.centre_xyz, hull.inertia)
+        return _Placed(hull.volume, hull.centre_xyz, hull.inertia)
     if isinstance(part, BoxPart):
-        x, y, z = part.size_xyz
-        return _placed(x * y * z, ((y * y + z * z) / 12, (x * x + z * z) / 12, (x * x + y * y) / 12), part.pose)
+        return _placed(geometry.box_solid(part.size_xyz), part.pose)
     if isinstance(part, CylinderPart):
-        radius, height = part.radius, part.height
-        across = (3 * radius * radius + height * height) / 12
-        return _placed(np.pi * radius * radius * height, (across, across, radius * radius / 2), part.pose)
+        return _placed(geometry.cylinder_solid(part.radius, part.height), part.pose)
     assert isinstance(part, SpherePart), "terrain and surfaces have no mass"
-    return _placed(4 / 3 * np.pi * part.radius**3, (0.4 * part.radius**2,) * 3, part.pose)
+    return _placed(geometry.ellipsoid_solid((part.radius,) * 3), part.pose)
 
 
-def _placed(volume: float, moments: Vector3, pose: Pose) -> _Solid:
-    turned = np.array([geometry.rotate(pose.orientation_xyzw, axis) for axis in _AXES])
-    return _Solid(float(volume), np.array(pose.position_xyz), turned.T @ np.diag(moments) @ turned)
+def _placed(solid: geometry.Solid, pose: Pose) -> _Placed:
+    inertia = turned_tensor(np.diag(solid.moments), pose.orientation_xyzw)
+    return _Placed(solid.volume, np.array(pose.position_xyz), inertia)
+
+
+def turned_tensor(tensor: NDArray[np.float64], orientation: Quaternion) -> NDArray[np.float64]:
+    """Return an inertia tensor (3, 3), stated in axes that have an orientation, in the outer axes."""
+    axes = np.array([geometry.rotate(orientation, axis) for axis in geometry.AXES])
+    found: NDArray[np.float64] = axes.T @ tensor @ axes
+    return found
+
+
+def symmetric(entries: Iterable[float]) -> NDArray[np.float64]:
+    """Return the symmetric tensor (3, 3) with these entries: xx, xy, xz, yy, yz, zz."""
+    xx, xy, xz, yy, yz, zz = entries
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])

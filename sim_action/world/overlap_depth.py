@@ -14,7 +14,6 @@ from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Vector3
 from sim_action.world.parts import BoxPart, CylinderPart, Part, SpherePart
 
-_AXES: Final[tuple[Vector3, ...]] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 # Shorter cross products belong to parallel edges and are no direction.
 _PARALLEL: Final = 1e-9
 
@@ -64,7 +63,7 @@ def inner_solids(parts: Iterable[Part], at: Pose) -> Iterator[Solid]:
 
 
 def _box(at: Pose, halves: Vector3) -> Box:
-    return Box(at.position_xyz, tuple(geometry.rotate(at.orientation_xyzw, axis) for axis in _AXES), halves)
+    return Box(at.position_xyz, tuple(geometry.rotate(at.orientation_xyzw, axis) for axis in geometry.AXES), halves)
 
 
 def depth(one: Sequence[Solid], other: Sequence[Solid]) -> float:

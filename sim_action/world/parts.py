@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Quaternion, Vector3
@@ -16,9 +16,6 @@ from sim_action.core.geometry import Pose, Quaternion, Vector3
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
-
-
-_AXES: Final[tuple[Vector3, ...]] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +83,7 @@ def moved(part: Part, pose: Pose) -> Part:
     if isinstance(part, SurfacePart):
         import numpy as np
 
-        axes = np.array([geometry.rotate(pose.orientation_xyzw, axis) for axis in _AXES])
+        axes = np.array([geometry.rotate(pose.orientation_xyzw, axis) for axis in geometry.AXES])
         return SurfacePart(part.points_xyz @ axes + pose.position_xyz, part.triangles)
     return replace(part, pose=geometry.compose(pose, part.pose))
 

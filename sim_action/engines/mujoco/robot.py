@@ -8,7 +8,6 @@ from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element
 
 import mujoco
-import numpy as np
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose
@@ -18,6 +17,7 @@ from sim_action.engines.mujoco.names import engine_name
 from sim_action.robot.mjcf.spec import engine_spec
 from sim_action.robot.robot_model import WORLD, Joint, Mimic, RobotModel, Surface
 from sim_action.robot.urdf_elements import child_of
+from sim_action.world.mass_properties import symmetric, turned_tensor
 
 _JOINT_TYPES: Final = {
     "revolute": mujoco.mjtJoint.mjJNT_HINGE,
@@ -27,8 +27,6 @@ _JOINT_TYPES: Final = {
 
 # rad or m, beyond any joint. MuJoCo accepts no range that is open at one end.
 _FAR: Final = 1e16
-
-_AXES: Final[tuple[geometry.Vector3, ...]] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 def add_robot(spec: Any, model: RobotModel, *, fixed: bool) -> list[Collider]:
@@ -137,10 +135,9 @@ def _fill(spec: Any, body: Any, link: Element, model: RobotModel) -> list[Collid
 
 def _weigh(body: Any, inertial: Element) -> None:
     pose, inertia = _origin(inertial), inertial.find("inertia")
-    xx, xy, xz, yy, yz, zz = (_number(inertia, name) for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
+    stated = symmetric(_number(inertia, name) for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
     # MuJoCo accepts a full tensor only in the axes of the link.
-    turned = np.array([geometry.rotate(pose.orientation_xyzw, axis) for axis in _AXES]).T
-    tensor = turned @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ turned.T
+    tensor = turned_tensor(stated, pose.orientation_xyzw)
     body.explicitinertial = True
     body.mass = _number(inertial.find("mass"), "value")
     body.ipos = list(pose.position_xyz)

@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Vector3
 from sim_action.engines.mujoco.contact_pairs import FRICTION_RATIO, Collider, add_pairs, soften
 from sim_action.engines.mujoco.geoms import add_ground, add_object, lowest_geom, wxyz
@@ -25,7 +26,6 @@ IMPEDANCE: Final = 0.9999
 STEPS_TO_CONVERGE: Final = 2.0
 """Time constant of the same in steps: MuJoCo's minimum. A target velocity is reached within one step."""
 
-_AXES: Final = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 _MIN_INERTIA: Final = 1e-12
 
@@ -75,7 +75,7 @@ class CompiledScene:
         joints = scene.model.moving_joints
         numbers = [model.joint(engine_name(joint.ball or joint.name)).id for joint in joints]
         # A ball joint has three velocities, and a quaternion whose first number is its real part.
-        parts = [_AXES.index(joint.axis_xyz) if joint.ball else 0 for joint in joints]
+        parts = [geometry.AXES.index(joint.axis_xyz) if joint.ball else 0 for joint in joints]
         before = [part + 1 if joint.ball else 0 for part, joint in zip(parts, joints, strict=True)]
         compiled = cls(
             model=model,

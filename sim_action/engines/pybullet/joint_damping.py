@@ -34,9 +34,6 @@ _MAX_SHARE: Final = 0.5
 """The share of its speed that a joint may lose within one step by a damping that stays as it is."""
 
 
-_AXES: Final = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-
-
 @dataclass(frozen=True, slots=True)
 class _Damped:
     """A joint with damping. Attributes: numbers of the joint and its links, its axis in the world frame, SI damping."""
@@ -132,7 +129,7 @@ def _read(client: int, robot: int, info: Sequence[Any]) -> list[_Damped]:
     # PyBullet gives the axis in the frame of the principal axes.
     turned = _inertial(client, robot, info[0]).orientation_xyzw
     sliding = info[2] == pybullet.JOINT_PRISMATIC
-    axes = _AXES if info[2] == pybullet.JOINT_SPHERICAL else [geometry.rotate(turned, info[13])]
+    axes = geometry.AXES if info[2] == pybullet.JOINT_SPHERICAL else [geometry.rotate(turned, info[13])]
     return [_Damped(info[1].decode(), info[0], info[0], info[16], axis, info[6], sliding) for axis in axes]
 
 

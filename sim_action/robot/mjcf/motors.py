@@ -7,6 +7,7 @@ from typing import Any, Final
 
 import mujoco
 
+from sim_action.core import geometry
 from sim_action.core.geometry import Pose
 from sim_action.robot.mjcf.model import Keyframe, Motor, MotorKind
 from sim_action.robot.mjcf.spec import Built
@@ -146,7 +147,7 @@ def keyframes_of(built: Built, joints: Iterable[Joint], free: str | None) -> dic
         angles = {ball: ball_angles(turn) for ball, turn in balls.items()}
         for joint in moving:
             if joint.ball in angles:
-                positions[joint.name] = angles[joint.ball][_AXES.index(joint.axis_xyz)]
+                positions[joint.name] = angles[joint.ball][geometry.AXES.index(joint.axis_xyz)]
         recorded = {joint.ball for joint in moving}
         turns = {ball: turn for ball, turn in balls.items() if ball not in recorded}
         found.setdefault(name, Keyframe(positions, turns, base, controls, place))
@@ -161,7 +162,6 @@ def _wrong_count(attribute: str, numbers: tuple[float, ...], count: int, owners:
 
 
 _QUATERNION: Final = 4
-_AXES: Final = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 def _turn(wxyz: Iterable[float]) -> tuple[float, float, float, float]:

@@ -14,11 +14,10 @@ from typing import Final
 from xml.etree.ElementTree import Element
 
 from sim_action.core import geometry
-from sim_action.core.geometry import Pose, Vector3
+from sim_action.core.geometry import Pose, Solid, Vector3
 from sim_action.robot.sdf.elements import SdfProblem, needed, number_of, numbers_of, vector_of
 
 _DENSITY: Final = 1000.0
-_AXES: Final[tuple[Vector3, ...]] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 _PRODUCTS: Final = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 
 
@@ -29,14 +28,6 @@ class Inertia:
     mass: float
     centre_xyz: Vector3
     moments: Mapping[str, float]
-
-
-@dataclass(frozen=True)
-class _Solid:
-    """A volume in m^3, and the principal moments per kg in m^2."""
-
-    volume: float
-    moments: Vector3
 
 
 def auto_inertia(inertial: Element, collisions: Iterable[tuple[Element, Pose]]) -> Inertia:
@@ -59,7 +50,7 @@ def auto_inertia(inertial: Element, collisions: Iterable[tuple[Element, Pose]]) 
     moments = dict.fromkeys(_PRODUCTS, 0.0)
     for mass, (_, solid, pose) in zip(masses, solids, strict=True):
         at = tuple(part - centre for part, centre in zip(pose.position_xyz, (x, y, z), strict=True))
-        turned = [geometry.rotate(pose.orientation_xyzw, axis) for axis in _AXES]
+        turned = [geometry.rotate(pose.orientation_xyzw, axis) for axis in geometry.AXES]
         for name, (row, column) in _PRODUCTS.items():
             own = sum(moment * axis[row] * axis[column] for moment, axis in zip(solid.moments, turned, strict=True))
             away = (sum(part**2 for part in at) if row == column else 0.0) - at[row] * at[column]
@@ -67,7 +58,7 @@ def auto_inertia(inertial: Element, collisions: Iterable[tuple[Element, Pose]]) 
     return Inertia(scale * total, (x, y, z), moments)
 
 
-def _solid(inertial: Element, holder: Element) -> _Solid:
+def _solid(inertial: Element, holder: Element) -> Solid:
     shape = next(iter(needed(holder, "geometry")), None)
     if shape is None or shape.tag not in _SOLIDS:
         kind = "an empty <geometry>" if shape is None else f"<{shape.tag}>"
@@ -76,31 +67,23 @@ def _solid(inertial: Element, holder: Element) -> _Solid:
     return _SOLIDS[shape.tag](shape)
 
 
-def _box(shape: Element) -> _Solid:
-    x, y, z = vector_of(needed(shape, "size"))
-    return _Solid(x * y * z, ((y * y + z * z) / 12, (x * x + z * z) / 12, (x * x + y * y) / 12))
+def _box(shape: Element) -> Solid:
+    return geometry.box_solid(vector_of(needed(shape, "size")))
 
 
-def _sphere(shape: Element) -> _Solid:
-    return _ball((_size(shape, "radius"),) * 3)
+def _sphere(shape: Element) -> Solid:
+    return geometry.ellipsoid_solid((_size(shape, "radius"),) * 3)
 
 
-def _ellipsoid(shape: Element) -> _Solid:
-    return _ball(vector_of(needed(shape, "radii")))
+def _ellipsoid(shape: Element) -> Solid:
+    return geometry.ellipsoid_solid(vector_of(needed(shape, "radii")))
 
 
-def _ball(radii: Vector3) -> _Solid:
-    a, b, c = radii
-    return _Solid(4 / 3 * math.pi * a * b * c, ((b * b + c * c) / 5, (a * a + c * c) / 5, (a * a + b * b) / 5))
+def _cylinder(shape: Element) -> Solid:
+    return geometry.cylinder_solid(_size(shape, "radius"), _size(shape, "length"))
 
 
-def _cylinder(shape: Element) -> _Solid:
-    radius, length = _size(shape, "radius"), _size(shape, "length")
-    across = (3 * radius**2 + length**2) / 12
-    return _Solid(math.pi * radius**2 * length, (across, across, radius**2 / 2))
-
-
-def _capsule(shape: Element) -> _Solid:
+def _capsule(shape: Element) -> Solid:
     """Return a cylinder with half a ball at each end; <length> is that of the cylinder."""
     radius, length = _size(shape, "radius"), _size(shape, "length")
     tube, ball = math.pi * radius**2 * length, 4 / 3 * math.pi * radius**3
@@ -109,13 +92,13 @@ def _capsule(shape: Element) -> _Solid:
     ends = ball * (2 / 5 * radius**2 + length**2 / 4 + 3 / 8 * radius * length)
     across = tube * (3 * radius**2 + length**2) / 12 + ends
     volume = tube + ball
-    return _Solid(volume, (across / volume, across / volume, along / volume) if volume else (0.0, 0.0, 0.0))
+    return Solid(volume, (across / volume, across / volume, along / volume) if volume else (0.0, 0.0, 0.0))
 
 
 def _size(shape: Element, tag: str) -> float:
     return numbers_of(needed(shape, tag), 1)[0]
 
 
-_SOLIDS: Final[Mapping[str, Callable[[Element], _Solid]]] = MappingProxyType(
+_SOLIDS: Final[Mapping[str, Callable[[Element], Solid]]] = MappingProxyType(
     {"box": _box, "sphere": _sphere, "cylinder": _cylinder, "capsule": _capsule, "ellipsoid": _ellipsoid}
 )

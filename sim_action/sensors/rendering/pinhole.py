@@ -73,7 +73,7 @@ class Pinhole:
         """Return the rays of a patch in a frame; `camera`: pose of the camera in that frame."""
         rows, columns = patch
         left, up = self.left[:, columns], self.up[rows]
-        axes = (geometry.rotate(camera.orientation_xyzw, unit) for unit in _UNITS)
+        axes = (geometry.rotate(camera.orientation_xyzw, unit) for unit in geometry.AXES)
         # Sums of products instead of a matrix product: the same on every machine.
         x, y, z = (ahead + to_left * left + upwards * up for ahead, to_left, upwards in zip(*axes, strict=True))
         return Rays(camera.position_xyz, (x, y, z))
@@ -89,9 +89,6 @@ class Pinhole:
         columns = _span(y, x, radius, self.focal_length, self.width)
         rows = _span(z, x, radius, self.focal_length, self.height)
         return None if columns.start >= columns.stop or rows.start >= rows.stop else (rows, columns)
-
-
-_UNITS: tuple[Vector3, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 def _across(count: int, focal_length: float) -> FloatArray:

@@ -16,7 +16,7 @@ from pydantic import ValidationError
 from sim_action.core import geometry
 from sim_action.core.errors import Location
 from sim_action.core.field_types import Placement
-from sim_action.core.geometry import Pose, Vector3, rpy_from_quaternion
+from sim_action.core.geometry import Pose, Vector3
 from sim_action.robot.robot_model import WORLD
 from sim_action.robot.sdf.auto_inertia import auto_inertia
 from sim_action.robot.sdf.composition import SEPARATOR, Entry, Scope
@@ -132,7 +132,7 @@ class BodyReader:
         is_read = any(shape.own_parts is not None for shape in shapes)
         parts = tuple(part for shape in shapes for part in shape.parts(frame)) if is_read else None
         try:
-            body = Body.model_validate({**keys, "pose": _placement(frame)})
+            body = Body.model_validate({**keys, "pose": Placement.of(frame)})
         except ValidationError as error:
             raise SdfProblem("bad-shape", model.element, f"'{name}': {said(error)}") from None
         return ReadBody(body, parts, self._losses.places.get(model.element))
@@ -190,14 +190,14 @@ class BodyReader:
         stated = inertial.find("inertia")
         if stated is None:
             return _Weight(mass, own.position_xyz if inertial.find("pose") is not None else None, None)
-        from sim_action.world.world_files.inertials import turned_tensor
+        from sim_action.world.world_files.inertials import stated_tensor
 
         moments = {name: number_of(stated, name, 1.0 if name[1] == name[2] else 0.0) for name in _MOMENTS}
-        return _Weight(mass, own.position_xyz, turned_tensor(moments, own.orientation_xyzw))
+        return _Weight(mass, own.position_xyz, stated_tensor(moments, own.orientation_xyzw))
 
     def _computed_weight(self, model: Entry, link: Entry, inertial: Element, frame: Pose) -> _Weight:
         """Return the weight of <inertial auto>. Raises SdfProblem."""
-        from sim_action.world.world_files.inertials import turned_tensor
+        from sim_action.world.world_files.inertials import stated_tensor
 
         in_body = geometry.compose(geometry.inverse(frame), self._world.link_pose(model, link))
         collisions = [
@@ -205,7 +205,7 @@ class BodyReader:
             for holder in link.element.findall("collision")
         ]
         found = auto_inertia(inertial, collisions)
-        return _Weight(found.mass, found.centre_xyz, turned_tensor(found.moments, geometry.IDENTITY))
+        return _Weight(found.mass, found.centre_xyz, stated_tensor(found.moments, geometry.IDENTITY))
 
 
 def _mass(model: Entry, inertial: Element) -> float:
@@ -257,9 +257,3 @@ def _is_of(shape: PlacedShape, link: Entry) -> bool:
 def _is_nothing(pose: Pose) -> bool:
     x, y, z, _ = pose.orientation_xyzw
     return all(abs(part) < _NOTHING for part in (*pose.position_xyz, x, y, z))
-
-
-def _placement(pose: Pose) -> Placement:
-    x, y, z = pose.position_xyz
-    roll, pitch, yaw = rpy_from_quaternion(pose.orientation_xyzw)
-    return Placement(x=x, y=y, z=z, roll=roll, pitch=pitch, yaw=yaw)

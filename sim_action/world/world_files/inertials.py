@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_action.core import geometry
 from sim_action.core.geometry import Quaternion, Vector3
-from sim_action.world.mass_properties import displaced, uniform_properties
+from sim_action.world.mass_properties import displaced, symmetric, turned_tensor, uniform_properties
 from sim_action.world.parts import Part
 
 
@@ -42,10 +41,7 @@ def joined(lumps: Sequence[Lump]) -> Lump:
     return Lump(total, (x, y, z), np.asarray(inertia))
 
 
-def turned_tensor(moments: Mapping[str, float], orientation: Quaternion) -> NDArray[np.float64]:
+def stated_tensor(moments: Mapping[str, float], orientation: Quaternion) -> NDArray[np.float64]:
     """Return the tensor of stated moments, whose axes have an orientation, in the outer axes."""
-    xx, yy, zz, xy, xz, yz = (moments[name] for name in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"))
-    axes = [geometry.rotate(orientation, axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
-    turned = np.array(axes).T
-    tensor: NDArray[np.float64] = turned @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ turned.T
-    return tensor
+    entries = symmetric(moments[name] for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
+    return turned_tensor(entries, orientation)
