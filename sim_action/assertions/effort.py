@@ -10,7 +10,12 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 from pydantic import Field, model_validator
 
 from sim_action.assertions import Assertion, shortened_title
-from sim_action.assertions.joint_selection import (
+from sim_action.assertions.monitors import Monitor, State
+from sim_action.assertions.monitors.bounds import AllLimits, Bounds, SignalMonitor
+from sim_action.core import units
+from sim_action.core.field_types import JointEffort
+from sim_action.core.yaml_errors import SpecProblems
+from sim_action.robot.joint_selection import (
     as_written,
     choice_problems,
     chosen,
@@ -18,11 +23,6 @@ from sim_action.assertions.joint_selection import (
     reading_of,
     unit_problem,
 )
-from sim_action.assertions.monitors import Monitor, State
-from sim_action.assertions.monitors.bounds import AllLimits, Bounds, SignalMonitor
-from sim_action.core import units
-from sim_action.core.field_types import JointEffort
-from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.robot_model import READINGS
 from sim_action.state.verdict import Signal, Verdict
 from sim_action.world.scene import Scene

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self
 from pydantic import Field
 
 from sim_action.assertions import Assertion, shortened_title
-from sim_action.assertions.joint_selection import choice_problems, chosen, motor_problems
 from sim_action.assertions.monitors import Monitor, State
 from sim_action.assertions.monitors.bounds import Bounds
 from sim_action.core import units
 from sim_action.core.field_types import NonNegativeJoules
 from sim_action.core.yaml_errors import SpecProblems
+from sim_action.robot.joint_selection import choice_problems, chosen, motor_problems
 from sim_action.state.verdict import Signal
 from sim_action.world.scene import Scene
 

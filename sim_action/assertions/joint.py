@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 from pydantic import Field, model_validator
 
 from sim_action.assertions import Assertion, shortened_title
-from sim_action.assertions.joint_selection import as_written, chosen, name_problem, reading_of, unit_problem
 from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.bounds import Bounds, Interval, IntervalsMonitor, SignalMonitor, check_order
 from sim_action.assertions.monitors.goals import ClosestApproach
@@ -17,6 +16,7 @@ from sim_action.core import units
 from sim_action.core.field_types import JointEffort, JointPosition, JointQuantity, JointVelocity
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
+from sim_action.robot.joint_selection import as_written, chosen, name_problem, reading_of, unit_problem
 from sim_action.robot.robot_model import READINGS, Reading
 from sim_action.state.verdict import Signal
 from sim_action.world.scene import Scene

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
 from pydantic import Field, model_validator
 
 from sim_action.assertions import Assertion, shortened_title
-from sim_action.assertions.joint_selection import as_written, chosen, tolerance_problems
 from sim_action.assertions.monitors import Monitor, State
 from sim_action.assertions.monitors.deviation import Deviation, Tolerance
 from sim_action.core import units
@@ -28,6 +27,7 @@ from sim_action.core.field_types import (
 from sim_action.core.wording import shown
 from sim_action.core.workspace import PathError
 from sim_action.core.yaml_errors import SpecProblems
+from sim_action.robot.joint_selection import as_written, chosen, tolerance_problems
 from sim_action.robot.robot_model import Joint
 from sim_action.state.golden_trajectory import (
     RESOLUTION,

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, Self
 from pydantic import Field, model_validator
 
 from sim_action.assertions import Assertion
-from sim_action.assertions.joint_selection import as_written
 from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.bounds import check_bounds
 from sim_action.assertions.monitors.goals import Goal, Invariant
@@ -19,6 +18,7 @@ from sim_action.core.field_types import SensorQuantity
 from sim_action.core.units import Dimension
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
+from sim_action.robot.joint_selection import as_written
 from sim_action.state.readings import READING_COLUMNS, ReadingColumn
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Judged, Signal, Verdict

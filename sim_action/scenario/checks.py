@@ -122,7 +122,7 @@ def compared_body_problems(scenario: Scenario) -> SpecProblems:
 def agreement_problems(scene: Scene, agreement: Agreement) -> SpecProblems:
     """Yield joints and links in `agreement` that the robot does not have, and units that do not fit the joints."""
     # Few scenarios have an agreement.
-    from sim_action.assertions.joint_selection import tolerance_problems
+    from sim_action.robot.joint_selection import tolerance_problems
 
     for path, message in tolerance_problems(scene.model, agreement.joints):
         yield ("agreement", "joints", *path), message

@@ -351,7 +351,7 @@ _MANY_S: Final = 100.0
 def _bare_joint_angles(path: KeyPath, assertion: Any, model: RobotModel) -> Iterator[ClaimFinding]:
     """Yield bare angles of joints that cannot make a full turn; other joints may turn many times."""
     for names, below, written in _joint_positions(assertion):
-        from sim_action.assertions.joint_selection import chosen
+        from sim_action.robot.joint_selection import chosen
 
         if any(map(_is_limited, chosen(model, names))) and (problem := units.beyond_a_turn(written)) is not None:
             yield ClaimFinding("bare-angle", (*path, *below), problem)

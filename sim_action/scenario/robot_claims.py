@@ -63,7 +63,7 @@ def _shapes(leaves: Sequence[tuple[KeyPath, Any]], scene: Scene) -> Iterator[Cla
 
 def _clipped_efforts(path: KeyPath, assertion: Any, model: RobotModel) -> Iterator[ClaimFinding]:
     """Yield limits of efforts that the motors of all selected joints cannot exceed."""
-    from sim_action.assertions.joint_selection import chosen
+    from sim_action.robot.joint_selection import chosen
 
     motors = [joint for joint in chosen(model, assertion.joints) if joint.mimic is None]
     # Without a limit in the model, or with a limit of 0, the effort is not limited.

@@ -53,6 +53,25 @@ class Contact(NamedTuple):
     depth: float = 0.0
 
 
+class SelfContact(NamedTuple):
+    """A contact between two links of the robot, or an overlap of two links that do not collide.
+
+    Attributes:
+        time: sim time in s.
+        link, other: names of the two links, in the order of the model.
+        position_xyz: the place in m, world frame.
+        force: normal force in N at this physics step; 0 for links that are only watched and do not collide.
+        depth: how deep the shapes overlap here, in m; 0 if they only touch.
+    """
+
+    time: float
+    link: str
+    other: str
+    position_xyz: Vector3
+    force: float
+    depth: float = 0.0
+
+
 class Overlap(NamedTuple):
     """A link of the robot that is inside a body of the world; `depth` in m, at the deepest point."""
 

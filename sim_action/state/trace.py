@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from sim_action.core.geometry import Vector3
 from sim_action.core.units import TIME_EPSILON_S
-from sim_action.state.observation import Contact, Observation
+from sim_action.state.observation import Contact, Observation, SelfContact
 from sim_action.state.trace_channels import ClearanceWatch
 from sim_action.state.trace_records import BodyRecord, ClearanceRecord, SensorRecord
 
@@ -55,6 +55,7 @@ class Trace:
         sensors: sensor name -> its readings, for sensors that the trace keeps.
         clearances: watch -> the observed distances, from every step.
         bodies: body name -> its poses, for moving bodies, if a replay is asked for.
+        self_contacts: contacts between links of the robot, from every step, if they are asked for.
     """
 
     joint_names: tuple[str, ...]
@@ -63,6 +64,7 @@ class Trace:
     sensors: Mapping[str, SensorRecord] = field(default_factory=dict)
     clearances: Mapping[ClearanceWatch, ClearanceRecord] = field(default_factory=dict)
     bodies: Mapping[str, BodyRecord] = field(default_factory=dict)
+    self_contacts: tuple[SelfContact, ...] = ()
 
     def __len__(self) -> int:
         return len(self.state)
@@ -96,7 +98,8 @@ class Trace:
         clearances = _joined([trace.clearances for trace in traces], ClearanceRecord.concatenate)
         bodies = _joined([trace.bodies for trace in traces], BodyRecord.concatenate)
         state = np.concatenate([trace.state for trace in traces])
-        return cls(traces[0].joint_names, state, contacts, sensors, clearances, bodies)
+        self_contacts = tuple(contact for trace in traces for contact in trace.self_contacts)
+        return cls(traces[0].joint_names, state, contacts, sensors, clearances, bodies, self_contacts=self_contacts)
 
     @property
     def time(self) -> FloatArray:
@@ -167,14 +170,18 @@ class Trace:
     @cached_property
     def _first(self) -> float:
         """The earliest time of all data in s: contacts and other records may lie between moments."""
-        told = (*(contact.time for contact in self.contacts), *(record.time[0] for record in self._records))
+        told = (*self._touch_times, *(record.time[0] for record in self._records))
         return float(min([self.time[0], *told]))
 
     @cached_property
     def _last(self) -> float:
         """The latest time of all data in s."""
-        told = (*(contact.time for contact in self.contacts), *(record.time[-1] for record in self._records))
+        told = (*self._touch_times, *(record.time[-1] for record in self._records))
         return float(max([self.time[-1], *told]))
+
+    @property
+    def _touch_times(self) -> list[float]:
+        return [*(contact.time for contact in self.contacts), *(contact.time for contact in self.self_contacts)]
 
     @property
     def _records(self) -> list[SensorRecord | ClearanceRecord | BodyRecord]:
@@ -187,7 +194,7 @@ class Trace:
     @property
     def _tells(self) -> bool:
         """True if there is data besides the state."""
-        return bool(self.contacts or self.sensors or self.clearances or self.bodies)
+        return bool(self.contacts or self.sensors or self.clearances or self.bodies or self.self_contacts)
 
     def _part(self, wanted: slice, start: float, end: float, told_until: float) -> Self:
         if not self._tells:
@@ -199,6 +206,7 @@ class Trace:
             sensors={name: record.between(start, told_until) for name, record in self.sensors.items()},
             clearances={watch: record.between(start, end) for watch, record in self.clearances.items()},
             bodies={name: record.between(start, end) for name, record in self.bodies.items()},
+            self_contacts=tuple(contact for contact in self.self_contacts if start <= contact.time <= end),
         )
 
     @cached_property

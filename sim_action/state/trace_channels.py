@@ -40,6 +40,7 @@ class Channels:
         sensors: the names of sensors that monitors need in `Trace.sensors`.
         bodies: the names of bodies that are needed in `Trace.bodies`.
         openings: sim times in s at which an observation begins, and the minimum of a clearance is reset.
+        self_contacts: True if `Trace.self_contacts` is needed.
     """
 
     contacts: bool = False
@@ -47,6 +48,7 @@ class Channels:
     sensors: frozenset[str] = frozenset()
     bodies: frozenset[str] = frozenset()
     openings: frozenset[float] = frozenset()
+    self_contacts: bool = False
 
     @classmethod
     def all_of(cls, several: Iterable[Self]) -> Self:
@@ -61,6 +63,7 @@ class Channels:
             sensors=self.sensors | other.sensors,
             bodies=self.bodies | other.bodies,
             openings=self.openings | other.openings,
+            self_contacts=self.self_contacts or other.self_contacts,
         )
 
     def opening_at(self, time: float) -> Self:

@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from sim_action.core.files import open_regular, whole_file
-from sim_action.state.observation import Contact
+from sim_action.state.observation import Contact, SelfContact
 from sim_action.state.trace import COLUMNS, Trace
 from sim_action.state.trace_channels import ClearanceWatch
 from sim_action.state.trace_records import BodyRecord, ClearanceRecord, SensorRecord
@@ -31,6 +31,7 @@ def save_trace(trace: Trace, path: Path) -> None:
     columns = {name: getattr(trace, name) for name in COLUMNS}
     told = {
         **_contact_arrays(trace),
+        **_self_contact_arrays(trace),
         **_sensor_arrays(trace.sensors),
         **_clearance_arrays(trace.clearances),
         **_body_arrays(trace.bodies),
@@ -51,7 +52,8 @@ def load_trace(path: Path) -> Trace:
             contacts = zip(*(stored[f"contact_{field}"].tolist() for field in fields), strict=True)
             trace = Trace.of_columns(names, tuple(_contact(*row) for row in contacts), **columns)
             sensors, clearances = _sensor_records(stored), _clearance_records(stored)
-            return replace(trace, sensors=sensors, clearances=clearances, bodies=_body_records(stored))
+            bodies, self_contacts = _body_records(stored), _self_contacts(stored)
+            return replace(trace, sensors=sensors, clearances=clearances, bodies=bodies, self_contacts=self_contacts)
     except Exception as error:  # noqa: BLE001 - numpy and zipfile raise many types for damaged files
         raise TraceError(f"{path}: not a trace: {error}") from None
 
@@ -79,6 +81,26 @@ def _contact_arrays(trace: Trace) -> dict[str, Any]:
 def _contact(time: float, link: str, body: str, position_xyz: list[float], *strength: Any) -> Contact:
     x, y, z = position_xyz
     return Contact(time, link, body, (x, y, z), *strength)
+
+
+def _self_contact_arrays(trace: Trace) -> dict[str, Any]:
+    """Return the arrays of the contacts between links; nothing without any."""
+    contacts = trace.self_contacts
+    if not contacts:
+        return {}
+    arrays = {field: np.array([getattr(each, field) for each in contacts]) for field in SelfContact._fields}
+    return {f"self_contact_{field}": array for field, array in arrays.items()}
+
+
+def _self_contacts(stored: Mapping[str, Any]) -> tuple[SelfContact, ...]:
+    """Return the contacts from the arrays that `_self_contact_arrays` made."""
+    if "self_contact_time" not in stored:
+        return ()
+    columns = (stored[f"self_contact_{field}"].tolist() for field in SelfContact._fields)
+    return tuple(
+        SelfContact(time, link, other, (x, y, z), *strength)
+        for time, link, other, (x, y, z), *strength in zip(*columns, strict=True)
+    )
 
 
 def _sensor_arrays(sensors: Mapping[str, SensorRecord]) -> dict[str, Any]:

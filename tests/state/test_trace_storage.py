@@ -17,6 +17,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sim_action.state.observation import SelfContact
 from sim_action.state.trace import Trace
 from sim_action.state.trace_records import SensorRecord
 from sim_action.state.trace_storage import TraceError, load_trace, save_trace
@@ -39,6 +40,17 @@ def test_contacts_without_a_force_are_stored(tmp_path: Path) -> None:
     seen = trace([0.1], contacts=[contact(0.1), contact(0.1, force=0.0)._replace(has_force=False, depth=0.01)])
     save_trace(seen, tmp_path / "trace.npz")
     assert load_trace(tmp_path / "trace.npz").contacts == seen.contacts
+
+
+def test_contacts_between_links_are_stored_and_cut(tmp_path: Path) -> None:
+    touches = tuple(SelfContact(time, "base", "hand", (1.0, 2.0, 3.0), 5.0, 0.001) for time in (0.1, 0.2))
+    seen = replace(trace([0.1, 0.2]), self_contacts=touches)
+    save_trace(seen, tmp_path / "trace.npz")
+    found = load_trace(tmp_path / "trace.npz")
+    assert found.self_contacts == touches
+    assert found.first(1).self_contacts == touches[:1]
+    assert found.between(0.15, 0.2).self_contacts == touches[1:]
+    assert Trace.concatenate([found.first(1), found.between(0.15, 0.2)]).self_contacts == touches
 
 
 def test_contacts_of_older_traces_have_a_force(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The joints that an assertion names: exact names, or patterns such as `*_wheel_joint`."""
+"""The joints that a scenario names: exact names, or patterns such as `*_wheel_joint`."""
 
 from __future__ import annotations
 

@@ -6,8 +6,8 @@ import dataclasses
 
 import pytest
 
-from sim_action.assertions.joint_selection import choice_problems, chosen, name_problem, reading_of, unit_problem
 from sim_action.core.wording import FirstFew
+from sim_action.robot.joint_selection import choice_problems, chosen, name_problem, reading_of, unit_problem
 from sim_action.robot.robot_model import Reading
 from tests.traces import WHEELS, burger, trace
 
