@@ -155,8 +155,8 @@ def shortened_title(title: str) -> str:
 ASSERTIONS: Final = Table[type[Assertion]](
     "assertion",
     {
-        "travel": "sim_action.assertions.travel:Travel",
-        "path_length": "sim_action.assertions.path_length:PathLength",
+        "travel": "sim_action.assertions.distance:Travel",
+        "path_length": "sim_action.assertions.distance:PathLength",
         "reach": "sim_action.assertions.reach:Reach",
         "settled": "sim_action.assertions.settled:Settled",
         "final_pose": "sim_action.assertions.final_pose:FinalPose",

@@ -9,6 +9,7 @@ import pytest
 
 from sim_action.assertions.at_once import AtOnce
 from sim_action.assertions.combined import AllOf, AnyOf, Negation
+from sim_action.assertions.distance import Travel
 from sim_action.assertions.final_pose import FinalPose
 from sim_action.assertions.monitors import State
 from sim_action.assertions.no_collision import NoCollision
@@ -16,7 +17,6 @@ from sim_action.assertions.reach import Reach
 from sim_action.assertions.sensor import SensorReading
 from sim_action.assertions.settled import Settled
 from sim_action.assertions.temporal_logic.stl_assertion import Stl
-from sim_action.assertions.travel import Travel
 from sim_action.assertions.upright import Upright
 from sim_action.state.trace_records import SensorRecord
 from tests.traces import START, contact, judged, monitor, scene, trace

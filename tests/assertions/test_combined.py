@@ -12,13 +12,12 @@ import pytest
 from sim_action.assertions import Assertion
 from sim_action.assertions.combined import AllOf, AnyOf, Negation
 from sim_action.assertions.contact import Touch
+from sim_action.assertions.distance import PathLength, Travel
 from sim_action.assertions.max_speed import MaxSpeed
 from sim_action.assertions.monitors import Monitor, State
 from sim_action.assertions.monitors.window import Window
 from sim_action.assertions.no_collision import NoCollision
-from sim_action.assertions.path_length import PathLength
 from sim_action.assertions.reach import Reach
-from sim_action.assertions.travel import Travel
 from sim_action.assertions.upright import Upright
 from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace

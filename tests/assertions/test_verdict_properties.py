@@ -22,6 +22,7 @@ from sim_action.assertions.at_once import AtOnce
 from sim_action.assertions.clearance import Clearance
 from sim_action.assertions.combined import AllOf, AnyOf, Negation
 from sim_action.assertions.contact import Touch
+from sim_action.assertions.distance import PathLength, Travel
 from sim_action.assertions.effort import Effort
 from sim_action.assertions.energy import Energy
 from sim_action.assertions.final_pose import FinalPose
@@ -33,14 +34,12 @@ from sim_action.assertions.monitors import State
 from sim_action.assertions.monitors.window import Window
 from sim_action.assertions.no_collision import NoCollision
 from sim_action.assertions.odometry_error import OdometryError
-from sim_action.assertions.path_length import PathLength
 from sim_action.assertions.reach import Reach
 from sim_action.assertions.sensor import SensorReading
 from sim_action.assertions.settled import Settled
 from sim_action.assertions.stay_within import StayWithin
 from sim_action.assertions.stops_before import StopsBefore
 from sim_action.assertions.temporal_logic.stl_assertion import Stl
-from sim_action.assertions.travel import Travel
 from sim_action.assertions.upright import Upright
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.core.workspace import Workspace

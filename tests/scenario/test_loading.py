@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from sim_action.assertions.distance import Travel
 from sim_action.assertions.joint import JointReading
 from sim_action.assertions.no_collision import NoCollision
-from sim_action.assertions.travel import Travel
 from sim_action.assertions.upright import Upright
 from sim_action.commands.twist import TwistCommands
 from sim_action.core.errors import InvalidScenario, Location

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from sim_action.assertions.travel import Travel
+from sim_action.assertions.distance import Travel
 from sim_action.commands.script import ScriptCommands
 from sim_action.commands.twist import TwistCommands, TwistSegment
 from sim_action.core.yaml_document import Document

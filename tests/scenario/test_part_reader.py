@@ -8,9 +8,9 @@ import pytest
 
 from sim_action.assertions import Assertion
 from sim_action.assertions.combined import AllOf, AnyOf, Negation
+from sim_action.assertions.distance import Travel
 from sim_action.assertions.no_collision import NoCollision
 from sim_action.assertions.temporal_logic.stl_assertion import Stl
-from sim_action.assertions.travel import Travel
 from sim_action.assertions.user_assertion import UserAssertion
 from sim_action.core.errors import InvalidScenario
 from sim_action.core.permissions import Permissions

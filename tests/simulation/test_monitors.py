@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sim_action.assertions.distance import Travel
 from sim_action.assertions.no_collision import NoCollision
 from sim_action.assertions.stay_within import StayWithin
 from sim_action.assertions.temporal_logic.stl_assertion import Stl
-from sim_action.assertions.travel import Travel
 from sim_action.scenario.model import Expectation, Scenario
 from sim_action.simulation.monitors import End, Panel
 from sim_action.state.trace import Trace

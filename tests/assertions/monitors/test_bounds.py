@@ -7,10 +7,9 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
+from sim_action.assertions.distance import PathLength, Travel
 from sim_action.assertions.monitors import State
 from sim_action.assertions.monitors.bounds import AllLimits, Bounds, Interval, IntervalsMonitor, SignalMonitor
-from sim_action.assertions.path_length import PathLength
-from sim_action.assertions.travel import Travel
 from tests.traces import trace
 
 both = pytest.mark.parametrize("kind", [Travel, PathLength])

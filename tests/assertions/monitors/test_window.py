@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from sim_action.assertions.clearance import Clearance
+from sim_action.assertions.distance import Travel
 from sim_action.assertions.monitors import State
 from sim_action.assertions.monitors.window import Window
 from sim_action.assertions.no_collision import NoCollision
 from sim_action.assertions.sensor import SensorReading
-from sim_action.assertions.travel import Travel
 from sim_action.assertions.upright import Upright
 from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import ClearanceWatch

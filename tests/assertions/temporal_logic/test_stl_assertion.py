@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from sim_action.assertions.combined import AllOf, Negation
+from sim_action.assertions.distance import Travel
 from sim_action.assertions.monitors import Monitor, State, is_bounded, is_deciding, needed_until
 from sim_action.assertions.monitors.window import Window
 from sim_action.assertions.temporal_logic.formula import Always, Eventually, Formula, Interval
@@ -22,7 +23,6 @@ from sim_action.assertions.temporal_logic.monitor import BooleanPart
 from sim_action.assertions.temporal_logic.operators import Outcome, Part
 from sim_action.assertions.temporal_logic.samples import Samples
 from sim_action.assertions.temporal_logic.stl_assertion import Stl
-from sim_action.assertions.travel import Travel
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Judged, Verdict
 from tests.assertions.temporal_logic.formulas import (

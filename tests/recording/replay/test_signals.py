@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_action.assertions import Assertion
+from sim_action.assertions.distance import Travel
 from sim_action.assertions.follow_path import FollowPath, PathEnd, PathPoint
 from sim_action.assertions.reach import Reach
 from sim_action.assertions.stay_within import StayWithin
-from sim_action.assertions.travel import Travel
 from sim_action.assertions.upright import Upright
 from sim_action.recording.replay.build import replay_of
 from sim_action.recording.replay.signals import coarse, stored_marks, stored_signal, stored_signals
