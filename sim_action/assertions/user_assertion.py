@@ -302,13 +302,13 @@ class History:
         import numpy as np
 
         store = _Rows(np.empty((0, trace.state.shape[1])), 0)
-        return cls(store.added(0, trace.state), len(trace), trace.rows(slice(0)))
+        return cls(store.added(0, trace.state), len(trace), _beside(trace))
 
     def followed_by(self, trace: Trace) -> Self:
         """Return the history after more steps; this one does not change."""
         from sim_action.state.trace import Trace
 
-        beside = Trace.concatenate((self.beside, trace.rows(slice(0))))
+        beside = Trace.concatenate((self.beside, _beside(trace)))
         store = self._store.added(self._count, trace.state)
         return replace(self, _store=store, _count=self._count + len(trace), beside=beside)
 
@@ -317,3 +317,8 @@ class History:
         state = self._store.rows[: self._count]
         state.flags.writeable = False
         return replace(self.beside, state=state)
+
+
+def _beside(trace: Trace) -> Trace:
+    """Return the records other than the state. A class reads bodies, not objects, which need a row for each state."""
+    return replace(trace.rows(slice(0)), objects={})

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
-from typing import TYPE_CHECKING, Final, NamedTuple
+import math
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Final, NamedTuple, Self
 from weakref import ref
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim_action.core.geometry import Vector3
+from sim_action.core.units import first_step
 from sim_action.state.observation import Contact, PresentContacts
+from sim_action.state.trace_channels import Channels
 from sim_action.state.trace_records import BodyRecord, frame_stride
 from sim_action.world.scene import Scene
 
@@ -21,6 +24,9 @@ _NUMBERS: Final = 7
 
 ReadPoses = Callable[[], Sequence[float] | NDArray[np.float64]]
 """Returns 7 numbers per body, one after the other: position and unit quaternion x, y, z, w."""
+
+PoseReader = Callable[[Sequence[str]], ReadPoses]
+"""Returns the function that reads the poses of these bodies of the world."""
 
 
 class Nearest(NamedTuple):
@@ -49,14 +55,35 @@ def path_contacts(scene: Scene, shaped: Collection[str], nearest: NearestPoints)
     return PathContacts(scene, links, nearest)
 
 
-class BodyRecorder:
-    """Records the poses of the bodies in `Channels.bodies`, 30 times per second, without changing the run."""
+def arrivals(scene: Scene) -> dict[str, float]:
+    """Return the sim time in s of the first step at which a body is there, for bodies that appear."""
+    rate = scene.physics.rate
+    return {body.name: first_step(body.appears, rate) / rate for body in scene.world.objects if body.appears}
 
-    def __init__(self, names: Sequence[str], rate: float, read_poses: ReadPoses) -> None:
-        self._names, self._rate, self._read_poses = names, rate, read_poses
-        self._stride = frame_stride(rate)
+
+class BodyRecorder:
+    """Records the poses of bodies of the world, without changing the run."""
+
+    def __init__(self, names: Collection[str], scene: Scene, reader: PoseReader, stride: int) -> None:
+        """Prepare the record of these bodies at every `stride`-th step."""
+        self._rate, self._stride = scene.physics.rate, stride
+        self._names = [body.name for body in scene.world.objects if body.name in names]
+        self._read_poses = reader(self._names)
+        self._arrivals: Mapping[str, float] = {}
         self._steps: list[int] = []
         self._rows: list[Sequence[float] | NDArray[np.float64]] = []
+
+    @classmethod
+    def of_film(cls, channels: Channels, scene: Scene, reader: PoseReader) -> Self:
+        """Return the recorder of `Trace.bodies`."""
+        return cls(channels.bodies, scene, reader, frame_stride(scene.physics.rate))
+
+    @classmethod
+    def of_objects(cls, channels: Channels, scene: Scene, reader: PoseReader) -> Self:
+        """Return the recorder of `Trace.objects`."""
+        recorder = cls(channels.objects, scene, reader, 1)
+        recorder._arrivals = arrivals(scene)
+        return recorder
 
     @property
     def is_idle(self) -> bool:
@@ -76,9 +103,8 @@ class BodyRecorder:
         time = np.array(self._steps, dtype=np.float64) / self._rate
         rows = np.array(self._rows, dtype=np.float64).reshape(len(time), len(self._names), _NUMBERS)
         self._steps, self._rows = [], []
-        return {
-            name: BodyRecord(time, rows[:, place, :3], rows[:, place, 3:]) for place, name in enumerate(self._names)
-        }
+        found = ((name, BodyRecord(time, rows[:, i, :3], rows[:, i, 3:])) for i, name in enumerate(self._names))
+        return {name: record.appearing(self._arrivals.get(name, -math.inf)) for name, record in found}
 
 
 class LazyContacts:

@@ -16,6 +16,7 @@ from sim_action.drives import Drive, recognise
 from sim_action.drives.ignored_statements import ignored_statements
 from sim_action.drives.wheels import axis_in_base, opposed_note
 from sim_action.engines import ENGINES, Engine, chosen
+from sim_action.engines.observers import arrivals
 from sim_action.robot.audit.rules import announced, unannounced
 from sim_action.scenario.claim_audit import NOT_SIMULATED, ClaimFinding
 from sim_action.scenario.model import Scenario
@@ -38,6 +39,7 @@ from sim_action.state.observation import Observation
 from sim_action.state.reproducibility import Digest
 from sim_action.state.trace import FloatArray, Trace
 from sim_action.state.trace_channels import Channels
+from sim_action.state.trace_records import BodyRecord
 from sim_action.state.verdict import Verdict
 from sim_action.world.ground import GROUND
 from sim_action.world.scene import Scene
@@ -177,7 +179,7 @@ class _Loop:
         self._drive = drive
         self._backend = backend
         self._placed = backend.observe(0, contacts=False)
-        self._judges_contacts = channels.contacts
+        self._judged = channels
         self._watchdog = Watchdog.of(scene, self._placed)
         self._tunnelling: Tunnelling | None = None
         self._pinning: Pinning | None = None
@@ -205,8 +207,8 @@ class _Loop:
     def _run(self, progress: Progress) -> SimulationRun:
         footage = self._footage
         self._settle()
-        start = self._backend.observe(0, contacts=self._judges_contacts)
-        opening: tuple[Trace, ...] = (_first_moment(start),)
+        start = self._backend.observe(0, contacts=self._judged.contacts)
+        opening: tuple[Trace, ...] = (self._first_moment(start),)
         placed = self._placed_bodies()
         self._tunnelling = self._tunnelling_from(start, placed)
         if any(body.path for body in self._scene.world.objects):
@@ -220,7 +222,7 @@ class _Loop:
         digest = Digest()
         motion = Motion(Rest.of(self._scene, start))
         accuracy = AccuracyWatch(self._scene, self._drive, self._springs)
-        footage.begin(start, placed)
+        footage.begin(start, placed, opening[0].objects)
         started = time.perf_counter()
         while panel.end is None:
             trace, failure = self._advance(_PERIOD_S if panel.is_pending else _PERIOD_WITHOUT_GOALS_S, progress)
@@ -338,17 +340,22 @@ class _Loop:
         poses = [self._backend.body_pose(body.name) for body in bodies if body.mass is not None]
         return np.array([(*pose.position_xyz, *pose.orientation_xyzw) for pose in poses]).reshape(-1, 7)
 
+    def _first_moment(self, start: Observation) -> Trace:
+        """Return the moment at t = 0 as monitors see it: invariants are judged from there on."""
+        contacts = tuple(contact for contact in start.contacts if contact.body != GROUND)
+        objects = {name: self._first_pose(name) for name in sorted(self._judged.objects)}
+        return replace(Trace.of_observation(start), contacts=contacts, objects=objects)
+
+    def _first_pose(self, body: str) -> BodyRecord:
+        pose = self._backend.body_pose(body)
+        found = BodyRecord(np.zeros(1), np.array([pose.position_xyz]), np.array([pose.orientation_xyzw]))
+        return found.appearing(arrivals(self._scene).get(body, 0.0))
+
     def _tunnelling_from(self, start: Observation, placed: FloatArray) -> Tunnelling | None:
         """Return the watch for bodies that pass through others; None without bodies."""
         if not self._scene.world.objects:
             return None
         return Tunnelling(self._scene, start, placed, solid_terrain=self._backend.solid_terrain)
-
-
-def _first_moment(start: Observation) -> Trace:
-    """Return the moment at t = 0 as monitors see it: invariants are judged from there on."""
-    contacts = tuple(contact for contact in start.contacts if contact.body != GROUND)
-    return replace(Trace.of_observation(start), contacts=contacts)
 
 
 def _fastest(trace: Trace) -> float:

@@ -15,7 +15,7 @@ from sim_action.scenario.model import Agreement, Scenario
 from sim_action.state.observation import Contact, Observation
 from sim_action.state.trace import FloatArray, Trace
 from sim_action.state.trace_channels import Channels
-from sim_action.state.trace_records import FRAME_RATE, CommandedTwists, SensorRecord, frame_stride
+from sim_action.state.trace_records import FRAME_RATE, BodyRecord, CommandedTwists, SensorRecord, frame_stride
 from sim_action.world import World
 from sim_action.world.scene import Scene
 
@@ -52,14 +52,20 @@ class RunRecorder:
             return Channels()
         return Channels(contacts=True, bodies=frozenset(moving_bodies(world)))
 
-    def begin(self, start: Observation, bodies: FloatArray | None = None) -> None:
-        """Record the moment at t = 0; `bodies`: the poses (M, 7) of the bodies with a mass."""
+    def begin(
+        self, start: Observation, bodies: FloatArray | None = None, objects: Mapping[str, BodyRecord] | None = None
+    ) -> None:
+        """Record the moment at t = 0.
+
+        `bodies`: the poses (M, 7) of the bodies with a mass. `objects`: as in a trace of this one moment.
+        """
         self.start = start
-        self._kept.append(Trace.of_observation(start))
+        first = Trace.of_observation(start)
+        self._kept.append(replace(first, objects=objects or {}))
         if self._steps is not None:
-            self._steps.add(self._kept[0], None if bodies is None else bodies[None])
+            self._steps.add(first, None if bodies is None else bodies[None])
         if self._filmed:
-            self._film.append(self._kept[0])
+            self._film.append(first)
 
     def add(
         self, seen: Trace, *, judged: Mapping[str, SensorRecord], is_last: bool, bodies: FloatArray | None = None
@@ -74,7 +80,7 @@ class RunRecorder:
         wanted = self._rows(seen, self._stride, is_last=is_last)
         # Contacts that only the replay needs are not stored in the trace.
         contacts = seen.contacts if self._judges_contacts else ()
-        self._kept.append(replace(seen, state=seen.state[wanted], contacts=contacts))
+        self._kept.append(replace(seen.rows(wanted), contacts=contacts))
         if self._filmed:
             self._contacts += seen.contacts
             wanted = self._rows(seen, self._film_stride, is_last=is_last)

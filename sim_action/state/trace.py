@@ -54,7 +54,9 @@ class Trace:
         contacts: contacts of the robot with bodies other than the ground, from every step of the trace.
         sensors: sensor name -> its readings, for sensors that the trace keeps.
         clearances: watch -> the observed distances, from every step.
-        bodies: body name -> its poses, for moving bodies, if a replay is asked for.
+        bodies: body name -> its poses, 30 per second, for moving bodies, if a replay is asked for.
+        objects: body name -> its poses, one for each row of `state`, for bodies that assertions name. They are NaN
+            until the body appears.
         self_contacts: contacts between links of the robot, from every step, if they are asked for.
     """
 
@@ -64,6 +66,7 @@ class Trace:
     sensors: Mapping[str, SensorRecord] = field(default_factory=dict)
     clearances: Mapping[ClearanceWatch, ClearanceRecord] = field(default_factory=dict)
     bodies: Mapping[str, BodyRecord] = field(default_factory=dict)
+    objects: Mapping[str, BodyRecord] = field(default_factory=dict)
     self_contacts: tuple[SelfContact, ...] = ()
 
     def __len__(self) -> int:
@@ -97,9 +100,11 @@ class Trace:
         sensors = _joined([trace.sensors for trace in traces], SensorRecord.concatenate)
         clearances = _joined([trace.clearances for trace in traces], ClearanceRecord.concatenate)
         bodies = _joined([trace.bodies for trace in traces], BodyRecord.concatenate)
+        objects = _joined([trace.objects for trace in traces], BodyRecord.concatenate)
         state = np.concatenate([trace.state for trace in traces])
         self_contacts = tuple(contact for trace in traces for contact in trace.self_contacts)
-        return cls(traces[0].joint_names, state, contacts, sensors, clearances, bodies, self_contacts=self_contacts)
+        names = traces[0].joint_names
+        return cls(names, state, contacts, sensors, clearances, bodies, objects, self_contacts)
 
     @property
     def time(self) -> FloatArray:
@@ -151,8 +156,8 @@ class Trace:
         return self._part(slice(count), -np.inf, end, end)
 
     def rows(self, wanted: slice | NDArray[np.intp]) -> Self:
-        """Return some of the moments, with all contacts, readings, clearances and bodies."""
-        return replace(self, state=self.state[wanted])
+        """Return some of the moments with their objects, and all contacts, readings, clearances and bodies."""
+        return replace(self, state=self.state[wanted], objects=self._objects_at(wanted))
 
     def between(self, start: float, end: float) -> Self:
         """Return all data with start <= time <= end, but readings with start <= time < end.
@@ -193,7 +198,7 @@ class Trace:
 
     @property
     def _tells(self) -> bool:
-        """True if there is data besides the state."""
+        """True if there is data with times of its own."""
         return bool(self.contacts or self.sensors or self.clearances or self.bodies or self.self_contacts)
 
     def _part(self, wanted: slice, start: float, end: float, told_until: float) -> Self:
@@ -206,8 +211,12 @@ class Trace:
             sensors={name: record.between(start, told_until) for name, record in self.sensors.items()},
             clearances={watch: record.between(start, end) for watch, record in self.clearances.items()},
             bodies={name: record.between(start, end) for name, record in self.bodies.items()},
+            objects=self._objects_at(wanted),
             self_contacts=tuple(contact for contact in self.self_contacts if start <= contact.time <= end),
         )
+
+    def _objects_at(self, wanted: slice | NDArray[np.intp]) -> Mapping[str, BodyRecord]:
+        return {name: record.rows(wanted) for name, record in self.objects.items()} if self.objects else self.objects
 
     @cached_property
     def speed(self) -> FloatArray:

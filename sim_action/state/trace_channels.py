@@ -1,4 +1,4 @@
-"""The channels of a trace that are computed on request only: contacts, clearances, sensor readings, bodies.
+"""The channels of a trace that are computed on request only: contacts, clearances, sensor readings, bodies, objects.
 
 An assertion declares its channels. A run computes the channels of all its assertions, and nothing else.
 """
@@ -38,7 +38,8 @@ class Channels:
         contacts: True if `Trace.contacts` is needed.
         clearances: the entries of `Trace.clearances` that are needed.
         sensors: the names of sensors that monitors need in `Trace.sensors`.
-        bodies: the names of bodies that are needed in `Trace.bodies`.
+        bodies: the names of bodies that are needed in `Trace.bodies`, 30 poses per second.
+        objects: the names of bodies that are needed in `Trace.objects`, a pose at every step.
         openings: sim times in s at which an observation begins, and the minimum of a clearance is reset.
         self_contacts: True if `Trace.self_contacts` is needed.
     """
@@ -47,6 +48,7 @@ class Channels:
     clearances: frozenset[ClearanceWatch] = frozenset()
     sensors: frozenset[str] = frozenset()
     bodies: frozenset[str] = frozenset()
+    objects: frozenset[str] = frozenset()
     openings: frozenset[float] = frozenset()
     self_contacts: bool = False
 
@@ -62,6 +64,7 @@ class Channels:
             clearances=self.clearances | other.clearances,
             sensors=self.sensors | other.sensors,
             bodies=self.bodies | other.bodies,
+            objects=self.objects | other.objects,
             openings=self.openings | other.openings,
             self_contacts=self.self_contacts or other.self_contacts,
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, NamedTuple, Self
@@ -24,7 +25,7 @@ def frame_stride(rate: float) -> int:
 
 @dataclass(frozen=True, eq=False)
 class BodyRecord:
-    """The poses of one body in the world frame, at N moments, 30 per second.
+    """The poses of one body in the world frame, at N moments.
 
     Attributes:
         time: (N,) s, rising.
@@ -56,6 +57,15 @@ class BodyRecord:
     def rows(self, wanted: slice | NDArray[np.intp]) -> Self:
         """Return some of the moments."""
         return type(self)(self.time[wanted], self.position_xyz[wanted], self.orientation_xyzw[wanted])
+
+    def appearing(self, time: float) -> Self:
+        """Return the record of a body that appears at a sim time in s: its poses before it are NaN."""
+        absent = self.time < time - TIME_EPSILON_S
+        if not absent.any():
+            return self
+        position_xyz, orientation_xyzw = self.position_xyz.copy(), self.orientation_xyzw.copy()
+        position_xyz[absent], orientation_xyzw[absent] = math.nan, math.nan
+        return type(self)(self.time, position_xyz, orientation_xyzw)
 
     @property
     def is_whole(self) -> bool:

@@ -34,7 +34,8 @@ def save_trace(trace: Trace, path: Path) -> None:
         **_self_contact_arrays(trace),
         **_sensor_arrays(trace.sensors),
         **_clearance_arrays(trace.clearances),
-        **_body_arrays(trace.bodies),
+        **_body_arrays("body", trace.bodies),
+        **_body_arrays("object", trace.objects),
     }
     arrays: dict[str, Any] = {"joint_names": np.array(trace.joint_names, dtype=np.str_), **columns, **told}
     with whole_file(path) as file:
@@ -52,8 +53,9 @@ def load_trace(path: Path) -> Trace:
             contacts = zip(*(stored[f"contact_{field}"].tolist() for field in fields), strict=True)
             trace = Trace.of_columns(names, tuple(_contact(*row) for row in contacts), **columns)
             sensors, clearances = _sensor_records(stored), _clearance_records(stored)
-            bodies, self_contacts = _body_records(stored), _self_contacts(stored)
-            return replace(trace, sensors=sensors, clearances=clearances, bodies=bodies, self_contacts=self_contacts)
+            bodies, objects = _body_records("body", stored), _object_records(stored, trace)
+            told = replace(trace, sensors=sensors, clearances=clearances, bodies=bodies, objects=objects)
+            return replace(told, self_contacts=_self_contacts(stored))
     except Exception as error:  # noqa: BLE001 - numpy and zipfile raise many types for damaged files
         raise TraceError(f"{path}: not a trace: {error}") from None
 
@@ -161,20 +163,29 @@ def _clearance_records(stored: Mapping[str, Any]) -> dict[ClearanceWatch, Cleara
     return records
 
 
-def _body_arrays(bodies: Mapping[str, BodyRecord]) -> dict[str, Any]:
-    """Return the arrays of all bodies, numbered."""
-    arrays: dict[str, Any] = {"body_names": np.array(list(bodies), dtype=np.str_)} if bodies else {}
+def _body_arrays(kind: str, bodies: Mapping[str, BodyRecord]) -> dict[str, Any]:
+    """Return the arrays of all bodies of a kind, numbered."""
+    arrays: dict[str, Any] = {f"{kind}_names": np.array(list(bodies), dtype=np.str_)} if bodies else {}
     for index, record in enumerate(bodies.values()):
-        arrays |= {f"body_{index}_{name}": getattr(record, name) for name in _BODY_COLUMNS}
+        arrays |= {f"{kind}_{index}_{name}": getattr(record, name) for name in _BODY_COLUMNS}
     return arrays
 
 
-def _body_records(stored: Mapping[str, Any]) -> dict[str, BodyRecord]:
+def _body_records(kind: str, stored: Mapping[str, Any]) -> dict[str, BodyRecord]:
     """Return the records from the arrays that `_body_arrays` made."""
     records = {}
-    for index, name in enumerate(stored["body_names"].tolist() if "body_names" in stored else ()):
-        record = BodyRecord(*(stored[f"body_{index}_{column}"] for column in _BODY_COLUMNS))
+    for index, name in enumerate(stored[f"{kind}_names"].tolist() if f"{kind}_names" in stored else ()):
+        record = BodyRecord(*(stored[f"{kind}_{index}_{column}"] for column in _BODY_COLUMNS))
         if not record.is_whole:
-            raise ValueError(f"the columns of 'body_{index}' have different lengths")
+            raise ValueError(f"the columns of '{kind}_{index}' have different lengths")
         records[str(name)] = record
+    return records
+
+
+def _object_records(stored: Mapping[str, Any], trace: Trace) -> dict[str, BodyRecord]:
+    """Return the objects of a trace; raise ValueError if they have no pose for each of its moments."""
+    records = _body_records("object", stored)
+    for name, record in records.items():
+        if not np.array_equal(record.time, trace.time):
+            raise ValueError(f"the object '{name}' has other times than the trace")
     return records

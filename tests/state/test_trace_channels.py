@@ -11,6 +11,8 @@ ALL = Channels(
     contacts=True,
     clearances=frozenset({WALL, ClearanceWatch()}),
     sensors=frozenset({"scan", "imu"}),
+    bodies=frozenset({"ball"}),
+    objects=frozenset({"crate", "ball"}),
     openings=frozenset({0.0, 2.0}),
 )
 
@@ -23,7 +25,8 @@ def test_nothing_is_asked_for_by_nobody() -> None:
 def test_what_any_of_them_asks_for_is_asked_for() -> None:
     several = [
         Channels(contacts=True).opening_at(2.0),
-        Channels(clearances=frozenset({WALL}), sensors=frozenset({"scan"})),
+        Channels(clearances=frozenset({WALL}), sensors=frozenset({"scan"}), objects=frozenset({"crate"})),
+        Channels(bodies=frozenset({"ball"}), objects=frozenset({"ball"})),
         Channels(clearances=frozenset({ClearanceWatch(), WALL}), sensors=frozenset({"imu"})).opening_at(0.0),
     ]
     assert Channels.all_of(several) == Channels.all_of(reversed(several)) == ALL

@@ -106,3 +106,47 @@ def test_records_between_two_times_keep_both_ends_in_spite_of_rounding(
     record: BodyRecord | ClearanceRecord | SensorRecord, start: float, end: float, kept: list[float]
 ) -> None:
     assert record.between(start, end).time.tolist() == kept
+
+
+def crate(*times: float) -> BodyRecord:
+    """A crate that moves along x with 1 m/s."""
+    time = np.array(times)
+    return BodyRecord(time, np.outer(time, [1.0, 0.0, 0.0]), np.tile([0.0, 0.0, 0.0, 1.0], (len(time), 1)))
+
+
+def crates(*times: float) -> Trace:
+    return replace(trace(times), objects={"crate": crate(*times)})
+
+
+def where(seen: Trace) -> list[float]:
+    record = seen.objects["crate"]
+    assert record.time.tolist() == seen.time.tolist()
+    return [float(x) for x in record.position_xyz[:, 0]]
+
+
+def test_objects_are_cut_and_joined_with_the_state() -> None:
+    seen = crates(0.1, 0.2, 0.3, 0.4)
+    assert where(seen.first(2)) == [0.1, 0.2]
+    assert where(seen.between(0.2, 0.3)) == [0.2, 0.3]
+    assert where(seen.rows(np.array([0, 3]))) == [0.1, 0.4]
+    assert where(Trace.concatenate((seen.first(1), seen.between(0.2, 9.0)))) == [0.1, 0.2, 0.3, 0.4]
+    assert where(replace(seen, clearances={WATCHES[0]: RECORD}).between(0.2, 0.3)) == [0.2, 0.3]
+
+
+def test_an_object_is_nowhere_until_it_appears() -> None:
+    record = crate(0.1, 0.2, 0.3)
+    late = record.appearing(0.2)
+    assert np.isnan(late.position_xyz).all(axis=1).tolist() == [True, False, False]
+    assert np.isnan(late.orientation_xyzw).all(axis=1).tolist() == [True, False, False]
+    assert late.position_xyz[1:].tolist() == record.position_xyz[1:].tolist()
+    assert np.isfinite(record.position_xyz).all()
+    assert record.appearing(0.1) is record
+
+
+def test_objects_are_stored_if_they_have_a_pose_for_each_moment(tmp_path: Path) -> None:
+    seen = crates(0.1, 0.2)
+    save_trace(seen, tmp_path / "t.npz")
+    assert where(load_trace(tmp_path / "t.npz")) == [0.1, 0.2]
+    save_trace(replace(seen, objects={"crate": crate(0.1, 0.3)}), tmp_path / "t.npz")
+    with pytest.raises(TraceError, match="the object 'crate' has other times than the trace"):
+        load_trace(tmp_path / "t.npz")

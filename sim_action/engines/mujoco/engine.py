@@ -85,8 +85,8 @@ class MuJoCoEngine:
         # In MJCF, joint axes may lie away from the frames of their links, at an unknown distance.
         radii = dict.fromkeys(scene.model.links_by_name, math.inf) if scene.model.mjcf else distances.radii()
         self._clearances = ClearanceRecorder(channels, scene, radii, near=distances.near, body_at=self._objects.at)
-        tracked = [body.name for body in scene.world.objects if body.name in channels.bodies]
-        self._body_recorder = BodyRecorder(tracked, self._rate, self._objects.pose_reader(tracked))
+        self._body_recorder = BodyRecorder.of_film(channels, scene, self._objects.pose_reader)
+        self._object_recorder = BodyRecorder.of_objects(channels, scene, self._objects.pose_reader)
         # Clearances to static bodies are measured afterwards, from the recorded states.
         self._looks_back = not self._clearances.is_idle and self._clearances.bodies_are_static
         # A live view of the bodies' part, which comes last.
@@ -118,7 +118,8 @@ class MuJoCoEngine:
             self._clearances.record_past(steps, *states.places(rows), lambda row: recall(qpos[row]))
         touches, self._touches = tuple(self._touches), []
         clearances, bodies = self._clearances.collect(), self._body_recorder.collect()
-        return Trace(self._joint_names, states.trace_rows(rows), touches, clearances=clearances, bodies=bodies)
+        objects, state = self._object_recorder.collect(), states.trace_rows(rows)
+        return Trace(self._joint_names, state, touches, clearances=clearances, bodies=bodies, objects=objects)
 
     def collect_bodies(self) -> FloatArray:
         """See Engine.collect_bodies. Rows after a divergence are missing."""
@@ -175,6 +176,8 @@ class MuJoCoEngine:
                 yield self._record_path_contacts
         if not self._body_recorder.is_idle:
             yield self._body_recorder.record
+        if not self._object_recorder.is_idle:
+            yield self._object_recorder.record
         if not self._clearances.is_idle and not self._looks_back:
             yield self._record_clearances
 

@@ -7,7 +7,7 @@ surfaces touch.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,7 +22,7 @@ from sim_action.drives.wheels import held_joints
 from sim_action.engines import NO_CHANNELS, UNLIMITED_EFFORT, named_version
 from sim_action.engines.body_control import base_wrench
 from sim_action.engines.clearances import ClearanceRecorder
-from sim_action.engines.observers import BodyRecorder, LazyContacts, path_contacts
+from sim_action.engines.observers import BodyRecorder, LazyContacts, ReadPoses, path_contacts
 from sim_action.engines.pybullet.body_control import PyBulletBodyControl, apply_wrench, robot_inertia
 from sim_action.engines.pybullet.queries import (
     Distances,
@@ -107,13 +107,15 @@ class PyBulletEngine:
         self._clearances = ClearanceRecorder(
             channels, scene, distances.radii(), near=distances.near, body_at=self._body_at
         )
-        tracked = [body.name for body in scene.world.objects if body.name in channels.bodies]
-        look = pose_reader(self._client, [self._objects[name][0] for name in tracked])
-        self._body_recorder = BodyRecorder(tracked, self._rate, look)
-        heavy = [self._objects[body.name][0] for body in scene.world.objects if body.mass is not None]
-        self._read_bodies = pose_reader(self._client, heavy) if heavy else None
+        self._body_recorder = BodyRecorder.of_film(channels, scene, self._reader)
+        self._object_recorder = BodyRecorder.of_objects(channels, scene, self._reader)
+        recorders = (self._body_recorder, self._object_recorder)
+        self._recorders: list[Callable[[int], None]] = [each.record for each in recorders if not each.is_idle]
+        heavy = [body.name for body in scene.world.objects if body.mass is not None]
+        if heavy:
+            look = self._reader(heavy)
+            self._recorders.append(lambda _: self._body_poses.append(look()))
         self._body_poses: list[Sequence[float] | NDArray[np.float64]] = []
-        self._watches_bodies = bool(heavy) or not self._body_recorder.is_idle
         self._held_efforts: dict[int, float] = {}
         self._base_push: BasePush | None = None
         self._rows: list[tuple[float, ...]] = []
@@ -134,8 +136,8 @@ class PyBulletEngine:
             self._rows.append(self._row(step))
             if self._watches_contacts:
                 self._touches += self._contacts(step, ground=False)
-            if self._watches_bodies:
-                self._record_bodies(step)
+            for record in self._recorders:
+                record(step)
             if not self._clearances.is_idle:
                 row = self._rows[-1]
                 self._clearances.record(step, row[1:8], row[14 : 14 + len(self._joint_names)])
@@ -151,12 +153,6 @@ class PyBulletEngine:
         if self._sliding is not None:
             self._sliding.correct()
 
-    def _record_bodies(self, step: int) -> None:
-        if self._read_bodies is not None:
-            self._body_poses.append(self._read_bodies())
-        if not self._body_recorder.is_idle:
-            self._body_recorder.record(step)
-
     def collect(self) -> Trace:
         """See Engine.collect."""
         columns = 14 + 3 * len(self._joint_names)
@@ -164,9 +160,9 @@ class PyBulletEngine:
         for column, values in enumerate(in_link_frame(tuple(state[:, 1:14].T), self._com_in_link), start=1):
             state[:, column] = values
         clearances, bodies = self._clearances.collect(), self._body_recorder.collect()
-        trace = Trace(self._joint_names, state, tuple(self._touches), clearances=clearances, bodies=bodies)
+        objects, touches = self._object_recorder.collect(), tuple(self._touches)
         self._rows, self._touches = [], []
-        return trace
+        return Trace(self._joint_names, state, touches, clearances=clearances, bodies=bodies, objects=objects)
 
     def collect_bodies(self) -> NDArray[np.float64]:
         """See Engine.collect_bodies."""
@@ -219,6 +215,9 @@ class PyBulletEngine:
         """Return pose and twist of the base link from the 13 numbers of its centre of mass."""
         px, py, pz, qx, qy, qz, qw, vx, vy, vz, wx, wy, wz = in_link_frame(com, self._com_in_link)
         return Pose((px, py, pz), (qx, qy, qz, qw)), Twist((vx, vy, vz), (wx, wy, wz))
+
+    def _reader(self, names: Sequence[str]) -> ReadPoses:
+        return pose_reader(self._client, [self._objects[name][0] for name in names])
 
     def _body_at(self, body: str) -> tuple[float, ...]:
         there = self.body_pose(body)
