@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from sim_action.commands.robot_description import JointDescription, RobotDescription
     from sim_action.core.geometry import Pose, Twist
     from sim_action.state.command import Command, JointTargets
-    from sim_action.state.observation import Contact, JointState, Observation
+    from sim_action.state.observation import Contact, JointState, LinkState, Observation
     from sim_action.state.readings import CameraImage, ContactReading, ImuReading, LidarScan, OdometryReading
     from sim_action.state.trace import Trace
     from sim_action.state.verdict import Verdict
@@ -31,6 +31,7 @@ __all__ = [
     "JointState",
     "JointTargets",
     "LidarScan",
+    "LinkState",
     "Observation",
     "OdometryReading",
     "Pose",
@@ -51,6 +52,7 @@ _HOMES = {
     "JointState": "sim_action.state.observation",
     "JointTargets": "sim_action.state.command",
     "LidarScan": "sim_action.state.readings",
+    "LinkState": "sim_action.state.observation",
     "Observation": "sim_action.state.observation",
     "OdometryReading": "sim_action.state.readings",
     "Pose": "sim_action.core.geometry",

@@ -26,7 +26,7 @@ from sim_action.scenario.model import Scenario, TraceSettings
 from sim_action.sensors import SENSORS
 from sim_action.state import readings
 from sim_action.state.command import JointTargets
-from sim_action.state.observation import Contact, JointState, Observation
+from sim_action.state.observation import Contact, JointState, LinkState, Observation
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Verdict
 from sim_action.world import Body, Disturbance, Ground, Patch, PathPoint, Physics, World
@@ -95,7 +95,7 @@ ASSERTION_KINDS: Final = {
 }
 
 CONTROLLER_TYPES: Final = (
-    *(Observation, Pose, Twist, JointState, Contact, JointTargets),
+    *(Observation, Pose, Twist, JointState, LinkState, Contact, JointTargets),
     *(RobotDescription, JointDescription),
 )
 READINGS: Final = (

@@ -50,9 +50,9 @@ class ScriptCommands(CommandSource):
     every tick. `function` and `class` select another name, or one of the two if the file has both.
 
     Both get a `sim_action.Observation`: `time`, `pose`, `twist` (base link, world frame), `joints` (by name:
-    `position`, `velocity`, `effort`), `contacts` and `sensors` (by name: the latest reading). They return a
-    `sim_action.Twist`, `sim_action.JointTargets`, a tuple of both (such as for a base with an arm), or None to keep the
-    last command.
+    `position`, `velocity`, `effort`), `links` (by name: `pose` and `twist`, world frame), `contacts` and `sensors` (by
+    name: the latest reading). They return a `sim_action.Twist`, `sim_action.JointTargets`, a tuple of both (such as for
+    a base with an arm), or None to keep the last command.
 
     `reset` gets a `sim_action.RobotDescription`: `name`, `base`, `links`, `joints` (by name: `type`, `moves`, `lower`,
     `upper`, `max_effort`, `max_velocity`, `mimics`), `rate`, `seed`, and `random`, a generator of numpy with the

@@ -137,7 +137,7 @@ def twist_between(here: Pose, there: Pose, seconds: float) -> Twist:
     qx, qy, qz, qw = multiply(there.orientation_xyzw, conjugate(here.orientation_xyzw))
     sine = math.hypot(qx, qy, qz)
     # A quaternion and its negative are the same rotation.
-    rate = 2 * math.atan2(math.copysign(sine, qw), abs(qw)) / (sine * seconds) if sine else 0.0
+    rate = 2 * math.atan2(math.copysign(sine, qw), abs(qw)) / (sine * seconds) if sine * seconds else 0.0
     vx, vy, vz = moved
     return Twist((vx, vy, vz), (qx * rate, qy * rate, qz * rate))
 

@@ -344,6 +344,12 @@ class RobotModel:
         return {joint.name: joint for joint in self.joints}
 
     @cached_property
+    def joints_to(self) -> dict[str, tuple[Joint, ...]]:
+        """Link name -> the joints in series from its parent link to it; the base link is missing."""
+        children = dict.fromkeys(joint.child for joint in self.joints)
+        return {link: tuple(joint for joint in self.joints if joint.child == link) for link in children}
+
+    @cached_property
     def links_by_name(self) -> dict[str, Link]:
         """Link name -> link."""
         return {link.name: link for link in self.links}
@@ -351,8 +357,7 @@ class RobotModel:
     @cached_property
     def root(self) -> str:
         """The name of the base link, which is not the child of a joint."""
-        children = {joint.child for joint in self.joints}
-        return next(link.name for link in self.links if link.name not in children)
+        return next(link.name for link in self.links if link.name not in self.joints_to)
 
     def why_not_driven(self, name: str) -> str | None:
         """Return a message if no motor can move a joint, or if there is no such joint; None if a motor can."""

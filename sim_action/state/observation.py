@@ -21,6 +21,13 @@ class JointState(NamedTuple):
     effort: float
 
 
+class LinkState(NamedTuple):
+    """The pose of a link, and the twist of its frame's origin; both in the world frame."""
+
+    pose: Pose
+    twist: Twist
+
+
 class ByName(dict[str, _Thing]):
     """A dict of things of one kind; the error for an unknown name lists the known ones."""
 
@@ -144,6 +151,7 @@ class Observation:
         joints: joint name -> state, for every joint that moves.
         contacts: the present contacts of the robot, with the ground included.
         sensors: sensor name -> its latest reading, for every sensor of the scenario.
+        links: link name -> pose and twist of the link, computed from the base and the joints when they are read.
     """
 
     time: float
@@ -152,3 +160,4 @@ class Observation:
     joints: Mapping[str, JointState]
     contacts: Sequence[Contact] = ()
     sensors: Mapping[str, Reading] = field(default_factory=ByName)
+    links: Mapping[str, LinkState] = field(default_factory=ByName)

@@ -129,3 +129,7 @@ def test_what_stays_has_no_twist() -> None:
     pose = Pose((1.0, 2.0, 3.0), quaternion_from_rpy(0.1, 0.2, 0.3))
     assert math.hypot(*twist_between(pose, pose, 0.1).angular_xyz) < 1e-12
     assert twist_between(pose, pose, 0.1).linear_xyz == (0.0, 0.0, 0.0)
+
+
+def test_a_turn_too_small_to_divide_by_is_none() -> None:
+    assert twist_between(Pose(), Pose(orientation_xyzw=(0.0, 0.0, 1e-320, 1.0)), 1e-6).angular_xyz == (0.0, 0.0, 0.0)

@@ -70,8 +70,7 @@ class MuJoCoEngine:
         self._joint_names = tuple(joint.name for joint in scene.model.moving_joints)
         self._motors = Motors(scene, compiled, self._rate)
         self._pusher, self._pushes = BasePusher(compiled, self._rate), False
-        balls = len(scene.model.balls)
-        self._states = StateRecorder(compiled, self._joint_names, self._rate, self._motors.efforts, balls)
+        self._states = StateRecorder(compiled, scene.model, self._rate, self._motors.efforts)
         self._links = Links(compiled)
         self._objects = Objects(compiled)
         self._rays = Rays(compiled)

@@ -11,7 +11,8 @@ import numpy as np
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist
 from sim_action.engines.mujoco.scene import CompiledScene
-from sim_action.robot.robot_model import ball_angles
+from sim_action.robot.link_motion import LinkStates
+from sim_action.robot.robot_model import RobotModel, ball_angles
 from sim_action.state.observation import ByName, Contact, JointState, Observation
 from sim_action.state.trace import FloatArray
 
@@ -26,13 +27,12 @@ class StateRecorder:
     def __init__(
         self,
         compiled: CompiledScene,
-        joint_names: Sequence[str],
+        robot: RobotModel,
         rate: float,
         efforts: Callable[[], FloatArray],
-        balls: int = 0,
     ) -> None:
-        """`efforts` returns the efforts (J,) of the last step; `balls`: the number of ball joints, which come last."""
-        self._compiled, self._rate, self._efforts_now = compiled, rate, efforts
+        """`efforts` returns the efforts (J,) of the last step."""
+        self._compiled, self._robot, self._rate, self._efforts_now = compiled, robot, rate, efforts
         # Live views of the robot's part, which comes first.
         self._qpos = compiled.data.qpos[: compiled.robot_qpos]
         self._qvel = compiled.data.qvel[: compiled.robot_qvel]
@@ -44,9 +44,11 @@ class StateRecorder:
         # Per joint: its name, and the columns of its position, velocity and effort.
         positions, velocities = 1 + compiled.positions, self._speeds + compiled.velocities
         efforts_at = range(self._efforts, self._width)
-        self._places = list(zip(joint_names, positions.tolist(), velocities.tolist(), efforts_at, strict=True))
+        names = [joint.name for joint in robot.moving_joints]
+        self._places = list(zip(names, positions.tolist(), velocities.tolist(), efforts_at, strict=True))
         # The columns of the quaternion of each ball joint, whose parts are three of the places.
-        self._balls = [slice(first - 1, first + 3) for first in positions[len(positions) - 3 * balls :: 3].tolist()]
+        balls = positions[len(positions) - 3 * len(robot.balls) :: 3].tolist()
+        self._balls = [slice(first - 1, first + 3) for first in balls]
         self._fixed_pose = self._pose_of_fixed() if compiled.fixed else None
 
     def keep(self, step: int) -> None:
@@ -98,7 +100,8 @@ class StateRecorder:
             row = self._with_angles(row)
         joints = ByName([(name, JointState(row[p], row[v], row[e])) for name, p, v, e in self._places])
         pose, twist = self._present_base(row)
-        return Observation(step / self._rate, pose, twist, joints, contacts)
+        links = LinkStates(self._robot, pose, twist, joints)
+        return Observation(step / self._rate, pose, twist, joints, contacts, links=links)
 
     def _row(self, step: int) -> list[float]:
         """Return the row (1 + P + V + J,) of the present state: the last one if it is of this step, else a new one."""

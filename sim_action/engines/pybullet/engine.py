@@ -50,6 +50,7 @@ from sim_action.engines.pybullet.scene import (
     set_surfaces,
 )
 from sim_action.engines.world_events import WorldEvents
+from sim_action.robot.link_motion import LinkStates
 from sim_action.state.command import BasePush, JointTargets
 from sim_action.state.observation import ByName, Clash, Contact, JointState, Observation, Overlap
 from sim_action.state.trace import Trace
@@ -91,7 +92,7 @@ class PyBulletEngine:
         except OSError as error:
             self.close()
             raise EngineError(f"the engine cannot open the files of the model: {system_reason(error)}") from None
-        self._rate = scene.physics.rate
+        self._rate, self._model = scene.physics.rate, scene.model
         self._watches_contacts = channels.contacts and bool(self._objects)
         self._read_joints(scene)
         self.notes = self._calm(scene)
@@ -176,13 +177,15 @@ class PyBulletEngine:
         time, *row = last
         pose, twist = self._base_of(row[:13])
         joints = len(self._joint_names)
-        states = map(JointState, row[13 : 13 + joints], row[13 + joints : 13 + 2 * joints], row[13 + 2 * joints :])
+        columns = map(JointState, row[13 : 13 + joints], row[13 + joints : 13 + 2 * joints], row[13 + 2 * joints :])
+        states = ByName(zip(self._joint_names, columns, strict=True))
         return Observation(
             time=time,
             pose=pose,
             twist=twist,
-            joints=ByName(zip(self._joint_names, states, strict=True)),
+            joints=states,
             contacts=self._lazy_contacts.present(lambda: self._contacts(step, ground=True)) if contacts else (),
+            links=LinkStates(self._model, pose, twist, states),
         )
 
     def link_pose(self, link: str) -> Pose:
