@@ -144,7 +144,7 @@ def test_each_section_of_the_reference_has_an_example_of_it(family: str, key: st
 SINGLE_EXAMPLES = [
     with_marker(path, path.relative_to(ROOT))
     for path in sorted((ROOT / "examples").glob("**/*.sim.yml"))
-    if not re.search("^(extends|scenarios):", path.read_text(encoding="utf-8"), re.MULTILINE)
+    if not re.search("^(extends|scenarios|variations):", path.read_text(encoding="utf-8"), re.MULTILINE)
 ]
 
 

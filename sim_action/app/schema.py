@@ -14,7 +14,7 @@ from pydantic.json_schema import GenerateJsonSchema, models_json_schema
 from sim_action.app.editor_schema import EditorSchemas, Schema, chosen_by_key
 from sim_action.assertions import ASSERTIONS, Assertion
 from sim_action.assertions.combined import Combined
-from sim_action.commands import COMMANDS
+from sim_action.commands import COMMANDS, CommandSource
 from sim_action.core.registry import Table
 from sim_action.drives import DRIVES
 from sim_action.results.results_json import Results
@@ -128,10 +128,31 @@ def _models() -> tuple[Schema, Schema]:
     definitions["Expectation"] = _one_of(ASSERTIONS, definitions.pop(ExpectationOptions.__name__)["properties"])
     definitions |= _combined_assertions(definitions)
     definitions["Sensor"] = _one_of(SENSORS, definitions.pop(Mounting.__name__)["properties"])
+    for name in COMMANDS:
+        _let_map_hold_keys(name, COMMANDS.load(name), definitions)
     _let_world_name_robot(scenario, definitions["DrivenRobot"])
     robot = definitions["DrivenRobot"]["properties"]
     robot["drive"] = {"description": robot["drive"]["description"], **_choice(_drive_keys())}
     return scenario, definitions
+
+
+def _let_map_hold_keys(name: str, kind: type[CommandSource], definitions: Schema) -> None:
+    """Let the keys of a command source be written in a map below its own key."""
+    if kind.map_key is None:
+        return
+    properties = _properties(definitions, kind)
+    own = properties[name]
+    types = own["type"] if isinstance(own.get("type"), list) else [own.get("type")]
+    others = {key: each for key, each in properties.items() if key != name}
+    whole = {
+        "type": "object",
+        "properties": {kind.map_key: own, **others},
+        "required": [kind.map_key],
+        "additionalProperties": False,
+    }
+    values = {key: each for key, each in own.items() if key not in ("type", "description")}
+    alone = [{**values, "type": each} for each in types]
+    properties[name] = {"description": own["description"], "anyOf": [*alone, whole]}
 
 
 def _let_world_name_robot(scenario: Schema, robot: Schema) -> None:

@@ -15,7 +15,15 @@ from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import Monitor, State
 from sim_action.core.errors import Location, ScriptError
 from sim_action.core.field_types import NamesFile
-from sim_action.core.user_scripts import ANYTHING, ScriptProblem, read_script, run_file, script_error, script_errors_at
+from sim_action.core.user_scripts import (
+    ANYTHING,
+    ScriptProblem,
+    plain_data,
+    read_script,
+    run_file,
+    script_error,
+    script_errors_at,
+)
 from sim_action.core.wording import did_you_mean, escaped_line, shown, with_article
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_errors import SpecProblems
@@ -39,12 +47,14 @@ _GROWTH: Final = 2
 class UserAssertion(Assertion):
     """A Python class of yours judges the run: `assertion: checks/stays_level.py:StaysLevel`.
 
-    The class is created with the settings below `with`. Its only method, `judge(self, trace)`, receives a
-    `sim_action.Trace` of every physics step so far, as read-only numpy columns (`time`, `base_position_xyz`, `speed`,
-    `tilt`, `joint_position`, `contacts`, ...). It returns a `sim_action.Verdict(passed, measured, limit, margin, unit,
-    time, message)`; only `passed` is required. It returns None if the trace has nothing to judge yet; if it always does
-    so, the assertion is not exercised. The method may be called for any length of the same run, in any order. So it
-    must depend only on the trace and the settings.
+    The class is created with the settings below `with` as keyword arguments. Their names are compared with its
+    `__init__` before the run, and `variations` can lead to them: `expect.0.assertion.with.limit: [1, 2]`.
+
+    Its only method, `judge(self, trace)`, receives a `sim_action.Trace` of every physics step so far, as read-only
+    numpy columns (`time`, `base_position_xyz`, `speed`, `tilt`, `joint_position`, `contacts`, ...). It returns a
+    `sim_action.Verdict(passed, measured, limit, margin, unit, time, message)`; only `passed` is required. It returns
+    None if the trace has nothing to judge yet; if it always does so, the assertion is not exercised. The method may be
+    called for any length of the same run, in any order. So it must depend only on the trace and the settings.
 
     The class attribute `kind` sets when `judge` is called. "end", the default: once, at the end of the run.
     "invariant": also every 0.5 s of sim time, and the run ends when the verdict has not passed. "goal": also every 0.5
@@ -126,6 +136,13 @@ class UserAssertion(Assertion):
             if self.class_name not in script.names and ANYTHING not in script.names:
                 hint = did_you_mean(self.class_name, [found.name for found in script.classes] or script.names)
                 yield (), f"{self.file} defines no class '{self.class_name}'{hint}"
+            found = script.class_named(self.class_name)
+            if found is None or (parameters := found.parameters) is None:
+                return
+            for name, text in parameters.problems(self.settings):
+                remedy = "; add it to 'with'" if name is None else ""
+                path = ("with", name) if name else ("with",) if self.settings else ()
+                yield path, f"{self.file}:{parameters.line}: class '{self.class_name}' {text}{remedy}"
 
     def signals(
         self, scene: Scene, start: Observation, trace: Trace, after: float = 0.0, before: float = math.inf
@@ -209,7 +226,7 @@ class Judge:
         if kind not in get_args(Kind):
             raise ScriptError(f"{name}.kind is {kind!r}; allowed: {', '.join(get_args(Kind))}", where)
         with script_errors_at(path, f"{name}(...), called with its settings,"):
-            made = found(**settings)
+            made = found(**plain_data(settings))
         return cls(path, name, kind, made)
 
     def verdict(self, trace: Trace) -> Verdict:

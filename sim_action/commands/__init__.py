@@ -77,6 +77,9 @@ class CommandSource(FrozenModel):
     is_written: ClassVar[bool] = False
     """True if its commands are written in the scenario; else a controller gives them."""
 
+    map_key: ClassVar[str | None] = None
+    """The name of its own key in a map of all keys: `script: {file: a.py, class: A}` is `script: a.py` with `class`."""
+
     rate: Annotated[PositiveHertz, Field(description="rate of the ticks at which commands are given")] = 10.0
 
     @property

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shlex
 import shutil
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final
 
-from pydantic import BeforeValidator, Field, WithJsonSchema
+from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
 
 from sim_action.commands import ClosedLoop, CommandSource, Controller
 from sim_action.commands.controller_answers import answer_problem
@@ -36,6 +38,8 @@ VERSION: Final = 1
 # System calls accept only limited times.
 _DAY_S: Final = 86_400
 
+_ARGUMENT_NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
+
 _ENCODER: Final = json.JSONEncoder(ensure_ascii=False, allow_nan=False, separators=(",", ":"))
 
 
@@ -51,10 +55,31 @@ def _words(value: object) -> object:
     return value
 
 
+def _checked_settings(settings: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return parameters that can be arguments. Raises ValueError."""
+    if (wrong := next((name for name in settings if not _ARGUMENT_NAME.fullmatch(name)), None)) is not None:
+        raise ValueError(f"{wrong!r} cannot be the name of an argument; use letters, digits, '_', '-' and '.'")
+    if any("\0" in argument for argument in _arguments(settings)):
+        raise ValueError("an argument cannot contain a NUL character")
+    return settings
+
+
+def _arguments(settings: Mapping[str, Any]) -> list[str]:
+    """Return the arguments of a program for parameters of the scenario."""
+    texts = {
+        name: value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+        for name, value in settings.items()
+    }
+    return [f"--{name}={text}" for name, text in texts.items()]
+
+
 class ProcessCommands(CommandSource):
     """Asks a program in any language for each command, with lines of JSON on its standard input and output.
 
-    The program is started once, in the folder of the scenario. Each line on its standard input is one JSON object. It
+    The program is started once, in the folder of the scenario. `with: {kp: 1.2}` adds arguments, one for each entry:
+    `--kp=1.2`. A text is added as it is, and any other value as JSON: `--gains=[1, 2]`, `--slow=true`. `variations` can
+    lead to them: `commands.with.kp: [0.5, 1.0]`. All keys can also be written below `process`:
+    `process: {command: [python3, follow.py], with: {kp: 1.2}}`. Each line on its standard input is one JSON object. It
     answers each line with one line on standard output, which it must flush. Sim time stops meanwhile: a slow answer
     within its limit has no effect. All other output belongs on standard error, which is saved with the result.
 
@@ -87,6 +112,7 @@ class ProcessCommands(CommandSource):
     """
 
     runs_user_code: ClassVar[bool] = True
+    map_key: ClassVar[str | None] = "command"
 
     process: Annotated[
         tuple[str, ...],
@@ -99,6 +125,11 @@ class ProcessCommands(CommandSource):
             "shell is run. A program with a slash is a file of the workspace, any other is searched on PATH",
         ),
     ]
+    settings: Annotated[
+        Mapping[str, Any],
+        AfterValidator(_checked_settings),
+        Field(alias="with", description="parameters: each is one more argument, such as --kp=1.2"),
+    ] = {}
     answer_within: Annotated[PositiveSeconds, Field(le=_DAY_S, description="limit on the wall time of each answer")] = (
         2.0
     )
@@ -120,7 +151,7 @@ class ProcessCommands(CommandSource):
 
     def open(self, scene: Scene) -> Controller:
         """See CommandSource.open. Start the program. Raises ScriptError."""
-        program, *arguments = self.process
+        program, *arguments = *self.process, *_arguments(self.settings)
         called = shlex.join(self.process)
         robot = RobotDescription.of(scene, self.rate, self.code)
         try:

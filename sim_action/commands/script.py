@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Collection, Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, cast
 
@@ -19,6 +20,7 @@ from sim_action.core.user_scripts import (
     ANYTHING,
     Script,
     ScriptProblem,
+    plain_data,
     read_script,
     run_file,
     script_error,
@@ -45,9 +47,17 @@ CLASS: Final = "Controller"
 class ScriptCommands(CommandSource):
     """Calls a controller in Python for each command: a function, or a class that keeps state.
 
-    A function `control(observation)` is called at every tick. A class `Controller` is created once, without arguments.
-    Its method `reset(robot)`, which is optional, is called once before the robot moves, and its `step(observation)` at
-    every tick. `function` and `class` select another name, or one of the two if the file has both.
+    A function `control(observation)` is called at every tick. A class `Controller` is created once. Its method
+    `reset(robot)`, which is optional, is called once before the robot moves, and its `step(observation)` at every tick.
+    `function` and `class` select another name, or one of the two if the file has both.
+
+    `with: {kp: 1.2}` sets parameters: keyword arguments of the class, as in `def __init__(self, kp=1.0)`, or of the
+    function, as in `def control(observation, kp=1.0)`. Values are plain data (numbers, texts, booleans, lists, maps):
+    numbers have no units, and a text such as "2 m" stays a text. Names are compared with the file before the run.
+    `variations` can lead to them: `commands.with.kp: [0.5, 1.0, 2.0]`.
+
+    All keys can also be written below `script`: `script: {file: follow.py, class: Follower, with: {kp: 1.2}}`, with
+    variations of `commands.script.with.kp`.
 
     Both get a `sim_action.Observation`: `time`, `pose`, `twist` (base link, world frame), `joints` (by name:
     `position`, `velocity`, `effort`), `links` (by name: `pose` and `twist`, world frame), `contacts` and `sensors` (by
@@ -67,6 +77,7 @@ class ScriptCommands(CommandSource):
     """
 
     runs_user_code: ClassVar[bool] = True
+    map_key: ClassVar[str | None] = "file"
 
     script: Annotated[str, NamesFile(), Field(min_length=1, description="path of the Python file")]
     function: Annotated[
@@ -76,6 +87,12 @@ class ScriptCommands(CommandSource):
         str | None,
         Field(alias="class", min_length=1, description="name of the class to use; default: `Controller`"),
     ] = None
+    settings: Annotated[
+        Mapping[str, Any],
+        Field(
+            alias="with", description="parameters: keyword arguments of the class or function; numbers without units"
+        ),
+    ] = {}
 
     @property
     def code(self) -> str:
@@ -107,8 +124,27 @@ class ScriptCommands(CommandSource):
             except ScriptProblem as error:
                 yield (self._key,), f"{self.script}{error}"
                 return
-            if self._is_class(name) and (problem := class_problem(script, name)) is not None:
-                yield (self._key,), f"{self.script}{problem}"
+            yield from self._parameter_problems(script, name)
+
+    def _parameter_problems(self, script: Script, name: str) -> SpecProblems:
+        """Yield the parts of the controller, as its text shows it, that do not fit."""
+        if not self._is_class(name):
+            parameters, what, hint = script.functions.get(name), f"function '{name}'", ""
+        elif (found := script.class_named(name)) is None:
+            return
+        elif found.is_plain and "step" not in found.names:
+            hint = did_you_mean("step", found.names)
+            yield (self._key,), f"{self.script}:{found.line}: class '{name}' has no method 'step'{hint}"
+            return
+        else:
+            parameters, what = found.parameters, f"class '{name}'"
+            hint = "; reset(self, robot) gets data of the robot"
+        if parameters is None:
+            return
+        for key, text in parameters.problems(self.settings):
+            remedy = f"; add it to 'with'{hint}" if key is None else ""
+            path = ("with", key) if key else ("with",) if self.settings else (self._key,)
+            yield path, f"{self.script}:{parameters.line}: {what} {text}{remedy}"
 
     def open(self, scene: Scene) -> Controller:
         """See CommandSource.open. Raises ScriptError."""
@@ -130,6 +166,8 @@ class ScriptCommands(CommandSource):
             return f"{name}.step", self._step_of(name, found, path, scene)
         if not callable(found):
             raise ScriptError(f"'{name}' in {path.name} is not a function", Location(str(path)))
+        if self.settings:
+            found = partial(found, **plain_data(self.settings))
         return name, cast("Callable[[Observation], object]", found)
 
     def _step_of(self, name: str, found: object, path: Path, scene: Scene) -> Callable[[Observation], object]:
@@ -138,7 +176,7 @@ class ScriptCommands(CommandSource):
             raise ScriptError(f"'{name}' in {path.name} is not a class{hint}", Location(str(path)))
         robot = RobotDescription.of(scene, self.rate, f"{self.code} {name}")
         with script_errors_at(path, _CONTROLLER):
-            controller = found()
+            controller = found(**plain_data(self.settings))
             if (reset := getattr(controller, "reset", None)) is not None:
                 reset(robot)
         step = getattr(controller, "step", None)
@@ -218,16 +256,3 @@ def controller_name(
 def _must_have(names: Collection[str], name: str, missing: str, likely: Collection[str]) -> None:
     if name not in names and ANYTHING not in names:
         raise ScriptProblem(f" defines {missing}{did_you_mean(name, likely or names)}")
-
-
-def class_problem(script: Script, name: str) -> str | None:
-    """Return the problem of a class without a base class: no method `step`, or an __init__ with arguments; or None."""
-    found = next((each for each in script.classes if each.name == name and each.is_plain), None)
-    if found is None:
-        return None
-    if "step" not in found.names:
-        return f":{found.line}: class '{name}' has no method 'step'{did_you_mean('step', found.names)}"
-    if found.asks_for is not None:
-        asks = f"its __init__ requires '{found.asks_for}'; use reset(self, robot) to get data of the robot"
-        return f":{found.line}: class '{name}' is created without arguments, but {asks}"
-    return None

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import ast
 import itertools
+import re
 import sys
 import traceback
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
@@ -18,6 +19,7 @@ from typing import Any, Final
 
 from sim_action.core.errors import Location, ScriptError
 from sim_action.core.files import read_at_most
+from sim_action.core.wording import did_you_mean
 
 ANYTHING: Final = "*"
 """A name in `Script.names`: the script imports all names of another module."""
@@ -38,19 +40,43 @@ class ScriptProblem(ValueError):
 
 
 @dataclass(frozen=True, slots=True)
+class Parameters:
+    """The parameters of a function after its first, or of the `__init__` of a class after `self`.
+
+    Attributes:
+        line: of the `def`, or of the class if it has no `__init__`.
+        names: those that can be given by name.
+        required: those without a default.
+        takes_others: True if it has `**others`.
+    """
+
+    line: int
+    names: tuple[str, ...] = ()
+    required: tuple[str, ...] = ()
+    takes_others: bool = False
+
+    def problems(self, given: Collection[str]) -> Iterator[tuple[str | None, str]]:
+        """Yield each given name that does not exist, and None with each required name that is not given."""
+        for name in [] if self.takes_others else [name for name in given if name not in self.names]:
+            yield name, f"has no parameter '{name}'{did_you_mean(name, self.names)}"
+        for name in [name for name in self.required if name not in given]:
+            yield None, f"requires '{name}'"
+
+
+@dataclass(frozen=True, slots=True)
 class ScriptClass:
     """A class of a script, as far as its text shows.
 
     Attributes:
         is_plain: True if it has no bases and no decorators.
-        asks_for: the first required argument of its `__init__`; None: there is none.
+        parameters: of its `__init__`; None: the text does not show them.
     """
 
     name: str
     line: int
     names: frozenset[str]
     is_plain: bool
-    asks_for: str | None
+    parameters: Parameters | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,12 +85,18 @@ class Script:
 
     Attributes:
         names: all names that it defines, imports or assigns at module level, also in an `if` or a `try`.
-        functions, classes: the functions and classes that it defines at module level.
+        functions: name -> parameters of each function that it defines at module level; None: the text does not show
+            them.
+        classes: the classes that it defines at module level.
     """
 
     names: frozenset[str]
-    functions: frozenset[str]
+    functions: Mapping[str, Parameters | None]
     classes: tuple[ScriptClass, ...]
+
+    def class_named(self, name: str) -> ScriptClass | None:
+        """Return a class; None: the text does not show it."""
+        return next((each for each in self.classes if each.name == name), None)
 
 
 def read_script(path: Path) -> Script:
@@ -88,40 +120,102 @@ def _parsed(source: bytes) -> Script | str:
         return f"{line}: not valid Python: {error.msg}"
     except (ValueError, RecursionError, MemoryError) as error:
         return f": not valid Python: {error}"
-    classes = (_class_of(node) for node in tree.body if isinstance(node, ast.ClassDef))
-    functions = frozenset(node.name for node in tree.body if isinstance(node, ast.FunctionDef))
-    return Script(_names_bound_in(tree.body), functions, tuple(classes))
+    bound = _bindings(tree.body)
+    nodes = [node for node in tree.body if isinstance(node, ast.ClassDef | ast.FunctionDef)]
+    # A name that is bound again may be a decorated function, or a class with another __init__.
+    shown = {node.name: bound.count(node.name) == 1 for node in nodes}
+    defined = [node for node in nodes if isinstance(node, ast.FunctionDef)]
+    functions = {node.name: _parameters(node) if shown[node.name] else None for node in defined}
+    classes = (_class_of(node, shown=shown[node.name]) for node in nodes if isinstance(node, ast.ClassDef))
+    return Script(frozenset(bound), functions, tuple(classes))
 
 
-def _class_of(node: ast.ClassDef) -> ScriptClass:
+def _class_of(node: ast.ClassDef, *, shown: bool) -> ScriptClass:
     is_plain = not (node.bases or node.keywords or node.decorator_list)
+    names = frozenset(_bindings(node.body))
+    return ScriptClass(node.name, node.lineno, names, is_plain, _parameters_of_class(node, names) if shown else None)
+
+
+def _parameters_of_class(node: ast.ClassDef, names: frozenset[str]) -> Parameters | None:
+    """Return the parameters of `__init__`; None if a base, a decorator or other code decides them."""
     inits = [each for each in node.body if isinstance(each, ast.FunctionDef) and each.name == "__init__"]
-    asks_for = _asked(inits[-1].args) if inits and not inits[-1].decorator_list else None
-    return ScriptClass(node.name, node.lineno, _names_bound_in(node.body), is_plain, asks_for)
+    if node.bases or node.keywords or "__new__" in names or len(inits) != ("__init__" in names):
+        return None
+    decorators = list(map(_called, node.decorator_list))
+    if decorators not in ([], ["dataclass"]):
+        return None
+    if inits:
+        return _parameters(inits[0])
+    return _parameters_of_dataclass(node) if decorators else Parameters(node.lineno)
 
 
-def _asked(arguments: ast.arguments) -> str | None:
-    """Return the first argument of a method, without `self`, that has no default."""
+def _parameters(node: ast.FunctionDef) -> Parameters | None:
+    """Return the parameters of a function without its first; None if a decorator may change them."""
+    if node.decorator_list:
+        return None
+    arguments = node.args
     plain = [*arguments.posonlyargs, *arguments.args]
-    needed = plain[1 : len(plain) - len(arguments.defaults)]
+    by_name = plain[max(1, len(arguments.posonlyargs)) :] + arguments.kwonlyargs
+    required = plain[1 : len(plain) - len(arguments.defaults)]
     pairs = zip(arguments.kwonlyargs, arguments.kw_defaults, strict=True)
-    needed += [argument for argument, default in pairs if default is None]
-    return needed[0].arg if needed else None
+    required += [argument for argument, default in pairs if default is None]
+    names, needed = (tuple(argument.arg for argument in each) for each in (by_name, required))
+    return Parameters(node.lineno, names, needed, arguments.kwarg is not None)
 
 
-def _names_bound_in(body: Sequence[ast.AST]) -> frozenset[str]:
-    names, waiting = set(), list(body)
+def _parameters_of_dataclass(node: ast.ClassDef) -> Parameters | None:
+    if any(isinstance(each, ast.Call) and "init" in _keywords(each) for each in node.decorator_list):
+        return None
+    names, required = [], []
+    for each in node.body:
+        match each:
+            case ast.AnnAssign(target=ast.Name(id=name), annotation=annotation, value=value):
+                if not {"ClassVar", "KW_ONLY"}.isdisjoint(_words(annotation)):
+                    continue
+                is_field = isinstance(value, ast.Call) and _called(value) == "field"
+                keywords = _keywords(value) if isinstance(value, ast.Call) and is_field else {"default"}
+                if "init" in keywords:
+                    return None
+                names.append(name)
+                if value is None or keywords.isdisjoint(("default", "default_factory")):
+                    required.append(name)
+    return Parameters(node.lineno, tuple(names), tuple(required))
+
+
+def _called(node: ast.expr) -> str:
+    """Return the last part of a name such as `dataclasses.dataclass`, which may be called."""
+    return ast.unparse(node.func if isinstance(node, ast.Call) else node).rpartition(".")[2]
+
+
+def _keywords(call: ast.Call) -> set[str | None]:
+    return {keyword.arg for keyword in call.keywords}
+
+
+def _words(annotation: ast.expr) -> set[str]:
+    return set(re.findall(r"\w+", ast.unparse(annotation)))
+
+
+def _bindings(body: Sequence[ast.AST]) -> list[str]:
+    """Return the names that statements bind, each as often as it is bound."""
+    names, waiting = [], list(body)
     while waiting:
         match node := waiting.pop():
             case ast.FunctionDef(name=name) | ast.AsyncFunctionDef(name=name) | ast.ClassDef(name=name):
-                names.add(name)
+                names.append(name)
                 continue
             case ast.alias():
-                names.add(node.asname or node.name)
+                names.append(node.asname or node.name)
             case ast.Name(ctx=ast.Store()):
-                names.add(node.id)
+                names.append(node.id)
         waiting += ast.iter_child_nodes(node)
-    return frozenset(names)
+    return names
+
+
+def plain_data(value: object) -> Any:
+    """Return a copy of a value of a document for user code, with lists in place of tuples."""
+    if isinstance(value, dict):
+        return {key: plain_data(inner) for key, inner in value.items()}
+    return [plain_data(inner) for inner in value] if isinstance(value, tuple) else value
 
 
 def run_file(path: Path, who: str) -> Mapping[str, Any]:

@@ -43,17 +43,29 @@ _CONSTANTS: Final[dict[str, object]] = (
 
 @dataclass(frozen=True)
 class Document:
-    """The content of a file as plain values (maps as dict, lists as tuple), with the place of each value."""
+    """The content of a file as plain values (maps as dict, lists as tuple), with the place of each value.
+
+    Attributes:
+        moved: paths of values that are written elsewhere -> their paths in the file, which `marks` has.
+    """
 
     file: str
     data: object
     marks: Mapping[KeyPath, Location] = field(default_factory=dict)
+    moved: Mapping[KeyPath, KeyPath] = field(default_factory=dict)
 
     def location(self, path: KeyPath) -> Location:
         """Return the place of the key or list item at `path`, or of the nearest map or list around a missing one."""
+        path = self._as_written(path)
         while path not in self.marks and path:
             path = path[:-1]
         return self.marks.get(path, Location(self.file, 1, 1))
+
+    def _as_written(self, path: KeyPath) -> KeyPath:
+        for size in range(len(path), 0, -1) if self.moved else ():
+            if (place := self.moved.get(path[:size])) is not None:
+                return (*place, *path[size:])
+        return path
 
     @property
     def size(self) -> int:
@@ -67,7 +79,7 @@ class Document:
 
     def problem(self, path: KeyPath, message: str) -> Problem:
         """Return a problem at `path`: its file, line and column, and a message that starts with the keys."""
-        dotted = ".".join(str(step) for step in path)
+        dotted = ".".join(str(step) for step in self._as_written(path))
         return Problem(self.location(path), escaped_line(f"{dotted}: {message}" if dotted else message))
 
 

@@ -41,8 +41,8 @@ def file_keys(*, if_there: bool = False) -> tuple[Pattern, ...]:
         *_ways(World, if_there, ("world",)),
         *(way for key in DRIVES for way in _ways(DRIVES.load(key), if_there, ("robot", "drive", key))),
         *(way for key in SENSORS for way in _ways(SENSORS.load(key), if_there, ("sensors", _ANY, key))),
-        *(way for key in COMMANDS for way in _ways(COMMANDS.load(key), if_there, ("commands",))),
-        *(way for key in COMMANDS for way in _ways(COMMANDS.load(key), if_there, ("commands", _ANY))),
+        *(way for key in COMMANDS for way in _ways_of_source(key, if_there, ("commands",))),
+        *(way for key in COMMANDS for way in _ways_of_source(key, if_there, ("commands", _ANY))),
     ]
     for key in ASSERTIONS:
         spec = ASSERTIONS.load(key)
@@ -50,6 +50,15 @@ def file_keys(*, if_there: bool = False) -> tuple[Pattern, ...]:
         # Its value may be given directly instead of its keys.
         found += [*(way[:-1] for way in ways if way[-1] == spec.bare_value), *ways]
     return tuple(dict.fromkeys(found))
+
+
+def _ways_of_source(key: str, if_there: bool, to: Pattern) -> Iterator[Pattern]:
+    """Yield the patterns of a command source, whose keys may also be written in a map below its own key."""
+    kind = COMMANDS.load(key)
+    for own, *rest in _ways(kind, if_there, ()):
+        yield (*to, own, *rest)
+        if kind.map_key is not None:
+            yield (*to, key, kind.map_key if own == key else own, *rest)
 
 
 def _ways(model: type[BaseModel], if_there: bool, to: Pattern) -> Iterator[Pattern]:

@@ -26,6 +26,7 @@ from sim_action.scenario.claim_audit import (
     audit_scene,
     unknown_rules,
 )
+from sim_action.scenario.command_maps import Unfolded, unfolded
 from sim_action.scenario.files import read_only_scenario
 from sim_action.scenario.model import DrivenRobot, LoadedScenario, Scenario
 from sim_action.scenario.part_reader import PartReader
@@ -68,7 +69,9 @@ def checked(
     `evaluate` allows models that run code: xacro, and MJCF, which native code reads. Such models are otherwise only
     read in the scenario's own process. Raises InvalidScenario with all problems.
     """
-    loader = _Loader(source, permissions, libraries or Libraries(), evaluate=evaluate)
+    commands = unfolded(source.document)
+    source = replace(source, document=commands.document)
+    loader = _Loader(source, permissions, libraries or Libraries(), commands, evaluate=evaluate)
     scenario = loader.load()
     if source.group is not None:
         scenario = scenario.model_copy(update={"name": source.name})
@@ -194,7 +197,9 @@ def _in_document(problems: SpecProblems, written: int) -> SpecProblems:
 class _Loader:
     """Turns one document into a scenario."""
 
-    def __init__(self, source: Source, permissions: Permissions, libraries: Libraries, *, evaluate: bool) -> None:
+    def __init__(
+        self, source: Source, permissions: Permissions, libraries: Libraries, commands: Unfolded, *, evaluate: bool
+    ) -> None:
         self.model: RobotModel | None = None
         self.unchecked: tuple[str, ...] = ()
         self.parts: Mapping[str, tuple[Part, ...]] = {}
@@ -208,7 +213,11 @@ class _Loader:
         self._permissions = permissions
         self._problems = ProblemList(source.document)
         self._allowed = allowed_rules(self._data) if isinstance(self._data, dict) else frozenset()
-        self._parts = PartReader(source.document, source.workspace, permissions, self._problems, self._allowed)
+        for problem in commands.problems:
+            self._problems.note_elsewhere(problem)
+        self._parts = PartReader(
+            *(source.document, source.workspace, permissions, self._problems, self._allowed), refused=commands.refused
+        )
 
     def load(self) -> Scenario:
         assert isinstance(self._data, dict)  # whoever read the file has looked

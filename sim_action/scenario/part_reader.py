@@ -53,8 +53,19 @@ class PartReader:
         permissions: Permissions,
         problems: ProblemList,
         allowed: AbstractSet[str] = frozenset(),
+        *,
+        refused: AbstractSet[KeyPath] = frozenset(),
     ) -> None:
-        """Start a reader; `allowed`: rules of the audit of claims that the scenario allows."""
+        """Start a reader.
+
+        Args:
+            document: the parts.
+            workspace: in which their files are found.
+            permissions: of the caller.
+            problems: those that are found are added.
+            allowed: rules of the audit of claims that the scenario allows.
+            refused: paths of command sources whose problems are known.
+        """
         self.command_paths: list[KeyPath] = []
         self.sensor_paths: list[KeyPath] = []
         self.expect_paths: list[KeyPath] = []
@@ -64,6 +75,7 @@ class PartReader:
         self._problems = problems
         self._assertions = 0
         self._files = 0
+        self._refused = refused
         self._context = {} if "bare-angle" in allowed else {BARE_ANGLE_RULE: "bare-angle"}
 
     def with_families(self, data: Mapping[str, Any]) -> dict[str, Any]:
@@ -96,6 +108,8 @@ class PartReader:
         return entries[:1]
 
     def _command(self, data: Any, path: KeyPath) -> CommandSource | None:
+        if path in self._refused:
+            return None
         key = self._family_key(COMMANDS, data, path, beside=CommandSource)
         if key is None:
             return None

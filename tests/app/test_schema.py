@@ -233,3 +233,25 @@ def test_results_are_as_their_schema_says() -> None:
     del written["outcomes"][0]["digest"]
     with pytest.raises(jsonschema.ValidationError, match="digest"):
         jsonschema.validate(written, schema)
+
+
+@pytest.mark.parametrize(
+    ("commands", "is_valid"),
+    [
+        ({"script": {"file": "a.py", "class": "A", "with": {"kp": 1.2}, "rate": "20 Hz"}}, True),
+        ({"script": {"file": "a.py"}, "rate": "20 Hz"}, True),
+        ([{"script": "a.py", "class": "A", "with": {"kp": [1, "2"]}}], True),
+        ({"script": {"class": "A"}}, False),
+        ({"script": {"fil": "a.py"}}, False),
+        ({"script": {"file": 3}}, False),
+        ({"script": 3}, False),
+        ({"process": {"command": ["a"], "with": {"kp": 1}}}, True),
+        ({"process": {"command": "a b", "start_within": "2 s"}}, True),
+        ({"process": "a b"}, True),
+        ({"process": {"with": {}}}, False),
+    ],
+)
+def test_the_keys_of_a_source_may_be_a_map(
+    commands: Any, is_valid: bool, validator: jsonschema.Draft7Validator
+) -> None:
+    assert validator.is_valid({**LEAST, "commands": commands}) == is_valid

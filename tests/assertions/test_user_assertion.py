@@ -219,6 +219,24 @@ def test_a_setting_that_it_does_not_take(tmp_path: Path) -> None:
     assert "unexpected keyword argument 'limt'" in str(refusal(tmp_path, SLOW.format(kind="end"), limt=3))
 
 
+def test_a_setting_is_compared_with_the_signature_before_the_run(tmp_path: Path) -> None:
+    def problems(**settings: Any) -> list[tuple[tuple[str | int, ...], str]]:
+        return list(written(tmp_path, SLOW.format(kind="end"), **settings).file_problems(Workspace(tmp_path, tmp_path)))
+
+    assert problems(limit=3) == []
+    ((path, message),) = problems(limt=3)
+    assert path == ("with", "limt")
+    assert "class 'Slow' has no parameter 'limt'; did you mean 'limit'? (allowed: limit)" in message
+    text = "class Slow:\n    def __init__(self, limit): ...\n    def judge(self, trace): ...\n"
+    found = list(written(tmp_path, text).file_problems(Workspace(tmp_path, tmp_path)))
+    assert found == [((), "checks.py:2: class 'Slow' requires 'limit'; add it to 'with'")]
+
+
+def test_lists_among_the_settings_are_lists(tmp_path: Path) -> None:
+    text = "class Slow:\n    def __init__(self, x): assert x == [1, {'a': [2]}], x\n    def judge(self, trace): ...\n"
+    opened(tmp_path, text, x=(1, {"a": (2,)}))
+
+
 def test_it_is_read_and_not_run_before(tmp_path: Path) -> None:
     spec = written(tmp_path, SLOW + "\nopen('ran', 'w')\nraise SystemExit\n")
     assert list(spec.file_problems(Workspace(tmp_path, tmp_path))) == []

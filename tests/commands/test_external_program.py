@@ -116,6 +116,20 @@ def test_it_hears_of_its_robot_and_then_what_there_is_to_see(tmp_path: Path) -> 
 
 
 @pytest.mark.process
+def test_its_parameters_are_arguments(tmp_path: Path) -> None:
+    program = "import json, sys\njson.dump(sys.argv[1:], open('heard.json', 'w'))\nfor line in sys.stdin:\n"
+    program += "    print('{}', flush=True)\n"
+    settings = {"kp": -1.2, "name": "a b", "slow": True, "gains": (1, {"x": None}), "empty": "", "k.p-i_d": 1e-9}
+    source = ProcessCommands.model_validate({**spec(tmp_path, program).model_dump(by_alias=True), "with": settings})
+    controller = source.open(replace(scene(), workspace=Workspace(tmp_path, tmp_path)))
+    assert isinstance(controller, ClosedLoop)
+    controller.close()
+    assert json.loads((tmp_path / "heard.json").read_text()) == [
+        *("--kp=-1.2", "--name=a b", "--slow=true", '--gains=[1, {"x": null}]', "--empty=", "--k.p-i_d=1e-09"),
+    ]
+
+
+@pytest.mark.process
 def test_the_first_line_is_no_time_for_commands(tmp_path: Path) -> None:
     with (
         pytest.raises(ScriptError, match=r"answer reset with \{\}"),
@@ -171,8 +185,9 @@ def test_text_is_split_as_a_shell_would_and_a_list_is_not() -> None:
         ("'\"open'", "cannot be split into words: No closing quotation"),
         ("''", "must not be empty"),
         ("[]", "must not be empty"),
+        ("{command: {a: b}}", "expected a list, found a map of keys"),
         ("[sleep, 3]", "expected text, found 3; put it in quotes"),
-        ("{a: b}", "expected a list, found a map of keys"),
+        ("{a: b}", "5:13: commands.process.a: unknown key (allowed: answer_within, command, "),
         ('["a\\0b"]', "a command cannot contain a NUL character"),
         ("sh\n  answer_within: 0", "6:3: commands.answer_within: must be greater than 0, found 0"),
         ("sh\n  answer_within: 1e12", "6:3: commands.answer_within: must be at most 86,400 s"),

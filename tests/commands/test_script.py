@@ -376,9 +376,12 @@ def test_class_and_function_exclude_each_other(tmp_path: Path) -> None:
         ("class Controler:\n    def step(self, seen): ...", "no class 'Controller'; did you mean 'Controler'?"),
         (
             f"class Controller:\n    def __init__(self, robot): ...\n{STEP}",
-            ":1: class 'Controller' is created without arg",
+            ":2: class 'Controller' requires 'robot'; add it to 'with'; reset(self, robot) gets data of the robot",
         ),
-        (f"class Controller:\n    def __init__(self, a=1, *, bot): ...\n{STEP}", "its __init__ requires 'bot'"),
+        (
+            f"class Controller:\n    def __init__(self, a=1, *, bot): ...\n{STEP}",
+            ":2: class 'Controller' requires 'bot'",
+        ),
     ],
 )
 def test_a_class_that_cannot_work_is_a_problem(text: str, message: str, tmp_path: Path) -> None:
@@ -433,3 +436,75 @@ def test_a_class_that_raises_or_answers_nonsense_is_told_by_its_name(tmp_path: P
 def test_it_runs_code_of_the_users() -> None:
     assert ScriptCommands.runs_user_code
     assert not ScriptCommands.needs_drive
+
+
+def with_settings(folder: Path, text: str, **settings: object) -> ScriptCommands:
+    (folder / "controller.py").write_text(text, encoding="utf-8")
+    return ScriptCommands.model_validate({"script": "controller.py", "with": settings})
+
+
+INIT = "class Controller:\n    def __init__(self, kp, *, ki=0.0): self.gains = kp, ki\n" + STEP
+FUNCTION_OF = "def control(seen, kp, ki=0.0): ...\n"
+RECORD = "from dataclasses import dataclass, field\nfrom typing import ClassVar\n@dataclass\nclass Controller:\n"
+RECORD += "    kp: float\n    ki: float = 0.0\n    seen: list = field(default_factory=list)\n    N: ClassVar[int] = 3\n"
+
+
+@pytest.mark.parametrize("text", [INIT, FUNCTION_OF, RECORD + STEP], ids=["class", "function", "dataclass"])
+def test_parameters_are_compared_with_the_signature(text: str, tmp_path: Path) -> None:
+    assert problems(tmp_path, with_settings(tmp_path, text, kp=1)) == []
+    assert problems(tmp_path, with_settings(tmp_path, text, kp=1, ki=2)) == []
+    ((path, message),) = problems(tmp_path, with_settings(tmp_path, text, kp=1, kii=2))
+    assert path == ("with", "kii")
+    assert " has no parameter 'kii'; did you mean 'ki'? (allowed: ki, kp" in message
+    assert message.startswith("controller.py:")
+    ((path, message),) = problems(tmp_path, with_settings(tmp_path, text, ki=2))
+    assert path == ("with",)
+    assert " requires 'kp'; add it to 'with'" in message
+    ((path, message),) = problems(tmp_path, with_settings(tmp_path, text))
+    assert path == ("script",)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "class Controller:\n    def __init__(self, **all): ...\n" + STEP,
+        "def control(seen, **all): ...",
+        "def made(f): return f\n@made\ndef control(seen): ...",
+        "def control(seen): ...\ncontrol = print",
+        "if True:\n    def control(seen): ...",
+        "class Base: ...\nclass Controller(Base):\n" + STEP,
+        "def made(f): return f\n@made\nclass Controller:\n" + STEP,
+        "from dataclasses import dataclass\n@dataclass(init=False)\nclass Controller:\n    a: int\n" + STEP,
+        "class Controller:\n    def __new__(cls, kp): ...\n" + STEP,
+        "class Controller:\n    __init__ = print\n" + STEP,
+    ],
+)
+def test_parameters_that_the_text_does_not_show_are_not_refused(text: str, tmp_path: Path) -> None:
+    assert problems(tmp_path, with_settings(tmp_path, text, kp=1)) == []
+
+
+SPEEDY = "from sim_action import Twist\ndef control(seen, *, speeds=[0], then=None):\n    assert type(speeds) is list\n"
+SPEEDY += "    return Twist.planar(speeds[-1] + (then or {'a': 0})['a'])\n"
+
+
+def test_parameters_are_keyword_arguments_of_the_function(tmp_path: Path) -> None:
+    here = replace(scene(), workspace=Workspace(tmp_path, tmp_path))
+    controller = with_settings(tmp_path, SPEEDY, speeds=(1, 2), then={"a": 0.5}).open(here)
+    assert isinstance(controller, ClosedLoop)
+    assert controller.command(START) == Twist.planar(2.5)
+
+
+def test_parameters_are_keyword_arguments_of_the_class(tmp_path: Path) -> None:
+    text = "from sim_action import Twist\nclass Controller:\n    def __init__(self, speed): self.speed = speed\n"
+    text += "    def step(self, seen): return Twist.planar(self.speed)\n"
+    here = replace(scene(), workspace=Workspace(tmp_path, tmp_path))
+    controller = with_settings(tmp_path, text, speed=3).open(here)
+    assert isinstance(controller, ClosedLoop)
+    assert controller.command(START) == Twist.planar(3)
+
+
+def test_a_parameter_that_only_running_can_refuse_is_a_script_error(tmp_path: Path) -> None:
+    here = replace(scene(), workspace=Workspace(tmp_path, tmp_path))
+    text = "class Base: ...\nclass Controller(Base):\n" + STEP
+    with pytest.raises(ScriptError, match="raised TypeError: "):
+        with_settings(tmp_path, text, kp=1).open(here)

@@ -28,6 +28,7 @@ time_limit: 1 s
 MARK: Final = "open({marker!r}, 'a').write({kind!r} + chr(10))\n"
 BODIES: Final[Mapping[str, str]] = {
     "function.py": "{mark}\ndef control(observation): ...\n",
+    "map.py": "{mark}\ndef control(observation, x): ...\n",
     "class.py": "class Controller:\n    def reset(self, robot):\n        {mark}\n    def step(self, _): ...\n",
     "ctl.py": "import sys\n{mark}\nfor line in sys.stdin:\n    print('{{}}', flush=True)\n",
     "judge.py": "{mark}\nclass Judge:\n    def judge(self, trace): ...\n",
@@ -46,6 +47,7 @@ XACRO: Final = """\
 SCENARIOS: Final = {
     "function": {"commands": "commands: {rate: 10 Hz, script: function.py}"},
     "class": {"commands": "commands: {rate: 10 Hz, script: class.py}"},
+    "map": {"commands": "commands: {script: {file: map.py, rate: 10 Hz, with: {x: 1}}}"},
     "process": {"commands": "commands: {rate: 10 Hz, process: python3 ctl.py}"},
     "assertion": {"expect": "assertion: judge.py:Judge"},
     "xacro": {"model": "nosy.urdf.xacro"},

@@ -108,6 +108,8 @@ def test_the_keys_of_files_are_those_that_the_specs_tell() -> None:
         ("world", "objects", "*", "map", "file"),
         ("commands", "script"),
         ("commands", "*", "script"),
+        ("commands", "script", "file"),
+        ("commands", "*", "script", "file"),
         ("commands", "replay"),
         ("commands", "*", "replay"),
         ("commands", "ros1", "workspace"),
@@ -117,7 +119,12 @@ def test_the_keys_of_files_are_those_that_the_specs_tell() -> None:
         ("expect", "**", "matches", "trace"),
         ("expect", "**", "assertion", "class"),
     }
-    assert file_keys(if_there=True) == (("commands", "process", "*"), ("commands", "*", "process", "*"))
+    assert file_keys(if_there=True) == (
+        ("commands", "process", "*"),
+        ("commands", "process", "command", "*"),
+        ("commands", "*", "process", "*"),
+        ("commands", "*", "process", "command", "*"),
+    )
 
 
 def test_each_key_whose_description_speaks_of_a_path_or_a_folder_is_known() -> None:

@@ -19,7 +19,7 @@ from sim_action.scenario.model import Scenario
 from sim_action.state.trace_channels import Channels
 from tests.scenarios import LEAST, load, told
 
-JUDGE = "class Mine:\n    def judge(self, trace): ...\n"
+JUDGE = "class Mine:\n    def __init__(self, **settings): ...\n    def judge(self, trace): ...\n"
 
 
 def expecting(*entries: str) -> str:
