@@ -1,8 +1,8 @@
 """YAML text -> Scenario -> Simulation(Engine, Commands, Monitors) -> Trace + Verdicts -> Outcome -> Reports.
 
 The names exported here are what code of the user's needs: a controller is given a `RobotDescription` and an
-`Observation`, and may return a `Twist` or `JointTargets`; an assertion is given a `Trace` and returns a `Verdict`. They
-are imported at first use, so that `sim-action --help` does not wait for them.
+`Observation`, and may return a `Twist`, `JointTargets` or a `LinkWrench`; an assertion is given a `Trace` and returns
+a `Verdict`. They are imported at first use, so that `sim-action --help` does not wait for them.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from sim_action.commands.robot_description import JointDescription, RobotDescription
     from sim_action.core.geometry import Pose, Twist
-    from sim_action.state.command import Command, JointTargets
+    from sim_action.state.command import Command, JointTargets, LinkWrench
     from sim_action.state.observation import Contact, JointState, LinkState, Observation
     from sim_action.state.readings import CameraImage, ContactReading, ImuReading, LidarScan, OdometryReading
     from sim_action.state.trace import Trace
@@ -32,6 +32,7 @@ __all__ = [
     "JointTargets",
     "LidarScan",
     "LinkState",
+    "LinkWrench",
     "Observation",
     "OdometryReading",
     "Pose",
@@ -53,6 +54,7 @@ _HOMES = {
     "JointTargets": "sim_action.state.command",
     "LidarScan": "sim_action.state.readings",
     "LinkState": "sim_action.state.observation",
+    "LinkWrench": "sim_action.state.command",
     "Observation": "sim_action.state.observation",
     "OdometryReading": "sim_action.state.readings",
     "Pose": "sim_action.core.geometry",

@@ -25,7 +25,7 @@ from sim_action.robot.spec import Robot
 from sim_action.scenario.model import Scenario, TraceSettings
 from sim_action.sensors import SENSORS
 from sim_action.state import readings
-from sim_action.state.command import JointTargets
+from sim_action.state.command import JointTargets, LinkWrench
 from sim_action.state.observation import Contact, JointState, LinkState, Observation
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Verdict
@@ -95,7 +95,7 @@ ASSERTION_KINDS: Final = {
 }
 
 CONTROLLER_TYPES: Final = (
-    *(Observation, Pose, Twist, JointState, LinkState, Contact, JointTargets),
+    *(Observation, Pose, Twist, JointState, LinkState, Contact, JointTargets, LinkWrench),
     *(RobotDescription, JointDescription),
 )
 READINGS: Final = (

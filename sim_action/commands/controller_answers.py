@@ -2,23 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Sized
 from typing import cast
 
 from sim_action.core.geometry import Twist
 from sim_action.core.wording import with_article
-from sim_action.robot.robot_model import RobotModel
-from sim_action.state.command import Answer, Command, JointTargets, is_finite
+from sim_action.state.command import Answer, Command, JointTargets, LinkWrench, is_finite
+from sim_action.world.disturbance import MAX_FORCE
+from sim_action.world.scene import Scene
 
 
-def answer_problem(answer: object, model: RobotModel) -> str | None:
+def answer_problem(answer: object, scene: Scene) -> str | None:
     """Return the problem of an answer, as the end of a sentence "... returned ..."; None if the answer is valid."""
     if not isinstance(answer, (tuple, list)):
-        return _problem_with_one(answer, model)
+        return _problem_with_one(answer, scene)
     for kind in (Twist, JointTargets):
         if sum(isinstance(part, kind) for part in answer) > 1:
-            return f"more than one {kind.__name__} in a tuple; it may have one of each kind: (Twist, JointTargets)"
-    problems = (_problem_with_one(part, model) for part in answer)
+            return (
+                f"more than one {kind.__name__} in a tuple; it may have one Twist, one JointTargets and any number of "
+                "LinkWrench"
+            )
+    problems = (_problem_with_one(part, scene) for part in answer)
     return next((f"{with_article(type(answer).__name__)} with {problem}" for problem in problems if problem), None)
+
+
+def twist_problem(twist: Twist) -> str | None:
+    """Return the problem of a twist, as the end of a sentence; None if it is valid."""
+    if not _has_three_each(twist):
+        return f"{twist!r}; a Twist needs two vectors of 3 numbers; Twist.planar(linear, angular) creates one"
+    return _problem_with_numbers(twist)
 
 
 def as_answer(answer: object) -> Answer:
@@ -28,16 +40,17 @@ def as_answer(answer: object) -> Answer:
     return cast("Answer", answer)
 
 
-def _problem_with_one(answer: object, model: RobotModel) -> str | None:
+def _problem_with_one(answer: object, scene: Scene) -> str | None:
     if answer is None:
         return None
-    if not isinstance(answer, (Twist, JointTargets)):
-        return f"{with_article(type(answer).__name__)}; allowed are a Twist, JointTargets, a tuple of both, or None"
-    if isinstance(answer, Twist) and not _has_three_each(answer):
-        return f"{answer!r}; a Twist needs two vectors of 3 numbers; Twist.planar(linear, angular) creates one"
-    if problem := _problem_with_numbers(answer):
-        return problem
-    return None if isinstance(answer, Twist) else _problem_with_targets(answer, model)
+    if not isinstance(answer, (Twist, JointTargets, LinkWrench)):
+        allowed = "a Twist, JointTargets, a LinkWrench, a tuple of them, or None"
+        return f"{with_article(type(answer).__name__)}; allowed are {allowed}"
+    if isinstance(answer, Twist):
+        return twist_problem(answer)
+    if isinstance(answer, LinkWrench):
+        return _problem_with_wrench(answer, scene)
+    return _problem_with_numbers(answer) or _problem_with_targets(answer, scene)
 
 
 def _problem_with_numbers(command: Command) -> str | None:
@@ -57,11 +70,26 @@ def _text(command: Command) -> str:
         return with_article(type(command).__name__)
 
 
-def _problem_with_targets(targets: JointTargets, model: RobotModel) -> str | None:
+def _problem_with_wrench(wrench: LinkWrench, scene: Scene) -> str | None:
+    if not _has_three_each(wrench):
+        return f"{_text(wrench)}; a LinkWrench needs vectors of 3 numbers: force_xyz, torque_xyz and point_xyz"
+    if (problem := _problem_with_numbers(wrench)) is not None:
+        return problem
+    if (problem := scene.why_not_moved(str(wrench.link))) is not None:
+        return f"a LinkWrench that cannot act: {problem}"
+    if (problem := scene.why_no_frame(str(wrench.frame))) is not None:
+        return f"a LinkWrench in an unknown frame: {problem}"
+    strongest = max(map(abs, (*wrench.force_xyz, *wrench.torque_xyz)))
+    return f"{_text(wrench)}; at most {MAX_FORCE:g} N or N m is allowed" if strongest > MAX_FORCE else None
+
+
+def _problem_with_targets(targets: JointTargets, scene: Scene) -> str | None:
     if targets.base is not None:
         return "a push of the base, which only drives may command; use joint targets"
+    if targets.wrenches is not None:
+        return "JointTargets with wrenches; answer with a tuple (JointTargets, LinkWrench, ...) instead"
     for name in (*targets.names(), *targets.max_effort):
-        if (trouble := model.why_not_driven(str(name))) is not None:
+        if (trouble := scene.model.why_not_driven(str(name))) is not None:
             return f"a target for a joint that cannot be driven: {trouble}"
     negative = next((name for name, effort in targets.max_effort.items() if effort < 0), None)
     return (
@@ -71,8 +99,12 @@ def _problem_with_targets(targets: JointTargets, model: RobotModel) -> str | Non
     )
 
 
-def _has_three_each(twist: Twist) -> bool:
+def _has_three_each(command: Twist | LinkWrench) -> bool:
+    if isinstance(command, Twist):
+        vectors: tuple[Sized, ...] = (command.linear_xyz, command.angular_xyz)
+    else:
+        vectors = (command.force_xyz, command.torque_xyz, command.point_xyz)
     try:
-        return len(twist.linear_xyz) == len(twist.angular_xyz) == 3
+        return all(len(vector) == 3 for vector in vectors)
     except TypeError:
         return False

@@ -24,7 +24,6 @@ from sim_action.core.field_types import NamesFile, PositiveSeconds
 from sim_action.core.wording import shown
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.robot.robot_model import RobotModel
 from sim_action.state.command import Answer
 from sim_action.world.scene import Scene
 
@@ -102,7 +101,11 @@ class ProcessCommands(CommandSource):
     - `{"twist": {"linear": 0.2, "angular": 0, "lateral": 0}}`: m/s and rad/s of the base, each 0 by default.
     - `{"position": {...}, "velocity": {...}, "effort": {...}, "max_effort": {...}}`: joint targets by name; each of the
       four is optional. They mean the same as in `sim_action.JointTargets`, and are clipped to the motors' limits.
-    - `twist` together with joint targets, such as for a base with an arm.
+    - `{"wrenches": [{"link": "rotor", "force": [0, 0, 9.81], "torque": [0, 0, 0.1], "frame": "rotor"}]}`: forces in N
+      and torques in N m on links, with an optional `point`, as in `sim_action.LinkWrench`; only `link` is required.
+      They act at every physics step until an answer names the link again; wrenches on the same link in one answer add
+      up.
+    - Several of these together, such as `twist` and joint targets for a base with an arm.
 
     After the run, its standard input is closed. A program that has not exited one second later is killed.
 
@@ -158,7 +161,7 @@ class ProcessCommands(CommandSource):
             path = find_program(program, scene.workspace)
         except PathError as error:
             raise ScriptError(str(error)) from None
-        session = _Session(LineProcess([str(path), *arguments], scene.workspace.directory, called), scene.model, called)
+        session = _Session(LineProcess([str(path), *arguments], scene.workspace.directory, called), scene, called)
         try:
             session.reset(robot, AnswerLimit(self.start_within, "start_within"))
         except BaseException:
@@ -171,10 +174,10 @@ class ProcessCommands(CommandSource):
 class _Session:
     """The exchange of messages with a program."""
 
-    def __init__(self, lockstep: LineProcess, model: RobotModel, called: str) -> None:
+    def __init__(self, lockstep: LineProcess, scene: Scene, called: str) -> None:
         self._lockstep = lockstep
-        self._model = model
-        self._motors = Saturation(model, f"'{called}'")
+        self._scene = scene
+        self._motors = Saturation(scene.model, f"'{called}'")
         self.notes = self._motors.notes
 
     def close(self) -> None:
@@ -201,7 +204,7 @@ class _Session:
             answer = parse_answer(line)
         except AnswerError as error:
             raise self._lockstep.refusal(line, str(error)) from None
-        if problem := answer_problem(answer, self._model):
+        if problem := answer_problem(answer, self._scene):
             raise self._lockstep.refusal(line, f"it is {problem}")
         return self._motors.clip_answer(answer)
 

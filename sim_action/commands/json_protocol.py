@@ -8,14 +8,14 @@ from __future__ import annotations
 import base64
 import json
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any, Final, NoReturn
 
 from sim_action.commands.robot_description import JointDescription, RobotDescription
-from sim_action.core.geometry import Pose, Twist
+from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.core.wording import did_you_mean, shown
-from sim_action.state.command import Answer, Command, JointTargets
+from sim_action.state.command import WORLD_FRAME, Answer, Command, JointTargets, LinkWrench
 
 if TYPE_CHECKING:
     from sim_action.state.observation import Contact, Observation
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 Json = dict[str, Any]
 
 _TARGETS: Final = ("position", "velocity", "effort", "max_effort")
+
+_WRENCH: Final = ("link", "force", "torque", "frame", "point")
 
 _SPEEDS: Final = ("linear", "angular", "lateral")
 
@@ -131,11 +133,13 @@ class AnswerError(ValueError):
 def parse_answer(line: bytes) -> Answer:
     """Return the command in an answer; None if the last command stays in effect. Raises AnswerError."""
     found = _object(_parsed_line(line))
-    _check_keys(found, ("twist", *_TARGETS), "it")
+    _check_keys(found, ("twist", *_TARGETS, "wrenches"), "it")
     commands: list[Command] = [_twist_command(found["twist"])] if "twist" in found else []
     if any(key in found for key in _TARGETS):
         position, velocity, effort, max_effort = (_numbers(found.get(key, {}), key) for key in _TARGETS)
         commands.append(JointTargets(position, velocity, effort, max_effort))
+    if "wrenches" in found:
+        commands += _wrench_commands(found["wrenches"])
     return tuple(commands) if len(commands) > 1 else next(iter(commands), None)
 
 
@@ -190,6 +194,35 @@ def _twist_command(value: Any) -> Twist:
     speeds = _numbers(value, "twist")
     _check_keys(speeds, _SPEEDS, "'twist'")
     return Twist.planar(speeds.get("linear", 0.0), speeds.get("angular", 0.0), lateral=speeds.get("lateral", 0.0))
+
+
+def _wrench_commands(value: Any) -> Iterator[LinkWrench]:
+    if not isinstance(value, list):
+        raise AnswerError(f"'wrenches' is {_found(value)}; expected a list of objects")
+    for index, wrench in enumerate(value):
+        where = f"wrenches.{index}"
+        if not isinstance(wrench, dict):
+            raise AnswerError(f"'{where}' is {_found(wrench)}; expected an object with 'link' and 'force' or 'torque'")
+        _check_keys(wrench, _WRENCH, f"'{where}'")
+        if "link" not in wrench:
+            raise AnswerError(f"'{where}' has no 'link'")
+        vectors = (_vector(wrench.get(key, [0, 0, 0]), f"{where}.{key}") for key in ("force", "torque", "point"))
+        force, torque, point = vectors
+        link, frame = (_name(wrench.get(key, WORLD_FRAME), f"{where}.{key}") for key in ("link", "frame"))
+        yield LinkWrench(link, force, torque, frame, point)
+
+
+def _name(value: Any, where: str) -> str:
+    if not isinstance(value, str):
+        raise AnswerError(f"'{where}' is {_found(value)}; expected a name")
+    return value
+
+
+def _vector(value: Any, where: str) -> Vector3:
+    if not isinstance(value, list) or len(value) != 3:
+        raise AnswerError(f"'{where}' is {_found(value)}; expected a list of 3 numbers")
+    x, y, z = (_number(number, f"'{where}.{index}'") for index, number in enumerate(value))
+    return x, y, z
 
 
 def _numbers(value: Any, where: str) -> dict[str, float]:

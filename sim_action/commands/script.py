@@ -61,8 +61,13 @@ class ScriptCommands(CommandSource):
 
     Both get a `sim_action.Observation`: `time`, `pose`, `twist` (base link, world frame), `joints` (by name:
     `position`, `velocity`, `effort`), `links` (by name: `pose` and `twist`, world frame), `contacts` and `sensors` (by
-    name: the latest reading). They return a `sim_action.Twist`, `sim_action.JointTargets`, a tuple of both (such as for
-    a base with an arm), or None to keep the last command.
+    name: the latest reading). They return a `sim_action.Twist`, `sim_action.JointTargets`, a `sim_action.LinkWrench`, a
+    tuple of them (such as for a base with an arm, or for four thrusters), or None to keep the last command.
+
+    `LinkWrench(link, force_xyz, torque_xyz, frame, point_xyz)` applies a force in N and a torque in N m to a link,
+    along the axes of `frame`: `world` (the default), `base`, or the name of a link, with which it then turns. The force
+    acts at the origin of the link's frame, or at `point_xyz` in that frame. It acts at every physics step until an
+    answer names the link again; wrenches on the same link in one answer add up.
 
     `reset` gets a `sim_action.RobotDescription`: `name`, `base`, `links`, `joints` (by name: `type`, `moves`, `lower`,
     `upper`, `max_effort`, `max_velocity`, `mimics`), `rate`, `seed`, and `random`, a generator of numpy with the
@@ -202,7 +207,7 @@ def _controller(name: str, ask: Callable[[Observation], object], path: Path, sce
             answer = ask(observation)
         except BaseException as error:  # noqa: BLE001 - sys.exit() in a script must not end the run silently
             raise script_error(error, path, _CONTROLLER) from None
-        if problem := answer_problem(answer, scene.model):
+        if problem := answer_problem(answer, scene):
             raise ScriptError(f"{name}() returned {problem}", Location(str(path)))
         return motors.clip_answer(as_answer(answer))
 

@@ -48,9 +48,9 @@ class Engine(EngineQueries, Protocol):
         """Step the scene once for each entry of `targets`, after passing that entry to the motors.
 
         An entry of None keeps the last command. A push of the base (`JointTargets.base`) is applied at every step
-        until the next one replaces it. `first_step` is the number of the state before the first step; the sim time
-        of a state is its number over `physics.rate`. Bodies on paths, bodies that appear and disturbances act at
-        their own steps.
+        until the next one replaces it; so are the wrenches on links (`JointTargets.wrenches`). `first_step` is the
+        number of the state before the first step; the sim time of a state is its number over `physics.rate`. Bodies
+        on paths, bodies that appear and disturbances act at their own steps.
         """
 
     def collect(self) -> Trace:

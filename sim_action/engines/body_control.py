@@ -1,14 +1,15 @@
-"""Move bodies and apply forces between two steps: the protocol that engines implement, and the push of the base."""
+"""Move bodies and apply forces between two steps: the protocol that engines implement, and the forces of commands."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 from sim_action.core import geometry
-from sim_action.core.geometry import Pose, Twist, Vector3
-from sim_action.state.command import BasePush
+from sim_action.core.geometry import Pose, Quaternion, Twist, Vector3
+from sim_action.state.command import BASE_FRAME, WORLD_FRAME, BasePush, LinkWrench
 
 
 class Target(NamedTuple):
@@ -41,6 +42,26 @@ class BodyControl(Protocol):
 
     def add_velocity(self, target: Target, velocity_xyz: Vector3) -> None:
         """Add a velocity in m/s, world frame, to a body; to the whole robot if the target is its base link."""
+
+
+class HeldWrenches:
+    """The wrenches of controllers on links, which act at every step until others replace them."""
+
+    def __init__(self, control: BodyControl, link_pose: Callable[[str], Pose], base: str) -> None:
+        """`link_pose`: returns the present pose of a link; `base`: the name of the base link."""
+        self._control, self._link_pose, self._base = control, link_pose, base
+        self.held: tuple[LinkWrench, ...] = ()
+
+    def apply(self) -> None:
+        """Add all wrenches for the next step, turned into the world frame by the present poses."""
+        turns: dict[str, Quaternion] = {WORLD_FRAME: geometry.IDENTITY}
+        for wrench in self.held:
+            if wrench.frame not in turns:
+                link = self._base if wrench.frame == BASE_FRAME else wrench.frame
+                turns[wrench.frame] = self._link_pose(link).orientation_xyzw
+            turn = turns[wrench.frame]
+            force, torque = geometry.rotate(turn, wrench.force_xyz), geometry.rotate(turn, wrench.torque_xyz)
+            self._control.apply_force(Target(wrench.link, is_link=True), force, torque, wrench.point_xyz)
 
 
 @dataclass(frozen=True, slots=True)

@@ -190,12 +190,10 @@ def _target_problems(disturbance: Disturbance, scene: Scene) -> SpecProblems:
         return
     link = disturbance.link or scene.model.root
     where = ("link",) if disturbance.link else ()
-    if link not in scene.model.links_by_name:
-        bodies = {body.name for body in scene.world.objects}
-        hint = f"; say body: {link}" if link in bodies else did_you_mean(link, scene.model.links_by_name)
-        yield where, f"the robot has no link '{link}'{hint}"
-    elif link in scene.bolted_links:
-        yield where, f"link '{link}' is fixed to the world, so nothing moves it"
+    if link not in scene.model.links_by_name and link in {body.name for body in scene.world.objects}:
+        yield where, f"the robot has no link '{link}'; say body: {link}"
+    elif (problem := scene.why_not_moved(link)) is not None:
+        yield where, problem
     elif disturbance.velocity is not None and (link != scene.model.root or scene.bolted):
         base = scene.model.root
         way = "give the link a 'force' for a short time" if scene.bolted else f"name its base link '{base}', or give"

@@ -15,7 +15,7 @@ from sim_action.drives import DriveMotion
 from sim_action.scenario.model import Scenario
 from sim_action.sensors import MountedSensor
 from sim_action.simulation.run_audit import CommandLog
-from sim_action.state.command import Command, JointTargets, commands_of
+from sim_action.state.command import Command, JointTargets, LinkWrench, commands_of
 from sim_action.state.observation import Observation
 from sim_action.world.scene import Scene
 
@@ -37,12 +37,14 @@ class _Source:
         index: its index in `commands:`.
         period: physics steps between two ticks.
         moved: the joints that it has commanded so far.
+        wrenches: link -> the wrenches on it that are in effect.
     """
 
     index: int
     controller: Controller
     period: int
     moved: set[str] = field(default_factory=set)
+    wrenches: dict[str, tuple[LinkWrench, ...]] = field(default_factory=dict)
 
 
 class Controls:
@@ -149,7 +151,9 @@ class Controls:
                 raise
         return targets
 
-    def _taken(self, source: _Source, command: Command, targets: JointTargets | None) -> JointTargets | None:
+    def _taken(
+        self, source: _Source, command: Twist | JointTargets, targets: JointTargets | None
+    ) -> JointTargets | None:
         """Apply a command, and return the joint targets of this tick so far."""
         self.log.add(command)
         if not isinstance(command, JointTargets):
@@ -157,19 +161,27 @@ class Controls:
             self._twist = command
             return targets
         self._claim(source, set(command.names()))
+        if command.wrenches is not None:
+            command = replace(command, wrenches=self._pressed(source, command.wrenches))
         targets = targets.updated_by(command) if targets else command
         if self._motion and not self._motion.joints.isdisjoint(command.names()):
             # A source that commands the wheel joints takes them over from the drive.
             targets, self._twist, self._reached = self._motion.released.updated_by(targets), None, ()
         return targets
 
-    def _commands(self, source: _Source, step: int, look: Look) -> tuple[Command, ...]:
-        """Return the commands of a source at its tick."""
+    def _pressed(self, source: _Source, wrenches: tuple[LinkWrench, ...]) -> tuple[LinkWrench, ...]:
+        """Apply the new wrenches of a source, and return all wrenches that are in effect."""
+        for link in dict.fromkeys(wrench.link for wrench in wrenches):
+            source.wrenches[link] = tuple(wrench for wrench in wrenches if wrench.link == link)
+        return tuple(each for source in self._sources for held in source.wrenches.values() for each in held)
+
+    def _commands(self, source: _Source, step: int, look: Look) -> tuple[Twist | JointTargets, ...]:
+        """Return the commands of a source at its tick; its wrenches are together in one JointTargets."""
         if isinstance(source.controller, OpenLoop):
             answer = source.controller.command(step / self._rate)
         else:
             answer = source.controller.command(look(step))
-        commands = commands_of(answer)
+        commands = _with_wrenches_together(commands_of(answer))
         self._refuse_two_ways(commands)
         return commands
 
@@ -207,6 +219,14 @@ class Controls:
                     "command sources must move different joints"
                 )
         source.moved.update(joints)
+
+
+def _with_wrenches_together(commands: tuple[Command, ...]) -> tuple[Twist | JointTargets, ...]:
+    others = tuple(command for command in commands if not isinstance(command, LinkWrench))
+    if len(others) == len(commands):
+        return others
+    wrenches = tuple(command for command in commands if isinstance(command, LinkWrench))
+    return (*others, JointTargets(wrenches=wrenches))
 
 
 def _seen_by(sources: Sequence[CommandSource], scene: Scene) -> list[Scene]:

@@ -17,7 +17,7 @@ from sim_action.core.geometry import Twist
 from sim_action.core.yaml_document import KeyPath
 from sim_action.scenario.claim_audit import ClaimFinding
 from sim_action.scenario.model import Scenario
-from sim_action.state.command import Command, JointTargets
+from sim_action.state.command import JointTargets
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Verdict
 from sim_action.world import World
@@ -61,7 +61,7 @@ class CommandLog:
         drives: True if a twist or a target for a wheel was given.
         moves_base: True if a twist was given that is not zero.
         moves_joints: True if a joint got a velocity that is not zero, or a position away from its start.
-        gives_efforts: True if a joint got an effort that is not zero.
+        gives_efforts: True if a joint got an effort that is not zero, or a link a wrench.
     """
 
     positions: dict[str, float]
@@ -76,7 +76,7 @@ class CommandLog:
         """True if no command was other than zero."""
         return not (self.moves_base or self.moves_joints or self.gives_efforts)
 
-    def add(self, command: Command) -> None:
+    def add(self, command: Twist | JointTargets) -> None:
         """Add a command."""
         if isinstance(command, Twist):
             self.drives = True
@@ -85,6 +85,9 @@ class CommandLog:
         self.drives = self.drives or not self.wheels.isdisjoint(command.names())
         self.moves_joints = self.moves_joints or self._moves(command)
         self.gives_efforts = self.gives_efforts or _is_motion(*command.effort.values())
+        if command.wrenches:
+            pressing = (number for each in command.wrenches for number in (*each.force_xyz, *each.torque_xyz))
+            self.gives_efforts = self.gives_efforts or _is_motion(*pressing)
 
     def _moves(self, targets: JointTargets) -> bool:
         if _is_motion(*targets.velocity.values()):

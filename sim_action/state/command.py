@@ -1,4 +1,4 @@
-"""Commands of controllers: a twist for the robot's base, or targets for named joints."""
+"""Commands of controllers: a twist for the robot's base, targets for named joints, or a wrench on a link."""
 
 from __future__ import annotations
 
@@ -7,7 +7,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-from sim_action.core.geometry import Twist, Vector3
+from sim_action.core.geometry import ZERO, Twist, Vector3
+
+WORLD_FRAME: Final = "world"
+BASE_FRAME: Final = "base"
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +37,29 @@ NO_PUSH: Final = BasePush((0.0, 0.0), 0.0, (0.0, 0.0, 0.0), max_force=0.0, max_t
 
 
 @dataclass(frozen=True, slots=True)
+class LinkWrench:
+    """A force and a torque on a link, applied at every physics step until the source commands this link again.
+
+    Several wrenches on one link in the same answer add up, and so do those of several command sources. An answer that
+    names a link replaces the earlier wrenches of its source on this link; one of zeros ends them.
+
+    Attributes:
+        link: name of a link that can move.
+        force_xyz: N, along the axes of `frame`.
+        torque_xyz: N m, about the axes of `frame`.
+        frame: "world", "base" (the base link), or the name of a link, whose axes the wrench turns with at each step.
+        point_xyz: the point where the force acts, in m, in the frame of `link`. The default is the origin of the
+            link's frame, which is not its centre of mass in general.
+    """
+
+    link: str
+    force_xyz: Vector3 = ZERO
+    torque_xyz: Vector3 = ZERO
+    frame: str = WORLD_FRAME
+    point_xyz: Vector3 = ZERO
+
+
+@dataclass(frozen=True, slots=True)
 class JointTargets:
     """Targets for the motors of some joints; joints that are not named keep their last target.
 
@@ -44,6 +70,7 @@ class JointTargets:
         effort: joint name -> N m (or N), applied directly.
         max_effort: joint name -> N m (or N), the limit for the servo of that joint; default: the limit of the model.
         base: the push on the base; None: as before. For drives, not for scripts.
+        wrenches: all wrenches on links; None: as before. For engines: a script answers with a LinkWrench instead.
     """
 
     position: Mapping[str, float] = field(default_factory=dict)
@@ -51,6 +78,7 @@ class JointTargets:
     effort: Mapping[str, float] = field(default_factory=dict)
     max_effort: Mapping[str, float] = field(default_factory=dict)
     base: BasePush | None = None
+    wrenches: tuple[LinkWrench, ...] | None = None
 
     def names(self) -> Iterator[str]:
         """Yield every joint with a target, once."""
@@ -60,7 +88,7 @@ class JointTargets:
 
     def updated_by(self, later: JointTargets) -> JointTargets:
         """Return these targets, replaced by those of `later` for the joints that it names."""
-        if not any(self.names()) and self.base is None:
+        if not any(self.names()) and self.base is None and self.wrenches is None:
             return later
         renamed = set(later.names())
 
@@ -73,13 +101,14 @@ class JointTargets:
             effort={**kept(self.effort), **later.effort},
             max_effort={**kept(self.max_effort), **later.max_effort},
             base=later.base or self.base,
+            wrenches=self.wrenches if later.wrenches is None else later.wrenches,
         )
 
 
-Command = Twist | JointTargets
+Command = Twist | JointTargets | LinkWrench
 
 Answer = Command | tuple[Command, ...] | None
-"""The answer of a controller at a tick: a command, several for different joints, or None to keep the last ones."""
+"""The answer of a controller at a tick: a command, several that act together, or None to keep the last ones."""
 
 
 def commands_of(answer: Answer) -> tuple[Command, ...]:
@@ -93,6 +122,8 @@ def is_finite(command: Command) -> bool:
     """Return True if all numbers of the command are finite."""
     if isinstance(command, Twist):
         return all(map(math.isfinite, (*command.linear_xyz, *command.angular_xyz)))
+    if isinstance(command, LinkWrench):
+        return all(map(math.isfinite, (*command.force_xyz, *command.torque_xyz, *command.point_xyz)))
     if command.base is not None and not is_finite_push(command.base):
         return False
     groups = (command.position, command.velocity, command.effort, command.max_effort)

@@ -18,11 +18,11 @@ from sim_action.core.field_types import (
 )
 from sim_action.world.physics import MAX_SPEED
 
-# N and N m: a thousand times the weight of the heaviest body; more is a mistake and overflows in the engines.
-_MAX_FORCE: Final = 1e10
+MAX_FORCE: Final = 1e10
+"""N and N m: a thousand times the weight of the heaviest body; more is a mistake and overflows in the engines."""
 
-Newtons = Annotated[float, Field(ge=-_MAX_FORCE, le=_MAX_FORCE), Quantity((units.FORCE,))]
-NewtonMetres = Annotated[float, Field(ge=-_MAX_FORCE, le=_MAX_FORCE), Quantity((units.TORQUE,))]
+Newtons = Annotated[float, Field(ge=-MAX_FORCE, le=MAX_FORCE), Quantity((units.FORCE,))]
+NewtonMetres = Annotated[float, Field(ge=-MAX_FORCE, le=MAX_FORCE), Quantity((units.TORQUE,))]
 PushMetresPerSecond = Annotated[MetresPerSecond, Field(ge=-MAX_SPEED, le=MAX_SPEED)]
 
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from sim_action.commands.json_protocol import AnswerError, observation_json, parse_answer, robot_json
 from sim_action.commands.robot_description import RobotDescription
 from sim_action.core.geometry import Pose, Twist
-from sim_action.state.command import JointTargets, commands_of, is_finite
+from sim_action.state.command import JointTargets, LinkWrench, commands_of, is_finite
 from sim_action.state.observation import Contact, JointState, Observation
 from sim_action.state.readings import ContactReading, ImuReading, OdometryReading, Reading
 from tests.traces import scene
@@ -177,6 +177,16 @@ MANY = '"{}":1'
             b'{"position": {"a": 1}, "twist": {"linear": 0.2}, "max_effort": {"a": 3}}',
             (Twist.planar(0.2), JointTargets(position={"a": 1.0}, max_effort={"a": 3.0})),
         ),
+        (b'{"wrenches": []}', None),
+        (b'{"wrenches": [{"link": "rotor", "force": [0, 0, 9.81]}]}', LinkWrench("rotor", (0.0, 0.0, 9.81))),
+        (
+            b'{"wrenches": [{"link": "a", "torque": [0, 0, 1], "frame": "base"}, {"link": "b", "point": [1, 2, 3]}]}',
+            (LinkWrench("a", torque_xyz=(0.0, 0.0, 1.0), frame="base"), LinkWrench("b", point_xyz=(1.0, 2.0, 3.0))),
+        ),
+        (
+            b'{"effort": {"j": 1}, "wrenches": [{"link": "a", "force": [1, 0, 0], "frame": "a"}]}',
+            (JointTargets(effort={"j": 1.0}), LinkWrench("a", (1.0, 0.0, 0.0), frame="a")),
+        ),
     ],
 )
 def test_what_an_answer_means(line: bytes, command: object) -> None:
@@ -200,7 +210,7 @@ def test_what_an_answer_means(line: bytes, command: object) -> None:
         (b'{"twist": {"liner": 1}}', "'twist' contains the unknown key 'liner'; did you mean 'linear'?"),
         (
             b'{"twist": {}, "x": 1}',
-            "it contains the unknown key 'x' (allowed: effort, max_effort, position, twist, velocity)",
+            "it contains the unknown key 'x' (allowed: effort, max_effort, position, twist, velocity, wrenches)",
         ),
         (b'{"twist": {"linear": 1, "linear": 2}}', "contains the key 'linear' twice"),
         (b'{"a": 1, "b": 1, "b": 1, "a": 1}', "contains the key 'b' twice"),
@@ -216,6 +226,21 @@ def test_what_an_answer_means(line: bytes, command: object) -> None:
         (b'{"position": {"a": true}}', "'position.a' is true; expected a number"),
         (b'{"position": {"a": null}}', "'position.a' is null; expected a number"),
         (b'{"position": {"a": {}}}', "'position.a' is an object; expected a number"),
+        (b'{"wrenches": {"link": "a"}}', "'wrenches' is an object; expected a list of objects"),
+        (b'{"wrenches": ["a"]}', "'wrenches.0' is 'a'; expected an object with 'link' and 'force' or 'torque'"),
+        (b'{"wrenches": [{"force": [0, 0, 1]}]}', "'wrenches.0' has no 'link'"),
+        (
+            b'{"wrenches": [{"link": "a"}, {"link": "b", "forces": 1}]}',
+            "'wrenches.1' contains the unknown key 'forces'",
+        ),
+        (b'{"wrenches": [{"link": 1}]}', "'wrenches.0.link' is 1; expected a name"),
+        (b'{"wrenches": [{"link": "a", "frame": null}]}', "'wrenches.0.frame' is null; expected a name"),
+        (b'{"wrenches": [{"link": "a", "force": 9.81}]}', "'wrenches.0.force' is 9.81; expected a list of 3 numbers"),
+        (
+            b'{"wrenches": [{"link": "a", "torque": [1, 2]}]}',
+            "'wrenches.0.torque' is a list of 2; expected a list of 3",
+        ),
+        (b'{"wrenches": [{"link": "a", "point": [1, "2", 3]}]}', "'wrenches.0.point.1' is '2'; expected a number"),
         (b'{"twist": {"linear": NaN}}', "contains NaN, which is neither JSON nor a valid target"),
         (b'{"twist": {"linear": -Infinity}}', "contains -Infinity, which is neither JSON nor"),
         (b'{"twist": {"linear": 1e999}}', "'twist.linear' is too large"),

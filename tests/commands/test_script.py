@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action import JointTargets, Observation, Twist
+from sim_action import JointTargets, LinkWrench, Observation, Twist
 from sim_action.commands import ClosedLoop
 from sim_action.commands.script import ScriptCommands
 from sim_action.core.errors import ScriptError
@@ -168,6 +168,11 @@ def test_a_controller_sees_and_answers(tmp_path: Path) -> None:
             "return sim.Twist.planar(1), sim.JointTargets(effort={'wheel_left_joint': 1})",
             (Twist.planar(1), JointTargets(effort={"wheel_left_joint": 1})),
         ),
+        ("return sim.LinkWrench('base_footprint', (0, 0, 1))", LinkWrench("base_footprint", (0, 0, 1))),
+        (
+            "return 2 * [sim.LinkWrench('base_scan', torque_xyz=[0, 0, 1], frame='base')]",
+            2 * (LinkWrench("base_scan", torque_xyz=[0, 0, 1], frame="base"),),  # type: ignore[arg-type]  # a list
+        ),
         ("return [sim.JointTargets(), sim.Twist()]", (JointTargets(), Twist())),
         ("return sim.Twist(), None", (Twist(),)),
         ("return ()", ()),
@@ -180,12 +185,15 @@ def test_an_answer_is_a_twist_joint_targets_both_or_none(body: str, command: obj
 @pytest.mark.parametrize(
     ("body", "message"),
     [
-        ("return 1.0", "control() returned a float; allowed are a Twist, JointTargets, a tuple of both, or None"),
+        (
+            "return 1.0",
+            "control() returned a float; allowed are a Twist, JointTargets, a LinkWrench, a tuple of them, or None",
+        ),
         ("return (1.0, 0.0)", "control() returned a tuple with a float; allowed are"),
         ("return [sim.Twist(), (1, 2)]", "control() returned a list with a tuple; allowed are"),
         (
             "return sim.Twist(), sim.Twist()",
-            "control() returned more than one Twist in a tuple; it may have one of each kind",
+            "more than one Twist in a tuple; it may have one Twist, one JointTargets and any number of LinkWrench",
         ),
         ("return 2 * [sim.JointTargets()]", "control() returned more than one JointTargets in a tuple"),
         (
@@ -231,6 +239,29 @@ def test_an_answer_is_a_twist_joint_targets_both_or_none(body: str, command: obj
             "return sim.JointTargets(base=sim.state.command.BasePush((1.0, 0.0), 0.0, (0.0, 0.0, 0.0), 1.0, 1.0))",
             "a push of the base, which only drives may command; use joint targets",
         ),
+        (
+            "return sim.JointTargets(wrenches=(sim.LinkWrench('base_footprint'),))",
+            "JointTargets with wrenches; answer with a tuple (JointTargets, LinkWrench, ...) instead",
+        ),
+        (
+            "return sim.LinkWrench('base_scam', (0, 0, 1))",
+            "a LinkWrench that cannot act: the robot has no link 'base_scam'; did you mean 'base_scan'?",
+        ),
+        (
+            "return sim.LinkWrench('base_footprint', (0, 0, 1), frame='bass')",
+            "in an unknown frame: there is no frame 'bass'; use world, base or the name of a link; did you mean 'base'",
+        ),
+        (
+            "return sim.LinkWrench('base_footprint', (0, 0))",
+            "a LinkWrench needs vectors of 3 numbers: force_xyz, torque_xyz",
+        ),
+        (
+            "return sim.LinkWrench('base_footprint', 9.81)",
+            "a LinkWrench needs vectors of 3 numbers: force_xyz, torque_xyz",
+        ),
+        ("return sim.LinkWrench('base_footprint', ('a', 0, 0))", "whose values are not numbers"),
+        ("return sim.LinkWrench('base_footprint', (0, 0, 1e999))", "which has a value that is not finite"),
+        ("return sim.LinkWrench('base_footprint', (0, 0, 1e11))", "; at most 1e+10 N or N m is allowed"),
     ],
 )
 def test_any_other_answer_is_an_error_at_the_script(body: str, message: str, tmp_path: Path) -> None:

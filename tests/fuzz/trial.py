@@ -39,6 +39,8 @@ from sim_action.scenario.files import read_file
 from sim_action.scenario.loading import checked
 from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.source import Refused, Source
+from sim_action.world import Physics, World
+from sim_action.world.scene import Scene
 from tests.fuzz.cases import ANSWERS, EXAMPLES, SCENARIO, Case, case
 from tests.fuzz.corpus import CORPUS
 
@@ -138,7 +140,8 @@ def _bad_problem(problem: Problem, tried: Case, folder: Path) -> Iterator[str]:
 
 
 def _bad_answers(answers: bytes) -> Iterator[str]:
-    model = load_model(Robot(model="turtlebot3_burger"), Workspace(EXAMPLES, EXAMPLES))
+    robot, workspace = Robot(model="turtlebot3_burger"), Workspace(EXAMPLES, EXAMPLES)
+    scene = Scene(robot, load_model(robot, workspace), World(), Physics(), workspace)
     for line in answers.split(b"\n"):
         try:
             answer = parse_answer(line)
@@ -146,7 +149,7 @@ def _bad_answers(answers: bytes) -> Iterator[str]:
             if not str(error).isprintable() or len(str(error)) > _MAX_MESSAGE:
                 yield f"an unprintable or long refusal of an answer: {str(error)[:500]!r}"
         else:
-            answer_problem(answer, model)
+            answer_problem(answer, scene)
 
 
 def _bad_run(scenario: Path, refused: set[str]) -> Iterator[str]:

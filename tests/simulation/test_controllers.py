@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,14 +13,14 @@ from sim_action.core.geometry import Twist
 from sim_action.drives import recognise
 from sim_action.scenario.loading import build_scene
 from sim_action.simulation.controllers import Controls
-from sim_action.state.command import NO_PUSH, JointTargets
+from sim_action.state.command import NO_PUSH, JointTargets, LinkWrench
 from sim_action.state.observation import Observation
 from tests.scenarios import LEAST, load, told
 from tests.traces import START
 
 COMMANDS = "commands:\n  rate: 10 Hz\n  twist:\n    - {linear: 1.0}\n"
 SCRIPT = """\
-from sim_action import JointTargets, Twist
+from sim_action import JointTargets, LinkWrench, Twist
 
 def left(observation):
     return JointTargets(velocity={"wheel_left_joint": 1.0})
@@ -38,6 +39,14 @@ def twist_and_nothing(observation):
 
 def nothing(observation):
     return JointTargets()
+
+def thrust(observation):
+    up = LinkWrench("base_footprint", (0.0, 0.0, 1.0))
+    begun = up, up, LinkWrench("base_scan", (0.0, 0.0, 5.0))
+    return begun if observation.time < 0.1 else LinkWrench("base_footprint")
+
+def gust(observation):
+    return Twist.planar(0.1), LinkWrench("base_footprint", (2.0, 0.0, 0.0))
 
 THE_SAME = Twist([0.05, 0.0, 0.0], [0.0, 0.0, 0.0])
 
@@ -259,6 +268,18 @@ def test_before_t_0_wheels_are_braked_unless_a_source_holds_them(
 
 
 # What each of them draws moves a wheel, so that it can be seen: when it is loaded, and by its own generator.
+def test_wrenches_of_sources_add_up_and_each_source_replaces_its_own_by_link(tmp_path: Path) -> None:
+    found = controls(tmp_path, script("thrust"), script("gust"))
+    up, ahead = LinkWrench("base_footprint", (0.0, 0.0, 1.0)), LinkWrench("base_footprint", (2.0, 0.0, 0.0))
+    scan = LinkWrench("base_scan", (0.0, 0.0, 5.0))
+    assert first(found).wrenches == (up, up, scan, ahead)
+    assert found.log.gives_efforts
+    # The wrench of zeros ends those of its own source on this link only.
+    (later, *_) = found.plan(24, 240, lambda _step: replace(START, time=0.1))
+    assert later is not None
+    assert later.wrenches == (LinkWrench("base_footprint"), scan, ahead)
+
+
 DRAWS = """\
 import random
 from sim_action import JointTargets

@@ -11,7 +11,7 @@ from sim_action.engines import installed
 from sim_action.scenario.loading import build_scene
 from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.simulation.run_audit import CommandLog, unreached_events
-from sim_action.state.command import JointTargets
+from sim_action.state.command import JointTargets, LinkWrench
 from sim_action.world import World
 from tests.scenarios import load
 
@@ -241,6 +241,11 @@ def test_a_log_of_commands() -> None:
     assert efforts.are_zero
     efforts.add(JointTargets(effort={"elbow": -0.1}))
     assert not efforts.are_zero
+    pressed = CommandLog({}, frozenset())
+    pressed.add(JointTargets(wrenches=(LinkWrench("base"),)))
+    assert pressed.are_zero
+    pressed.add(JointTargets(wrenches=(LinkWrench("base", torque_xyz=(0.0, 0.0, -0.1)),)))
+    assert not pressed.are_zero
     other = CommandLog({}, frozenset({"wheel"}))
     other.add(JointTargets(velocity={"wheel": -1.0}))
     assert (other.drives, other.moves_base, other.moves_joints) == (True, False, True)

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from sim_action.core.geometry import Twist
-from sim_action.state.command import BasePush, Command, JointTargets, is_finite
+from sim_action.state.command import BasePush, Command, JointTargets, LinkWrench, is_finite
 
 
 def test_the_names_of_targets_are_those_of_all_groups() -> None:
@@ -41,6 +41,15 @@ def test_a_push_of_the_base_stays_until_another() -> None:
     assert JointTargets(effort={"a": 3}).updated_by(pushed).base == one
 
 
+def test_wrenches_stay_until_others_replace_all_of_them() -> None:
+    one, other = (LinkWrench(name, (1.0, 0.0, 0.0)) for name in ("a", "b"))
+    pressed = JointTargets(wrenches=(one,))
+    assert pressed.updated_by(JointTargets(effort={"a": 3})) == JointTargets(effort={"a": 3}, wrenches=(one,))
+    assert pressed.updated_by(JointTargets(wrenches=(other,))).wrenches == (other,)
+    assert pressed.updated_by(JointTargets(wrenches=())).wrenches == ()
+    assert JointTargets(effort={"a": 3}).updated_by(pressed).wrenches == (one,)
+
+
 def test_updating_leaves_both_as_they_were() -> None:
     earlier, later = JointTargets(position={"a": 1}), JointTargets(position={"a": 2})
     assert earlier.updated_by(later).position == {"a": 2}
@@ -57,6 +66,10 @@ def test_updating_leaves_both_as_they_were() -> None:
         (JointTargets(base=BasePush((1.0, 0.0), 0.0, (0.0, 0.0, 0.0), math.inf, 1.0)), False),
         (Twist((0, 0, 0), (0, math.inf, 0)), False),
         (JointTargets(), True),
+        (LinkWrench("a", (1.0, 0.0, 0.0)), True),
+        (LinkWrench("a", (math.nan, 0.0, 0.0)), False),
+        (LinkWrench("a", torque_xyz=(0.0, math.inf, 0.0)), False),
+        (LinkWrench("a", point_xyz=(0.0, 0.0, math.nan)), False),
         (JointTargets(position={"a": 1.0}), True),
         (JointTargets(effort={"a": math.nan}), False),
         (JointTargets(position={"a": 1.0}, max_effort={"a": math.inf}), False),

@@ -66,6 +66,28 @@ def test_links_fixed_to_a_base_that_cannot_move_cannot_either(tmp_path: Path) ->
     assert replace(made, model=weightless).bolted_links == {"base", "plate"}
 
 
+def test_links_that_no_force_can_move_say_why(tmp_path: Path) -> None:
+    moving = scene(tmp_path)
+    assert moving.why_not_moved("upper") is moving.why_not_moved(moving.model.root) is None
+    assert moving.why_not_moved("uppr") == (
+        "the robot has no link 'uppr'; did you mean 'upper'? (allowed: base, upper)"
+    )
+    fixed = scene(tmp_path, base="fixed")
+    assert fixed.why_not_moved("upper") is None
+    assert fixed.why_not_moved("base") == "link 'base' is fixed to the world, so nothing moves it"
+    ball = scene(tmp_path, GOOD.replace('"revolute"', '"spherical"', 1))
+    part = ball.model.joints[0].name
+    assert ball.why_not_moved(part) == f"'{part}' is a part of joint '{part[:-2]}', not a link of the model"
+
+
+def test_frames_are_those_of_the_world_the_base_and_links(tmp_path: Path) -> None:
+    known = scene(tmp_path)
+    assert [known.why_no_frame(name) for name in ("world", "base", "upper")] == [None, None, None]
+    assert "there is no frame 'uppr'; use world, base or the name of a link; did you mean 'upper'?" in (
+        known.why_no_frame("uppr") or ""
+    )
+
+
 def test_the_world_is_where_the_world_is(tmp_path: Path) -> None:
     world = GOOD.replace('"base"', '"world"')
     assert scene(tmp_path, world, pose={"x": 1}).placement == Placement(x=1, z=0)

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from sim_action.core.errors import EngineError
 from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.engines import NO_CHANNELS, named_version
+from sim_action.engines.body_control import HeldWrenches
 from sim_action.engines.clearances import ClearanceRecorder
 from sim_action.engines.mujoco.body_control import BasePusher, MuJoCoBodyControl
 from sim_action.engines.mujoco.contacts import Contacts
@@ -77,6 +78,7 @@ class MuJoCoEngine:
         self._contacts = Contacts(compiled)
         self._sliding = SlidingContacts(compiled)
         self._control = MuJoCoBodyControl(compiled, self._objects)
+        self._wrenches = HeldWrenches(self._control, self.link_pose, scene.model.root)
         self._events = WorldEvents.of(scene, self._control)
         self._distances = distances = Distances(compiled)
         shaped = set(compiled.links.values())
@@ -203,6 +205,7 @@ class MuJoCoEngine:
 
     def _advance(self, first_step: int, targets: Sequence[JointTargets | None]) -> None:
         warned, states, watchers, last = self._warned, self._states, self._watchers, first_step + len(targets)
+        wrenches = self._wrenches
         for step, wanted in enumerate(targets, start=first_step + 1):
             if wanted is not None:
                 self._apply(wanted)
@@ -213,7 +216,11 @@ class MuJoCoEngine:
             if self._pushes:
                 here = self.observe(step - 1, contacts=False)
                 self._pusher.step(here.pose, here.twist)
+            if wrenches.held:
+                wrenches.apply()
             self._step(step)
+            if wrenches.held:
+                self._control.clear_forces()
             states.keep(step)
             for watch in watchers:
                 watch(step)
@@ -223,6 +230,8 @@ class MuJoCoEngine:
         if wanted.base is not None:
             self._pushes = True
             self._pusher.apply(wanted.base)
+        if wanted.wrenches is not None:
+            self._wrenches.held = wanted.wrenches
 
     def _step(self, step: int) -> None:
         """Step to the state with this number."""

@@ -9,9 +9,10 @@ import pybullet
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist, Vector3
-from sim_action.engines.body_control import RobotInertia, Target, Wrench
+from sim_action.engines.body_control import RobotInertia, Target, base_wrench
 from sim_action.engines.pybullet.queries import link_pose
 from sim_action.engines.pybullet.scene import BASE
+from sim_action.state.command import BasePush
 
 
 class PyBulletBodyControl:
@@ -75,7 +76,29 @@ class PyBulletBodyControl:
         return Pose(*pybullet.getDynamicsInfo(body, link, self._client)[3:5])
 
 
-def robot_inertia(client: int, robot: int) -> RobotInertia:
+class BasePusher:
+    """Applies the last push of the base at every step.
+
+    Attributes:
+        push: the push in effect; None without one.
+    """
+
+    def __init__(self, client: int, robot: int, rate: float) -> None:
+        self._client, self._robot, self._time_step = client, robot, 1 / rate
+        self._inertia = _robot_inertia(client, robot)
+        self.push: BasePush | None = None
+
+    def step(self, pose: Pose, twist: Twist) -> None:
+        """Apply the force of the next step; `pose`, `twist`: of the base link's origin, world frame."""
+        if self.push is None:
+            return
+        found = base_wrench(self.push, self._inertia, pose, twist, self._time_step)
+        world = pybullet.WORLD_FRAME
+        pybullet.applyExternalForce(self._robot, BASE, found.force_xyz, found.point_xyz, world, self._client)
+        pybullet.applyExternalTorque(self._robot, BASE, found.torque_xyz, world, self._client)
+
+
+def _robot_inertia(client: int, robot: int) -> RobotInertia:
     """Return the inertia of the whole robot with its joints at their present positions."""
     middle, _ = pybullet.getBasePositionAndOrientation(robot, client)
     mass = inertia = 0.0
@@ -85,10 +108,3 @@ def robot_inertia(client: int, robot: int) -> RobotInertia:
         mass += own_mass
         inertia += own_mass * math.dist(place[:2], middle[:2]) ** 2 + min(own_inertia)
     return RobotInertia(mass, inertia)
-
-
-def apply_wrench(client: int, robot: int, found: Wrench) -> None:
-    """Apply a wrench to the base for the next step."""
-    world = pybullet.WORLD_FRAME
-    pybullet.applyExternalForce(robot, -1, found.force_xyz, found.point_xyz, world, client)
-    pybullet.applyExternalTorque(robot, -1, found.torque_xyz, world, client)

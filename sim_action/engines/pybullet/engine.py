@@ -7,7 +7,7 @@ surfaces touch.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,10 +20,10 @@ from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.core.wording import system_reason
 from sim_action.drives.wheels import held_joints
 from sim_action.engines import NO_CHANNELS, UNLIMITED_EFFORT, named_version
-from sim_action.engines.body_control import base_wrench
+from sim_action.engines.body_control import HeldWrenches
 from sim_action.engines.clearances import ClearanceRecorder
 from sim_action.engines.observers import BodyRecorder, LazyContacts, ReadPoses, path_contacts
-from sim_action.engines.pybullet.body_control import PyBulletBodyControl, apply_wrench, robot_inertia
+from sim_action.engines.pybullet.body_control import BasePusher, PyBulletBodyControl
 from sim_action.engines.pybullet.queries import (
     Distances,
     cast_rays,
@@ -51,7 +51,7 @@ from sim_action.engines.pybullet.scene import (
 )
 from sim_action.engines.world_events import WorldEvents
 from sim_action.robot.link_motion import LinkStates
-from sim_action.state.command import BasePush, JointTargets
+from sim_action.state.command import JointTargets
 from sim_action.state.observation import ByName, Clash, Contact, JointState, Observation, Overlap
 from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import Channels
@@ -98,7 +98,9 @@ class PyBulletEngine:
         self.notes = self._calm(scene)
         self._place_robot(scene)
         self._sliding = self._sliding_wheels(scene) if scene.scrubbing else None
-        self._events = WorldEvents.of(scene, PyBulletBodyControl(self._client, self._robot, self._links, self._objects))
+        control = PyBulletBodyControl(self._client, self._robot, self._links, self._objects)
+        self._wrenches = HeldWrenches(control, self.link_pose, scene.model.root)
+        self._events = WorldEvents.of(scene, control)
         distances = Distances(self._client, self._robot, self._link_names, self._body_names)
         shaped = [link.name for link in scene.model.links if link.collisions]
         self._path_contacts = path_contacts(scene, shaped, distances.nearest)
@@ -118,7 +120,6 @@ class PyBulletEngine:
             self._recorders.append(lambda _: self._body_poses.append(look()))
         self._body_poses: list[Sequence[float] | NDArray[np.float64]] = []
         self._held_efforts: dict[int, float] = {}
-        self._base_push: BasePush | None = None
         self._rows: list[tuple[float, ...]] = []
         self._touches: list[Contact] = []
 
@@ -146,11 +147,13 @@ class PyBulletEngine:
     def _apply_forces(self, step: int) -> None:
         """Apply the forces that PyBullet forgets after each step."""
         if self._held_efforts or self._springs:
-            self._push(self._springs.added_to(self._held_efforts) if self._springs else self._held_efforts)
-        if self._base_push is not None:
+            efforts = self._springs.added_to(self._held_efforts) if self._springs else self._held_efforts
+            self._motors(pybullet.TORQUE_CONTROL, efforts, forces=list(efforts.values()))
+        if self._pusher.push is not None:
             here = self.observe(step, contacts=False)
-            found = base_wrench(self._base_push, self._robot_inertia, here.pose, here.twist, 1 / self._rate)
-            apply_wrench(self._client, self._robot, found)
+            self._pusher.step(here.pose, here.twist)
+        if self._wrenches.held:
+            self._wrenches.apply()
         if self._sliding is not None:
             self._sliding.correct()
 
@@ -260,15 +263,14 @@ class PyBulletEngine:
         self._springs = self._springs_of(scene.model)
         self._balls = self._ball_joints({name: by_name[name][0] for name in scene.model.balls})
         links = scene.model.links_by_name
-        set_surfaces(
-            self._client, self._robot, {index: links[name].surface for index, name in self._link_names.items()}
-        )
+        surfaces = {index: links[name].surface for index, name in self._link_names.items()}
+        set_surfaces(self._client, self._robot, surfaces)
         for name, inertia in scene.rotors.items():
             axis = scene.model.joints_by_name[name].axis_xyz
             add_rotor(self._client, self._robot, self._index[name], axis, inertia)
         _, _, _, com_position, com_orientation, *_ = pybullet.getDynamicsInfo(self._robot, BASE, self._client)
         self._com_in_link = Pose(com_position, com_orientation)
-        self._robot_inertia = robot_inertia(self._client, self._robot)
+        self._pusher = BasePusher(self._client, self._robot, self._rate)
 
     def _ball_joints(self, numbers: Mapping[str, int]) -> BallJoints | None:
         if not numbers:
@@ -319,13 +321,16 @@ class PyBulletEngine:
         place(self._client, self._robot, self._ground, scene.placement, self._com_in_link)
 
     def _apply(self, targets: JointTargets) -> None:
-        self._base_push = targets.base or self._base_push
+        self._pusher.push = targets.base or self._pusher.push
+        if targets.wrenches is not None:
+            self._wrenches.held = targets.wrenches
         limits = {name: targets.max_effort.get(name, self._max_effort[name]) for name in targets.names()}
         for name in limits:
             self._held_efforts.pop(self._index[name], None)
         turned = {name: speed for name, speed in targets.velocity.items() if name not in targets.position}
         if turned:
-            self._motors(turned, [limits[name] for name in turned])
+            indices, forces = [self._index[name] for name in turned], [limits[name] for name in turned]
+            self._motors(pybullet.VELOCITY_CONTROL, indices, targetVelocities=list(turned.values()), forces=forces)
         for name, position in targets.position.items():
             self._servo(name, position, limits[name], targets.velocity.get(name, 0.0))
         for name, effort in targets.effort.items():
@@ -341,24 +346,8 @@ class PyBulletEngine:
     def _motor(self, joint: str, mode: int, **target: float) -> None:
         pybullet.setJointMotorControl2(self._robot, self._index[joint], mode, physicsClientId=self._client, **target)
 
-    def _motors(self, velocities: Mapping[str, float], forces: Sequence[float]) -> None:
-        pybullet.setJointMotorControlArray(
-            self._robot,
-            [self._index[name] for name in velocities],
-            pybullet.VELOCITY_CONTROL,
-            targetVelocities=list(velocities.values()),
-            forces=forces,
-            physicsClientId=self._client,
-        )
-
-    def _push(self, efforts: Mapping[int, float]) -> None:
-        pybullet.setJointMotorControlArray(
-            self._robot,
-            list(efforts),
-            pybullet.TORQUE_CONTROL,
-            forces=list(efforts.values()),
-            physicsClientId=self._client,
-        )
+    def _motors(self, mode: int, indices: Iterable[int], **targets: Sequence[float]) -> None:
+        pybullet.setJointMotorControlArray(self._robot, list(indices), mode, physicsClientId=self._client, **targets)
 
     def _contacts(self, step: int, *, ground: bool) -> Iterator[Contact]:
         for point in pybullet.getContactPoints(self._robot, physicsClientId=self._client):

@@ -16,7 +16,7 @@ from sensor_msgs.msg import Image, Imu, JointState, LaserScan
 from std_msgs.msg import Bool, Header
 from tf2_msgs.msg import TFMessage
 
-from sim_action.commands.controller_answers import answer_problem
+from sim_action.commands.controller_answers import twist_problem
 from sim_action.core import geometry
 from sim_action.core.errors import ScriptError
 from sim_action.core.geometry import Pose, Twist
@@ -114,7 +114,7 @@ class RobotNode:
             raise self._nodes.end_error() from None
         twist: geometry.Twist | None = self._subscription.value
         self._is_driven = self._is_driven or twist is not None
-        if problem := answer_problem(twist, self._robot.model):
+        if twist is not None and (problem := twist_problem(twist)):
             raise ScriptError(f"a node sent a bad command on {self._subscription.topic}: {problem}")
         return twist
 
