@@ -337,5 +337,5 @@ class History:
 
 
 def _beside(trace: Trace) -> Trace:
-    """Return the records other than the state. A class reads bodies, not objects, which need a row for each state."""
-    return replace(trace.rows(slice(0)), objects={})
+    """Return the records other than the state. A class does not read those that need the moments of the state."""
+    return replace(trace.rows(slice(0)), objects={}, link_contacts={})

@@ -7,7 +7,7 @@ the robot does not collide with itself, and everything has a name instead of an 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Final, Protocol
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from sim_action.state.command import JointTargets
     from sim_action.state.observation import Clash, Observation, Overlap
     from sim_action.state.trace import FloatArray, Trace
+    from sim_action.state.trace_records import ContactRecord
 
 
 NO_CHANNELS: Final = Channels()
@@ -55,6 +56,9 @@ class Engine(EngineQueries, Protocol):
 
     def collect(self) -> Trace:
         """Return the states after each step since the last call, with the requested contacts and clearances."""
+
+    def link_contacts(self, step: int) -> Mapping[str, ContactRecord]:
+        """Return the present contacts of the requested links, as those of step `step`."""
 
     def collect_bodies(self) -> FloatArray:
         """Return the poses (T, M, 7) of the bodies with a mass after each step since the last call.

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Final, NamedTuple, Self
+from collections.abc import Callable, Collection, Iterable, Sequence
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 from weakref import ref
 
 import numpy as np
@@ -14,7 +14,7 @@ from sim_action.core.geometry import Vector3
 from sim_action.core.units import first_step
 from sim_action.state.observation import Contact, PresentContacts
 from sim_action.state.trace_channels import Channels
-from sim_action.state.trace_records import BodyRecord, frame_stride
+from sim_action.state.trace_records import BodyRecord, ContactRecord, LinkTouch, frame_stride
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -65,25 +65,13 @@ class BodyRecorder:
     """Records the poses of bodies of the world, without changing the run."""
 
     def __init__(self, names: Collection[str], scene: Scene, reader: PoseReader, stride: int) -> None:
-        """Prepare the record of these bodies at every `stride`-th step."""
+        """Prepare the record of these bodies at every `stride`-th step; at every step, absent bodies are NaN."""
         self._rate, self._stride = scene.physics.rate, stride
         self._names = [body.name for body in scene.world.objects if body.name in names]
         self._read_poses = reader(self._names)
-        self._arrivals: Mapping[str, float] = {}
+        self._arrivals = arrivals(scene) if stride == 1 else {}
         self._steps: list[int] = []
         self._rows: list[Sequence[float] | NDArray[np.float64]] = []
-
-    @classmethod
-    def of_film(cls, channels: Channels, scene: Scene, reader: PoseReader) -> Self:
-        """Return the recorder of `Trace.bodies`."""
-        return cls(channels.bodies, scene, reader, frame_stride(scene.physics.rate))
-
-    @classmethod
-    def of_objects(cls, channels: Channels, scene: Scene, reader: PoseReader) -> Self:
-        """Return the recorder of `Trace.objects`."""
-        recorder = cls(channels.objects, scene, reader, 1)
-        recorder._arrivals = arrivals(scene)
-        return recorder
 
     @property
     def is_idle(self) -> bool:
@@ -105,6 +93,61 @@ class BodyRecorder:
         self._steps, self._rows = [], []
         found = ((name, BodyRecord(time, rows[:, i, :3], rows[:, i, 3:])) for i, name in enumerate(self._names))
         return {name: record.appearing(self._arrivals.get(name, -math.inf)) for name, record in found}
+
+
+class ContactRecorder:
+    """Records the contacts of the links in `Channels.link_contacts` after each step."""
+
+    def __init__(self, links: Collection[str], rate: float, read: Callable[[], Iterable[LinkTouch]]) -> None:
+        """Prepare the record; `read` returns the present contacts of all links."""
+        self._rate, self._read = rate, read
+        self._found: dict[str, list[tuple[float, LinkTouch]]] = {link: [] for link in sorted(links)}
+
+    @property
+    def is_idle(self) -> bool:
+        """Return True if the contacts of no link are to be recorded."""
+        return not self._found
+
+    def record(self, step: int) -> None:
+        """Record the present contacts as those of a step."""
+        time = step / self._rate
+        for touch in self._read():
+            if touch.link in self._found:
+                self._found[touch.link].append((time, touch))
+
+    def collect(self) -> dict[str, ContactRecord]:
+        """Return the records since the last call, by link."""
+        found, self._found = self._found, {link: [] for link in self._found}
+        return {link: ContactRecord.of(touches) for link, touches in found.items()}
+
+
+class Recorders:
+    """Records the bodies, objects and contacts of links for a trace, as far as they are requested."""
+
+    def __init__(
+        self, channels: Channels, scene: Scene, reader: PoseReader, contacts: Callable[[], Iterable[LinkTouch]]
+    ) -> None:
+        """Prepare the records; `contacts` returns the present contacts of all links."""
+        rate = scene.physics.rate
+        self._bodies = BodyRecorder(channels.bodies, scene, reader, frame_stride(rate))
+        self._objects = BodyRecorder(channels.objects, scene, reader, 1)
+        self._contacts = ContactRecorder(channels.link_contacts, rate, contacts)
+
+    @property
+    def watchers(self) -> list[Callable[[int], None]]:
+        """The functions to call after each step, with its number."""
+        recorders = (self._bodies, self._objects, self._contacts)
+        return [recorder.record for recorder in recorders if not recorder.is_idle]
+
+    def collect(self) -> dict[str, Any]:
+        """Return the records since the last call, by the attribute of `Trace`."""
+        objects, contacts = self._objects.collect(), self._contacts.collect()
+        return {"bodies": self._bodies.collect(), "objects": objects, "link_contacts": contacts}
+
+    def present_contacts(self, step: int) -> dict[str, ContactRecord]:
+        """See Engine.link_contacts."""
+        self._contacts.record(step)
+        return self._contacts.collect()
 
 
 class LazyContacts:

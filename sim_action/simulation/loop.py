@@ -222,7 +222,7 @@ class _Loop:
         digest = Digest()
         motion = Motion(Rest.of(self._scene, start))
         accuracy = AccuracyWatch(self._scene, self._drive, self._springs)
-        footage.begin(start, placed, opening[0].objects)
+        footage.begin(start, placed, opening[0])
         started = time.perf_counter()
         while panel.end is None:
             trace, failure = self._advance(_PERIOD_S if panel.is_pending else _PERIOD_WITHOUT_GOALS_S, progress)
@@ -344,7 +344,8 @@ class _Loop:
         """Return the moment at t = 0 as monitors see it: invariants are judged from there on."""
         contacts = tuple(contact for contact in start.contacts if contact.body != GROUND)
         objects = {name: self._first_pose(name) for name in sorted(self._judged.objects)}
-        return replace(Trace.of_observation(start), contacts=contacts, objects=objects)
+        touches = self._backend.link_contacts(0) if self._judged.link_contacts else {}
+        return replace(Trace.of_observation(start), contacts=contacts, objects=objects, link_contacts=touches)
 
     def _first_pose(self, body: str) -> BodyRecord:
         pose = self._backend.body_pose(body)

@@ -15,7 +15,7 @@ from sim_action.scenario.model import Agreement, Scenario
 from sim_action.state.observation import Contact, Observation
 from sim_action.state.trace import FloatArray, Trace
 from sim_action.state.trace_channels import Channels
-from sim_action.state.trace_records import FRAME_RATE, BodyRecord, CommandedTwists, SensorRecord, frame_stride
+from sim_action.state.trace_records import FRAME_RATE, CommandedTwists, SensorRecord, frame_stride
 from sim_action.world import World
 from sim_action.world.scene import Scene
 
@@ -52,16 +52,15 @@ class RunRecorder:
             return Channels()
         return Channels(contacts=True, bodies=frozenset(moving_bodies(world)))
 
-    def begin(
-        self, start: Observation, bodies: FloatArray | None = None, objects: Mapping[str, BodyRecord] | None = None
-    ) -> None:
+    def begin(self, start: Observation, bodies: FloatArray | None = None, opening: Trace | None = None) -> None:
         """Record the moment at t = 0.
 
-        `bodies`: the poses (M, 7) of the bodies with a mass. `objects`: as in a trace of this one moment.
+        `bodies`: the poses (M, 7) of the bodies with a mass. `opening`: this moment with
+        its records; its contacts are not stored.
         """
         self.start = start
         first = Trace.of_observation(start)
-        self._kept.append(replace(first, objects=objects or {}))
+        self._kept.append(first if opening is None else replace(opening, contacts=()))
         if self._steps is not None:
             self._steps.add(first, None if bodies is None else bodies[None])
         if self._filmed:

@@ -17,7 +17,7 @@ from sim_action.core.geometry import Vector3
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.state.observation import Contact, Observation, SelfContact
 from sim_action.state.trace_channels import ClearanceWatch
-from sim_action.state.trace_records import BodyRecord, ClearanceRecord, SensorRecord
+from sim_action.state.trace_records import BodyRecord, ClearanceRecord, ContactRecord, SensorRecord
 
 FloatArray = NDArray[np.float64]
 
@@ -57,6 +57,8 @@ class Trace:
         bodies: body name -> its poses, 30 per second, for moving bodies, if a replay is asked for.
         objects: body name -> its poses, one for each row of `state`, for bodies that assertions name. They are NaN
             until the body appears.
+        link_contacts: link -> its contacts at the moments of `state`, the ground included, for links that assertions
+            name.
         self_contacts: contacts between links of the robot, from every step, if they are asked for.
     """
 
@@ -67,6 +69,7 @@ class Trace:
     clearances: Mapping[ClearanceWatch, ClearanceRecord] = field(default_factory=dict)
     bodies: Mapping[str, BodyRecord] = field(default_factory=dict)
     objects: Mapping[str, BodyRecord] = field(default_factory=dict)
+    link_contacts: Mapping[str, ContactRecord] = field(default_factory=dict)
     self_contacts: tuple[SelfContact, ...] = ()
 
     def __len__(self) -> int:
@@ -101,10 +104,11 @@ class Trace:
         clearances = _joined([trace.clearances for trace in traces], ClearanceRecord.concatenate)
         bodies = _joined([trace.bodies for trace in traces], BodyRecord.concatenate)
         objects = _joined([trace.objects for trace in traces], BodyRecord.concatenate)
+        touches = _joined([trace.link_contacts for trace in traces], ContactRecord.concatenate)
         state = np.concatenate([trace.state for trace in traces])
         self_contacts = tuple(contact for trace in traces for contact in trace.self_contacts)
         names = traces[0].joint_names
-        return cls(names, state, contacts, sensors, clearances, bodies, objects, self_contacts)
+        return cls(names, state, contacts, sensors, clearances, bodies, objects, touches, self_contacts)
 
     @property
     def time(self) -> FloatArray:
@@ -156,8 +160,9 @@ class Trace:
         return self._part(slice(count), -np.inf, end, end)
 
     def rows(self, wanted: slice | NDArray[np.intp]) -> Self:
-        """Return some of the moments with their objects, and all contacts, readings, clearances and bodies."""
-        return replace(self, state=self.state[wanted], objects=self._objects_at(wanted))
+        """Return some of the moments with their objects and link contacts, and all other records."""
+        state = self.state[wanted]
+        return replace(self, state=state, objects=self._objects_at(wanted), link_contacts=self._contacts_at(state))
 
     def between(self, start: float, end: float) -> Self:
         """Return all data with start <= time <= end, but readings with start <= time < end.
@@ -212,11 +217,17 @@ class Trace:
             clearances={watch: record.between(start, end) for watch, record in self.clearances.items()},
             bodies={name: record.between(start, end) for name, record in self.bodies.items()},
             objects=self._objects_at(wanted),
+            link_contacts=self._contacts_at(self.state[wanted]),
             self_contacts=tuple(contact for contact in self.self_contacts if start <= contact.time <= end),
         )
 
     def _objects_at(self, wanted: slice | NDArray[np.intp]) -> Mapping[str, BodyRecord]:
         return {name: record.rows(wanted) for name, record in self.objects.items()} if self.objects else self.objects
+
+    def _contacts_at(self, state: FloatArray) -> Mapping[str, ContactRecord]:
+        if not self.link_contacts:
+            return self.link_contacts
+        return {link: record.at(state[:, 0]) for link, record in self.link_contacts.items()}
 
     @cached_property
     def speed(self) -> FloatArray:

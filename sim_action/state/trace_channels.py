@@ -40,6 +40,7 @@ class Channels:
         sensors: the names of sensors that monitors need in `Trace.sensors`.
         bodies: the names of bodies that are needed in `Trace.bodies`, 30 poses per second.
         objects: the names of bodies that are needed in `Trace.objects`, a pose at every step.
+        link_contacts: the names of links whose contacts are needed in `Trace.link_contacts`.
         openings: sim times in s at which an observation begins, and the minimum of a clearance is reset.
         self_contacts: True if `Trace.self_contacts` is needed.
     """
@@ -49,6 +50,7 @@ class Channels:
     sensors: frozenset[str] = frozenset()
     bodies: frozenset[str] = frozenset()
     objects: frozenset[str] = frozenset()
+    link_contacts: frozenset[str] = frozenset()
     openings: frozenset[float] = frozenset()
     self_contacts: bool = False
 
@@ -65,6 +67,7 @@ class Channels:
             sensors=self.sensors | other.sensors,
             bodies=self.bodies | other.bodies,
             objects=self.objects | other.objects,
+            link_contacts=self.link_contacts | other.link_contacts,
             openings=self.openings | other.openings,
             self_contacts=self.self_contacts or other.self_contacts,
         )

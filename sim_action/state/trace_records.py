@@ -1,4 +1,4 @@
-"""The records of a trace besides the robot's state: bodies, clearances, sensor readings; and commanded twists."""
+"""The records of a trace besides the robot's state: bodies, contacts, clearances, readings; and commanded twists."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any, Final, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_action.core.geometry import Twist
+from sim_action.core.geometry import Twist, Vector3
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.state.readings import Reading
 
@@ -73,6 +73,102 @@ class BodyRecord:
         count = len(self.time)
         shapes = (self.time.shape, self.position_xyz.shape, self.orientation_xyzw.shape)
         return shapes == ((count,), (count, 3), (count, 4))
+
+
+class LinkTouch(NamedTuple):
+    """One contact point of a link with a body of the world or the ground, in the world frame.
+
+    Attributes:
+        normal_xyz: the unit normal of the surfaces, from the body to the link.
+        force: the normal force in N.
+    """
+
+    link: str
+    body: str
+    position_xyz: Vector3
+    normal_xyz: Vector3
+    force: float
+
+
+@dataclass(frozen=True, eq=False)
+class ContactRecord:
+    """The contacts of one link with bodies of the world and the ground, at the moments of a trace, in the world frame.
+
+    Attributes:
+        bodies: the names of the bodies that it touched.
+        time: (N,) s, not falling; a moment has as many rows as contact points.
+        body: (N,) the index into `bodies`.
+        position_xyz: (N, 3) m.
+        normal_xyz: (N, 3) unit normals of the surfaces, from the body to the link.
+        force: (N,) N, the normal force.
+    """
+
+    bodies: tuple[str, ...]
+    time: NDArray[np.float64]
+    body: NDArray[np.int64]
+    position_xyz: NDArray[np.float64]
+    normal_xyz: NDArray[np.float64]
+    force: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @classmethod
+    def of(cls, found: Sequence[tuple[float, LinkTouch]]) -> Self:
+        """Return the record of these contacts of a link, each with its time in s."""
+        bodies = tuple(dict.fromkeys(touch.body for _, touch in found))
+        return cls(
+            bodies,
+            np.array([time for time, _ in found], dtype=np.float64),
+            np.array([bodies.index(touch.body) for _, touch in found], dtype=np.int64),
+            np.array([touch.position_xyz for _, touch in found], dtype=np.float64).reshape(-1, 3),
+            np.array([touch.normal_xyz for _, touch in found], dtype=np.float64).reshape(-1, 3),
+            np.array([touch.force for _, touch in found], dtype=np.float64),
+        )
+
+    @classmethod
+    def concatenate(cls, records: Sequence[Self]) -> Self:
+        """Return records of the same link, joined in their order."""
+        bodies = tuple(dict.fromkeys(body for record in records for body in record.bodies))
+        places = [np.array([bodies.index(body) for body in record.bodies], dtype=np.int64) for record in records]
+        return cls(
+            bodies,
+            np.concatenate([record.time for record in records]),
+            np.concatenate([place[record.body] for place, record in zip(places, records, strict=True)]),
+            np.concatenate([record.position_xyz for record in records]),
+            np.concatenate([record.normal_xyz for record in records]),
+            np.concatenate([record.force for record in records]),
+        )
+
+    def at(self, moments: NDArray[np.float64]) -> Self:
+        """Return the contacts at some moments, (T,) s, rising."""
+        return self.rows(self.moment(moments) >= 0)
+
+    def moment(self, moments: NDArray[np.float64]) -> NDArray[np.intp]:
+        """Return the index (N,) of the moment of each contact among moments, (T,) s, rising; -1 if it has none."""
+        if not len(moments):
+            return np.full(len(self), -1, dtype=np.intp)
+        index = np.searchsorted(moments, self.time - TIME_EPSILON_S).clip(max=len(moments) - 1)
+        return np.where(np.abs(moments[index] - self.time) <= TIME_EPSILON_S, index, -1)
+
+    def rows(self, wanted: NDArray[np.bool_]) -> Self:
+        """Return some of the contacts."""
+        return type(self)(
+            self.bodies,
+            self.time[wanted],
+            self.body[wanted],
+            self.position_xyz[wanted],
+            self.normal_xyz[wanted],
+            self.force[wanted],
+        )
+
+    @property
+    def is_whole(self) -> bool:
+        """True if the columns have the same length and name bodies that exist."""
+        count = len(self.time)
+        shapes = [column.shape for column in (self.time, self.body, self.force, self.position_xyz, self.normal_xyz)]
+        known = (self.body >= 0) & (self.body < len(self.bodies))
+        return shapes == [(count,), (count,), (count,), (count, 3), (count, 3)] and bool(known.all())
 
 
 class Nearness(NamedTuple):

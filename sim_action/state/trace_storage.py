@@ -13,9 +13,10 @@ from sim_action.core.files import open_regular, whole_file
 from sim_action.state.observation import Contact, SelfContact
 from sim_action.state.trace import COLUMNS, Trace
 from sim_action.state.trace_channels import ClearanceWatch
-from sim_action.state.trace_records import BodyRecord, ClearanceRecord, SensorRecord
+from sim_action.state.trace_records import BodyRecord, ClearanceRecord, ContactRecord, SensorRecord
 
 _BODY_COLUMNS: Final = ("time", "position_xyz", "orientation_xyzw")
+_LINK_CONTACT_COLUMNS: Final = ("time", "body", "position_xyz", "normal_xyz", "force")
 _CLEARANCE_COLUMNS: Final = ("time", "distance", "pair")
 # Fields that older traces lack.
 _ADDED: Final = ("has_force", "depth")
@@ -36,6 +37,7 @@ def save_trace(trace: Trace, path: Path) -> None:
         **_clearance_arrays(trace.clearances),
         **_body_arrays("body", trace.bodies),
         **_body_arrays("object", trace.objects),
+        **_link_contact_arrays(trace.link_contacts),
     }
     arrays: dict[str, Any] = {"joint_names": np.array(trace.joint_names, dtype=np.str_), **columns, **told}
     with whole_file(path) as file:
@@ -55,7 +57,7 @@ def load_trace(path: Path) -> Trace:
             sensors, clearances = _sensor_records(stored), _clearance_records(stored)
             bodies, objects = _body_records("body", stored), _object_records(stored, trace)
             told = replace(trace, sensors=sensors, clearances=clearances, bodies=bodies, objects=objects)
-            return replace(told, self_contacts=_self_contacts(stored))
+            return replace(told, self_contacts=_self_contacts(stored), link_contacts=_link_contact_records(stored))
     except Exception as error:  # noqa: BLE001 - numpy and zipfile raise many types for damaged files
         raise TraceError(f"{path}: not a trace: {error}") from None
 
@@ -188,4 +190,26 @@ def _object_records(stored: Mapping[str, Any], trace: Trace) -> dict[str, BodyRe
     for name, record in records.items():
         if not np.array_equal(record.time, trace.time):
             raise ValueError(f"the object '{name}' has other times than the trace")
+    return records
+
+
+def _link_contact_arrays(contacts: Mapping[str, ContactRecord]) -> dict[str, Any]:
+    """Return the arrays of the contacts of all links, numbered."""
+    arrays: dict[str, Any] = {"touching_links": np.array(list(contacts), dtype=np.str_)} if contacts else {}
+    for index, record in enumerate(contacts.values()):
+        arrays[f"touching_{index}_bodies"] = np.array(record.bodies, dtype=np.str_)
+        arrays |= {f"touching_{index}_{name}": getattr(record, name) for name in _LINK_CONTACT_COLUMNS}
+    return arrays
+
+
+def _link_contact_records(stored: Mapping[str, Any]) -> dict[str, ContactRecord]:
+    """Return the records from the arrays that `_link_contact_arrays` made."""
+    records = {}
+    for index, link in enumerate(stored["touching_links"].tolist() if "touching_links" in stored else ()):
+        start = f"touching_{index}_"
+        bodies = tuple(stored[f"{start}bodies"].tolist())
+        record = ContactRecord(bodies, *(stored[f"{start}{column}"] for column in _LINK_CONTACT_COLUMNS))
+        if not record.is_whole:
+            raise ValueError(f"the columns of '{start}' have different lengths")
+        records[str(link)] = record
     return records

@@ -13,6 +13,7 @@ ALL = Channels(
     sensors=frozenset({"scan", "imu"}),
     bodies=frozenset({"ball"}),
     objects=frozenset({"crate", "ball"}),
+    link_contacts=frozenset({"foot", "hand"}),
     openings=frozenset({0.0, 2.0}),
 )
 
@@ -26,7 +27,8 @@ def test_what_any_of_them_asks_for_is_asked_for() -> None:
     several = [
         Channels(contacts=True).opening_at(2.0),
         Channels(clearances=frozenset({WALL}), sensors=frozenset({"scan"}), objects=frozenset({"crate"})),
-        Channels(bodies=frozenset({"ball"}), objects=frozenset({"ball"})),
+        Channels(bodies=frozenset({"ball"}), objects=frozenset({"ball"}), link_contacts=frozenset({"foot"})),
+        Channels(link_contacts=frozenset({"hand"})),
         Channels(clearances=frozenset({ClearanceWatch(), WALL}), sensors=frozenset({"imu"})).opening_at(0.0),
     ]
     assert Channels.all_of(several) == Channels.all_of(reversed(several)) == ALL

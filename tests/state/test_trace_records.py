@@ -11,7 +11,14 @@ import pytest
 from sim_action.state.readings import ContactReading
 from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import ClearanceWatch
-from sim_action.state.trace_records import BodyRecord, ClearanceRecord, Nearness, SensorRecord
+from sim_action.state.trace_records import (
+    BodyRecord,
+    ClearanceRecord,
+    ContactRecord,
+    LinkTouch,
+    Nearness,
+    SensorRecord,
+)
 from sim_action.state.trace_storage import TraceError, load_trace, save_trace
 from tests.traces import trace
 
@@ -149,4 +156,47 @@ def test_objects_are_stored_if_they_have_a_pose_for_each_moment(tmp_path: Path) 
     assert where(load_trace(tmp_path / "t.npz")) == [0.1, 0.2]
     save_trace(replace(seen, objects={"crate": crate(0.1, 0.3)}), tmp_path / "t.npz")
     with pytest.raises(TraceError, match="the object 'crate' has other times than the trace"):
+        load_trace(tmp_path / "t.npz")
+
+
+def foot(*touches: tuple[float, str]) -> ContactRecord:
+    """Contacts of a foot at these times with these bodies."""
+    up = (0.0, 0.0, 1.0)
+    return ContactRecord.of(
+        [(time, LinkTouch("foot", body, (time, 0.0, 0.0), up, 10 * time)) for time, body in touches]
+    )
+
+
+STEPS = ((0.1, "ground"), (0.1, "ramp"), (0.3, "ramp"), (0.4, "ground"))
+
+
+def touched(record: ContactRecord) -> list[tuple[float, str]]:
+    assert record.is_whole
+    assert record.force.tolist() == [10 * time for time in record.time]
+    return [(float(time), record.bodies[body]) for time, body in zip(record.time, record.body, strict=True)]
+
+
+def test_contacts_of_links_are_cut_and_joined_with_the_state(tmp_path: Path) -> None:
+    seen = replace(trace([0.1, 0.2, 0.3, 0.4]), link_contacts={"foot": foot(*STEPS)})
+    assert touched(seen.first(2).link_contacts["foot"]) == list(STEPS[:2])
+    assert touched(seen.between(0.2, 0.3).link_contacts["foot"]) == list(STEPS[2:3])
+    assert touched(seen.rows(np.array([0, 3])).link_contacts["foot"]) == [*STEPS[:2], STEPS[3]]
+    assert touched(seen.rows(slice(0)).link_contacts["foot"]) == []
+    again = Trace.concatenate((seen.first(2), seen.rows(slice(0)), seen.between(0.3, 0.4)))
+    assert touched(again.link_contacts["foot"]) == list(STEPS)
+    save_trace(again, tmp_path / "t.npz")
+    assert touched(load_trace(tmp_path / "t.npz").link_contacts["foot"]) == list(STEPS)
+
+
+def test_a_contact_knows_its_moment() -> None:
+    record = foot(*STEPS)
+    assert record.moment(np.array([0.1, 0.2, 0.4])).tolist() == [0, 0, -1, 2]
+    assert record.moment(np.array([])).tolist() == [-1, -1, -1, -1]
+    assert foot().moment(np.array([0.1])).tolist() == []
+
+
+def test_a_file_whose_contacts_of_links_do_not_fit_is_no_trace(tmp_path: Path) -> None:
+    broken = replace(foot(*STEPS), body=np.array([0, 1, 2, 0]))
+    save_trace(replace(trace([0.1]), link_contacts={"foot": broken}), tmp_path / "t.npz")
+    with pytest.raises(TraceError, match="not a trace"):
         load_trace(tmp_path / "t.npz")

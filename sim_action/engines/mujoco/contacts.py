@@ -9,6 +9,7 @@ import mujoco
 
 from sim_action.engines.mujoco.scene import CompiledScene
 from sim_action.state.observation import Clash, Contact, Overlap
+from sim_action.state.trace_records import LinkTouch
 from sim_action.world import GROUND
 
 _MAX_REMEMBERED_PAIRS: Final = 256
@@ -56,6 +57,20 @@ class Contacts:
                 continue
             names, depth = (self._links[link], self._bodies[body]), max(0.0, -distance)
             yield Contact(time, *names, (x, y, z), float(forces[row]), depth=depth)
+
+    def of_links(self) -> Iterator[LinkTouch]:
+        """Yield the present contact points of links with bodies of the world and the ground."""
+        contacts, forces = self._data.contact, self._data.efc_force
+        columns = contacts.geom, contacts.efc_address, contacts.pos, contacts.frame
+        for (one, other), row, (x, y, z), (nx, ny, nz, *_) in zip(
+            *(column.tolist() for column in columns), strict=True
+        ):
+            if row < 0 or (one in self._links) == (other in self._links):
+                continue
+            # The normal points from the first geom to the second.
+            link, body, sign = (one, other, -1.0) if one in self._links else (other, one, 1.0)
+            normal = (sign * nx, sign * ny, sign * nz)
+            yield LinkTouch(self._links[link], self._bodies[body], (x, y, z), normal, float(forces[row]))
 
     def touching(self) -> Iterator[Overlap | Clash]:
         """See Engine.touching."""

@@ -29,12 +29,13 @@ from sim_action.engines.mujoco.queries import Distances, Links, Objects, Rays
 from sim_action.engines.mujoco.scene import CompiledScene
 from sim_action.engines.mujoco.sliding import SlidingContacts
 from sim_action.engines.mujoco.state_recorder import StateRecorder
-from sim_action.engines.observers import BodyRecorder, LazyContacts, path_contacts
+from sim_action.engines.observers import LazyContacts, Recorders, path_contacts
 from sim_action.engines.world_events import WorldEvents
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import Clash, Contact, Observation, Overlap
 from sim_action.state.trace import FloatArray, Trace
 from sim_action.state.trace_channels import Channels
+from sim_action.state.trace_records import ContactRecord
 from sim_action.world.scene import Scene
 
 WARNING: Final = "mujoco warning: "
@@ -86,8 +87,7 @@ class MuJoCoEngine:
         # In MJCF, joint axes may lie away from the frames of their links, at an unknown distance.
         radii = dict.fromkeys(scene.model.links_by_name, math.inf) if scene.model.mjcf else distances.radii()
         self._clearances = ClearanceRecorder(channels, scene, radii, near=distances.near, body_at=self._objects.at)
-        self._body_recorder = BodyRecorder.of_film(channels, scene, self._objects.pose_reader)
-        self._object_recorder = BodyRecorder.of_objects(channels, scene, self._objects.pose_reader)
+        self._recorders = Recorders(channels, scene, self._objects.pose_reader, self._contacts.of_links)
         # Clearances to static bodies are measured afterwards, from the recorded states.
         self._looks_back = not self._clearances.is_idle and self._clearances.bodies_are_static
         # A live view of the bodies' part, which comes last.
@@ -118,9 +118,12 @@ class MuJoCoEngine:
             steps, qpos, recall = rows[:, 0].astype(int).tolist(), states.robot_qpos(rows), self._distances.recall
             self._clearances.record_past(steps, *states.places(rows), lambda row: recall(qpos[row]))
         touches, self._touches = tuple(self._touches), []
-        clearances, bodies = self._clearances.collect(), self._body_recorder.collect()
-        objects, state = self._object_recorder.collect(), states.trace_rows(rows)
-        return Trace(self._joint_names, state, touches, clearances=clearances, bodies=bodies, objects=objects)
+        clearances, records = self._clearances.collect(), self._recorders.collect()
+        return Trace(self._joint_names, states.trace_rows(rows), touches, clearances=clearances, **records)
+
+    def link_contacts(self, step: int) -> dict[str, ContactRecord]:
+        """See Engine.link_contacts."""
+        return self._recorders.present_contacts(step)
 
     def collect_bodies(self) -> FloatArray:
         """See Engine.collect_bodies. Rows after a divergence are missing."""
@@ -175,10 +178,7 @@ class MuJoCoEngine:
             yield self._record_contacts
             if self._path_contacts is not None:
                 yield self._record_path_contacts
-        if not self._body_recorder.is_idle:
-            yield self._body_recorder.record
-        if not self._object_recorder.is_idle:
-            yield self._object_recorder.record
+        yield from self._recorders.watchers
         if not self._clearances.is_idle and not self._looks_back:
             yield self._record_clearances
 

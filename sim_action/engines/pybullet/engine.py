@@ -7,7 +7,7 @@ surfaces touch.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,8 +22,9 @@ from sim_action.drives.wheels import held_joints
 from sim_action.engines import NO_CHANNELS, UNLIMITED_EFFORT, named_version
 from sim_action.engines.body_control import HeldWrenches
 from sim_action.engines.clearances import ClearanceRecorder
-from sim_action.engines.observers import BodyRecorder, LazyContacts, ReadPoses, path_contacts
+from sim_action.engines.observers import LazyContacts, ReadPoses, Recorders, path_contacts
 from sim_action.engines.pybullet.body_control import BasePusher, PyBulletBodyControl
+from sim_action.engines.pybullet.contacts import Contacts
 from sim_action.engines.pybullet.queries import (
     Distances,
     cast_rays,
@@ -55,6 +56,7 @@ from sim_action.state.command import JointTargets
 from sim_action.state.observation import ByName, Clash, Contact, JointState, Observation, Overlap
 from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import Channels
+from sim_action.state.trace_records import ContactRecord
 from sim_action.world import GROUND
 from sim_action.world.scene import Scene
 
@@ -104,20 +106,19 @@ class PyBulletEngine:
         distances = Distances(self._client, self._robot, self._link_names, self._body_names)
         shaped = [link.name for link in scene.model.links if link.collisions]
         self._path_contacts = path_contacts(scene, shaped, distances.nearest)
-        # PyBullet reports some of these pairs, without a force.
-        self._immovable = {self._links[name] for name in scene.bolted_links} if self._path_contacts else set[int]()
-        self._on_paths = {number for body in scene.world.objects if body.path for number, _ in self._objects[body.name]}
+        immovable = {self._links[name] for name in scene.bolted_links} if self._path_contacts else set[int]()
+        on_paths = {number for body in scene.world.objects if body.path for number, _ in self._objects[body.name]}
+        unforced = immovable, on_paths
+        self._contacts = Contacts(self._client, self._robot, self._link_names, self._body_names, unforced)
         self._clearances = ClearanceRecorder(
             channels, scene, distances.radii(), near=distances.near, body_at=self._body_at
         )
-        self._body_recorder = BodyRecorder.of_film(channels, scene, self._reader)
-        self._object_recorder = BodyRecorder.of_objects(channels, scene, self._reader)
-        recorders = (self._body_recorder, self._object_recorder)
-        self._recorders: list[Callable[[int], None]] = [each.record for each in recorders if not each.is_idle]
+        self._recorders = Recorders(channels, scene, self._reader, self._contacts.of_links)
+        self._watchers = self._recorders.watchers
         heavy = [body.name for body in scene.world.objects if body.mass is not None]
         if heavy:
             look = self._reader(heavy)
-            self._recorders.append(lambda _: self._body_poses.append(look()))
+            self._watchers.append(lambda _: self._body_poses.append(look()))
         self._body_poses: list[Sequence[float] | NDArray[np.float64]] = []
         self._held_efforts: dict[int, float] = {}
         self._rows: list[tuple[float, ...]] = []
@@ -137,9 +138,9 @@ class PyBulletEngine:
                 self._events.after_step(step)
             self._rows.append(self._row(step))
             if self._watches_contacts:
-                self._touches += self._contacts(step, ground=False)
-            for record in self._recorders:
-                record(step)
+                self._touches += self._present_contacts(step, ground=False)
+            for watch in self._watchers:
+                watch(step)
             if not self._clearances.is_idle:
                 row = self._rows[-1]
                 self._clearances.record(step, row[1:8], row[14 : 14 + len(self._joint_names)])
@@ -163,10 +164,13 @@ class PyBulletEngine:
         state = np.array(self._rows, dtype=np.float64).reshape(-1, columns)
         for column, values in enumerate(in_link_frame(tuple(state[:, 1:14].T), self._com_in_link), start=1):
             state[:, column] = values
-        clearances, bodies = self._clearances.collect(), self._body_recorder.collect()
-        objects, touches = self._object_recorder.collect(), tuple(self._touches)
-        self._rows, self._touches = [], []
-        return Trace(self._joint_names, state, touches, clearances=clearances, bodies=bodies, objects=objects)
+        touches, self._rows, self._touches = tuple(self._touches), [], []
+        clearances, records = self._clearances.collect(), self._recorders.collect()
+        return Trace(self._joint_names, state, touches, clearances=clearances, **records)
+
+    def link_contacts(self, step: int) -> dict[str, ContactRecord]:
+        """See Engine.link_contacts."""
+        return self._recorders.present_contacts(step)
 
     def collect_bodies(self) -> NDArray[np.float64]:
         """See Engine.collect_bodies."""
@@ -187,7 +191,7 @@ class PyBulletEngine:
             pose=pose,
             twist=twist,
             joints=states,
-            contacts=self._lazy_contacts.present(lambda: self._contacts(step, ground=True)) if contacts else (),
+            contacts=self._lazy_contacts.present(lambda: self._present_contacts(step, ground=True)) if contacts else (),
             links=LinkStates(self._model, pose, twist, states),
         )
 
@@ -349,15 +353,8 @@ class PyBulletEngine:
     def _motors(self, mode: int, indices: Iterable[int], **targets: Sequence[float]) -> None:
         pybullet.setJointMotorControlArray(self._robot, list(indices), mode, physicsClientId=self._client, **targets)
 
-    def _contacts(self, step: int, *, ground: bool) -> Iterator[Contact]:
-        for point in pybullet.getContactPoints(self._robot, physicsClientId=self._client):
-            body, distance, force = self._body_names.get(point[2]), point[8], point[9]
-            # Points are reported from a gap of 2 cm on; a contact carries a force or overlaps.
-            if body is None or not (ground or body != GROUND) or not (force > 0 or distance <= 0):
-                continue
-            if point[3] not in self._immovable or point[2] not in self._on_paths:
-                link, depth = self._link_names[point[3]], max(0.0, -distance)
-                yield Contact(step / self._rate, link, body, point[5], force, depth=depth)
+    def _present_contacts(self, step: int, *, ground: bool) -> Iterator[Contact]:
+        yield from self._contacts.of_step(step / self._rate, ground=ground)
         if self._path_contacts is not None:
             yield from self._path_contacts.at(step)
 
