@@ -17,6 +17,7 @@ from docs.generators import accuracy, actions, command_line, lists, scenario
 from sim_action.app.schema import SCHEMAS, schema_text
 from sim_action.scenario.model import ExpectationOptions
 from sim_action.sensors import Mounting
+from sim_action.state.transmission import Transmission
 from sim_action.world import Disturbance, PathPoint
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -37,6 +38,7 @@ BLOCKS: dict[str, Callable[..., str]] = {
     "scenario-keys": scenario.scenario_keys,
     "expectation-keys": lambda: scenario.keys_table(ExpectationOptions),
     "sensor-keys": lambda: scenario.keys_table(Mounting),
+    "transmission-keys": lambda: scenario.keys_table(Transmission),
     "path-keys": lambda: scenario.keys_table(PathPoint),
     "disturbance-keys": lambda: scenario.keys_table(Disturbance),
     "controller-types": lambda: scenario.attributes(*scenario.CONTROLLER_TYPES),

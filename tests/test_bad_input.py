@@ -67,7 +67,7 @@ def test_an_alias_bomb(tmp_path: Path) -> None:
     ("old", "new", "problem"),
     [
         # Unknown keys
-        ("  rate:", "  rte:", "5:3: commands.rte: unknown key; did you mean 'rate'? (allowed: rate, twist)"),
+        ("  rate:", "  rte:", "5:3: commands.rte: unknown key; did you mean 'rate'? (allowed: dropouts, jitter,"),
         (
             "1.0}",
             "1.0, angle: 1}",

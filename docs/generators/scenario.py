@@ -28,6 +28,7 @@ from sim_action.state import readings
 from sim_action.state.command import JointTargets, LinkWrench
 from sim_action.state.observation import Contact, JointState, LinkState, Observation
 from sim_action.state.trace import Trace
+from sim_action.state.transmission import Transmission
 from sim_action.state.verdict import Verdict
 from sim_action.world import Body, Disturbance, Ground, Patch, PathPoint, Physics, World
 
@@ -127,6 +128,8 @@ _SHOWN_ELSEWHERE: Final = (
     *("robot", "world", "physics", "commands", "sensors", "expect", "trace", "pose"),
     *("ground", "patches", "objects", "disturbances"),
 )
+# Keys that every command source has; a table of their own lists them.
+_OF_EVERY_SOURCE: Final = frozenset(f"`{key}`" for key in Transmission.model_fields)
 # Keys of a scenario that have rows for the keys below them.
 _OPENED: Final = ("agreement", "sphere", "cylinder")
 
@@ -175,7 +178,7 @@ def file_of(path: str, language: str) -> str:
 
 def _section(family: str, name: str, model: type[BaseModel]) -> str:
     parts = [f"## `{name}`\n", f"{inspect.getdoc(model)}\n"]
-    if rows := list(keys(model)):
+    if rows := [row for row in keys(model) if row[0] not in _OF_EVERY_SOURCE]:
         parts.append(table(KEYS, rows))
     if family == "assertions":
         parts.append(VERDICTS[name].shown())
@@ -183,8 +186,8 @@ def _section(family: str, name: str, model: type[BaseModel]) -> str:
 
 
 def keys_table(model: type[BaseModel]) -> str:
-    """Return the table of a model's keys."""
-    return table(KEYS, keys(model))
+    """Return the table of a model's keys, its own ones first."""
+    return table(KEYS, sorted(keys(model), key=lambda row: row[0] in _OF_EVERY_SOURCE))
 
 
 def keys(model: type[BaseModel], above: str = "") -> Iterator[tuple[str, str, str, str]]:

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final
 
 from pydantic import Field
 
-from sim_action.core.field_types import FrozenModel, PositiveHertz
+from sim_action.core.field_types import PositiveHertz
 from sim_action.core.registry import Table
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.command import Answer, JointTargets
+from sim_action.state.transmission import Transmission
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -51,6 +52,7 @@ class ClosedLoop:
         close: called once, after the run.
         notes: notes for the user, complete after `close`.
         losses: parts of its files that were not run, as the scenario allows.
+        repeats: True if its answer is the same object until there is a new command.
     """
 
     command: Callable[[Observation], Answer]
@@ -59,13 +61,14 @@ class ClosedLoop:
     close: Callable[[], None] = _nothing
     notes: Sequence[str] = ()
     losses: Sequence[str] = ()
+    repeats: bool = False
 
 
 Controller = OpenLoop | ClosedLoop
 """A controller is called at every tick; None as its answer keeps the last command."""
 
 
-class CommandSource(FrozenModel):
+class CommandSource(Transmission):
     """The base class of command sources: a frozen spec whose fields are the YAML keys."""
 
     runs_user_code: ClassVar[bool] = False

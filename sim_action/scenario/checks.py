@@ -72,6 +72,30 @@ def rate_problems(
             yield path, f"{rate:g} Hz does not divide physics.rate, {scenario.physics.rate:g} Hz; nearest: {near}"
 
 
+def transmission_problems(
+    scenario: Scenario, command_paths: Sequence[KeyPath], sensor_paths: Sequence[KeyPath]
+) -> SpecProblems:
+    """Yield delays of commands and readings that would last until the end of the run."""
+    limit = scenario.time_limit
+    senders = [
+        *(
+            (path, source, "no command would take effect")
+            for path, source in zip(command_paths, scenario.commands, strict=True)
+        ),
+        *(
+            (path, sensor.transmission, "no reading after t = 0 would arrive")
+            for path, sensor in zip(sensor_paths, scenario.sensors, strict=True)
+        ),
+    ]
+    for path, sent, result in senders:
+        if sent.latency >= limit:
+            message = f"{sent.latency:g} s is not shorter than time_limit ({limit:g} s), so {result}"
+            yield (*path, "latency"), f"{message}; lower it, or raise time_limit"
+        elif (longest := sent.latency + sent.jitter) >= limit:
+            message = f"the delay can be {longest:g} s, which is not shorter than time_limit ({limit:g} s)"
+            yield (*path, "jitter"), f"{message}; lower 'latency' or 'jitter', or raise time_limit"
+
+
 def trace_problems(scenario: Scenario, sensor_paths: Sequence[KeyPath]) -> SpecProblems:
     """Yield cameras whose pictures do not fit into a trace."""
     kept = 0.0

@@ -272,6 +272,7 @@ class _Loader:
         parts = self._parts
         yield from scenario_checks.time_problems(scenario, parts.expect_paths)
         yield from scenario_checks.rate_problems(scenario, parts.command_paths, parts.sensor_paths)
+        yield from scenario_checks.transmission_problems(scenario, parts.command_paths, parts.sensor_paths)
         yield from scenario_checks.trace_problems(scenario, parts.sensor_paths)
         yield from scenario_checks.reading_problems(scenario, parts.expect_paths)
         yield from scenario_checks.rule_problems(scenario)

@@ -137,7 +137,8 @@ class PartReader:
         if found is None:
             return None
         sensor, on = found
-        return MountedSensor(sensor, on.name or sensor.key, on.link, on.pose.pose, on.rate, on.trace)
+        name = on.name or sensor.key
+        return MountedSensor(sensor, name, on.link, on.pose.pose, on.rate, on.trace, transmission=on)
 
     def _with_options(
         self, table: Table[type[Model]], beside: type[Options], data: Any, path: KeyPath, read: Reader[Model]

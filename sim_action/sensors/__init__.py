@@ -18,6 +18,7 @@ from sim_action.core.field_types import FrozenModel, Name, PositiveHertz, Relati
 from sim_action.core.geometry import Pose
 from sim_action.core.registry import Table
 from sim_action.core.yaml_errors import SpecProblems
+from sim_action.state.transmission import PERFECT, Transmission
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -113,7 +114,7 @@ class SensorPose(RelativePose):
     """The pose of a sensor in the frame of its link."""
 
 
-class Mounting(FrozenModel):
+class Mounting(Transmission):
     """The keys that every sensor has in addition to its own."""
 
     name: Annotated[Name | None, Field(description="name in controllers and reports; default: the kind of sensor")] = (
@@ -137,3 +138,4 @@ class MountedSensor:
     pose: Pose
     rate: float
     trace: bool
+    transmission: Transmission = PERFECT

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Final
@@ -15,8 +16,9 @@ from sim_action.drives import DriveMotion
 from sim_action.scenario.model import Scenario
 from sim_action.sensors import MountedSensor
 from sim_action.simulation.run_audit import CommandLog
-from sim_action.state.command import Command, JointTargets, LinkWrench, commands_of
+from sim_action.state.command import Answer, Command, JointTargets, LinkWrench, commands_of
 from sim_action.state.observation import Observation
+from sim_action.state.transmission import Line
 from sim_action.world.scene import Scene
 
 Look = Callable[[int], Observation]
@@ -36,6 +38,7 @@ class _Source:
     Attributes:
         index: its index in `commands:`.
         period: physics steps between two ticks.
+        line: its commands that are on their way; None if all take effect at once.
         moved: the joints that it has commanded so far.
         wrenches: link -> the wrenches on it that are in effect.
     """
@@ -43,6 +46,7 @@ class _Source:
     index: int
     controller: Controller
     period: int
+    line: Line[tuple[Twist | JointTargets, ...]] | None = None
     moved: set[str] = field(default_factory=set)
     wrenches: dict[str, tuple[LinkWrench, ...]] = field(default_factory=dict)
 
@@ -70,10 +74,11 @@ class Controls:
         scenes = _seen_by(scenario.commands, scene)
         with ExitStack() as closing:
             self._sources = [
-                _Source(index, _opened(index, source, seen, closing), scenario.steps_between_ticks(source.rate))
+                _source(index, source, _opened(index, source, seen, closing), scenario, scene)
                 for index, (source, seen) in enumerate(zip(scenario.commands, scenes, strict=True))
             ]
             self._closing = closing.pop_all()
+        self._late = [(source, source.line) for source in self._sources if source.line is not None]
         looking = [source for source in self._sources if isinstance(source.controller, ClosedLoop)]
         self._look_together = len(looking) > 1
 
@@ -101,7 +106,9 @@ class Controls:
     @property
     def notes(self) -> tuple[str, ...]:
         """The notes of the controllers for people, after the run."""
-        return tuple(note for source in self._sources for note in source.controller.notes)
+        lossy = ((source.index, line) for source, line in self._late if line.lost)
+        lost = (f"{line.lost} of {line.sent} commands of commands[{index}] were lost" for index, line in lossy)
+        return (*(note for source in self._sources for note in source.controller.notes), *lost)
 
     @property
     def losses(self) -> tuple[str, ...]:
@@ -114,9 +121,14 @@ class Controls:
         self._closing.close()
 
     def plan(self, step: int, end: int, look: Look) -> list[JointTargets | None]:
-        """Return the targets of the steps until the next tick or step `end`; None keeps the last. Raise ScriptError."""
+        """Return the targets of the steps until the next tick, the next late command, or step `end`. Raise ScriptError.
+
+        A target of None keeps the last one.
+        """
         asked = self._ask(step, look)
         steps = min([end - step, *(source.period - step % source.period for source in self._sources)])
+        if self._late:
+            steps = int(min([steps, *(line.next_step - step for _, line in self._late)]))
         planned = self._driven(steps)
         if asked is not None:
             planned = [asked.updated_by(planned[0]) if planned else asked, *planned[1:]]
@@ -135,11 +147,11 @@ class Controls:
         return planned
 
     def _ask(self, step: int, look: Look) -> JointTargets | None:
-        """Read the commands of this tick, and return the joint targets among them."""
+        """Apply the commands of this step, and return the joint targets among them."""
         targets: JointTargets | None = None
         look_once = lru_cache(maxsize=1)(look) if self._look_together else look
         for source in self._sources:
-            if step % source.period:
+            if step % source.period and (source.line is None or source.line.next_step > step):
                 continue
             try:
                 for command in self._commands(source, step, look_once):
@@ -176,6 +188,16 @@ class Controls:
         return tuple(each for source in self._sources for held in source.wrenches.values() for each in held)
 
     def _commands(self, source: _Source, step: int, look: Look) -> tuple[Twist | JointTargets, ...]:
+        """Return the commands of a source that take effect at this step: those of its tick, or late ones."""
+        asked = () if step % source.period else self._asked(source, step, look)
+        if source.line is None:
+            return asked
+        if asked:
+            # A script may change its command later.
+            source.line.send(step, deepcopy(asked))
+        return tuple(command for commands in source.line.arrived(step) for command in commands)
+
+    def _asked(self, source: _Source, step: int, look: Look) -> tuple[Twist | JointTargets, ...]:
         """Return the commands of a source at its tick; its wrenches are together in one JointTargets."""
         if isinstance(source.controller, OpenLoop):
             answer = source.controller.command(step / self._rate)
@@ -233,6 +255,28 @@ def _seen_by(sources: Sequence[CommandSource], scene: Scene) -> list[Scene]:
     """Return the scene for each source; sources with the same code are counted."""
     codes = [source.code for source in sources]
     return [replace(scene, namesake=codes[:index].count(code)) for index, code in enumerate(codes)]
+
+
+def _source(index: int, spec: CommandSource, controller: Controller, scenario: Scenario, scene: Scene) -> _Source:
+    period = scenario.steps_between_ticks(spec.rate)
+    if spec.is_perfect:
+        return _Source(index, controller, period)
+    if isinstance(controller, ClosedLoop) and controller.repeats:
+        controller = replace(controller, command=_without_repeats(controller.command))
+    random = scene.generator(f"transmission of commands[{index}]")
+    return _Source(index, controller, period, Line(spec, scenario.physics.rate, random))
+
+
+def _without_repeats(command: Callable[[Observation], Answer]) -> Callable[[Observation], Answer]:
+    """Return a controller whose answer is None until there is a new command, so that each is sent once."""
+    last: Answer = None
+
+    def new(seen: Observation) -> Answer:
+        nonlocal last
+        before, last = last, command(seen)
+        return None if last is before else last
+
+    return new
 
 
 def _opened(index: int, source: CommandSource, scene: Scene, closing: ExitStack) -> Controller:

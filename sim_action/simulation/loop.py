@@ -274,7 +274,8 @@ class _Loop:
         return tuple(finding for finding in found if finding.rule not in self._scenario.allow)
 
     def _all_notes(self) -> tuple[str, ...]:
-        return (*self._notes, *(self._motion.notes if self._motion else ()), *self._controls.notes, *self._pins())
+        of_drive = self._motion.notes if self._motion else ()
+        return (*self._notes, *of_drive, *self._controls.notes, *self._sensing.notes, *self._pins())
 
     def _crossings(self, end: float) -> Iterator[str]:
         if self._pinning is not None:

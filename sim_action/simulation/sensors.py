@@ -14,6 +14,7 @@ from sim_action.state.readings import Reading
 from sim_action.state.sensor_inputs import WheelMotion
 from sim_action.state.trace import Trace
 from sim_action.state.trace_records import SensorRecord
+from sim_action.state.transmission import Line
 from sim_action.world.scene import Scene
 
 
@@ -23,12 +24,14 @@ class _Running:
 
     Attributes:
         period: physics steps between two readings.
+        line: the readings that are on their way; None if all arrive at once.
         kept: readings that are not yet in the trace.
     """
 
     mounted: MountedSensor
     measure: Measure
     period: int
+    line: Line[Reading] | None = None
     kept: list[Reading] = field(default_factory=list)
 
 
@@ -56,28 +59,50 @@ class Sensing:
         self._sensors = [
             _open(mounted, scenario, scene) for mounted in (*scenario.sensors, *more) if heard or self._keeps(mounted)
         ]
+        self._late = [(running, running.line) for running in self._sensors if running.line is not None]
         self._contacts = heard or any(running.mounted.sensor.watches_contacts for running in self._sensors)
 
     def look(self, step: int) -> Observation:
-        """Return the present observation, with the latest reading of each sensor."""
+        """Return the present observation, with the latest reading of each sensor that has arrived."""
+        self._receive(step)
         observation = self._backend.observe(step, contacts=self._contacts)
         return replace(observation, sensors=ByName(self._readings)) if self._readings else observation
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Notes on lost readings, for people."""
+        lossy = ((running.mounted.name, line) for running, line in self._late if line.lost)
+        return tuple(f"{line.lost} of {line.sent} readings of sensor '{name}' were lost" for name, line in lossy)
 
     def next_tick(self, step: int, end: int) -> int:
         """Return the next step at which a sensor is read, or `end` if that is earlier."""
         return min([end, *(step - step % running.period + running.period for running in self._sensors)])
 
     def read(self, step: int) -> None:
-        """Read the sensors that are due at this step."""
+        """Read the sensors that are due at this step.
+
+        The readings at t = 0 arrive at once: the sensors ran before, and the robot was at rest. So a controller has a
+        reading of each sensor from the start.
+        """
         due = [running for running in self._sensors if step % running.period == 0]
         if not due:
             return
         sight = Sight(step / self._rate, self._backend, lambda: self.look(step))
+        self._receive(step)
         for running in due:
             reading = running.measure(sight)
-            self._readings[running.mounted.name] = reading
+            if running.line is None or step == 0:
+                self._readings[running.mounted.name] = reading
+            elif not running.line.send(step, reading):
+                continue
             if self._keeps(running.mounted):
                 running.kept.append(reading)
+
+    def _receive(self, step: int) -> None:
+        """Take the late readings that have arrived."""
+        for running, line in self._late:
+            for reading in line.arrived(step):
+                self._readings[running.mounted.name] = reading
 
     def _keeps(self, mounted: MountedSensor) -> bool:
         return mounted.trace or mounted.name in self._judged
@@ -102,7 +127,10 @@ class Sensing:
 
 def _open(mounted: MountedSensor, scenario: Scenario, scene: Scene) -> _Running:
     measure = mounted.sensor.open(_mount(mounted, scenario, scene))
-    return _Running(mounted, measure, scenario.steps_between_ticks(mounted.rate))
+    sent = mounted.transmission
+    random = None if sent.is_perfect else scene.generator(f"transmission of sensor {mounted.name}")
+    line: Line[Reading] | None = None if random is None else Line(sent, scenario.physics.rate, random)
+    return _Running(mounted, measure, scenario.steps_between_ticks(mounted.rate), line)
 
 
 def _mount(mounted: MountedSensor, scenario: Scenario, scene: Scene) -> Mount:

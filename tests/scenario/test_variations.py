@@ -86,6 +86,17 @@ def test_each_is_a_scenario_with_its_values(tmp_path: Path) -> None:
     assert runs[0].scenario.variations is None
 
 
+def test_delays_and_losses_can_be_varied(tmp_path: Path) -> None:
+    text = "sensors: [{contact: {}, name: bumper}]\nvariations: {KEY: [0, 0.2]}\n"
+    sent = []
+    for key in ("commands.latency", "commands.dropouts", "sensors.bumper.jitter"):
+        for each in loaded(tmp_path, text.replace("KEY", key)):
+            assert isinstance(each, LoadedScenario)
+            source, mounted = each.scenario.commands[0], each.scenario.sensors[0]
+            sent += [(source.latency, source.dropouts, mounted.transmission.jitter)]
+    assert sent == [(0, 0, 0), (0.2, 0, 0), (0, 0, 0), (0, 0.2, 0), (0, 0, 0), (0, 0, 0.2)]
+
+
 def test_a_variation_goes_to_its_process_as_a_pickle() -> None:
     (run, _) = varied("variations:\n  world.ground.friction: [0.4, 0.8]\n")
     again = pickle.loads(pickle.dumps(run))

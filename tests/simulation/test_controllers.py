@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from sim_action.commands import ClosedLoop
+from sim_action.commands.script import ScriptCommands
 from sim_action.core.errors import ScriptError
 from sim_action.core.geometry import Twist
 from sim_action.drives import recognise
@@ -314,3 +315,78 @@ def test_sources_of_the_same_script_draw_numbers_of_their_own(tmp_path: Path) ->
     assert len(set(three)) == 6
     assert three[:2] == alone
     assert drawn(tmp_path, "{twist: [{linear: 1}]}", "{script: draws.py}")[-2:] == alone
+
+
+def applied(found: Controls, steps: int) -> dict[int, JointTargets]:
+    """Return the targets of a run by the step at which they take effect."""
+    given, step = dict[int, JointTargets](), 0
+    while step < steps:
+        planned = found.plan(step, steps, look)
+        given |= {step + index: target for index, target in enumerate(planned) if target is not None}
+        step += len(planned)
+    return given
+
+
+def test_a_late_command_takes_effect_between_ticks(tmp_path: Path) -> None:
+    late = "{script: ctl.py, function: left, rate: 10, latency: 0.03}"  # 7.2 steps
+    found = controls(tmp_path, late, script("right"))
+    assert {step: set(target.velocity) for step, target in applied(found, 48).items()} == {
+        0: {"wheel_right_joint"},
+        8: {"wheel_left_joint"},
+        24: {"wheel_right_joint"},
+        32: {"wheel_left_joint"},
+    }
+
+
+def test_a_latency_may_be_longer_than_a_period(tmp_path: Path) -> None:
+    found = controls(tmp_path, "{script: ctl.py, function: left, rate: 10, latency: 0.25}")
+    assert list(applied(found, 120)) == [60, 84, 108]
+
+
+def test_nothing_of_it_is_there_by_default(tmp_path: Path) -> None:
+    assert list(applied(controls(tmp_path, script("left")), 48)) == [0, 24]
+
+
+def test_the_same_answer_of_a_source_that_repeats_itself_is_one_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first, second = Twist.planar(0.05), Twist.planar(0.1)
+    answers = iter([None, first, first, first, second, second])
+    repeating = ClosedLoop(lambda _: next(answers), repeats=True)
+    monkeypatch.setattr(ScriptCommands, "open", lambda *_: repeating)
+    (tmp_path / "ctl.py").write_text(SCRIPT)
+    loaded = load(tmp_path, scenario_of("{script: ctl.py, function: nothing, rate: 10, latency: 0.1}"))
+    scene, told = build_scene(loaded), list[tuple[float, Twist]]()
+    drive = recognise(scene.model)
+    assert drive is not None
+    motion = drive.open(scene.model, 240.0)
+    found = Controls(loaded.scenario, scene, motion, lambda time, twist: told.append((time, twist)))
+    step = 0
+    while step < 144:
+        step += len(found.plan(step, 144, look))
+    assert told == [(0.2, first), (0.5, second)]
+
+
+@pytest.mark.parametrize(
+    ("keys", "problem"),
+    [
+        (
+            "latency: 30 s",
+            "latency: 30 s is not shorter than time_limit (30 s), so no command would take effect; lower",
+        ),
+        (
+            "latency: 20, jitter: 10",
+            "jitter: the delay can be 30 s, which is not shorter than time_limit (30 s); lower",
+        ),
+        ("latency: -1 ms", "latency: must be at least 0"),
+        ("jitter: -1", "jitter: must be at least 0"),
+        ("dropouts: 100 %", "dropouts: must be less than 1"),
+        ("dropouts: -0.1", "dropouts: must be at least 0"),
+        ("latency: 10 Hz", "latency: 'Hz' is not a unit of time; use one of: "),
+        ("latencey: 1", "latencey: unknown key; did you mean 'latency'?"),
+    ],
+)
+def test_delays_that_cannot_be_are_told_on_their_line(keys: str, problem: str, tmp_path: Path) -> None:
+    (found,) = told(tmp_path, scenario_of(f"{{twist: [{{linear: 1}}], {keys}}}"))
+    assert found.startswith("5:"), found
+    assert f": commands.0.{problem}" in found

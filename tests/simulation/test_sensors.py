@@ -70,6 +70,16 @@ def test_odometry_tells_which_wheels_it_reads_whether_anybody_drives_them(comman
         ("[contct]", "11:11: sensors.0.contct: unknown sensor 'contct'; did you mean 'contact'?"),
         ("[{contact: {}, pose: {u: 1}}]", "11:32: sensors.0.pose.u: unknown key"),
         ("contact", "11:1: sensors: expected a list"),
+        (
+            "[{contact: {}, latency: 31 s}]",
+            "11:25: sensors.0.latency: 31 s is not shorter than time_limit (30 s), so no reading after",
+        ),
+        (
+            "[{contact: {}, jitter: 30 s}]",
+            "11:25: sensors.0.jitter: the delay can be 30 s, which is not shorter than t",
+        ),
+        ("[{contact: {}, dropouts: 1}]", "11:25: sensors.0.dropouts: must be less than 1, found 1"),
+        ("[{contact: {latency: 1}}]", "11:22: sensors.0.contact.latency: unknown key"),
     ],
 )
 def test_what_cannot_be_is_told_on_its_line(sensors: str, problem: str, tmp_path: Path) -> None:

@@ -219,7 +219,9 @@ def open_nodes(source: RosCommands, scene: Scene) -> ClosedLoop:
     except BaseException:
         nodes.close()
         raise
-    return ClosedLoop(node.tick, sensors=node.sensors, close=node.close, notes=node.notes, losses=nodes.losses)
+    return ClosedLoop(
+        node.tick, sensors=node.sensors, close=node.close, notes=node.notes, losses=nodes.losses, repeats=True
+    )
 
 
 def _file_of(spec: RosNodes, workspace: Path) -> Callable[[Overlay, Path], Path]:
