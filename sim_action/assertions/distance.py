@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.bounds import Bounds, SignalMonitor, bounds_title, check_bounds
+from sim_action.assertions.monitors.watched import MotionAssertion, Watched
 from sim_action.core.field_types import NonNegativeMetres, PositiveMetres
 from sim_action.core.geometry import Vector3
 from sim_action.state.verdict import Circle, Mark, Signal
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from sim_action.state.verdict import Verdict
 
 
-class LengthBounds(Assertion):
+class LengthBounds(MotionAssertion):
     """The base class of assertions with two bounds on a length."""
 
     at_least: Annotated[PositiveMetres | None, Field(description="a goal: must be reached")] = None
@@ -42,28 +42,28 @@ class LengthBounds(Assertion):
         """See Assertion.has_truth."""
         return True
 
-    @property
-    def title(self) -> str:
-        """See Assertion.title."""
-        return f"{self.key} {bounds_title(self.at_least, self.at_most, 'm')}"
+    def title_of(self, watched: Watched) -> str:
+        """See MotionAssertion.title_of."""
+        return f"{self.key_of(watched)} {bounds_title(self.at_least, self.at_most, 'm')}"
 
 
 class Travel(LengthBounds):
     """The distance on the ground from the start position reaches `at_least`, or never exceeds `at_most`.
 
-    It is the length of a straight line from the position in which the robot has settled, at t = 0.
+    It is the length of a straight line from the position in which the robot has settled, at t = 0. For a `link`, it is
+    measured in the x-y plane of `frame`.
     """
 
     key: ClassVar[str] = "travel"
 
-    def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        """See Assertion.monitor."""
+    def opened_on(self, watched: Watched, scene: Scene, start: Observation) -> Monitor:
+        """See MotionAssertion.opened_on."""
         x, y, _ = start.pose.position_xyz
         bounds = Bounds("travelled", "m", self.at_least, self.at_most)
         return SignalMonitor("travelled", lambda trace: trace.planar_distance_to(x, y), bounds)
 
-    def marks(self, scene: Scene, start: Observation) -> tuple[Mark, ...]:
-        """See Assertion.marks. Returns a circle for each bound."""
+    def marks_in(self, watched: Watched, scene: Scene, start: Observation) -> tuple[Mark, ...]:
+        """See MotionAssertion.marks_in. Returns a circle for each bound."""
         x, y, _ = start.pose.position_xyz
         return tuple(Circle(x, y, radius) for radius in (self.at_least, self.at_most) if radius)
 
@@ -71,13 +71,13 @@ class Travel(LengthBounds):
 class PathLength(LengthBounds):
     """The length of the driven path reaches `at_least`, or never exceeds `at_most`.
 
-    It is the length of the path of the base link in space since `after`, summed over every physics step.
+    It is the length of the path of the base link, or of `link`, in space since `after`, summed over every physics step.
     """
 
     key: ClassVar[str] = "path_length"
 
-    def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        """See Assertion.monitor."""
+    def opened_on(self, watched: Watched, scene: Scene, start: Observation) -> Monitor:
+        """See MotionAssertion.opened_on."""
         bounds = Bounds("covered", "m", self.at_least, self.at_most)
         return PathLengthMonitor(bounds, start.pose.position_xyz)
 

@@ -1,4 +1,4 @@
-"""`final_pose: {x: 2 m, y: 0, yaw: 90 deg}`: the pose of the robot at the end of the run."""
+"""`final_pose: {x: 2 m, y: 0, yaw: 90 deg}`: the pose of the robot, or of a link, at the end of the run."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import Monitor, State
 from sim_action.assertions.monitors.goals import ClosestApproach
-from sim_action.core import units
-from sim_action.core.field_types import Metres, PositiveMetres, PositiveRadians, Radians
+from sim_action.assertions.monitors.watched import Watched
+from sim_action.assertions.reach import PoseTarget, TargetAngle
+from sim_action.core import geometry, units
 from sim_action.core.geometry import Pose
 from sim_action.state.verdict import Mark, Signal, Verdict, goal, line
 from sim_action.world.scene import Scene
@@ -22,31 +22,27 @@ if TYPE_CHECKING:
     from sim_action.state.trace import FloatArray, Trace
 
 
-class FinalPose(Assertion):
-    """At the end of the run, the base link is at `x`, `y`, `z` with the heading `yaw`, within tolerances.
+class FinalPose(PoseTarget):
+    """At the end of the run, the base link, or `link`, is at `x`, `y`, `z` with the heading `yaw`, within tolerances.
 
     The pose is checked at the end of the run, or at `before` if that is earlier. It neither ends a run nor prolongs it.
     A run ends at its `duration`, or as soon as all goals of the scenario are met; the robot may still be moving then.
     To let it stop first, add `settled` or a `duration`. Any of `x`, `y`, `z` and `yaw` may be omitted; then it is not
-    checked.
+    checked. `orientation` is for all three angles, as in `reach`. All values are in `frame`. With `relative`, they are
+    relative to the start: for the base, x is ahead and y is to the left; for a `link`, they are along the axes of
+    `frame`, and the orientation is a rotation away from that at the start.
     """
 
     key: ClassVar[str] = "final_pose"
 
-    x: Annotated[Metres | None, Field(description="default: any")] = None
-    y: Annotated[Metres | None, Field(description="default: any")] = None
-    z: Annotated[Metres | None, Field(description="default: any")] = None
-    yaw: Annotated[Radians | None, Field(description="default: any heading")] = None
-    tolerance: Annotated[PositiveMetres, Field(description="maximum distance from the place")] = 0.05
-    yaw_tolerance: PositiveRadians = math.radians(5)
     relative: Annotated[
-        bool, Field(description="relative to the start pose (x ahead, y to the left); else in the world frame")
+        bool, Field(description="relative to the start pose (x ahead, y to the left); else in 'frame'")
     ] = False
 
     @model_validator(mode="after")
     def _is_somewhere(self) -> Self:
-        if not self.place and self.yaw is None:
-            raise ValueError("give at least one of 'x', 'y', 'z' and 'yaw'")
+        if not self.place and self.yaw is None and self.orientation is None:
+            raise ValueError("give at least one of 'x', 'y', 'z', 'yaw' and 'orientation'")
         return self
 
     @property
@@ -62,22 +58,35 @@ class FinalPose(Assertion):
             return f"({', '.join(f'{value:g}' for value in self.place.values())})"
         return ", ".join(f"{axis} = {units.display(value, 'm')}" for axis, value in self.place.items())
 
-    @property
-    def title(self) -> str:
-        """See Assertion.title."""
-        facing = "" if self.yaw is None else f"facing {units.display(self.yaw, 'rad')}"
+    def title_of(self, watched: Watched) -> str:
+        """See MotionAssertion.title_of."""
         within = f"within {units.display(self.tolerance, 'm')}" if self.place else ""
-        parts = (self.key, self.place_text, facing, within, "from the start" if self.relative else "")
-        return " ".join(filter(None, parts))
+        start = "from the start" if self.relative else ""
+        return " ".join(filter(None, (self.key_of(watched), self.place_text, self.facing, within, start)))
 
-    def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        """See Assertion.monitor."""
-        nearest = ClosestApproach("came", self.place_text, "m", self.tolerance, self.yaw_tolerance)
-        return FinalPoseMonitor(self, start.pose if self.relative else Pose(), nearest)
+    def opened_on(self, watched: Watched, scene: Scene, start: Observation) -> Monitor:
+        """See MotionAssertion.opened_on."""
+        place = f"{self.place_text}{watched.inside}" if self.place else ""
+        angle = self._angle(watched.name, start)
+        return FinalPoseMonitor(self, self._origin(watched.name, start), self.approach(place, angle), angle)
 
-    def marks(self, scene: Scene, start: Observation) -> tuple[Mark, ...]:
-        """See Assertion.marks. Returns the place, or a line if only x or y is given."""
-        origin = start.pose if self.relative else Pose()
+    def _origin(self, name: str, start: Observation) -> Pose:
+        """Return the frame of the place, of which only position and heading count; a link's has the axes of `frame`."""
+        if not self.relative:
+            return Pose()
+        return Pose(start.pose.position_xyz) if name else start.pose
+
+    def _angle(self, name: str, start: Observation) -> TargetAngle | None:
+        if not self.relative:
+            return self.angle()
+        yaw = start.pose.yaw
+        if name:
+            return self.angle(yaw, right=start.pose.orientation_xyzw)
+        return self.angle(yaw, left=geometry.quaternion_from_rpy(0.0, 0.0, yaw))
+
+    def marks_in(self, watched: Watched, scene: Scene, start: Observation) -> tuple[Mark, ...]:
+        """See MotionAssertion.marks_in. Returns the place, or a line if only x or y is given."""
+        origin, angle = self._origin(watched.name, start), self._angle(watched.name, start)
         begin_x, begin_y, _ = start.pose.position_xyz
         if self.x is None or self.y is None:
             axes = {} if self.relative else {"x": self.x, "y": self.y}
@@ -85,8 +94,8 @@ class FinalPose(Assertion):
         cosine, sine = math.cos(origin.yaw), math.sin(origin.yaw)
         x, y, z = origin.position_xyz
         x, y = x + cosine * self.x - sine * self.y, y + sine * self.x + cosine * self.y
-        yaw = None if self.yaw is None else origin.yaw + self.yaw
-        return tuple(goal(x, y, None if self.z is None else z + self.z, self.tolerance, yaw))
+        height = None if self.z is None else z + self.z
+        return tuple(goal(x, y, height, self.tolerance, None if angle is None else angle.target))
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +104,8 @@ class FinalPoseMonitor:
 
     Attributes:
         origin: pose of the frame of the place, in the world.
-        distance, yaw_error: errors at the last step in m and rad; 0 where nothing is required.
+        angle: the required heading or orientation; None for any.
+        distance, angle_error: errors at the last step in m and rad; 0 where nothing is required.
         end: sim time of the last step, in s.
     """
 
@@ -104,8 +114,9 @@ class FinalPoseMonitor:
     spec: FinalPose
     origin: Pose
     nearest: ClosestApproach
+    angle: TargetAngle | None = None
     distance: float = 0.0
-    yaw_error: float = 0.0
+    angle_error: float = 0.0
     end: float | None = None
 
     @property
@@ -117,27 +128,26 @@ class FinalPoseMonitor:
         """See Monitor.observe."""
         if not len(trace):
             return self
-        distance, yaw_error = self._distance(trace), self._yaw_error(trace)
+        distance, angle_error = self._distance(trace), self._angle_error(trace)
         return replace(
             self,
-            nearest=self.nearest.observe(trace.time, distance, yaw_error),
+            nearest=self.nearest.observe(trace.time, distance, angle_error),
             distance=float(distance[-1]),
-            yaw_error=float(yaw_error[-1]),
+            angle_error=0.0 if angle_error is None else float(angle_error[-1]),
             end=float(trace.time[-1]),
         )
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         """See PlottableMonitor.signals."""
-        name = f"distance to {self.spec.place_text}"
-        yaw_error = None if self.spec.yaw is None else self._yaw_error(trace)
-        curves = self.nearest.drawn(name, trace.time, self._distance(trace), yaw_error)
+        name = f"distance to {self.nearest.place}"
+        curves = self.nearest.drawn(name, trace.time, self._distance(trace), self._angle_error(trace))
         return tuple(curve.at_end() for curve in (curves if self.spec.place else curves[1:]))
 
     def verdict(self) -> Verdict:
-        """Return the verdict on distance or heading, whichever is worse relative to its tolerance."""
+        """Return the verdict on distance or angle, whichever is worse relative to its tolerance."""
         spec = self.spec
         errors = [(self.distance, spec.tolerance, "m")] if spec.place else []
-        errors += [] if spec.yaw is None else [(self.yaw_error, spec.yaw_tolerance, "rad")]
+        errors += [] if self.angle is None else [(self.angle_error, self.angle.tolerance, "rad")]
         error, limit, unit = max(errors, key=lambda error: error[0] / error[1])
         if self.end is None:
             return Verdict(False, None, limit, None, unit, None, "no physics step to measure")
@@ -146,15 +156,19 @@ class FinalPoseMonitor:
         return Verdict(passed, error, limit, limit - error, unit, self.end, message)
 
     def _errors(self) -> str:
-        near, _ = units.display_apart(self.distance, self.spec.tolerance, "m")
-        off, _ = units.display_apart(self.yaw_error, self.spec.yaw_tolerance, "rad")
-        where = [f"{near} from {self.spec.place_text}"] if self.spec.place else []
-        return ", ".join(where + ([] if self.spec.yaw is None else [f"{off} off its heading"]))
+        found = []
+        if self.spec.place:
+            near, _ = units.display_apart(self.distance, self.spec.tolerance, "m")
+            found.append(f"{near} from {self.nearest.place}")
+        if self.angle is not None:
+            off, _ = units.display_apart(self.angle_error, self.angle.tolerance, "rad")
+            found.append(f"{off} off its {self.angle.name}")
+        return ", ".join(found)
 
     def _before(self) -> str:
         """Return the part of the message on the closest approach: overshoot or shortfall."""
         nearest = self.nearest
-        if (nearest.distance, nearest.yaw_error) == (self.distance, self.yaw_error):
+        if (nearest.distance, nearest.angle_error or 0.0) == (self.distance, self.angle_error):
             return ""
         return (
             f"; it was {'within tolerance' if nearest.state is State.HOLDS else 'closest'} at {nearest.goal.time:.2f} s"
@@ -171,7 +185,5 @@ class FinalPoseMonitor:
         squares = [(axes[axis] - value) ** 2 for axis, value in self.spec.place.items()]
         return np.asarray(np.sqrt(sum(squares, np.zeros(len(trace)))), dtype=np.float64)
 
-    def _yaw_error(self, trace: Trace) -> FloatArray:
-        import numpy as np
-
-        return np.zeros(len(trace)) if self.spec.yaw is None else trace.yaw_error_to(self.origin.yaw + self.spec.yaw)
+    def _angle_error(self, trace: Trace) -> FloatArray | None:
+        return None if self.angle is None else self.angle.error(trace)

@@ -1,4 +1,4 @@
-"""`follow_path: {path: [{x: 0, y: 0}, {x: 2, y: 0}], max_error: 10 cm}`: the robot follows a path."""
+"""`follow_path: {path: [{x: 0, y: 0}, {x: 2, y: 0}], max_error: 10 cm}`: the robot, or a link, follows a path."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
 
 from pydantic import Field, model_validator
 
-from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import Monitor, State
 from sim_action.assertions.monitors.goals import Goal, Invariant, joined
 from sim_action.assertions.monitors.path_progress import Point, Progress, ReferencePath, smoothed
+from sim_action.assertions.monitors.watched import MotionAssertion, Watched
 from sim_action.core import units
 from sim_action.core.errors import FileProblem
 from sim_action.core.field_types import FrozenModel, Metres, NamesFile, PositiveMetres
@@ -40,10 +40,21 @@ _MAX_COORDINATE_M: Final = 1e6
 
 
 class PathPoint(FrozenModel):
-    """A point of a path, in the world frame."""
+    """A point of a path, on the ground plane of the frame, or in space."""
 
     x: Annotated[Metres, Field(ge=-_MAX_COORDINATE_M, le=_MAX_COORDINATE_M)]
     y: Annotated[Metres, Field(ge=-_MAX_COORDINATE_M, le=_MAX_COORDINATE_M)]
+    z: Annotated[
+        Metres | None,
+        Field(
+            ge=-_MAX_COORDINATE_M, le=_MAX_COORDINATE_M, description="for all points or for none; default: any height"
+        ),
+    ] = None
+
+    @property
+    def place(self) -> Point:
+        """Two or three coordinates in m."""
+        return (self.x, self.y) if self.z is None else (self.x, self.y, self.z)
 
 
 class PathEnd(FrozenModel):
@@ -52,17 +63,19 @@ class PathEnd(FrozenModel):
     tolerance: Annotated[PositiveMetres, Field(description="distance from the last point")] = 0.1
 
 
-class FollowPath(Assertion):
+class FollowPath(MotionAssertion):
     """The base follows `path` on the ground: the distance from it never exceeds `max_error`, and its `end` is reached.
 
-    The path is in the world frame. Its points are joined by straight lines, or with `smooth` by curves. The error is
-    the distance of the base link's origin from the path. The progress of the robot on the path never goes back. So
-    where a path crosses itself or returns, only the current branch counts. Beyond the last point, the error is the
-    distance from that point. `max_error` is an invariant. `rms`, the root mean square over all steps, is judged at the
-    end of the run. `end` is a goal; once it is met, neither `max_error` nor `rms` is checked further.
+    With `link`, that link follows it. The path is in `frame`. If its points have a `z`, it is a path in space; else
+    heights do not count. Its points are joined by straight lines, or with `smooth` by curves. The error is the distance
+    of the origin of the base link, or of `link`, from the path. The progress on the path never goes back. So where a
+    path crosses itself or returns, only the current branch counts. Beyond the last point, the error is the distance
+    from that point. `max_error` is an invariant. `rms`, the root mean square over all steps, is judged at the end.
+    `end` is a goal; once it is met, neither `max_error` nor `rms` is checked further.
     """
 
     key: ClassVar[str] = "follow_path"
+    subject_ends: ClassVar[str] = ": "
 
     path: Annotated[
         tuple[PathPoint, ...] | None,
@@ -71,7 +84,9 @@ class FollowPath(Assertion):
     file: Annotated[
         str | None,
         NamesFile(),
-        Field(min_length=1, description="CSV file with the columns x and y in m, instead of 'path'"),
+        Field(
+            min_length=1, description="CSV file with the columns x and y in m, with 'link' also z, instead of 'path'"
+        ),
     ] = None
     smooth: Annotated[bool, Field(description="curves through the points instead of straight lines")] = False
     max_error: Annotated[
@@ -90,18 +105,19 @@ class FollowPath(Assertion):
             raise ValueError("give either 'path' or 'file'")
         if self.max_error is None and self.rms is None and self.end is None:
             raise ValueError("give 'max_error', 'rms', 'end' or several of them")
-        if (twice := _twice([(point.x, point.y) for point in self.path or ()])) is not None:
+        if len({point.z is None for point in self.path or ()}) > 1:
+            raise ValueError("give 'z' for all points of the path, or for none of them")
+        if (twice := _twice([point.place for point in self.path or ()])) is not None:
             raise ValueError(f"point {twice + 1} of the path equals the point before it; remove one of them")
         return self
 
-    @property
-    def title(self) -> str:
-        """See Assertion.title."""
+    def title_of(self, watched: Watched) -> str:
+        """See MotionAssertion.title_of."""
         limits = (("max error", self.max_error), ("rms", self.rms))
         asked = [f"{name} {units.display(value, 'm')}" for name, value in limits if value is not None]
         if self.end is not None:
             asked.append(f"to its end within {units.display(self.end.tolerance, 'm')}")
-        return f"follow_path {', '.join(asked)}"
+        return f"{self.key_of(watched)} {', '.join(asked)}"
 
     @property
     def reads_file(self) -> bool:
@@ -113,51 +129,52 @@ class FollowPath(Assertion):
         if self.file is None:
             return
         try:
-            read_points(workspace.file(self.file))
+            read_points(workspace.file(self.file), in_space=self.link is not None)
         except PathError as error:
             yield ("file",), str(error)
         except FileProblem as error:
             yield ("file",), f"{self.file}: {error}"
 
-    def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        """See Assertion.monitor. Raises FileProblem."""
-        x, y, _ = start.pose.position_xyz
+    def opened_on(self, watched: Watched, scene: Scene, start: Observation) -> Monitor:
+        """See MotionAssertion.opened_on. Raises FileProblem."""
         path = ReferencePath(self._points(scene))
+        place = start.pose.position_xyz[: len(path.points[0])]
         limits = PathLimits(self.max_error, self.rms, None if self.end is None else self.end.tolerance)
-        return PathMonitor(limits, Progress.at_start(path, (x, y)))
+        return PathMonitor(limits, Progress.at_start(path, place))
 
-    def marks(self, scene: Scene, start: Observation) -> tuple[Mark, ...]:
-        """See Assertion.marks."""
+    def marks_in(self, watched: Watched, scene: Scene, start: Observation) -> tuple[Mark, ...]:
+        """See MotionAssertion.marks_in."""
         points = self._points(scene)
         coarse = points[: -1 : 1 + len(points) // _MAX_DRAWN]
-        way = Polyline(tuple((x, y, 0.0) for x, y in (*coarse, points[-1])))
-        return (way,) if self.end is None else (way, Circle(*points[-1], self.end.tolerance))
+        corners = [(*point, 0.0) for point in (*coarse, points[-1])]
+        way, (x, y, z, *_) = Polyline(tuple((x, y, z) for x, y, z, *_ in corners)), corners[-1]
+        return (way,) if self.end is None else (way, Circle(x, y, self.end.tolerance, z))
 
     def _points(self, scene: Scene) -> tuple[Point, ...]:
         """Return the points of the path. Raises FileProblem."""
-        points = [(point.x, point.y) for point in self.path or ()]
+        points = [point.place for point in self.path or ()]
         if self.file is not None:
             try:
-                points = read_points(scene.workspace.file(self.file))
+                points = read_points(scene.workspace.file(self.file), in_space=self.link is not None)
             except (PathError, FileProblem) as error:
                 raise FileProblem(f"{self.file}: {error}") from None
         return tuple(smoothed(points) if self.smooth else points)
 
 
-def read_points(path: Path) -> list[Point]:
-    """Return the points of a CSV file. Raises FileProblem with the reason."""
+def read_points(path: Path, *, in_space: bool = False) -> list[Point]:
+    """Return the points of a CSV file, with its column z if they are `in_space`. Raises FileProblem with the reason."""
     try:
-        return _points_in(path)
+        return _points_in(path, in_space)
     except OSError as error:
         raise FileProblem(f"cannot be read: {error.strerror}") from None
     except (ValueError, csv.Error) as error:
         raise FileProblem(str(error)) from None
 
 
-def _points_in(path: Path) -> list[Point]:
+def _points_in(path: Path, in_space: bool) -> list[Point]:
     if (data := read_at_most(path, _MAX_BYTES)) is None:
         raise ValueError(f"the file is larger than {_MAX_BYTES // 1_000_000} MB, the limit for a path")
-    points = list(_rows(data.decode("utf-8-sig").splitlines()))
+    points = list(_rows(data.decode("utf-8-sig").splitlines(), in_space))
     if not 2 <= len(points) <= _MAX_POINTS:
         raise ValueError(f"expected 2 to {_MAX_POINTS} points, found {len(points)}")
     if (twice := _twice(points)) is not None:
@@ -165,15 +182,16 @@ def _points_in(path: Path) -> list[Point]:
     return points
 
 
-def _rows(lines: list[str]) -> Iterator[Point]:
+def _rows(lines: list[str], in_space: bool) -> Iterator[Point]:
     table = csv.DictReader(lines, skipinitialspace=True)
     columns = [name.strip() for name in table.fieldnames or ()]
     table.fieldnames = columns
     for name in ("x", "y"):
         if name not in columns:
             raise ValueError(f"the first line has no column '{name}'{did_you_mean(name, columns)}")
+    axes = ("x", "y", "z") if in_space and "z" in columns else ("x", "y")
     for row in table:
-        yield (_number(row["x"], table.line_num), _number(row["y"], table.line_num))
+        yield tuple(_number(row[axis], table.line_num) for axis in axes)
 
 
 def _number(text: str | None, line: int) -> float:
@@ -239,8 +257,8 @@ class PathMonitor:
     def begin(self, trace: Trace) -> Self:
         """See CumulativeMonitor.begin. The progress advances; errors do not count."""
         progress = self.progress
-        for x, y in trace.base_position_xyz[:, :2].tolist():
-            progress = progress.to((x, y))
+        for place in self._places(trace):
+            progress = progress.to(place)
         return replace(self, progress=progress)
 
     def observe(self, trace: Trace) -> Self:
@@ -337,9 +355,14 @@ class PathMonitor:
         """Return the progress at each step, up to the step that reaches the end."""
         progress, way = self.progress, []
         end = -math.inf if self.limits.end is None else self.limits.end
-        for x, y in trace.base_position_xyz[:, :2].tolist():
-            progress = progress.to((x, y))
+        for place in self._places(trace):
+            progress = progress.to(place)
             way.append(progress)
             if progress.remaining <= end:
                 break
         return way
+
+    def _places(self, trace: Trace) -> list[Point]:
+        """Return the places at each step, with as many coordinates as the path has."""
+        axes = len(self.progress.place)
+        return [tuple(place) for place in trace.base_position_xyz[:, :axes].tolist()]

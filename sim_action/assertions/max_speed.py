@@ -1,4 +1,4 @@
-"""`max_speed: {linear: 0.5 m/s}`: limits on the speed of the robot."""
+"""`max_speed: {linear: 0.5 m/s}`: limits on the speed of the robot, or of a link."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.base_motion import BaseMotion
 from sim_action.assertions.monitors.bounds import AllLimits, Bounds
+from sim_action.assertions.monitors.watched import MotionAssertion, Watched
 from sim_action.core import units
 from sim_action.core.field_types import NonNegativeMetresPerSecond, NonNegativeRadiansPerSecond
 from sim_action.world.scene import Scene
@@ -21,12 +21,13 @@ if TYPE_CHECKING:
     from sim_action.state.verdict import Signal, Verdict
 
 
-class MaxSpeed(Assertion):
-    """The speed of the base link's origin never exceeds `linear`, its turn rate never exceeds `angular`.
+class MaxSpeed(MotionAssertion):
+    """The speed of the base link's origin, or of that of `link`, never exceeds `linear`; its turn rate never `angular`.
 
-    Both are velocities that the engine reports. If the base moves or turns further in one physics step than they
-    explain, it jumped, for example because a script set its pose. The speed is then the length of the jump over the
-    time of the step.
+    Both are velocities that the engine reports, or for a link those that follow from the velocities of the base and the
+    joints; in a `frame` that moves, they are relative to it. If the base or the link moves or turns further in one
+    physics step than they explain, it jumped, for example because a script set the pose of the robot. The speed is then
+    the length of the jump over the time of the step.
     """
 
     key: ClassVar[str] = "max_speed"
@@ -45,14 +46,14 @@ class MaxSpeed(Assertion):
         """See Assertion.has_truth."""
         return True
 
-    @property
-    def title(self) -> str:
-        """See Assertion.title."""
+    def title_of(self, watched: Watched) -> str:
+        """See MotionAssertion.title_of."""
         limits = ((self.linear, "m/s"), (self.angular, "rad/s"))
-        return "max_speed " + ", ".join(units.display(limit, unit) for limit, unit in limits if limit is not None)
+        shown = (units.display(limit, unit) for limit, unit in limits if limit is not None)
+        return f"{self.key_of(watched)} {', '.join(shown)}"
 
-    def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        """See Assertion.monitor."""
+    def opened_on(self, watched: Watched, scene: Scene, start: Observation) -> Monitor:
+        """See MotionAssertion.opened_on."""
         motion = BaseMotion.of(scene, start)
         monitors = []
         if self.linear is not None:

@@ -1,4 +1,4 @@
-"""`reach: {x: 2 m, y: 0}`: the robot reaches a point, optionally with a heading."""
+"""`reach: {x: 2 m, y: 0}`: the robot, or a link, reaches a point, optionally with a heading or an orientation."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.goals import ClosestApproach
-from sim_action.core import units
-from sim_action.core.field_types import Metres, PositiveMetres, PositiveRadians, Radians
+from sim_action.assertions.monitors.watched import MotionAssertion, Watched
+from sim_action.core import geometry, units
+from sim_action.core.field_types import FrozenModel, Metres, PositiveMetres, PositiveRadians, Radians
+from sim_action.core.geometry import Quaternion
 from sim_action.state.verdict import Mark, Signal, goal
 from sim_action.world.scene import Scene
 
@@ -22,20 +23,101 @@ if TYPE_CHECKING:
     from sim_action.state.verdict import Verdict
 
 
-class Reach(Assertion):
-    """The origin of the base link comes within `tolerance` of the point `x`, `y`, `z`.
+class TargetOrientation(FrozenModel):
+    """A full orientation: rotations about the fixed x, y and z axes of the frame, in this order."""
 
-    With `yaw`, the heading must be within `yaw_tolerance` of `yaw` at the same moment. Reaching the point is a goal.
+    roll: Radians = 0.0
+    pitch: Radians = 0.0
+    yaw: Radians = 0.0
+    tolerance: Annotated[
+        PositiveRadians, Field(description="maximum angle of the one rotation that would correct it")
+    ] = math.radians(5)
+
+    @property
+    def orientation_xyzw(self) -> Quaternion:
+        """The orientation as a quaternion."""
+        return geometry.quaternion_from_rpy(self.roll, self.pitch, self.yaw)
+
+
+@dataclass(frozen=True, slots=True)
+class TargetAngle:
+    """The heading or the orientation that a frame must have.
+
+    Attributes:
+        name: "heading" or "orientation".
+        tolerance: maximum error in rad.
+        target: the yaw in rad, or the orientation.
+    """
+
+    name: str
+    tolerance: float
+    target: float | Quaternion
+
+    def error(self, trace: Trace) -> FloatArray:
+        """Return the angle by which it is missed, (T,) rad in [0, pi]."""
+        return trace.rotation_to(self.target) if isinstance(self.target, tuple) else trace.yaw_error_to(self.target)
+
+
+class PoseTarget(MotionAssertion):
+    """The base class of assertions on a place with a heading or an orientation."""
+
+    names_frame: ClassVar[bool] = True
+
+    x: Annotated[Metres | None, Field(description="default: any")] = None
+    y: Annotated[Metres | None, Field(description="default: any")] = None
+    z: Annotated[Metres | None, Field(description="default: any height")] = None
+    yaw: Annotated[Radians | None, Field(description="default: any heading")] = None
+    tolerance: Annotated[PositiveMetres, Field(description="maximum distance from the place")] = 0.05
+    yaw_tolerance: PositiveRadians = math.radians(5)
+    orientation: Annotated[
+        TargetOrientation | None, Field(description="all three angles, instead of 'yaw'; default: any")
+    ] = None
+
+    @model_validator(mode="after")
+    def _has_one_angle(self) -> Self:
+        if self.yaw is not None and self.orientation is not None:
+            raise ValueError("give 'yaw' or 'orientation', not both; 'orientation' has a yaw of its own")
+        return self
+
+    @property
+    def facing(self) -> str:
+        """The heading or the orientation in a title; empty if any is right."""
+        if self.orientation is None:
+            return "" if self.yaw is None else f"facing {units.display(self.yaw, 'rad')}"
+        names = ("roll", "pitch", "yaw")
+        angles = (f"{name} {units.display(getattr(self.orientation, name), 'rad')}" for name in names)
+        return f"at {', '.join(angles)}"
+
+    def angle(
+        self, yaw: float = 0.0, left: Quaternion = geometry.IDENTITY, right: Quaternion = geometry.IDENTITY
+    ) -> TargetAngle | None:
+        """Return the heading or the orientation that is required; None for any.
+
+        `yaw` in rad is added to the heading; the orientation is multiplied by a rotation on its left and right side.
+        """
+        if self.orientation is not None:
+            target = geometry.multiply(geometry.multiply(left, self.orientation.orientation_xyzw), right)
+            return TargetAngle("orientation", self.orientation.tolerance, target)
+        return None if self.yaw is None else TargetAngle("heading", self.yaw_tolerance, yaw + self.yaw)
+
+    def approach(self, place: str, angle: TargetAngle | None) -> ClosestApproach:
+        """Return the fold of the distance from the place and of the error of the angle."""
+        nearest = ClosestApproach("came", place, "m", self.tolerance)
+        return nearest if angle is None else replace(nearest, angle_tolerance=angle.tolerance, angle=angle.name)
+
+
+class Reach(PoseTarget):
+    """The origin of the base link, or of `link`, comes within `tolerance` of the point `x`, `y`, `z`.
+
+    With `yaw`, the heading must be within `yaw_tolerance` of `yaw` at the same moment. With `orientation`, the one
+    rotation that leads from the orientation to the required one must be at most its `tolerance`. All values are in
+    `frame`, which may move. Reaching the point is a goal.
     """
 
     key: ClassVar[str] = "reach"
 
-    x: Annotated[Metres, Field(description="in the world frame")]
-    y: Annotated[Metres, Field(description="in the world frame")]
-    z: Annotated[Metres | None, Field(description="default: any height")] = None
-    yaw: Annotated[Radians | None, Field(description="default: any heading")] = None
-    tolerance: PositiveMetres = 0.05
-    yaw_tolerance: PositiveRadians = math.radians(5)
+    x: Metres
+    y: Metres
 
     @property
     def is_goal(self) -> bool:
@@ -47,25 +129,25 @@ class Reach(Assertion):
         """See Assertion.has_truth."""
         return True
 
-    @property
-    def title(self) -> str:
-        """See Assertion.title."""
-        heading = "" if self.yaw is None else f" facing {units.display(self.yaw, 'rad')}"
-        return f"reach {self.place}{heading} within {units.display(self.tolerance, 'm')}"
+    def title_of(self, watched: Watched) -> str:
+        """See MotionAssertion.title_of."""
+        within = f"within {units.display(self.tolerance, 'm')}"
+        return " ".join(filter(None, (self.key_of(watched), self.place, self.facing, within)))
 
     @property
     def place(self) -> str:
         """The point as text."""
         return f"({', '.join(f'{value:g}' for value in (self.x, self.y, self.z) if value is not None)})"
 
-    def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        """See Assertion.monitor."""
-        nearest = ClosestApproach("came", self.place, "m", self.tolerance, self.yaw_tolerance)
-        return ReachMonitor(self, nearest)
+    def opened_on(self, watched: Watched, scene: Scene, start: Observation) -> Monitor:
+        """See MotionAssertion.opened_on."""
+        angle = self.angle()
+        return ReachMonitor(self, self.approach(f"{self.place}{watched.inside}", angle), angle)
 
-    def marks(self, scene: Scene, start: Observation) -> tuple[Mark, ...]:
-        """See Assertion.marks."""
-        return tuple(goal(self.x, self.y, self.z, self.tolerance, self.yaw))
+    def marks_in(self, watched: Watched, scene: Scene, start: Observation) -> tuple[Mark, ...]:
+        """See MotionAssertion.marks_in."""
+        angle = self.angle()
+        return tuple(goal(self.x, self.y, self.z, self.tolerance, None if angle is None else angle.target))
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +158,7 @@ class ReachMonitor:
 
     spec: Reach
     nearest: ClosestApproach
+    angle: TargetAngle | None
 
     @property
     def state(self) -> State:
@@ -92,15 +175,15 @@ class ReachMonitor:
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         """See PlottableMonitor.signals."""
-        return self.nearest.drawn(f"distance to {self.spec.place}", trace.time, *self._errors(trace))
+        return self.nearest.drawn(f"distance to {self.nearest.place}", trace.time, *self._errors(trace))
 
     def verdict(self) -> Verdict:
         """See Monitor.verdict."""
         return self.nearest.verdict()
 
     def _errors(self, trace: Trace) -> tuple[FloatArray, FloatArray | None]:
-        """Return (T,) m and (T,) rad; None instead of the heading error if no heading is required."""
-        return self._distance(trace), None if self.spec.yaw is None else trace.yaw_error_to(self.spec.yaw)
+        """Return (T,) m and (T,) rad; None instead of the error of the angle if none is required."""
+        return self._distance(trace), None if self.angle is None else self.angle.error(trace)
 
     def _distance(self, trace: Trace) -> FloatArray:
         if self.spec.z is None:

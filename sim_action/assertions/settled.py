@@ -1,4 +1,4 @@
-"""`settled: {speed: 1 cm/s, for: 1 s}`: the robot comes to rest."""
+"""`settled: {speed: 1 cm/s, for: 1 s}`: the robot, or a link, comes to rest."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.base_motion import BaseMotion
 from sim_action.assertions.monitors.goals import HoldTime
+from sim_action.assertions.monitors.watched import MotionAssertion, Watched
 from sim_action.core import units
 from sim_action.core.field_types import PositiveMetresPerSecond, PositiveRadiansPerSecond, PositiveSeconds
 from sim_action.state.verdict import Signal, Verdict
@@ -43,19 +44,21 @@ class AtRest(Assertion):
         return self.span
 
 
-class Settled(AtRest):
+class Settled(AtRest, MotionAssertion):
     """The robot comes to rest and stays at rest for the time `for`.
 
     It is a goal. The robot is at rest if the base, and the joints if they count, move no faster than `speed` and turn
-    no faster than `turn_rate`. The time
-    must be uninterrupted. Motion after it does not matter. The robot is also at rest before its first command. If it
+    no faster than `turn_rate`. With `link`, the link counts instead of the base, relative to `frame`. The time must be
+    uninterrupted. Motion after it does not matter. The robot is also at rest before its first command. If it
     waits for one, set `after` to begin the check later.
     """
 
     key: ClassVar[str] = "settled"
+    subject_ends: ClassVar[str] = ": "
 
     joints: Annotated[
-        bool | None, Field(description="true: joints must be at rest too; default: only if the base is fixed")
+        bool | None,
+        Field(description="true: joints must be at rest too; default: only if the base is fixed, without 'link'"),
     ] = None
 
     @property
@@ -68,16 +71,17 @@ class Settled(AtRest):
         """See Assertion.has_truth."""
         return True
 
-    @property
-    def title(self) -> str:
-        """See Assertion.title."""
-        return f"settled for {units.display(self.span, 's')}"
+    def title_of(self, watched: Watched) -> str:
+        """See MotionAssertion.title_of."""
+        return f"{self.key_of(watched)} for {units.display(self.span, 's')}"
 
-    def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        """See Assertion.monitor."""
-        counting = scene.bolted if self.joints is None else self.joints
+    def opened_on(self, watched: Watched, scene: Scene, start: Observation) -> Monitor:
+        """See MotionAssertion.opened_on."""
+        counting = scene.bolted and not watched.name if self.joints is None else self.joints
         joints = {joint.name: joint.dimension("velocity").si for joint in scene.model.moving_joints if counting}
-        return SettledMonitor(self, tuple(joints.items()), HoldTime(self.span), BaseMotion.of(scene, start))
+        return SettledMonitor(
+            self, watched.who, tuple(joints.items()), HoldTime(self.span), BaseMotion.of(scene, start)
+        )
 
 
 class Motion(NamedTuple):
@@ -101,12 +105,14 @@ class SettledMonitor:
     """The fold of the time at rest, and the fastest motion at the last step.
 
     Attributes:
+        who: the name of the frame that must be at rest.
         joints: the joints that count, each with the unit of its velocity.
     """
 
     is_momentary: ClassVar[bool] = False
 
     spec: Settled
+    who: str
     joints: tuple[tuple[str, str], ...]
     rest: HoldTime
     motion: BaseMotion
@@ -149,8 +155,8 @@ class SettledMonitor:
     def _motions(self, trace: Trace) -> Iterator[Motion]:
         """Yield the speeds of the base and the joints."""
         spec = self.spec
-        yield Motion("speed", "the base moved", self.motion.speed(trace), spec.speed, "m/s")
-        yield Motion("turn rate", "the base turned", self.motion.turn_rate(trace), spec.turn_rate, "rad/s")
+        yield Motion("speed", f"{self.who} moved", self.motion.speed(trace), spec.speed, "m/s")
+        yield Motion("turn rate", f"{self.who} turned", self.motion.turn_rate(trace), spec.turn_rate, "rad/s")
         for name, unit in self.joints:
             speed = abs(trace.joint_velocity[:, trace.joint_names.index(name)])
             limit = spec.speed if unit == "m/s" else spec.turn_rate

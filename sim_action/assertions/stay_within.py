@@ -1,4 +1,4 @@
-"""`stay_within: {x: [-1 m, 2 m], y: [-20 cm, 20 cm]}`: the robot stays inside a box."""
+"""`stay_within: {x: [-1 m, 2 m], y: [-20 cm, 20 cm]}`: the robot, or a link, stays inside a box."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import Monitor
 from sim_action.assertions.monitors.bounds import Interval, IntervalsMonitor, check_interval
+from sim_action.assertions.monitors.watched import MotionAssertion, Watched
 from sim_action.core import units
 from sim_action.core.field_types import Metres
-from sim_action.state.verdict import Mark, line, rectangle
+from sim_action.state.verdict import Mark, line, outline, rectangle
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -22,8 +22,11 @@ if TYPE_CHECKING:
 Range = tuple[Metres, Metres]
 
 
-class StayWithin(Assertion):
-    """The base link's origin stays between the bounds of `x`, `y` and `z`. An axis without bounds is not checked."""
+class StayWithin(MotionAssertion):
+    """The origin of the base link, or of `link`, stays between the bounds of `x`, `y` and `z` in `frame`.
+
+    An axis without bounds is not checked.
+    """
 
     key: ClassVar[str] = "stay_within"
 
@@ -50,24 +53,25 @@ class StayWithin(Assertion):
         """See Assertion.has_truth."""
         return True
 
-    @property
-    def title(self) -> str:
-        """See Assertion.title."""
-        return "stay_within " + ", ".join(
+    def title_of(self, watched: Watched) -> str:
+        """See MotionAssertion.title_of."""
+        return f"{self.key_of(watched)} " + ", ".join(
             f"{axis} {units.display(lower, 'm')} to {units.display(upper, 'm')}"
             for axis, (lower, upper) in self.intervals.items()
         )
 
-    def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        """See Assertion.monitor."""
+    def opened_on(self, watched: Watched, scene: Scene, start: Observation) -> Monitor:
+        """See MotionAssertion.opened_on."""
         intervals = (
             Interval(axis, "m", *bounds, _coordinate("xyz".index(axis))) for axis, bounds in self.intervals.items()
         )
         return IntervalsMonitor(tuple(side for interval in intervals for side in interval.sides()))
 
-    def marks(self, scene: Scene, start: Observation) -> tuple[Mark, ...]:
-        """See Assertion.marks. Returns a rectangle, or lines if only one axis is bounded."""
+    def marks_in(self, watched: Watched, scene: Scene, start: Observation) -> tuple[Mark, ...]:
+        """See MotionAssertion.marks_in. Returns a rectangle, two for the box of a link, or lines for one axis."""
         if self.x is not None and self.y is not None:
+            if self.z is not None and watched.subject:
+                return tuple(outline(self.x, self.y, height) for height in self.z)
             return (rectangle(self.x, self.y),)
         x, y, _ = start.pose.position_xyz
         bounds = ((axis, at) for axis, both in self.intervals.items() if axis != "z" for at in both)

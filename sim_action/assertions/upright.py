@@ -1,4 +1,4 @@
-"""`upright: {max_tilt: 20 deg}`: the robot does not tip over."""
+"""`upright: {max_tilt: 20 deg}`: the robot does not tip over, or a link is not tilted."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from pydantic import Field
 
-from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import Monitor
 from sim_action.assertions.monitors.bounds import Bounds, SignalMonitor
+from sim_action.assertions.monitors.watched import MotionAssertion, Watched
 from sim_action.core import units
 from sim_action.core.field_types import PositiveRadians
 from sim_action.world.scene import Scene
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from sim_action.state.observation import Observation
 
 
-class Upright(Assertion):
-    """The angle between the z axis of the base link and that of the world never exceeds `max_tilt`."""
+class Upright(MotionAssertion):
+    """The angle between the z axis of the base link, or of `link`, and that of `frame` never exceeds `max_tilt`."""
 
     key: ClassVar[str] = "upright"
 
@@ -30,11 +30,10 @@ class Upright(Assertion):
         """See Assertion.has_truth."""
         return True
 
-    @property
-    def title(self) -> str:
-        """See Assertion.title."""
-        return f"upright within {units.display(self.max_tilt, 'rad')}"
+    def title_of(self, watched: Watched) -> str:
+        """See MotionAssertion.title_of."""
+        return f"{self.key_of(watched)} within {units.display(self.max_tilt, 'rad')}"
 
-    def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        """See Assertion.monitor."""
+    def opened_on(self, watched: Watched, scene: Scene, start: Observation) -> Monitor:
+        """See MotionAssertion.opened_on."""
         return SignalMonitor("tilt", lambda trace: trace.tilt, Bounds("tilted by", "rad", None, self.max_tilt))

@@ -13,7 +13,7 @@ from typing import Any, Final, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_action.core.geometry import Vector3
+from sim_action.core.geometry import Quaternion, Vector3
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.state.observation import Contact, Observation, SelfContact
 from sim_action.state.trace_channels import ClearanceWatch
@@ -263,11 +263,22 @@ class Trace:
         """Return the angle between the heading and `yaw`, (T,) rad in [0, pi]."""
         return np.abs(np.remainder(self.yaw - yaw + np.pi, 2 * np.pi) - np.pi)
 
+    def rotation_to(self, orientation_xyzw: Quaternion) -> FloatArray:
+        """Return the angle of the rotation between the orientation and another one, (T,) rad in [0, pi]."""
+        return rotation_angles(self.base_orientation_xyzw, np.asarray(orientation_xyzw))
+
     def arc_length_from(self, point_xyz: Vector3, length: float = 0.0) -> FloatArray:
         """Return the length of the path so far, (T,) m, from `point_xyz`, where it is `length` m."""
         path = np.vstack((np.asarray(point_xyz), self.base_position_xyz))
         # The sum begins with `length`: added afterwards, it would round differently for every way to cut a trace.
         return np.cumsum(np.concatenate(([length], _norm(np.diff(path, axis=0)))))[1:]
+
+
+def rotation_angles(first: FloatArray, second: FloatArray) -> FloatArray:
+    """Return the angles of the rotations between unit quaternions (T, 4), (T,) rad in [0, pi]."""
+    # A quaternion and its negative are the same orientation. Arc cosines would lose small angles.
+    chords = (np.sqrt(np.square(second - sign * first).sum(axis=1)) for sign in (1.0, -1.0))
+    return _array(4 * np.arcsin(np.minimum(np.minimum(*chords) / 2, 1.0)))
 
 
 def _joined(several: Sequence[Mapping[_Key, _Record]], join: Callable[[list[_Record]], _Record]) -> dict[_Key, _Record]:

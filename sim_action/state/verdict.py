@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final, Literal, Self, TypeAlias
 
+from sim_action.core.geometry import AXES, Quaternion, rotate
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -141,6 +143,7 @@ class Circle:
     y: float
     radius: float
     z: float = 0.0
+    link: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,6 +151,7 @@ class Polygon:
     """An area of the ground plane, given by its corners."""
 
     points: tuple[tuple[float, float], ...]
+    link: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,6 +159,7 @@ class Polyline:
     """A path from point to point."""
 
     points: tuple[tuple[float, float, float], ...]
+    link: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,14 +169,22 @@ class Arrow:
     x: float
     y: float
     yaw: float
+    link: str = ""
 
 
 Mark: TypeAlias = Circle | Polygon | Polyline | Arrow
+"""A place in the 3-D view: in the world frame, or in the frame of `link`, with which it moves."""
 
 
 def rectangle(x: tuple[float, float], y: tuple[float, float]) -> Polygon:
     """Return the area between two bounds for x and two for y."""
     return Polygon(((x[0], y[0]), (x[1], y[0]), (x[1], y[1]), (x[0], y[1])))
+
+
+def outline(x: tuple[float, float], y: tuple[float, float], z: float) -> Polyline:
+    """Return the outline of the area between two bounds for x and two for y, at a height."""
+    corners = rectangle(x, y).points
+    return Polyline(tuple((at_x, at_y, z) for at_x, at_y in (*corners, corners[0])))
 
 
 def line(axis: str, at: float, middle_xy: tuple[float, float]) -> Polyline:
@@ -182,8 +195,19 @@ def line(axis: str, at: float, middle_xy: tuple[float, float]) -> Polyline:
     return Polyline(((x - _HALF_LENGTH_M, at, 0.0), (x + _HALF_LENGTH_M, at, 0.0)))
 
 
-def goal(x: float, y: float, z: float | None, tolerance: float, yaw: float | None) -> Iterator[Mark]:
-    """Yield the marks of a goal: its circle, and the heading if one is asked for."""
-    yield Circle(x, y, tolerance, z or 0.0)
-    if yaw is not None and math.isfinite(yaw):
-        yield Arrow(x, y, yaw)
+# The drawn length of an axis, in m.
+_AXIS_M: Final = 0.1
+
+
+def goal(
+    x: float, y: float, z: float | None, tolerance: float, facing: float | Quaternion | None = None
+) -> Iterator[Mark]:
+    """Yield the marks of a goal: its circle, and a yaw in rad or the x and the z axis of an orientation."""
+    height = z or 0.0
+    yield Circle(x, y, tolerance, height)
+    if isinstance(facing, tuple):
+        for axis in (AXES[0], AXES[2]):
+            dx, dy, dz = rotate(facing, axis)
+            yield Polyline(((x, y, height), (x + _AXIS_M * dx, y + _AXIS_M * dy, height + _AXIS_M * dz)))
+    elif facing is not None and math.isfinite(facing):
+        yield Arrow(x, y, facing)

@@ -98,7 +98,7 @@ def test_the_title_says_what_is_asked(spec: dict[str, Any], title: str) -> None:
 
 @pytest.mark.parametrize(
     ("spec", "message"),
-    [({}, "at least one of 'x', 'y', 'z' and 'yaw'"), ({"x": 1, "tolerance": 0}, "greater than 0")],
+    [({}, "at least one of 'x', 'y', 'z', 'yaw' and 'orientation'"), ({"x": 1, "tolerance": 0}, "greater than 0")],
 )
 def test_a_pose_that_is_none_is_refused(spec: dict[str, Any], message: str) -> None:
     with pytest.raises(ValidationError, match=message):

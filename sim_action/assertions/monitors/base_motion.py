@@ -127,12 +127,9 @@ def _distances(before: FloatArray, after: FloatArray) -> FloatArray:
 
 def _angles(before: FloatArray, after: FloatArray) -> FloatArray:
     """Return the angles (T,) in rad, at most pi, between the orientations of states (T, 14)."""
-    import numpy as np
+    from sim_action.state.trace import rotation_angles
 
-    # A quaternion and its negative are the same orientation.
-    chords = (np.sqrt(np.square(after[:, 4:8] - sign * before[:, 4:8]).sum(axis=1)) for sign in (1.0, -1.0))
-    found: FloatArray = 4 * np.arcsin(np.minimum(np.minimum(*chords) / 2, 1.0))
-    return found
+    return rotation_angles(before[:, 4:8], after[:, 4:8])
 
 
 def _rpy(row: list[float]) -> tuple[float, float, float]:

@@ -91,7 +91,7 @@ def joined_by_any(parts: Iterable[tuple[State, bool]]) -> State:
 
 @dataclass(frozen=True, slots=True)
 class ClosestApproach:
-    """A goal: a distance, and optionally a heading error, come within their tolerances.
+    """A goal: a distance, and optionally the error of an angle, come within their tolerances.
 
     The margin is that of the quantity that is worse relative to its tolerance.
 
@@ -99,8 +99,9 @@ class ClosestApproach:
         who: the beginning of the message, such as "elbow came".
         place: the target, for the message.
         unit: SI symbol of the distance.
-        yaw_tolerance: tolerance of the heading in rad.
-        distance, yaw_error: the values at the best step.
+        angle_tolerance: tolerance of the angle in rad.
+        angle: the name of the angle, "heading" or "orientation".
+        distance, angle_error: the values at the best step.
         end: sim time of the last step, in s.
     """
 
@@ -108,10 +109,11 @@ class ClosestApproach:
     place: str
     unit: str
     tolerance: float
-    yaw_tolerance: float = math.inf
+    angle_tolerance: float = math.inf
+    angle: str = "heading"
     goal: Goal = Goal()
     distance: float = math.inf
-    yaw_error: float | None = None
+    angle_error: float | None = None
     end: float = 0.0
 
     @property
@@ -119,37 +121,37 @@ class ClosestApproach:
         """See Monitor.state."""
         return self.goal.state
 
-    def observe(self, time: FloatArray, distance: FloatArray, yaw_error: FloatArray | None = None) -> Self:
-        """Return the fold after these steps; `distance` in `unit`, `yaw_error` in rad, each (T,)."""
+    def observe(self, time: FloatArray, distance: FloatArray, angle_error: FloatArray | None = None) -> Self:
+        """Return the fold after these steps; `distance` in `unit`, `angle_error` in rad, each (T,)."""
         if not len(time):
             return self
         margin = self.tolerance - distance
-        if yaw_error is not None:
-            scale = self.tolerance / self.yaw_tolerance
-            margin = margin.clip(max=(self.yaw_tolerance - yaw_error) * scale)
+        if angle_error is not None:
+            scale = self.tolerance / self.angle_tolerance
+            margin = margin.clip(max=(self.angle_tolerance - angle_error) * scale)
         later = replace(self, goal=self.goal.observe(time, margin), end=float(time[-1]))
         if later.goal is self.goal:
             return later
         best = int((time == later.goal.time).argmax())
-        error = None if yaw_error is None else float(yaw_error[best])
-        return replace(later, distance=float(distance[best]), yaw_error=error)
+        error = None if angle_error is None else float(angle_error[best])
+        return replace(later, distance=float(distance[best]), angle_error=error)
 
-    def truth(self, time: FloatArray, distance: FloatArray, yaw_error: FloatArray | None = None) -> Truth:
+    def truth(self, time: FloatArray, distance: FloatArray, angle_error: FloatArray | None = None) -> Truth:
         """Return True where both errors are within their tolerances."""
         near = self.tolerance - distance >= 0
-        return Truth(time, near if yaw_error is None else near & (yaw_error <= self.yaw_tolerance))
+        return Truth(time, near if angle_error is None else near & (angle_error <= self.angle_tolerance))
 
     def drawn(
-        self, name: str, time: FloatArray, distance: FloatArray, yaw_error: FloatArray | None = None
+        self, name: str, time: FloatArray, distance: FloatArray, angle_error: FloatArray | None = None
     ) -> tuple[Signal, ...]:
-        """Return the curves of the distance and the heading error, each with its tolerance."""
+        """Return the curves of the distance and the error of the angle, each with its tolerance."""
         curve = Signal(name, self.unit, time, distance, upper=self.tolerance)
-        if yaw_error is None:
+        if angle_error is None:
             return (curve,)
-        return (curve, Signal("heading error", "rad", time, yaw_error, upper=self.yaw_tolerance))
+        return (curve, Signal(f"{self.angle} error", "rad", time, angle_error, upper=self.angle_tolerance))
 
     def verdict(self) -> Verdict:
-        """Return the verdict. `measured` and `limit` are distances; the margin includes the heading."""
+        """Return the verdict. `measured` and `limit` are distances; the margin includes the angle."""
         passed = self.state is State.HOLDS
         if self.goal.time is None:
             return Verdict(False, None, self.tolerance, None, self.unit, None, "no physics step to measure")
@@ -165,10 +167,10 @@ class ClosestApproach:
         return Verdict(passed, self.distance, self.tolerance, self.goal.margin, self.unit, self.goal.time, message)
 
     def _facing(self) -> str:
-        if self.yaw_error is None:
+        if self.angle_error is None:
             return ""
-        off, _ = units.display_apart(self.yaw_error, self.yaw_tolerance, "rad")
-        return f", {off} off its heading,"
+        off, _ = units.display_apart(self.angle_error, self.angle_tolerance, "rad")
+        return f", {off} off its {self.angle},"
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""A reference path on the ground, and the progress of a robot along it, which never goes back."""
+"""A reference path on the ground or in space, and the progress of a robot along it, which never goes back."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from functools import cached_property
 from itertools import pairwise
 from typing import Final, NamedTuple, Self
 
-Point = tuple[float, float]
+Point = tuple[float, ...]
+"""Two coordinates on the ground plane, or three in space, in m."""
 
 # Segments of a curve between two points.
 _PIECES: Final = 16
@@ -55,6 +56,8 @@ class ReferencePath:
                 return best
 
     def _foot_on(self, piece: int, place: Point, begin: float, end: float) -> Foot:
+        if len(place) == 3:
+            return self._foot_in_space(piece, place, begin, end)
         (x, y), (end_x, end_y), start = self.points[piece], self.points[piece + 1], self.lengths[piece]
         length = self.lengths[piece + 1] - start
         ahead_x, ahead_y = (end_x - x) / length, (end_y - y) / length
@@ -62,6 +65,15 @@ class ReferencePath:
         along = min(max(along, begin - start, 0.0), end - start, length)
         distance = math.hypot(place[0] - x - along * ahead_x, place[1] - y - along * ahead_y)
         return Foot(start + along, distance)
+
+    def _foot_in_space(self, piece: int, place: Point, begin: float, end: float) -> Foot:
+        at, start = self.points[piece], self.lengths[piece]
+        length = self.lengths[piece + 1] - start
+        ahead = [(to - here) / length for here, to in zip(at, self.points[piece + 1], strict=True)]
+        away = [to - here for here, to in zip(at, place, strict=True)]
+        along = away[0] * ahead[0] + away[1] * ahead[1] + away[2] * ahead[2]
+        along = min(max(along, begin - start, 0.0), end - start, length)
+        return Foot(start + along, math.hypot(*(to - along * unit for to, unit in zip(away, ahead, strict=True))))
 
 
 def smoothed(points: Sequence[Point]) -> list[Point]:
@@ -81,7 +93,7 @@ def smoothed(points: Sequence[Point]) -> list[Point]:
 
 
 def _mirrored(point: Point, about: Point) -> Point:
-    return (2 * about[0] - point[0], 2 * about[1] - point[1])
+    return tuple(2 * middle - at for middle, at in zip(about, point, strict=True))
 
 
 def _arc(four: Sequence[Point]) -> list[Point]:
@@ -103,7 +115,7 @@ def _at(time: float, points: Sequence[Point], knots: Sequence[float]) -> Point:
 
 
 def _between(one: Point, other: Point, share: float) -> Point:
-    return (one[0] + share * (other[0] - one[0]), one[1] + share * (other[1] - one[1]))
+    return tuple(here + share * (there - here) for here, there in zip(one, other, strict=True))
 
 
 # Maximum progress per step, relative to motion plus error: enough for a corner that the robot cuts.

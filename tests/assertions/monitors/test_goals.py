@@ -84,10 +84,10 @@ def test_the_first_moment_within_the_tolerance_counts() -> None:
 
 
 def test_a_heading_counts_as_a_part_of_its_tolerance() -> None:
-    turned = ClosestApproach("came", "(2, 0)", "m", 0.5, yaw_tolerance=0.25)
+    turned = ClosestApproach("came", "(2, 0)", "m", 0.5, angle_tolerance=0.25)
     seen = turned.observe(DISTANCE_TIME, np.array([0.0, 0.25, 2.0]), np.array([1.0, 0.5, 0.0]))
     # Twice the angle that is allowed, at the second moment, is the least of what is too much.
-    assert (seen.goal.margin, seen.distance, seen.yaw_error, seen.goal.time) == (-0.5, 0.25, 0.5, 2.0)
+    assert (seen.goal.margin, seen.distance, seen.angle_error, seen.goal.time) == (-0.5, 0.25, 0.5, 2.0)
     assert seen.verdict().message == (
         "came no closer than 0.25 m to (2, 0), 28.65 deg off its heading, in 3.0 s; closest at 2.00 s"
     )

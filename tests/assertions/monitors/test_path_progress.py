@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 
 import pytest
@@ -64,7 +65,7 @@ def test_progress_never_goes_back_whatever_is_done(way: list[Point]) -> None:
         progress = later
 
 
-def followed(path: ReferencePath, way: list[Point]) -> list[Progress]:
+def followed(path: ReferencePath, way: Sequence[Point]) -> list[Progress]:
     progress = [Progress.at_start(path, way[0])]
     for place in way:
         progress.append(progress[-1].to(place))

@@ -1,0 +1,255 @@
+"""The frame whose motion an assertion judges: the base link, another link or a body of the world.
+
+Monitors judge the base of a trace. To judge another frame, a monitor gets a trace whose base has the motion of that
+frame, as it is seen from the world, from the base link or from a link.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
+
+from pydantic import Field
+
+from sim_action.assertions import Assertion
+from sim_action.assertions.monitors import (
+    Monitor,
+    State,
+    Truth,
+    begun,
+    has_truth,
+    is_decided,
+    is_plottable,
+    needed_until,
+    unmet_premises,
+)
+from sim_action.core.geometry import Pose, Twist
+from sim_action.core.yaml_errors import SpecProblems
+from sim_action.robot.robot_model import WORLD
+from sim_action.state.verdict import Mark, Signal, Verdict
+from sim_action.world.scene import Scene
+
+if TYPE_CHECKING:
+    from sim_action.robot.link_motion import LinkMotion
+    from sim_action.state.observation import Observation
+    from sim_action.state.trace import Trace
+
+
+@dataclass(frozen=True, slots=True)
+class Watched:
+    """The frame whose motion is judged.
+
+    Attributes:
+        name: of the link or the body; empty for the base link.
+        frame: the frame from which it is seen: "world", "base" or the name of a link.
+        motion: the function that returns its motion in `frame` at the moments of a trace; None for the base link in
+            the world frame, whose motion a trace has.
+    """
+
+    name: str = ""
+    frame: str = WORLD
+    motion: Callable[[Trace], LinkMotion] | None = None
+
+    @property
+    def inside(self) -> str:
+        """The frame as the end of a text, such as " in base"; empty for the world frame."""
+        return "" if self.frame == WORLD else f" in {self.frame}"
+
+    @property
+    def who(self) -> str:
+        """The name in a sentence, such as "tool0"."""
+        return self.name or "the base"
+
+    @property
+    def subject(self) -> str:
+        """The subject of a sentence, such as "tool0 in base"; empty for the base link in the world frame."""
+        return f"{self.who}{self.inside}" if self.name or self.inside else ""
+
+    def seen(self, trace: Trace) -> Trace:
+        """Return a trace whose base has the motion that is judged."""
+        if self.motion is None:
+            return trace
+        import numpy as np
+
+        at = self.motion(trace)
+        columns = (at.position_xyz, at.orientation_xyzw, at.linear_xyz, at.angular_xyz)
+        return replace(trace, state=np.column_stack((trace.time, *columns, trace.state[:, 14:])))
+
+    def at_start(self, start: Observation) -> Observation:
+        """Return the state at t = 0 with the pose and the twist of the frame in place of those of the base."""
+        if self.motion is None:
+            return start
+        from sim_action.state.trace import Trace
+
+        row = self.seen(Trace.of_observation(start)).state[0].tolist()
+        x, y, z, qx, qy, qz, qw, vx, vy, vz, wx, wy, wz = row[1:14]
+        return replace(start, pose=Pose((x, y, z), (qx, qy, qz, qw)), twist=Twist((vx, vy, vz), (wx, wy, wz)))
+
+
+BASE: Final = Watched()
+"""The base link in the world frame."""
+
+
+class MotionAssertion(Assertion):
+    """The base class of assertions on the motion of a frame: of the base link, or of another link."""
+
+    subject_ends: ClassVar[str] = " "
+    """The text between the subject of a message and the message of the monitor."""
+
+    names_frame: ClassVar[bool] = False
+    """True if the messages of the monitor name the frame, so that their subject need not."""
+
+    link: Annotated[str | None, Field(min_length=1, description="link of the robot; default: the base link")] = None
+    frame: Annotated[
+        str, Field(min_length=1, description="frame of all values: world, base (the base link), or a link")
+    ] = WORLD
+
+    @abstractmethod
+    def opened_on(self, watched: Watched, scene: Scene, start: Observation) -> Monitor:
+        """Open the monitor of the base of a trace, which has the motion of `watched`; so has `start`."""
+
+    @abstractmethod
+    def title_of(self, watched: Watched) -> str:
+        """Return the requirement in a few words."""
+
+    def marks_in(self, watched: Watched, scene: Scene, start: Observation) -> tuple[Mark, ...]:
+        """Return the marks in the frame of `watched`; `start` has its motion."""
+        return ()
+
+    def watched(self, scene: Scene) -> Watched:
+        """Return the frame whose motion is judged."""
+        if self.link is None and self.frame == WORLD:
+            return BASE
+        link = self.link or scene.model.root
+
+        def motion(trace: Trace) -> LinkMotion:
+            from sim_action.robot.link_motion import motion_in
+
+            return motion_in(scene.model, trace, link, self.frame)
+
+        return Watched(self.link or "", self.frame, motion)
+
+    def key_of(self, watched: Watched) -> str:
+        """Return the key with the subject, such as "reach of tool0 in base"."""
+        return f"{self.key} of {watched.subject}" if watched.subject else self.key
+
+    @property
+    def title(self) -> str:
+        """See Assertion.title."""
+        return self.title_of(Watched(self.link or "", self.frame))
+
+    def monitor(self, scene: Scene, start: Observation) -> Monitor:
+        """See Assertion.monitor."""
+        return self.monitor_of(self.watched(scene), scene, start)
+
+    def monitor_of(self, watched: Watched, scene: Scene, start: Observation) -> Monitor:
+        """Open the monitor of a frame, such as that of a body of the world. `start` is the state at t = 0."""
+        monitor = self.opened_on(watched, scene, watched.at_start(start))
+        if watched.motion is None:
+            return monitor
+        subject = watched.who if self.names_frame else watched.subject
+        kind = WatchedCondition if has_truth(monitor) else WatchedMonitor
+        return kind(watched, monitor, monitor.state, f"{subject}{self.subject_ends}")
+
+    def marks(self, scene: Scene, start: Observation) -> tuple[Mark, ...]:
+        """See Assertion.marks."""
+        return self.marks_of(self.watched(scene), scene, start)
+
+    def marks_of(self, watched: Watched, scene: Scene, start: Observation) -> tuple[Mark, ...]:
+        """Return the marks for the 3-D view. Those in the frame of a link move with it."""
+        found = self.marks_in(watched, scene, watched.at_start(start))
+        if watched.frame == WORLD:
+            return found
+        from sim_action.robot.link_motion import link_of_frame
+
+        link = link_of_frame(scene.model, watched.frame)
+        return tuple(replace(mark, link=link) for mark in found)
+
+    def problems(self, scene: Scene) -> SpecProblems:
+        """Yield an unknown link or frame, and a link that is its own frame."""
+        if self.link is None and self.frame == WORLD:
+            return
+        from sim_action.robot.link_motion import link_of_frame, why_no_frame, why_no_link
+
+        if self.link is not None and (problem := why_no_link(scene.model, self.link)) is not None:
+            yield ("link",), problem
+        elif (problem := why_no_frame(scene.model, self.frame)) is not None:
+            yield ("frame",), problem
+        elif self.frame != WORLD and (self.link or scene.model.root) == link_of_frame(scene.model, self.frame):
+            yield (
+                ("frame",),
+                f"'{self.link or scene.model.root}' never moves in its own frame; name another frame or link",
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class WatchedMonitor:
+    """The monitor of a frame other than the base link in the world: it hands on the motion of that frame.
+
+    Attributes:
+        monitor: the monitor of the base of the traces that it gets.
+        began: its state before the first step.
+        subject: the beginning of messages.
+    """
+
+    watched: Watched
+    monitor: Monitor
+    began: State
+    subject: str
+
+    @property
+    def is_momentary(self) -> bool:
+        """See PlottableMonitor.is_momentary."""
+        return is_plottable(self.monitor) and self.monitor.is_momentary
+
+    @property
+    def state(self) -> State:
+        """See Monitor.state."""
+        return self.monitor.state
+
+    @property
+    def is_decided(self) -> bool:
+        """See DecidingMonitor.is_decided."""
+        return is_decided(self.monitor, self.began)
+
+    @property
+    def needed_until(self) -> float:
+        """See BoundedMonitor.needed_until."""
+        return needed_until(self.monitor)
+
+    @property
+    def unmet_premises(self) -> tuple[str, ...]:
+        """See ConditionalMonitor.unmet_premises."""
+        return unmet_premises(self.monitor)
+
+    def begin(self, trace: Trace) -> Self:
+        """See CumulativeMonitor.begin."""
+        return replace(self, monitor=begun(self.monitor, self.watched.seen(trace)))
+
+    def observe(self, trace: Trace) -> Self:
+        """See Monitor.observe."""
+        return replace(self, monitor=self.monitor.observe(self.watched.seen(trace)))
+
+    def verdict(self) -> Verdict:
+        """Return the verdict of the monitor; the message names the frame."""
+        verdict = self.monitor.verdict()
+        return verdict if verdict.time is None else replace(verdict, message=f"{self.subject}{verdict.message}")
+
+    def signals(self, trace: Trace) -> tuple[Signal, ...]:
+        """See PlottableMonitor.signals."""
+        if not is_plottable(self.monitor):
+            return ()
+        curves = self.monitor.signals(self.watched.seen(trace))
+        return tuple(replace(curve, name=f"{self.subject}{curve.name}") for curve in curves)
+
+
+@dataclass(frozen=True, slots=True)
+class WatchedCondition(WatchedMonitor):
+    """The same for a monitor whose assertion is true or false at each moment."""
+
+    def truth(self, trace: Trace) -> Truth:
+        """See ConditionMonitor.truth."""
+        assert has_truth(self.monitor), "only such monitors get here"
+        return self.monitor.truth(self.watched.seen(trace))
