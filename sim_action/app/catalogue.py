@@ -74,14 +74,15 @@ def summary(model: type[BaseModel]) -> str:
 
 
 def fields(model: type[BaseModel]) -> tuple[FieldEntry, ...]:
-    """The keys of a model, those that are required first."""
+    """The keys of a model, those that are required first, and those that many models share last."""
+    last = getattr(model, "last_keys", ())
     entries = [
         FieldEntry(
             field.alias or name, _takes(field.annotation, field.metadata), _default(field), field.description or ""
         )
         for name, field in model.model_fields.items()
     ]
-    return tuple(sorted(entries, key=lambda entry: entry.default != "required"))
+    return tuple(sorted(entries, key=lambda entry: (entry.default != "required", entry.name in last)))
 
 
 def _takes(annotation: Any, metadata: Iterable[Any] = ()) -> str:

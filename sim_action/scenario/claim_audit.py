@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import reduce
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final, Literal
 
@@ -20,7 +21,6 @@ from sim_action.core.wording import did_you_mean
 from sim_action.core.workspace import PathError
 from sim_action.core.yaml_document import Document, KeyPath
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.robot.robot_model import Joint, RobotModel
 from sim_action.world import GROUND, Physics
 from sim_action.world.scene import Scene
 
@@ -70,8 +70,8 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         ),
         "fixed-base": Rule(
             "error",
-            "an assertion about the motion of a fixed base, such as `travel`, or `matches` without `joints`; a limit "
-            "of `agreement` for such a base or a link fixed to it",
+            "an assertion about the motion of a fixed base, such as `travel`, or `matches` without `joints`, or of a "
+            "link that no joint moves in its frame; a limit of `agreement` for such a base or a link fixed to it",
         ),
         "shapeless-links": Rule(
             "warning", "such an assertion where moving links have a visual shape but no collision shape"
@@ -184,9 +184,8 @@ def audit_scenario(
 
 
 def audit_scene(scene: Scene, scenario: Scenario, expect_paths: Sequence[KeyPath]) -> Iterator[ClaimFinding]:
-    """Yield the findings that depend on the robot model and on other files."""
+    """Yield the findings that depend on other files."""
     for path, assertion in placed_leaves(scenario, expect_paths):
-        yield from _bare_joint_angles(path, assertion, scene.model)
         if assertion.key == "matches" and not scene.workspace.updates_golden:
             yield from _single_row(path, assertion, scene)
 
@@ -239,6 +238,7 @@ _BOUNDS: Final[tuple[tuple[str, str, str, Callable[[Scenario], float], str], ...
     ("path_length", "at_most", "m", lambda at: at.physics.max_speed * at.time_limit, _FASTEST),
     ("final_pose", "yaw_tolerance", "rad", lambda _: math.pi, _HEADING),
     ("reach", "yaw_tolerance", "rad", lambda _: math.pi, _HEADING),
+    *((key, "orientation.tolerance", "rad", lambda _: math.pi, _TURN) for key in ("reach", "final_pose")),
     ("matches", "yaw", "rad", lambda _: math.pi, _HEADING),
     ("odometry_error", "yaw", "rad", lambda _: math.pi, _HEADING),
 )
@@ -246,9 +246,13 @@ _BOUNDS: Final[tuple[tuple[str, str, str, Callable[[Scenario], float], str], ...
 
 def _unreachable_limits(path: KeyPath, assertion: Any, scenario: Scenario) -> Iterator[ClaimFinding]:
     for key, field, unit, most, why in _BOUNDS:
-        value = getattr(assertion, field) if assertion.key == key else None
+        # Only the base has the limits of a run.
+        if assertion.key != key or not (unit == "rad" or assertion.watches_base):
+            continue
+        names = field.split(".")
+        value = reduce(lambda part, name: getattr(part, name, None), names, assertion)
         if value is not None and value >= (bound := most(scenario)):
-            yield _beyond((*path, field), value, unit, f"{why}" if unit == "rad" else _at(why, bound, unit))
+            yield _beyond((*path, *names), value, unit, f"{why}" if unit == "rad" else _at(why, bound, unit))
     if assertion.key == "stl":
         yield from _constant_comparisons(path, assertion, scenario.physics)
 
@@ -346,39 +350,6 @@ def _late_segments(path: KeyPath, source: Any, limit: float) -> Iterator[ClaimFi
 
 # From this number on, a time in s is probably one in ms.
 _MANY_S: Final = 100.0
-
-
-def _bare_joint_angles(path: KeyPath, assertion: Any, model: RobotModel) -> Iterator[ClaimFinding]:
-    """Yield bare angles of joints that cannot make a full turn; other joints may turn many times."""
-    for names, below, written in _joint_positions(assertion):
-        from sim_action.robot.joint_selection import chosen
-
-        if any(map(_is_limited, chosen(model, names))) and (problem := units.beyond_a_turn(written)) is not None:
-            yield ClaimFinding("bare-angle", (*path, *below), problem)
-    if assertion.key == "stl":
-        from sim_action.assertions.temporal_logic.vacuity import bare_numbers
-
-        for each in bare_numbers(assertion.parsed):
-            joints = [model.joints_by_name.get(signal.joint) for signal in each.signals if signal.name == "position"]
-            limited = any(joint is not None and _is_limited(joint) for joint in joints)
-            if limited and (problem := units.beyond_a_turn(each.number)) is not None:
-                yield ClaimFinding("bare-angle", path, problem)
-
-
-def _joint_positions(assertion: Any) -> Iterator[tuple[tuple[str, ...], KeyPath, object]]:
-    """Yield the joints, the keys and the written value of each joint position in an assertion."""
-    if assertion.key == "joint" and assertion.reading == "position":
-        for key in ("at_least", "at_most", "near", "tolerance"):
-            yield (assertion.name,), (key,), getattr(assertion, key)
-    elif assertion.key == "joint_within":
-        for name, bounds in assertion.position.items():
-            yield from (((name,), ("position", name, index), bound) for index, bound in enumerate(bounds))
-    elif assertion.key == "matches":
-        yield from (((name,), ("joints", name), tolerance) for name, tolerance in assertion.joints.items())
-
-
-def _is_limited(joint: Joint) -> bool:
-    return joint.type == "revolute" and joint.lower is not None and joint.upper is not None
 
 
 def _single_row(path: KeyPath, assertion: Any, scene: Scene) -> Iterator[ClaimFinding]:

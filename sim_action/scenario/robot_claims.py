@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from sim_action.core import units
 from sim_action.core.yaml_document import KeyPath
-from sim_action.robot.robot_model import Link, RobotModel
+from sim_action.robot.robot_model import WORLD, Joint, Link, RobotModel
 from sim_action.scenario.claim_audit import ClaimFinding, placed_leaves
 from sim_action.scenario.model import Agreement, Scenario
 from sim_action.world.scene import Scene
@@ -23,7 +23,10 @@ _MAX_LINKS: Final = 5
 def audit_robot(scene: Scene, scenario: Scenario, expect_paths: Sequence[KeyPath]) -> Iterator[ClaimFinding]:
     """Yield the findings about assertions that do not fit the robot."""
     leaves = list(placed_leaves(scenario, expect_paths))
+    for path, assertion in leaves:
+        yield from _bare_joint_angles(path, assertion, scene.model)
     yield from _shapes(leaves, scene)
+    yield from _rigid_links(leaves, scene)
     if scene.bolted:
         yield from _fixed_base(leaves)
         if scenario.agreement is not None:
@@ -84,8 +87,10 @@ def _clipped_efforts(path: KeyPath, assertion: Any, model: RobotModel) -> Iterat
 
 def _fixed_base(leaves: Sequence[tuple[KeyPath, Any]]) -> Iterator[ClaimFinding]:
     """Yield assertions about the motion of a base that cannot move."""
-    use = "judge its joints with joint, joint_within or matches: {joints: ...}, or free the base"
+    use = "judge a link with 'link', or its joints with joint or joint_within, or free the base"
     for path, assertion in leaves:
+        if not getattr(assertion, "watches_base", True):
+            continue
         if assertion.key in _OF_BASE:
             message = f"{assertion.key} judges the base of the robot, but it is fixed and never moves; {use}"
             yield ClaimFinding("fixed-base", path, message)
@@ -95,6 +100,33 @@ def _fixed_base(leaves: Sequence[tuple[KeyPath, Any]]) -> Iterator[ClaimFinding]
         elif assertion.key == "matches" and not assertion.joints:
             message = "only the base is compared, but it is fixed and never moves; add tolerances in 'joints'"
             yield ClaimFinding("fixed-base", path, message)
+
+
+def _rigid_links(leaves: Sequence[tuple[KeyPath, Any]], scene: Scene) -> Iterator[ClaimFinding]:
+    """Yield assertions about the motion of a link that no joint moves relative to its frame."""
+    for path, assertion in leaves:
+        if getattr(assertion, "watches_base", True):
+            continue
+        from sim_action.robot.link_motion import link_of_frame
+
+        names = scene.model.links_by_name
+        link, frame = assertion.link or scene.model.root, link_of_frame(scene.model, assertion.frame)
+        if link == frame or link not in names or (frame != WORLD and frame not in names):
+            continue  # reported by the assertion itself
+        if assertion.key == "settled" and assertion.joints:
+            continue
+        if link in _held_with(frame, scene):
+            message = f"link '{link}' never moves in the frame '{assertion.frame}': no joint is between them"
+            use = "name a link or a frame that moves"
+            yield ClaimFinding("fixed-base", path, f"{assertion.key} checks nothing: {message}; {use}")
+
+
+def _held_with(frame: str, scene: Scene) -> frozenset[str]:
+    """Return the links that never move relative to the world, or to a link."""
+    if frame == WORLD or frame in scene.bolted_links:
+        return scene.bolted_links
+    bodies = (frozenset(link.name for link in body) for body in _rigid_bodies(scene.model))
+    return next(names for names in bodies if frame in names)
 
 
 def _fixed_parts(agreement: Agreement, scene: Scene) -> Iterator[ClaimFinding]:
@@ -134,3 +166,36 @@ def _quoted(names: Sequence[str]) -> str:
     """Return the first few names as text."""
     more = len(names) - _MAX_LINKS
     return ", ".join(f"'{name}'" for name in islice(names, _MAX_LINKS)) + (f" and {more} more" if more > 0 else "")
+
+
+def _bare_joint_angles(path: KeyPath, assertion: Any, model: RobotModel) -> Iterator[ClaimFinding]:
+    """Yield bare angles of joints that cannot make a full turn; other joints may turn many times."""
+    for names, below, written in _joint_positions(assertion):
+        from sim_action.robot.joint_selection import chosen
+
+        if any(map(_is_limited, chosen(model, names))) and (problem := units.beyond_a_turn(written)) is not None:
+            yield ClaimFinding("bare-angle", (*path, *below), problem)
+    if assertion.key == "stl":
+        from sim_action.assertions.temporal_logic.vacuity import bare_numbers
+
+        for each in bare_numbers(assertion.parsed):
+            joints = [model.joints_by_name.get(signal.joint) for signal in each.signals if signal.name == "position"]
+            limited = any(joint is not None and _is_limited(joint) for joint in joints)
+            if limited and (problem := units.beyond_a_turn(each.number)) is not None:
+                yield ClaimFinding("bare-angle", path, problem)
+
+
+def _joint_positions(assertion: Any) -> Iterator[tuple[tuple[str, ...], KeyPath, object]]:
+    """Yield the joints, the keys and the written value of each joint position in an assertion."""
+    if assertion.key == "joint" and assertion.reading == "position":
+        for key in ("at_least", "at_most", "near", "tolerance"):
+            yield (assertion.name,), (key,), getattr(assertion, key)
+    elif assertion.key == "joint_within":
+        for name, bounds in assertion.position.items():
+            yield from (((name,), ("position", name, index), bound) for index, bound in enumerate(bounds))
+    elif assertion.key == "matches":
+        yield from (((name,), ("joints", name), tolerance) for name, tolerance in assertion.joints.items())
+
+
+def _is_limited(joint: Joint) -> bool:
+    return joint.type == "revolute" and joint.lower is not None and joint.upper is not None

@@ -95,6 +95,9 @@ BASE: Final = Watched()
 class MotionAssertion(Assertion):
     """The base class of assertions on the motion of a frame: of the base link, or of another link."""
 
+    last_keys: ClassVar[tuple[str, ...]] = ("link", "frame")
+    """The keys that documents list last."""
+
     subject_ends: ClassVar[str] = " "
     """The text between the subject of a message and the message of the monitor."""
 
@@ -118,9 +121,14 @@ class MotionAssertion(Assertion):
         """Return the marks in the frame of `watched`; `start` has its motion."""
         return ()
 
+    @property
+    def watches_base(self) -> bool:
+        """True if the motion of the base link in the world frame is judged."""
+        return self.link is None and self.frame == WORLD
+
     def watched(self, scene: Scene) -> Watched:
         """Return the frame whose motion is judged."""
-        if self.link is None and self.frame == WORLD:
+        if self.watches_base:
             return BASE
         link = self.link or scene.model.root
 
@@ -169,7 +177,7 @@ class MotionAssertion(Assertion):
 
     def problems(self, scene: Scene) -> SpecProblems:
         """Yield an unknown link or frame, and a link that is its own frame."""
-        if self.link is None and self.frame == WORLD:
+        if self.watches_base:
             return
         from sim_action.robot.link_motion import link_of_frame, why_no_frame, why_no_link
 
