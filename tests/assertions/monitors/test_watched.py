@@ -55,12 +55,14 @@ def about_y(angle: FloatArray) -> FloatArray:
 
 
 def scan_in_world(seen: Trace) -> FloatArray:
-    return seen.base_position_xyz + matrices(seen.base_orientation_xyzw) @ SCAN_AT
+    found: FloatArray = seen.base_position_xyz + matrices(seen.base_orientation_xyzw) @ SCAN_AT
+    return found
 
 
 def scan_in_wheel(seen: Trace) -> FloatArray:
     back = about_y(-seen.joint_position[:, 0])
-    return np.einsum("tij,j->ti", back, SCAN_AT - WHEEL_AT)
+    found: FloatArray = np.einsum("tij,j->ti", back, SCAN_AT - WHEEL_AT)
+    return found
 
 
 def curves(spec: MotionAssertion, seen: Trace) -> list[FloatArray]:
@@ -185,7 +187,8 @@ def test_a_path_in_space_has_heights() -> None:
     assert judged(spec, climbing).passed
     # 1.5 m ahead at the start's height: 3-4-5.
     verdict = judged(FollowPath(link=SCAN, path=rising, max_error=1.0), trace([1.0], x=[1.5]))
-    assert (verdict.passed, verdict.measured) == (False, pytest.approx(1.5 * 4 / 5))
+    assert not verdict.passed
+    assert verdict.measured == pytest.approx(1.5 * 4 / 5)
     assert judged(FollowPath(link=SCAN, path=PATH, max_error=0.1), climbing).passed
     # The base does, too.
     base = tuple(PathPoint(x=x, y=0, z=z) for x, z in ((0, 0), (3, 4)))
