@@ -132,7 +132,8 @@ VERDICTS: Final = {
         "The formula is true. An implication whose premise never held is true, and the "
         "[audit of claims](claims.md) adds a warning.",
         "The formula is false.",
-        "The run ended before any step of an interval could be judged, or before `after`.",
+        "The run ended before any step of an interval could be judged, before `after`, or before all signals were "
+        "known.",
     ),
     "matches": Verdicts(
         "Each row of the file is within the tolerances, and both runs have the same length up to `duration`.",

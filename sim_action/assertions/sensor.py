@@ -107,7 +107,7 @@ class SensorReading(Assertion):
             yield ("reading",), f"a reading of '{self.name}' has no column '{self.reading}'{hint}"
             return
         column = columns[self.reading]
-        if (trouble := _trouble(column, self.which)) is not None:
+        if (trouble := why_not_picked(column, self.which)) is not None:
             yield ("which",) if self.which else ("reading",), trouble
         yield from self._unit_problems(column.dimension)
 
@@ -124,7 +124,7 @@ class SensorReading(Assertion):
         return SensorMonitor(self.name, self.reading, self.which, self.what, *bounds, once=self.once)
 
 
-def _trouble(column: ReadingColumn, which: str | None) -> str | None:
+def why_not_picked(column: ReadingColumn, which: str | None) -> str | None:
     """Return the problem with the choice of `which` for a column, else None."""
     if column.is_single:
         return "the reading is a single number; remove 'which'" if which else None

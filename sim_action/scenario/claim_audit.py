@@ -278,6 +278,8 @@ def _constant_comparisons(path: KeyPath, assertion: Any, physics: Physics) -> It
         "speed": (0.0, physics.max_speed),
         "turn_rate": (0.0, physics.max_turn_rate),
         "travel": (0.0, physics.max_distance),
+        "distance": (0.0, math.inf),
+        "force": (0.0, math.inf),
     }
     bare = [each for each in bare_numbers(assertion.parsed) if _are_angles(each.signals)]
     wrong = [(each.at, problem) for each in bare if (problem := units.beyond_a_turn(each.number)) is not None]

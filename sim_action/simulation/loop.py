@@ -121,6 +121,9 @@ def simulate(scenario: Scenario, scene: Scene, progress: Progress, footage: RunR
 def _judged_channels(scenario: Scenario) -> Channels:
     """Return the channels of all assertions. A class of the user's may read any body, and any sensor but cameras."""
     channels = Channels.all_of(expected.channels for expected in scenario.expect)
+    # A formula cannot say which of its names are links.
+    objects = channels.objects.intersection(body.name for body in scenario.world.objects)
+    channels = replace(channels, objects=objects)
     if not any(assertion.runs_user_code for assertion in scenario.assertions):
         return channels
     sensors = (mounted.name for mounted in scenario.sensors if mounted.sensor.key != "camera")

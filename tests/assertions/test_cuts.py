@@ -39,7 +39,7 @@ from sim_action.assertions.upright import Upright
 from sim_action.state.observation import Contact, JointState
 from sim_action.state.trace import FloatArray, Trace
 from sim_action.state.trace_channels import Channels, ClearanceWatch
-from sim_action.state.trace_records import ClearanceRecord, Nearness, SensorRecord
+from sim_action.state.trace_records import BodyRecord, ClearanceRecord, Nearness, SensorRecord
 from tests.soak import examples
 from tests.traces import START, WHEELS, contact, monitor, piece, scene
 
@@ -103,6 +103,9 @@ SPECS: list[Assertion] = [
     Energy(at_most=0.01, braking="regained"),
     Stl(formula="always (speed < 2 implies eventually[0 s, 50 ms] (travel > 30 cm))"),
     Stl(formula="(tilt < 1 until[20 ms, 100 ms] x > 0.2) or always (eventually (y > 0.4))"),
+    Stl(formula="always (base_scan.z > 0.1 implies eventually[0 s, 50 ms] (distance(base_scan, ball) > 20 cm))"),
+    Stl(formula="eventually[50 ms, 200 ms] (scan.ranges.min < 5 cm and force(wall) > 2 N)"),
+    Stl(formula="always (clearance(wall) > 10 cm or force(base_scan, ball) < 3 N or wheel_left_link.z < 1)"),
     AnyOf(parts=(Reach(x=0.3, y=0.3, tolerance=0.2), NoCollision())),
     AnyOf(parts=(Travel(at_least=0.5), Travel(at_most=0.25))),
     AnyOf(parts=(READING, Reach(x=0.3, y=0.3, tolerance=0.1))),
@@ -159,7 +162,15 @@ def random_trace(seed: int, steps: int = STEPS) -> Trace:
     )
     sensors = {"scan": random_scans(rng, time - 1 / RATE), "odometry": random_odometry(rng, time - 1 / RATE)}
     clearances = {watch: random_clearances(rng, watch, time) for watch in WATCHES}
-    return replace(seen, clearances=clearances, sensors=sensors)
+    objects = {name: random_poses(rng, time) for name in ("wall", "ball")}
+    return replace(seen, clearances=clearances, sensors=sensors, objects=objects)
+
+
+def random_poses(rng: np.random.Generator, time: FloatArray) -> BodyRecord:
+    """Poses of a body that appears after some steps."""
+    places = np.cumsum(rng.normal(scale=0.1, size=(len(time), 3)), axis=0)
+    turns = np.tile((0.0, 0.0, 0.0, 1.0), (len(time), 1))
+    return BodyRecord(time, places, turns).appearing(float(time[rng.integers(0, 5)]))
 
 
 def random_scans(rng: np.random.Generator, time: FloatArray) -> SensorRecord:

@@ -7,10 +7,14 @@ from pathlib import Path
 from typing import Any
 
 import junitparser
+import numpy as np
 import pytest
 
 from sim_action.engines import installed
+from sim_action.scenario.loading import build_scene
+from sim_action.simulation.loop import SimulationRun, simulate
 from tests.integration.conftest import sim_action
+from tests.scenarios import load
 
 SCENARIO = """\
 name: burger
@@ -115,3 +119,58 @@ def test_validating_does_not_run_it_and_scripts_that_are_refused_are_not(tmp_pat
     assert refused.returncode == 2
     assert "expect.0.any_of.0.assertion: scripts are not allowed" in refused.stdout + refused.stderr
     assert not (tmp_path / "ran").exists()
+
+
+ARM = """\
+<robot name="arm">
+  <link name="base">{mass}</link>
+  <link name="upper">{mass}</link>
+  <link name="tip-1">{mass}<collision><geometry><sphere radius="0.05"/></geometry></collision></link>
+  <joint name="lift" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
+    <origin xyz="0 0 1"/><limit lower="-2" upper="2" effort="500" velocity="10"/></joint>
+  <joint name="weld" type="fixed"><parent link="upper"/><child link="tip-1"/><origin xyz="0.5 0 0"/></joint>
+</robot>
+""".format(mass='<inertial><mass value="1"/><inertia ixx=".1" iyy=".1" izz=".1" ixy="0" ixz="0" iyz="0"/></inertial>')
+LIFTING = """\
+name: arm above a ball that falls
+robot: {{model: arm.urdf, base: fixed, pose: {{z: 0}}}}
+physics: {{settle: 0}}
+world: {{objects: [{{name: ball, sphere: {{radius: 10 cm}}, mass: 1 kg, pose: {{x: 0.3, z: 5}}}}]}}
+commands: {{joints: [{{at: 0.2 s, position: {{lift: -0.5}}}}]}}
+expect:
+  - stl: {formula}
+duration: 0.3 s
+time_limit: 0.3 s
+trace: {{rate: 240 Hz}}
+backend: {engine}
+"""
+
+
+def simulated(folder: Path, formula: str, engine: str) -> SimulationRun:
+    (folder / "arm.urdf").write_text(ARM)
+    loaded = load(folder, LIFTING.format(formula=json.dumps(formula), engine=engine))
+    return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+
+
+@pytest.mark.parametrize("engine", installed())
+def test_bounds_on_links_and_objects_are_barely_kept_or_broken(engine: str, tmp_path: Path) -> None:
+    free = simulated(tmp_path, "always ('tip-1'.z < 9 m and distance('tip-1', ball) < 99 m)", engine)
+    lifted, turning = free.trace.joint_position[:, 0], free.trace.joint_velocity[:, 0]
+    ball = free.trace.objects["ball"].position_xyz
+    tip = np.column_stack((0.5 * np.cos(lifted), np.zeros(len(lifted)), 1 - 0.5 * np.sin(lifted)))
+    apart = np.sqrt(np.square(tip - ball).sum(axis=1))
+    assert tip[-1, 2] > 1.1
+    kept = []
+    for signal, values, unit in (
+        ("'tip-1'.z", tip[:, 2], "m"),
+        ("distance('tip-1', ball)", apart, "m"),
+        ("'tip-1'.speed", 0.5 * np.abs(turning), "m/s"),
+        ("clearance('tip-1', ball)", apart[1:] - 0.15, "m"),
+    ):
+        for name, extreme, relation in (("max", values.max(), "<"), ("min", values.min(), ">")):
+            # PyBullet gives distances in single precision.
+            slack = (1e-6 if "clearance" in signal else 1e-9) * (1 if name == "max" else -1)
+            kept.append(f"{signal} {relation} {float(extreme) + slack!r} {unit}")
+            broken = simulated(tmp_path, f"always ({signal} {relation} {float(extreme) - slack!r} {unit})", engine)
+            assert not broken.verdicts[0].passed, (signal, name)
+    assert simulated(tmp_path, f"always ({' and '.join(kept)})", engine).verdicts[0].passed

@@ -23,6 +23,7 @@ from sim_action.core import units
 from sim_action.core.units import Dimension
 from sim_action.core.wording import did_you_mean
 from sim_action.robot.robot_model import READINGS, Reading, RobotModel
+from sim_action.state.readings import READING_COLUMNS
 
 BASE_SIGNALS: Final = MappingProxyType(
     {
@@ -41,7 +42,33 @@ BASE_SIGNALS: Final = MappingProxyType(
 )
 """Signals of the base link, named as in `Trace`. `travel` is the distance on the ground from the settled pose."""
 
-NAMES: Final = (*BASE_SIGNALS, *(f"{reading}(joint)" for reading in READINGS))
+FRAME_SIGNALS: Final = MappingProxyType(
+    {name: kind for name, kind in BASE_SIGNALS.items() if name not in ("time", "travel")}
+)
+"""Signals of the frame of a link; those of an object are the same without `speed` and `turn_rate`."""
+
+SENSOR_SIGNALS: Final = MappingProxyType(
+    {name: column for columns in READING_COLUMNS.values() for name, column in columns.items()}
+)
+"""The columns of the readings of all kinds of sensors; columns with the same name have the same dimension."""
+
+PAIR_SIGNALS: Final = MappingProxyType(
+    {
+        "distance": (units.LENGTH, ("distance(NAME, NAME)",)),
+        "clearance": (units.LENGTH, ("clearance", "clearance(OBJECT)", "clearance(LINK, OBJECT)")),
+        "force": (units.FORCE, ("force(OBJECT)", "force(LINK, OBJECT)")),
+    }
+)
+"""Signals between links and objects -> the dimension, and the ways to write them."""
+
+NAMES: Final = (
+    *BASE_SIGNALS,
+    *(f"{reading}(JOINT)" for reading in READINGS),
+    "LINK.z",
+    "OBJECT.z",
+    "SENSOR.READING",
+    *(form for _, forms in PAIR_SIGNALS.values() for form in forms),
+)
 """All signals, as messages list them."""
 
 Powers = tuple[int, int, int, int]
@@ -66,9 +93,15 @@ _SYMBOLS: Final = {powers: symbol for symbol, powers in _POWERS.items()}
 
 def dimension(signal: Signal, model: RobotModel) -> Dimension:
     """Return the dimension of a signal; its joint must exist."""
-    if not signal.joint:
-        return BASE_SIGNALS[signal.name]
-    return model.joints_by_name[signal.joint].dimension(cast("Reading", signal.name))
+    if signal.joint:
+        return model.joints_by_name[signal.joint].dimension(cast("Reading", signal.name))
+    match signal.source:
+        case "sensor":
+            return SENSOR_SIGNALS[signal.name].dimension
+        case "pair":
+            return PAIR_SIGNALS[signal.name][0]
+        case _:
+            return BASE_SIGNALS[signal.name]
 
 
 def problem_with(signal: Signal, model: RobotModel) -> str | None:
@@ -119,7 +152,7 @@ def _powers(term: Term, model: RobotModel) -> Powers | None:
         case Number():
             return _POWERS[term.unit] if term.unit else None
         case Signal():
-            return _POWERS[dimension(term, model).si]
+            return _POWERS.get(dimension(term, model).si, _NONE)
         case Negative() | Absolute():
             return _powers(term.term, model)
         case Sum():

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final, Literal, TypeAlias
@@ -23,16 +24,43 @@ class Number:
         return f"{_exact(self.value)} {self.unit}".rstrip()
 
 
+Source = Literal["robot", "frame", "sensor", "pair"]
+"""The kind of a signal: of the base or a joint, of a link or an object, of a sensor, or between links and objects."""
+
+_PLAIN_NAME: Final = re.compile(r"[^\W\d]\w*")
+_RAW_JOINT: Final = re.compile(r"[^()<>'\"\s]([^()<>'\"]*[^()<>'\"\s])?")
+
+
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """A signal with a value at every step; `joint` is empty for signals of the base."""
+    """A signal with a value at every step.
+
+    Attributes:
+        joint: the joint of a signal of a joint; else empty.
+        source: the kind of the signal.
+        names: the link or object of a "frame"; the sensor and its axis or statistic, if any, of a "sensor"; the links
+            and objects of a "pair".
+    """
 
     name: str
     joint: str = ""
     at: int = field(default=0, compare=False)
+    source: Source = "robot"
+    names: tuple[str, ...] = ()
 
     def __str__(self) -> str:
-        return f"{self.name}({self.joint})" if self.joint else self.name
+        if self.joint:
+            joint = self.joint if _RAW_JOINT.fullmatch(self.joint) else quoted(self.joint)
+            return f"{self.name}({joint})"
+        if self.source in ("frame", "sensor"):
+            owner, *part = self.names
+            return ".".join((quoted(owner), self.name, *part))
+        return f"{self.name}({', '.join(map(quoted, self.names))})" if self.names else self.name
+
+
+def quoted(name: str) -> str:
+    """Return a name as a formula writes it: in quotes, unless it is a plain word."""
+    return name if _PLAIN_NAME.fullmatch(name) else "'" + name.replace("'", "''") + "'"
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple, Self
 import numpy as np
 
 from sim_action.assertions.monitors import State
-from sim_action.assertions.monitors.base_motion import BaseMotion
 from sim_action.assertions.monitors.goals import joined, joined_by_any
 from sim_action.assertions.temporal_logic.formula import (
     Always,
@@ -23,7 +22,6 @@ from sim_action.assertions.temporal_logic.formula import (
     Interval,
     Not,
     Or,
-    Signal,
     Sum,
     Until,
     finite_horizon,
@@ -34,13 +32,16 @@ from sim_action.assertions.temporal_logic.formula import (
 from sim_action.assertions.temporal_logic.operators import Extreme, Outcome, Part, UntilFold, lookahead
 from sim_action.assertions.temporal_logic.robustness import Cause, values
 from sim_action.assertions.temporal_logic.samples import Samples
+from sim_action.assertions.temporal_logic.signal_reader import SignalReader
 from sim_action.assertions.temporal_logic.vacuity import premises
 from sim_action.core import units
 from sim_action.state.verdict import Judged, Verdict
 from sim_action.state.verdict import Signal as Curve
 
 if TYPE_CHECKING:
+    from sim_action.state.observation import Observation
     from sim_action.state.trace import Trace
+    from sim_action.world.scene import Scene
 
 
 # A formula that is judged at the end is computed again for each point of the curve.
@@ -52,8 +53,8 @@ class StlMonitor:
     """The monitor of a whole formula.
 
     Attributes:
+        reader: the reader of the signals, after the steps so far.
         units: the SI symbol of the margin of each comparison.
-        motion: the motion of the base so far.
         premises: each premise of an implication as text, and the search for a moment at which it holds.
         first, last: the sim times in s of the first and the last step; None before the first one.
     """
@@ -62,28 +63,25 @@ class StlMonitor:
 
     formula: Formula
     part: Part
-    sampled: tuple[Signal, ...]
-    start_xy: tuple[float, float]
+    reader: SignalReader
     units: Mapping[Comparison, str]
-    motion: BaseMotion
     premises: tuple[tuple[str, Extreme], ...] = ()
     first: float | None = None
     last: float | None = None
 
     @classmethod
-    def of(
-        cls,
-        formula: Formula,
-        start_xy: tuple[float, float],
-        comparison_units: Mapping[Comparison, str],
-        motion: BaseMotion,
-    ) -> Self:
-        """Return the monitor before the first step; `start_xy` in m is the origin of `travel`."""
+    def of(cls, formula: Formula, comparison_units: Mapping[Comparison, str], scene: Scene, start: Observation) -> Self:
+        """Return the monitor before the first step; `start` is the state at t = 0."""
         found = tuple(
             (premise.text, Extreme.of(premise.formula, premise.interval, greatest=True))
             for premise in premises(formula)
         )
-        return cls(formula, open_formula(formula), signals_of(formula), start_xy, comparison_units, motion, found)
+        reader = SignalReader.of(signals_of(formula), scene, start)
+        return cls(formula, open_formula(formula), reader, comparison_units, found)
+
+    def begin(self, trace: Trace) -> Self:
+        """See CumulativeMonitor.begin. Contact forces are means over the last steps, and readings last."""
+        return replace(self, reader=self.reader.begun(trace))
 
     @property
     def state(self) -> State:
@@ -104,28 +102,31 @@ class StlMonitor:
         """See Monitor.observe."""
         if not len(trace):
             return self
-        samples = self._samples(trace)
+        samples, reader = self.reader.read(trace), self.reader.after(trace)
+        if not len(samples):
+            return replace(self, reader=reader, last=float(trace.time[-1]))
         found = tuple((text, each if each.is_decided else each.observe(samples)) for text, each in self.premises)
-        part, motion = self.part.observe(samples), self.motion.after(trace)
-        first = float(trace.time[0]) if self.first is None else self.first
-        return replace(self, part=part, motion=motion, premises=found, first=first, last=float(trace.time[-1]))
+        first = float(samples.time[0]) if self.first is None else self.first
+        part, last = self.part.observe(samples), float(trace.time[-1])
+        return replace(self, part=part, reader=reader, premises=found, first=first, last=last)
 
     @property
     def unmet_premises(self) -> tuple[str, ...]:
         """See ConditionalMonitor.unmet_premises."""
         return tuple(text for text, premise in self.premises if premise.outcome()[0] < 0)
 
-    def _samples(self, trace: Trace) -> Samples:
-        return Samples.of(trace, self.sampled, self.start_xy, self.motion)
-
     def signals(self, trace: Trace) -> tuple[Curve, ...]:
         """See PlottableMonitor.signals. Returns the compared quantities and the robustness."""
-        samples, found = self._samples(trace), set(self.units.values())
+        samples, found = self.reader.read(trace), set(self.units.values())
+        if not len(samples):
+            return ()
         robustness = robustness_so_far(self.part, samples, found.pop() if len(found) == 1 else "")
         return (*compared(self.formula, samples, self.units), robustness)
 
     def verdict(self) -> Verdict:
         """Return the verdict: both sides of the deciding comparison, and the robustness as the margin."""
+        if self.last is not None and self.first is None:
+            return Verdict(passed=False, message=f"never checked: {self._unknown()}", judged=Judged())
         if self.first is None or self.last is None:
             return Verdict(passed=False, message="no physics step to measure", judged=Judged())
         value, decisive, judged = self.part.outcome()
@@ -136,6 +137,13 @@ class StlMonitor:
         unit = self.units[decisive.comparison]
         measured, limit, message = _told(decisive, unit)
         return Verdict(passed, measured, limit, value + 0.0, unit, decisive.time, message, judged=judged)
+
+    def _unknown(self) -> str:
+        named = [str(signal) for signal in self.reader.signals if signal.source != "robot"]
+        several = (
+            f"{', '.join(named)} were never all known at a step" if len(named) > 1 else f"{named[0]} was never known"
+        )
+        return f"{several}: a sensor gave no reading, or an object had not appeared; run for longer"
 
 
 def _about_evidence(formula: Formula, first: float, last: float, judged: Judged) -> str:

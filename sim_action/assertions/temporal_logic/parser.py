@@ -8,9 +8,17 @@ tilt < 1` needs parentheses.
 from __future__ import annotations
 
 import math
+import re
 from typing import Final, NoReturn, cast, get_args
 
-from sim_action.assertions.temporal_logic.dimensions import BASE_SIGNALS, NAMES
+from sim_action.assertions.sensor import why_not_picked
+from sim_action.assertions.temporal_logic.dimensions import (
+    BASE_SIGNALS,
+    FRAME_SIGNALS,
+    NAMES,
+    PAIR_SIGNALS,
+    SENSOR_SIGNALS,
+)
 from sim_action.assertions.temporal_logic.formula import (
     ALL_TIME,
     Absolute,
@@ -31,6 +39,7 @@ from sim_action.assertions.temporal_logic.formula import (
     Sum,
     Term,
     Until,
+    quoted,
     signals,
 )
 from sim_action.assertions.temporal_logic.tokens import FormulaError, Token, operator_like, tokens, unit_names
@@ -59,6 +68,10 @@ _NO_OPERATORS: Final = {
     "=": "compare with <, <=, > or >=",
     "/": "division is not supported; multiply the other side instead",
 }
+
+
+# A name that is not a plain word, with a signal of a frame.
+_ODD_NAME: Final = re.compile(rf"([^\W\d][\w/:.@-]*)\.({'|'.join(FRAME_SIGNALS)})\b")
 
 
 def parse(text: str) -> Formula:
@@ -268,13 +281,45 @@ class _Parser:
     def _number_or_signal(self, token: Token) -> Number | Signal:
         if token.kind == "number":
             return Number(token.value, token.unit, token.at)
+        if token.path:
+            return self._dotted(token)
+        if token.text in PAIR_SIGNALS:
+            return self._pair(token)
         if token.text in READINGS and not token.joint:
             self._refuse(token, f"name the joint: {token.text}(NAME)")
         if token.text not in READINGS and token.text not in BASE_SIGNALS:
             if (meant := operator_like(token.text)) is not None:
                 self._refuse(token, f"unknown word '{token.text}'; did you mean '{meant}'?")
-            self._refuse(token, f"unknown signal '{token.text}'{did_you_mean(token.text, NAMES)}")
+            hint = self._odd_name(token) or did_you_mean(token.text, NAMES)
+            self._refuse(token, f"unknown signal '{token.text}'{hint}")
         return Signal(token.text, token.joint, token.at)
+
+    def _dotted(self, token: Token) -> Signal:
+        """Return the signal of a link, an object or a sensor."""
+        (owner,), (name, *rest) = token.names, token.path
+        if name in FRAME_SIGNALS and not rest:
+            return Signal(name, at=token.at, source="frame", names=token.names)
+        if name not in SENSOR_SIGNALS:
+            allowed = (*FRAME_SIGNALS, *SENSOR_SIGNALS)
+            hint = self._odd_name(token) if rest else did_you_mean(name, allowed)
+            self._refuse(token, f"unknown signal '{'.'.join(token.path)}' of '{owner}'{hint}")
+        which = ".".join(rest) or None
+        if (trouble := why_not_picked(SENSOR_SIGNALS[name], which)) is not None:
+            self._refuse(token, trouble.replace("'which': ", f"{quoted(owner)}.{name}.WHICH: "))
+        return Signal(name, at=token.at, source="sensor", names=(owner, *rest))
+
+    def _pair(self, token: Token) -> Signal:
+        """Return a signal between links and objects."""
+        _, forms = PAIR_SIGNALS[token.text]
+        counts = {form.count(",") + 1 if "(" in form else 0 for form in forms}
+        if len(token.names) not in counts or not all(token.names):
+            self._refuse(token, f"expected {' or '.join(forms)}, found {len(token.names) or 'no'} names")
+        return Signal(token.text, at=token.at, source="pair", names=token.names)
+
+    def _odd_name(self, token: Token) -> str:
+        """Return a hint for a name with odd characters that is not in quotes; empty if there is none."""
+        found = _ODD_NAME.match(self._text, token.at)
+        return "" if found is None else f"; write such a name in quotes: '{found[1]}'.{found[2]}"
 
     def _as_formula(self, found: Formula | Term, first: Token) -> Formula:
         if isinstance(found, Term):

@@ -1,4 +1,4 @@
-"""The signals of a formula as columns over time, read from a trace."""
+"""The signals of a formula as columns over time."""
 
 from __future__ import annotations
 
@@ -8,10 +8,9 @@ from typing import Self
 
 import numpy as np
 
-from sim_action.assertions.monitors.base_motion import BaseMotion
 from sim_action.assertions.temporal_logic.formula import Signal
 from sim_action.core.units import TIME_EPSILON_S
-from sim_action.state.trace import FloatArray, Trace
+from sim_action.state.trace import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,12 +27,6 @@ class Samples:
 
     def __len__(self) -> int:
         return len(self.rows)
-
-    @classmethod
-    def of(cls, trace: Trace, signals: tuple[Signal, ...], start_xy: tuple[float, float], motion: BaseMotion) -> Self:
-        """Return the samples of a trace; `start_xy` in m is the origin of `travel`, `motion` that before the trace."""
-        columns = [trace.time, *(_column(trace, signal, start_xy, motion) for signal in signals)]
-        return cls(signals, np.column_stack(columns))
 
     @classmethod
     def concatenate(cls, parts: Sequence[Self]) -> Self:
@@ -61,29 +54,3 @@ class Samples:
     def after(self, time: float | FloatArray) -> np.ndarray[tuple[int, ...], np.dtype[np.intp]]:
         """Return the index of the first step after a time, or (N,) of them."""
         return np.asarray(np.searchsorted(self.time, np.asarray(time) + TIME_EPSILON_S), dtype=np.intp)
-
-
-def _column(trace: Trace, signal: Signal, start_xy: tuple[float, float], motion: BaseMotion) -> FloatArray:
-    if signal.joint:
-        columns: FloatArray = getattr(trace, f"joint_{signal.name}")
-        return columns[:, trace.joint_names.index(signal.joint)]
-    match signal.name:
-        case "x" | "y" | "z":
-            return trace.base_position_xyz[:, "xyz".index(signal.name)]
-        case "travel":
-            return trace.planar_distance_to(*start_xy)
-        case "speed" | "turn_rate":
-            return motion.speed(trace) if signal.name == "speed" else motion.turn_rate(trace)
-        case "roll" | "pitch":
-            return _rolled_or_pitched(trace, signal.name)
-        case _:
-            found: FloatArray = getattr(trace, signal.name)
-            return found
-
-
-def _rolled_or_pitched(trace: Trace, name: str) -> FloatArray:
-    """Return (T,) rad in URDF's convention: roll about x, then pitch about y, then yaw about z of the world."""
-    x, y, z, w = trace.base_orientation_xyzw.T
-    if name == "roll":
-        return np.asarray(np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)), dtype=np.float64)
-    return np.asarray(np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0)), dtype=np.float64)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Self
 
@@ -11,7 +11,6 @@ from pydantic import Field, model_validator
 
 from sim_action.assertions import Assertion, shortened_title
 from sim_action.assertions.monitors import Monitor
-from sim_action.assertions.monitors.base_motion import BaseMotion
 from sim_action.assertions.temporal_logic.dimensions import dimension_problems, margin_unit
 from sim_action.assertions.temporal_logic.formula import (
     Always,
@@ -24,9 +23,11 @@ from sim_action.assertions.temporal_logic.formula import (
     finite_horizon,
 )
 from sim_action.assertions.temporal_logic.parser import parse
+from sim_action.assertions.temporal_logic.signal_sources import channels_of, name_problems, sensor_problems
 from sim_action.assertions.temporal_logic.tokens import place
 from sim_action.core.wording import shown
 from sim_action.core.yaml_errors import SpecProblems
+from sim_action.state.trace_channels import Channels
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -44,6 +45,15 @@ class Stl(Assertion):
     `and`, `or`, `implies`, `always`, `eventually` and `until`. The last three may have an interval of sim time,
     relative to the time at which they are judged: `eventually[0 s, 2 s] (...)`, `always[3 s, end] (...)`. The formula
     is judged at the first step, that is, at 0 or `after`.
+
+    Links, objects and sensors have signals, too. `LINK.z` has the names of the base's signals, except `time` and
+    `travel`, in the world frame; `OBJECT.z` the same without `speed` and `turn_rate`. `distance(NAME, NAME)` is the
+    distance between the origins of two links or objects. `clearance`, `clearance(OBJECT)` and `clearance(LINK, OBJECT)`
+    are the distance between shapes, as in `clearance`. `force(OBJECT)` and `force(LINK, OBJECT)` are the contact force,
+    averaged over 50 ms. `SENSOR.READING` is the last reading before a step, such as `bumper.force`; one of several
+    numbers is chosen as in `sensor`: `scan.ranges.min`, `imu.angular_velocity_xyz.z`. An infinite range counts as
+    1e9 m. A name that is not a plain word stands in quotes: `'left-hand'.z`. The formula is judged from the first step
+    at which all its signals are known: sensors have been read, and objects have appeared.
 
     The margin is the robustness: the change of the signals that would make a true formula false, or a false one true.
     `<` and `<=` are the same.
@@ -92,13 +102,25 @@ class Stl(Assertion):
         return finite_horizon(self.parsed)
 
     @property
+    def channels(self) -> Channels:
+        """See Assertion.channels."""
+        return channels_of(self.parsed)
+
+    @property
     def title(self) -> str:
         """See Assertion.title."""
         return shortened_title(f"{self.key} {' '.join(self.formula.split())}")
 
     def problems(self, scene: Scene) -> SpecProblems:
-        """Yield unknown joints, comparisons of different dimensions, and intervals without a physics step."""
-        found = (*dimension_problems(self.parsed, scene.model), *_empty(self.parsed, scene.physics.rate))
+        """Yield unknown names, comparisons of different dimensions, and intervals without a physics step."""
+        found = (*name_problems(self.parsed, scene), *dimension_problems(self.parsed, scene.model))
+        yield from self._placed((*found, *_empty(self.parsed, scene.physics.rate)))
+
+    def sensor_problems(self, kinds: Mapping[str, str]) -> SpecProblems:
+        """See Assertion.sensor_problems."""
+        yield from self._placed(sensor_problems(self.parsed, kinds))
+
+    def _placed(self, found: Iterable[tuple[int, str]]) -> SpecProblems:
         for at, message in found:
             yield (), f"{message}; {place(self.formula, at)}"
 
@@ -106,9 +128,8 @@ class Stl(Assertion):
         """See Assertion.monitor."""
         from sim_action.assertions.temporal_logic.monitor import StlMonitor
 
-        x, y, _ = start.pose.position_xyz
         units = {comparison: margin_unit(comparison, scene.model) for comparison in comparisons(self.parsed)}
-        return StlMonitor.of(self.parsed, (x, y), units, BaseMotion.of(scene, start))
+        return StlMonitor.of(self.parsed, units, scene, start)
 
 
 def _empty(formula: Formula, rate: float) -> Iterator[tuple[int, str]]:

@@ -59,10 +59,21 @@ _UNITS: Final = {symbol: (factor, kind.si) for kind in _DIMENSIONS for symbol, f
 
 # The longest match: "m/s" is not "m", and "N m" is not "N".
 _UNIT: Final = "|".join(re.escape(symbol) for symbol in sorted(_UNITS, key=len, reverse=True))
+
+PAIRS: Final = ("distance", "clearance", "force")
+"""Signals between links of the robot and objects, whose names are in parentheses."""
+
+# As in YAML, two quotes inside quotes are one of the name.
+_QUOTED: Final = r"""'(?:[^']|'')*+'|"(?:[^"]|"")*+\""""
+_NAME: Final = rf"[^\W\d]\w*+|{_QUOTED}"
+_IS_QUOTED: Final = re.compile(_QUOTED)
+_ARGUMENT: Final = re.compile(rf"\s*+(?:({_QUOTED})|([^,'\"]*+))\s*+(?:,|$)")
+
 _TOKEN: Final = re.compile(
     rf"""\s*+(?:
       (?P<number>(?:[0-9]++(?:\.[0-9]*+)?+|\.[0-9]++)(?:[eE][-+]?[0-9]++)?+) (?:\s*+(?P<unit>{_UNIT})(?![\w/^]))?
-    | (?P<reading>{"|".join(READINGS)}) \s*+ \( \s*+ (?P<joint>[^()<>]*+) \)
+    | (?P<reading>{"|".join((*READINGS, *PAIRS))}) \s*+ \( \s*+ (?P<inside>(?:[^()<>'"]|{_QUOTED})*+|[^()<>]*+) \)
+    | (?P<owner>{_NAME}) \. (?P<path>[^\W\d]\w*+(?:\.[^\W\d]\w*+)*+)
     | (?P<word>[^\W\d]\w*+)
     | (?P<foreign>!(?!=)|{"|".join(re.escape(sign) for sign in SIGNS if sign != "!")})
     | (?P<symbol><=|>=|==|!=|[-+*/<>()\[\],=])
@@ -109,6 +120,8 @@ class Token:
         value: the SI value of a number.
         unit: the SI symbol of a number.
         joint: the joint of a signal.
+        names: the link, object or sensor of a signal, or several of them.
+        path: the words after the name of a link, object or sensor, which a dot separates.
     """
 
     kind: Kind
@@ -117,6 +130,8 @@ class Token:
     value: float = 0.0
     unit: str = ""
     joint: str = ""
+    names: tuple[str, ...] = ()
+    path: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         return self.text if self.kind == "end" else f"'{self.text}'"
@@ -146,7 +161,13 @@ def _token(text: str, match: re.Match[str]) -> Token:
             raise FormulaError(text, at, "a number that is too large")
         return Token("number", match[0].strip(), at, value, unit)
     if match["reading"]:
-        return Token("signal", match["reading"], match.start("reading"), joint=match["joint"].strip())
+        word, inside, at = match["reading"], match["inside"].strip(), match.start("reading")
+        if word in PAIRS:
+            return Token("signal", word, at, names=_names(text, match.start("inside"), inside))
+        return Token("signal", word, at, joint=_unquoted(inside) if _IS_QUOTED.fullmatch(inside) else inside)
+    if match["owner"]:
+        path = tuple(match["path"].split("."))
+        return Token("signal", match[0].strip(), match.start("owner"), names=(_unquoted(match["owner"]),), path=path)
     assert kind is not None
     word, at = match[kind], match.start(kind)
     if kind == "foreign":
@@ -156,6 +177,23 @@ def _token(text: str, match: re.Match[str]) -> Token:
     if kind == "word":
         return Token("keyword" if word in KEYWORDS else "word", word, at)
     return Token("symbol", word, at)
+
+
+def _unquoted(name: str) -> str:
+    """Return a name without its quotes."""
+    return name[1:-1].replace(name[0] * 2, name[0]) if name[:1] in ("'", '"') else name
+
+
+def _names(text: str, at: int, inside: str) -> tuple[str, ...]:
+    """Return names that commas separate. Raises FormulaError."""
+    found, begin = list[str](), 0
+    while begin < len(inside):
+        match = _ARGUMENT.match(inside, begin)
+        if match is None:
+            raise FormulaError(text, at + begin, "expected names with commas between them")
+        found.append(_unquoted(match[1]) if match[1] else match[2].strip())
+        begin = match.end()
+    return tuple(found)
 
 
 def unit_names() -> str:

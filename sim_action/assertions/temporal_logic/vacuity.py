@@ -70,7 +70,8 @@ def _range(term: Term, ranges: Mapping[str, Range]) -> Range:
         case Number():
             return term.value, term.value
         case Signal():
-            return ANYTHING if term.joint else ranges.get(term.name, ANYTHING)
+            is_bounded = not term.joint and (term.source != "frame" or term.name not in ("speed", "turn_rate"))
+            return ranges.get(term.name, ANYTHING) if is_bounded else ANYTHING
         case Negative():
             low, high = _range(term.term, ranges)
             return -high, -low

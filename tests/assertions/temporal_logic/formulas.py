@@ -32,7 +32,18 @@ from sim_action.assertions.temporal_logic.formula import (
 from sim_action.assertions.temporal_logic.samples import Samples
 
 X, Y = Signal("x"), Signal("y")
-SIGNALS = (X, Y, Signal("position", "arm/elbow-1"))
+SIGNALS = (
+    X,
+    Y,
+    Signal("position", "arm/elbow-1"),
+    Signal("effort", "it's (one)"),
+    Signal("z", source="frame", names=("tool0",)),
+    Signal("tilt", source="frame", names=('left/it\'s a "link"',)),
+    Signal("ranges", source="sensor", names=("scan 2", "min")),
+    Signal("distance", source="pair", names=("tool0", "box, red")),
+    Signal("clearance", source="pair"),
+    Signal("force", source="pair", names=("box",)),
+)
 UNITS = ("", "m", "m/s", "rad", "N m", "s")
 
 numbers = st.builds(

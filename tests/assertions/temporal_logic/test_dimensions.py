@@ -30,6 +30,13 @@ SLIDING = dataclasses.replace(
         ("velocity(wheel_left_joint) < 60 rpm", "rad/s"),
         ("effort(wheel_left_joint) < 1 N m", "N m"),
         ("x * x < 2", ""),
+        ("tool0.z < 2 m", "m"),
+        ("abs(tool0.yaw - yaw) < 5 deg", "rad"),
+        ("tool0.speed < 2 * speed", "m/s"),
+        ("distance(a, b) < clearance + 1 m", "m"),
+        ("force(box) < 2 N", "N"),
+        ("imu.linear_acceleration_xyz.norm < 20 m/s^2", "m/s^2"),
+        ("bumper.touching > 0.5", ""),
     ],
 )
 def test_the_unit_of_a_margin(text: str, si: str) -> None:
@@ -50,6 +57,17 @@ def test_every_problem_has_its_place() -> None:
     found = list(dimension_problems(parse(text), MODEL))
     assert [at for at, _ in found] == [text.index("speed"), text.index("tilt")]
     assert found[1][1] == "'tilt * tilt' is in rad^2, '3 s' in s: they cannot be compared"
+
+
+def test_signals_of_links_and_sensors_have_dimensions() -> None:
+    text = "tool0.z < 1 deg or force(box) < clearance or scan.ranges.min < 1 s or bumper.touching < x"
+    messages = [message for _, message in dimension_problems(parse(text), MODEL)]
+    assert messages == [
+        "'tool0.z' is in m, '0.017453292519943295 rad' in rad: they cannot be compared",
+        "'force(box)' is in N, 'clearance' in m: they cannot be compared",
+        "'scan.ranges.min' is in m, '1 s' in s: they cannot be compared",
+        "'bumper.touching' is in plain numbers, 'x' in m: they cannot be compared",
+    ]
 
 
 def test_joints_come_first() -> None:

@@ -72,6 +72,29 @@ def refusal(text: str) -> str:
         ("position( arm/elbow-1 ) > 20 N m", Comparison(Signal("position", "arm/elbow-1"), ">", Number(20.0, "N m"))),
         ("time > 1 min", Comparison(Signal("time"), ">", Number(60.0, "s"))),
         ("x<1e1", Comparison(X, "<", Number(10.0))),
+        ("tool0.x < 1", Comparison(Signal("x", source="frame", names=("tool0",)), "<", Number(1.0))),
+        ("'left-hand'.yaw < 1", Comparison(Signal("yaw", source="frame", names=("left-hand",)), "<", Number(1.0))),
+        ('"it\'s".x < 1', Comparison(Signal("x", source="frame", names=("it's",)), "<", Number(1.0))),
+        ("'it''s'.x < 1", Comparison(Signal("x", source="frame", names=("it's",)), "<", Number(1.0))),
+        (
+            "imu.angular_velocity_xyz.z < 1",
+            Comparison(Signal("angular_velocity_xyz", source="sensor", names=("imu", "z")), "<", Number(1.0)),
+        ),
+        (
+            "bumper.touching < 1",
+            Comparison(Signal("touching", source="sensor", names=("bumper",)), "<", Number(1.0)),
+        ),
+        (
+            "distance(tool0, 'a, b') < 1",
+            Comparison(Signal("distance", source="pair", names=("tool0", "a, b")), "<", Number(1.0)),
+        ),
+        ("clearance < 1", Comparison(Signal("clearance", source="pair"), "<", Number(1.0))),
+        ("clearance(wall) < 1", Comparison(Signal("clearance", source="pair", names=("wall",)), "<", Number(1.0))),
+        (
+            "force( tip , the box ) < 1",
+            Comparison(Signal("force", source="pair", names=("tip", "the box")), "<", Number(1.0)),
+        ),
+        ("position('a (b)') < 1", Comparison(Signal("position", "a (b)"), "<", Number(1.0))),
     ],
 )
 def test_what_texts_mean(text: str, formula: Formula | None) -> None:
@@ -91,7 +114,23 @@ def test_what_is_printed_is_parsed_to_the_same_formula(formula: Formula) -> None
 
 
 pieces = st.sampled_from(
-    [*"()[],xy12s<>+-*", "not", "and", "until", "always", "abs", "<=", "m/s", "end", "position(x)", "implies", "or"]
+    [
+        *"()[],xy12s<>+-*",
+        "not",
+        "and",
+        "until",
+        "always",
+        "abs",
+        "<=",
+        "m/s",
+        "end",
+        "position(x)",
+        "tool0.z",
+        "distance(a, b)",
+        "'",
+        "implies",
+        "or",
+    ]
 )
 
 
@@ -124,6 +163,19 @@ def test_any_text_is_a_formula_or_refused(text: str) -> None:
     [
         ("", "expected a signal, a number or a formula, found the end of the formula; at character 1, the arrow: ->"),
         ("always (sped < 1)", "unknown signal 'sped'; did you mean 'speed'?"),
+        ("tool0.zz < 1", "unknown signal 'zz' of 'tool0'; did you mean 'z'?"),
+        ("always (left-hand.z < 1)", "unknown signal 'left'; write such a name in quotes: 'left-hand'.z"),
+        ("arm/hand.z < 1", "unknown signal 'arm'; write such a name in quotes: 'arm/hand'.z"),
+        ("arm.hand.z < 1", "unknown signal 'hand.z' of 'arm'; write such a name in quotes: 'arm.hand'.z"),
+        ("scan.ranges < 1", "the reading has several numbers; select one with scan.ranges.WHICH: min, max, mean"),
+        ("scan.ranges.mid < 1", "the reading has no 'mid'; did you mean 'min'?"),
+        ("bumper.force.x < 1", "the reading is a single number"),
+        ("distance(a) < 1", "expected distance(NAME, NAME), found 1 names; at character 1"),
+        ("distance < 1", "expected distance(NAME, NAME), found no names"),
+        ("force() < 1", "expected force(OBJECT) or force(LINK, OBJECT), found no names"),
+        ("clearance(a, b, c) < 1", "expected clearance or clearance(OBJECT) or clearance(LINK, OBJECT), found 3"),
+        ("distance(a, 'b) < 1", "name"),
+        ("distance('a' b, c) < 1", "expected names with commas between them; at character 10"),
         ("always (sped < 1)", "at character 9, the arrow: always (-> sped < 1)"),
         ("speed < 0.5 mps", "found 'mps'; it is not a unit (allowed: s, ms,"),
         ("(x < 1", "expected ')' to close the parenthesis, found the end of the formula"),
