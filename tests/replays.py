@@ -36,6 +36,7 @@ def drive(*, distance: float = 1.0, seconds: float = 2.0, body: str = "wall", ro
         time=Column.encoded(time, 1e-4),
         base=(ahead, still, still, still, still, still, Column(scale=1e-4, first=10_000)),
         joints=(Column.encoded(distance / 0.1 * share, 1e-3),),
+        commanded=(Column.encoded(distance / 0.1 * share + 0.5, 1e-3),),
         speed=Column.encoded(np.full(count, distance / seconds), 1e-4),
         tilt=still,
     )

@@ -24,8 +24,8 @@ from sim_action.world.scene import Scene
 Look = Callable[[int], Observation]
 """Returns the observation of the present step; called only if a controller needs it."""
 
-Told = Callable[[float, Twist], None]
-"""Receives every twist command of the base, with the sim time in s."""
+Told = Callable[[float, Command], None]
+"""Receives every command, with the sim time in s."""
 
 NO_WHEELS: Final = "a controller sent a twist, but the wheels of the robot are unknown; name them in robot.drive"
 TWO_WAYS: Final = "a controller sent, at the same tick, a twist and a target for joint"
@@ -59,7 +59,7 @@ class Controls:
     """
 
     def __init__(
-        self, scenario: Scenario, scene: Scene, motion: DriveMotion | None, told: Told = lambda _time, _twist: None
+        self, scenario: Scenario, scene: Scene, motion: DriveMotion | None, told: Told = lambda _time, _command: None
     ) -> None:
         """Open the sources. Raise ScriptError after closing those that are open."""
         self.log = CommandLog(scene.joint_positions, motion.joints if motion else frozenset())
@@ -156,8 +156,7 @@ class Controls:
             try:
                 for command in self._commands(source, step, look_once):
                     targets = self._taken(source, command, targets)
-                    if isinstance(command, Twist):
-                        self._told(step / self._rate, command)
+                    self._told(step / self._rate, command)
             except ScriptError as error:
                 error.source, error.time = source.index, step / self._rate
                 raise

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from sim_action.core.geometry import Twist
 from sim_action.scenario.model import Agreement, Scenario
+from sim_action.state.command import Command, JointTargets
 from sim_action.state.observation import Contact, Observation
 from sim_action.state.trace import FloatArray, Trace
 from sim_action.state.trace_channels import Channels
-from sim_action.state.trace_records import FRAME_RATE, CommandedTwists, SensorRecord, frame_stride
+from sim_action.state.trace_records import FRAME_RATE, CommandedJoints, CommandedTwists, SensorRecord, frame_stride
 from sim_action.world import World
 from sim_action.world.scene import Scene
 
@@ -42,6 +43,7 @@ class RunRecorder:
         self._film_stride = often * frame_stride(self._rate)
         self._filmed = filmed or recorded
         self._twists: list[tuple[float, Twist]] | None = [] if recorded else None
+        self._targets: list[tuple[int, dict[str, float]]] = []
         self._kept: list[Trace] = []
         self._film: list[Trace] = []
         self.start: Observation | None = None
@@ -88,14 +90,29 @@ class RunRecorder:
             film = Trace(seen.joint_names, seen.state[wanted], bodies=seen.bodies, sensors=sensors)
             self._film.append(replace(film, clearances=seen.clearances))
 
-    def command(self, time: float, twist: Twist) -> None:
-        """Record a twist command at a time in s."""
-        if self._twists is not None:
-            self._twists.append((time, twist))
+    def command(self, time: float, command: Command) -> None:
+        """Record a command at a time in s."""
+        if isinstance(command, Twist):
+            if self._twists is not None:
+                self._twists.append((time, command))
+        elif isinstance(command, JointTargets) and self._filmed:
+            self._aim(time, command)
+
+    def _aim(self, time: float, command: JointTargets) -> None:
+        """Record position targets for the next moment of the film; later ones for the same moment replace them."""
+        moment = -(-round(time * self._rate) // self._film_stride)
+        if not self._targets or self._targets[-1][0] != moment:
+            self._targets.append((moment, {}))
+        # A joint with another kind of target has no commanded position any more.
+        self._targets[-1][1].update(dict.fromkeys(command.names(), math.nan) | dict(command.position))
 
     def twists(self) -> CommandedTwists:
         """Return the twist commands, if recordings are asked for."""
         return CommandedTwists.of(self._twists or ())
+
+    def aims(self) -> CommandedJoints:
+        """Return the position targets of the joints in the film."""
+        return CommandedJoints.of([(moment * self._film_stride / self._rate, aim) for moment, aim in self._targets])
 
     def trace(self) -> Trace | None:
         """Return the trace at the rate of the scenario; None before the start."""

@@ -304,3 +304,34 @@ class CommandedTwists:
 
     def __len__(self) -> int:
         return len(self.time)
+
+
+@dataclass(frozen=True, eq=False)
+class CommandedJoints:
+    """The positions that joints were commanded.
+
+    Attributes:
+        time: (N,) s, rising.
+        position: joint name -> (N,) rad (m if prismatic) from that time on, NaN without a position target.
+    """
+
+    time: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+    position: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, told: Sequence[tuple[float, Mapping[str, float]]]) -> Self:
+        """Return the record of pairs of time in s and new targets; a joint keeps its target until the next one."""
+        names = dict.fromkeys(name for _, targets in told for name in targets)
+        position = {name: np.full(len(told), np.nan) for name in names}
+        for row, (_, targets) in enumerate(told):
+            for name, column in position.items():
+                column[row] = targets.get(name, column[row - 1] if row else np.nan)
+        return cls(np.array([time for time, _ in told]), position)
+
+    def at(self, name: str, time: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the commanded position of a joint at given times (T,) in s, NaN without one."""
+        column = self.position.get(name)
+        if column is None:
+            return np.full(len(time), np.nan)
+        rows = np.searchsorted(self.time, time + TIME_EPSILON_S, side="right") - 1
+        return np.where(rows < 0, np.nan, column[rows])

@@ -104,6 +104,7 @@ CHECKS = [
     "without WebGL it is seen from above",
     "with scripts blocked verdict and drawing are there",
     "a phone has no sideways scroll",
+    "a chosen link has a path, a frame and plots",
 ]
 
 
@@ -191,7 +192,8 @@ def test_runs_of_one_name(tmp_path: Path) -> None:
         for file, holds, stem in (("first", True, "burger"), ("second", False, "burger-2"))
     ]
     write_html(results(*ran), options(tmp_path))
-    look("a link tells runs of one name apart", tmp_path / "report.html")
+    checks = ["a link tells runs of one name apart", "a joint is plotted with its command"]
+    assert looked(tmp_path / "report.html", *checks) == dict.fromkeys(checks, "")
 
 
 def test_a_hundred_scenarios(tmp_path: Path) -> None:

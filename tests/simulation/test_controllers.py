@@ -14,7 +14,7 @@ from sim_action.core.geometry import Twist
 from sim_action.drives import recognise
 from sim_action.scenario.loading import build_scene
 from sim_action.simulation.controllers import Controls
-from sim_action.state.command import NO_PUSH, JointTargets, LinkWrench
+from sim_action.state.command import NO_PUSH, Command, JointTargets, LinkWrench
 from sim_action.state.observation import Observation
 from tests.scenarios import LEAST, load, told
 from tests.traces import START
@@ -80,7 +80,7 @@ def controls(folder: Path, *sources: str) -> Controls:
 
 def test_every_twist_is_told_when_it_is_given(tmp_path: Path) -> None:
     loaded = load(tmp_path, scenario_of("{twist: [{linear: 1, for: 0.1}, {angular: 2}], rate: 20}"))
-    scene, heard = build_scene(loaded), list[tuple[float, Twist]]()
+    scene, heard = build_scene(loaded), list[tuple[float, Command]]()
     drive = recognise(scene.model)
     assert drive is not None
     motion = drive.open(scene.model, 240.0)
@@ -356,7 +356,7 @@ def test_the_same_answer_of_a_source_that_repeats_itself_is_one_command(
     monkeypatch.setattr(ScriptCommands, "open", lambda *_: repeating)
     (tmp_path / "ctl.py").write_text(SCRIPT)
     loaded = load(tmp_path, scenario_of("{script: ctl.py, function: nothing, rate: 10, latency: 0.1}"))
-    scene, told = build_scene(loaded), list[tuple[float, Twist]]()
+    scene, told = build_scene(loaded), list[tuple[float, Command]]()
     drive = recognise(scene.model)
     assert drive is not None
     motion = drive.open(scene.model, 240.0)

@@ -9,9 +9,11 @@ import pytest
 
 from sim_action.assertions.upright import Upright
 from sim_action.core import geometry
+from sim_action.core.geometry import Twist
 from sim_action.robot.kinematics import link_poses
 from sim_action.scenario.model import Agreement, PoseAgreement, TraceSettings
 from sim_action.simulation.recorder import RunRecorder
+from sim_action.state.command import Command, JointTargets
 from sim_action.state.observation import JointState
 from sim_action.world import Body, Sphere, World
 from tests import traces
@@ -82,3 +84,24 @@ def test_a_run_that_is_not_compared_keeps_no_motion() -> None:
     footage = RunRecorder(traces.scenario(traces.expectation(Upright())))
     footage.begin(replace(traces.START, joints=dict.fromkeys(traces.WHEELS, JointState(0, 0, 0))))
     assert footage.motion(traces.scene()) is None
+
+
+def test_the_film_has_the_last_command_before_each_of_its_moments() -> None:
+    footage = RunRecorder(traces.scenario(traces.expectation(Upright())), filmed=True)
+    commands: list[tuple[float, Command]] = [
+        (0.0, JointTargets(position={"arm": 1.0})),
+        (1 / RATE, JointTargets(position={"arm": 2.0})),
+        (8 / RATE, Twist.planar(1.0)),
+        (8 / RATE, JointTargets(position={"arm": 3.0})),
+        (9 / RATE, JointTargets(velocity={"arm": 3.0})),
+    ]
+    for time, command in commands:
+        footage.command(time, command)
+    found = footage.aims().at("arm", np.array([0, 8, 16]) / RATE)
+    np.testing.assert_array_equal(found, [1.0, 3.0, np.nan])
+
+
+def test_a_run_without_a_film_keeps_no_commands() -> None:
+    footage = RunRecorder(traces.scenario(traces.expectation(Upright())))
+    footage.command(0.0, JointTargets(position={"arm": 1.0}))
+    assert not footage.aims().position

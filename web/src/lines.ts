@@ -56,6 +56,28 @@ function ribbon(run: Run, clearance: number, width: number): BufferGeometry {
   return geometry.setIndex(corners);
 }
 
+/** The path of a link as a line; the part ahead is faint. */
+export class Trail {
+  readonly group = new Group();
+  private readonly came: Line;
+
+  constructor(private readonly run: Run, link: number, colour: string) {
+    const [xs, ys, zs] = run.trail(link);
+    const points = new Float32Array(3 * run.count);
+    for (let i = 0; i < run.count; i++) points.set([xs[i], ys[i], zs[i]], 3 * i);
+    const geometry = new BufferGeometry().setAttribute("position", new Float32BufferAttribute(points, 3));
+    const ahead = new Line(geometry, new LineBasicMaterial({ color: colour, transparent: true, opacity: 0.35, depthTest: false }));
+    this.came = new Line(geometry.clone(), new LineBasicMaterial({ color: colour, depthTest: false, transparent: true }));
+    this.came.frustumCulled = false;
+    this.group.renderOrder = 1;
+    this.group.add(ahead, this.came);
+  }
+
+  show(time: number): void {
+    this.came.geometry.setDrawRange(0, this.run.row(time) + 1);
+  }
+}
+
 export class Touches {
   readonly group = new Group();
   private readonly spheres: Mesh[];
@@ -90,6 +112,12 @@ export function mark(data: MarkData, colour: string): Group {
     return group;
   }
   const corners = data.kind === "polygon" ? data.points : ring(data);
+  if (data.kind === "circle" && data.z > 0) {
+    const region = new MeshBasicMaterial({ color: colour, transparent: true, opacity: 0.16, depthWrite: false });
+    const ball = new Mesh(new SphereGeometry(data.radius, 24, 16), region);
+    ball.position.set(data.x, data.y, data.z);
+    group.add(ball);
+  }
   const area = new Area();
   corners.forEach(([x, y], i) => (i ? area.lineTo(x, y) : area.moveTo(x, y)));
   const fill = new MeshBasicMaterial({ color: colour, transparent: true, opacity: 0.08, side: DoubleSide, depthWrite: false });

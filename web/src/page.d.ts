@@ -136,7 +136,7 @@ type MarkData = CircleMark | PolygonMark | PolylineMark | ArrowMark;
 interface Replay {
   scene: SceneData;
   joint_names: string[];
-  frames: { time: Column; base: Column[]; joints: Column[]; speed: Column; tilt: Column; tracks: Column[][] };
+  frames: { time: Column; base: Column[]; joints: Column[]; commanded?: (Column | null)[]; speed: Column; tilt: Column; tracks: Column[][] };
   contacts: ContactData[];
   contacts_left_out: number;
   signals: SignalData[];
@@ -161,11 +161,15 @@ interface Run {
   end: number;
   row(time: number): number;
   at(time: number): Moment;
+  /** x, y and z of the origin of a link in m at each moment. */
+  trail(link: number): Float64Array[];
 }
 
 /** A view of the run. */
 interface View {
   draw(moment: Moment, follow: boolean): void;
+  /** Shows the path and the frame of a link; 0: the base, with its path alone. */
+  choose(link: number): void;
   /** Shows the whole path. */
   home(): void;
   resize(): void;
@@ -218,6 +222,8 @@ interface Curve {
   least: number;
   times: Float64Array;
   values: Float64Array;
+  /** The commanded values, drawn dashed. */
+  commanded: Float64Array | null;
   status: "free" | "passed" | "warned" | "not_exercised" | "failed";
   cutOff: boolean;
   decided: number | null;

@@ -1,8 +1,8 @@
 /** The 3D view of a run; it draws only if something has changed. */
 
-import { Box3, Group, PCFShadowMap, PerspectiveCamera, Scene, Vector3, WebGLRenderer } from "three";
+import { AxesHelper, Box3, Color, Group, Material, PCFShadowMap, PerspectiveCamera, Scene, Vector3, WebGLRenderer } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
-import { mark, Touches, Way } from "./lines";
+import { mark, Touches, Trail, Way } from "./lines";
 import { place, Solids } from "./solids";
 import { furnish, overview } from "./stage";
 
@@ -18,13 +18,20 @@ class View3D implements View {
   private readonly bodies: Group[];
   private readonly way: Way;
   private readonly touches: Touches;
+  private readonly axes: AxesHelper;
+  private trail: Trail | null = null;
   private readonly seen: Box3;
   private readonly base = new Vector3();
   private followed: Vector3 | null = null;
   private touched = false;
   private drawing = false;
 
-  constructor(private readonly canvas: HTMLCanvasElement, run: Run, failed: ReadonlySet<number>, colours: Colours) {
+  constructor(
+    private readonly canvas: HTMLCanvasElement,
+    private readonly run: Run,
+    failed: ReadonlySet<number>,
+    private readonly colours: Colours,
+  ) {
     this.renderer = new WebGLRenderer({ canvas, antialias: true });
     this.renderer.shadowMap.enabled = true;
     this.renderer.shadowMap.type = PCFShadowMap;
@@ -46,10 +53,21 @@ class View3D implements View {
     const clearance = run.base[2][0] - size.min.z;
     this.way = new Way(run, colours.accent, clearance, 0.009 * this.seen.getSize(new Vector3()).length());
     this.touches = new Touches(run.replay.contacts, failed.size ? colours.bad : colours.text, touchSize(size, this.seen));
+    this.axes = frame(0.16 * size.getSize(new Vector3()).length());
     this.scene.add(this.way.group, this.touches.group);
     for (const drawn of marks) this.scene.add(drawn);
     this.controls = this.grabbed();
     this.home();
+  }
+
+  choose(link: number): void {
+    this.axes.removeFromParent();
+    this.trail?.group.removeFromParent();
+    this.trail = null;
+    if (link === 0) return;
+    this.trail = new Trail(this.run, link, this.colours.accent);
+    this.links[link].add(this.axes);
+    this.scene.add(this.trail.group);
   }
 
   draw(moment: Moment, follow: boolean): void {
@@ -58,6 +76,7 @@ class View3D implements View {
     this.drawing = true;
     this.pose(moment);
     this.way.show(moment.time);
+    this.trail?.show(moment.time);
     this.touches.show(moment.time);
     this.base.set(moment.links[0], moment.links[1], moment.links[2]);
     if (follow) this.moveAlong();
@@ -159,6 +178,15 @@ class View3D implements View {
     controls.addEventListener("change", () => this.canvas.dispatchEvent(new CustomEvent("viewmoved")));
     return controls;
   }
+}
+
+/** Returns the three axes of a frame, x red, y green, z blue, visible through solids. */
+function frame(length: number): AxesHelper {
+  const axes = new AxesHelper(length);
+  axes.setColors(new Color(0xd83a3a), new Color(0x2f9e44), new Color(0x2f6fde));
+  (axes.material as Material).depthTest = false;
+  axes.renderOrder = 3;
+  return axes;
 }
 
 /** Returns the size in m of a mark that is visible on the robot and from afar. */

@@ -224,6 +224,42 @@ const CHECKS = {
       assert.equal(small, 0);
     },
   },
+  "a chosen link has a path, a frame and plots": {
+    hash: "#scenario=burger%20drives%20straight&t=0.5",
+    look: async (page) => {
+      await page.waitForSelector(READY);
+      const before = await picture(page);
+      const offered = () => page.$$eval(".choice option", (all) => all.map((one) => one.textContent));
+      assert.ok(!(await offered()).includes("base_scan z"));
+      await page.selectOption("select[aria-label=Link]", { label: "base_scan" });
+      await page.waitForTimeout(100);
+      const chosen = await picture(page);
+      assert.notEqual(chosen, before);
+      assert.ok((await offered()).includes("base_scan z"));
+      const count = (await page.$$(".plot")).length;
+      await page.selectOption(".choice select", { label: "base_scan z" });
+      assert.equal((await page.$$(".plot")).length, count + 1);
+      const added = page.locator(".plot").first();
+      assert.match((await added.textContent()) ?? "", /^base_scan z \(m\)0\.1\d* m/);
+      await added.locator(".remove").click();
+      assert.equal((await page.$$(".plot")).length, count);
+      await page.keyboard.press("v");
+      await page.waitForSelector("canvas[data-kind=top]");
+      const above = await picture(page);
+      await page.selectOption("select[aria-label=Link]", { index: 0 });
+      await page.waitForTimeout(100);
+      assert.notEqual(await picture(page), above);
+    },
+  },
+  "a joint is plotted with its command": {
+    hash: "#scenario=burger&t=1",
+    look: async (page) => {
+      await page.waitForSelector(READY);
+      await page.selectOption(".choice select", { label: "wheel_joint" });
+      const said = (await page.locator(".plot .value").first().textContent()) ?? "";
+      assert.match(said, /^286(\.\d)? deg · commanded 315(\.\d)? deg$/);
+    },
+  },
   "many are filtered, and open quickly": {
     look: async (page) => {
       await page.waitForSelector(READY);

@@ -12,7 +12,7 @@ from pydantic import BaseModel
 
 from sim_action.assertions.monitors import FORCE_WINDOW_S
 from sim_action.recording.replay import replay_file, shapes
-from sim_action.recording.replay.frames import Track, frames_of, thinned
+from sim_action.recording.replay.frames import NOTHING_COMMANDED, Track, frames_of, thinned
 from sim_action.recording.replay.replay_file import (
     MAX_CONTACTS,
     MAX_TEXT_LENGTH,
@@ -29,6 +29,7 @@ from sim_action.robot.robot_model import RobotModel
 from sim_action.scenario.model import Scenario
 from sim_action.state.observation import Contact, Observation
 from sim_action.state.trace import Trace
+from sim_action.state.trace_records import CommandedJoints
 from sim_action.world.scene import Scene
 
 
@@ -37,6 +38,7 @@ def replay_of(
     film: Trace,
     signals: Sequence[SignalData] = (),
     marks: Sequence[MarkData] = (),
+    aims: CommandedJoints = NOTHING_COMMANDED,
 ) -> Replay:
     """Return the replay of a run.
 
@@ -45,6 +47,7 @@ def replay_of(
         film: the trace at 30 Hz.
         signals: the signals of the expectations.
         marks: the places of the expectations.
+        aims: the commanded positions of the joints.
     """
     moving = [body for body in scene.world.objects if body.name in film.bodies]
     _, links = skeleton(scene.model)
@@ -57,7 +60,7 @@ def replay_of(
         version=1,
         scene=scenery(scene, [body.name for body in moving]),
         joint_names=tuple(joint.name[:MAX_TEXT_LENGTH] for joint in joints),
-        frames=frames_of(thinned(film), tracks, scene.physics.rate, sliding),
+        frames=frames_of(thinned(film), tracks, scene.physics.rate, sliding, aims),
         contacts=contacts,
         contacts_left_out=left_out,
         signals=tuple(signals),
@@ -65,13 +68,23 @@ def replay_of(
     )
 
 
-def make_replay(scenario: Scenario, scene: Scene, start: Observation, film: Trace, path: Path) -> None:
-    """Write the replay of a run; `start` is the settled state at t = 0, `film` the trace at 30 Hz.
+def make_replay(
+    scenario: Scenario,
+    scene: Scene,
+    start: Observation,
+    film: Trace,
+    path: Path,
+    *,
+    aims: CommandedJoints = NOTHING_COMMANDED,
+) -> None:
+    """Write the replay of a run.
+
+    `start` is the settled state at t = 0, `film` the trace at 30 Hz, `aims` are the commanded positions of the joints.
 
     Raises OSError, or ValueError if the replay is too large or not valid.
     """
     signals, marks = stored_signals(scenario, scene, start, film), stored_marks(scenario, scene, start)
-    write_replay(replay_of(scene, film, signals, marks), path)
+    write_replay(replay_of(scene, film, signals, marks, aims), path)
 
 
 def warm_up(robots: Iterable[RobotModel]) -> None:

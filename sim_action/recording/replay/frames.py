@@ -12,7 +12,7 @@ from sim_action.core.units import TIME_EPSILON_S
 from sim_action.recording.replay.columns import MAX_MOMENTS, Column, FloatArray
 from sim_action.recording.replay.replay_file import Frames, PoseColumns
 from sim_action.state.trace import Trace
-from sim_action.state.trace_records import BodyRecord
+from sim_action.state.trace_records import BodyRecord, CommandedJoints
 
 # The resolution of columns: lengths in m, quaternions, joints in rad (sliding ones in m), speed in m/s.
 _LENGTH: Final = 1e-4
@@ -20,6 +20,8 @@ _TURN: Final = 1e-4
 _JOINT: Final = 1e-3
 _SLIDING: Final = 1e-4
 _SPEED: Final = 1e-3
+
+NOTHING_COMMANDED: Final = CommandedJoints()
 
 
 def thinned(trace: Trace) -> Trace:
@@ -37,20 +39,37 @@ class Track:
     appears: float = 0.0
 
 
-def frames_of(trace: Trace, tracks: Sequence[Track], rate: float, sliding: Sequence[bool]) -> Frames:
+def frames_of(
+    trace: Trace,
+    tracks: Sequence[Track],
+    rate: float,
+    sliding: Sequence[bool],
+    aims: CommandedJoints = NOTHING_COMMANDED,
+) -> Frames:
     """Return the frames of a trace and of moving bodies.
 
-    `rate` is the physics rate in Hz; `sliding` is True for each prismatic joint.
+    `rate` is the physics rate in Hz; `sliding` is True for each prismatic joint; `aims`: the commanded positions.
     """
     steps = [_SLIDING if slides else _JOINT for slides in sliding]
     return Frames(
         time=Column.encoded(trace.time, 1 / rate),
         base=_pose_columns(trace.base_position_xyz, trace.base_orientation_xyzw),
         joints=tuple(Column.encoded(column, step) for column, step in zip(trace.joint_position.T, steps, strict=True)),
+        commanded=_commanded(trace, aims, steps),
         speed=Column.encoded(trace.speed, _SPEED),
         tilt=Column.encoded(trace.tilt, _JOINT),
         tracks=tuple(_track(track, trace.time) for track in tracks),
     )
+
+
+def _commanded(trace: Trace, aims: CommandedJoints, steps: Sequence[float]) -> tuple[Column | None, ...]:
+    """Return a column per joint, None for a joint without position targets; nothing if no joint has one."""
+    found = [aims.at(name, trace.time) for name in trace.joint_names]
+    columns = [
+        Column.encoded(values, step) if np.isfinite(values).any() else None
+        for values, step in zip(found, steps, strict=True)
+    ]
+    return tuple(columns) if any(columns) else ()
 
 
 def _track(track: Track, time: FloatArray) -> PoseColumns:

@@ -150,6 +150,8 @@ class Frames(FrozenModel):
         time: the sim time in s.
         base: the pose of the base link in the world.
         joints: the joint positions in rad (m if prismatic), in the order of `Replay.joint_names`.
+        commanded: the commanded joint positions in the same order, null for a joint that has none; empty if no joint
+            has one.
         speed: the speed of the base link in m/s.
         tilt: the angle in rad between the z axes of the base and the world.
         tracks: the poses of moving bodies in the world.
@@ -158,6 +160,7 @@ class Frames(FrozenModel):
     time: Column
     base: PoseColumns
     joints: Annotated[tuple[Column, ...], Field(max_length=MAX_LINKS)] = ()
+    commanded: Annotated[tuple[Column | None, ...], Field(max_length=MAX_LINKS)] = ()
     speed: Column
     tilt: Column
     tracks: Annotated[tuple[PoseColumns, ...], Field(max_length=MAX_BODIES)] = ()
@@ -171,7 +174,8 @@ class Frames(FrozenModel):
     def columns(self) -> tuple[Column, ...]:
         """All columns."""
         tracks = (column for track in self.tracks for column in track)
-        return (self.time, *self.base, *self.joints, self.speed, self.tilt, *tracks)
+        commanded = (column for column in self.commanded if column is not None)
+        return (self.time, *self.base, *self.joints, *commanded, self.speed, self.tilt, *tracks)
 
 
 class ContactData(FrozenModel):
@@ -253,6 +257,8 @@ def _problems(replay: Replay) -> Iterator[str]:
     yield from _of_frames(frames)
     if len(replay.joint_names) != len(frames.joints):
         yield "the number of joint names differs from the number of joint columns"
+    if len(frames.commanded) not in {0, len(frames.joints)}:
+        yield "the number of commanded columns differs from the number of joint columns"
     if any(contact.link >= len(scene.links) or contact.body >= len(scene.bodies) for contact in replay.contacts):
         yield "a contact refers to a link or body that does not exist"
     if not all(_is_whole(signal, frames.count) for signal in replay.signals):

@@ -24,6 +24,7 @@ SCRIPTS: Final = (
     "colours.js",
     "top_view.js",
     "curves.js",
+    "signals.js",
     "plot.js",
     "clock.js",
     "controls.js",

@@ -38,10 +38,21 @@ function baseCurves(motion) {
  * @param {number} most
  */
 function jointCurves(motion, most) {
+  return motion.joints.map((_, i) => jointCurve(motion, i)).filter(({ values }) => span(values) > 1e-3).slice(0, most);
+}
+
+/**
+ * Returns the measured position of a joint, with the commanded one.
+ * @param {Motion} motion
+ * @param {number} i
+ * @returns {Curve}
+ */
+function jointCurve(motion, i) {
   const { replay, scene, joints, times } = motion;
-  const slides = new Set(scene.links.filter(({ joint }) => joint?.type === "prismatic").map(({ joint }) => joint?.column));
-  const curves = joints.map((values, i) => freeCurve(replay.joint_names[i], slides.has(i) ? "m" : "rad", times, values));
-  return curves.filter(({ values }) => span(values) > 1e-3).slice(0, most);
+  const slides = scene.links.some(({ joint }) => joint?.type === "prismatic" && joint.column === i);
+  const curve = freeCurve(replay.joint_names[i], slides ? "m" : "rad", times, joints[i]);
+  const { factor } = shownUnit(slides ? "m" : "rad");
+  return { ...curve, commanded: motion.commanded[i]?.map((value) => value * factor) ?? null };
 }
 
 /** @param {Motion} motion */
@@ -90,7 +101,7 @@ function freeCurve(name, unit, times, values) {
   const shown = shownUnit(unit);
   return {
     name, title: "", unit: shown.name, least: shown.least, times, values: values.map((value) => value * shown.factor),
-    status: "free", cutOff: false, decided: null, lower: null, upper: null, from: times[0], to: times[times.length - 1],
+    commanded: null, status: "free", cutOff: false, decided: null, lower: null, upper: null, from: times[0], to: times[times.length - 1],
   };
 }
 
@@ -103,10 +114,11 @@ function distances(motion) {
 /**
  * @param {Curve} curve
  * @param {number} time s
+ * @param {Float64Array} [values] those of the curve if left out
  * @returns {number} the value of the curve, NaN where it has none
  */
-function valueAt(curve, time) {
-  const { times, values } = curve;
+function valueAt(curve, time, values = curve.values) {
+  const { times } = curve;
   if (!times.length || time < times[0] - 0.05 || time > times[times.length - 1] + 0.05) return NaN;
   let low = 0, high = times.length - 1;
   while (low < high) {

@@ -11,6 +11,7 @@ class Motion {
     this.times = decoded(frames.time, count);
     this.base = columns(frames.base);
     this.joints = columns(frames.joints);
+    this.commanded = (frames.commanded ?? []).map((column) => column && decoded(column, count));
     this.tracks = frames.tracks.map(columns);
     this.speed = decoded(frames.speed, count);
     this.tilt = decoded(frames.tilt, count);
@@ -67,6 +68,21 @@ class Motion {
         compose(links, 7 * i, this.local, 0, links, 7 * i);
       }
     }
+  }
+
+  /**
+   * @param {number} link
+   * @returns {Float64Array[]} x, y and z of the origin of a link in m at each moment
+   */
+  trail(link) {
+    const points = [0, 1, 2].map(() => new Float64Array(this.count));
+    for (let row = 0; row < this.count; row++) {
+      this.placeLinks(row, 0);
+      points.forEach((values, axis) => {
+        values[row] = this.moment.links[7 * link + axis];
+      });
+    }
+    return points;
   }
 
   /** @param {JointMotion} joint @param {number} row @param {number} share */

@@ -13,7 +13,9 @@ class Player {
     this.views = new Views(this.clock, motion, failed);
     this.controls = new Controls(this.clock, motion, entry.expectations);
     this.plots = curvesOf(motion, entry.expectations).map((curve) => new Plot(curve, this.clock));
-    const plots = make("div", { class: "plots" }, ...this.plots.map((plot) => plot.element));
+    this.choice = new SignalChoice(motion, (curve) => this.addPlot(curve));
+    this.views.element.addEventListener("linkchosen", () => this.choice.offer(this.views.link));
+    const plots = make("div", { class: "plots" }, this.choice.element, ...this.plots.map((plot) => plot.element));
     const screen = make("div", { class: "screen" }, this.views.element, this.controls.element, keysHint());
     this.element = make("div", { class: "player" }, screen, plots);
     this.clock.addEventListener("tick", () => this.show());
@@ -38,6 +40,20 @@ class Player {
     if (this.entry.moment !== null) return this.entry.moment;
     if (first && first.status === "failed") return first.time;
     return this.entry.status === "error" ? this.clock.end : this.clock.start;
+  }
+
+  /** Adds a plot above the others. @param {Curve} curve */
+  addPlot(curve) {
+    const plot = new Plot(curve, this.clock);
+    this.plots.push(plot);
+    plot.removal.hidden = false;
+    plot.removal.addEventListener("click", () => {
+      this.plots.splice(this.plots.indexOf(plot), 1);
+      plot.element.remove();
+    });
+    this.choice.element.after(plot.element);
+    plot.draw(coloursOfPage());
+    plot.moveCursor(this.clock.time);
   }
 
   show() {

@@ -10,11 +10,12 @@ class Plot {
     this.canvas = make("canvas", { role: "img", "aria-label": plotWords(curve) });
     this.cursor = make("div", { class: "cursor" });
     this.value = make("output", { class: "value" });
+    this.removal = make("button", { type: "button", class: "remove", title: "Remove this plot", "aria-label": `Remove the plot of ${curve.name}`, hidden: true }, "×");
     const unit = curve.unit ? ` (${curve.unit})` : "";
     const name = curve.title && !curve.title.startsWith(curve.name) ? `${curve.name}${unit}` : unit.trim();
     const title = make("span", { class: "title" }, make("b", {}, curve.title || `${curve.name}`), ` ${curve.title ? name : unit.trim()}`);
     const frame = make("div", { class: "frame" }, this.canvas, this.cursor);
-    this.element = make("div", { class: `plot ${curve.status}` }, make("div", { class: "caption" }, title, this.value), frame);
+    this.element = make("div", { class: `plot ${curve.status}` }, make("div", { class: "caption" }, title, this.value, this.removal), frame);
     this.frame = frame;
     this.grab();
   }
@@ -29,7 +30,9 @@ class Plot {
     const { left, right } = this.span;
     const x = left + ((time - this.clock.start) / this.clock.length) * (right - left);
     this.cursor.style.transform = `translateX(${x.toFixed(2)}px)`;
-    this.value.textContent = told(valueAt(this.curve, time), this.curve.unit);
+    const { commanded, unit } = this.curve;
+    const aim = commanded ? ` · commanded ${told(valueAt(this.curve, time, commanded), unit)}` : "";
+    this.value.textContent = `${told(valueAt(this.curve, time), unit)}${aim}`;
   }
 
   grab() {
@@ -68,6 +71,7 @@ class Plot {
     };
     drawAxes(chart, this.clock, low, high);
     drawLimits(chart, this.curve);
+    drawCommanded(chart, this.curve);
     drawCurve(chart, this.curve);
     drawDecision(chart, this.curve);
   }
@@ -77,7 +81,8 @@ class Plot {
 function plotWords(curve) {
   const limits = [["at least", curve.lower], ["at most", curve.upper]].filter(([, limit]) => limit !== null);
   const asked = limits.map(([words, limit]) => `, ${words} ${told(Number(limit), curve.unit)}`).join("");
-  return `${curve.title} ${curve.name} over time${asked}`.trim();
+  const aim = curve.commanded ? ", dashed: commanded" : "";
+  return `${curve.title} ${curve.name} over time${asked}${aim}`.trim();
 }
 
 /**
@@ -85,8 +90,8 @@ function plotWords(curve) {
  * @returns {[number, number]} the range of the y axis: all values and limits, with padding
  */
 function rangeOf(curve) {
-  const [low, high] = extent(curve.values);
-  const all = [low, high, ...[curve.lower, curve.upper].filter((limit) => limit !== null)].map(Number);
+  const aims = curve.commanded ? extent(curve.commanded) : [];
+  const all = [...extent(curve.values), ...aims, ...[curve.lower, curve.upper].filter((limit) => limit !== null)].map(Number);
   let bottom = Math.min(...all), top = Math.max(...all);
   // Extend the axis to zero if zero is near.
   if (bottom > 0 && bottom < 0.5 * top) bottom = 0;
@@ -152,22 +157,38 @@ function drawLimits(chart, curve) {
 
 /** @param {Chart} chart @param {Curve} curve */
 function drawCurve(chart, curve) {
-  const { context, colours, x, y } = chart;
-  context.beginPath();
-  let drawing = false;
-  for (let i = 0; i < curve.values.length; i++) {
-    const value = curve.values[i];
-    if (Number.isNaN(value)) drawing = false;
-    else if (drawing) context.lineTo(x(curve.times[i]), y(value));
-    else {
-      context.moveTo(x(curve.times[i]), y(value));
-      drawing = true;
-    }
-  }
+  const { context, colours } = chart;
+  trace(chart, curve.times, curve.values);
   context.strokeStyle = curve.status === "free" ? colours.faint : colours.accent;
   context.lineWidth = 1.75;
   context.lineJoin = "round";
   context.stroke();
+}
+
+/** The commanded values, dashed. @param {Chart} chart @param {Curve} curve */
+function drawCommanded(chart, curve) {
+  if (!curve.commanded) return;
+  const { context, colours } = chart;
+  trace(chart, curve.times, curve.commanded);
+  context.setLineDash([3, 3]);
+  context.strokeStyle = colours.accent;
+  context.lineWidth = 1.25;
+  context.stroke();
+  context.setLineDash([]);
+}
+
+/** Makes the path of values over time, with gaps. @param {Chart} chart @param {Float64Array} times @param {Float64Array} values */
+function trace({ context, x, y }, times, values) {
+  context.beginPath();
+  let drawing = false;
+  for (let i = 0; i < values.length; i++) {
+    if (Number.isNaN(values[i])) drawing = false;
+    else if (drawing) context.lineTo(x(times[i]), y(values[i]));
+    else {
+      context.moveTo(x(times[i]), y(values[i]));
+      drawing = true;
+    }
+  }
 }
 
 /** A dot where the expectation was decided. @param {Chart} chart @param {Curve} curve */

@@ -22,6 +22,9 @@ class TopView {
     /** The outlines of fixed bodies, computed once. */
     this.still = motion.scene.bodies.map((body, i) =>
       body.track === undefined ? this.bodies[i].map((several) => outline(several, still.bodies, 7 * i)) : null);
+    this.link = 0;
+    /** The path of the chosen link. */
+    this.trail = motion.base;
     /** @type {[number, number]} */
     this.centre = [0, 0];
     this.span = 1;
@@ -36,6 +39,12 @@ class TopView {
     const [x0, x1] = extent(base[0]), [y0, y1] = extent(base[1]);
     this.centre = [(x0 + x1) / 2, (y0 + y1) / 2];
     this.span = Math.max(1.2, 1.25 * (x1 - x0) + 0.8, 1.8 * (y1 - y0) + 0.8);
+  }
+
+  /** Draws the path of a link. @param {number} link */
+  choose(link) {
+    this.link = link;
+    this.trail = link ? this.motion.trail(link) : this.motion.base;
   }
 
   resize() {
@@ -112,23 +121,24 @@ class TopView {
     this.links.forEach((shapes, i) => {
       for (const points of shapes) this.area(outline(points, moment.links, 7 * i), `${this.colours.robot}b0`, this.colours.text);
     });
-    turn(moment.links, 0, 0.12, 0, 0, turned);
+    const at = 7 * this.link;
+    turn(moment.links, at, 0.12, 0, 0, turned);
     const { context } = this;
     context.strokeStyle = this.colours.accent;
     context.lineWidth = 2 * (devicePixelRatio || 1);
     context.beginPath();
-    context.moveTo(...this.pixel([moment.links[0], moment.links[1]]));
-    context.lineTo(...this.pixel([moment.links[0] + turned[0], moment.links[1] + turned[1]]));
+    context.moveTo(...this.pixel([moment.links[at], moment.links[at + 1]]));
+    context.lineTo(...this.pixel([moment.links[at] + turned[0], moment.links[at + 1] + turned[1]]));
     context.stroke();
   }
 
   /** @param {number} time */
   drawWay(time) {
-    const { base, count } = this.motion;
+    const { trail, motion: { count } } = this;
     const now = this.motion.row(time);
     for (const [from, to, alpha] of [[now, count - 1, 0.3], [0, now, 1]]) {
       const points = [];
-      for (let i = from; i <= to; i++) points.push([base[0][i], base[1][i]]);
+      for (let i = from; i <= to; i++) points.push([trail[0][i], trail[1][i]]);
       this.context.globalAlpha = alpha;
       this.line(points, this.colours.accent, 2);
     }

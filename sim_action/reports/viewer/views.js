@@ -25,6 +25,8 @@ class Views {
     this.motion = motion;
     this.failed = failed;
     this.following = false;
+    /** The link whose path and frame are drawn; 0: the base, with its path alone. */
+    this.link = 0;
     this.pending = 0;
     /** @type {View | null} */
     this.view = null;
@@ -34,11 +36,14 @@ class Views {
     this.kind = make("button", { type: "button", title: "Switch between 3D and top view (v)", hidden: true }, "Top view");
     this.follow = make("button", { type: "button", title: "Follow the robot (f)", "aria-pressed": "false" }, "Follow");
     this.whole = make("button", { type: "button", title: "Show the whole path (h)" }, "Show all");
-    this.tools = make("div", { class: "tools" }, this.kind, this.follow, this.whole);
+    const options = motion.scene.links.map(({ name }, i) => make("option", { value: i }, i ? name : `Link: ${name}`));
+    this.links = make("select", { "aria-label": "Link", title: "Show the path and the frame of a link", hidden: options.length < 2 }, ...options);
+    this.tools = make("div", { class: "tools" }, this.links, this.kind, this.follow, this.whole);
     this.element = make("div", { class: "view" }, this.canvas, this.tools, this.note, this.happening);
     this.kind.addEventListener("click", () => this.toggleKind());
     this.follow.addEventListener("click", () => this.toggleFollow());
     this.whole.addEventListener("click", () => this.showAll());
+    this.links.addEventListener("change", () => this.choose(Number(this.links.value)));
   }
 
   /** Shows the run, in 3D if possible. */
@@ -73,6 +78,7 @@ class Views {
     this.canvas.replaceWith(canvas);
     this.canvas = canvas;
     this.view = make_view(canvas);
+    this.view.choose(this.link);
     canvas.addEventListener("viewmoved", () => this.draw());
     this.kind.textContent = kind === "3d" ? "Top view" : "3D";
     this.resize();
@@ -82,6 +88,14 @@ class Views {
     if (this.kind.hidden) return;
     if (this.canvas.dataset.kind === "3d") this.showTop();
     else await this.open();
+  }
+
+  /** Shows the path and the frame of a link. @param {number} link */
+  choose(link) {
+    this.link = link;
+    this.view?.choose(link);
+    this.element.dispatchEvent(new CustomEvent("linkchosen"));
+    this.draw();
   }
 
   toggleFollow() {

@@ -87,6 +87,8 @@ HOSTILE: dict[str, Change] = {
     "a mark of no kind": at("marks", value=[{"kind": "image", "x": 0, "y": 0}]),
     "a name without an end": at("joint_names", value=["a" * 10_000, "b"]),
     "names that are too few": at("joint_names", value=["a"]),
+    "commands of too few joints": at("frames", "commanded", value=[None]),
+    "a command of another length": at("frames", "commanded", value=[None, {"scale": 1.0, "first": 0, "deltas": [1]}]),
 }
 
 
