@@ -61,6 +61,9 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
             "a limit that no run can exceed, such as a tilt of 180 deg, a speed at which the run already counts as "
             "unstable (`physics.max_speed`), or a comparison that is always true",
         ),
+        "unreachable-target": Rule(
+            "error", "a place of `reach` or `final_pose` that is farther away than the link can reach"
+        ),
         "warnings-only": Rule("error", "a scenario in which every expectation has `severity: warning`"),
         SINGLE_ROW: Rule("error", "a golden file with one row: no motion is compared"),
         "no-collision-shape": Rule(

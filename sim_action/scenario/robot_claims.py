@@ -26,7 +26,11 @@ def audit_robot(scene: Scene, scenario: Scenario, expect_paths: Sequence[KeyPath
     for path, assertion in leaves:
         yield from _bare_joint_angles(path, assertion, scene.model)
     yield from _shapes(leaves, scene)
-    yield from _rigid_links(leaves, scene)
+    if any(not getattr(assertion, "watches_base", True) for _, assertion in leaves):
+        from sim_action.scenario.reach_claims import audit_reach
+
+        yield from _rigid_links(leaves, scene)
+        yield from audit_reach(leaves, scene)
     if scene.bolted:
         yield from _fixed_base(leaves)
         if scenario.agreement is not None:

@@ -1,0 +1,135 @@
+"""The rules of the audit of claims about places that a link cannot come to, and bounds that it cannot leave.
+
+The distance of a link from the first moving joint between its frame and the link is at most the sum of the distances
+between the joints: joints turn about these places, whatever their positions. Only such certain findings are reported.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, Final
+
+from sim_action.core import geometry, units
+from sim_action.core.geometry import Pose, Vector3
+from sim_action.core.yaml_document import KeyPath
+from sim_action.robot.kinematics import link_poses
+from sim_action.robot.link_motion import link_of_frame
+from sim_action.robot.robot_model import WORLD, Joint, RobotModel
+from sim_action.scenario.claim_audit import ClaimFinding
+from sim_action.world.scene import Scene
+
+# Limits of sliding joints give way a little; models and sums round.
+_SLACK: Final = 1.05
+_ROUNDING_M: Final = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """All places that the origin of a link may come to in a frame.
+
+    Attributes:
+        joint: name of the joint about which it moves.
+        centre_xyz: m, the place of that joint.
+        has_height: False if the z of the centre is unknown.
+        radius: m, the greatest distance from the centre.
+    """
+
+    joint: str
+    centre_xyz: Vector3
+    has_height: bool
+    radius: float
+
+    def distance(self, place: dict[str, float]) -> float:
+        """Return the least distance in m from the centre of a place of which some coordinates are given."""
+        centre = dict(zip("xyz", self.centre_xyz, strict=True))
+        return math.hypot(*(at - centre[axis] for axis, at in place.items() if axis != "z" or self.has_height))
+
+    def is_within(self, bounds: dict[str, tuple[float, float]]) -> bool:
+        """Return True if the link stays between the bounds of the axes, in m."""
+        centre = dict(zip("xyz", self.centre_xyz, strict=True))
+        return ("z" not in bounds or self.has_height) and all(
+            lower <= centre[axis] - self.radius and centre[axis] + self.radius <= upper
+            for axis, (lower, upper) in bounds.items()
+        )
+
+
+def audit_reach(leaves: Sequence[tuple[KeyPath, Any]], scene: Scene) -> Iterator[ClaimFinding]:
+    """Yield places that a link cannot come to, and bounds that it cannot leave."""
+    for path, assertion in leaves:
+        if assertion.key not in {"reach", "final_pose", "stay_within"} or assertion.watches_base:
+            continue
+        found = range_of(scene, assertion.link or scene.model.root, assertion.frame)
+        if found is None:
+            continue
+        who = assertion.link or "the base"
+        if assertion.key == "stay_within":
+            if found.is_within(assertion.intervals):
+                most = f"{units.display(found.radius, 'm')} from joint '{found.joint}'"
+                message = f"{who} cannot leave these bounds: it is never more than {most}; give narrower bounds"
+                yield ClaimFinding("unreachable-limit", path, message)
+        elif not getattr(assertion, "relative", False):
+            yield from _beyond_reach(path, assertion, who, found)
+
+
+def _beyond_reach(path: KeyPath, assertion: Any, who: str, found: Range) -> Iterator[ClaimFinding]:
+    place = {axis: at for axis in "xyz" if (at := getattr(assertion, axis)) is not None}
+    away = found.distance(place) if place else 0.0
+    most = found.radius + _ROUNDING_M
+    if away > most + assertion.tolerance:
+        far, longest = units.display_apart(away, most, "m")
+        message = f"this place is {far} from joint '{found.joint}', but {who} reaches at most {longest} from there"
+        use = f"move it, or the robot; check 'frame', which is {assertion.frame}"
+        yield ClaimFinding("unreachable-target", path, f"{message}; {use}")
+
+
+def range_of(scene: Scene, link: str, frame: str) -> Range | None:
+    """Return the places that a link may come to in a frame; None if they are unlimited, or not known before a run."""
+    model, base, has_height = scene.model, Pose(), True
+    if frame == WORLD:
+        if not scene.bolted:
+            return None
+        placement = scene.placement
+        base = Pose((placement.x, placement.y, placement.z or 0.0), placement.orientation_xyzw)
+        has_height = placement.z is not None
+    start = model.root if frame == WORLD else link_of_frame(model, frame)
+    if start not in model.links_by_name or link not in model.links_by_name:
+        return None
+    chain = [joint for joint in _between(model, start, link) if joint.moves]
+    if not chain:
+        return None
+    poses = link_poses(model, {})
+    places = [geometry.compose(poses[joint.child], Pose(joint.anchor_xyz)).position_xyz for joint in chain]
+    slides = sum(_slide(joint) for joint in chain)
+    radius = sum(math.dist(*pair) for pair in pairwise([*places, poses[link].position_xyz])) + slides
+    seen = base if frame == WORLD else geometry.inverse(poses[start])
+    centre = geometry.compose(seen, Pose(places[0])).position_xyz
+    return Range(chain[0].name, centre, has_height, radius) if math.isfinite(radius) else None
+
+
+def _between(model: RobotModel, start: str, link: str) -> list[Joint]:
+    """Return the joints on the way from one link to another."""
+    up, down = _to_root(model, start), _to_root(model, link)
+    while up and down and up[-1] is down[-1]:
+        up.pop()
+        down.pop()
+    return [*up, *reversed(down)]
+
+
+def _to_root(model: RobotModel, link: str) -> list[Joint]:
+    joints = list[Joint]()
+    while link != model.root:
+        joints += reversed(model.joints_to[link])
+        link = joints[-1].parent
+    return joints
+
+
+def _slide(joint: Joint) -> float:
+    """Return the greatest displacement of a joint in m; 0 if it turns, infinite without limits."""
+    if joint.type != "prismatic":
+        return 0.0
+    if joint.lower is None or joint.upper is None or joint.lower > joint.upper:
+        return math.inf
+    return _SLACK * max(abs(joint.lower), abs(joint.upper))
