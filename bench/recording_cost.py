@@ -67,7 +67,7 @@ def _recorded(loaded: LoadedScenario) -> RecordedRun:
     film, trace = footage.film(), footage.trace()
     assert film is not None
     assert trace is not None
-    return RecordedRun.of(scene, film, trace, loaded.scenario.sensors, footage.twists())
+    return RecordedRun.of(scene, film, trace, loaded.scenario, footage.twists())
 
 
 def _writing(name: str, run: RecordedRun) -> Callable[[], float]:

@@ -64,4 +64,4 @@ def run_to_record(job: Job, scene: Scene, footage: RunRecorder) -> Iterator[Reco
     with suppress(MemoryError):
         trace, film = footage.trace(), footage.film()
         if trace is not None and film is not None:
-            yield RecordedRun.of(scene, film, trace, job.loaded.scenario.sensors, footage.twists())
+            yield RecordedRun.of(scene, film, trace, job.loaded.scenario, footage.twists())

@@ -13,6 +13,7 @@ from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives import recognise, why_not_recognised
 from sim_action.robot.audit.rules import ALLOWABLE, RULES
 from sim_action.robot.kinematics import beyond_limits
+from sim_action.robot.link_motion import why_no_link
 from sim_action.robot.robot_model import WORLD, RobotModel
 from sim_action.scenario.model import MAX_COMPARED_STEPS, Agreement, Expectation, Scenario, rate_divides
 from sim_action.sensors import MountedSensor
@@ -155,6 +156,13 @@ def agreement_problems(scene: Scene, agreement: Agreement) -> SpecProblems:
         if name not in scene.model.links_by_name:
             hint = did_you_mean(name, scene.model.links_by_name) if hinted.one_more() else ""
             yield ("agreement", "links", name), f"the robot has no link '{name}'{hint}"
+
+
+def recorded_link_problems(scenario: Scenario, model: RobotModel) -> SpecProblems:
+    """Yield links in `trace.links` that the robot does not have."""
+    for index, name in enumerate(scenario.trace.links):
+        if (problem := why_no_link(model, name)) is not None:
+            yield ("trace", "links", index), problem
 
 
 def name_problems(scenario: Scenario) -> SpecProblems:

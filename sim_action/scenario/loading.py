@@ -308,6 +308,7 @@ class _Loader:
 
     def _check_scene(self, scene: Scene, scenario: Scenario, *, states_drive: bool) -> None:
         self._problems.note_all((), scenario_checks.robot_problems(scenario, scene.model))
+        self._problems.note_all((), scenario_checks.recorded_link_problems(scenario, scene.model))
         self._problems.note_all((), scenario_checks.follower_problems(scene))
         self._problems.note_all((), world_checks.disturbance_problems(scene, scenario.time_limit))
         self._problems.note_all((), scenario_checks.source_problems(scenario, scene, self._parts.command_paths))

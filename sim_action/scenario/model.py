@@ -134,6 +134,10 @@ class TraceSettings(FrozenModel):
     rate: Annotated[
         PositiveHertz | None, Field(description="rows per second; default: the highest rate of a command source")
     ] = None
+    links: Annotated[
+        tuple[str, ...],
+        Field(description="links whose motion recordings as CSV have; the first one is also that of TUM recordings"),
+    ] = ()
 
 
 class PoseAgreement(FrozenModel):
@@ -357,5 +361,5 @@ class LoadedScenario:
 
     def traced_at_every_step(self) -> LoadedScenario:
         """Return the same scenario with every physics step in its trace."""
-        trace = TraceSettings(rate=self.scenario.physics.rate)
+        trace = self.scenario.trace.model_copy(update={"rate": self.scenario.physics.rate})
         return replace(self, scenario=self.scenario.model_copy(update={"trace": trace}))

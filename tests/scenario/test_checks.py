@@ -143,3 +143,10 @@ def test_variables_are_for_code_only(tmp_path: Path) -> None:
     assert load(tmp_path, arm(tmp_path) + variables + "commands: {rate: 10 Hz, script: hold.py}\n")
     (found,) = told(tmp_path, arm(tmp_path) + variables + "commands: {rate: 10 Hz, script: missing.py}\n")
     assert "environment" not in found
+
+
+def test_recorded_links_are_those_of_the_robot(tmp_path: Path) -> None:
+    text = arm(tmp_path, ", base: fixed")
+    assert load(tmp_path, f"{text}trace: {{links: [hand]}}\n").scenario.trace.links == ("hand",)
+    (found,) = told(tmp_path, f"{text}trace: {{links: [hand, hnd]}}\n")
+    assert found.startswith("6:23: trace.links.1: the robot has no link 'hnd'; did you mean 'hand'?")

@@ -11,6 +11,7 @@ import numpy as np
 
 from sim_action.core.geometry import rpy_from_quaternion
 from sim_action.recording.export.recorded_run import RecordedRun
+from sim_action.robot.link_motion import link_motion
 from sim_action.robot.robot_model import Reading
 from sim_action.state.trace import FloatArray
 
@@ -25,10 +26,10 @@ _KINDS: Final[tuple[Reading, ...]] = ("position", "velocity", "effort")
 
 
 class CsvTable:
-    """A table with units in its header: time, pose and velocity of the base, joints, moving bodies.
+    """A table with units in its header: time, pose and velocity of the base, joints, links, moving bodies.
 
-    Poses and velocities are given in the world frame. Roll, pitch and yaw turn about the fixed axes, in this order.
-    Cells of a body are empty until it appears.
+    The links are those of `trace.links`. Poses and velocities are given in the world frame. Roll, pitch and yaw turn
+    about the fixed axes, in this order. Cells of a body are empty until it appears.
     """
 
     extra: ClassVar[str] = ""
@@ -61,6 +62,11 @@ def _columns(run: RecordedRun) -> Iterator[tuple[list[str], FloatArray]]:
         columns = [(kind, joint.dimension(kind).si) for kind in _KINDS]
         values = (trace.joint_position, trace.joint_velocity, trace.joint_effort)
         yield _headed(columns, name), np.column_stack([column[:, index] for column in values])
+    for name in run.links:
+        motion = link_motion(run.scene.model, trace, name)
+        yield _headed(_POSE, name), np.column_stack((motion.position_xyz, motion.orientation_xyzw))
+        yield _headed(_TURNED, name), _turned(motion.orientation_xyzw)
+        yield _headed(_TWIST, name), np.column_stack((motion.linear_xyz, motion.angular_xyz))
     for name, poses in run.bodies.items():
         yield _headed(_POSE, name), poses
 
@@ -77,7 +83,10 @@ def _turned(orientations: FloatArray) -> FloatArray:
 
 
 class TumTrajectory:
-    """The trajectory of the base as text for evo and similar tools: lines of `timestamp tx ty tz qx qy qz qw`."""
+    """The trajectory of the base as text for evo and similar tools: lines of `timestamp tx ty tz qx qy qz qw`.
+
+    If `trace.links` names links, it is the trajectory of the first of them.
+    """
 
     extra: ClassVar[str] = ""
     packages: ClassVar[tuple[str, ...]] = ()
@@ -85,8 +94,9 @@ class TumTrajectory:
     @staticmethod
     def write(run: RecordedRun, file: BinaryIO) -> None:
         """Write a run; see `Export.write`."""
-        trace = run.trace
-        rows = np.column_stack((trace.time, trace.base_position_xyz, trace.base_orientation_xyzw))
+        trace, link = run.trace, run.links[0] if run.links else run.scene.model.root
+        motion = link_motion(run.scene.model, trace, link)
+        rows = np.column_stack((trace.time, motion.position_xyz, motion.orientation_xyzw))
         # Adding zero turns a rounded -0 into 0.
         rows = rows.round(9) + 0.0
         file.write(b"# timestamp tx ty tz qx qy qz qw\n")

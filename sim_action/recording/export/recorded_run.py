@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_action.core.units import TIME_EPSILON_S, first_step
+from sim_action.scenario.model import Scenario
 from sim_action.sensors import MountedSensor
 from sim_action.state.trace import FloatArray, Trace
 from sim_action.state.trace_records import CommandedTwists
@@ -26,21 +27,21 @@ class RecordedRun:
         trace: T moments, with contacts, bodies that may move or appear, and stored sensor readings.
         sensors: all sensors of the robot, with and without stored readings.
         twists: the commanded twists of the base.
+        links: the links whose motion text formats have, see `trace.links` of a scenario.
     """
 
     scene: Scene
     trace: Trace
     sensors: tuple[MountedSensor, ...] = ()
     twists: CommandedTwists = field(default_factory=CommandedTwists)
+    links: tuple[str, ...] = ()
 
     @classmethod
-    def of(
-        cls, scene: Scene, film: Trace, trace: Trace, sensors: tuple[MountedSensor, ...], twists: CommandedTwists
-    ) -> Self:
+    def of(cls, scene: Scene, film: Trace, trace: Trace, scenario: Scenario, twists: CommandedTwists) -> Self:
         """Combine the trace for the replay (`film`) and the stored trace; the poses come from the finer one."""
         finest = trace if len(trace) > len(film) else film
         told = replace(finest, contacts=film.contacts, bodies=film.bodies, sensors=trace.sensors)
-        return cls(scene, told, sensors, twists)
+        return cls(scene, told, scenario.sensors, twists, scenario.trace.links)
 
     @cached_property
     def bodies(self) -> Mapping[str, FloatArray]:

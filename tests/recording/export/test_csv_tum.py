@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from sim_action.core import geometry
+from sim_action.core.geometry import Pose
 from sim_action.recording.export.csv_tum import CsvTable, TumTrajectory
 from sim_action.recording.export.recorded_run import RecordedRun
+from sim_action.robot.kinematics import link_poses
 from tests.recording.export.runs import MOMENTS, TIME, appearing, rolling, run, with_bodies
 
 
@@ -58,6 +63,37 @@ def test_a_body_has_empty_cells_until_it_appears() -> None:
     assert [row["z of ball [m]"] for row in rows] == [""] * 5 + ["0.1"] * (MOMENTS - 5)
     assert [row["x of wall [m]"] for row in rows] == [""] * 5 + ["2"] * (MOMENTS - 5)
     assert all(row["x [m]"] for row in rows)
+
+
+def test_chosen_links_have_columns_of_their_own() -> None:
+    made = replace(run(), links=("base_scan", "wheel_left_link"))
+    header, rows = written(made)
+    table = dict(zip(header, zip(*rows, strict=True), strict=True))
+    assert len(header) == len(set(header)) == 17 + 2 * 3 + 7 + 2 * 16
+    scan = [geometry.compose(base, link_poses(made.scene.model, {})["base_scan"]) for base in bases()]
+    assert table["x of base_scan [m]"] == pytest.approx([pose.position_xyz[0] for pose in scan])
+    assert table["qz of base_scan"] == pytest.approx([pose.orientation_xyzw[2] for pose in scan])
+    assert table["yaw of base_scan [rad]"] == pytest.approx([2 * time for time in TIME])
+    # The base moves at 1 m/s along x, and turns at 2 rad/s about itself.
+    away = [(pose.position_xyz[1] - 0.25) for pose in scan]
+    assert table["vx of base_scan [m/s]"] == pytest.approx([1.0 - 2 * y for y in away])
+    assert table["wz of base_scan [rad/s]"] == pytest.approx([2.0] * MOMENTS)
+    axis = [(-3 * -math.sin(2 * time), -3 * math.cos(2 * time)) for time in TIME]
+    turning = list(zip(table["wx of wheel_left_link [rad/s]"], table["wy of wheel_left_link [rad/s]"], strict=True))
+    assert np.array(turning) == pytest.approx(np.array(axis))
+
+
+def bases() -> list[Pose]:
+    """The poses of the base in `run`."""
+    return [Pose((time, 0.25, 0.0), geometry.quaternion_from_rpy(0.0, 0.0, 2 * time)) for time in TIME]
+
+
+def test_the_first_chosen_link_is_the_one_of_tum() -> None:
+    made, file = replace(run(), links=("base_scan", "wheel_left_link")), io.BytesIO()
+    TumTrajectory.write(made, file)
+    table = np.loadtxt(file.getvalue().decode("ascii").splitlines())
+    scan = [geometry.compose(base, link_poses(made.scene.model, {})["base_scan"]) for base in bases()]
+    np.testing.assert_allclose(table[:, 1:4], [pose.position_xyz for pose in scan], atol=1e-9)
 
 
 def test_it_is_the_way_of_the_base() -> None:

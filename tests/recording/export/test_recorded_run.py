@@ -7,18 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sim_action.assertions.upright import Upright
 from sim_action.core.geometry import Twist
 from sim_action.recording.export.recorded_run import RecordedRun
 from sim_action.state.trace_records import CommandedTwists
 from tests.recording.export.runs import MOMENTS, TIME, appearing, rolling, run, sensing_run
-from tests.traces import trace
+from tests.traces import expectation, scenario, trace
 
 
 @pytest.mark.parametrize(("stored", "moments"), [([0.0, 0.5], MOMENTS), ([step / 60 for step in range(31)], 31)])
 def test_whichever_has_more_moments_is_recorded_with_all_that_is_known(stored: list[float], moments: int) -> None:
     film, readings = run().trace, sensing_run().trace.sensors
     kept = replace(trace(stored), sensors=readings)
-    made = RecordedRun.of(run().scene, film, kept, (), CommandedTwists())
+    made = RecordedRun.of(run().scene, film, kept, scenario(expectation(Upright())), CommandedTwists())
     assert len(made.trace) == moments
     assert made.trace.contacts == film.contacts
     assert made.trace.sensors == readings

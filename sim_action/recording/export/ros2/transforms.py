@@ -10,7 +10,7 @@ from typing import Any, Final, cast
 import numpy as np
 
 from sim_action.core import geometry
-from sim_action.core.geometry import Pose, Quaternion, Vector3
+from sim_action.core.geometry import ZERO, Pose, Quaternion, Vector3
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.recording.export.recorded_run import RecordedRun
 from sim_action.recording.export.ros2.messages import CdrForm
@@ -70,8 +70,14 @@ def _of_base(run: RecordedRun, frames: Frames) -> Iterator[Link]:
 
 
 def _of_joints(run: RecordedRun) -> Iterator[Link]:
-    for joint in run.scene.model.moving_joints:
-        yield joint.parent, joint.child, moved_by(joint, _positions(run, joint))
+    """Yield the links that joints move; a link of MJCF may have several joints in series."""
+    for child, joints in run.scene.model.joints_to.items():
+        moving = [joint for joint in joints if joint.moves]
+        if moving:
+            track = of_pose(joints[0].origin, len(run.trace))
+            for joint in moving:
+                track = composed(track, moved_by(joint, _positions(run, joint)))
+            yield joints[0].parent, child, track
 
 
 def _positions(run: RecordedRun, joint: Joint) -> FloatArray:
@@ -89,9 +95,9 @@ def _fixed(run: RecordedRun, frames: Frames) -> Iterator[Link]:
     scene = run.scene
     if wheel_odometry(run) is None:
         yield frames.map, frames.odom, of_pose(Pose())
-    for joint in scene.model.joints:
-        if not joint.moves:
-            yield joint.parent, joint.child, of_pose(joint.origin)
+    for child, joints in scene.model.joints_to.items():
+        if not any(joint.moves for joint in joints):
+            yield joints[0].parent, child, of_pose(joints[0].origin)
     for mounted in run.sensors:
         if mounted.sensor.reads_wheels:
             continue
@@ -186,13 +192,17 @@ def rotated_into(orientations: FloatArray, vectors: FloatArray) -> FloatArray:
 
 
 def moved_by(joint: Joint, positions: FloatArray) -> FloatArray:
-    """Return (N, 7) poses of the child link in the parent link for joint positions (N,) in rad or m."""
+    """Return (N, 7) motions of the child link's frame from position zero to joint positions (N,) in rad or m."""
     motion = np.zeros((len(positions), 7))
     if joint.type == "prismatic":
         motion[:, :3], motion[:, 6] = positions[:, None] * joint.axis_xyz, 1.0
-    else:
-        motion[:, 3:6], motion[:, 6] = np.sin(positions / 2)[:, None] * joint.axis_xyz, np.cos(positions / 2)
-    return composed(of_pose(joint.origin, len(positions)), motion)
+        return motion
+    motion[:, 3:6], motion[:, 6] = np.sin(positions / 2)[:, None] * joint.axis_xyz, np.cos(positions / 2)
+    if joint.anchor_xyz == ZERO:
+        return motion
+    to_anchor, back = Pose(joint.anchor_xyz), geometry.inverse(Pose(joint.anchor_xyz))
+    turned = composed(of_pose(to_anchor, len(positions)), motion)
+    return composed(turned, of_pose(back, len(positions)))
 
 
 def _pose(poses: FloatArray) -> Pose:

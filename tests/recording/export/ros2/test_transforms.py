@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -10,6 +11,7 @@ from sim_action.core import geometry
 from sim_action.core.geometry import Pose
 from sim_action.recording.export.recorded_run import RecordedRun
 from sim_action.robot.kinematics import link_poses
+from sim_action.robot.robot_model import Joint, Link, RobotModel
 from tests.recording.export.logs import read
 from tests.recording.export.runs import MOMENTS, TIME, appearing, run, sensing_run
 
@@ -74,3 +76,20 @@ def test_a_body_has_a_frame_once_it_has_appeared() -> None:
     assert all(BASE in frames for frames in told)
     assert not {"ball", "wall"} & {each.child_frame_id for each in log["/tf_static"][0].message.transforms}
     assert_near(placed(appearing(TIME[5]), 5, "ball"), Pose((1.0, TIME[5], 0.1)))
+
+
+def test_links_of_joints_in_series_with_anchors_have_one_frame_each() -> None:
+    made = run()
+    trace = replace(made.trace, joint_names=("swing", "bend"))
+    links = tuple(Link(name, 1.0) for name in (BASE, "hand", "tool"))
+    joints = (
+        Joint("swing", "revolute", BASE, "hand", Pose((0.1, 0, 0.2)), (0, 1, 0), anchor_xyz=(0.1, 0, -0.3)),
+        Joint("bend", "revolute", BASE, "hand", Pose((0.1, 0, 0.2)), (1, 0, 0), anchor_xyz=(0, 0.2, 0)),
+        Joint("weld", "fixed", "hand", "tool", Pose((0, 0, 0.3), geometry.quaternion_from_rpy(0, 1, 0)), (0, 0, 1)),
+    )
+    model = RobotModel("arm", "arm.urdf", links, joints, "")
+    arm = replace(made, scene=replace(made.scene, model=model), trace=trace)
+    poses = link_poses(model, dict(zip(trace.joint_names, trace.joint_position[7].tolist(), strict=True)))
+    base = Pose((TIME[7], 0.25, 0.0), geometry.quaternion_from_rpy(0.0, 0.0, 2 * TIME[7]))
+    for name in ("hand", "tool"):
+        assert_near(placed(arm, 7, name), geometry.compose(base, poses[name]))
