@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib.util import find_spec
@@ -71,6 +72,13 @@ _SMALL_TRAVEL: Final = {"travel": {"at_most": "2 cm"}}
 _BRAKES: Final = {"twist": [{"linear": 0}]}
 _LEGS: Final = ("FR", "FL", "RR", "RL")
 _STANCE: Final = {f"{leg}_upper_joint": 0.8 for leg in _LEGS} | {f"{leg}_lower_joint": -1.6 for leg in _LEGS}
+QUADRUPED_STANCE: Final = {
+    f"{end}_{side}_{name}": math.radians(angle)
+    for end in ("front", "rear")
+    for side in ("left", "right")
+    for name, angle in (("thigh", 40.0), ("knee", -90.0))
+}
+"""A pose of the built-in quadruped in which its feet are 0.3 mm in front of its hips."""
 # Wheels that nobody holds roll, and a robot of 44 kg is never quite level.
 _HUSKYS_WHEELS: Final = {side: [f"front_{side}_wheel", f"rear_{side}_wheel"] for side in ("left", "right")}
 
@@ -80,6 +88,7 @@ OUR_ROBOTS: Final = (
     KnownRobot("rover", "husky_a200"),
     KnownRobot("car", "f1tenth"),
     KnownRobot("arm", "ur5e_gripper"),
+    KnownRobot("quadruped", "quadruped", {"joints": QUADRUPED_STANCE}),
 )
 """The built-in robots."""
 

@@ -70,6 +70,39 @@ expect:                         # expectations (sim-action assertions lists what
 time_limit: 5 s                 # sim time at which the scenario fails if a goal is not met
 """
 
+_LEGS: Final = """\
+# yaml-language-server: $schema=scenario.schema.json
+# A simulation test of a robot with legs. Run it in the folder above this one: sim-action run simulation
+name: robot is pushed, keeps standing, and crouches
+
+robot:
+  model: quadruped              # a built-in model (sim-action models), or the path of your .urdf, relative to this file
+  joints: &standing             # where joints begin; all others begin at 0
+    {front_left_thigh: 40 deg, front_right_thigh: 40 deg, rear_left_thigh: 40 deg, rear_right_thigh: 40 deg,
+     front_left_knee: -90 deg, front_right_knee: -90 deg, rear_left_knee: -90 deg, rear_right_knee: -90 deg}
+
+world:                          # flat ground, and a force on the trunk
+  disturbances:
+    - {at: 0.5 s, for: 0.5 s, force: [0, 20 N, 0]}
+
+commands:                       # what moves the legs (sim-action commands lists more)
+  rate: 40 Hz
+  joints:
+    - {at: 2 s, position: *standing}
+    - at: 3 s
+      position:
+        {front_left_thigh: 50 deg, front_right_thigh: 50 deg, rear_left_thigh: 50 deg, rear_right_thigh: 50 deg,
+         front_left_knee: -116 deg, front_right_knee: -116 deg, rear_left_knee: -116 deg, rear_right_knee: -116 deg}
+  interpolation: minimum_jerk   # each motion starts and ends at rest
+
+expect:                         # expectations (sim-action assertions lists what they can be)
+  - final_pose: {x: 0, y: 0, z: 22.5 cm, tolerance: 1 cm}   # judged at the end
+  - upright: {max_tilt: 5 deg}  # an invariant: it must always hold; the run ends when it is broken
+  - stay_within: {x: [-5 cm, 5 cm], y: [-5 cm, 5 cm]}
+
+time_limit: 4 s                 # sim time at which the run ends
+"""
+
 # The tag that moves to the newest release of this major version.
 _MOVING_TAG: Final = f"v{__version__.partition('.')[0]}"
 
@@ -97,6 +130,8 @@ def _scenario(robot: str) -> tuple[str, str]:
         )
     if robot == "ur5e_gripper":
         return "move_to_pose", _ARM
+    if robot == "quadruped":
+        return "keep_standing", _LEGS
     # The comment stays where it is.
     return "drive_straight", _DRIVE.replace(f"{_ROBOT:23}", f"{robot:23}")
 

@@ -31,6 +31,7 @@ def test_models_are_those_that_can_be_named() -> None:
         "husky_a200",
         "f1tenth",
         "ur5e_gripper",
+        "quadruped",
     ]
 
 

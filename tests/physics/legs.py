@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from bench.robots import ROBOTS
+from bench.robots import QUADRUPED_STANCE, ROBOTS
 from tests.physics.case import Case, Run, Setup
 from tests.physics.measures import GRAVITY, Measure, final_speed, highest_tilt, rebound, travelled
 from tests.physics.robots import FEET, STANCE, quadruped
@@ -40,6 +40,8 @@ ROBOTS_ON_LEGS: Final = (
     # Hips are sqrt(2) 0.2 m above feet of 2 cm.
     _Legged("quadruped 10 kg", quadruped(), {"joints": STANCE}, FEET, 0.20 * 2**0.5 + 0.02 + 0.05),
     _Legged("quadruped 40 kg", quadruped(40.0), {"joints": STANCE}, FEET, 0.20 * 2**0.5 + 0.02 + 0.05),
+    # Hips are 0.209 cos(40 deg) + 0.175 cos(50 deg) m above feet of 2 cm.
+    _Legged("built-in quadruped", "quadruped", {"joints": QUADRUPED_STANCE}, FEET, 0.1601 + 0.1125 + 0.02 + 0.05),
     _Legged("a1", _KNOWN["a1"].path, _KNOWN["a1"].keys, [f"{leg}_toe" for leg in _LEGS], 0.0, bundled=True),
     _Legged(
         "laikago",

@@ -94,6 +94,7 @@ def test_drives_of_the_built_in_robots_are_recognised() -> None:
         "husky_a200": "skid",
         "f1tenth": "ackermann",
         "ur5e_gripper": None,
+        "quadruped": None,
     }
 
 
@@ -162,3 +163,38 @@ def test_the_grippers_fingers_meet_in_the_middle_of_the_flange() -> None:
             away = np.subtract(poses[f"{side}_finger"].position_xyz, flange.position_xyz)
             x, y, _ = rotate(conjugate(flange.orientation_xyzw), (float(away[0]), float(away[1]), float(away[2])))
             assert (x, y) == pytest.approx((sign * width / 2, 0.0), abs=1e-9)
+
+
+def test_the_quadruped_has_the_published_mass_lengths_and_motors() -> None:
+    model = model_of("quadruped")
+    assert model.mass == pytest.approx(9.0)
+    moving = list(model.moving_joints)
+    assert len(moving) == 12
+    for joint in moving:
+        ratio = 9.33 / 6 if joint.name.endswith("_knee") else 1.0
+        assert joint.max_effort == pytest.approx(17 * ratio, rel=0.02)
+        assert joint.max_velocity == pytest.approx(40 / ratio, rel=0.02)
+    stretched = link_poses(model, model.positions({}))
+    for foot, (x, y) in {
+        f"{end}_{side}_foot": (ahead, left)
+        for end, ahead in (("front", 0.19), ("rear", -0.19))
+        for side, left in (("left", 0.111), ("right", -0.111))
+    }.items():
+        assert stretched[foot].position_xyz == pytest.approx((x, y, -0.209 - 0.175))
+    # A positive thigh moves the knee backwards, and a negative knee brings the foot below the hip again.
+    bent = link_poses(model, model.positions({"front_left_thigh": math.radians(40), "front_left_knee": -math.pi / 2}))
+    assert bent["front_left_shank"].position_xyz[0] == pytest.approx(0.19 - 0.209 * math.sin(math.radians(40)))
+    assert bent["front_left_foot"].position_xyz == pytest.approx((0.19, 0.111, -0.2726), abs=5e-4)
+    # A positive hip turns the leg to the left.
+    aside = link_poses(model, model.positions({"front_left_hip": 0.3}))
+    assert aside["front_left_foot"].position_xyz[1] > 0.2
+
+
+def test_the_trunk_of_the_quadruped_has_the_published_inertia() -> None:
+    trunk = ET.fromstring(model_of("quadruped").urdf).find("link[@name='trunk']/inertial")
+    assert trunk is not None
+    tensor, mass = trunk.find("inertia"), trunk.find("mass")
+    assert tensor is not None
+    assert mass is not None
+    per_kg = [float(tensor.attrib[key]) / float(mass.attrib["value"]) for key in ("ixx", "iyy", "izz")]
+    assert per_kg == pytest.approx([moment / 3.3 for moment in (0.011253, 0.036203, 0.042673)], rel=0.02)

@@ -14,6 +14,7 @@ BUILT_IN: Final = MappingProxyType(
         "husky_a200": "four-wheeled rover, 50 kg, skid steer: wheel radius 0.1651 m, separation 0.555 m, at most 1 m/s",
         "f1tenth": "car of scale 1:10, 3.74 kg, Ackermann steering: wheelbase 0.33 m, turning radius 0.87 m",
         "ur5e_gripper": "six-axis arm with a parallel gripper, 21.5 kg, fixed to the world: reach 0.85 m, stroke 85 mm",
+        "quadruped": "robot on four legs, 9 kg, 12 motors: hips 0.38 m apart, legs of 0.209 and 0.175 m",
     }
 )
 """Name of each model that comes with sim-action -> its description."""

@@ -1,0 +1,65 @@
+"""The built-in quadruped on real engines: its example, and the force that tips it over against its formula."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bench.robots import QUADRUPED_STANCE
+from sim_action.engines import installed
+from sim_action.scenario.loading import build_scene
+from sim_action.simulation.loop import SimulationRun, simulate
+from tests.scenarios import load
+
+EXAMPLE = (Path(__file__).parents[2] / "examples/quadruped/push.sim.yml").read_text(encoding="utf-8")
+STANCE = ", ".join(f"{name}: {angle}" for name, angle in QUADRUPED_STANCE.items())
+# N: a force on the trunk, at the height of the hips, turns the robot about its left or right feet.
+TIPPING = (
+    9.0 * 9.80665 * (0.049 + 0.062) / (0.209 * math.cos(math.radians(40)) + 0.175 * math.cos(math.radians(50)) + 0.02)
+)
+
+
+def run(folder: Path, engine: str, text: str) -> SimulationRun:
+    loaded = load(folder, f"{text}backend: {engine}\n")
+    assert loaded.warnings == ()
+    return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+
+
+@pytest.mark.parametrize("engine", installed())
+def test_the_example_passes_clearly_and_always_with_the_same_digest(engine: str, tmp_path: Path) -> None:
+    first, again = (run(tmp_path, engine, EXAMPLE) for _ in range(2))
+    assert first.digest == again.digest
+    assert [verdict.status for verdict in first.verdicts] == ["passed"] * len(first.verdicts)
+    tilt, inside, *_ = first.verdicts
+    assert tilt.margin is not None
+    assert inside.margin is not None
+    assert tilt.margin > math.radians(4)
+    assert inside.margin > 0.005
+
+
+@pytest.mark.parametrize("engine", installed())
+def test_the_example_fails_if_the_push_is_doubled(engine: str, tmp_path: Path) -> None:
+    doubled = EXAMPLE.replace("force: [0, 20 N, 0]", "force: [0, 40 N, 0]")
+    assert doubled != EXAMPLE
+    assert "failed" in [verdict.status for verdict in run(tmp_path, engine, doubled).verdicts]
+
+
+def pushed(folder: Path, engine: str, force: float) -> float:
+    """Return the largest tilt in deg under a force that lasts for 1.4 s."""
+    text = (
+        f"name: pushed\nrobot: {{model: quadruped, joints: {{{STANCE}}}}}\n"
+        f"world: {{disturbances: [{{at: 0.1 s, for: 1.4 s, force: [0, {force}, 0]}}]}}\n"
+        "expect: [upright: {max_tilt: 100 deg}]\ntime_limit: 1.5 s\ntrace: {rate: 60 Hz}\n"
+    )
+    x, y = run(folder, engine, text).trace.base_orientation_xyzw[:, :2].T
+    return float(np.degrees(np.arccos(1 - 2 * (x * x + y * y))).max())
+
+
+@pytest.mark.parametrize("engine", installed())
+def test_it_tips_over_at_the_force_of_its_weight_and_its_feet(engine: str, tmp_path: Path) -> None:
+    assert 1.5 * 20 < TIPPING < 0.9 * 40
+    assert pushed(tmp_path, engine, 0.85 * TIPPING) < 3
+    assert pushed(tmp_path, engine, 1.1 * TIPPING) > 45
