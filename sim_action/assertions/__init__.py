@@ -167,6 +167,8 @@ ASSERTIONS: Final = Table[type[Assertion]](
         "max_speed": "sim_action.assertions.max_speed:MaxSpeed",
         "stay_within": "sim_action.assertions.stay_within:StayWithin",
         "clearance": "sim_action.assertions.clearance:Clearance",
+        "feet_on_ground": "sim_action.assertions.legs:FeetOnGround",
+        "support_margin": "sim_action.assertions.legs:SupportMargin",
         "follow_path": "sim_action.assertions.follow_path:FollowPath",
         "matches": "sim_action.assertions.matches:Matches",
         "odometry_error": "sim_action.assertions.odometry_error:OdometryError",

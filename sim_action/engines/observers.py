@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from sim_action.core.geometry import Vector3
 from sim_action.core.units import first_step
+from sim_action.robot.joint_selection import matches_name
 from sim_action.state.observation import Contact, PresentContacts
 from sim_action.state.trace_channels import Channels
 from sim_action.state.trace_records import BodyRecord, ContactRecord, LinkTouch, frame_stride
@@ -131,7 +132,9 @@ class Recorders:
         rate = scene.physics.rate
         self._bodies = BodyRecorder(channels.bodies, scene, reader, frame_stride(rate))
         self._objects = BodyRecorder(channels.objects, scene, reader, 1)
-        self._contacts = ContactRecorder(channels.link_contacts, rate, contacts)
+        names = channels.link_contacts
+        links = [link.name for link in scene.model.links if any(matches_name(name, link.name) for name in names)]
+        self._contacts = ContactRecorder(links, rate, contacts)
 
     @property
     def watchers(self) -> list[Callable[[int], None]]:

@@ -286,3 +286,18 @@ def _rows(columns: Any) -> FloatArray:
     import numpy as np
 
     return np.column_stack(columns)
+
+
+def centre_of_mass(model: RobotModel, trace: Trace) -> FloatArray:
+    """Return the positions (T, 3) in m of the robot's centre of mass at the moments of a trace, world frame.
+
+    It is that of the links with a mass; the robot must have at least one.
+    """
+    import numpy as np
+
+    moments = np.zeros((len(trace), 3))
+    for link in (link for link in model.links if link.mass):
+        motion = link_motion(model, trace, link.name)
+        offset = geometry.rotate(_columns(motion.orientation_xyzw), link.centre_of_mass_xyz)
+        moments += (link.mass or 0.0) * (motion.position_xyz + _rows(offset))
+    return moments / model.mass

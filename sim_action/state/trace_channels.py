@@ -40,7 +40,7 @@ class Channels:
         sensors: the names of sensors that monitors need in `Trace.sensors`.
         bodies: the names of bodies that are needed in `Trace.bodies`, 30 poses per second.
         objects: the names of bodies that are needed in `Trace.objects`, a pose at every step.
-        link_contacts: the names of links whose contacts are needed in `Trace.link_contacts`.
+        link_contacts: the names or patterns of links whose contacts are needed in `Trace.link_contacts`.
         openings: sim times in s at which an observation begins, and the minimum of a clearance is reset.
         self_contacts: True if `Trace.self_contacts` is needed.
     """

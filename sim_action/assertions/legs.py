@@ -1,0 +1,333 @@
+"""`feet_on_ground: {links: ['*_foot'], at_least: 3}` and `support_margin`: how a robot stands on its legs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
+
+from pydantic import Field, model_validator
+
+from sim_action.assertions import Assertion
+from sim_action.assertions.monitors import Monitor, State, Truth
+from sim_action.assertions.monitors.bounds import check_order
+from sim_action.assertions.monitors.footing import Footing, named, support_margins
+from sim_action.assertions.monitors.goals import Invariant, joined
+from sim_action.assertions.monitors.window import counted
+from sim_action.core import units
+from sim_action.core.field_types import Metres
+from sim_action.core.wording import FirstFew, did_you_mean
+from sim_action.core.yaml_errors import SpecProblems
+from sim_action.robot.joint_selection import matches_name
+from sim_action.robot.robot_model import RobotModel
+from sim_action.state.trace_channels import Channels
+from sim_action.state.verdict import Judged, Signal, Verdict
+from sim_action.world.ground import GROUND
+from sim_action.world.scene import Scene
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from sim_action.state.observation import Observation
+    from sim_action.state.trace import FloatArray, Trace
+
+_SETTLE: Final = "; without physics.settle the robot is still in the air at t = 0: set 'after'"
+
+
+def links_with_shapes(model: RobotModel) -> list[str]:
+    """Return the links that can touch something. Only the engine knows the shapes of an MJCF model."""
+    return [link.name for link in model.links if link.collisions or model.mjcf]
+
+
+def links_named(model: RobotModel, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the links with collision shapes that match a name or a pattern, in the order of the model."""
+    return tuple(link for link in links_with_shapes(model) if any(matches_name(name, link) for name in names))
+
+
+def link_name_problems(model: RobotModel, key: str, names: tuple[str, ...]) -> SpecProblems:
+    """Yield the names and patterns of `key` that no link with a collision shape matches."""
+    hinted = FirstFew()
+    for index, name in enumerate(names):
+        if not links_named(model, (name,)):
+            hint = did_you_mean(name, links_with_shapes(model)) if hinted.one_more() else ""
+            yield (key, index), f"the robot has no link '{name}' with a collision shape{hint}"
+
+
+class Feet(Assertion):
+    """The base class of assertions on feet."""
+
+    links: Annotated[
+        tuple[str, ...], Field(min_length=1, description="the feet: links of the robot, or patterns such as '*_foot'")
+    ]
+    on: Annotated[
+        tuple[str, ...] | None,
+        Field(min_length=1, description="what feet may stand on; default: the ground and every object without a mass"),
+    ] = None
+
+    @property
+    def has_truth(self) -> bool:
+        """See Assertion.has_truth."""
+        return True
+
+    @property
+    def channels(self) -> Channels:
+        """See Assertion.channels."""
+        return Channels(link_contacts=frozenset(self.links))
+
+    def problems(self, scene: Scene) -> SpecProblems:
+        """Yield unknown links and bodies, a fixed base, and a world without gravity."""
+        yield from link_name_problems(scene.model, "links", self.links)
+        known, hinted = [GROUND, *(body.name for body in scene.world.objects)], FirstFew()
+        for index, name in enumerate(self.on or ()):
+            if name not in known:
+                hint = did_you_mean(name, known) if hinted.one_more() else ""
+                yield ("on", index), f"the world has no body '{name}'{hint}"
+        if scene.bolted:
+            yield (), "the base of the robot is fixed, so it does not stand on its feet; remove 'base: fixed'"
+        if not scene.world.weight:
+            yield (), "the world has no gravity, so nothing stands on the ground; change world.gravity"
+
+    def footing(self, scene: Scene) -> Footing:
+        """Return the contacts that carry the robot."""
+        solid = (GROUND, *(body.name for body in scene.world.objects if body.mass is None))
+        x, y, z = scene.world.gravity_xyz
+        weight = scene.world.weight or 1.0
+        up = (-x / weight, -y / weight, -z / weight)
+        return Footing(links_named(scene.model, self.links), frozenset(solid if self.on is None else self.on), up)
+
+
+class FeetOnGround(Feet):
+    """The number of feet on the ground is never less than `at_least`, and never more than `at_most`.
+
+    Without both, all feet must be on the ground. A foot is on the ground while it touches the ground, or an object that
+    `on` names, where the surface is not steeper than 60 deg: a foot that touches a wall is not on the ground. For a
+    robot that must jump, see `not`: `not: {feet_on_ground: {links: ['*_foot'], at_least: 1}}`.
+    """
+
+    key: ClassVar[str] = "feet_on_ground"
+
+    at_least: Annotated[int | None, Field(ge=1, description="an invariant: number of feet; default: all")] = None
+    at_most: Annotated[
+        int | None, Field(ge=0, description="an invariant: number of feet; 0: the robot is in the air")
+    ] = None
+
+    @model_validator(mode="after")
+    def _can_be(self) -> Self:
+        check_order(self.at_least, self.at_most, "")
+        return self
+
+    @property
+    def title(self) -> str:
+        """See Assertion.title."""
+        named = (("at least", self.at_least), ("at most", self.at_most))
+        bounds = ", ".join(f"{name} {value}" for name, value in named if value is not None)
+        return f"feet_on_ground {bounds or 'all'} of {', '.join(self.links)}"
+
+    def problems(self, scene: Scene) -> SpecProblems:
+        """Yield the problems of feet, and numbers that cannot be reached or exceeded."""
+        yield from super().problems(scene)
+        feet = len(links_named(scene.model, self.links))
+        if feet and self.at_least is not None and self.at_least > feet:
+            yield ("at_least",), f"'links' matches only {feet} of the robot's links; lower it, or add links"
+        if feet and self.at_most is not None and self.at_most >= feet:
+            yield ("at_most",), f"'links' matches only {feet} of the robot's links, so it cannot be exceeded; lower it"
+
+    def monitor(self, scene: Scene, start: Observation) -> Monitor:
+        """See Assertion.monitor."""
+        footing = self.footing(scene)
+        least = self.at_least or (len(footing.feet) if self.at_most is None else None)
+        return FeetMonitor(footing, least, self.at_most, _SETTLE if not scene.physics.settle else "")
+
+
+@dataclass(frozen=True, slots=True)
+class FeetMonitor:
+    """The fold of the number of feet on the ground.
+
+    Attributes:
+        at_least, at_most: the limits; None: no limit.
+        hint: added to the message of a failure at t = 0.
+        fewest, most: the folds of the margins.
+        aloft: the feet in the air at the step of `fewest`.
+        steps: the steps at which contacts are known.
+    """
+
+    is_momentary: ClassVar[bool] = True
+
+    footing: Footing
+    at_least: int | None
+    at_most: int | None
+    hint: str = ""
+    fewest: Invariant = Invariant()
+    most: Invariant = Invariant()
+    aloft: tuple[str, ...] = ()
+    steps: Judged = Judged()
+
+    @property
+    def state(self) -> State:
+        """See Monitor.state."""
+        return joined(self.fewest.state, self.most.state)
+
+    def observe(self, trace: Trace) -> Self:
+        """See Monitor.observe."""
+        if not len(trace) or not self.footing.is_known(trace):
+            return self
+        standing = self.footing.standing(trace)
+        count = standing.sum(axis=0).astype(float)
+        fewest, most, aloft = self.fewest, self.most, self.aloft
+        if self.at_least is not None:
+            fewest = fewest.observe(trace.time, count - self.at_least)
+        if self.at_most is not None:
+            most = most.observe(trace.time, self.at_most - count)
+        if fewest is not self.fewest:
+            there = standing[:, int((trace.time == fewest.time).argmax())]
+            aloft = tuple(foot for foot, on in zip(self.footing.feet, there, strict=True) if not on)
+        return replace(self, fewest=fewest, most=most, aloft=aloft, steps=counted(self.steps, trace))
+
+    def truth(self, trace: Trace) -> Truth:
+        """See ConditionMonitor.truth."""
+        count = self._count(trace)
+        holds = count >= (self.at_least or 0)
+        return Truth(trace.time, holds if self.at_most is None else holds & (count <= self.at_most))
+
+    def signals(self, trace: Trace) -> tuple[Signal, ...]:
+        """See PlottableMonitor.signals. Returns the number of feet on the ground."""
+        count = self._count(trace).astype(float)
+        lower, upper = (None if limit is None else float(limit) for limit in (self.at_least, self.at_most))
+        return (Signal("feet on the ground", "", trace.time, count, lower, upper),)
+
+    def _count(self, trace: Trace) -> NDArray[np.intp]:
+        import numpy as np
+
+        if not self.footing.is_known(trace):
+            return np.zeros(len(trace), dtype=np.intp)
+        return np.asarray(self.footing.standing(trace).sum(axis=0))
+
+    def verdict(self) -> Verdict:
+        """Return the verdict on the limit that broke first, else on the limit with the smallest margin."""
+        folds = [(self.fewest, self.at_least, 1, "at least"), (self.most, self.at_most, -1, "at most")]
+        given = [(fold, limit, sign, word) for fold, limit, sign, word in folds if limit is not None]
+        broken = [one for one in given if one[0].state is State.BROKEN]
+        fold, limit, sign, word = (
+            min(broken, key=lambda one: one[0].time or 0.0)
+            if broken
+            else min(given, key=lambda one: one[0].margin or 0.0)
+        )
+        if fold.margin is None or fold.time is None:
+            message = "no physics step to measure"
+            return Verdict(not broken, None, float(limit), None, "", None, message, judged=self.steps)
+        count = limit + sign * fold.margin
+        message = (
+            f"{count:g} of {len(self.footing.feet)} feet on the ground at {fold.time:.2f} s, {word} {limit} wanted"
+        )
+        if fold is self.fewest and self.aloft:
+            message += f"; in the air: {named(self.aloft)}"
+        if broken and fold.time <= 0:
+            message += self.hint
+        return Verdict(not broken, float(count), float(limit), fold.margin, "", fold.time, message, judged=self.steps)
+
+
+class SupportMargin(Feet):
+    """The robot's centre of mass stays above the support polygon of its feet, by `at_least` or more from the edge.
+
+    The support polygon is the convex hull of all contact points of feet on the ground, see `feet_on_ground`, as seen
+    along gravity, on slopes and steps too. The margin is the distance to its nearest edge, negative outside. On two
+    point feet it is at most 0, and without a foot on the ground no limit holds. This is static stability: it says
+    little about a robot that runs or trots. The masses are those of the model; a load that the robot carries does not count.
+    """
+
+    key: ClassVar[str] = "support_margin"
+
+    at_least: Annotated[Metres, Field(description="an invariant: distance of the centre of mass to the edge")] = 0.0
+
+    @property
+    def title(self) -> str:
+        """See Assertion.title."""
+        return f"support_margin at least {units.display(self.at_least, 'm')} on {', '.join(self.links)}"
+
+    def problems(self, scene: Scene) -> SpecProblems:
+        """Yield the problems of feet, and a robot without a mass."""
+        yield from super().problems(scene)
+        if not scene.model.mass:
+            yield (), "no link of the robot states a mass, so it has no centre of mass; add <inertial>"
+
+    def monitor(self, scene: Scene, start: Observation) -> Monitor:
+        """See Assertion.monitor."""
+        hint = _SETTLE if not scene.physics.settle else ""
+        return SupportMonitor(self.footing(scene), scene.model, self.at_least, hint)
+
+
+@dataclass(frozen=True, slots=True)
+class SupportMonitor:
+    """The fold of the distance of the centre of mass to the edge of the support polygon.
+
+    Attributes:
+        hint: added to the message of a failure at t = 0.
+        standing: the feet on the ground at the step of the fold.
+        steps: the steps at which contacts are known.
+    """
+
+    is_momentary: ClassVar[bool] = True
+
+    footing: Footing
+    model: RobotModel
+    at_least: float
+    hint: str = ""
+    fold: Invariant = Invariant()
+    standing: tuple[str, ...] = ()
+    steps: Judged = Judged()
+
+    @property
+    def state(self) -> State:
+        """See Monitor.state."""
+        return self.fold.state
+
+    def observe(self, trace: Trace) -> Self:
+        """See Monitor.observe."""
+        if not len(trace) or not self.footing.is_known(trace):
+            return self
+        fold, standing = self.fold.observe(trace.time, self._margins(trace) - self.at_least), self.standing
+        if fold is not self.fold:
+            there = self.footing.standing(trace)[:, int((trace.time == fold.time).argmax())]
+            standing = tuple(foot for foot, on in zip(self.footing.feet, there, strict=True) if on)
+        return replace(self, fold=fold, standing=standing, steps=counted(self.steps, trace))
+
+    def truth(self, trace: Trace) -> Truth:
+        """See ConditionMonitor.truth."""
+        return Truth(trace.time, self._margins(trace) >= self.at_least)
+
+    def signals(self, trace: Trace) -> tuple[Signal, ...]:
+        """See PlottableMonitor.signals. Returns the margin where a foot is on the ground."""
+        import numpy as np
+
+        margins = self._margins(trace)
+        shown = np.where(np.isfinite(margins), margins, np.nan)
+        return (Signal("support margin", "m", trace.time, shown, lower=self.at_least),)
+
+    def _margins(self, trace: Trace) -> FloatArray:
+        import numpy as np
+
+        from sim_action.robot.link_motion import centre_of_mass
+
+        if not self.footing.is_known(trace):
+            return np.full(len(trace), -np.inf)
+        moment, points = self.footing.points(trace)
+        centre = self.footing.level(centre_of_mass(self.model, trace))
+        return support_margins(centre, moment, self.footing.level(points))
+
+    def verdict(self) -> Verdict:
+        """See Monitor.verdict. Without a foot on the ground there is no measured value."""
+        fold, limit, passed = self.fold, self.at_least, self.fold.state is State.HOLDS
+        if fold.margin is None or fold.time is None:
+            return Verdict(passed, None, limit, None, "m", None, "no physics step to measure", judged=self.steps)
+        hint = self.hint if not passed and fold.time <= 0 else ""
+        if not self.standing:
+            message = f"no foot was on the ground at {fold.time:.2f} s{hint}"
+            return Verdict(False, None, limit, None, "m", fold.time, message, judged=self.steps)
+        margin, least = units.display_apart(limit + fold.margin, limit, "m")
+        feet = f"on {named(self.standing)} at {fold.time:.2f} s"
+        message = (
+            f"margin at least {margin}, limit {least}, {feet}"
+            if passed
+            else f"margin {margin} {feet}, less than {least}{hint}"
+        )
+        return Verdict(passed, limit + fold.margin, limit, fold.margin, "m", fold.time, message, judged=self.steps)
