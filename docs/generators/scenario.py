@@ -61,7 +61,10 @@ ASSERTION_PAGES: Final = {
         *("travel", "path_length", "reach", "settled", "final_pose"),
         *("follow_path", "max_speed", "stay_within", "upright"),
     ),
-    "assertions-contact.md": ("no_collision", "contact", "stops_before", "clearance"),
+    "assertions-contact.md": (
+        *("no_collision", "contact", "stops_before", "clearance"),
+        *("feet_on_ground", "support_margin"),
+    ),
     "assertions-joints.md": ("joint", "joint_within", "effort", "energy", "sensor", "odometry_error"),
     "assertions-logic.md": ("any_of", "all_of", "at_once", "not", "stl", "matches", "assertion"),
 }
@@ -79,6 +82,8 @@ ASSERTION_KINDS: Final = {
     "max_speed": "invariant",
     "stay_within": "invariant",
     "clearance": "`at_least`: invariant; `at_most`: goal",
+    "feet_on_ground": "invariant",
+    "support_margin": "invariant",
     "follow_path": "`max_error`: invariant; `end`: goal; `rms`: judged at the end",
     "matches": "invariant that does not end the run",
     "odometry_error": "invariant",

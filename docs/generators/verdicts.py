@@ -83,6 +83,15 @@ VERDICTS: Final = {
         "A link with a collision shape and a body of `to` were never there together, for example because the body "
         "appeared later. Or the run ended before `after`.",
     ),
+    "feet_on_ground": Verdicts(
+        "At every step, at least `at_least` and at most `at_most` of the feet were on the ground. If no foot ever was, "
+        "the [audit of claims](claims.md) adds a warning to an `at_most` above 0.",
+        "At a step, fewer or more feet were on the ground.",
+    ),
+    "support_margin": Verdicts(
+        "At every step, the centre of mass was at least `at_least` inside the support polygon.",
+        "At a step, the centre of mass was nearer to the edge or outside, or no foot was on the ground.",
+    ),
     "joint": Verdicts(
         "The reading reached `at_least`, or came `near` after it was elsewhere, and exceeded `at_most` at no step.",
         "The reading never got there, was there only at t = 0, or exceeded `at_most` at a step.",

@@ -232,7 +232,8 @@ class SupportMargin(Feet):
     The support polygon is the convex hull of all contact points of feet on the ground, see `feet_on_ground`, as seen
     along gravity, on slopes and steps too. The margin is the distance to its nearest edge, negative outside. On two
     point feet it is at most 0, and without a foot on the ground no limit holds. This is static stability: it says
-    little about a robot that runs or trots. The masses are those of the model; a load that the robot carries does not count.
+    little about a robot that runs or trots. The masses are those of the model; a load that the robot carries does not
+    count.
     """
 
     key: ClassVar[str] = "support_margin"

@@ -94,7 +94,8 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         "nothing-in-range": Rule("warning", "an invariant of `sensor` whose ranges or depths were all infinite"),
         "never-touched": Rule(
             "warning",
-            "an upper limit of `contact` on a body that the robot did not touch, in any variation",
+            "an upper limit of `contact` on a body that the robot did not touch, or of `feet_on_ground` without a foot "
+            "on the ground, in any variation",
             over_variations=True,
         ),
         "silent-controller": Rule(

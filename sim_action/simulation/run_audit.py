@@ -32,6 +32,7 @@ _JUDGED_BY_NATURE: Final = frozenset({"stl", "final_pose", "assertion"})
 # s: a robot may not have moved yet when a shorter run ends.
 _SHORT_S: Final = 0.5
 _DISTANCES: Final = frozenset({"ranges", "depth"})
+_LIMITS_OF_CONTACT: Final = frozenset({"contact", "feet_on_ground"})
 _OF_SENSORS: Final = frozenset({"sensor", "odometry_error"})
 
 
@@ -162,8 +163,15 @@ def _nothing_in_range(assertion: Assertion, index: int, verdict: Verdict) -> Ite
 
 
 def _never_touched(assertion: Assertion, index: int, verdict: Verdict) -> Iterator[ClaimFinding]:
-    """Yield an upper limit of a contact force that held because there was no contact."""
-    if assertion.key != "contact" or not verdict.passed or verdict.measured != 0:
+    """Yield an upper limit of a contact force, or of feet on the ground, that held because there was no contact."""
+    if assertion.key not in _LIMITS_OF_CONTACT or not verdict.passed or verdict.measured != 0:
+        return
+    if assertion.key == "feet_on_ground":
+        if getattr(assertion, "at_most", 0):
+            told = (
+                "no foot was ever on the ground, so the limit was compared with 0 only; use at_most: 0 if it must be so"
+            )
+            yield ClaimFinding("never-touched", ("expect", index, assertion.key), told)
         return
     from sim_action.assertions.contact import Touch
 

@@ -19,6 +19,7 @@ from sim_action.assertions.energy import Energy
 from sim_action.assertions.final_pose import FinalPose
 from sim_action.assertions.follow_path import FollowPath, PathEnd, PathPoint
 from sim_action.assertions.joint import JointReading, JointWithin
+from sim_action.assertions.legs import FeetOnGround, SupportMargin
 from sim_action.assertions.max_speed import MaxSpeed
 from sim_action.assertions.monitors import State
 from sim_action.assertions.no_collision import NoCollision
@@ -30,10 +31,11 @@ from sim_action.assertions.stay_within import StayWithin
 from sim_action.assertions.stops_before import StopsBefore
 from sim_action.assertions.temporal_logic.stl_assertion import Stl
 from sim_action.assertions.upright import Upright
-from sim_action.state.trace_records import ClearanceRecord, Nearness, SensorRecord
+from sim_action.state.trace_records import ClearanceRecord, ContactRecord, LinkTouch, Nearness, SensorRecord
 from sim_action.state.verdict import Judged
 from tests.traces import WHEELS, monitor, scene, trace
 
+WHEELED = ("wheel_left_link", "wheel_right_link", "caster_back_link")
 PATH = (PathPoint(x=0, y=0), PathPoint(x=3, y=0))
 
 GOALS: list[Assertion] = [
@@ -75,6 +77,8 @@ INVARIANTS: list[Assertion] = [
     Effort(at_most=1.0),
     Effort(rms_at_most=1.0),
     Energy(at_most=1.0),
+    FeetOnGround(links=WHEELED, at_most=1),
+    SupportMargin(links=WHEELED),
 ]
 
 
@@ -94,7 +98,7 @@ def test_a_goal_is_pending_at_first_and_fails_if_nothing_comes(spec: Assertion) 
 def test_an_invariant_holds_at_first(spec: Assertion) -> None:
     assert monitor(spec).state is State.HOLDS
     verdict = monitor(spec).observe(trace([0.1])).verdict()
-    reads_more = isinstance(spec, Clearance | SensorReading | OdometryError)
+    reads_more = isinstance(spec, Clearance | SensorReading | OdometryError | FeetOnGround | SupportMargin)
     assert verdict.counted(Judged(1, 0.1, 0.1)).status == ("not_exercised" if reads_more else "passed")
 
 
@@ -120,7 +124,10 @@ def test_every_verdict_is_of_plain_python_types(spec: Assertion) -> None:
             "odometry", np.array([0.1]), {"position_xyz": np.ones((1, 3)), "orientation_xyzw": np.eye(4)[3:]}
         ),
     }
-    told = replace(seen, clearances=dict.fromkeys(spec.channels.clearances, near), sensors=sensors)
+    up = LinkTouch("", "ground", (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 1.0)
+    feet = dict.fromkeys(WHEELED, ContactRecord.of([(0.1, up), (0.2, up)]))
+    near_by = dict.fromkeys(spec.channels.clearances, near)
+    told = replace(seen, clearances=near_by, sensors=sensors, link_contacts=feet)
     verdict = monitor(spec).observe(told).verdict()
     assert type(verdict.passed) is bool
     assert {type(value) for value in (verdict.measured, verdict.limit, verdict.margin, verdict.time)} <= {float}

@@ -24,6 +24,7 @@ from sim_action.assertions.energy import Energy
 from sim_action.assertions.final_pose import FinalPose
 from sim_action.assertions.follow_path import FollowPath, PathEnd, PathPoint
 from sim_action.assertions.joint import JointReading, JointWithin
+from sim_action.assertions.legs import FeetOnGround, SupportMargin
 from sim_action.assertions.max_speed import MaxSpeed
 from sim_action.assertions.monitors import Monitor, State, is_decided
 from sim_action.assertions.monitors.window import Window
@@ -39,7 +40,7 @@ from sim_action.assertions.upright import Upright
 from sim_action.state.observation import Contact, JointState
 from sim_action.state.trace import FloatArray, Trace
 from sim_action.state.trace_channels import Channels, ClearanceWatch
-from sim_action.state.trace_records import BodyRecord, ClearanceRecord, Nearness, SensorRecord
+from sim_action.state.trace_records import BodyRecord, ClearanceRecord, ContactRecord, LinkTouch, Nearness, SensorRecord
 from tests.soak import examples
 from tests.traces import START, WHEELS, contact, monitor, piece, scene
 
@@ -47,6 +48,8 @@ STEPS = 60
 RATE = 240
 
 EIGHT = tuple(PathPoint(x=x, y=y) for x, y in [(0, 0), (0.3, 0.3), (0.6, 0), (0.3, -0.3), (0, 0.1)])
+
+FEET = ("wheel_left_link", "wheel_right_link", "caster_back_link")
 
 READING = SensorReading(name="scan", reading="ranges", which="mean", at_most=0.5, once=True)
 
@@ -101,6 +104,9 @@ SPECS: list[Assertion] = [
     Energy(at_most=0.05),
     Energy(at_most=0.05, braking="costs", joints=(WHEELS[1],)),
     Energy(at_most=0.01, braking="regained"),
+    FeetOnGround(links=("wheel_*", "caster_back_link"), at_least=2),
+    FeetOnGround(links=("wheel_*",), at_most=1, on=("ground", "wall")),
+    SupportMargin(links=FEET, at_least=-0.2),
     Stl(formula="always (speed < 2 implies eventually[0 s, 50 ms] (travel > 30 cm))"),
     Stl(formula="(tilt < 1 until[20 ms, 100 ms] x > 0.2) or always (eventually (y > 0.4))"),
     Stl(formula="always (base_scan.z > 0.1 implies eventually[0 s, 50 ms] (distance(base_scan, ball) > 20 cm))"),
@@ -163,7 +169,20 @@ def random_trace(seed: int, steps: int = STEPS) -> Trace:
     sensors = {"scan": random_scans(rng, time - 1 / RATE), "odometry": random_odometry(rng, time - 1 / RATE)}
     clearances = {watch: random_clearances(rng, watch, time) for watch in WATCHES}
     objects = {name: random_poses(rng, time) for name in ("wall", "ball")}
-    return replace(seen, clearances=clearances, sensors=sensors, objects=objects)
+    feet = {foot: random_steps(rng, foot, time) for foot in FEET}
+    return replace(seen, clearances=clearances, sensors=sensors, objects=objects, link_contacts=feet)
+
+
+def random_steps(rng: np.random.Generator, foot: str, time: FloatArray) -> ContactRecord:
+    """On the ground most of the time, and at a wall or on the ball now and then."""
+    ground = [(float(at), "ground", (0.0, 0.0, 1.0)) for at in time if rng.random() < rng.choice([0.9, 1.0])]
+    others = [(float(at), str(rng.choice(["wall", "ball"])), (1.0, 0.0, 0.0)) for at in time[::7]]
+    return ContactRecord.of(
+        [
+            (at, LinkTouch(foot, body, tuple(rng.normal(size=3).tolist()), normal, float(rng.uniform(1.0, 9.0))))
+            for at, body, normal in sorted([*ground, *others])
+        ]
+    )
 
 
 def random_poses(rng: np.random.Generator, time: FloatArray) -> BodyRecord:

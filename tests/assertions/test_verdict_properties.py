@@ -28,6 +28,7 @@ from sim_action.assertions.energy import Energy
 from sim_action.assertions.final_pose import FinalPose
 from sim_action.assertions.follow_path import FollowPath, PathEnd
 from sim_action.assertions.joint import JointReading, JointWithin
+from sim_action.assertions.legs import SupportMargin
 from sim_action.assertions.matches import Matches
 from sim_action.assertions.max_speed import MaxSpeed
 from sim_action.assertions.monitors import State
@@ -153,6 +154,7 @@ LIMITS: Final[Mapping[str, list[Limit]]] = {
         Limit(lambda j: Energy(at_most=j)),
         Limit(lambda j: Energy(at_most=j, braking="costs", joints=(LEFT,))),
     ],
+    "support_margin": [lower(lambda m: SupportMargin(links=("wheel_*", "caster_back_link"), at_least=m))],
     "stl": [
         Limit(lambda v: Stl(formula=f"always speed < {v:.12f} m/s")),
         Limit(lambda m: Stl(formula=f"always[0 s, 50 ms] travel < {m:.12f} m")),
@@ -170,6 +172,7 @@ NO_LIMITS: Final[Mapping[str, str]] = {
     "at_once": "a goal",
     "no_collision": "has no limit: test_a_contact_that_is_not_allowed_breaks_no_collision",
     "matches": "needs a file: test_a_tolerance_below_the_largest_error_breaks_a_golden_trajectory",
+    "feet_on_ground": "its limits are whole numbers: tests/assertions/test_legs.py",
     "assertion": "is code of the user",
 }
 
@@ -298,7 +301,7 @@ GOALS: Final[Mapping[str, list[Extreme]]] = {
 
 NO_GOALS: Final[Mapping[str, str]] = {
     **dict.fromkeys(("no_collision", "upright", "max_speed", "stay_within", "matches", "odometry_error"), "invariant"),
-    **dict.fromkeys(("joint_within", "effort", "energy"), "invariant"),
+    **dict.fromkeys(("joint_within", "effort", "energy", "feet_on_ground", "support_margin"), "invariant"),
     "assertion": "is code of the user",
 }
 

@@ -29,6 +29,9 @@ def run(folder: Path, text: str) -> SimulationRun:
     return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
 
 
+SIGN = "world: {objects: [{name: sign, box: [0.1, 0.1, 0.1], pose: {x: 5}}]}\n"
+
+
 def rules(folder: Path, text: str) -> list[tuple[str, str]]:
     """The rule and the dotted keys of each finding."""
     return [(finding.rule, ".".join(map(str, finding.path))) for finding in run(folder, text).findings]
@@ -177,6 +180,13 @@ def test_a_limit_of_a_contact_that_never_was(contact: str, commands: str, found:
     )
     assert rules(tmp_path, text) == [("never-touched", "expect.0.contact")] * found
     assert rules(tmp_path, text + "allow: [never-touched]\n") == []
+
+
+@pytest.mark.parametrize(("most", "found"), [(1, 1), (0, 0)])
+def test_feet_that_are_never_on_the_ground(most: int, found: int, tmp_path: Path) -> None:
+    feet = f"{{feet_on_ground: {{links: ['wheel_*'], at_most: {most}, 'on': [sign]}}}}"
+    text = STANDING.replace("[upright]", f"[{feet}]") + SIGN
+    assert rules(tmp_path, text) == [("never-touched", "expect.0.feet_on_ground")] * found
 
 
 def test_a_drive_that_is_never_commanded(tmp_path: Path) -> None:

@@ -1,0 +1,158 @@
+"""The number of feet on the ground, and the margin of the support polygon, on traces made by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from pydantic import ValidationError
+
+from sim_action.assertions import Assertion
+from sim_action.assertions.legs import FeetOnGround, SupportMargin
+from sim_action.assertions.monitors import State
+from sim_action.robot.spec import Robot
+from sim_action.state.trace import Trace
+from sim_action.state.trace_records import ContactRecord, LinkTouch
+from sim_action.state.verdict import Judged, Verdict
+from sim_action.world import Body, Physics, World
+from tests.traces import START, judged, monitor, scene, trace
+
+FEET = ("wheel_left_link", "wheel_right_link", "caster_back_link")
+PLACES = ((0.0, 0.08, 0.0), (0.0, -0.08, 0.0), (-0.081, 0.0, 0.0))
+
+
+def standing(*steps: tuple[int, ...], body: str = "ground") -> Trace:
+    """The burger; at each step, the feet with these numbers are on the ground."""
+    seen = trace([0.1 * (step + 1) for step in range(len(steps))])
+    found: dict[str, list[tuple[float, LinkTouch]]] = {foot: [] for foot in FEET}
+    for at, feet in zip(seen.time.tolist(), steps, strict=True):
+        for number in feet:
+            touch = LinkTouch(FEET[number], body, PLACES[number], (0.0, 0.0, 1.0), 1.0)
+            found[FEET[number]].append((at, touch))
+    return replace(seen, link_contacts={foot: ContactRecord.of(touches) for foot, touches in found.items()})
+
+
+WALK = standing((0, 1, 2), (0, 2), (2,), (0, 1, 2))
+
+
+def test_too_few_feet_break_it_and_are_named() -> None:
+    verdict = monitor(FeetOnGround(links=FEET, at_least=2)).observe(WALK).verdict()
+    assert verdict == Verdict(
+        *(False, 1.0, 2.0, -1.0, "", 0.30000000000000004),
+        "1 of 3 feet on the ground at 0.30 s, at least 2 wanted; in the air: wheel_left_link, wheel_right_link",
+        judged=Judged(4, 0.1, 0.4),
+    )
+
+
+def test_too_many_feet_break_it() -> None:
+    found = judged(FeetOnGround(links=FEET, at_most=2), WALK)
+    assert (found.passed, found.measured, found.limit, found.margin, found.time) == (False, 3.0, 2.0, -1.0, 0.1)
+    assert found.message == "3 of 3 feet on the ground at 0.10 s, at most 2 wanted"
+
+
+@pytest.mark.parametrize(
+    ("limits", "passes"),
+    [
+        ({"at_least": 1}, True),
+        ({"at_least": 2}, False),
+        ({"at_least": 1, "at_most": 2}, False),
+        ({"at_most": 0}, False),
+        ({}, False),
+    ],
+)
+def test_both_limits_hold_at_every_step(limits: dict[str, int], *, passes: bool) -> None:
+    assert judged(FeetOnGround.model_validate({"links": FEET, **limits}), WALK).passed is passes
+
+
+def test_without_limits_all_feet_must_stand() -> None:
+    assert judged(FeetOnGround(links=FEET), standing((0, 1, 2), (0, 1, 2))).passed
+    assert judged(FeetOnGround(links=("wheel_*",)), standing((0, 1), (0, 1))).passed
+
+
+def test_a_robot_in_the_air_has_no_foot_on_the_ground() -> None:
+    assert judged(FeetOnGround(links=FEET, at_most=0), standing((), ())).passed
+    assert not judged(FeetOnGround(links=FEET, at_least=1), standing((), ())).passed
+
+
+def test_feet_stand_on_what_on_names() -> None:
+    seen = standing((0, 1, 2), body="ball")  # the ball has no mass, so it is fixed
+    assert judged(FeetOnGround(links=FEET), seen).passed
+    assert judged(FeetOnGround(links=FEET, on=("ball",)), seen).passed
+    assert not judged(FeetOnGround(links=FEET, on=("ground", "wall")), seen).passed
+    loose = replace(scene(), world=World(objects=(Body(name="ball", box=(1, 1, 1), mass=1.0),)))
+    assert not monitor(FeetOnGround(links=FEET), where=loose).observe(seen).verdict().passed
+
+
+@pytest.mark.parametrize("spec", [FeetOnGround(links=FEET, at_most=2), SupportMargin(links=FEET)])
+def test_without_recorded_contacts_nothing_was_checked(spec: Assertion) -> None:
+    verdict = monitor(spec).observe(trace([0.1, 0.2])).verdict().counted(Judged(2, 0.1, 0.2))
+    assert verdict.status == "not_exercised"
+
+
+def test_the_first_step_without_settling_has_a_hint() -> None:
+    unsettled = replace(scene(), physics=Physics(settle=0.0))
+    seen = standing((), (0, 1, 2))
+    seen = replace(seen, state=seen.state - seen.state[0, 0] * (seen.state == seen.state[0, 0]))
+    spec = FeetOnGround(links=FEET)
+    assert "set 'after'" in monitor(spec, where=unsettled).observe(seen).verdict().message
+    assert "set 'after'" not in monitor(spec).observe(seen).verdict().message
+
+
+def test_the_margin_is_that_of_the_robots_centre_of_mass() -> None:
+    # The centre of mass of the burger is between its wheels and its caster.
+    spec = SupportMargin(links=FEET, at_least=0.001)
+    whole = judged(spec, standing((0, 1, 2)))
+    assert whole.passed
+    assert whole.measured is not None
+    assert 0.001 < whole.measured < 0.06
+    two = judged(spec, standing((0, 1, 2), (0, 1)))
+    assert not two.passed
+    assert two.measured is not None
+    assert two.measured < 0
+    assert "on wheel_left_link, wheel_right_link at 0.20 s, less than" in two.message
+
+
+def test_without_a_foot_on_the_ground_no_margin_holds() -> None:
+    found = judged(SupportMargin(links=FEET, at_least=-100.0), standing((0, 1, 2), ()))
+    assert found == Verdict(False, None, -100.0, None, "m", 0.2, "no foot was on the ground at 0.20 s")
+
+
+@pytest.mark.parametrize(
+    ("spec", "problem"),
+    [
+        (FeetOnGround(links=("wheel_*", "caster")), "no link 'caster' with a collision shape; did you mean 'caster_"),
+        (FeetOnGround(links=FEET, at_least=4), "'links' matches only 3 of the robot's links; lower it, or add links"),
+        (FeetOnGround(links=FEET, at_most=3), "'links' matches only 3 of the robot's links, so it cannot be exceeded"),
+        (FeetOnGround(links=FEET, on=("wal",)), "the world has no body 'wal'; did you mean 'wall'?"),
+    ],
+)
+def test_what_does_not_fit_is_refused(spec: Assertion, problem: str) -> None:
+    ((_, message),) = spec.problems(scene())
+    assert problem in message
+
+
+@pytest.mark.parametrize("kind", [FeetOnGround, SupportMargin])
+def test_robots_that_do_not_stand_are_refused(kind: type[Assertion]) -> None:
+    spec = kind.model_validate({"links": FEET})
+    bolted = replace(scene(), robot=Robot(model="turtlebot3_burger", base="fixed"))
+    floating = replace(scene(), world=World(gravity=0.0))
+    assert "the base of the robot is fixed" in next(iter(spec.problems(bolted)))[1]
+    assert "the world has no gravity" in next(iter(spec.problems(floating)))[1]
+
+
+def test_limits_are_in_order() -> None:
+    with pytest.raises(ValidationError, match="swap the two"):
+        FeetOnGround(links=FEET, at_least=3, at_most=2)
+
+
+def test_curves_show_both() -> None:
+    (count,) = FeetOnGround(links=FEET, at_least=2).signals(scene(), START, WALK)
+    assert (count.name, count.unit, count.values.tolist(), count.lower, count.upper) == (
+        *("feet on the ground", ""),
+        *([3.0, 2.0, 1.0, 3.0], 2.0, None),
+    )
+    (margin,) = SupportMargin(links=FEET, at_least=0.01).signals(scene(), START, standing((0, 1, 2), ()))
+    assert (margin.name, margin.unit, margin.lower) == ("support margin", "m", 0.01)
+    assert margin.values[0] > 0.01
+    assert margin.values[1] != margin.values[1]
+    assert monitor(FeetOnGround(links=FEET)).state is State.HOLDS

@@ -1,0 +1,105 @@
+"""Feet and the support polygon on every engine, against formulas and MuJoCo's own centre of mass."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import pytest
+
+from sim_action.robot.link_motion import centre_of_mass
+from sim_action.scenario.loading import build_scene
+from sim_action.simulation.loop import SimulationRun, simulate
+from sim_action.state.command import JointTargets
+from sim_action.state.verdict import Verdict
+from sim_action.world import World
+from tests.integration.engines import advance, at, on_every_engine, running, scene_of
+from tests.integration.test_link_contacts import GRAVITY, table
+from tests.scenarios import load
+
+CRANE = Path(__file__).parents[2] / "examples/assertions/crane.urdf"
+# The table: a plate of 5 kg on four balls of 200 g, and 0.3 m between its middle and theirs.
+HEIGHT = (5.0 * 0.33 + 0.8 * 0.03) / 5.8
+
+
+def run(tmp_path: Path, engine: str, *expect: dict[str, Any], urdf: str = "", **keys: Any) -> SimulationRun:
+    (tmp_path / "table.urdf").write_text(urdf or table())
+    scenario = {
+        "name": "a table stands",
+        "robot": {"model": "table.urdf"},
+        "expect": [{**one, "severity": "warning"} for one in expect],
+        "allow": ["warnings-only"],
+        "time_limit": 0.3,
+        "backend": engine,
+        **keys,
+    }
+    loaded = load(tmp_path, repr(scenario).replace("'", '"').replace("True", "true"))
+    return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+
+
+def barely(tmp_path: Path, engine: str, margin: float, **keys: Any) -> tuple[Verdict, ...]:
+    limits = (margin - 1e-3, margin + 1e-3)
+    margins = ({"support_margin": {"links": ["foot_*"], "at_least": limit}} for limit in limits)
+    return run(tmp_path, engine, *margins, **keys).verdicts
+
+
+@on_every_engine
+@pytest.mark.parametrize("aside", [0.0, 0.15])
+def test_the_margin_is_the_distance_to_the_nearest_edge(engine: str, aside: float, tmp_path: Path) -> None:
+    heavy = table().replace('<mass value="5.0"/>', f'<origin xyz="{aside} 0 0"/><mass value="5.0"/>')
+    margin = min(0.15, 0.2 - 5.0 * aside / 5.8)
+    held, broken = barely(tmp_path, engine, margin, urdf=heavy)
+    assert (held.passed, broken.passed) == (True, False)
+
+
+@on_every_engine
+def test_the_margin_is_seen_along_gravity(engine: str, tmp_path: Path) -> None:
+    tilt = math.radians(20)
+    gravity = [GRAVITY * math.sin(tilt), 0.0, -GRAVITY * math.cos(tilt)]
+    margin = 0.2 * math.cos(tilt) - HEIGHT * math.sin(tilt)
+    held, broken = barely(tmp_path, engine, margin, world={"gravity": gravity})
+    assert (held.passed, broken.passed) == (True, False)
+
+
+@on_every_engine
+def test_feet_stand_on_what_on_names(engine: str, tmp_path: Path) -> None:
+    # Two feet stand on a slab, 1 cm above the ground.
+    slab = {"name": "slab", "box": [0.1, 0.5, 0.1], "pose": {"x": 0.2, "z": -0.04}}
+    feet: list[dict[str, Any]] = [{"at_least": 4}, {"at_most": 3}]
+    feet += [{"at_least": 2, "at_most": 2, "on": [name]} for name in ("ground", "slab")]
+    feet += [limit | {"on": [name]} for name in ("ground", "slab") for limit in ({"at_least": 3}, {"at_most": 1})]
+    asked = ({"feet_on_ground": {"links": ["foot_*"], **one}} for one in feet)
+    verdicts = run(tmp_path, engine, *asked, world={"objects": [slab]}, physics={"settle": 2}).verdicts
+    assert [verdict.passed for verdict in verdicts] == [True, False, True, True, False, False, False, False]
+    assert [verdict.measured for verdict in verdicts] == [4.0, 4.0, 2.0, 2.0, 2.0, 2.0, 2.0, 2.0]
+
+
+@on_every_engine
+def test_a_table_that_falls_lands_when_the_formula_says(engine: str, tmp_path: Path) -> None:
+    lands = math.sqrt(2 * 0.2 / GRAVITY)
+    keys: dict[str, Any] = {"robot": {"model": "table.urdf", "pose": {"z": 0.53}}, "physics": {"settle": 0}}
+    in_air = {"feet_on_ground": {"links": ["foot_*"], "at_most": 0}}
+    on_feet = {"feet_on_ground": {"links": ["foot_*"]}}
+    asked = [
+        {**in_air, "before": lands - 0.01},
+        {**in_air, "before": lands + 0.01},
+        {**on_feet, "after": lands - 0.01},
+    ]
+    verdicts = run(tmp_path, engine, *asked, **keys).verdicts
+    assert [verdict.passed for verdict in verdicts] == [True, False, False]
+    assert verdicts[1].time == pytest.approx(lands, abs=0.009)
+
+
+def test_the_centre_of_mass_is_that_of_mujoco(tmp_path: Path) -> None:
+    scene = scene_of(tmp_path, CRANE.read_text(), at(z=0.3, roll=0.3, pitch=-0.2, yaw=1.0), World(gravity=0.0))
+    with running("mujoco", scene) as backend:
+        for step in range(5):
+            trace = advance(backend, 10 * step, 10, JointTargets(position={"luff": 0.3 * step}))
+            engine: Any = backend
+            data, model = engine._data, engine._model
+            mujoco.mj_kinematics(model, data)
+            mujoco.mj_comPos(model, data)
+            found = centre_of_mass(scene.model, trace)[-1]
+            assert found == pytest.approx(data.subtree_com[model.body("robot/platform").id], abs=1e-9)
