@@ -103,16 +103,17 @@ export class Touches {
   }
 }
 
-/** A region, path or heading of an expectation. */
+/** A region, path or heading of an expectation; in the frame of a link, there is no ground below it. */
 export function mark(data: MarkData, colour: string): Group {
   const group = new Group();
   const line = new LineBasicMaterial({ color: colour });
   if (data.kind === "polyline" || data.kind === "arrow") {
-    group.add(new Line(outline(data.kind === "polyline" ? data.points : arrow(data)), line));
+    const lowest = data.link === undefined ? OVER_GROUND : -Infinity;
+    group.add(new Line(outline(data.kind === "polyline" ? data.points : arrow(data), lowest), line));
     return group;
   }
   const corners = data.kind === "polygon" ? data.points : ring(data);
-  if (data.kind === "circle" && data.z > 0) {
+  if (data.kind === "circle" && (data.z > 0 || data.link !== undefined)) {
     const region = new MeshBasicMaterial({ color: colour, transparent: true, opacity: 0.16, depthWrite: false });
     const ball = new Mesh(new SphereGeometry(data.radius, 24, 16), region);
     ball.position.set(data.x, data.y, data.z);
@@ -128,8 +129,8 @@ export function mark(data: MarkData, colour: string): Group {
   return group;
 }
 
-function outline(points: number[][]): BufferGeometry {
-  const flat = points.flatMap(([x, y, z]) => [x, y, Math.max(z, OVER_GROUND)]);
+function outline(points: number[][], lowest = -Infinity): BufferGeometry {
+  const flat = points.flatMap(([x, y, z]) => [x, y, Math.max(z, lowest)]);
   return new BufferGeometry().setAttribute("position", new Float32BufferAttribute(flat, 3));
 }
 

@@ -109,6 +109,7 @@ interface SignalData {
 interface CircleMark {
   kind: "circle";
   expectation?: number;
+  link?: number;
   x: number;
   y: number;
   z: number;
@@ -117,16 +118,19 @@ interface CircleMark {
 interface PolygonMark {
   kind: "polygon";
   expectation?: number;
+  link?: number;
   points: [number, number][];
 }
 interface PolylineMark {
   kind: "polyline";
   expectation?: number;
+  link?: number;
   points: [number, number, number][];
 }
 interface ArrowMark {
   kind: "arrow";
   expectation?: number;
+  link?: number;
   x: number;
   y: number;
   yaw: number;

@@ -48,14 +48,18 @@ class View3D implements View {
       const missed = data.expectation !== undefined && failed.has(data.expectation);
       return mark(data, missed ? colours.bad : colours.accent);
     });
-    this.seen = this.widened(this.everywhere(run, robot), marks);
+    const fixed = marks.filter((_, i) => run.replay.marks[i].link === undefined);
+    this.seen = this.widened(this.everywhere(run, robot), fixed);
     furnish(this.scene, this.seen, colours);
     const clearance = run.base[2][0] - size.min.z;
     this.way = new Way(run, colours.accent, clearance, 0.009 * this.seen.getSize(new Vector3()).length());
     this.touches = new Touches(run.replay.contacts, failed.size ? colours.bad : colours.text, touchSize(size, this.seen));
     this.axes = frame(0.16 * size.getSize(new Vector3()).length());
     this.scene.add(this.way.group, this.touches.group);
-    for (const drawn of marks) this.scene.add(drawn);
+    marks.forEach((drawn, i) => {
+      const link = run.replay.marks[i].link;
+      (link === undefined ? this.scene : this.links[link]).add(drawn);
+    });
     this.controls = this.grabbed();
     this.home();
   }

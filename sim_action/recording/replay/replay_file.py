@@ -21,9 +21,13 @@ from sim_action.recording.replay.shapes import Digest, Length, MeshData, MeshSha
 
 
 class _Mark(FrozenModel):
-    """A place that an expectation is about; `expectation` is its number, counted from 0, or null."""
+    """A place that an expectation is about; `expectation` is its number, counted from 0, or null.
+
+    Coordinates are in the world frame, or in that of `link`, with which the mark moves.
+    """
 
     expectation: Index | None = None
+    link: Index | None = None
 
 
 class CircleMark(_Mark):
@@ -261,6 +265,8 @@ def _problems(replay: Replay) -> Iterator[str]:
         yield "the number of commanded columns differs from the number of joint columns"
     if any(contact.link >= len(scene.links) or contact.body >= len(scene.bodies) for contact in replay.contacts):
         yield "a contact refers to a link or body that does not exist"
+    if any(mark.link is not None and mark.link >= len(scene.links) for mark in replay.marks):
+        yield "a mark refers to a link that does not exist"
     if not all(_is_whole(signal, frames.count) for signal in replay.signals):
         yield "a signal has another number of values than moments"
 

@@ -24,6 +24,7 @@ from sim_action.recording.replay.replay_file import (
     PolylineMark,
     SignalData,
 )
+from sim_action.recording.replay.scene import skeleton
 from sim_action.recording.replay.shapes import MAX_ABS_VALUE
 from sim_action.scenario.model import Scenario
 from sim_action.state.observation import Observation
@@ -50,11 +51,14 @@ def stored_signals(scenario: Scenario, scene: Scene, start: Observation, film: T
 def stored_marks(scenario: Scenario, scene: Scene, start: Observation) -> tuple[MarkData, ...]:
     """Return the marks of all expectations; `start` is the settled state at t = 0."""
     found: list[MarkData] = []
+    links: dict[str, int] = {}
     for number, expected in enumerate(scenario.expect):
         for mark in expected.marks(scene, start):
+            if mark.link and not links:
+                _, links = skeleton(scene.model)
             # A place beyond the range of a replay is not visible.
             with suppress(ValidationError):
-                found.append(_stored_mark(number, mark))
+                found.append(_stored_mark(number, mark).model_copy(update={"link": links.get(mark.link)}))
     return tuple(found[:MAX_MARKS])
 
 

@@ -42,14 +42,15 @@ def drawing(replay: Replay, outcome: Outcome) -> Html:
     """Return an SVG with 1 unit per metre and y up; the style sheet gives its size on the page."""
     way = _way(replay)
     start, end = robot_outlines(replay, 0), robot_outlines(replay, replay.frames.count - 1)
-    x, y, width, height = _view(np.concatenate([way, *start, *end, *_mark_points(replay.marks)]))
+    marks = _marks_in_world(replay)
+    x, y, width, height = _view(np.concatenate([way, *start, *end, *_mark_points(marks)]))
     box = (x, y, x + width, y + height)
     failed = frozenset(number for number, expected in enumerate(outcome.expectations) if _missed(expected))
     return element(
         "svg",
         element("title", f"The path of the robot from above, {width:.2g} m wide"),
         *(_polygon(corners, "body") for corners in islice(_bodies(replay, box), _MAX_SOLIDS)),
-        *(_mark(mark, failed) for mark in replay.marks),
+        *(_mark(mark, failed) for mark in marks),
         *(_polygon(corners, "start") for corners in start),
         *(_polygon(corners, "robot") for corners in end),
         _line(way, "way"),
@@ -89,6 +90,32 @@ def _bodies(replay: Replay, box: tuple[float, float, float, float]) -> Iterator[
             low, high = corners.min(axis=0), corners.max(axis=0)
             if low[0] < box[2] and high[0] > box[0] and low[1] < box[3] and high[1] > box[1]:
                 yield corners
+
+
+def _marks_in_world(replay: Replay) -> list[MarkData]:
+    """Return the marks in the world frame; those that move with a link are drawn where they are at the end."""
+    if all(mark.link is None for mark in replay.marks):
+        return list(replay.marks)
+    frames = _link_frames(replay, replay.frames.count - 1)
+    return [mark if mark.link is None else _in_world(mark, frames[mark.link]) for mark in replay.marks]
+
+
+def _in_world(mark: MarkData, frame: Frame) -> MarkData:
+    match mark:
+        case CircleMark():
+            ((x, y, z),) = frame.transform(np.array([(mark.x, mark.y, mark.z)])).tolist()
+            return mark.model_copy(update={"x": x, "y": y, "z": z})
+        case ArrowMark():
+            ahead = (mark.x + math.cos(mark.yaw), mark.y + math.sin(mark.yaw), 0.0)
+            (x, y, _), (tip_x, tip_y, _) = frame.transform(np.array([(mark.x, mark.y, 0.0), ahead])).tolist()
+            return mark.model_copy(update={"x": x, "y": y, "yaw": math.atan2(tip_y - y, tip_x - x)})
+        case PolygonMark():
+            corners = frame.transform(np.array([(x, y, 0.0) for x, y in mark.points]))
+            return mark.model_copy(update={"points": tuple(map(tuple, corners[:, :2].tolist()))})
+        case PolylineMark():
+            return mark.model_copy(
+                update={"points": tuple(map(tuple, frame.transform(np.array(mark.points)).tolist()))}
+            )
 
 
 def _mark_points(marks: Sequence[MarkData]) -> Iterator[FloatArray]:

@@ -85,6 +85,7 @@ HOSTILE: dict[str, Change] = {
         "signals", value=[{**SIGNAL, "values": {"scale": 1.0, "first": 0, "deltas": [1]}}]
     ),
     "a mark of no kind": at("marks", value=[{"kind": "image", "x": 0, "y": 0}]),
+    "a mark of no link": at("marks", value=[{"kind": "circle", "x": 0, "y": 0, "radius": 1, "link": 99}]),
     "a name without an end": at("joint_names", value=["a" * 10_000, "b"]),
     "names that are too few": at("joint_names", value=["a"]),
     "commands of too few joints": at("frames", "commanded", value=[None]),

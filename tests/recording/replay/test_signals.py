@@ -72,6 +72,15 @@ def test_places_are_marked(assertion: Assertion, kinds: list[str]) -> None:
     assert [(mark.expectation, mark.kind) for mark in marks] == [(1, kind) for kind in kinds]
 
 
+@pytest.mark.parametrize(("frame", "link"), [("world", None), ("base", 0), ("base_scan", 4)])
+def test_a_place_in_the_frame_of_a_link_moves_with_it(frame: str, link: int | None) -> None:
+    reach = Reach(link="wheel_left_link", frame=frame, x=1, y=0, yaw=0.5)
+    marks = stored_marks(scenario(expectation(reach)), scene(), START)
+    made = replay_of(scene(), FILM, (), marks)
+    assert [mark.link for mark in marks] == [link, link]
+    assert link is None or made.scene.links[link].name == {"base": "base_footprint"}.get(frame, frame)
+
+
 steps = st.lists(st.integers(0, 100_000), min_size=1, max_size=300, unique=True).map(sorted)
 
 

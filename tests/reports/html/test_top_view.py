@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from sim_action.core.geometry import quaternion_from_rpy, rotate
+from sim_action.recording.replay.replay_file import ArrowMark, CircleMark, PolygonMark, PolylineMark
 from sim_action.recording.replay.shapes import BoxShape, CapsuleShape, CylinderShape, EllipsoidShape, MeshShape
 from sim_action.reports.html.top_view import Frame, drawing, outline, robot_outlines
 from tests.outcomes import outcome
@@ -49,6 +50,22 @@ def test_what_the_robot_met_is_there_and_what_it_touched() -> None:
 def test_a_goal_that_was_missed_is_told_apart(holds: bool, kind: str) -> None:
     [goal] = [shape for shape in drawn(holds=holds) if shape.tag == "circle" and "goal" in shape.attrib["class"]]
     assert goal.attrib["class"] == kind
+
+
+def test_marks_that_move_with_a_link_are_drawn_where_they_are_at_the_end() -> None:
+    # The robot ends at (3, 0), with its heading.
+    moved, marks = drive(distance=3.0), {"link": 0, "expectation": 1}
+    circle = CircleMark(kind="circle", x=0.5, y=0.25, radius=0.1, **marks)
+    line = PolylineMark(kind="polyline", points=((0.0, 1.0, 0.0), (1.0, 1.0, 0.0)), **marks)
+    square = PolygonMark(kind="polygon", points=((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)), **marks)
+    arrow = ArrowMark(kind="arrow", x=0.0, y=2.0, yaw=0.0, **marks)
+    replay = moved.model_copy(update={"marks": (circle, line, square, arrow)})
+    svg = ET.fromstring(drawing(replay, outcome("a.sim.yml")))
+    [goal] = [shape for shape in svg if shape.tag == "circle" and "goal" in shape.attrib["class"]]
+    assert (float(goal.attrib["cx"]), float(goal.attrib["cy"])) == (3.5, -0.25)
+    assert points(svg, "goal path") == [[(3.0, -1.0), (4.0, -1.0)], [(3.0, -2.0), (3.3, -2.0)]]
+    [region] = [shape for shape in svg if shape.tag == "polygon" and shape.get("class") == "goal"]
+    assert region.attrib["points"] == "3,0 4,0 4,-1"
 
 
 ORIGIN = Frame.of(HERE)
