@@ -26,8 +26,9 @@ from sim_action.core.field_types import (
 from sim_action.core.wording import FirstFew
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_errors import SpecProblems
+from sim_action.robot.joint_selection import joints_set_by, selects, setting_problems
 from sim_action.robot.kinematics import beyond_limits, too_fast, too_strong
-from sim_action.robot.robot_model import Joint, Reading
+from sim_action.robot.robot_model import Joint, Reading, RobotModel
 from sim_action.state.command import JointTargets
 from sim_action.world.scene import Scene
 
@@ -48,13 +49,14 @@ class JointPoint(FrozenModel):
     """Targets for joints at a time: positions, velocities or efforts."""
 
     at: Annotated[NonNegativeSeconds, Field(description="sim time, later than that of the point before")]
-    position: Annotated[dict[str, JointPosition], Field(description="target positions of joints, by name")] = Field(
+    position: Annotated[
+        dict[str, JointPosition],
+        Field(description="target positions of joints, by name, by pattern such as `'*_hip'`, or by group of an SRDF"),
+    ] = Field(default_factory=dict)
+    velocity: Annotated[dict[str, JointVelocity], Field(description="target velocities of joints, likewise")] = Field(
         default_factory=dict
     )
-    velocity: Annotated[dict[str, JointVelocity], Field(description="target velocities of joints, by name")] = Field(
-        default_factory=dict
-    )
-    effort: Annotated[dict[str, JointEffort], Field(description="efforts of the joints' motors, by name")] = Field(
+    effort: Annotated[dict[str, JointEffort], Field(description="efforts of the joints' motors, likewise")] = Field(
         default_factory=dict
     )
 
@@ -73,6 +75,9 @@ class JointPoint(FrozenModel):
 
 class JointCommands(CommandSource):
     """Moves joints through points in time: by position, by velocity or by effort.
+
+    A pattern such as `'*_hip'` means every joint with a motor that matches it, and a group of the SRDF (`robot.srdf`)
+    its joints. In one point, the name of a joint wins over patterns and groups.
 
     Each joint follows the points that name it, and ignores the others. It starts at 0 s: a position at its initial
     value (`robot.joints`), a velocity or an effort at 0, unless there is a point at 0 s. So it moves towards its first
@@ -112,14 +117,15 @@ class JointCommands(CommandSource):
 
     def joints(self, scene: Scene) -> frozenset[str]:
         """See CommandSource.joints."""
-        return frozenset(knot.joint for knot in knots(self.points))
+        return frozenset(knot.joint for knot in knots(self.points, scene.model))
 
     def _holding(self, scene: Scene) -> JointTargets:
         """Return the targets before 0 s: initial positions, and velocities of 0."""
         beginnings = scene.joint_positions
+        known = list(knots(self.points, scene.model))
         return JointTargets(
-            position={knot.joint: beginnings[knot.joint] for knot in knots(self.points) if knot.reading == "position"},
-            velocity={knot.joint: 0.0 for knot in knots(self.points) if knot.reading == "velocity"},
+            position={knot.joint: beginnings[knot.joint] for knot in known if knot.reading == "position"},
+            velocity={knot.joint: 0.0 for knot in known if knot.reading == "velocity"},
         )
 
     def open(self, scene: Scene) -> Controller:
@@ -152,7 +158,7 @@ class JointCommands(CommandSource):
         """Return quantity -> joint name -> path."""
         beginnings = scene.joint_positions
         ways: dict[tuple[Reading, str], dict[float, float]] = {}
-        for knot in knots(self.points):
+        for knot in knots(self.points, scene.model):
             beginning = beginnings[knot.joint] if knot.reading == "position" else 0.0
             ways.setdefault((knot.reading, knot.joint), {0.0: beginning})[knot.time] = in_si(scene, knot)
         paths: dict[Reading, dict[str, JointPath]] = {"position": {}, "velocity": {}, "effort": {}}
@@ -234,26 +240,39 @@ class JointPath:
 
 @dataclass(frozen=True, slots=True)
 class Knot:
-    """The target of one point for one joint, as it is written in the scenario; `index` is the index of the point."""
+    """The target of one point for one joint, as it is written in the scenario.
+
+    Attributes:
+        name: the name, pattern or group in the scenario that means the joint.
+        index: the index of the point.
+    """
 
     joint: str
     reading: Reading
     index: int
     time: float
     written: float | str
+    name: str
 
     @property
     def path(self) -> tuple[str | int, ...]:
         """The YAML keys of the target."""
-        return "joints", self.index, self.reading, self.joint
+        return "joints", self.index, self.reading, self.name
+
+    def problem(self, message: str) -> tuple[tuple[str | int, ...], str]:
+        """Return a problem of the joint; the message names it if the scenario does not."""
+        return self.path, message if self.name == self.joint else f"joint '{self.joint}': {message}"
 
 
-def knots(points: Iterable[JointPoint]) -> Iterator[Knot]:
-    """Yield all targets, point by point."""
+def knots(points: Iterable[JointPoint], model: RobotModel | None = None) -> Iterator[Knot]:
+    """Yield all targets, point by point. Without a model, each name is taken for that of a joint."""
     for index, point in enumerate(points):
+        names = {name: None for _, targets in point.groups() for name in targets}
+        meant = {name: (name,) for name in names} if model is None else joints_set_by(model, names)
         for reading, targets in point.groups():
-            for joint, written in targets.items():
-                yield Knot(joint, reading, index, point.at, written)
+            for name, written in targets.items():
+                for joint in meant[name]:
+                    yield Knot(joint, reading, index, point.at, written, name)
 
 
 def in_si(scene: Scene, knot: Knot) -> float:
@@ -268,11 +287,11 @@ def order_problems(points: Sequence[JointPoint]) -> SpecProblems:
             yield ("joints", index, "at"), f"must be later than the point before it, at {before.at:g} s"
 
 
-def mixed_target_problems(points: Sequence[JointPoint]) -> SpecProblems:
+def mixed_target_problems(points: Sequence[JointPoint], model: RobotModel | None = None) -> SpecProblems:
     """Yield each joint with targets of two kinds, once."""
     first: dict[str, Knot] = {}
     reported = set[str]()
-    for knot in knots(points):
+    for knot in knots(points, model):
         earlier = first.setdefault(knot.joint, knot)
         if knot.reading != earlier.reading and knot.joint not in reported:
             reported.add(knot.joint)
@@ -283,14 +302,27 @@ def mixed_target_problems(points: Sequence[JointPoint]) -> SpecProblems:
 def model_fit_problems(points: Sequence[JointPoint], blend: Blend, scene: Scene) -> SpecProblems:
     """Yield joints that are unknown or cannot be driven, wrong units, and targets beyond the limits."""
     by_joint: dict[str, list[Knot]] = {}
-    for knot in knots(points):
+    for knot in knots(points, scene.model):
         by_joint.setdefault(knot.joint, []).append(knot)
+    yield from _selection_problems(points, scene.model)
     unknown = FirstFew()
     for name, joint_knots in by_joint.items():
         if (trouble := scene.model.why_not_driven(name)) is None:
             yield from _joint_problems(scene.model.joints_by_name[name], joint_knots, blend, scene)
         elif unknown.one_more():
             yield joint_knots[0].path, trouble
+
+
+def _selection_problems(points: Sequence[JointPoint], model: RobotModel) -> SpecProblems:
+    """Yield patterns and groups that move no joint, or that give one joint two targets."""
+    hinted, found = FirstFew(), False
+    for index, point in enumerate(points):
+        for reading, targets in point.groups():
+            found |= any(selects(model, name) for name in targets)
+            for below, message in setting_problems(model, targets, hinted):
+                yield ("joints", index, reading, *below), message
+    if found:
+        yield from mixed_target_problems(points, model)
 
 
 def _joint_problems(joint: Joint, joint_knots: Sequence[Knot], blend: Blend, scene: Scene) -> SpecProblems:
@@ -300,10 +332,10 @@ def _joint_problems(joint: Joint, joint_knots: Sequence[Knot], blend: Blend, sce
         try:
             goals.append(in_si(scene, knot))
         except units.UnitError as error:
-            yield knot.path, str(error)
+            yield knot.problem(str(error))
         else:
             if (problem := _LIMITS[knot.reading](joint, goals[-1])) is not None:
-                yield knot.path, problem
+                yield knot.problem(problem)
                 goals.pop()
     try:
         beginning = scene.joint_positions[joint.name]
@@ -325,7 +357,8 @@ def _way_problems(joint: Joint, value: float, wanted: Iterable[tuple[Knot, float
         # There is no time between points that are not in order, which is reported, or before a step at 0 s.
         found = too_fast(joint, way / (knot.time - time)) if knot.time > time else None
         if found is not None and joint.max_velocity is not None:
-            yield knot.path, f"the time since {time:g} s is too short: {found}; {_advice(way / joint.max_velocity)}"
+            advice = _advice(way / joint.max_velocity)
+            yield knot.problem(f"the time since {time:g} s is too short: {found}; {advice}")
         time, value = knot.time, goal
 
 

@@ -1,10 +1,11 @@
-"""The joints that a scenario names: exact names, or patterns such as `*_wheel_joint`."""
+"""The joints that a scenario names: exact names, patterns such as `*_wheel_joint`, or groups of an SRDF."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+import re
+from collections.abc import Callable, Collection, Iterable, Mapping
 from fnmatch import fnmatchcase
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from sim_action.core import units
 from sim_action.core.wording import FirstFew, did_you_mean
@@ -15,10 +16,13 @@ if TYPE_CHECKING:
     from sim_action.state.trace import FloatArray, Trace
 
 
+_WILDCARD: Final = re.compile(r"[*?\[]")
+
+
 def chosen(model: RobotModel, names: Iterable[str]) -> tuple[Joint, ...]:
     """Return the moving joints that match a name, in the order of the model; all of them if there are no names."""
     wanted = tuple(names) or ("*",)
-    return tuple(joint for joint in model.moving_joints if any(matches_name(name, joint.name) for name in wanted))
+    return tuple(joint for joint in model.moving_joints if any(_means(model, name, joint.name) for name in wanted))
 
 
 def matches_name(name: str, joint: str) -> bool:
@@ -26,12 +30,71 @@ def matches_name(name: str, joint: str) -> bool:
     return name == joint or fnmatchcase(joint, name)
 
 
+def _means(model: RobotModel, name: str, joint: str) -> bool:
+    """Return True if a name, a pattern or a group means a joint. A joint with the name of a group comes first."""
+    if name in model.groups and name not in model.joints_by_name:
+        return joint in model.groups[name]
+    return matches_name(name, joint)
+
+
+def selects(model: RobotModel, name: str) -> bool:
+    """Return True for a pattern or a group, and False for the name of one joint, known or not."""
+    if name in model.joints_by_name or name in model.balls:
+        return False
+    return name in model.groups or _WILDCARD.search(name) is not None
+
+
+def joints_set_by(model: RobotModel, names: Collection[str]) -> dict[str, tuple[str, ...]]:
+    """Return name -> the joints that it sets, for the names in a map of joints.
+
+    The name of a joint wins over patterns and groups. These set only joints with a motor of their own.
+    """
+    own = {name for name in names if not selects(model, name)}
+    return {
+        name: (name,) if name in own else tuple(each for each in _led(model, name) if each not in own) for name in names
+    }
+
+
+def _led(model: RobotModel, name: str) -> tuple[str, ...]:
+    """Return the joints with a motor of their own that a pattern or group means."""
+    return tuple(joint.name for joint in model.motor_joints if joint.mimic is None and _means(model, name, joint.name))
+
+
+def setting_problems(model: RobotModel, values: Mapping[str, float | str], hinted: FirstFew) -> SpecProblems:
+    """Yield patterns and groups in a map that set no joint, and pairs that give one joint different values."""
+    several = [name for name in values if selects(model, name)]
+    for name in several:
+        if not _led(model, name):
+            yield (name,), _sets_nothing(model, name, hinted)
+    first, reported = dict[str, str](), set[tuple[str, str]]()
+    for other, joints in joints_set_by(model, values).items():
+        for joint in joints:
+            one = first.setdefault(joint, other)
+            if values[one] != values[other] and (one, other) not in reported:
+                reported.add((one, other))
+                found = f"'{one}' sets joint '{joint}' to {as_written(values[one])}, '{other}' to {as_written(values[other])}"
+                yield from (((name,), f"{found}; name the joint itself, or change a pattern") for name in (one, other))
+
+
+def _sets_nothing(model: RobotModel, name: str, hinted: FirstFew) -> str:
+    meant = chosen(model, (name,))
+    if meant and (trouble := model.why_not_driven(meant[0].name)) is not None:
+        return f"'{name}' names no joint with a motor of its own: {trouble}"
+    if name in model.groups:
+        return f"the group '{name}' of the SRDF has no moving joint"
+    return f"no moving joint matches '{name}'{_hint(model, name, hinted)}"
+
+
+def _hint(model: RobotModel, name: str, hinted: FirstFew) -> str:
+    joints = (joint.name for joint in model.moving_joints)
+    return did_you_mean(name, dict.fromkeys((*joints, *model.groups))) if hinted.one_more() else ""
+
+
 def name_problem(model: RobotModel, name: str, hinted: FirstFew) -> str | None:
     """Return the problem with a name that no moving joint matches, else None. The first few have a hint."""
     if chosen(model, (name,)):
         return None
-    hint = did_you_mean(name, [joint.name for joint in model.moving_joints]) if hinted.one_more() else ""
-    return f"the model has no moving joint '{name}'{hint}"
+    return f"the model has no moving joint '{name}'{_hint(model, name, hinted)}"
 
 
 def unit_problem(joint: Joint, reading: Reading, written: float | str) -> str | None:

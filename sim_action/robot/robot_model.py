@@ -17,6 +17,7 @@ from sim_action.core.wording import did_you_mean
 
 if TYPE_CHECKING:
     from sim_action.robot.mjcf.model import Keyframe, Mjcf, Motor
+    from sim_action.robot.srdf import Srdf
 
 Reading = Literal["position", "velocity", "effort"]
 
@@ -300,6 +301,7 @@ class RobotModel:
         mjcf: the input of MuJoCo; None for other formats.
         commanded: the joints that <ros2_control> or a <transmission> drives.
         keyframes: name -> state, in MJCF.
+        srdf: the content of its SRDF; None without one.
     """
 
     name: str
@@ -312,6 +314,7 @@ class RobotModel:
     mjcf: Mjcf | None = None
     commanded: tuple[CommandedJoint, ...] = ()
     keyframes: Mapping[str, Keyframe] = field(default_factory=dict)
+    srdf: Srdf | None = None
 
     @cached_property
     def hull_files(self) -> dict[str, bytes]:
@@ -332,6 +335,11 @@ class RobotModel:
     def motor_joints(self) -> tuple[Joint, ...]:
         """The joints that a motor can move, or that mimic another, in the order of the file."""
         return tuple(joint for joint in self.joints if joint.type in MOVING_TYPES)
+
+    @property
+    def groups(self) -> Mapping[str, tuple[str, ...]]:
+        """Group name -> its joints, as an SRDF states them; empty without one."""
+        return {} if self.srdf is None else self.srdf.groups
 
     @cached_property
     def balls(self) -> tuple[str, ...]:

@@ -41,7 +41,10 @@ class Robot(FrozenModel):
     allow: Annotated[tuple[str, ...], Field(description="rules of the model audit whose errors are accepted")] = ()
     joints: Annotated[
         dict[str, JointPosition],
-        Field(description="initial positions of joints, by name; default: 0, or the middle of limits that exclude 0"),
+        Field(
+            description="initial positions of joints, by name, by pattern such as `'*_hip'`, or by group of the SRDF; "
+            "the name of a joint wins; default: 0, or the middle of limits that exclude 0"
+        ),
     ] = Field(default_factory=dict)
 
     keyframe: Annotated[

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 from sim_action.core import units
@@ -205,25 +205,36 @@ def robot_problems(scenario: Scenario, model: RobotModel) -> SpecProblems:
     robot = scenario.robot
     if robot.base != "fixed" and model.root != WORLD and (trouble := _weightless(model, robot.allow)) is not None:
         yield ("robot", "model"), trouble
-    for name, written in robot.joints.items():
-        path: KeyPath = ("robot", "joints", name)
-        joint = model.joints_by_name.get(name)
-        if joint is None or not joint.ball:
-            hint = f"; it starts at {name}_x, {name}_y and {name}_z" if name in model.balls else ""
-            if (trouble := model.why_not_driven(name)) is not None:
-                yield path, f"{trouble}{hint}"
-                continue
-        assert joint is not None
-        try:
-            position = units.parse(written, joint.dimension("position"))
-        except units.UnitError as error:
-            yield path, str(error)
-        else:
-            if (beyond := beyond_limits(joint, position)) is not None:
-                yield path, beyond
+    if robot.joints:
+        yield from _start_position_problems(robot.joints, model)
     if robot.drive is not None:
         for below, message in robot.drive.problems(model):
             yield ("robot", "drive", robot.drive.key, *below), message
+
+
+def _start_position_problems(positions: Mapping[str, float | str], model: RobotModel) -> SpecProblems:
+    """Yield missing joints, patterns that match nothing, and invalid start positions."""
+    from sim_action.robot.joint_selection import joints_set_by, setting_problems
+
+    for below, message in setting_problems(model, positions, FirstFew()):
+        yield ("robot", "joints", *below), message
+    for name, names in joints_set_by(model, positions).items():
+        for joint in names:
+            if (trouble := _start_position_problem(joint, positions[name], model)) is not None:
+                yield ("robot", "joints", name), trouble if joint == name else f"joint '{joint}': {trouble}"
+
+
+def _start_position_problem(name: str, written: float | str, model: RobotModel) -> str | None:
+    joint = model.joints_by_name.get(name)
+    if joint is None or not joint.ball:
+        hint = f"; it starts at {name}_x, {name}_y and {name}_z" if name in model.balls else ""
+        if (trouble := model.why_not_driven(name)) is not None:
+            return f"{trouble}{hint}"
+    assert joint is not None
+    try:
+        return beyond_limits(joint, units.parse(written, joint.dimension("position")))
+    except units.UnitError as error:
+        return str(error)
 
 
 def _weightless(model: RobotModel, allowed: Sequence[str]) -> str | None:
@@ -244,13 +255,18 @@ def follower_problems(scene: Scene) -> SpecProblems:
         positions = scene.joint_positions
     except units.UnitError:
         return
+    if not any(joint.mimic for joint in model.moving_joints):
+        return
+    from sim_action.robot.joint_selection import joints_set_by
+
+    setters = {each: name for name, names in joints_set_by(model, stated).items() for each in names}
     for joint in model.moving_joints:
         leader = joint
         while leader.mimic is not None:
             leader = model.joints_by_name[leader.mimic.joint]
         message = beyond_limits(joint, positions[joint.name]) if leader is not joint else None
         if message is not None:
-            path: KeyPath = ("robot", "joints", leader.name) if leader.name in stated else ("robot",)
+            path: KeyPath = ("robot", "joints", setters[leader.name]) if leader.name in setters else ("robot",)
             about = f"joint '{joint.name}', which follows '{leader.name}', would begin beyond its own limits"
             yield path, f"{about}: {message}"
 

@@ -193,11 +193,16 @@ class Scene:
         return {name: control for name, control in self.keyframe.controls.items() if name not in moved}
 
     def _stated_positions(self) -> dict[str, float]:
-        joints = self.model.joints_by_name
+        if not self.robot.joints:
+            return {}
+        from sim_action.robot.joint_selection import joints_set_by
+
+        joints, written = self.model.joints_by_name, self.robot.joints
         return {
-            name: units.parse(written, joints[name].dimension("position"))
-            for name, written in self.robot.joints.items()
-            if name in joints
+            joint: units.parse(written[name], joints[joint].dimension("position"))
+            for name, names in joints_set_by(self.model, written).items()
+            for joint in names
+            if joint in joints
         }
 
     def parts_of(self, body: Body) -> Sequence[Part]:

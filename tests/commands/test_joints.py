@@ -247,6 +247,43 @@ def test_before_0_positions_are_held_and_velocities_braked_whatever_the_points_s
     assert held == JointTargets(position={"elbow": -1.0}, velocity={"turntable": 0.0})
 
 
+def test_a_pattern_means_all_joints_with_a_motor_but_those_that_are_named() -> None:
+    commands = spec({"at": 0, "position": {"*": 0.25, "elbow": 1.0}, "velocity": {"turntable": 2.0}})
+    found = at(commands, 0.0)
+    assert found is not None
+    # Fingers slide; one of them mimics the other, and has no motor.
+    assert found.position == near(shoulder=0.25, elbow=1.0, left_finger_joint=0.25)
+    assert commands.joints(ARM) == {"shoulder", "elbow", "left_finger_joint", "turntable"}
+
+
+@pytest.mark.parametrize(
+    ("point", "problems"),
+    [
+        ({"*_elbow": 1}, ["no moving joint matches '*_elbow'; did you mean 'elbow'? (allowed: elbow, "]),
+        ({"right_*": 0}, ["'right_*' names no joint with a motor of its own: joint 'right_finger_joint' cannot be "]),
+        (
+            {"s*": 1, "*r": 1.5},
+            ["'s*' sets joint 'shoulder' to 1, '*r' to 1.5; name the joint itself, or change a pattern"] * 2,
+        ),
+        ({"s*": 1, "*r": 1}, []),
+        ({"e*": 2.5}, ["joint 'elbow': 143.2 deg is outside the limits of the joint"]),
+    ],
+)
+def test_what_is_wrong_with_a_pattern_is_told_at_its_line(point: dict[str, float], problems: list[str]) -> None:
+    found = list(spec({"at": 9, "position": point}).model_problems(ARM))
+    assert [path[:3] for path, _ in found] == [("joints", 0, "position")] * len(problems)
+    assert len({path for path, _ in found}) == len(problems)
+    assert all(message.startswith(problem) for (_, message), problem in zip(found, problems, strict=True))
+
+
+def test_a_pattern_and_a_name_give_one_joint_one_kind_of_target() -> None:
+    commands = spec({"at": 1, "position": {"e*": 1}}, {"at": 2, "velocity": {"elbow": 1}})
+    assert not list(commands.problems(HERE))
+    ((path, message),) = commands.model_problems(ARM)
+    assert path == ("joints", 1, "velocity", "elbow")
+    assert message.startswith("joint 'elbow' also has a position target, at 1 s")
+
+
 @pytest.mark.parametrize(
     ("data", "message"),
     [

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from sim_action.scenario.loading import build_scene
 from tests.scenarios import load, told
 
 INERTIA = '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
@@ -130,6 +131,39 @@ def test_a_follower_begins_within_its_own_limits(offset: float, joints: str, pro
         return
     (found,) = told(tmp_path, text)
     assert found.startswith(problem)
+
+
+@pytest.mark.parametrize(
+    ("joints", "positions"),
+    [
+        ("{'*': 0.1}", {"elbow": 0.1, "tip": 0.1}),
+        ("{'e*': 6 deg, elbow: 0.2}", {"elbow": 0.2, "tip": 0.2}),
+    ],
+)
+def test_a_pattern_sets_joints_with_motors_and_a_name_wins(
+    joints: str, positions: dict[str, float], tmp_path: Path
+) -> None:
+    text = arm(tmp_path, f", joints: {joints}")
+    model = tmp_path / "arm.urdf"
+    model.write_text(model.read_text().replace("</robot>\n", FOLLOWER.format(offset=0)))
+    assert build_scene(load(tmp_path, text)).joint_positions == positions
+
+
+@pytest.mark.parametrize(
+    ("joints", "problems"),
+    [
+        ("{'*_hip': 1}", ["2:35: robot.joints.*_hip: no moving joint matches '*_hip' (allowed: elbow)"]),
+        ("{'elb*': 2}", ["2:35: robot.joints.elb*: joint 'elbow': 114.6 deg is outside"]),
+        (
+            "{'e*': 0,\n '*w': 1}",
+            ["2:35: robot.joints.e*: 'e*' sets joint 'elbow' to 0, '*w' to 1", "3:2: robot.joints.*w: 'e*' sets"],
+        ),
+    ],
+)
+def test_a_pattern_that_cannot_be_is_told_where_it_stands(joints: str, problems: list[str], tmp_path: Path) -> None:
+    found = told(tmp_path, arm(tmp_path, f", joints: {joints}"))
+    assert len(found) == len(problems)
+    assert all(line.startswith(problem) for line, problem in zip(found, problems, strict=True))
 
 
 def test_variables_are_for_code_only(tmp_path: Path) -> None:
