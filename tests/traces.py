@@ -73,12 +73,14 @@ def piece(seen: Trace, start: int, end: int) -> Trace:
     rows = seen.rows(slice(start, end))
     inside = set(rows.time.tolist())
     contacts = tuple(touch for touch in seen.contacts if touch.time in inside)
+    own = tuple(touch for touch in seen.self_contacts if touch.time in inside)
     if not len(rows):
-        return replace(rows, contacts=contacts, sensors={}, clearances={})
+        return replace(rows, contacts=contacts, self_contacts=own, sensors={}, clearances={})
     first, last, step = float(rows.time[0]), float(rows.time[-1]), float(np.diff(seen.time[:2]).sum())
     return replace(
         rows,
         contacts=contacts,
+        self_contacts=own,
         # What is read at a step stands with those that follow it.
         sensors={name: record.between(first - 1.5 * step, last - 0.5 * step) for name, record in seen.sensors.items()},
         clearances={

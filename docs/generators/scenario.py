@@ -62,7 +62,7 @@ ASSERTION_PAGES: Final = {
         *("follow_path", "max_speed", "stay_within", "upright"),
     ),
     "assertions-contact.md": (
-        *("no_collision", "contact", "stops_before", "clearance"),
+        *("no_collision", "self_collision", "contact", "stops_before", "clearance"),
         *("feet_on_ground", "support_margin"),
     ),
     "assertions-joints.md": ("joint", "joint_within", "effort", "energy", "sensor", "odometry_error"),
@@ -76,6 +76,7 @@ ASSERTION_KINDS: Final = {
     "settled": "goal",
     "final_pose": "judged at the end",
     "no_collision": "invariant",
+    "self_collision": "invariant",
     "contact": "goal; `at_most` alone: invariant",
     "stops_before": "goal; not touching: invariant",
     "upright": "invariant",

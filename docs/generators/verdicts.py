@@ -67,6 +67,10 @@ VERDICTS: Final = {
         "[audit of claims](claims.md) adds a warning.",
         "The robot touched a body that `allow` does not name.",
     ),
+    "self_collision": Verdicts(
+        "No two links of the robot touched each other at any step, except neighbours and allowed pairs.",
+        "Two links touched each other that `allow` does not name.",
+    ),
     "contact": Verdicts(
         "The robot touched the body for the time `for`, with at least `at_least`, and never with more than `at_most`. "
         "With `at_most` alone: no mean force or impulse exceeded it. If the robot never touched the body, the "

@@ -161,6 +161,7 @@ ASSERTIONS: Final = Table[type[Assertion]](
         "settled": "sim_action.assertions.settled:Settled",
         "final_pose": "sim_action.assertions.final_pose:FinalPose",
         "no_collision": "sim_action.assertions.no_collision:NoCollision",
+        "self_collision": "sim_action.assertions.self_collision:SelfCollision",
         "contact": "sim_action.assertions.contact:Touch",
         "stops_before": "sim_action.assertions.stops_before:StopsBefore",
         "upright": "sim_action.assertions.upright:Upright",

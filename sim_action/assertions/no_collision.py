@@ -102,14 +102,14 @@ class NoCollisionMonitor:
         """See ConditionMonitor.truth."""
         import numpy as np
 
-        touches = touching_at(trace, times_of(filter(self._is_forbidden, trace.contacts)), self.step)
+        touches = touching_at(trace, times_of(self._forbidden_in(trace)), self.step)
         return Truth(touches.time, np.logical_not(touches.holds))
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         """See PlottableMonitor.signals. Returns contact (0 or 1) at each step, and the mean force if there is any."""
         import numpy as np
 
-        forbidden = list(filter(self._is_forbidden, trace.contacts))
+        forbidden = self._forbidden_in(trace)
         touches = with_zeros(trace.time, times_of(forbidden), np.ones(len(times_of(forbidden))), self.step)
         touching = Signal("touching something", "contacts", *touches, upper=0.0)
         if forbidden and not any(contact.has_force for contact in forbidden):
@@ -117,6 +117,9 @@ class NoCollisionMonitor:
         mean = MeanForce(1 / self.step, max(FORCE_WINDOW_S, self.step))
         name = f"contact force, mean over {duration_text(mean.window)}"
         return (touching, Signal(name, "N", *mean.observe(trace, forbidden)[1]))
+
+    def _forbidden_in(self, trace: Trace) -> list[Contact]:
+        return [contact for contact in trace.contacts if self._is_forbidden(contact)]
 
     def _is_forbidden(self, contact: Contact) -> bool:
         return contact.link not in self.allowed and contact.body not in self.allowed and contact.body != GROUND

@@ -19,6 +19,11 @@ if TYPE_CHECKING:
 _WILDCARD: Final = re.compile(r"[*?\[]")
 
 
+def groups_of(model: RobotModel) -> Mapping[str, tuple[str, ...]]:
+    """Return group name -> its joints, as the SRDF states them; empty without one."""
+    return {} if model.srdf is None else model.srdf.groups
+
+
 def chosen(model: RobotModel, names: Iterable[str]) -> tuple[Joint, ...]:
     """Return the moving joints that match a name, in the order of the model; all of them if there are no names."""
     wanted = tuple(names) or ("*",)
@@ -32,8 +37,8 @@ def matches_name(name: str, joint: str) -> bool:
 
 def _means(model: RobotModel, name: str, joint: str) -> bool:
     """Return True if a name, a pattern or a group means a joint. A joint with the name of a group comes first."""
-    if name in model.groups and name not in model.joints_by_name:
-        return joint in model.groups[name]
+    if name in groups_of(model) and name not in model.joints_by_name:
+        return joint in groups_of(model)[name]
     return matches_name(name, joint)
 
 
@@ -41,7 +46,7 @@ def selects(model: RobotModel, name: str) -> bool:
     """Return True for a pattern or a group, and False for the name of one joint, known or not."""
     if name in model.joints_by_name or name in model.balls:
         return False
-    return name in model.groups or _WILDCARD.search(name) is not None
+    return name in groups_of(model) or _WILDCARD.search(name) is not None
 
 
 def joints_set_by(model: RobotModel, names: Collection[str]) -> dict[str, tuple[str, ...]]:
@@ -72,7 +77,8 @@ def setting_problems(model: RobotModel, values: Mapping[str, float | str], hinte
             one = first.setdefault(joint, other)
             if values[one] != values[other] and (one, other) not in reported:
                 reported.add((one, other))
-                found = f"'{one}' sets joint '{joint}' to {as_written(values[one])}, '{other}' to {as_written(values[other])}"
+                theirs = f"'{other}' to {as_written(values[other])}"
+                found = f"'{one}' sets joint '{joint}' to {as_written(values[one])}, {theirs}"
                 yield from (((name,), f"{found}; name the joint itself, or change a pattern") for name in (one, other))
 
 
@@ -80,14 +86,14 @@ def _sets_nothing(model: RobotModel, name: str, hinted: FirstFew) -> str:
     meant = chosen(model, (name,))
     if meant and (trouble := model.why_not_driven(meant[0].name)) is not None:
         return f"'{name}' names no joint with a motor of its own: {trouble}"
-    if name in model.groups:
+    if name in groups_of(model):
         return f"the group '{name}' of the SRDF has no moving joint"
     return f"no moving joint matches '{name}'{_hint(model, name, hinted)}"
 
 
 def _hint(model: RobotModel, name: str, hinted: FirstFew) -> str:
     joints = (joint.name for joint in model.moving_joints)
-    return did_you_mean(name, dict.fromkeys((*joints, *model.groups))) if hinted.one_more() else ""
+    return did_you_mean(name, dict.fromkeys((*joints, *groups_of(model)))) if hinted.one_more() else ""
 
 
 def name_problem(model: RobotModel, name: str, hinted: FirstFew) -> str | None:

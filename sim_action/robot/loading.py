@@ -57,9 +57,9 @@ def _place(robot: Robot, workspace: Workspace) -> tuple[Hashable, ...]:
 
     Scenarios in different folders may mean the same file. A package name may mean another package in each folder.
     """
-    if robot.model in BUILT_IN:
+    if robot.model in BUILT_IN and robot.srdf is None:
         return (robot.model,)
-    if not robot.packages and "://" not in robot.model:
+    if not robot.packages and "://" not in robot.model and robot.srdf is None:
         try:
             return (workspace.file(robot.file), robot.name_in_world)
         except PathError:
@@ -68,7 +68,7 @@ def _place(robot: Robot, workspace: Workspace) -> tuple[Hashable, ...]:
 
 
 def _options(robot: Robot) -> str:
-    return robot.model_dump_json(include={"args", "packages", "allow", "keyframe"})
+    return robot.model_dump_json(include={"args", "packages", "allow", "keyframe", "srdf"})
 
 
 def load_model(robot: Robot, workspace: Workspace) -> RobotModel:
@@ -79,6 +79,10 @@ def load_model(robot: Robot, workspace: Workspace) -> RobotModel:
     model = _read_model(robot, workspace)
     if robot.keyframe is not None:
         _check_keyframe(robot.keyframe, model)
+    if robot.srdf is not None:
+        from sim_action.robot.srdf import read_srdf
+
+        model = replace(model, srdf=read_srdf(_srdf_file(robot.srdf, Packages(workspace, robot.packages)), model))
     return replace(model, findings=limited_notes(_told_once(model.findings)))
 
 
@@ -143,6 +147,10 @@ def check_text(robot: Robot, workspace: Workspace) -> tuple[str, ...]:
     """Check a file of xacro or MJCF as text, without running it. Return what was not checked. Raises ModelError."""
     packages = Packages(workspace, robot.packages)
     path = _path(robot.model, packages)
+    if robot.srdf is not None:
+        from sim_action.robot.srdf import read_srdf_text
+
+        read_srdf_text(_srdf_file(robot.srdf, packages))
     if robot.is_mjcf:
         from sim_action.robot.mjcf.files import collect_files
 
@@ -157,6 +165,32 @@ def package_problems(robot: Robot, workspace: Workspace) -> Iterator[tuple[tuple
     """Yield a problem, with its path in the scenario, for each key of `robot.packages` that leads to no folder."""
     for name, message in Packages(workspace, robot.packages).mapped_problems():
         yield ("robot", "packages", name), message
+
+
+def srdf_problems(robot: Robot, workspace: Workspace) -> Iterator[tuple[tuple[str, ...], str]]:
+    """Yield a problem, with its path in the scenario, if `robot.srdf` leads to no file."""
+    if robot.srdf is None:
+        return
+    try:
+        _srdf_file(robot.srdf, Packages(workspace, robot.packages))
+    except ModelError as error:
+        yield ("robot", "srdf"), str(error)
+
+
+def _srdf_file(name: str, packages: Packages) -> Path:
+    from sim_action.robot.model_files import find_model_file
+
+    if name.endswith(".xacro"):
+        expanded = name.removesuffix(".xacro")
+        raise ModelError(f"an SRDF must be expanded: run xacro {name} > {expanded}, and name '{expanded}'")
+    try:
+        if "://" in name:
+            return find_model_file(name, packages.workspace.directory / "scenario", packages).path
+        return packages.workspace.file(name)
+    except (PathError, PackageError) as error:
+        place = packages.workspace.directory / name
+        hint = "" if "://" in name or place.exists() else similar_name(place)
+        raise ModelError(f"{error}{hint}") from None
 
 
 def _path(name: str, packages: Packages) -> Path:

@@ -336,11 +336,6 @@ class RobotModel:
         """The joints that a motor can move, or that mimic another, in the order of the file."""
         return tuple(joint for joint in self.joints if joint.type in MOVING_TYPES)
 
-    @property
-    def groups(self) -> Mapping[str, tuple[str, ...]]:
-        """Group name -> its joints, as an SRDF states them; empty without one."""
-        return {} if self.srdf is None else self.srdf.groups
-
     @cached_property
     def balls(self) -> tuple[str, ...]:
         """The names of the ball joints, in the order of the file."""
@@ -390,10 +385,7 @@ class RobotModel:
         return found
 
     def positions(self, stated: Mapping[str, float]) -> dict[str, float]:
-        """Return the position of each moving joint, in rad (m).
-
-        :param stated: positions by name; other joints are at home, and mimicking joints follow their leaders.
-        """
+        """Return joint -> position in rad (m): as stated by name, else at home; mimicking joints follow others."""
         return {joint.name: self._position(joint, stated) for joint in self.moving_joints}
 
     def _position(self, joint: Joint, stated: Mapping[str, float]) -> float:

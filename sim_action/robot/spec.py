@@ -55,6 +55,23 @@ class Robot(FrozenModel):
         ),
     ] = None
 
+    srdf: Annotated[
+        str | None,
+        NamesFile(),
+        Field(
+            min_length=1,
+            description="path or package:// address of the SRDF of the model: its groups name joints wherever patterns "
+            "do, and links in its <disable_collisions> never touch each other",
+        ),
+    ] = None
+    self_collision: Annotated[
+        bool,
+        Field(
+            description="true: the links of the robot collide with each other, except neighbours, pairs that the SRDF "
+            "or MJCF excludes, and pairs that touch at the model's own position; false: they pass through each other"
+        ),
+    ] = False
+
     @model_validator(mode="after")
     def _keyframe_is_read(self) -> Self:
         if self.keyframe is not None and not self.is_mjcf:

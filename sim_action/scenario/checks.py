@@ -15,6 +15,7 @@ from sim_action.robot.audit.rules import ALLOWABLE, RULES
 from sim_action.robot.kinematics import beyond_limits
 from sim_action.robot.link_motion import why_no_link
 from sim_action.robot.robot_model import WORLD, RobotModel
+from sim_action.robot.self_collision import NO_PAIRS, touchable_pairs
 from sim_action.scenario.model import MAX_COMPARED_STEPS, Agreement, Expectation, Scenario, rate_divides
 from sim_action.sensors import MountedSensor
 from sim_action.world import GROUND
@@ -147,10 +148,12 @@ def compared_body_problems(scenario: Scenario) -> SpecProblems:
 def agreement_problems(scene: Scene, agreement: Agreement) -> SpecProblems:
     """Yield joints and links in `agreement` that the robot does not have, and units that do not fit the joints."""
     # Few scenarios have an agreement.
-    from sim_action.robot.joint_selection import tolerance_problems
+    from sim_action.robot.joint_selection import groups_of, tolerance_problems
 
     for path, message in tolerance_problems(scene.model, agreement.joints):
         yield ("agreement", "joints", *path), message
+    for name in groups_of(scene.model).keys() & agreement.joints.keys() - scene.model.joints_by_name.keys():
+        yield ("agreement", "joints", name), f"'{name}' is a group of the SRDF: name joints, or a pattern"
     hinted = FirstFew()
     for name in agreement.links:
         if name not in scene.model.links_by_name:
@@ -207,6 +210,8 @@ def robot_problems(scenario: Scenario, model: RobotModel) -> SpecProblems:
         yield ("robot", "model"), trouble
     if robot.joints:
         yield from _start_position_problems(robot.joints, model)
+    if robot.self_collision and next(touchable_pairs(model), None) is None:
+        yield ("robot", "self_collision"), f"it has no effect: {NO_PAIRS}; remove it"
     if robot.drive is not None:
         for below, message in robot.drive.problems(model):
             yield ("robot", "drive", robot.drive.key, *below), message

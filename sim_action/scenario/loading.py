@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final
 from sim_action.core.errors import InternalError, InvalidScenario, ModelError, Problem, RefusedModel, UsageError
 from sim_action.core.permissions import Permissions
 from sim_action.core.yaml_errors import ProblemList, SpecProblems
-from sim_action.robot.loading import ModelLibrary, check_text, load_model, package_problems
+from sim_action.robot.loading import ModelLibrary, check_text, load_model, package_problems, srdf_problems
 from sim_action.robot.robot_model import RobotModel
 from sim_action.scenario import checks as scenario_checks
 from sim_action.scenario import world_checks
@@ -284,7 +284,8 @@ class _Loader:
 
     def _read_model(self, robot: DrivenRobot) -> RobotModel | None:
         """Return the robot model; None if it has a noted problem, or may only be read in the scenario's own process."""
-        if wrong := tuple(package_problems(robot, self._workspace)):
+        wrong = (*package_problems(robot, self._workspace), *srdf_problems(robot, self._workspace))
+        if wrong:
             self._problems.note_all((), iter(wrong))
             return None
         try:

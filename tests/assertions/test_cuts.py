@@ -31,13 +31,14 @@ from sim_action.assertions.monitors.window import Window
 from sim_action.assertions.no_collision import NoCollision
 from sim_action.assertions.odometry_error import OdometryError
 from sim_action.assertions.reach import Reach
+from sim_action.assertions.self_collision import SelfCollision
 from sim_action.assertions.sensor import SensorReading
 from sim_action.assertions.settled import Settled
 from sim_action.assertions.stay_within import StayWithin
 from sim_action.assertions.stops_before import StopsBefore
 from sim_action.assertions.temporal_logic.stl_assertion import Stl
 from sim_action.assertions.upright import Upright
-from sim_action.state.observation import Contact, JointState
+from sim_action.state.observation import Contact, JointState, SelfContact
 from sim_action.state.trace import FloatArray, Trace
 from sim_action.state.trace_channels import Channels, ClearanceWatch
 from sim_action.state.trace_records import BodyRecord, ClearanceRecord, ContactRecord, LinkTouch, Nearness, SensorRecord
@@ -70,6 +71,8 @@ SPECS: list[Assertion] = [
     FinalPose(z=0.1, yaw=0.5, yaw_tolerance=1.0),
     NoCollision(),
     NoCollision(allow=("wall", "base_scan")),
+    SelfCollision(),
+    SelfCollision(allow=(("base_*", "wheel_left_link"),)),
     Touch.model_validate({"with": "ball"}),
     Touch.model_validate({"with": "wall", "link": "base_*", "at_least": 2.0, "at_most": 12.0}),
     Touch.model_validate({"with": "wall", "impulse": {"at_most": 0.3}, "window": 0.021}),
@@ -131,6 +134,7 @@ SPECS: list[Assertion] = [
     Negation(part=Reach(x=0.3, y=0.3, tolerance=0.2)),
 ]
 
+LINKS = ["wheel_left_link", "wheel_right_link"]
 MOVABLE = replace(START, joints=dict.fromkeys(WHEELS, JointState(0.0, 0.0, 0.0)))
 
 WATCHES = sorted(Channels.all_of(spec.channels for spec in SPECS).clearances, key=repr)
@@ -170,7 +174,10 @@ def random_trace(seed: int, steps: int = STEPS) -> Trace:
     clearances = {watch: random_clearances(rng, watch, time) for watch in WATCHES}
     objects = {name: random_poses(rng, time) for name in ("wall", "ball")}
     feet = {foot: random_steps(rng, foot, time) for foot in FEET}
-    return replace(seen, clearances=clearances, sensors=sensors, objects=objects, link_contacts=feet)
+    touching = [float(at) for at in time if rng.random() < density]
+    own = tuple(SelfContact(at, "base_footprint", str(rng.choice(LINKS)), (0.0, 0.0, 0.1), 1.0) for at in touching)
+    seen = replace(seen, link_contacts=feet, self_contacts=own)
+    return replace(seen, clearances=clearances, sensors=sensors, objects=objects)
 
 
 def random_steps(rng: np.random.Generator, foot: str, time: FloatArray) -> ContactRecord:

@@ -171,6 +171,7 @@ NO_LIMITS: Final[Mapping[str, str]] = {
     "stops_before": "a goal, and a touch breaks it",
     "at_once": "a goal",
     "no_collision": "has no limit: test_a_contact_that_is_not_allowed_breaks_no_collision",
+    "self_collision": "has no limit: tests/assertions/test_self_collision.py",
     "matches": "needs a file: test_a_tolerance_below_the_largest_error_breaks_a_golden_trajectory",
     "feet_on_ground": "its limits are whole numbers: tests/assertions/test_legs.py",
     "assertion": "is code of the user",
@@ -300,7 +301,10 @@ GOALS: Final[Mapping[str, list[Extreme]]] = {
 """Assertion -> itself as a goal; a limit beyond the extreme of the whole run is never met."""
 
 NO_GOALS: Final[Mapping[str, str]] = {
-    **dict.fromkeys(("no_collision", "upright", "max_speed", "stay_within", "matches", "odometry_error"), "invariant"),
+    **dict.fromkeys(
+        ("no_collision", "self_collision", "upright", "max_speed", "stay_within", "matches", "odometry_error"),
+        "invariant",
+    ),
     **dict.fromkeys(("joint_within", "effort", "energy", "feet_on_ground", "support_margin"), "invariant"),
     "assertion": "is code of the user",
 }

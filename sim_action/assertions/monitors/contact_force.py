@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from sim_action.state.observation import Contact
+    from sim_action.state.observation import Contact, SelfContact
     from sim_action.state.trace import FloatArray, Trace
 
 # In N: sums of forces differ by rounding.
@@ -32,7 +32,7 @@ class Forces(NamedTuple):
     mean: FloatArray
 
 
-def times_of(contacts: Iterable[Contact]) -> FloatArray:
+def times_of(contacts: Iterable[Contact | SelfContact]) -> FloatArray:
     """Return (N,) s, rising: the steps that have one of these contacts."""
     import numpy as np
 

@@ -7,7 +7,7 @@ circle and a spin at 60 to 1000 Hz): contacts that converge faster separate for 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 from sim_action.robot.robot_model import Surface
@@ -29,20 +29,40 @@ _MAX_IMPEDANCE: Final = 0.9999
 
 
 class Collider(NamedTuple):
-    """A geom that can touch others; `part`: name of its link or of its body of the world."""
+    """A geom that can touch others.
+
+    Attributes:
+        part: name of its link or of its body of the world.
+        contype, conaffinity: the bits by which MJCF selects the geoms of a robot that may touch each other.
+    """
 
     geom: str
     part: str
     surface: Surface
     moves: bool = True
+    contype: int = 1
+    conaffinity: int = 1
+
+
+def pair_name(one: Collider, other: Collider) -> str:
+    """Return the name of the contact pair of two geoms of the robot."""
+    return f"self {one.geom} {other.geom}"
 
 
 def add_pairs(
-    spec: Any, rate: float, gravity: float, robot: Sequence[Collider], world: Sequence[Collider]
+    spec: Any,
+    rate: float,
+    gravity: float,
+    robot: Sequence[Collider],
+    world: Sequence[Collider],
+    *,
+    own: Iterable[tuple[Collider, Collider]] = (),
 ) -> dict[str, Surface]:
     """Add a contact pair for all geoms except two of the robot or two static ones; return the soft pairs.
 
     `gravity`: m/s^2, which determines the weight on a contact. The soft pairs are the input of `soften`.
+
+    :param own: pairs of geoms of the robot that collide.
     """
     # A map has thousands of static parts, which need no pairs among themselves.
     moving, fixed = (
@@ -51,11 +71,12 @@ def add_pairs(
     )
     apart = ((one, other) for one, other in itertools.combinations(moving, 2) if one.part != other.part)
     among_others = (*apart, *itertools.product(moving, fixed))
-    pairs = [*itertools.product(robot, world), *among_others]
+    pairs = [(str(number), *pair) for number, pair in enumerate((*itertools.product(robot, world), *among_others))]
+    pairs += [(pair_name(*pair), *pair) for pair in own]
     soft: dict[str, Surface] = {}
     hard = _hard(rate, gravity)
-    for number, (one, other) in enumerate(pairs):
-        surface, name = _combined(one.surface, other.surface), str(number)
+    for name, one, other in pairs:
+        surface = _combined(one.surface, other.surface)
         # MuJoCo rejects a coefficient of 0.
         dimensions = 3 if surface.friction > 0 else 1
         slides = [surface.friction, surface.friction, 0, 0, 0]

@@ -53,7 +53,9 @@ class Contacts:
         columns = contacts.geom, contacts.efc_address, contacts.pos, contacts.dist
         for (one, other), row, (x, y, z), distance in zip(*(column.tolist() for column in columns), strict=True):
             link, body = (one, other) if one in self._links else (other, one)
-            if link not in self._links or row < 0 or (not ground and self._bodies[body] == GROUND):
+            if link not in self._links or row < 0 or body in self._links:
+                continue
+            if not ground and self._bodies[body] == GROUND:
                 continue
             names, depth = (self._links[link], self._bodies[body]), max(0.0, -distance)
             yield Contact(time, *names, (x, y, z), float(forces[row]), depth=depth)
@@ -77,6 +79,8 @@ class Contacts:
         contacts = self._data.contact
         for (one, other), distance in zip(contacts.geom.tolist(), contacts.dist.tolist(), strict=True):
             link, body = (one, other) if one in self._links else (other, one)
+            if link in self._links and body in self._links:
+                continue
             if link in self._links:
                 yield Overlap(self._links[link], self._bodies[body], -distance)
             else:
@@ -87,7 +91,7 @@ class Contacts:
         deepest: dict[tuple[str, str], float] = {}
         for one, other, depth in self._present():
             link, body = (one, other) if one in self._links else (other, one)
-            if link in self._links:
+            if link in self._links and body not in self._links:
                 pair = self._links[link], self._bodies[body]
                 deepest[pair] = max(deepest.get(pair, 0.0), depth)
         return tuple(Overlap(link, body, depth) for (link, body), depth in deepest.items() if depth > 0)

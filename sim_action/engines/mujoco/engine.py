@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import mujoco
 import numpy as np
@@ -30,6 +30,7 @@ from sim_action.engines.mujoco.scene import CompiledScene
 from sim_action.engines.mujoco.sliding import SlidingContacts
 from sim_action.engines.mujoco.state_recorder import StateRecorder
 from sim_action.engines.observers import LazyContacts, Recorders, path_contacts
+from sim_action.engines.self_collision import is_asked
 from sim_action.engines.world_events import WorldEvents
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import Clash, Contact, Observation, Overlap
@@ -37,6 +38,9 @@ from sim_action.state.trace import FloatArray, Trace
 from sim_action.state.trace_channels import Channels
 from sim_action.state.trace_records import ContactRecord
 from sim_action.world.scene import Scene
+
+if TYPE_CHECKING:
+    from sim_action.engines.mujoco.self_collision import SelfCollision
 
 WARNING: Final = "mujoco warning: "
 """Prefix of the lines on stderr that hold warnings of the engine."""
@@ -68,6 +72,7 @@ class MuJoCoEngine:
         except _REFUSALS as error:
             raise EngineError(f"the engine refused the world: {with_user_names(str(error), scene)}") from None
         self._scene, self._rate = scene, scene.physics.rate
+        self._self_collision = self._collision_of_links(compiled, channels)
         self._model, self._data = compiled.model, compiled.data
         self._joint_names = tuple(joint.name for joint in scene.model.moving_joints)
         self._motors = Motors(scene, compiled, self._rate)
@@ -119,7 +124,8 @@ class MuJoCoEngine:
             self._clearances.record_past(steps, *states.places(rows), lambda row: recall(qpos[row]))
         touches, self._touches = tuple(self._touches), []
         clearances, records = self._clearances.collect(), self._recorders.collect()
-        return Trace(self._joint_names, states.trace_rows(rows), touches, clearances=clearances, **records)
+        trace = Trace(self._joint_names, states.trace_rows(rows), touches, clearances=clearances, **records)
+        return trace if self._self_collision is None else self._self_collision.added_to(trace)
 
     def link_contacts(self, step: int) -> dict[str, ContactRecord]:
         """See Engine.link_contacts."""
@@ -170,6 +176,15 @@ class MuJoCoEngine:
         """See Engine.close; MuJoCo's memory is freed with its Python objects."""
         self._lazy_contacts.settle()
 
+    def _collision_of_links(self, compiled: CompiledScene, channels: Channels) -> SelfCollision | None:
+        if not is_asked(self._scene, channels):
+            return None
+        from sim_action.engines.mujoco.self_collision import SelfCollision
+
+        found = SelfCollision(self._scene, compiled)
+        self.notes = found.notes
+        return found
+
     def _watching(self, channels: Channels) -> Iterator[Callable[[int], None]]:
         """Yield the functions that observe the state after each step, given its number."""
         if self._objects_qpos.size:
@@ -178,6 +193,9 @@ class MuJoCoEngine:
             yield self._record_contacts
             if self._path_contacts is not None:
                 yield self._record_path_contacts
+        if self._self_collision is not None and channels.self_contacts:
+            states, names = self._states, self._joint_names
+            yield self._self_collision.recorder(self._rate, names, lambda: states.place(states.last())[1])
         yield from self._recorders.watchers
         if not self._clearances.is_idle and not self._looks_back:
             yield self._record_clearances

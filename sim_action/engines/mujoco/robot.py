@@ -183,4 +183,6 @@ def add_native_robot(spec: Any, model: RobotModel, *, fixed: bool) -> list[Colli
 
 
 def _skin(geom: Any) -> Collider:
-    return Collider(engine_name(geom.name), geom.parent.name, Surface(float(geom.friction[0])))
+    surface = Surface(float(geom.friction[0]))
+    contype, conaffinity = int(geom.contype), int(geom.conaffinity)
+    return Collider(engine_name(geom.name), geom.parent.name, surface, contype=contype, conaffinity=conaffinity)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Self
 
@@ -42,6 +43,7 @@ class CompiledScene:
             for a ball joint, the vector part of its quaternion.
         links: geom -> name of its link.
         bodies: geom -> name of its body of the world, or of the ground.
+        colliders: the geoms of the robot.
     """
 
     model: Any
@@ -54,6 +56,7 @@ class CompiledScene:
     velocities: NDArray[np.intp]
     links: dict[int, str]
     bodies: dict[int, str]
+    colliders: tuple[Collider, ...]
 
     @classmethod
     def of(cls, scene: Scene) -> Self:
@@ -65,10 +68,11 @@ class CompiledScene:
         robot = _add_robot(spec, scene, fixed=fixed)
         for name, inertia in scene.rotors.items():
             spec.joint(engine_name(name)).armature += inertia
+        own = _own_pairs(spec, scene, robot) if scene.robot.self_collision else []
         world = [*add_ground(spec, scene.world)]
         for body in scene.world.objects:
             world += add_object(spec, body, scene.parts_of(body))
-        soft = add_pairs(spec, rate, math.hypot(*scene.world.gravity_xyz), robot, world)
+        soft = add_pairs(spec, rate, math.hypot(*scene.world.gravity_xyz), robot, world, own=own)
         model = spec.compile()
         soften(model, rate, soft)
         others = sum(body.mass is not None for body in scene.world.objects)
@@ -88,6 +92,7 @@ class CompiledScene:
             velocities=(model.jnt_dofadr[numbers] + parts).astype(np.intp),
             links={model.geom(collider.geom).id: collider.part for collider in robot},
             bodies={model.geom(collider.geom).id: collider.part for collider in world},
+            colliders=tuple(robot),
         )
         compiled._place(scene)
         return compiled
@@ -152,6 +157,13 @@ def _empty(rate: float, gravity_xyz: Vector3) -> Any:
 def solver_parameters(rate: float) -> dict[str, list[float]]:
     """Return the parameters of motors, limits and gears."""
     return {"solref": [STEPS_TO_CONVERGE / rate, 1.0], "solimp": [IMPEDANCE, IMPEDANCE, 0.001, 0.5, 2.0]}
+
+
+def _own_pairs(spec: Any, scene: Scene, robot: Sequence[Collider]) -> list[tuple[Collider, Collider]]:
+    """Return the pairs of geoms of the robot that collide; `spec` holds the robot alone."""
+    from sim_action.engines.mujoco.self_collision import colliding_pairs
+
+    return colliding_pairs(spec, scene, robot)
 
 
 def _add_robot(spec: Any, scene: Scene, *, fixed: bool) -> list[Collider]:

@@ -50,6 +50,7 @@ from sim_action.engines.pybullet.scene import (
     place,
     set_surfaces,
 )
+from sim_action.engines.self_collision import is_asked
 from sim_action.engines.world_events import WorldEvents
 from sim_action.robot.link_motion import LinkStates
 from sim_action.state.command import JointTargets
@@ -62,6 +63,7 @@ from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
     from sim_action.engines.pybullet.passive_joints import BallJoints, Springs
+    from sim_action.engines.pybullet.self_collision import SelfCollision
     from sim_action.engines.pybullet.sliding import SlidingWheels
     from sim_action.robot.robot_model import RobotModel
 
@@ -98,6 +100,7 @@ class PyBulletEngine:
         self._watches_contacts = channels.contacts and bool(self._objects)
         self._read_joints(scene)
         self.notes = self._calm(scene)
+        self._self_collision = self._collision_of_links(scene, channels)
         self._place_robot(scene)
         self._sliding = self._sliding_wheels(scene) if scene.scrubbing else None
         control = PyBulletBodyControl(self._client, self._robot, self._links, self._objects)
@@ -119,6 +122,9 @@ class PyBulletEngine:
         if heavy:
             look = self._reader(heavy)
             self._watchers.append(lambda _: self._body_poses.append(look()))
+        if self._self_collision is not None:
+            self.notes += self._self_collision.notes
+            self._watchers += self._self_collision.start(channels, lambda: self._rows[-1])
         self._body_poses: list[Sequence[float] | NDArray[np.float64]] = []
         self._held_efforts: dict[int, float] = {}
         self._rows: list[tuple[float, ...]] = []
@@ -166,7 +172,8 @@ class PyBulletEngine:
             state[:, column] = values
         touches, self._rows, self._touches = tuple(self._touches), [], []
         clearances, records = self._clearances.collect(), self._recorders.collect()
-        return Trace(self._joint_names, state, touches, clearances=clearances, **records)
+        trace = Trace(self._joint_names, state, touches, clearances=clearances, **records)
+        return trace if self._self_collision is None else self._self_collision.added_to(trace)
 
     def link_contacts(self, step: int) -> dict[str, ContactRecord]:
         """See Engine.link_contacts."""
@@ -282,6 +289,13 @@ class PyBulletEngine:
         from sim_action.engines.pybullet.passive_joints import BallJoints
 
         return BallJoints(self._client, self._robot, numbers)
+
+    def _collision_of_links(self, scene: Scene, channels: Channels) -> SelfCollision | None:
+        if not is_asked(scene, channels):
+            return None
+        from sim_action.engines.pybullet.self_collision import SelfCollision
+
+        return SelfCollision.of(scene, self._client, self._robot, self._links, self._index)
 
     def _springs_of(self, model: RobotModel) -> Springs | None:
         sprung = {self._index[joint.name]: joint for joint in model.motor_joints if joint.stiffness}

@@ -41,6 +41,8 @@ _CONTACT_BREAKING_THRESHOLD: Final = 0.02
 _RESIDUAL_THRESHOLD: Final = 1e-7
 # Cylinders as hulls would ride 1 mm high and cost twice as much. The default inertia is that of the collision shapes.
 _LOAD_FLAGS: Final = pybullet.URDF_USE_IMPLICIT_CYLINDER | pybullet.URDF_USE_INERTIA_FROM_FILE
+# Without neighbours: PyBullet leaves out direct parents and children.
+_SELF_COLLISION: Final = pybullet.URDF_USE_SELF_COLLISION | pybullet.URDF_USE_SELF_COLLISION_EXCLUDE_PARENT
 _COLLISION: Final = re.compile(r"<collision[\s/>]")
 # PyBullet has fewer files open at the same time while it reads a model.
 _OPEN_FILES: Final = 8
@@ -150,7 +152,8 @@ def _check_open_files() -> None:
 
 def _loaded(client: int, path: Path, scene: Scene) -> int:
     """Return the number of the robot in a URDF file. Raise pybullet.error, also if the robot is not complete."""
-    robot = int(pybullet.loadURDF(str(path), useFixedBase=scene.bolted, flags=_LOAD_FLAGS, physicsClientId=client))
+    flags = _LOAD_FLAGS | (_SELF_COLLISION if scene.robot.self_collision else 0)
+    robot = int(pybullet.loadURDF(str(path), useFixedBase=scene.bolted, flags=flags, physicsClientId=client))
     made, expected = _complete_shapes(client, robot), len(_COLLISION.findall(scene.model.urdf))
     if made < expected:
         pybullet.removeBody(robot, client)

@@ -82,6 +82,8 @@ class Mjcf:
         looked_at: geoms that are only drawn.
         actuators: names of all actuators; joints without one are passive if there is any.
         floor: m, height of the horizontal plane of the file, which is at the height 0 of the scenario; 0 without one.
+        excluded: pairs of bodies that <exclude> lets pass through each other.
+        paired: pairs of geoms that <pair> lets collide, whatever their contype and conaffinity.
     """
 
     text: str
@@ -90,3 +92,5 @@ class Mjcf:
     looked_at: frozenset[str] = frozenset()
     actuators: tuple[str, ...] = ()
     floor: float = 0.0
+    excluded: frozenset[frozenset[str]] = frozenset()
+    paired: frozenset[frozenset[str]] = frozenset()

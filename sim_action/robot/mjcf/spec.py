@@ -79,6 +79,8 @@ def build(files: MjcfFiles, place: Location) -> Built:
     keyframes = _keyframes(spec, files)
     notes = Notes(files, place)
     floor = _floor(spec, notes)
+    excluded = frozenset(frozenset((each.bodyname1, each.bodyname2)) for each in spec.excludes)
+    paired = frozenset(frozenset((each.geomname1, each.geomname2)) for each in spec.pairs)
     _leave_out(spec, notes)
     looked_at = _looked_at(spec)
     drawn, meshes = dict[str, MeshFile](), dict[str, MeshBytes]()
@@ -104,6 +106,8 @@ def build(files: MjcfFiles, place: Location) -> Built:
         looked_at,
         tuple(actuator.name for actuator in spec.actuators),
         floor,
+        excluded,
+        paired,
     )
     _fill_meshes(spec, mjcf)
     return Built(spec, mjcf, drawn, positions, keyframes, actuators, notes)
@@ -269,7 +273,9 @@ def _take_pairs(spec: Any, outside: set[str], notes: Notes) -> None:
             geom = spec.geom(ours[0])
             geom.contype = geom.contype or 1
         elif ours:
-            notes.leave_out(pair, "<pair> in <contact> is not simulated: parts of the robot do not touch each other")
+            notes.leave_out(
+                pair, "<pair> in <contact> is not simulated, unless the scenario says robot.self_collision: true"
+            )
 
 
 # Groups that <option actuatorgroupdisable> can name.

@@ -1,0 +1,164 @@
+"""`self_collision`: no link of the robot touches another one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
+from typing import TYPE_CHECKING, Annotated, ClassVar, Self
+
+from pydantic import Field
+
+from sim_action.assertions import Assertion, shortened_title
+from sim_action.assertions.monitors import Monitor, State, Truth
+from sim_action.assertions.monitors.contact_force import times_of
+from sim_action.assertions.monitors.proximity import touching_at, with_zeros
+from sim_action.core import units
+from sim_action.core.wording import FirstFew, did_you_mean
+from sim_action.core.yaml_errors import SpecProblems
+from sim_action.state.trace_channels import Channels
+from sim_action.state.verdict import Signal, Verdict
+from sim_action.world.scene import Scene
+
+if TYPE_CHECKING:
+    from sim_action.state.observation import Observation, SelfContact
+    from sim_action.state.trace import Trace
+
+
+class SelfCollision(Assertion):
+    """No link of the robot touches another link, except neighbours and the pairs in `allow`.
+
+    With `robot.self_collision: true`, links push each other away, and a touch has a force. Otherwise they pass through
+    each other: their distances are measured, and an overlap of more than 0.1 mm is a touch.
+
+    Neighbours, which one joint connects, never count. Neither do pairs that touch where the model itself puts its
+    joints, which a note names, and pairs that the SRDF (`robot.srdf`) or MJCF disables.
+    """
+
+    key: ClassVar[str] = "self_collision"
+
+    allow: Annotated[
+        tuple[tuple[str, str], ...],
+        Field(description="pairs of links that may touch, such as `[left_finger, right_finger]`; patterns work, too"),
+    ] = ()
+
+    @property
+    def channels(self) -> Channels:
+        """See Assertion.channels."""
+        return Channels(self_contacts=True)
+
+    @property
+    def has_truth(self) -> bool:
+        """See Assertion.has_truth."""
+        return True
+
+    @property
+    def title(self) -> str:
+        """See Assertion.title."""
+        pairs = ", ".join(f"{one} with {other}" for one, other in self.allow)
+        return shortened_title("self_collision" + (f" but {pairs}" if pairs else ""))
+
+    def problems(self, scene: Scene) -> SpecProblems:
+        """Yield names in `allow` that match no link, and a robot whose links cannot touch each other."""
+        from sim_action.robot.self_collision import NO_PAIRS, touchable_pairs
+
+        links, hinted, known = scene.model.links_by_name, FirstFew(), True
+        for index, pair in enumerate(self.allow):
+            for place, name in enumerate(pair):
+                if name not in links and not any(fnmatchcase(link, name) for link in links):
+                    known = False
+                    hint = did_you_mean(name, links) if hinted.one_more() else ""
+                    yield ("allow", index, place), f"the robot has no link '{name}'{hint}"
+        pairs = touchable_pairs(scene.model)
+        first = next(pairs, None)
+        if first is None:
+            yield (), f"it would check nothing: {NO_PAIRS}"
+        elif known and self.allow and all(map(self._is_allowed, (first, *pairs))):
+            yield ("allow",), "it names every pair of links that can touch, so no touch counts; remove pairs"
+
+    def _is_allowed(self, pair: tuple[str, str]) -> bool:
+        return any(
+            (_is_of(one, pair[0]) and _is_of(other, pair[1])) or (_is_of(one, pair[1]) and _is_of(other, pair[0]))
+            for one, other in self.allow
+        )
+
+    def monitor(self, scene: Scene, start: Observation) -> Monitor:
+        """See Assertion.monitor."""
+        return SelfCollisionMonitor(self, 1 / scene.physics.rate, collides=scene.robot.self_collision)
+
+    def forbidden(self, trace: Trace) -> list[SelfContact]:
+        """Return the contacts that count."""
+        return [touch for touch in trace.self_contacts if not self._is_allowed((touch.link, touch.other))]
+
+
+def _is_of(name: str, link: str) -> bool:
+    return name == link or fnmatchcase(link, name)
+
+
+@dataclass(frozen=True, slots=True)
+class SelfCollisionMonitor:
+    """The monitor of the first forbidden contact between links, with the force of all its points.
+
+    Attributes:
+        step: s of sim time.
+        collides: True if links push each other away.
+    """
+
+    is_momentary: ClassVar[bool] = True
+
+    spec: SelfCollision
+    step: float
+    collides: bool
+    first: SelfContact | None = None
+    end: float | None = None
+
+    @property
+    def state(self) -> State:
+        """See Monitor.state."""
+        return State.HOLDS if self.first is None else State.BROKEN
+
+    def observe(self, trace: Trace) -> Self:
+        """See Monitor.observe."""
+        if self.first is not None:
+            return self
+        end = float(trace.time[-1]) if len(trace) else self.end
+        return replace(self, first=_summed(self.spec.forbidden(trace)), end=end)
+
+    def truth(self, trace: Trace) -> Truth:
+        """See ConditionMonitor.truth."""
+        import numpy as np
+
+        touches = touching_at(trace, times_of(self.spec.forbidden(trace)), self.step)
+        return Truth(touches.time, np.logical_not(touches.holds))
+
+    def signals(self, trace: Trace) -> tuple[Signal, ...]:
+        """See PlottableMonitor.signals. Returns contact (0 or 1) at each step."""
+        import numpy as np
+
+        times = times_of(self.spec.forbidden(trace))
+        touches = with_zeros(trace.time, times, np.ones(len(times)), self.step)
+        return (Signal("touching itself", "contacts", *touches, upper=0.0),)
+
+    def verdict(self) -> Verdict:
+        """Return the verdict. `measured` is the number of forbidden contacts, 0 or 1."""
+        if self.first is None:
+            message = "its links did not touch each other" + (", but for allowed pairs" if self.spec.allow else "")
+            return Verdict(True, 0.0, 0.0, 0.0, "contacts", self.end, message)
+        touch = self.first
+        x, y, z = touch.position_xyz
+        how = (
+            f"with {units.display(touch.force, 'N')} in that physics step"
+            if self.collides
+            else f"{units.display(touch.depth, 'm')} deep (links pass through each other: robot.self_collision is off)"
+        )
+        message = f"{touch.link} touched {touch.other} at {touch.time:.2f} s, at ({x:.2f}, {y:.2f}, {z:.2f}) m, {how}"
+        return Verdict(False, 1.0, 0.0, -1.0, "contacts", touch.time, message)
+
+
+def _summed(touches: Sequence[SelfContact]) -> SelfContact | None:
+    """Return the first contact, with the force of all points of its pair at that moment."""
+    if not touches:
+        return None
+    first = touches[0]
+    points = [each for each in touches if (each.time, each.link, each.other) == (first.time, first.link, first.other)]
+    return first._replace(force=sum(each.force for each in points), depth=max(each.depth for each in points))

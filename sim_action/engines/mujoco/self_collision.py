@@ -1,0 +1,163 @@
+"""Contacts between links of the robot in MuJoCo: contact pairs of their geoms, or their distances."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import product
+from typing import TYPE_CHECKING, Any, Final
+
+import mujoco
+import numpy as np
+
+from sim_action.core.errors import EngineError
+from sim_action.engines.mujoco.contact_pairs import Collider
+from sim_action.engines.mujoco.names import engine_name
+from sim_action.engines.observers import Nearest
+from sim_action.engines.self_collision import SelfPairs, SelfWatch, refuse_start_inside
+from sim_action.robot.self_collision import LinkPair, touchable_pairs
+from sim_action.state.observation import SelfContact
+from sim_action.state.trace import Trace
+from sim_action.world.scene import Scene
+
+if TYPE_CHECKING:
+    from sim_action.engines.mujoco.scene import CompiledScene
+
+Recorder = Callable[[int], None]
+"""Records something of the present state, given the number of its step."""
+
+_ANYWHERE_M: Final = 1e3
+_MAX_PAIRS: Final = 50_000
+
+GeomPairs = Mapping[LinkPair, Sequence[tuple[Collider, Collider]]]
+"""Pair of links -> the pairs of their geoms that may touch."""
+
+
+def geom_pairs(scene: Scene, robot: Iterable[Collider]) -> GeomPairs:
+    """Return the geoms that may touch; MJCF rules out geoms by contype and conaffinity, and adds them by <pair>.
+
+    Raises EngineError if they are too many.
+    """
+    geoms: dict[str, list[Collider]] = {}
+    for collider in robot:
+        geoms.setdefault(collider.part, []).append(collider)
+    stated = frozenset[frozenset[str]]() if scene.model.mjcf is None else scene.model.mjcf.paired
+    paired = {frozenset(map(engine_name, pair)) for pair in stated}
+    found: dict[LinkPair, list[tuple[Collider, Collider]]] = {}
+    count = 0
+    for one, other in touchable_pairs(scene.model):
+        both = product(geoms.get(one, ()), geoms.get(other, ()))
+        if may_touch := [pair for pair in both if _may_touch(*pair, paired)]:
+            found[one, other] = may_touch
+            count += len(may_touch)
+        if count > _MAX_PAIRS:
+            raise EngineError(
+                f"self-collision has more than {_MAX_PAIRS:,} pairs of shapes; disable pairs of links that never touch "
+                "with <disable_collisions> in an SRDF (robot.srdf)"
+            )
+    return found
+
+
+def _may_touch(one: Collider, other: Collider, paired: Collection[frozenset[str]]) -> bool:
+    """Return True as MuJoCo does: one geom's contype and the other's conaffinity have a bit in common."""
+    bits = one.contype & other.conaffinity or other.contype & one.conaffinity
+    return bool(bits) or (bool(paired) and frozenset((one.geom, other.geom)) in paired)
+
+
+def colliding_pairs(spec: Any, scene: Scene, robot: Iterable[Collider]) -> list[tuple[Collider, Collider]]:
+    """Return the pairs of geoms that collide, without those that touch where the model puts its joints.
+
+    Raises EngineError if there are none.
+
+    :param spec: a model with the robot alone.
+    """
+    pairs = geom_pairs(scene, robot)
+    counted = _Distances(spec.copy().compile(), pairs).sorted_at_home(scene).counted
+    return [pair for links in counted for pair in pairs[links]]
+
+
+class _Distances:
+    """Measures distances between links of the robot in a compiled model."""
+
+    def __init__(self, model: Any, pairs: GeomPairs) -> None:
+        self._model = model
+        self._geoms = {
+            links: [(int(model.geom(one.geom).id), int(model.geom(other.geom).id)) for one, other in both]
+            for links, both in pairs.items()
+        }
+
+    def sorted_at_home(self, scene: Scene) -> SelfPairs:
+        """Return the pairs that count. Raises EngineError if there are none."""
+        home = mujoco.MjData(self._model)
+        for joint in scene.model.motor_joints:
+            home.joint(engine_name(joint.name)).qpos[:] = joint.home
+        mujoco.mj_kinematics(self._model, home)
+        return SelfPairs.of(self._geoms, lambda one, other: self.nearest(home, one, other))
+
+    def nearest(self, data: Any, link: str, other: str) -> Nearest | None:
+        """Return the distance of two links in these data, and the nearest point of the first one."""
+        least, place = _ANYWHERE_M, np.empty(6)
+        found: Nearest | None = None
+        for one, two in self._geoms[link, other]:
+            distance = mujoco.mj_geomDistance(self._model, data, one, two, least, place)
+            if distance < least:
+                x, y, z = place[:3].tolist()
+                least, found = distance, Nearest(distance, (x, y, z))
+        return found
+
+
+class SelfCollision:
+    """The contacts between links of the robot."""
+
+    def __init__(self, scene: Scene, compiled: CompiledScene) -> None:
+        """Raises EngineError if no pair of links counts, BadStart if links that collide start inside each other."""
+        self._scene, self._links = scene, compiled.links
+        self._model, self._data = compiled.model, compiled.data
+        self._order = {link.name: place for place, link in enumerate(scene.model.links)}
+        pairs = geom_pairs(scene, compiled.colliders)
+        self._distances = _Distances(self._model, pairs)
+        found = self._distances.sorted_at_home(scene)
+        self.notes, self._counted = found.notes, found.counted
+        self._watch: SelfWatch | None = None
+        self._found: list[SelfContact] = []
+        self._collides = scene.robot.self_collision
+        if self._collides:
+            refuse_start_inside(self._counted, self.nearest)
+
+    def recorder(self, rate: float, joints: Sequence[str], positions: Callable[[], Sequence[float]]) -> Recorder:
+        """Return a function that records the contacts of the present step.
+
+        :param joints: the order of what `positions` returns: the positions of the joints after the last step.
+        """
+        if self._collides:
+            return lambda step: self._found.extend(self._present(step / rate))
+        watch = self._watch = SelfWatch(self._scene.model, self._counted, joints, rate, self.nearest)
+
+        def record(step: int) -> None:
+            # After a step, the poses in the data are those before it.
+            mujoco.mj_kinematics(self._model, self._data)
+            watch.record(step, positions())
+
+        return record
+
+    def added_to(self, trace: Trace) -> Trace:
+        """Return a trace with the contacts since the last call."""
+        if self._watch is not None:
+            return replace(trace, self_contacts=self._watch.collect())
+        found, self._found = tuple(self._found), []
+        return replace(trace, self_contacts=found)
+
+    def nearest(self, link: str, other: str) -> Nearest | None:
+        """See NearestOfLinks."""
+        return self._distances.nearest(self._data, link, other)
+
+    def _present(self, time: float) -> Iterator[SelfContact]:
+        """Yield the contacts of the last step."""
+        if not self._data.ncon:
+            return
+        contacts, forces, links = self._data.contact, self._data.efc_force, self._links
+        columns = contacts.geom, contacts.efc_address, contacts.pos, contacts.dist
+        for (one, other), row, (x, y, z), distance in zip(*(column.tolist() for column in columns), strict=True):
+            if one in links and other in links and row >= 0:
+                link, other_link = sorted((links[one], links[other]), key=self._order.__getitem__)
+                yield SelfContact(time, link, other_link, (x, y, z), float(forces[row]), max(0.0, -distance))

@@ -1,0 +1,103 @@
+"""Links of one robot that touch each other: first contact and forces by geometry and statics, on every engine."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sim_action.engines import ENGINES
+from sim_action.robot.spec import Robot
+from sim_action.state.command import JointTargets
+from sim_action.state.observation import SelfContact
+from sim_action.state.trace import Trace
+from sim_action.state.trace_channels import Channels
+from sim_action.world import World
+from sim_action.world.scene import Scene
+from tests.integration.engines import advance, on_every_engine, scene_of
+
+RATE = 240
+UPPER, FOREARM, BALL, TIP = 0.3, 0.25, 0.1, 0.05
+MASSES = '<inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'
+ARM = """
+<robot name="arm">
+  <link name="base">{masses}<collision><geometry><sphere radius="0.1"/></geometry></collision></link>
+  <link name="upper">{masses}
+    <collision><origin xyz="0.2 0 0"/><geometry><box size="0.1 0.02 0.02"/></geometry></collision></link>
+  <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/>
+    <axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="50" velocity="9"/></joint>
+  <link name="forearm">{masses}
+    <collision><origin xyz="0.25 0 0"/><geometry><sphere radius="0.05"/></geometry></collision></link>
+  <joint name="elbow" type="revolute"><parent link="upper"/><child link="forearm"/><origin xyz="0.3 0 0"/>
+    <axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="50" velocity="9"/></joint>
+  <gazebo reference="forearm"><mu1>0</mu1></gazebo>
+</robot>
+"""
+# The elbow's angle at which the tip touches the base, by the law of cosines.
+TOUCH = math.acos(((BALL + TIP) ** 2 - UPPER**2 - FOREARM**2) / (2 * UPPER * FOREARM))
+
+
+def arm(folder: Path, *, urdf: str = ARM, joints: dict[str, float] | None = None, **robot: Any) -> Scene:
+    return scene_of(
+        folder,
+        urdf.format(masses=MASSES),
+        Robot(model="robot.urdf", base="fixed", joints={**(joints or {})}, **robot),
+        World.model_validate({"gravity": (0.0, 0.0, 0.0)}),
+    )
+
+
+def folded(engine: str, scene: Scene, targets: Sequence[JointTargets]) -> Trace:
+    pytest.importorskip(engine)
+    backend = ENGINES.load(engine)(scene, Channels(self_contacts=True))
+    try:
+        return advance(backend, 0, len(targets), *targets)
+    finally:
+        backend.close()
+
+
+def slowly(end: float, seconds: float = 1.0) -> list[JointTargets]:
+    steps = round(seconds * RATE)
+    return [JointTargets(position={"shoulder": 0.0, "elbow": end * step / steps}) for step in range(1, steps + 1)]
+
+
+def angle_at(trace: Trace, touch: SelfContact) -> float:
+    row = round(touch.time * RATE) - 1
+    return float(trace.joint_position[row, trace.joint_names.index("elbow")])
+
+
+@on_every_engine
+@pytest.mark.parametrize("collides", [True, False])
+def test_the_first_touch_is_at_the_angle_of_the_geometry(engine: str, collides: bool, tmp_path: Path) -> None:
+    trace = folded(engine, arm(tmp_path, self_collision=collides), slowly(1.1 * TOUCH))
+    first = trace.self_contacts[0]
+    assert (first.link, first.other) == ("base", "forearm")
+    # Within the angle of one step; the watch needs an overlap of 0.1 mm.
+    assert angle_at(trace, first) == pytest.approx(TOUCH, abs=1.5 * 1.1 * TOUCH / RATE)
+    # The base stands on the ground.
+    x, y, z = first.position_xyz
+    assert math.hypot(x, y, z - BALL) == pytest.approx(BALL, abs=0.01)
+    last = float(trace.joint_position[-1, trace.joint_names.index("elbow")])
+    assert (last < TOUCH + 0.01) == collides
+
+
+@on_every_engine
+def test_a_pressed_link_is_in_balance(engine: str, tmp_path: Path) -> None:
+    """Without friction, the normal force on its lever about the elbow is the motor's effort."""
+    effort = 5.0
+    scene = arm(tmp_path, self_collision=True, joints={"elbow": 0.98 * TOUCH})
+    targets = [JointTargets(position={"shoulder": 0.0}, effort={"elbow": effort})] * RATE
+    trace = folded(engine, scene, targets)
+    last = [touch for touch in trace.self_contacts if touch.time == trace.time[-1]]
+    lever = UPPER * FOREARM * math.sin(TOUCH) / (BALL + TIP)
+    assert sum(touch.force for touch in last) == pytest.approx(effort / lever, rel=0.01)
+
+
+@on_every_engine
+@pytest.mark.parametrize("collides", [True, False])
+def test_an_arm_that_stops_before_the_touch_has_none(engine: str, collides: bool, tmp_path: Path) -> None:
+    trace = folded(engine, arm(tmp_path, self_collision=collides), slowly(TOUCH - 0.01))
+    assert trace.self_contacts == ()
+    assert trace.contacts == ()
