@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from sim_action.commands.robot_description import JointDescription, RobotDescription
     from sim_action.core.geometry import Pose, Twist
+    from sim_action.robot.link_motion import LinkMotion
     from sim_action.state.command import Command, JointTargets, LinkWrench
     from sim_action.state.observation import Contact, JointState, LinkState, Observation
     from sim_action.state.readings import CameraImage, ContactReading, ImuReading, LidarScan, OdometryReading
@@ -31,6 +32,7 @@ __all__ = [
     "JointState",
     "JointTargets",
     "LidarScan",
+    "LinkMotion",
     "LinkState",
     "LinkWrench",
     "Observation",
@@ -53,6 +55,7 @@ _HOMES = {
     "JointState": "sim_action.state.observation",
     "JointTargets": "sim_action.state.command",
     "LidarScan": "sim_action.state.readings",
+    "LinkMotion": "sim_action.robot.link_motion",
     "LinkState": "sim_action.state.observation",
     "LinkWrench": "sim_action.state.command",
     "Observation": "sim_action.state.observation",

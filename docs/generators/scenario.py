@@ -21,6 +21,7 @@ from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, Twist
 from sim_action.core.registry import Table
 from sim_action.drives import DRIVES
+from sim_action.robot.link_motion import LinkMotion
 from sim_action.robot.spec import Robot
 from sim_action.scenario.model import Scenario, TraceSettings
 from sim_action.sensors import SENSORS
@@ -112,9 +113,9 @@ READINGS: Final = (
     readings.LidarScan,
     readings.CameraImage,
 )
-JUDGE_TYPES: Final = (Trace, Verdict)
+JUDGE_TYPES: Final = (Trace, LinkMotion, Verdict)
 # Types whose properties and methods are listed too.
-_WITH_MEMBERS: Final = (Trace,)
+_WITH_MEMBERS: Final = (Trace, LinkMotion)
 
 _PARTS_OF_A_SCENARIO: Final = (
     ("", Scenario),

@@ -6,6 +6,7 @@ import math
 import numbers
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, Self, get_args
 
@@ -27,11 +28,13 @@ from sim_action.core.user_scripts import (
 from sim_action.core.wording import did_you_mean, escaped_line, shown, with_article
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_errors import SpecProblems
+from sim_action.robot.link_motion import LinkMotions
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Judged, Signal, Verdict, VerdictStatus
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
+    from sim_action.robot.robot_model import RobotModel
     from sim_action.state.observation import Observation
     from sim_action.state.trace import FloatArray, Trace
 
@@ -51,10 +54,11 @@ class UserAssertion(Assertion):
     `__init__` before the run, and `variations` can lead to them: `expect.0.assertion.with.limit: [1, 2]`.
 
     Its only method, `judge(self, trace)`, receives a `sim_action.Trace` of every physics step so far, as read-only
-    numpy columns (`time`, `base_position_xyz`, `speed`, `tilt`, `joint_position`, `contacts`, ...). It returns a
-    `sim_action.Verdict(passed, measured, limit, margin, unit, time, message)`; only `passed` is required. It returns
-    None if the trace has nothing to judge yet; if it always does so, the assertion is not exercised. The method may be
-    called for any length of the same run, in any order. So it must depend only on the trace and the settings.
+    numpy columns (`time`, `base_position_xyz`, `speed`, `tilt`, `joint_position`, `contacts`, ...). The motion of a
+    link is `trace.links["tool0"]`, a `sim_action.LinkMotion`. `judge` returns a `sim_action.Verdict(passed, measured,
+    limit, margin, unit, time, message)`; only `passed` is required. It returns None if the trace has nothing to judge
+    yet; if it always does so, the assertion is not exercised. The method may be called for any length of the same run,
+    in any order. So it must depend only on the trace and the settings.
 
     The class attribute `kind` sets when `judge` is called. "end", the default: once, at the end of the run.
     "invariant": also every 0.5 s of sim time, and the run ends when the verdict has not passed. "goal": also every 0.5
@@ -152,7 +156,8 @@ class UserAssertion(Assertion):
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor. Raises ScriptError."""
-        return UserMonitor.opened(scene.workspace.file(self.file), self.class_name, self.settings)
+        judge = Judge.load(scene.workspace.file(self.file), self.class_name, self.settings)
+        return UserMonitor(judge, scene.model)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -160,17 +165,14 @@ class UserMonitor:
     """The monitor that keeps every step and calls the class of the user with all of them.
 
     Attributes:
+        model: the robot, for the motion of its links.
         decided: the verdict that met the goal or broke the invariant.
     """
 
     judge: Judge
+    model: RobotModel
     seen: History | None = None
     decided: Verdict | None = None
-
-    @classmethod
-    def opened(cls, path: Path, name: str, settings: Mapping[str, Any]) -> Self:
-        """Return the monitor before the first step. Raises ScriptError."""
-        return cls(Judge.load(path, name, settings))
 
     @property
     def state(self) -> State:
@@ -201,7 +203,7 @@ class UserMonitor:
             return self.decided
         if self.seen is None:
             return Verdict(passed=False, message="no physics step to measure")
-        return self.judge.verdict(self.seen.whole())
+        return self.judge.verdict(replace(self.seen.whole(), kinematics=partial(LinkMotions, self.model)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -24,6 +24,7 @@ from sim_action.core.field_types import NamesFile, PositiveSeconds
 from sim_action.core.wording import shown
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_errors import SpecProblems
+from sim_action.robot.link_motion import why_no_link
 from sim_action.state.command import Answer
 from sim_action.world.scene import Scene
 
@@ -94,7 +95,8 @@ class ProcessCommands(CommandSource):
     (false if neither of the two can give way: no force is computed) and `depth`. `sensors` maps names to the fields of
     the latest reading. JSON has no infinities: null stands for inf (nothing in range), and 0 for -inf (too near to be
     measured). An image is an object with `shape`, `type` (such as "uint8") and `base64`: its bytes row by row,
-    little-endian, with infinities kept. Units are SI. Later versions may add keys; ignore unknown keys. The answer is
+    little-endian, with infinities kept. With `links: [tool0]`, the line also has `links`: name -> `pose` and `twist` of
+    the link's frame, in the world frame. Units are SI. Later versions may add keys; ignore unknown keys. The answer is
     one of these:
 
     - `{}` or `null`: the last command stays in effect.
@@ -133,6 +135,9 @@ class ProcessCommands(CommandSource):
         AfterValidator(_checked_settings),
         Field(alias="with", description="parameters: each is one more argument, such as --kp=1.2"),
     ] = {}
+    links: Annotated[
+        tuple[str, ...], Field(description="links of the robot whose pose and twist each line of a tick has")
+    ] = ()
     answer_within: Annotated[PositiveSeconds, Field(le=_DAY_S, description="limit on the wall time of each answer")] = (
         2.0
     )
@@ -152,6 +157,12 @@ class ProcessCommands(CommandSource):
         except PathError as error:
             yield ("process",), str(error)
 
+    def model_problems(self, scene: Scene) -> SpecProblems:
+        """See CommandSource.model_problems. Yield links that the robot does not have."""
+        for index, name in enumerate(self.links):
+            if (problem := why_no_link(scene.model, name)) is not None:
+                yield ("links", index), problem
+
     def open(self, scene: Scene) -> Controller:
         """See CommandSource.open. Start the program. Raises ScriptError."""
         program, *arguments = *self.process, *_arguments(self.settings)
@@ -161,7 +172,8 @@ class ProcessCommands(CommandSource):
             path = find_program(program, scene.workspace)
         except PathError as error:
             raise ScriptError(str(error)) from None
-        session = _Session(LineProcess([str(path), *arguments], scene.workspace.directory, called), scene, called)
+        process = LineProcess([str(path), *arguments], scene.workspace.directory, called)
+        session = _Session(process, scene, called, self.links)
         try:
             session.reset(robot, AnswerLimit(self.start_within, "start_within"))
         except BaseException:
@@ -174,8 +186,8 @@ class ProcessCommands(CommandSource):
 class _Session:
     """The exchange of messages with a program."""
 
-    def __init__(self, lockstep: LineProcess, scene: Scene, called: str) -> None:
-        self._lockstep = lockstep
+    def __init__(self, lockstep: LineProcess, scene: Scene, called: str, links: tuple[str, ...]) -> None:
+        self._lockstep, self._links = lockstep, links
         self._scene = scene
         self._motors = Saturation(scene.model, f"'{called}'")
         self.notes = self._motors.notes
@@ -199,7 +211,7 @@ class _Session:
 
     def step(self, observation: Observation, limit: AnswerLimit) -> Answer:
         """Send an observation and return the answer. Raises ScriptError."""
-        line = self._lockstep.ask(_line({"type": "step", **observation_json(observation)}), limit)
+        line = self._lockstep.ask(_line({"type": "step", **observation_json(observation, self._links)}), limit)
         try:
             answer = parse_answer(line)
         except AnswerError as error:

@@ -30,9 +30,9 @@ _WRENCH: Final = ("link", "force", "torque", "frame", "point")
 _SPEEDS: Final = ("linear", "angular", "lateral")
 
 
-def observation_json(observation: Observation) -> Json:
-    """Return an observation as JSON values; numbers keep all their bits."""
-    return {
+def observation_json(observation: Observation, links: Collection[str] = ()) -> Json:
+    """Return an observation as JSON values, with the state of some links; numbers keep all their bits."""
+    found = {
         "time": observation.time,
         "pose": _pose(observation.pose),
         "twist": _twist(observation.twist),
@@ -40,6 +40,10 @@ def observation_json(observation: Observation) -> Json:
         "contacts": [_contact(contact) for contact in observation.contacts],
         "sensors": {name: _reading(reading) for name, reading in observation.sensors.items()},
     }
+    if links:
+        states = {name: observation.links[name] for name in links}
+        found["links"] = {name: {"pose": _pose(at.pose), "twist": _twist(at.twist)} for name, at in states.items()}
+    return found
 
 
 def robot_json(robot: RobotDescription) -> Json:

@@ -122,6 +122,24 @@ def why_no_frame(model: RobotModel, name: str) -> str | None:
     return f"there is no frame '{name}': a frame is world, base, or a link of the robot{nearest}"
 
 
+class LinkMotions(Mapping[str, LinkMotion]):
+    """Link name -> its motion at the moments of a trace, in the world frame. Each is computed when it is read."""
+
+    __slots__ = ("_model", "_trace")
+
+    def __init__(self, model: RobotModel, trace: Trace) -> None:
+        self._model, self._trace = model, trace
+
+    def __getitem__(self, name: str) -> LinkMotion:
+        return link_motion(self._model, self._trace, name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._model.links_by_name)
+
+    def __len__(self) -> int:
+        return len(self._model.links)
+
+
 class LinkStates(Mapping[str, LinkState]):
     """Link name -> pose and twist in the world frame. Each is computed when it is read first.
 

@@ -44,6 +44,11 @@ _WIDTHS: Final = {
 }
 
 
+def _no_links(_: Trace) -> Mapping[str, Any]:
+    """Return nothing: only traces for classes of the user's know the robot."""
+    return {}
+
+
 @dataclass(frozen=True, eq=False)
 class Trace:
     """The state over T moments for J joints; SI units, world frame.
@@ -60,6 +65,7 @@ class Trace:
         link_contacts: link -> its contacts at the moments of `state`, the ground included, for links that assertions
             name.
         self_contacts: contacts between links of the robot, from every step, if they are asked for.
+        kinematics: a function of a trace, from which `links` comes.
     """
 
     joint_names: tuple[str, ...]
@@ -71,6 +77,7 @@ class Trace:
     objects: Mapping[str, BodyRecord] = field(default_factory=dict)
     link_contacts: Mapping[str, ContactRecord] = field(default_factory=dict)
     self_contacts: tuple[SelfContact, ...] = ()
+    kinematics: Callable[[Trace], Mapping[str, Any]] = field(default=_no_links, repr=False)
 
     def __len__(self) -> int:
         return len(self.state)
@@ -228,6 +235,11 @@ class Trace:
         if not self.link_contacts:
             return self.link_contacts
         return {link: record.at(state[:, 0]) for link, record in self.link_contacts.items()}
+
+    @cached_property
+    def links(self) -> Mapping[str, Any]:
+        """Link name -> its `sim_action.LinkMotion` at these moments, world frame; computed when it is read."""
+        return self.kinematics(self)
 
     @cached_property
     def speed(self) -> FloatArray:

@@ -305,3 +305,29 @@ def test_most_of_it_is_copied_once_or_twice_whatever_its_length() -> None:
     wholes = [history.whole().state for history in grown(list(range(MOMENTS)))]
     moved = sum(not np.shares_memory(before, after) for before, after in pairwise(wholes))
     assert 0 < moved <= math.log2(MOMENTS)
+
+
+HIGH = """\
+from sim_action import Verdict
+
+class Slow:
+    def judge(self, trace):
+        scan, wheel = trace.links["base_scan"], trace.between(2.0, 3.0).links["wheel_left_link"]
+        seen = scan.seen_from(trace.links["base_footprint"])
+        assert (len(scan), len(wheel), len(trace.links)) == (4, 2, 5)
+        assert abs(seen.position_xyz - seen.position_xyz[0]).max() < 1e-12
+        assert scan.linear_xyz[1, 0] == 1.0
+        return Verdict(scan.position_xyz[-1, 0] > 3.9, message=", ".join(trace.links))
+"""
+
+
+def test_a_class_reads_the_motion_of_links(tmp_path: Path) -> None:
+    verdict = opened(tmp_path, HIGH).observe(ride()).verdict()
+    assert verdict.passed
+    assert "caster_back_link" in verdict.message
+    with pytest.raises(ScriptError, match="the robot has no link 'scan'; did you mean 'base_scan'"):
+        opened(tmp_path, HIGH.replace('links["base_scan"]', 'links["scan"]')).observe(ride()).verdict()
+
+
+def test_only_a_class_of_the_users_needs_the_motion_of_all_links() -> None:
+    assert dict(ride().links) == {}

@@ -16,9 +16,10 @@ import pytest
 from sim_action.commands import ClosedLoop
 from sim_action.commands.external_program import ProcessCommands, find_program
 from sim_action.core.errors import ScriptError
-from sim_action.core.geometry import Twist
+from sim_action.core.geometry import Pose, Twist
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.state.command import JointTargets
+from sim_action.state.observation import LinkState
 from tests.scenarios import LEAST, load, told
 from tests.traces import START, scene
 
@@ -127,6 +128,23 @@ def test_its_parameters_are_arguments(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "heard.json").read_text()) == [
         *("--kp=-1.2", "--name=a b", "--slow=true", '--gains=[1, {"x": null}]', "--empty=", "--k.p-i_d=1e-09"),
     ]
+
+
+@pytest.mark.process
+def test_it_hears_of_the_links_that_it_asks_for(tmp_path: Path) -> None:
+    program = ANSWERS.replace("    print", "    json.dump(heard, open('heard.json', 'w'))\n    print").format("'{}'")
+    links = {"base_scan": LinkState(Pose((1.0, 2.0, 3.0)), Twist())}
+    with opened(tmp_path, program, links=("base_scan",)) as controller:
+        controller.command(replace(START, links=links))
+    _, step = json.loads((tmp_path / "heard.json").read_text())
+    assert step["links"]["base_scan"]["pose"]["position_xyz"] == [1.0, 2.0, 3.0]
+
+
+def test_unknown_links_are_refused_with_the_nearest_name() -> None:
+    source = ProcessCommands.model_validate({"process": "python3 a.py", "links": ("base_scan", "base_scn")})
+    ((path, message),) = source.model_problems(scene())
+    assert path == ("links", 1)
+    assert message.startswith("the robot has no link 'base_scn'; did you mean 'base_scan'?")
 
 
 @pytest.mark.process

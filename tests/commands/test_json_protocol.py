@@ -20,7 +20,7 @@ from sim_action.commands.json_protocol import AnswerError, observation_json, par
 from sim_action.commands.robot_description import RobotDescription
 from sim_action.core.geometry import Pose, Twist
 from sim_action.state.command import JointTargets, LinkWrench, commands_of, is_finite
-from sim_action.state.observation import Contact, JointState, Observation
+from sim_action.state.observation import Contact, JointState, LinkState, Observation
 from sim_action.state.readings import ContactReading, ImuReading, OdometryReading, Reading
 from tests.traces import scene
 
@@ -59,6 +59,18 @@ def test_everything_that_python_sees_is_there() -> None:
             }
         ],
         "sensors": {"bumper": {"time": 0.25, "touching": True, "force": 1.5, "bodies": ["wall"]}},
+    }
+
+
+def test_links_are_there_if_they_are_asked_for() -> None:
+    state = LinkState(Pose((1.0, 2.0, 3.0)), Twist((4.0, 5.0, 6.0), (7.0, 8.0, 9.0)))
+    seen = replace(SEEN, links={"tool0": state, "hand": state})
+    assert "links" not in through_json(seen)
+    assert json.loads(json.dumps(observation_json(seen, ("tool0",))))["links"] == {
+        "tool0": {
+            "pose": {"position_xyz": [1.0, 2.0, 3.0], "orientation_xyzw": [0.0, 0.0, 0.0, 1.0], "yaw": 0.0},
+            "twist": {"linear_xyz": [4.0, 5.0, 6.0], "angular_xyz": [7.0, 8.0, 9.0]},
+        }
     }
 
 
