@@ -394,3 +394,29 @@ def test_nothing_of_a_run_is_left_whoever_ends_it(number: signal.Signals, tmp_pa
         call.kill()
 
     wait_for(0, tmp_path)
+
+
+def test_readings_reach_nodes_late_and_each_message_of_a_node_may_be_lost_once(tmp_path: Path) -> None:
+    late = "  latency: 0.1 s\n  dropouts: 0.5\nsensors: [{imu: {}, rate: 10 Hz, latency: 0.2 s}]\n"
+    scenario(tmp_path, "{nodes: [nodes/mover.py, nodes/listener.py]}", f"{late}expect: [upright]\ntime_limit: 2 s\n")
+    heard = tmp_path / "heard"
+    listens = (
+        'rospy.Subscriber("/imu", Imu, lambda said: print(said.header.stamp, rospy.get_time(), file=LOG, flush=True))'
+    )
+    text = (
+        f'{HEAD}from sensor_msgs.msg import Imu\nLOG = open("{heard}", "w")\nrospy.init_node("listener")\n{listens}\n'
+    )
+    package(tmp_path / "ws", "nodes", {"listener.py": f"{text}rospy.spin()\n"})
+
+    code, outcome = ran(tmp_path)
+
+    assert (code, outcome["status"]) == (0, "passed"), outcome
+    rows = [tuple(map(float, line.split())) for line in heard.read_text().splitlines()]
+    stamps = [round(nanoseconds / 1e9, 3) for nanoseconds, _ in rows]
+    assert stamps == [number / 10 for number in range(18)]
+    # The first reading is there from the start. A node hears of a moment before the clock that goes with it.
+    assert all(0.18 < seconds - stamp < 0.21 for stamp, (_, seconds) in zip(stamps[1:], rows[1:], strict=True))
+    (lost,) = (note for note in outcome["notes"] if "were lost" in note)
+    count, _, sent, *_ = lost.split()
+    assert 19 <= int(sent) <= 21
+    assert 3 <= int(count) <= 17
