@@ -98,6 +98,8 @@ commands:                       # what moves the legs (sim-action commands lists
 expect:                         # expectations (sim-action assertions lists what they can be)
   - final_pose: {x: 0, y: 0, z: 22.5 cm, tolerance: 1 cm}   # judged at the end
   - upright: {max_tilt: 5 deg}  # an invariant: it must always hold; the run ends when it is broken
+  - feet_on_ground: {links: ["*_foot"]}
+    before: 2 s                 # while it stands
   - stay_within: {x: [-5 cm, 5 cm], y: [-5 cm, 5 cm]}
 
 time_limit: 4 s                 # sim time at which the run ends

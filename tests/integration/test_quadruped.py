@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from bench.robots import QUADRUPED_STANCE
+from sim_action.app.init import files
 from sim_action.engines import installed
 from sim_action.scenario.loading import build_scene
 from sim_action.simulation.loop import SimulationRun, simulate
@@ -33,18 +34,20 @@ def test_the_example_passes_clearly_and_always_with_the_same_digest(engine: str,
     first, again = (run(tmp_path, engine, EXAMPLE) for _ in range(2))
     assert first.digest == again.digest
     assert [verdict.status for verdict in first.verdicts] == ["passed"] * len(first.verdicts)
-    tilt, inside, *_ = first.verdicts
-    assert tilt.margin is not None
-    assert inside.margin is not None
-    assert tilt.margin > math.radians(4)
-    assert inside.margin > 0.005
+    margins = [verdict.margin or 0.0 for verdict in first.verdicts]
+    tilt, _, support, inside, *_ = margins
+    assert tilt > math.radians(4)
+    assert support > 0.05
+    assert inside > 0.005
 
 
 @pytest.mark.parametrize("engine", installed())
 def test_the_example_fails_if_the_push_is_doubled(engine: str, tmp_path: Path) -> None:
     doubled = EXAMPLE.replace("force: [0, 20 N, 0]", "force: [0, 40 N, 0]")
     assert doubled != EXAMPLE
-    assert "failed" in [verdict.status for verdict in run(tmp_path, engine, doubled).verdicts]
+    _, feet, support, *_ = run(tmp_path, engine, doubled).verdicts
+    assert (feet.status, support.status) == ("failed", "failed")
+    assert "3 of 4 feet on the ground" in feet.message
 
 
 def pushed(folder: Path, engine: str, force: float) -> float:
@@ -63,3 +66,10 @@ def test_it_tips_over_at_the_force_of_its_weight_and_its_feet(engine: str, tmp_p
     assert 1.5 * 20 < TIPPING < 0.9 * 40
     assert pushed(tmp_path, engine, 0.85 * TIPPING) < 3
     assert pushed(tmp_path, engine, 1.1 * TIPPING) > 45
+
+
+@pytest.mark.parametrize("engine", installed())
+def test_its_first_scenario_passes(engine: str, tmp_path: Path) -> None:
+    text = files("", "quadruped")["simulation/keep_standing.sim.yml"]
+    verdicts = run(tmp_path, engine, text).verdicts
+    assert [verdict.status for verdict in verdicts] == ["passed"] * 4
