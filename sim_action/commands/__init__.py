@@ -12,6 +12,7 @@ from pydantic import Field
 from sim_action.core.field_types import PositiveHertz
 from sim_action.core.registry import Table
 from sim_action.core.workspace import Workspace
+from sim_action.core.yaml_document import KeyPath
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.command import Answer, JointTargets
 from sim_action.state.transmission import Transmission
@@ -100,6 +101,11 @@ class CommandSource(Transmission):
         yield from ()
 
     @property
+    def begins(self) -> tuple[KeyPath, float]:
+        """The sim time in s of its first command, as far as known before the run, and the key that states it."""
+        return (), 0.0
+
+    @property
     def unchecked(self) -> tuple[str, ...]:
         """Notes on parts of its files that can be checked only when the scenario runs."""
         return ()
@@ -127,6 +133,7 @@ COMMANDS: Final = Table[type[CommandSource]](
         "twist": "sim_action.commands.twist:TwistCommands",
         "waypoints": "sim_action.commands.waypoints:WaypointCommands",
         "joints": "sim_action.commands.joints:JointCommands",
+        "wrench": "sim_action.commands.wrench:WrenchCommands",
         "script": "sim_action.commands.script:ScriptCommands",
         "process": "sim_action.commands.external_program:ProcessCommands",
         "replay": "sim_action.commands.replay:ReplayCommands",

@@ -24,6 +24,22 @@ _ROUNDING: Final = 1e-9
 _MAX_TICK: Final = 2.0**53
 
 
+def missed_by_ticks(start: float, duration: float, rate: float) -> str | None:
+    """Return a message if no tick falls into a span of sim time, else None.
+
+    `start`, `duration`: of the span, in s; `rate`: of the ticks, in Hz.
+    """
+    end = start + duration
+    first_tick = math.ceil(min((start - _ROUNDING) * rate, _MAX_TICK)) / rate
+    if first_tick + _ROUNDING < end:
+        return None
+    missed = f"no tick falls between {display(start, 's')} and {display(end, 's')}, so it has no effect"
+    apart = f"ticks are {display(1 / rate, 's')} apart (rate: {rate:g} Hz)"
+    least = 1 / duration - _ROUNDING
+    faster = f", or set rate: {math.ceil(least)} Hz" if least <= MAX_PHYSICS_RATE_HZ else ""
+    return f"{missed}; {apart}: make it at least that long{faster}"
+
+
 class TwistSegment(FrozenModel):
     """A twist for a duration."""
 
@@ -57,13 +73,8 @@ class TwistCommands(CommandSource):
             return
         start = 0.0
         for index, (segment, end) in enumerate(zip(self.twist, self._ends, strict=True)):
-            first_tick = math.ceil(min((start - _ROUNDING) * self.rate, _MAX_TICK)) / self.rate
-            if segment.duration is not None and first_tick + _ROUNDING >= end:
-                missed = f"no tick falls between {display(start, 's')} and {display(end, 's')}, so it has no effect"
-                apart = f"ticks are {display(1 / self.rate, 's')} apart (rate: {self.rate:g} Hz)"
-                least = 1 / segment.duration - _ROUNDING
-                faster = f", or set rate: {math.ceil(least)} Hz" if least <= MAX_PHYSICS_RATE_HZ else ""
-                yield ("twist", index, "for"), f"{missed}; {apart}: make it at least that long{faster}"
+            if segment.duration is not None and (problem := missed_by_ticks(start, segment.duration, self.rate)):
+                yield ("twist", index, "for"), problem
             start = end
 
     @property

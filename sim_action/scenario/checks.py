@@ -317,11 +317,14 @@ def _no_wheels(model: RobotModel) -> str:
 
 
 def source_problems(scenario: Scenario, scene: Scene, command_paths: Sequence[KeyPath]) -> SpecProblems:
-    """Yield command sources that move the same joint at the same time, as far as known before the run."""
+    """Yield sources that begin after the end, or move the same joint at the same time, as far as known before."""
     wheels = _wheels(scenario, scene.model)
     owners: dict[str, KeyPath] = {}
     driver: KeyPath | None = None
     for path, source in zip(command_paths, scenario.commands, strict=True):
+        below, begins = source.begins
+        if begins >= scenario.time_limit:
+            yield (*path, *below), f"{begins:g} s is not earlier than time_limit ({scenario.time_limit:g} s)"
         if source.gives_twists(scene):
             if driver is not None:
                 yield path, f"{_dotted(driver)} drives the base already; one source at a time does"

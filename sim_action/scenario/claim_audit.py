@@ -109,7 +109,9 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         INCOMPLETE_WORLD: Rule(
             "error", "a model or a mesh of a world file that is not found or cannot be used: an obstacle is missing"
         ),
-        "event-never-began": Rule("warning", "a disturbance, a body or a path that is due after the end of the run"),
+        "event-never-began": Rule(
+            "warning", "a disturbance, a wrench, a body or a path that is due after the end of the run"
+        ),
     }
 )
 

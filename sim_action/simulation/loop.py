@@ -252,7 +252,7 @@ class _Loop:
         losses = (ClaimFinding(NOT_SIMULATED, ("commands",), loss) for loss in self._controls.losses)
         findings = (*self._audited(panel, motion), *losses)
         told = {finding.message for finding in findings}
-        missed = (message for _, message in unreached_events(self._scene.world, panel.time))
+        missed = (message for _, message in unreached_events(self._scenario, panel.time))
         unreached = (message for message in missed if message not in told)
         notes = (*unreached, *accuracy.notes(), *self._crossings(panel.time))
         return SimulationRun(

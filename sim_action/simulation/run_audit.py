@@ -133,7 +133,7 @@ def audit_run(scenario: Scenario, scene: Scene, facts: RunFacts) -> Iterator[Cla
         yield from _silent_controllers(scenario)
     if (message := _standstill(scene, facts)) is not None:
         yield ClaimFinding("never-moved", ("commands",), message)
-    for path, message in unreached_events(scene.world, facts.end):
+    for path, message in unreached_events(scenario, facts.end):
         yield ClaimFinding("event-never-began", path, message)
 
 
@@ -225,9 +225,14 @@ def _standstill(scene: Scene, facts: RunFacts) -> str | None:
     return f"the run ended at {facts.end:.2f} s, before the robot could move{met}; run for longer"
 
 
-def unreached_events(world: World, end: float) -> Iterator[tuple[KeyPath, str]]:
-    """Yield the keys and a message of each disturbance, spawn and path that is due after the end of a run (in s)."""
-    for path, what, begins in _events(world):
+def unreached_events(scenario: Scenario, end: float) -> Iterator[tuple[KeyPath, str]]:
+    """Yield the keys and a message of each event of the world and wrench that is due after the end of a run (in s)."""
+    wrenches = (
+        (("commands", index), f"the wrench of commands.{index} never began", source.begins[1])
+        for index, source in enumerate(scenario.commands)
+        if source.begins[1]
+    )
+    for path, what, begins in (*_events(scenario.world), *wrenches):
         if begins >= end:
             yield path, f"{what}: it is due at {begins:g} s, but the run ended at {end:.4g} s"
 

@@ -6,6 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from sim_action.assertions.upright import Upright
+from sim_action.commands.twist import TwistCommands
+from sim_action.commands.wrench import WrenchCommands
 from sim_action.core.geometry import Twist
 from sim_action.engines import installed
 from sim_action.scenario.loading import build_scene
@@ -14,6 +17,7 @@ from sim_action.simulation.run_audit import CommandLog, unreached_events
 from sim_action.state.command import JointTargets, LinkWrench
 from sim_action.world import World
 from tests.scenarios import load
+from tests.traces import expectation, scenario
 
 STANDING = """\
 name: a
@@ -273,17 +277,30 @@ WORLD = World.model_validate(
 )
 
 
+STILL = scenario(expectation(Upright()))
+PRESSED = STILL.model_copy(
+    update={
+        "world": WORLD,
+        "commands": (
+            TwistCommands.model_validate({"twist": ({"linear": 1},)}),
+            WrenchCommands.model_validate({"wrench": {"force": (0, 0, 1), "at": 4}}),
+        ),
+    }
+)
+
+
 def test_what_came_in_time_is_not_told() -> None:
-    assert list(unreached_events(WORLD, 5.1)) == []
-    assert list(unreached_events(World(), 0.1)) == []
+    assert list(unreached_events(PRESSED, 5.1)) == []
+    assert list(unreached_events(STILL, 0.1)) == []
 
 
 def test_what_never_came_is_told_each_once() -> None:
-    assert list(unreached_events(WORLD, 3.0)) == [
+    assert list(unreached_events(PRESSED, 3.0)) == [
         (("world", "objects", 1, "appears"), "body 'ball' never appeared: it is due at 3 s, but the run ended at 3 s"),
         (
             ("world", "disturbances", 1),
             "world.disturbances[1] never began: it is due at 5 s, but the run ended at 3 s",
         ),
+        (("commands", 1), "the wrench of commands.1 never began: it is due at 4 s, but the run ended at 3 s"),
     ]
-    assert len(list(unreached_events(WORLD, 0.5))) == 4
+    assert len(list(unreached_events(PRESSED, 0.5))) == 5

@@ -1,0 +1,123 @@
+"""A force and a torque on a link: `wrench: {link: rotor, force: [0, 0, 12 N], frame: rotor}`."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, ClassVar, Final, Self
+
+from pydantic import Field, model_validator
+
+from sim_action.commands import CommandSource, Controller, OpenLoop
+from sim_action.commands.twist import missed_by_ticks
+from sim_action.core.field_types import (
+    Coordinate,
+    FrozenModel,
+    Name,
+    NonNegativeSeconds,
+    PositiveHertz,
+    PositiveSeconds,
+)
+from sim_action.core.workspace import Workspace
+from sim_action.core.yaml_document import KeyPath
+from sim_action.core.yaml_errors import SpecProblems
+from sim_action.state.command import WORLD_FRAME, LinkWrench
+from sim_action.world.disturbance import NewtonMetres, Newtons
+from sim_action.world.scene import Scene
+
+# Sim time is step / rate, so equal times may differ by rounding.
+_ROUNDING_S: Final = 1e-9
+
+_NONE: Final = (0.0, 0.0, 0.0)
+
+
+class TimedWrench(FrozenModel):
+    """A force and a torque on a link for a time."""
+
+    link: Annotated[Name | None, Field(description="link of the robot; default: its base link")] = None
+    force: Annotated[
+        tuple[Newtons, Newtons, Newtons] | None, Field(description="x, y, z along the axes of `frame`")
+    ] = None
+    torque: Annotated[
+        tuple[NewtonMetres, NewtonMetres, NewtonMetres] | None, Field(description="x, y, z about the axes of `frame`")
+    ] = None
+    frame: Annotated[
+        Name, Field(description="`world`, `base`, or a link of the robot, with whose axes the wrench turns")
+    ] = WORLD_FRAME
+    point: Annotated[
+        tuple[Coordinate, Coordinate, Coordinate] | None,
+        Field(description="where the force acts, in the frame of `link`; default: the origin of that frame"),
+    ] = None
+    at: Annotated[NonNegativeSeconds, Field(description="sim time at which it begins")] = 0.0
+    duration: Annotated[
+        PositiveSeconds | None, Field(alias="for", description="duration; default: until the end of the run")
+    ] = None
+
+    @property
+    def end(self) -> float:
+        """The end in s of sim time."""
+        return math.inf if self.duration is None else self.at + self.duration
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> Self:
+        if self.force is None and self.torque is None:
+            raise ValueError("a wrench needs a 'force', a 'torque' or both")
+        if self.point is not None and self.force is None:
+            raise ValueError("'point' needs a 'force'")
+        return self
+
+
+class WrenchCommands(CommandSource):
+    """Applies a force and a torque to a link, such as those of a propeller, a thruster or a cable.
+
+    The wrench acts at every physics step, from the first tick at or after `at` to the first tick at or after its end.
+    Before t = 0, while the robot settles, it does not act. In the frame of a link it turns with the link.
+
+    The force acts at the origin of the link's frame, or at `point`. This is not the centre of mass in general: a force
+    beside the centre of mass also turns the robot. Several sources may act on one link; their wrenches add up.
+
+    A wrench is a command of the robot. A push from outside belongs into `world.disturbances`: it can also act on bodies
+    of the world, acts at the centre of mass by default, and its times need not be those of ticks.
+    """
+
+    is_written: ClassVar[bool] = True
+
+    wrench: Annotated[TimedWrench, Field(description="the force, the torque, and when they act")]
+    # It divides the usual rates of the physics: 200, 240 and 1000 Hz.
+    rate: Annotated[PositiveHertz, Field(description="rate of the ticks at which commands are given")] = 40.0
+
+    @property
+    def begins(self) -> tuple[KeyPath, float]:
+        """See CommandSource.begins."""
+        return ("wrench", "at"), self.wrench.at
+
+    def problems(self, workspace: Workspace) -> SpecProblems:
+        """Yield a duration without a tick."""
+        spec = self.wrench
+        if spec.duration is not None and (problem := missed_by_ticks(spec.at, spec.duration, self.rate)):
+            yield ("wrench", "for"), problem
+
+    def model_problems(self, scene: Scene) -> SpecProblems:
+        """Yield an unknown link or frame, and a link that nothing moves."""
+        link = self.wrench.link or scene.model.root
+        where = ("wrench", "link") if self.wrench.link else ("wrench",)
+        if (problem := scene.why_not_moved(link)) is not None:
+            yield where, problem
+        if (problem := scene.why_no_frame(self.wrench.frame)) is not None:
+            yield ("wrench", "frame"), problem
+
+    def open(self, scene: Scene) -> Controller:
+        """See CommandSource.open."""
+        spec, period = self.wrench, 1 / self.rate
+        link = spec.link or scene.model.root
+        acting = LinkWrench(link, spec.force or _NONE, spec.torque or _NONE, spec.frame, spec.point or _NONE)
+        over = LinkWrench(link)
+
+        def command(time: float) -> LinkWrench | None:
+            now = time + _ROUNDING_S
+            if now < spec.at:
+                return None
+            if now < spec.end:
+                return acting if now < spec.at + period else None
+            return over if now < spec.end + period else None
+
+        return OpenLoop(command)
