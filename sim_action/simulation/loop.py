@@ -28,6 +28,7 @@ from sim_action.simulation.run_audit import Motion, RunFacts, audit_run, unreach
 from sim_action.simulation.sensors import Sensing
 from sim_action.simulation.start_checks import (
     Spawns,
+    fell_while_settling,
     moved_while_settling,
     opened_on_top,
     raised_to_stand,
@@ -220,7 +221,8 @@ class _Loop:
             self._pinning = Pinning(self._scene, start.twist.linear_xyz)
         raised = raised_to_stand(self._scene, self._placed.pose)
         moved = moved_while_settling(self._scene, self._placed.pose, start.pose)
-        self._notes += [note for note in (raised, moved) if note is not None]
+        fell = fell_while_settling(self._scene, self._placed.pose, start.pose)
+        self._notes += [note for note in (raised, moved, fell) if note is not None]
         panel = Panel.open(self._scenario, self._scene, start)
         digest = Digest()
         motion = Motion(Rest.of(self._scene, start))

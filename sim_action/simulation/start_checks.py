@@ -27,6 +27,8 @@ from sim_action.world.scene import Scene
 # A base that moves by less has only come to rest.
 _MAX_TILT_RAD: Final = math.radians(2)
 _MAX_SINK_M: Final = 0.02
+# A robot whose stated height is less above its place of rest was put down.
+_MIN_FALL_M: Final = 0.1
 
 MAX_LIFT_M: Final = 0.1
 """A robot that starts at most this deep in the ground or in fixed bodies starts on them."""
@@ -108,6 +110,17 @@ def moved_while_settling(scene: Scene, before: Pose, after: Pose) -> str | None:
     ways = [f"tilted by {units.display(tilted, 'rad')}"] if tilted >= _MAX_TILT_RAD else []
     ways += [f"came {units.display(sunk, 'm')} down"] if sunk >= _MAX_SINK_M else []
     return f"while the robot settled, before t = 0, its base link '{scene.model.root}' {' and '.join(ways)}"
+
+
+def fell_while_settling(scene: Scene, before: Pose, after: Pose) -> str | None:
+    """Return a note if a robot with a stated height fell before t = 0, else None; poses in the world frame."""
+    fallen = before.position_xyz[2] - after.position_xyz[2]
+    if scene.bolted or scene.robot.pose.z is None or fallen < _MIN_FALL_M:
+        return None
+    return (
+        f"the robot fell {units.display(fallen, 'm')} before t = 0, while it settled; with physics: {{settle: 0}}, the "
+        "run begins at its pose, such as for a robot that flies"
+    )
 
 
 def _tilt(pose: Pose) -> float:

@@ -21,6 +21,7 @@ from sim_action.scenario.world_checks import DEPTH
 from sim_action.simulation.start_checks import (
     MAX_LIFT_M,
     Spawns,
+    fell_while_settling,
     moved_while_settling,
     opened_on_top,
     refuse_bad_start,
@@ -74,6 +75,18 @@ def test_a_base_that_has_moved_before_the_run_begins_is_told(
     expected = said and f"while the robot settled, before t = 0, its base link 'base' {said}"
     assert settled(down, pitch, z) == expected
     assert settled(down, pitch, z, base="fixed") is None
+
+
+@pytest.mark.parametrize(("down", "z", "notes"), [(0.25, 0.5, 1), (0.09, 0.5, 0), (-0.25, 0.5, 0), (0.25, None, 0)])
+def test_a_robot_that_starts_in_the_air_and_falls_is_told_how_to_begin_there(
+    down: float, z: float | None, notes: int
+) -> None:
+    before, after = Pose((0.0, 0.0, 0.5)), Pose((0.0, 0.0, 0.5 - down))
+    for base, expected in (("free", notes), ("fixed", 0)):
+        robot = Robot.model_validate({"model": "arm.urdf", "base": base, "pose": {"z": z}})
+        found = fell_while_settling(Scene(robot, ARM, World(), Physics(), HERE), before, after)
+        assert (found is not None) == bool(expected)
+        assert found is None or ("fell 0.25 m before t = 0" in found and "physics: {settle: 0}" in found)
 
 
 def told(*overlaps: Overlap, base: str = "free", z: float | None = 0.1, clashes: Sequence[Clash] = ()) -> list[str]:
