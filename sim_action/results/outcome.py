@@ -111,7 +111,7 @@ class Scope(FrozenModel):
     Attributes:
         after, before: the window in s of sim time; `before` is None if it has no end.
         held: the time in s for which a goal must hold; None if one moment is enough.
-        allowed: the names in `allow`, sorted.
+        allowed: the names in `allow`, sorted; pairs are joined by "with".
     """
 
     after: float = 0.0
@@ -128,8 +128,9 @@ class Scope(FrozenModel):
 
 
 def _allowed(assertion: Assertion) -> set[str]:
-    """Return the names that an assertion, or a part of it, allows."""
-    found = set(getattr(assertion, "allow", ()))
+    """Return the names that an assertion, or a part of it, allows; pairs of names as one text."""
+    stated = getattr(assertion, "allow", ())
+    found = {each if isinstance(each, str) else " with ".join(sorted(each)) for each in stated}
     return found.union(*(_allowed(part) for _, part in getattr(assertion, "placed_parts", ())))
 
 

@@ -179,6 +179,7 @@ def test_a_variation_that_did_not_run_to_its_end_says_nothing_about_the_others(c
         ("travel: {at_least: 1 m}\n    after: 1 s\n    before: 4 s\n    for: 2 s", Scope(after=1, before=4, held=2)),
         ("settled: {for: 3 s}", Scope(held=3)),
         ("all_of: [{no_collision: {allow: [b, a]}}, upright]", Scope(allowed=("a", "b"))),
+        ("self_collision: {allow: [[base_scan, '*_left_link']]}", Scope(allowed=("*_left_link with base_scan",))),
     ],
 )
 def test_the_scope_of_an_expectation_is_what_the_file_says(expect: str, scope: Scope, tmp_path: Path) -> None:
