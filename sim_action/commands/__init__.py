@@ -133,6 +133,7 @@ COMMANDS: Final = Table[type[CommandSource]](
         "twist": "sim_action.commands.twist:TwistCommands",
         "waypoints": "sim_action.commands.waypoints:WaypointCommands",
         "joints": "sim_action.commands.joints:JointCommands",
+        "pose": "sim_action.commands.pose:PoseCommands",
         "wrench": "sim_action.commands.wrench:WrenchCommands",
         "script": "sim_action.commands.script:ScriptCommands",
         "process": "sim_action.commands.external_program:ProcessCommands",

@@ -15,7 +15,7 @@ from tests.traces import HERE
 
 
 def test_the_table_holds_what_a_scenario_can_say() -> None:
-    assert list(COMMANDS) == ["twist", "waypoints", "joints", "wrench", "script", "process", "replay", "ros1"]
+    assert list(COMMANDS) == ["twist", "waypoints", "joints", "pose", "wrench", "script", "process", "replay", "ros1"]
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,303 @@
+"""The path of a link along straight lines, and the joint positions that follow it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final, NamedTuple
+
+from sim_action.commands.joints import Blend
+from sim_action.core import geometry, units
+from sim_action.core.geometry import Pose, Quaternion, Vector3
+from sim_action.robot.inverse_kinematics import REACHED_M, Chain, Solution, Values, reach, search
+
+# Joint positions are found before the run once per this distance in m, and per this angle in rad. The line between two
+# of them is straight within micrometres.
+_SAMPLE_M: Final = 0.002
+_SAMPLE_RAD: Final = 0.01
+
+# Halvings of an interval of time, to 1e-9 of it.
+_HALVINGS: Final = 30
+
+# During the run, they are found at each tick, and once per this distance and angle.
+_MAX_STEP_M: Final = 0.01
+_MAX_STEP_RAD: Final = 0.05
+
+# A joint that moves by more than this in rad or m on such a step has jumped to another posture.
+_JUMP: Final = 0.5
+
+# The share by which a speed may exceed its limit: rounding of models.
+_SHARE_ROUNDING: Final = 1e-6
+
+# A joint is at its limit within this, in rad or m.
+_AT_LIMIT: Final = 1e-4
+
+
+class Leg(NamedTuple):
+    """A straight line of the path, from rest or passing through.
+
+    Attributes:
+        waypoint: index of the waypoint at its end.
+        start, end: sim time in s.
+        origin, goal: poses of the link at both ends.
+    """
+
+    waypoint: int
+    start: float
+    end: float
+    origin: Pose
+    goal: Pose
+
+
+class Blocked(Exception):
+    """A path that the robot cannot follow; `waypoint` is the index of the waypoint at the end of the line."""
+
+    def __init__(self, waypoint: int, message: str) -> None:
+        self.waypoint = waypoint
+        super().__init__(message)
+
+
+@dataclass(frozen=True, slots=True)
+class LinkPath:
+    """The pose of a link over time, along straight lines; the orientation turns about a fixed axis on each of them.
+
+    Attributes:
+        legs: in the order of time; the link waits between two of them.
+        rest: the pose of the link before the first leg.
+    """
+
+    legs: tuple[Leg, ...]
+    rest: Pose
+    blend: Blend
+
+    @property
+    def end(self) -> float:
+        """The time of arrival in s."""
+        return self.legs[-1].end if self.legs else 0.0
+
+    def leg(self, time: float) -> tuple[int, float]:
+        """Return the index of the present or last leg, -1 before the first, and the share of it that is done."""
+        found = -1
+        for index, leg in enumerate(self.legs):
+            if leg.start < time + units.TIME_EPSILON_S:
+                found = index
+        if found < 0:
+            return found, 0.0
+        leg = self.legs[found]
+        done = 1.0 if time >= leg.end - units.TIME_EPSILON_S else (time - leg.start) / (leg.end - leg.start)
+        return found, done if done == 1.0 else self.blend.share(max(0.0, done))
+
+    def pose(self, time: float) -> Pose:
+        """Return the wanted pose at a sim time in s."""
+        index, share = self.leg(time)
+        return self.rest if index < 0 else between(self.legs[index].origin, self.legs[index].goal, share)
+
+
+def between(origin: Pose, goal: Pose, share: float) -> Pose:
+    """Return the pose at a share of a straight line; it turns about one axis, on the short way."""
+    if share == 1.0:
+        return goal
+    ways = zip(origin.position_xyz, goal.position_xyz, strict=True)
+    x, y, z = (at + share * (to - at) for at, to in ways)
+    turn = geometry.twist_between(origin, goal, 1.0).angular_xyz
+    part: Vector3 = (share * turn[0], share * turn[1], share * turn[2])
+    return Pose((x, y, z), geometry.multiply(_rotation(part), origin.orientation_xyzw))
+
+
+def _rotation(turn: Vector3) -> Quaternion:
+    """Return the rotation about a vector, by its length in rad."""
+    angle = math.hypot(*turn)
+    scale = math.sin(angle / 2) / angle if angle else 0.5
+    return (turn[0] * scale, turn[1] * scale, turn[2] * scale, math.cos(angle / 2))
+
+
+def distances(origin: Pose, goal: Pose) -> tuple[float, float]:
+    """Return the distance in m and the angle in rad between two poses."""
+    turn = geometry.twist_between(origin, goal, 1.0).angular_xyz
+    return math.dist(origin.position_xyz, goal.position_xyz), math.hypot(*turn)
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """The joint positions along a path.
+
+    Attributes:
+        start: those before the first leg.
+        samples: for each leg, those at equal distances from its origin to its goal.
+    """
+
+    path: LinkPath
+    start: Values
+    samples: tuple[tuple[Values, ...], ...]
+
+    def values(self, time: float) -> Values:
+        """Return the joint positions at a sim time in s."""
+        index, share = self.path.leg(time)
+        if index < 0:
+            return self.start
+        samples = self.samples[index]
+        at = share * (len(samples) - 1)
+        before = min(int(at), len(samples) - 2)
+        pairs = zip(samples[before], samples[before + 1], strict=True)
+        return tuple(here + (at - before) * (there - here) for here, there in pairs)
+
+
+@dataclass(frozen=True, slots=True)
+class Follower:
+    """Finds joint positions that follow the poses of a link.
+
+    Attributes:
+        turns: False if any orientation will do.
+        rate: ticks per second.
+    """
+
+    chain: Chain
+    turns: bool
+    rate: float
+
+    def plan(self, path: LinkPath, base: Pose, start: Values) -> Plan:
+        """Return the joint positions along a path. Raises Blocked.
+
+        :param base: the pose of the base in the frame of the path.
+        """
+        to_base = geometry.inverse(base)
+        samples = []
+        values = start
+        for leg in path.legs:
+            count = self._steps(*distances(leg.origin, leg.goal), _SAMPLE_M, _SAMPLE_RAD)
+            along = [values]
+            for step in range(1, count + 1):
+                pose = between(leg.origin, leg.goal, step / count)
+                values = self._reached(leg, step / count, pose, to_base, values)
+                along.append(values)
+            self._refuse_fast(leg, path.blend, along)
+            samples.append(tuple(along))
+        return Plan(path, start, tuple(samples))
+
+    def follow(self, path: LinkPath, tick: int, base: Pose, values: Values) -> Values:
+        """Return the joint positions at a tick, from those at the tick before it. Raises Blocked.
+
+        :param base: the pose of the base in the frame of the path.
+        """
+        to_base = geometry.inverse(base)
+        start, end = (tick - 1) / self.rate, tick / self.rate
+        way = distances(self.chain.pose(values), geometry.compose(to_base, path.pose(end)))
+        steps = self._steps(*way, _MAX_STEP_M, _MAX_STEP_RAD)
+        for step in range(1, steps + 1):
+            time = end if step == steps else start + (end - start) * step / steps
+            index, share = path.leg(time)
+            leg = path.legs[index] if index >= 0 else Leg(0, 0.0, 0.0, path.rest, path.rest)
+            values = self._reached(leg, share, path.pose(time), to_base, values)
+        return values
+
+    def _steps(self, distance: float, angle: float, longest: float, widest: float) -> int:
+        return max(1, math.ceil(distance / longest), math.ceil(angle / widest) if self.turns else 1)
+
+    def _reached(self, leg: Leg, share: float, pose: Pose, to_base: Pose, values: Values) -> Values:
+        """Return the joint positions at a pose of a leg, from those at a pose near it. Raises Blocked."""
+        target = geometry.compose(to_base, pose)
+        found = reach(self.chain, target, values, turns=self.turns)
+        moved = max(abs(there - here) for there, here in zip(found.values, values, strict=True))
+        if found.is_reached and moved <= _JUMP:
+            return found.values
+        elsewhere = search(self.chain, target, found.values, turns=self.turns)
+        where = f"{100 * share:.0f} % of the way to this waypoint, at {place(pose)}"
+        if elsewhere.is_reached:
+            stuck = self._at_limits(found.values)
+            message = f"the arm cannot follow the straight line beyond {where}{f' ({stuck})' if stuck else ''}"
+            message = f"{message}: it would have to change its posture, such as turn its elbow over"
+        else:
+            message = f"the straight line leads out of reach: {where}, the link {miss(elsewhere, to_base)}"
+        hint = "add a waypoint that leads around this place, or start in another posture (robot.joints)"
+        raise Blocked(leg.waypoint, f"{message}; {hint}")
+
+    def _at_limits(self, values: Values) -> str:
+        names = [
+            f"joint '{joint.name}' is at its limit, {units.display(value, joint.dimension('position').si)}"
+            for joint, value, lower, upper in zip(
+                self.chain.joints, values, self.chain.lower, self.chain.upper, strict=True
+            )
+            if value - lower < _AT_LIMIT or upper - value < _AT_LIMIT
+        ]
+        return ", ".join(names)
+
+    def _refuse_fast(self, leg: Leg, blend: Blend, along: Sequence[Values]) -> None:
+        """Raise Blocked if a joint would exceed its velocity limit."""
+        count, duration = len(along) - 1, leg.end - leg.start
+        times = [duration * _time_share(blend, step / count) for step in range(count + 1)]
+        worst = (0.0, 0, 0)
+        for step, ends in enumerate(pairwise(along)):
+            for column, (here, there) in enumerate(zip(*ends, strict=True)):
+                speed = abs(there - here) / (times[step + 1] - times[step])
+                worst = max(worst, (speed / self.chain.fastest[column], column, step))
+        ratio, column, step = worst
+        if ratio <= 1 + _SHARE_ROUNDING:
+            return
+        joint, fastest = self.chain.joints[column], self.chain.fastest[column]
+        found, most = units.display_apart(ratio * fastest, fastest, joint.dimension("velocity").si)
+        raise Blocked(
+            leg.waypoint,
+            f"{100 * (step + 0.5) / count:.0f} % of the way to this waypoint, joint '{joint.name}' would move at "
+            f"{found}, more than its velocity limit, {most}; the way takes {duration:.4g} s and needs at least "
+            f"{_rounded_up(duration * ratio)} s: lower the speed, or go another way",
+        )
+
+
+def _time_share(blend: Blend, share: float) -> float:
+    """Return the share of the time at which a share of the distance is done."""
+    low, high = 0.0, 1.0
+    if share >= 1:
+        return 1.0
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if blend.share(middle) < share else (low, middle)
+    return low
+
+
+def _rounded_up(time: float) -> str:
+    return f"{math.ceil(time * 100) / 100:.6g}"
+
+
+def place(pose: Pose) -> str:
+    """Return a position as messages show it."""
+    x, y, z = (f"{value + 0.0:.3f}".replace("-0.000", "0.000") for value in pose.position_xyz)
+    return f"({x}, {y}, {z})"
+
+
+def miss(nearest: Solution, to_base: Pose) -> str:
+    """Return by how much a target is missed; `to_base`: the frame of the target, seen from the base."""
+    if nearest.distance > REACHED_M:
+        at = place(geometry.compose(geometry.inverse(to_base), nearest.pose))
+        return f"is {units.display(nearest.distance, 'm', 3)} out of reach; the nearest position is {at}"
+    angle = units.display(nearest.angle, "rad", 3)
+    return f"cannot have this orientation there: the nearest one is {angle} off"
+
+
+def targets_between(
+    chain: Chain, here: Values, there: Values, rate: float, offset_s: float
+) -> tuple[Mapping[str, float], Mapping[str, float]]:
+    """Return the position and velocity targets of the joints for one tick.
+
+    :param here: positions at the tick.
+    :param there: positions at the next tick.
+    :param offset_s: time in s after the tick for which the positions are.
+    """
+    names = [joint.name for joint in chain.joints]
+    speeds = [(to - at) * rate for at, to in zip(here, there, strict=True)]
+    positions = (at + speed * offset_s for at, speed in zip(here, speeds, strict=True))
+    return dict(zip(names, positions, strict=True)), dict(zip(names, speeds, strict=True))
+
+
+def unreachable(follower: Follower, goals: Iterable[Pose], base: Pose, start: Values) -> Iterator[tuple[int, str]]:
+    """Yield the index of each waypoint that no joint positions reach, and a message.
+
+    :param base: the pose of the base in the frame of the goals.
+    """
+    values, to_base = start, geometry.inverse(base)
+    for index, goal in enumerate(goals):
+        found = search(follower.chain, geometry.compose(to_base, goal), values, turns=follower.turns)
+        if not found.is_reached:
+            yield index, f"link '{follower.chain.link}' {miss(found, to_base)}"
+        values = found.values

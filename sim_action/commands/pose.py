@@ -1,0 +1,338 @@
+"""Move a link along straight lines: `pose: {link: tool0, waypoints: [{x: 0.4, y: 0.1, z: 0.3}]}`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from functools import partial
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal, Self
+
+from pydantic import Field, model_validator
+
+from sim_action.commands import ClosedLoop, CommandSource, Controller, OpenLoop
+from sim_action.core import geometry, units
+from sim_action.core.errors import ScriptError, SourceProblem
+from sim_action.core.field_types import (
+    Coordinate,
+    FrozenModel,
+    NonNegativeSeconds,
+    PositiveHertz,
+    PositiveMetresPerSecond,
+    PositiveRadiansPerSecond,
+    PositiveSeconds,
+    Radians,
+)
+from sim_action.core.geometry import Pose
+from sim_action.core.workspace import Workspace
+from sim_action.core.yaml_errors import SpecProblems
+from sim_action.state.command import JointTargets
+from sim_action.world.scene import Scene
+
+if TYPE_CHECKING:
+    from sim_action.commands.link_path import Follower, LinkPath, Plan
+    from sim_action.robot.inverse_kinematics import Chain, Values
+    from sim_action.state.observation import Observation
+
+_ANGLES: Final = ("roll", "pitch", "yaw")
+
+
+class LinkWaypoint(FrozenModel):
+    """A pose of the link; missing coordinates and angles keep their last value."""
+
+    x: Coordinate | None = None
+    y: Coordinate | None = None
+    z: Coordinate | None = None
+    roll: Radians | None = None
+    pitch: Radians | None = None
+    yaw: Radians | None = None
+    speed: Annotated[
+        PositiveMetresPerSecond | None, Field(description="largest speed on the way to it; default: that of the path")
+    ] = None
+    at: Annotated[PositiveSeconds | None, Field(description="sim time of arrival, instead of a speed")] = None
+    hold: Annotated[NonNegativeSeconds, Field(description="time at rest there")] = 0.0
+
+    @model_validator(mode="after")
+    def _has_one_time(self) -> Self:
+        if self.speed is not None and self.at is not None:
+            raise ValueError("'speed' and 'at' cannot be combined; remove one of them")
+        return self
+
+    @property
+    def has_angles(self) -> bool:
+        """True if it states a roll, pitch or yaw."""
+        return any(getattr(self, name) is not None for name in _ANGLES)
+
+    def after(self, before: Pose) -> Pose:
+        """Return the pose at this waypoint, given the previous one."""
+        stated = (self.x, self.y, self.z)
+        x, y, z = (old if new is None else new for old, new in zip(before.position_xyz, stated, strict=True))
+        if not self.has_angles:
+            return Pose((x, y, z), before.orientation_xyzw)
+        angles = geometry.rpy_from_quaternion(before.orientation_xyzw)
+        turned = (self.roll, self.pitch, self.yaw)
+        roll, pitch, yaw = (old if new is None else new for old, new in zip(angles, turned, strict=True))
+        return Pose((x, y, z), geometry.quaternion_from_rpy(roll, pitch, yaw))
+
+
+class LinkMotionSpec(FrozenModel):
+    """The path of a link."""
+
+    link: Annotated[str, Field(min_length=1, description="link that follows the path")]
+    waypoints: Annotated[
+        tuple[LinkWaypoint, ...], Field(min_length=1, description="poses of the link's frame, in the order of time")
+    ]
+    frame: Annotated[
+        Literal["world", "base"], Field(description="frame of the waypoints: the world, or the base link")
+    ] = "world"
+    orientation: Annotated[
+        Literal["follow", "free"],
+        Field(description="`free`: only the position counts, for arms with fewer than six joints"),
+    ] = "follow"
+    speed: Annotated[PositiveMetresPerSecond, Field(description="largest speed of the link")] = 0.25
+    turn_speed: Annotated[PositiveRadiansPerSecond, Field(description="largest angular speed of the link")] = (
+        math.radians(90)
+    )
+    interpolation: Annotated[
+        Literal["minimum_jerk", "linear"],
+        Field(description="`minimum_jerk` rests at each waypoint; `linear` has constant speed"),
+    ] = "minimum_jerk"
+
+
+class PoseCommands(CommandSource):
+    """Moves a link along straight lines in space, such as the tool of an arm.
+
+    The path starts where the link is at t = 0, and leads through the waypoints. Coordinates and angles that a waypoint
+    leaves out keep their last value. The orientation turns about one axis on the short way. All joints between the base
+    and the link move, except those that have no motor or that follow another joint. If a redundant arm can choose, its
+    joints move as little as possible.
+
+    Between two waypoints, `minimum_jerk` starts and ends at rest, and is fastest half way. `linear` passes the
+    waypoints without a stop. `speed` and `turn_speed` are the largest speeds on the way. Each way takes a
+    whole number of ticks, so that the link is at a waypoint at a tick. After the last waypoint, the link stays there.
+
+    In the frame `base`, and if the base is fixed, the joint positions are computed before the run. Joints keep the
+    limits of the model: a waypoint out of reach, a line on which the arm would have to change its posture, and a speed
+    that a joint cannot follow are errors before the run. In the frame `world`, a robot with a free base corrects the
+    joints at each tick by the pose of its base. Then a pose out of reach ends the run with an error.
+    """
+
+    is_written: ClassVar[bool] = True
+
+    pose: Annotated[LinkMotionSpec, Field(description="link, and its path")]
+    # It divides the usual rates of the physics: 200, 240 and 1000 Hz.
+    rate: Annotated[PositiveHertz, Field(description="rate of the ticks at which commands are given")] = 40.0
+
+    def problems(self, workspace: Workspace) -> SpecProblems:
+        """Yield times that are not in order, and angles that have no effect."""
+        last = 0.0
+        for index, waypoint in enumerate(self.pose.waypoints):
+            if waypoint.at is not None:
+                if waypoint.at <= last:
+                    yield ("pose", "waypoints", index, "at"), f"must be later than {last:g} s, the time before it"
+                last = waypoint.at
+            last += waypoint.hold
+            if self.pose.orientation == "free" and waypoint.has_angles:
+                yield ("pose", "waypoints", index), "'orientation: free' ignores roll, pitch and yaw; remove them"
+
+    def model_problems(self, scene: Scene) -> SpecProblems:
+        """See CommandSource.model_problems."""
+        if (trouble := _why_not_moved(self.pose.link, scene)) is not None:
+            yield ("pose", "link"), trouble
+            return
+        try:
+            follower, start = self._follower(scene)
+        except units.UnitError:
+            return  # reported for robot.joints
+        base = self._expected_base(scene)
+        if base is not None and not any(self.problems(scene.workspace)):
+            yield from self._path_problems(follower, start, base)
+
+    def joints(self, scene: Scene) -> frozenset[str]:
+        """See CommandSource.joints."""
+        if _why_not_moved(self.pose.link, scene) is not None:
+            return frozenset()
+        return frozenset(joint.name for joint in _chain(self.pose.link, scene).joints)
+
+    def open(self, scene: Scene) -> Controller:
+        """See CommandSource.open."""
+        from sim_action.commands.link_path import Blocked
+
+        follower, start = self._follower(scene)
+        motion = _Motion(self, follower, start, 1 / scene.physics.rate)
+        if self.pose.frame == "world" and not scene.bolted:
+            return ClosedLoop(motion.tracked, senses=False, notes=motion.notes)
+        if self.pose.frame == "world" and scene.placement.z is None:
+            return ClosedLoop(motion.from_base, senses=False)
+        base = self._expected_base(scene)
+        assert base is not None
+        try:
+            plan = motion.plan(base)
+        except Blocked as error:
+            raise SourceProblem(str(error), "pose") from None
+        names = [joint.name for joint in follower.chain.joints]
+        return OpenLoop(partial(motion.planned, plan), JointTargets(position=dict(zip(names, start, strict=True))))
+
+    def path(self, start: Pose) -> LinkPath:
+        """Return the path of the link from a start pose in the frame of the waypoints. Raises Blocked."""
+        from sim_action.commands.joints import BLENDS
+        from sim_action.commands.link_path import Blocked, Leg, LinkPath, distances
+
+        spec, blend = self.pose, BLENDS[self.pose.interpolation]
+        peak = blend.peak or 1.0
+        legs, here, time = list[Leg](), start, 0.0
+        for index, waypoint in enumerate(spec.waypoints):
+            goal = waypoint.after(here)
+            distance, angle = distances(here, goal)
+            turning = angle / spec.turn_speed if spec.orientation == "follow" else 0.0
+            needed = peak * max(distance / (waypoint.speed or spec.speed), turning)
+            end = self._tick_after(time + needed if waypoint.at is None else waypoint.at)
+            if end < time or (end == time and needed):
+                message = f"'at' must be later than {time:.6g} s, when the link leaves the waypoint before it"
+                raise Blocked(index, message)
+            if end > time and (distance or angle):
+                legs.append(Leg(index, time, end, here, goal))
+            here, time = goal, self._tick_after(end + waypoint.hold)
+        return LinkPath(tuple(legs), start, blend)
+
+    def _tick_after(self, time: float) -> float:
+        return math.ceil(time * self.rate - units.STEP_EPSILON) / self.rate
+
+    def _path_problems(self, follower: Follower, start: Values, base: Pose) -> SpecProblems:
+        """Yield waypoints out of reach; if there are none, the first line that the joints cannot follow."""
+        from sim_action.commands.link_path import Blocked, unreachable
+
+        origin, found = geometry.compose(base, follower.chain.pose(start)), False
+        for index, message in unreachable(follower, self._goals(origin), base, start):
+            found = True
+            yield ("pose", "waypoints", index), message + self._orientation_hint(follower.chain)
+        if found:
+            return
+        try:
+            follower.plan(self.path(origin), base, start)
+        except Blocked as error:
+            yield ("pose", "waypoints", error.waypoint), str(error)
+
+    def _orientation_hint(self, chain: Chain) -> str:
+        few = len(chain.joints) < _FULL_POSE
+        if self.pose.orientation == "free" or not few:
+            return ""
+        joints = f"{len(chain.joints)} joint" + ("s move" if len(chain.joints) > 1 else " moves")
+        return f"; only {joints} it, so add 'orientation: free' if only its position counts"
+
+    def _goals(self, here: Pose) -> Iterator[Pose]:
+        for waypoint in self.pose.waypoints:
+            here = waypoint.after(here)
+            yield here
+
+    def _follower(self, scene: Scene) -> tuple[Follower, Values]:
+        """Return what finds joint positions, and those at the start. Raises units.UnitError."""
+        from sim_action.commands.link_path import Follower
+
+        chain, positions = _chain(self.pose.link, scene), scene.joint_positions
+        start = tuple(positions[joint.name] for joint in chain.joints)
+        return Follower(chain, self.pose.orientation == "follow", self.rate), start
+
+    def _expected_base(self, scene: Scene) -> Pose | None:
+        """Return the pose of the base in the frame of the waypoints; None if it is known only during the run."""
+        if self.pose.frame == "base":
+            return Pose()
+        return _fixed_base(scene) if scene.bolted else None
+
+
+# An arm needs at least so many joints to reach every pose around it.
+_FULL_POSE: Final = 6
+
+
+class _Motion:
+    """The motion of the link during a run.
+
+    Attributes:
+        notes: notes for the user.
+    """
+
+    def __init__(self, spec: PoseCommands, follower: Follower, start: Values, step_s: float) -> None:
+        self.notes: list[str] = []
+        self._spec = spec
+        self._follower = follower
+        # Targets are taken at the middle of a tick: a servo follows from the first step of the tick on.
+        self._offset_s = (1 / spec.rate - step_s) / 2
+        self._plan: Plan | None = None
+        self._path: LinkPath | None = None
+        self._here = start
+
+    def plan(self, base: Pose) -> Plan:
+        """Return the plan for a pose of the base in the frame of the waypoints. Raises Blocked."""
+        path = self._spec.path(geometry.compose(base, self._follower.chain.pose(self._here)))
+        return self._follower.plan(path, base, self._here)
+
+    def planned(self, plan: Plan, time: float) -> JointTargets | None:
+        """Return the targets of a tick; None after the end of the path."""
+        period = 1 / self._spec.rate
+        if time > plan.path.end + period + units.TIME_EPSILON_S:
+            return None
+        return self._targets(plan.values(time), plan.values(time + period))
+
+    def from_base(self, observation: Observation) -> JointTargets | None:
+        """Return the targets of a tick; the first observation shows the height of a fixed base."""
+        from sim_action.commands.link_path import Blocked
+
+        if self._plan is None:
+            try:
+                self._plan = self.plan(observation.pose)
+            except Blocked as error:
+                raise ScriptError(f"link '{self._follower.chain.link}': {error}") from None
+        return self.planned(self._plan, observation.time)
+
+    def tracked(self, observation: Observation) -> JointTargets:
+        """Return the targets of a tick, for a base that moves."""
+        from sim_action.commands.link_path import Blocked
+
+        base, chain, tick = observation.pose, self._follower.chain, round(observation.time * self._spec.rate)
+        try:
+            if self._path is None:
+                self._path = self._spec.path(geometry.compose(base, chain.pose(self._here)))
+            here = self._follower.follow(self._path, tick, base, self._here)
+            there = self._here = self._follower.follow(self._path, tick + 1, base, here)
+        except Blocked as error:
+            raise ScriptError(f"link '{chain.link}': {error}") from None
+        return self._targets(here, there)
+
+    def _targets(self, here: Values, there: Values) -> JointTargets:
+        from sim_action.commands.link_path import targets_between
+
+        position, velocity = targets_between(self._follower.chain, here, there, self._spec.rate, self._offset_s)
+        return JointTargets(position=position, velocity=velocity)
+
+
+def _chain(link: str, scene: Scene) -> Chain:
+    from sim_action.robot.inverse_kinematics import Chain
+
+    return Chain.of(scene.model, link, scene.joint_positions)
+
+
+def _why_not_moved(link: str, scene: Scene) -> str | None:
+    """Return a message if no joint with a motor moves a link relative to the base; None if one does."""
+    from sim_action.robot.link_motion import why_no_link
+
+    if (unknown := why_no_link(scene.model, link)) is not None:
+        return unknown
+    try:
+        chain = _chain(link, scene)
+    except units.UnitError:
+        return None
+    if not chain.joints:
+        return f"no joint with a motor is between the base link '{scene.model.root}' and link '{link}'"
+    return None
+
+
+def _fixed_base(scene: Scene) -> Pose | None:
+    """Return the pose of a fixed base in the world; without a z it stands on the ground. None without known shapes."""
+    at = scene.placement
+    if at.z is not None:
+        return Pose((at.x, at.y, at.z), at.orientation_xyzw)
+    from sim_action.robot.kinematics import link_poses, robot_box
+
+    turned = Pose(orientation_xyzw=at.orientation_xyzw)
+    poses = link_poses(scene.model, scene.joint_positions)
+    box = robot_box(scene.model, {name: geometry.compose(turned, pose) for name, pose in poses.items()})
+    return None if box is None else Pose((at.x, at.y, -box[0][2]), at.orientation_xyzw)
