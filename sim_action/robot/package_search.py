@@ -1,18 +1,19 @@
 """Search folders for ROS packages and Gazebo models, without ROS.
 
 `folders_below` searches a workspace by package.xml and model.config. `EnvironmentFolders` searches the paths in
-ROS_PACKAGE_PATH, AMENT_PREFIX_PATH, GAZEBO_MODEL_PATH and GZ_SIM_RESOURCE_PATH.
+ROS_PACKAGE_PATH, AMENT_PREFIX_PATH, GAZEBO_MODEL_PATH and GZ_SIM_RESOURCE_PATH. `Listings` finds a file although the
+model spells its name differently, as Windows and macOS do: letter case, backslashes.
 """
 
 from __future__ import annotations
 
 import os
 from collections import defaultdict, deque
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import islice
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Final
 from xml.parsers import expat
 
@@ -29,6 +30,7 @@ _MAX_FOLDERS: Final = 20_000
 _MAX_DEPTH: Final = 16
 _MAX_PACKAGE_BYTES: Final = 1_000_000
 _MAX_NAME_BYTES: Final = 255
+_MAX_LISTED: Final = 10_000
 
 PACKAGE_VARIABLES: Final = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
 
@@ -314,3 +316,54 @@ def listed(places: Iterable[str]) -> str:
 
 
 _PLACES_SHOWN: Final = 5
+
+
+@dataclass(frozen=True, slots=True)
+class Listings:
+    """The names in folders, by their letters in lower case. Each folder is read once."""
+
+    _names: dict[Path, dict[str, list[str]]] = field(default_factory=dict)
+
+    def matched(self, folder: Path, path: str, may_read: Callable[[Path], bool]) -> Path | None:
+        """Return the file at a path below a folder, in any letter case and with backslashes; None if there is none.
+
+        Of several such names, the exact one is taken, else the first in the order of the alphabet.
+
+        :param folder: without links.
+        :param may_read: returns True if a folder without links in its path may be listed.
+        """
+        place = folder
+        for part in PurePosixPath(path.replace("\\", "/")).parts:
+            if part in ("/", ".."):
+                place = Path("/") if part == "/" else place.parent
+            elif not _may_list(place, may_read):
+                return None
+            else:
+                names = self._in(place).get(part.casefold(), [])
+                if not names:
+                    return None
+                place /= part if part in names else names[0]
+        return place
+
+    def similar(self, place: Path) -> list[str]:
+        """Return the other names in the folder of a matched file that differ from its name in letter case only."""
+        return [name for name in self._in(place.parent).get(place.name.casefold(), ()) if name != place.name]
+
+    def _in(self, folder: Path) -> dict[str, list[str]]:
+        if folder not in self._names:
+            names = defaultdict[str, list[str]](list)
+            try:
+                with os.scandir(folder) as entries:
+                    for name in sorted(entry.name for entry in islice(entries, _MAX_LISTED)):
+                        names[name.casefold()].append(name)
+            except (OSError, ValueError):  # no folder, no permission, or a NUL in its name
+                pass
+            self._names[folder] = dict(names)
+        return self._names[folder]
+
+
+def _may_list(place: Path, may_read: Callable[[Path], bool]) -> bool:
+    try:
+        return may_read(place.resolve())
+    except (OSError, ValueError, RuntimeError):  # too long, a NUL in it, or a loop of links
+        return False

@@ -22,12 +22,12 @@ from urllib.parse import unquote
 
 from sim_action.core.wording import FirstFew, nearest
 from sim_action.core.workspace import OUTSIDE_REMEDY, Workspace, path_problem, similar_name
-from sim_action.robot.file_spelling import Listings
 from sim_action.robot.package_search import (
     MODEL_VARIABLES,
     PACKAGE_FILE,
     PACKAGE_VARIABLES,
     EnvironmentFolders,
+    Listings,
     PackageFolders,
     PackageNames,
     by_distance,

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from sim_action.core.workspace import Workspace
-from sim_action.robot.file_spelling import Listings
-from sim_action.robot.package_search import folders_below
+from sim_action.robot.package_search import Listings, folders_below
 from sim_action.robot.packages import PackageError, Packages
 from sim_action.robot.references import Reference
 from tests.ros_workspace import written
