@@ -47,11 +47,19 @@ class Clearance(Assertion):
         tuple[str, ...] | None, Field(min_length=1, description="names of bodies; default: all but the ground")
     ] = None
     links: Annotated[tuple[str, ...] | None, Field(min_length=1, description="links of the robot; default: all")] = None
+    link: Annotated[str | None, Field(min_length=1, description="one link, instead of 'links'")] = None
 
     @model_validator(mode="after")
     def _has_a_bound(self) -> Self:
         check_bounds(self.at_least, self.at_most, "m")
+        if self.link is not None and self.links is not None:
+            raise ValueError("give 'link' or 'links', not both")
         return self
+
+    @property
+    def chosen(self) -> tuple[str, ...] | None:
+        """The names of the links whose distance counts; None for all."""
+        return self.links if self.link is None else (self.link,)
 
     @property
     def has_truth(self) -> bool:
@@ -61,20 +69,20 @@ class Clearance(Assertion):
     @property
     def title(self) -> str:
         """See Assertion.title."""
-        whose = f" of {', '.join(self.links)}" if self.links else ""
+        whose = f" of {', '.join(self.chosen)}" if self.chosen else ""
         where = f" to {', '.join(self.to)}" if self.to else ""
         return f"clearance{whose}{where} {bounds_title(self.at_least, self.at_most, 'm')}"
 
     @property
     def watch(self) -> ClearanceWatch:
         """The distances that the monitor reads from a trace."""
-        return ClearanceWatch(self.links, self.to)
+        return ClearanceWatch(self.chosen, self.to)
 
     @property
     def close(self) -> ClearanceWatch:
         """The distances that are recorded at every step, up to the greatest limit: they say when the limits hold."""
         limit = self.at_least if self.at_most is None else self.at_most
-        return ClearanceWatch(self.links, self.to, within=limit or 0.0, always=True)
+        return ClearanceWatch(self.chosen, self.to, within=limit or 0.0, always=True)
 
     @property
     def channels(self) -> Channels:
@@ -102,10 +110,13 @@ class Clearance(Assertion):
                 hint = did_you_mean(name, (*bodies, GROUND)) if hinted.one_more() else ""
                 yield ("to", index), f"the world has no body '{name}'{hint}"
         links = _links_with_shapes(scene.model)
-        for index, name in enumerate(self.links or ()):
+        for index, name in enumerate(self.chosen or ()):
             if name not in links:
                 hint = did_you_mean(name, links) if hinted.one_more() else ""
-                yield ("links", index), f"the robot has no link '{name}' with a collision shape{hint}"
+                yield (
+                    ("link",) if self.link else ("links", index),
+                    f"the robot has no link '{name}' with a collision shape{hint}",
+                )
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor."""

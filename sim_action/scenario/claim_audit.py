@@ -102,6 +102,11 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
             "warning", "a controller (script, process, replay, ROS nodes) that gave no command other than zero"
         ),
         "never-moved": Rule("warning", "a robot that was commanded to move, and never moved"),
+        "link-never-moved": Rule(
+            "warning",
+            "an assertion on a `link` that held, although the link never moved in its frame, in any variation",
+            over_variations=True,
+        ),
         NOT_SIMULATED: Rule(
             "warning",
             "a part of a world file that is not simulated; a part of a launch file, where `allow_losses` is true",

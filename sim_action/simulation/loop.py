@@ -252,7 +252,7 @@ class _Loop:
         assert kept is not None
         x, y, _ = start.pose.position_xyz
         losses = (ClaimFinding(NOT_SIMULATED, ("commands",), loss) for loss in self._controls.losses)
-        findings = (*self._audited(panel, motion), *losses)
+        findings = (*self._audited(panel, motion, kept), *losses)
         told = {finding.message for finding in findings}
         missed = (message for _, message in unreached_events(self._scenario, panel.time))
         unreached = (message for message in missed if message not in told)
@@ -269,12 +269,12 @@ class _Loop:
             findings=findings,
         )
 
-    def _audited(self, panel: Panel, motion: Motion) -> tuple[ClaimFinding, ...]:
+    def _audited(self, panel: Panel, motion: Motion, kept: Trace) -> tuple[ClaimFinding, ...]:
         """Return the findings of the audit; none if a broken expectation ended the run early."""
         if panel.end == "expectation failed":
             return ()
         unmet = [monitor.unmet_premises for monitor in panel.monitors]
-        facts = RunFacts(panel.time, motion, self._controls.log, unmet, panel.verdicts())
+        facts = RunFacts(panel.time, motion, self._controls.log, kept, unmet, panel.verdicts())
         found = audit_run(self._scenario, self._scene, facts)
         return tuple(finding for finding in found if finding.rule not in self._scenario.allow)
 

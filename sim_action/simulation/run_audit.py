@@ -106,6 +106,7 @@ class RunFacts:
 
     Attributes:
         end: sim time of the end, in s.
+        trace: the stored trace of the run.
         unmet: for each expectation, the premises that never held.
         verdicts: one verdict for each expectation.
     """
@@ -113,6 +114,7 @@ class RunFacts:
     end: float
     motion: Motion
     commands: CommandLog
+    trace: Trace
     unmet: Sequence[Sequence[str]]
     verdicts: Sequence[Verdict]
 
@@ -127,6 +129,7 @@ def audit_run(scenario: Scenario, scene: Scene, facts: RunFacts) -> Iterator[Cla
         yield from _judged_once(scenario, index, verdict, facts.end)
         yield from _nothing_in_range(scenario.expect[index].assertion, index, verdict)
         yield from _never_touched(scenario.expect[index].assertion, index, verdict)
+    yield from _unmoved_links(scenario, scene, facts)
     unused = list(_unused_drive(scenario, scene, facts.commands))
     yield from unused
     if not unused and facts.commands.are_zero:
@@ -179,6 +182,24 @@ def _never_touched(assertion: Assertion, index: int, verdict: Verdict) -> Iterat
         message = f"the robot never pressed against {assertion.body}, so the limit was compared with 0 only"
         told = f"{message}; let it touch {assertion.body}, or use no_collision if it must not"
         yield ClaimFinding("never-touched", ("expect", index, assertion.key), told)
+
+
+def _unmoved_links(scenario: Scenario, scene: Scene, facts: RunFacts) -> Iterator[ClaimFinding]:
+    """Yield passed expectations about links that never moved, unless something pushed the robot."""
+    if scene.world.disturbances or facts.commands.gives_efforts:
+        return
+    for index, (expected, verdict) in enumerate(zip(scenario.expect, facts.verdicts, strict=True)):
+        leaves = (leaf for leaf in expected.assertion.leaves() if not getattr(leaf, "watches_base", True))
+        for leaf in leaves if verdict.status == "passed" else ():
+            from sim_action.assertions.monitors.watched import MotionAssertion
+
+            assert isinstance(leaf, MotionAssertion), "only these have links"
+            watched = leaf.watched(scene)
+            if not Motion(Rest.of_trace(watched.seen(facts.trace))).after(watched.seen(facts.trace)).base:
+                message = f"{watched.who} never moved by 1 mm or 0.1 deg in the frame '{watched.frame}'"
+                use = "so only its start was checked; command its joints, or run for longer"
+                yield ClaimFinding("link-never-moved", ("expect", index, expected.assertion.key), f"{message}, {use}")
+                break
 
 
 def _is_at_end(assertion: Assertion) -> bool:

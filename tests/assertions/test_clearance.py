@@ -95,6 +95,7 @@ def test_it_reads_its_own_channel_alone() -> None:
         ({"at_least": 0}, "greater than 0"),
         ({"at_least": 0.5, "to": ()}, "at least 1 item"),
         ({"at_least": 0.5, "links": ()}, "at least 1 item"),
+        ({"at_least": 0.5, "links": ("arm",), "link": "hand"}, "give 'link' or 'links', not both"),
     ],
 )
 def test_what_asks_for_nothing_is_refused(keys: dict[str, Any], problem: str) -> None:
@@ -110,6 +111,15 @@ def test_names_that_are_not_there_are_told_with_the_nearest() -> None:
     # The burger's base_link has no shape: nothing is ever near it.
     assert link[0] == ("links", 1)
     assert link[1].startswith("the robot has no link 'base_link' with a collision shape; did you mean 'base_scan'?")
+
+
+def test_one_link_is_a_list_of_one() -> None:
+    one, several = Clearance(at_least=0.5, link="base_scan"), Clearance(at_least=0.5, links=("base_scan",))
+    assert (one.title, one.channels, one.close) == (several.title, several.channels, several.close)
+    assert judged(one, seen(watch=one.watch)) == judged(several, seen(watch=several.watch))
+    ((path, message),) = Clearance(at_least=0.5, link="base_scam").problems(scene())
+    assert path == ("link",)
+    assert "did you mean 'base_scan'?" in message
 
 
 def test_a_world_without_objects_has_nothing_to_be_clear_of() -> None:

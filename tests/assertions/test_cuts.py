@@ -30,7 +30,7 @@ from sim_action.assertions.monitors import Monitor, State, is_decided
 from sim_action.assertions.monitors.window import Window
 from sim_action.assertions.no_collision import NoCollision
 from sim_action.assertions.odometry_error import OdometryError
-from sim_action.assertions.reach import Reach
+from sim_action.assertions.reach import Reach, TargetOrientation
 from sim_action.assertions.self_collision import SelfCollision
 from sim_action.assertions.sensor import SensorReading
 from sim_action.assertions.settled import Settled
@@ -51,6 +51,9 @@ RATE = 240
 EIGHT = tuple(PathPoint(x=x, y=y) for x, y in [(0, 0), (0.3, 0.3), (0.6, 0), (0.3, -0.3), (0, 0.1)])
 
 FEET = ("wheel_left_link", "wheel_right_link", "caster_back_link")
+
+RISING = tuple(PathPoint(x=x, y=x / 2, z=x / 3) for x in (0.0, 0.3, 0.6))
+SCAN, WHEEL = "base_scan", "wheel_left_link"
 
 READING = SensorReading(name="scan", reading="ranges", which="mean", at_most=0.5, once=True)
 
@@ -87,8 +90,14 @@ SPECS: list[Assertion] = [
     MaxSpeed(linear=2.0, angular=2.0),
     StayWithin(x=(-0.5, 0.5), y=(-0.4, 0.4)),
     StayWithin(z=(-0.3, 0.5)),
+    Reach(link=SCAN, frame=WHEEL, x=0.0, y=-0.08, z=0.15, tolerance=0.06, orientation=TargetOrientation(tolerance=2.0)),
+    FinalPose(link=SCAN, x=0.3, relative=True, orientation=TargetOrientation(tolerance=1.5)),
+    MaxSpeed(link=SCAN, frame=WHEEL, linear=0.3),
+    PathLength(link=WHEEL, at_least=1.0, at_most=3.0),
+    Settled.model_validate({"for": 0.01, "speed": 2.0, "turn_rate": 2.0, "link": SCAN}),
     FollowPath(path=EIGHT, max_error=0.3, rms=0.1),
     FollowPath(path=EIGHT, max_error=0.5, end=PathEnd(tolerance=0.3)),
+    FollowPath(link=SCAN, path=RISING, max_error=0.5, end=PathEnd(tolerance=0.3)),
     FollowPath(path=EIGHT[:2], smooth=True, rms=0.1, end=PathEnd(tolerance=0.2)),
     SensorReading(name="scan", reading="ranges", which="min", at_least=0.02),
     SensorReading(name="scan", reading="ranges", which="mean", at_most=0.3, once=True),

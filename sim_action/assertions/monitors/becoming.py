@@ -64,6 +64,13 @@ class Rest:
             np.array([_least_motion(scene, name) for name in start.joints]),
         )
 
+    @classmethod
+    def of_trace(cls, trace: Trace) -> Self:
+        """Return the state of the base at the first moment of a trace; no joint counts."""
+        import numpy as np
+
+        return cls(trace.base_position_xyz[0], trace.base_orientation_xyzw[0], np.empty(0), np.empty(0))
+
     def moved(self, trace: Trace) -> NDArray[np.bool_]:
         """Return (T,) True where the base or a joint is away from its state at t = 0."""
         return self.base_moved(trace) | self.joints_moved(trace)
