@@ -304,3 +304,33 @@ def test_what_never_came_is_told_each_once() -> None:
         (("commands", 1), "the wrench of commands.1 never began: it is due at 4 s, but the run ended at 3 s"),
     ]
     assert len(list(unreached_events(PRESSED, 0.5))) == 5
+
+
+@pytest.mark.parametrize(
+    ("expected", "more", "found"),
+    [
+        ("stay_within: {link: hand, x: [-1, 1]}", "", True),
+        (
+            "max_speed: {link: hand, frame: base, linear: 1}",
+            "commands: {joints: [{at: 0, position: {elbow: 0}}]}",
+            True,
+        ),
+        ("any_of: [{upright: {link: hand}}, {stay_within: {z: [9, 10]}}]", "", True),
+        ("stay_within: {link: hand, x: [-1, 1]}", "allow: [link-never-moved, unreachable-limit]", False),
+        ("stay_within: {link: hand, x: [-1, 1]}", "commands: {joints: [{at: 0, velocity: {elbow: 0.5}}]}", False),
+        (
+            "stay_within: {link: hand, x: [-1, 1]}",
+            "world: {disturbances: [{at: 0.1, for: 0.05, link: hand, force: [1e-6, 0, 0]}]}",
+            False,
+        ),
+    ],
+)
+def test_a_link_that_never_moved_was_checked_at_one_place(
+    expected: str, more: str, found: bool, tmp_path: Path
+) -> None:
+    (tmp_path / "arm.urdf").write_text(ARM.replace("SPEED", "5"))
+    allow = "" if "allow" in more else "allow: [fixed-base, unreachable-limit, unreachable-target]"
+    robot = "name: a\nrobot: {model: arm.urdf, base: fixed, pose: {z: 1}}"
+    text = f"{robot}\nexpect:\n  - {expected}\nduration: 0.2 s\ntime_limit: 1 s\n{more}\n{allow}\n"
+    unmoved = [path for rule, path in rules(tmp_path, text) if rule == "link-never-moved"]
+    assert unmoved == ([f"expect.0.{expected.partition(':')[0]}"] if found else [])
