@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Final
 
 # Only these have a lock file of their own: a workflow cannot name other packages.
-EXTRAS: Final = ("mcap", "rosbags", "video")
+EXTRAS: Final = ("mcap", "policy", "rosbags", "video")
 ENGINES: Final = {"pybullet": "pybullet", "mujoco": "mujoco-core"}
 """Engine, which is also its Python module -> its package."""
 

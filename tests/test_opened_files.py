@@ -23,6 +23,7 @@ GATED: Final = {
     "assertions/follow_path.py": "Workspace.file",
     "commands/logs/csv_log.py": "Workspace.file_or_folder",
     "commands/logs/rosbag.py": "Workspace.file_or_folder, and Workspace.file for each file in the folder",
+    "commands/onnx_network.py": "Workspace.file",
     "core/user_scripts.py": "Workspace.file",
     "meshes/__init__.py": "Packages.file, or Workspace.file for meshes of the world",
     "robot/control_tags.py": "Packages.file",

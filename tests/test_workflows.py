@@ -182,7 +182,7 @@ def test_the_pre_commit_example_names_our_hook_which_sees_scenarios_alone() -> N
     assert found == ["a.sim.yml", "b/c.sim.yaml"]
 
 
-EXTRAS = ("rosbags", "mcap", "video")
+EXTRAS = ("rosbags", "mcap", "video", "policy")
 
 
 @pytest.mark.parametrize("name", ["requirements.lock", *(f"requirements-{extra}.lock" for extra in EXTRAS)])

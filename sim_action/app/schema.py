@@ -144,10 +144,15 @@ def _let_map_hold_keys(name: str, kind: type[CommandSource], definitions: Schema
     own = properties[name]
     types = own["type"] if isinstance(own.get("type"), list) else [own.get("type")]
     others = {key: each for key, each in properties.items() if key != name}
+    definition = definitions[kind.__name__]
+    if needed := [key for key in definition["required"] if key != name]:
+        definition["required"] = [name]
+        definition["if"] = {"properties": {name: {"type": "object"}}}
+        definition["else"] = {"required": needed, "properties": {key: {} for key in needed}}
     whole = {
         "type": "object",
         "properties": {kind.map_key: own, **others},
-        "required": [kind.map_key],
+        "required": [kind.map_key, *needed],
         "additionalProperties": False,
     }
     values = {key: each for key, each in own.items() if key not in ("type", "description")}

@@ -91,6 +91,10 @@ class CommandSource(Transmission):
         """The name of the user's code that it runs; it selects the stream of random numbers of a source."""
         return ""
 
+    def tick_rate(self, physics_rate: float) -> float:
+        """Return the rate in Hz at which its controller is called; it divides that of the physics."""
+        return self.rate
+
     @property
     def python_file(self) -> str | None:
         """The path, relative to the scenario, of the user's code that runs in the process of the scenario."""
@@ -137,6 +141,7 @@ COMMANDS: Final = Table[type[CommandSource]](
         "wrench": "sim_action.commands.wrench:WrenchCommands",
         "script": "sim_action.commands.script:ScriptCommands",
         "process": "sim_action.commands.external_program:ProcessCommands",
+        "policy": "sim_action.commands.policy:PolicyCommands",
         "replay": "sim_action.commands.replay:ReplayCommands",
         "ros1": "sim_action.ros.ros1.command_source.spec:RosCommands",
     },

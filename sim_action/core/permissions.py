@@ -1,7 +1,7 @@
 """The permissions that the caller gives, and the gate for code of the repository.
 
-Code of the repository is everything that can run a command of its author: controllers (`script`, `process`), assertion
-classes, xacro, and nodes, launch files and tests of ROS 1. All subcommands that run such code ask this module.
+Code of the repository is everything that can run a command of its author: controllers (`script`, `process`, `policy`),
+assertion classes, xacro, and nodes, launch files and tests of ROS 1. All subcommands that run it ask this module.
 """
 
 from __future__ import annotations

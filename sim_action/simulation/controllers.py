@@ -257,7 +257,7 @@ def _seen_by(sources: Sequence[CommandSource], scene: Scene) -> list[Scene]:
 
 
 def _source(index: int, spec: CommandSource, controller: Controller, scenario: Scenario, scene: Scene) -> _Source:
-    period = scenario.steps_between_ticks(spec.rate)
+    period = scenario.steps_between_ticks(spec.tick_rate(scenario.physics.rate))
     if spec.is_perfect:
         return _Source(index, controller, period)
     if isinstance(controller, ClosedLoop) and controller.repeats:

@@ -106,7 +106,7 @@ def test_several_extras_have_the_packages_of_each_of_them(extras: str) -> None:
 
 @pytest.mark.parametrize("extras", ["../../other", "rosbags mujoco", "ROSBAGS", "*"])
 def test_extras_without_a_lock_file_are_refused(extras: str) -> None:
-    with pytest.raises(LockError, match="extras must be empty, or some of mcap, rosbags, video; found '"):
+    with pytest.raises(LockError, match="extras must be empty, or some of mcap, policy, rosbags, video; found '"):
         chosen_locks(Path("some.lock"), extras)
 
 

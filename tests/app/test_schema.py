@@ -249,6 +249,14 @@ def test_results_are_as_their_schema_says() -> None:
         ({"process": {"command": "a b", "start_within": "2 s"}}, True),
         ({"process": "a b"}, True),
         ({"process": {"with": {}}}, False),
+        ({"policy": {"file": "a.onnx", "action": {"joints": "effort"}, "rate": 50, "observation": ["time"]}}, True),
+        ({"policy": "a.onnx", "action": {"joints": "effort"}, "rate": 50, "commands": [0.5, 0, "1 rad/s"]}, True),
+        ({"policy": {"file": "a.onnx", "action": {"joints": "effort"}, "rate": 50, "inputs": {"x": ["time"]}}}, True),
+        ({"policy": "a.onnx", "action": {"joints": "effort", "scale": {"*": 2}, "offset": "home"}, "rate": 50}, True),
+        ({"policy": "a.onnx", "action": {"joints": "effort"}}, False),
+        ({"policy": {"file": "a.onnx", "rate": 50}}, False),
+        ({"policy": "a.onnx", "action": {"joints": "effort"}, "rate": 50, "observation": [{"scale": 2}]}, False),
+        ({"policy": "a.onnx", "action": {"joints": "effort", "offset": "hom"}, "rate": 50}, False),
     ],
 )
 def test_the_keys_of_a_source_may_be_a_map(

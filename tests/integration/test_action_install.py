@@ -76,7 +76,7 @@ def test_extras_that_are_not_known_are_told_before_anything_is_installed(tmp_pat
     result = Runner(tmp_path, tmp_path).run(ACTION, {"extras": "numpy==1.0"})
     assert result.exit_code != 0
     assert result.steps[-1] == "Look for the environment"
-    assert "extras must be empty, or some of mcap, rosbags, video" in result.annotations[0].message
+    assert "extras must be empty, or some of mcap, policy, rosbags, video" in result.annotations[0].message
 
 
 def new_machine(folder: Path, cache: CacheStore, event: str = "push", **variables: str) -> Runner:

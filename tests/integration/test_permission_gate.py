@@ -14,6 +14,7 @@ import pytest
 from sim_action.cli import SUBCOMMANDS
 from sim_action.cli.main import call
 from sim_action.core.permissions import PRIVILEGED_EVENTS
+from tests.onnx_files import linear
 from tests.ros.ros1.launches import needs_ros, package
 
 ROOT: Final = Path(__file__).resolve().parents[2]
@@ -49,6 +50,10 @@ SCENARIOS: Final = {
     "class": {"commands": "commands: {rate: 10 Hz, script: class.py}"},
     "map": {"commands": "commands: {script: {file: map.py, rate: 10 Hz, with: {x: 1}}}"},
     "process": {"commands": "commands: {rate: 10 Hz, process: python3 ctl.py}"},
+    # A network cannot leave a marker.
+    "policy": {
+        "commands": "commands: {policy: {file: p.onnx, rate: 10 Hz, observation: [time], action: {joints: effort}}}"
+    },
     "assertion": {"expect": "assertion: judge.py:Judge"},
     "xacro": {"model": "nosy.urdf.xacro"},
 }
@@ -91,6 +96,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for name, body in BODIES.items():
         Path(name).write_text(body.format(mark=mark(tmp_path, name)))
     Path("nosy.urdf.xacro").write_text(XACRO)
+    Path("p.onnx").write_bytes(linear([[1.0, 1.0]], [0.0, 0.0]))
     for name, keys in SCENARIOS.items():
         Path(f"{name}.sim.yml").write_text(case(name, **keys))
     node = NODE.format(mark=f"open({str(tmp_path / 'marker')!r}, 'a').write(kind + chr(10))\n")

@@ -1,0 +1,440 @@
+"""Networks as command sources: their keys, what is compared before the run, and what they read and command."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sim_action.commands import ClosedLoop
+from sim_action.commands.policy import PolicyCommands
+from sim_action.core.errors import ScriptError, SourceProblem
+from sim_action.core.geometry import Pose, Twist, quaternion_from_rpy
+from sim_action.core.workspace import Workspace
+from sim_action.robot.loading import load_model
+from sim_action.robot.spec import Robot
+from sim_action.state.command import JointTargets
+from sim_action.state.observation import JointState, Observation
+from sim_action.state.readings import ImuReading
+from sim_action.world import Physics, World
+from sim_action.world.scene import Fitting, Scene
+from tests.onnx_files import DOUBLE, INT64, linear, model, node, recurrent
+from tests.scenarios import told
+
+ARM = Path(__file__).parents[2] / "examples/commands/arm.urdf"
+DRIVEN = ("turntable", "shoulder", "elbow", "left_finger_joint")
+
+
+def text(policy: str) -> str:
+    """A scenario; the policy is in line 3."""
+    rate = "" if "rate:" in policy else ", rate: 60 Hz"
+    return (
+        "name: n\nrobot: {model: arm.urdf, base: fixed, joints: {shoulder: 10 deg}}\n"
+        f"commands: {{policy: {{file: a.onnx, {policy}{rate}}}}}\n"
+        "expect: [{joint: {name: elbow, at_most: 1}}]\ntime_limit: 1 s\n"
+    )
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "arm.urdf").write_text(ARM.read_text())
+    return tmp_path
+
+
+def identity(size: int) -> bytes:
+    """A network whose output is its input."""
+    return model([node("Identity", ["obs"], ["actions"])], {"obs": (1, size)}, {"actions": (1, size)}, kind=DOUBLE)
+
+
+def opened(folder: Path, network: bytes, sensors: tuple[Fitting, ...] = (), **keys: Any) -> ClosedLoop:
+    (folder / "a.onnx").write_bytes(network)
+    workspace = Workspace(folder, folder)
+    robot = Robot.model_validate({"model": "arm.urdf", "base": "fixed", "joints": {"shoulder": "10 deg"}})
+    scene = Scene(robot, load_model(robot, workspace), World(), Physics(), workspace, sensors=sensors)
+    spec = PolicyCommands.model_validate(
+        {"policy": "a.onnx", "order": ("turntable", "shoulder", "elbow"), "rate": 60.0, **keys}
+    )
+    assert list(spec.problems(workspace)) == []
+    assert list(spec.model_problems(scene)) == []
+    controller = spec.open(scene)
+    assert isinstance(controller, ClosedLoop)
+    return controller
+
+
+NOW = Observation(
+    time=0.3,
+    pose=Pose((1.0, 2.0, 0.5), quaternion_from_rpy(0.1, -0.2, 1.5)),
+    twist=Twist((0.3, -0.4, 0.5), (0.6, 0.7, -0.8)),
+    joints={name: JointState(0.1 * place, 0.01 * place, place) for place, name in enumerate(DRIVEN, 1)},
+    sensors={"imu": ImuReading(0.0, (0.0, 0.0, 0.0, 1.0), (1.0, 2.0, 3.0), (0.0, 0.0, 9.8))},
+)
+IMU = (Fitting("imu", "imu", "base_link", 100.0),)
+
+
+def matrix() -> list[list[float]]:
+    """The rotation of the base in NOW, from the formula of roll, pitch and yaw."""
+    (cr, cp, cy), (sr, sp, sy) = ([f(angle) for angle in (0.1, -0.2, 1.5)] for f in (math.cos, math.sin))
+    return [
+        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+        [-sp, cp * sr, cp * cr],
+    ]
+
+
+def in_base(vector: tuple[float, float, float]) -> list[float]:
+    return [sum(matrix()[row][column] * vector[row] for row in range(3)) for column in range(3)]
+
+
+def efforts(answer: object) -> list[float]:
+    assert isinstance(answer, JointTargets)
+    assert list(answer.effort) == ["turntable", "shoulder", "elbow"]
+    return list(answer.effort.values())
+
+
+HOME = math.radians(10)
+
+
+@pytest.mark.parametrize(
+    ("term", "values"),
+    [
+        ("base.linear", in_base((0.3, -0.4, 0.5))),
+        ("base.angular", in_base((0.6, 0.7, -0.8))),
+        ("gravity", in_base((0.0, 0.0, -1.0))),
+        ("base.rpy", [0.1, -0.2, 1.5]),
+        ("joints.position", [0.1, 0.2, 0.3]),
+        ({"term": "joints.position", "offset": "home"}, [0.1, 0.2 - HOME, 0.3]),
+        ({"term": "joints.position", "offset": {"sho*": 1, "*": 2}}, [-1.9, -0.8, -1.7]),
+        ({"term": "joints.velocity", "scale": 100.0}, [1.0, 2.0, 3.0]),
+        ({"term": "joints.velocity", "scale": (1, 2, 3)}, [0.01, 0.04, 0.09]),
+        ({"term": "joints.velocity", "scale": {"elbow": 10.0, "*": 0.0}}, [0.0, 0.0, 0.3]),
+        ({"term": "joints.effort", "clip": 1.5}, [1.0, 1.5, 1.5]),
+        ({"term": "joints.effort", "joints": ("elbow", "*finger*", "turntable")}, [3.0, 4.0, 1.0]),
+        ("last_action", [0.0, 0.0, 0.0]),
+        ("commands", [0.5, 0.0, -0.25]),
+        ("sensors.imu.angular_velocity_xyz", [1.0, 2.0, 3.0]),
+    ],
+)
+def test_terms_are_as_formulas_say(term: Any, values: list[float], folder: Path) -> None:
+    schedule = {"commands": (0.5, 0, -0.25)} if term == "commands" else {}
+    controller = opened(
+        folder, identity(3), IMU, observation=(term,), action={"joints": "effort"}, rate=50.0, **schedule
+    )
+    assert efforts(controller.command(NOW)) == pytest.approx(values, abs=1e-12)
+
+
+def test_single_numbers_are_joined_in_their_order(folder: Path) -> None:
+    terms = ("time", "base.height", {"term": "phase.cos", "period": 0.8, "shift": 0.25})
+    controller = opened(folder, identity(3), observation=terms, action={"joints": "effort"})
+    phase = 2 * math.pi * (0.3 / 0.8 + 0.25)
+    assert efforts(controller.command(NOW)) == pytest.approx([0.3, 0.5, math.cos(phase)])
+
+
+def test_commands_change_over_time(folder: Path) -> None:
+    segments = ({"linear": 1, "for": 0.5}, {"lateral": 2, "for": 0.5})
+    controller = opened(folder, identity(3), observation=("commands",), commands=segments, action={"joints": "effort"})
+    found = [efforts(controller.command(replace(NOW, time=time))) for time in (0.0, 0.49, 0.5, 1.0)]
+    assert found == [[1, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 0]]
+
+
+def test_the_output_is_clipped_scaled_and_moved(folder: Path) -> None:
+    action = {"joints": "position", "scale": (0.1, 0.2, 0.3), "offset": "home", "clip": 0.25}
+    terms = ({"term": "joints.position", "offset": 0},)
+    answer = opened(folder, identity(3), observation=terms, action=action).command(NOW)
+    assert isinstance(answer, JointTargets)
+    assert list(answer.position.values()) == pytest.approx([0.01, HOME + 0.04, 0.075])
+    assert answer.effort == answer.velocity == {}
+
+
+def test_positions_are_relative_to_the_offset_of_a_position_action(folder: Path) -> None:
+    action = {"joints": "position", "offset": "home"}
+    answer = opened(folder, identity(3), observation=("joints.position",), action=action).command(NOW)
+    assert isinstance(answer, JointTargets)
+    assert list(answer.position.values()) == pytest.approx([0.1, 0.2, 0.3])  # what was subtracted is added
+
+
+def test_the_last_action_is_that_of_the_network_after_clip(folder: Path) -> None:
+    # The output is the effort of a joint and the last action: it grows by 1 at each tick.
+    network = linear([[1, 0, 0], [0, 1, 0], [0, 0, 1]], [1, 1, 1], DOUBLE)
+    action = {"joints": "effort", "scale": 2, "clip": 2.5}
+    controller = opened(folder, network, observation=("last_action",), action=action)
+    assert [efforts(controller.command(NOW))[0] for _ in range(4)] == [2.0, 4.0, 5.0, 5.0]
+
+
+@pytest.mark.parametrize(
+    ("history", "expected"),
+    [
+        ({"frames": 3}, [[0, 9], [0, 9], [0, 9]]),
+        ({"frames": 3, "start": "zeros"}, [[0, 0], [0, 0], [0, 9]]),
+        ({"frames": 3, "order": "term"}, [[0, 0], [0, 9], [9, 9]]),
+    ],
+)
+def test_history_is_oldest_first(history: dict[str, Any], expected: list[list[int]], folder: Path) -> None:
+    flat = [value for pair in expected for value in pair]
+    for place, value in enumerate(flat):
+        weights = [[float(row == place)] for row in range(6)]
+        (folder / "a.onnx").write_bytes(b"")
+        controller = opened(
+            folder,
+            linear(weights, [0], DOUBLE),
+            observation=("time", {"term": "base.height", "scale": 18}),
+            order=("elbow",),
+            history=history,
+            action={"joints": "velocity"},
+        )
+        answer = controller.command(replace(NOW, time=0.0))
+        assert isinstance(answer, JointTargets)
+        assert answer.velocity["elbow"] == pytest.approx(min(3.0, value)), place  # clipped to the limit of the model
+
+
+def test_a_recurrent_network_remembers(folder: Path) -> None:
+    keys: dict[str, Any] = {"state": {"h_in": "h_out"}, "order": ("turntable", "shoulder")}
+    keys["observation"] = ("time", "base.height")
+    controller = opened(folder, recurrent(), action={"joints": "effort"}, **keys)
+    found = [controller.command(NOW) for _ in range(3)]
+    assert [list(each.effort.values()) for each in found if isinstance(each, JointTargets)] == [
+        pytest.approx([0.3 * count, 0.5 * count]) for count in (1, 2, 3)
+    ]
+
+
+def test_several_inputs_have_terms_by_name(folder: Path) -> None:
+    nodes = [node("Sub", ["a", "b"], ["y"])]
+    network = model(nodes, {"b": ("batch", 1), "a": (1, 1)}, {"y": (1, 1)}, kind=DOUBLE)
+    inputs = {"a": ("base.height",), "b": ("time",)}
+    controller = opened(folder, network, inputs=inputs, order=("elbow",), action={"joints": "effort"})
+    answer = controller.command(NOW)
+    assert isinstance(answer, JointTargets)
+    assert answer.effort == pytest.approx({"elbow": 0.2})
+
+
+def test_soft_motors_act_at_every_physics_step(folder: Path) -> None:
+    action = {"joints": "position", "offset": "home", "stiffness": 10, "damping": {"elbow": 2, "*": 0}}
+    controller = opened(
+        folder, linear([[1, 1, 1]], [0, 0, 0], DOUBLE), observation=("time",), rate=120.0, action=action
+    )
+    spring = [10 * (0.3 - 0.1), 10 * (HOME + 0.3 - 0.2), 10 * (0.3 - 0.3) - 2 * 0.03]
+    assert efforts(controller.command(NOW)) == pytest.approx(spring)
+    # 240 Hz: the network runs at every other step.
+    assert efforts(controller.command(replace(NOW, time=0.5))) == pytest.approx(spring)
+    assert efforts(controller.command(replace(NOW, time=0.4)))[0] == pytest.approx(3.0)
+    spec = PolicyCommands.model_validate({"policy": "a", "observation": ("time",), "rate": 120.0, "action": action})
+    assert spec.tick_rate(240.0) == 240.0
+    assert (
+        spec.model_copy(
+            update={"action": spec.action.model_copy(update={"stiffness": None, "damping": None})}
+        ).tick_rate(240.0)
+        == 120.0
+    )
+
+
+@pytest.mark.parametrize(
+    ("bias", "message"),
+    [
+        (math.nan, "the network returned nan for joint 'shoulder'; its inputs are finite, at most 0.3"),
+        (math.inf, "the network returned inf for joint 'shoulder'; its inputs are finite, at most 0.3"),
+    ],
+)
+def test_an_output_that_is_not_finite_is_an_error(bias: float, message: str, folder: Path) -> None:
+    controller = opened(folder, linear([[1, 1, 1]], [0, bias, 0]), observation=("time",), action={"joints": "effort"})
+    with pytest.raises(ScriptError) as raised:
+        controller.command(NOW)
+    assert str(raised.value) == message
+
+
+def test_a_term_that_is_not_finite_is_named(folder: Path) -> None:
+    controller = opened(folder, identity(3), observation=("joints.velocity",), action={"joints": "effort"})
+    joints = {**NOW.joints, "elbow": JointState(0.0, math.inf, 0.0)}
+    with pytest.raises(
+        ScriptError, match=r"the term 'joints\.velocity' of the observation has a value that is not finit"
+    ):
+        controller.command(replace(NOW, joints=joints))
+
+
+def test_without_onnxruntime_the_way_to_install_it_is_told(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "onnxruntime", None)
+    with pytest.raises(SourceProblem, match=r"pip install 'sim-action\[policy\]', or in a workflow set the input"):
+        opened(folder, identity(3), observation=("gravity",), action={"joints": "effort"})
+
+
+ALL = "order: [turntable, shoulder, elbow]"
+EFFORT = "action: {joints: effort}"
+
+
+@pytest.mark.parametrize(
+    ("network", "keys", "problem"),
+    [
+        (identity(3), f"observation: [gravity], {ALL}, {EFFORT}, rate: null", "commands.policy.rate: "),
+        (
+            identity(3),
+            f"observation: [base.angular, gravity, joints.position], {ALL}, {EFFORT}",
+            "the network's input 'obs' has 3 numbers, the observation gives 9: base.angular 3, gravity 3, joints.posit",
+        ),
+        (
+            identity(3),
+            f"observation: [gravity], history: {{frames: 4}}, {ALL}, {EFFORT}",
+            "the observation gives 12: gravity 3, 4 times",
+        ),
+        (
+            identity(3),
+            f"observation: [gravity], {EFFORT}",
+            "commands.policy.action: the network's output 'actions' has 3 numbers, for 4 joints: turntable, ",
+        ),
+        (
+            identity(3),
+            f"observation: [gravty], {ALL}, {EFFORT}",
+            "observation.0: unknown term 'gravty'; did you mean 'gra",
+        ),
+        (
+            identity(3),
+            f"observation: [{{term: gravity, scal: 2}}], {ALL}, {EFFORT}",
+            "unknown key; did you mean 'scale'?",
+        ),
+        (
+            identity(3),
+            f"observation: [gravity], order: [elbo], {EFFORT}",
+            "order.0: the model has no moving joint 'elbo'; d",
+        ),
+        (
+            identity(1),
+            f"observation: [time], order: [right_finger_joint], {EFFORT}",
+            "order.0: joint 'right_finger_joint' cannot be commanded: it mimics 'left_finger_joint'",
+        ),
+        (
+            identity(3),
+            f"observation: [{{term: gravity, scale: [1, 2]}}], {ALL}, {EFFORT}",
+            "has 2 numbers, and 'gravity' has 3",
+        ),
+        (
+            identity(3),
+            f"observation: [{{term: gravity, scale: {{a: 1}}}}], {ALL}, {EFFORT}",
+            "'gravity' is not a term of joi",
+        ),
+        (
+            identity(3),
+            f"observation: [{{term: gravity, scale: a}}], {ALL}, {EFFORT}",
+            "expected a number, a list with a nu",
+        ),
+        (
+            identity(3),
+            f"observation: [gravity], {ALL}, action: {{joints: effort, scale: .nan}}",
+            "expected a number, a list",
+        ),
+        (
+            identity(3),
+            f"observation: [gravity], {ALL}, action: {{joints: torque}}",
+            "expected 'position', 'velocity' or 'eff",
+        ),
+        (
+            identity(3),
+            f"observation: [gravity], {ALL}, action: {{joints: effort, scale: [1, 2]}}",
+            "has 2 numbers for 3 joints",
+        ),
+        (
+            identity(3),
+            f"observation: [gravity], {ALL}, action: {{joints: position, offset: {{shoulder: 1}}}}",
+            "action.offset: joint 'turntable' has no value; add it, or a pattern such as '*'",
+        ),
+        (
+            identity(3),
+            f"observation: [gravity], {ALL}, action: {{joints: position, offset: {{elbw: 1, '*': 0}}}}",
+            "action.offset.elbw: no joint of the policy matches 'elbw'; did you mean 'elbow'?",
+        ),
+        (
+            identity(3),
+            f"observation: [gravity], {ALL}, action: {{joints: position, offset: hom}}",
+            "expected a number, a list",
+        ),
+        (
+            identity(3),
+            f"observation: [gravity], {ALL}, action: {{joints: position, stiffness: 3}}",
+            "a target position needs both of 'stiffness' and 'damping'",
+        ),
+        (
+            identity(3),
+            f"observation: [gravity], {ALL}, action: {{joints: effort, damping: 3}}",
+            "an effort is applied directly",
+        ),
+        (
+            identity(3),
+            f"observation: [gravity], {ALL}, latency: 10 ms, action: {{joints: velocity, damping: 3}}",
+            "cannot be combined with latency, jitter or dropouts",
+        ),
+        (
+            identity(3),
+            f"observation: [commands], {ALL}, {EFFORT}",
+            "add 'commands: [vx, vy, wz]' for the term 'commands'",
+        ),
+        (identity(3), f"observation: [gravity], commands: [1, 0, 0], {ALL}, {EFFORT}", "no term reads them"),
+        (
+            identity(3),
+            f"observation: [commands], commands: [1, 0], {ALL}, {EFFORT}",
+            "expected [vx, vy, wz] or a list of",
+        ),
+        (identity(3), f"observation: [phase.sin], {ALL}, {EFFORT}", "'phase.sin' needs a 'period'"),
+        (
+            identity(3),
+            f"observation: [sensors.imu.x], {ALL}, {EFFORT}",
+            "the scenario has no sensor 'imu' (allowed: none)",
+        ),
+        (identity(3), f"{ALL}, {EFFORT}", "give the terms in either 'observation' or 'inputs'"),
+        (
+            identity(3),
+            f"inputs: {{ob: [gravity]}}, {ALL}, {EFFORT}",
+            "the network has no input 'ob'; did you mean 'obs'?",
+        ),
+        (identity(3), f"inputs: {{}}, observation: [], {ALL}, {EFFORT}", "give the terms in either"),
+        (
+            recurrent(),
+            f"observation: [gravity], {ALL}, {EFFORT}",
+            "is for one input, and the network has 'obs' (1 x 2), 'h_in' ",
+        ),
+        (
+            recurrent(),
+            f"inputs: {{obs: [gravity]}}, output: actions, {ALL}, {EFFORT}",
+            "the network also takes 'h_in' (any x 2)",
+        ),
+        (
+            recurrent(),
+            f"observation: [gravity], state: {{h_in: h_ot}}, {ALL}, {EFFORT}",
+            "state.h_in: the network has no output 'h_ot'; did you mean 'h_out'?",
+        ),
+        (
+            recurrent(),
+            f"inputs: {{obs: [gravity], h_in: [time]}}, {ALL}, {EFFORT}",
+            "has several outputs; add 'output' (allowed: ",
+        ),
+        (
+            identity(3),
+            f"observation: [gravity], output: action, {ALL}, {EFFORT}",
+            "no output 'action'; did you mean 'actions'?",
+        ),
+        (
+            model([], {"x": (3,)}, {"y": (3,)}, kind=INT64),
+            f"observation: [gravity], {ALL}, {EFFORT}",
+            "a.onnx: input 'x' is of int64; policies have float32 or float64",
+        ),
+        (
+            b"no network",
+            f"observation: [gravity], {ALL}, {EFFORT}",
+            "3:21: commands.policy.file: a.onnx is not an ONNX file",
+        ),
+        (None, f"observation: [gravity], {ALL}, {EFFORT}", "3:21: commands.policy.file: 'a.onnx' does not exist"),
+        (
+            identity(3),
+            f"observation: [gravity], {ALL}, {EFFORT}, rate: 70 Hz",
+            "policy.rate: 70 Hz does not divide physics.rate",
+        ),
+        (identity(3), f"observation: [gravity], {ALL}", "the key 'action' is missing"),
+        (identity(3), f"observation: [gravity, {{term: time, clip: 0}}], {ALL}, {EFFORT}", "must be greater than 0"),
+        (identity(3), f"observation: gravity, {ALL}, {EFFORT}", "expected a list, found 'gravity'; write [gravity]"),
+    ],
+    ids=lambda value: "" if isinstance(value, bytes | None) else None,
+)
+def test_what_does_not_fit_is_told_on_its_line(network: bytes | None, keys: str, problem: str, folder: Path) -> None:
+    if network is not None:
+        (folder / "a.onnx").write_bytes(network)
+    found = told(folder, text(keys))
+    assert any(problem in each for each in found), found
+    assert all(each.startswith("3:") for each in found), found

@@ -1,0 +1,118 @@
+"""Networks that drive robots in whole runs: the same law as a script, repeated, on both engines, and refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sim_action.engines import installed
+from tests.integration.conftest import fresh_sim_action, sim_action
+from tests.onnx_files import DOUBLE, balance, linear
+
+ROOT = Path(__file__).parents[2]
+
+SCENARIO = """\
+name: {name}
+robot: {{model: arm.urdf, base: fixed, joints: {{shoulder: 10 deg, elbow: -15 deg}}}}
+commands:
+  {commands}
+expect: [{{joint: {{name: shoulder, near: 0 deg, tolerance: 2 deg}}, before: 0.4 s}}]
+duration: 0.5 s
+time_limit: 0.5 s
+"""
+POLICY = (
+    "policy: {file: pd.onnx, observation: [joints.position, joints.velocity], order: [shoulder, elbow],\n"
+    "    action: {joints: effort}, rate: 120 Hz}"
+)
+LAW = """\
+from sim_action import JointTargets
+
+NAMES = ("shoulder", "elbow")
+
+
+def control(observation, springs, dampers):
+    efforts = {}
+    for name, spring, damper in zip(NAMES, springs, dampers):
+        state = observation.joints[name]
+        efforts[name] = spring * state.position + damper * state.velocity
+    return JointTargets(effort=efforts)
+"""
+# Powers of two: the products are exact, so both ways round once.
+SPRINGS, DAMPERS = (-64.0, -16.0), (-2.0, -0.25)
+
+
+def outcomes(folder: Path) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = json.loads((folder / "sim-results/results.json").read_text())["outcomes"]
+    return found
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "arm.urdf").write_text((ROOT / "examples/commands/arm.urdf").read_text())
+    rows = [[SPRINGS[0], 0], [0, SPRINGS[1]], [DAMPERS[0], 0], [0, DAMPERS[1]]]
+    (tmp_path / "pd.onnx").write_bytes(linear(rows, [0, 0], DOUBLE))
+    (tmp_path / "policy.sim.yml").write_text(SCENARIO.format(name="policy", commands=POLICY))
+    return tmp_path
+
+
+def test_a_network_is_the_same_as_its_law_in_python_each_time(folder: Path) -> None:
+    (folder / "law.py").write_text(LAW)
+    settings = f"{{springs: {list(SPRINGS)}, dampers: {list(DAMPERS)}}}"
+    script = f"script: {{file: law.py, rate: 120 Hz, with: {settings}}}"
+    (folder / "script.sim.yml").write_text(SCENARIO.format(name="script", commands=script))
+    ran = sim_action(
+        folder, "run", "--no-report", "--repeat", "3", "--backend", "all", "policy.sim.yml", "script.sim.yml"
+    )
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    found = outcomes(folder)
+    assert len(found) == 2 * len(installed())
+    assert all(outcome["status"] == "passed" for outcome in found), found
+    digests = {(outcome["engine"], outcome["digest"]) for outcome in found}
+    assert len(digests) == len(installed()), digests
+
+
+def test_the_network_of_the_example_is_made_here() -> None:
+    assert (ROOT / "examples/commands/balance.onnx").read_bytes() == balance()
+
+
+def test_a_policy_is_code_for_the_gate(folder: Path) -> None:
+    ran = sim_action(folder, "run", "--no-report", "--allow-scripts", "false", "policy.sim.yml")
+    assert ran.returncode == 2
+    assert "commands.policy.file: scripts are not allowed to run here" in ran.stdout + ran.stderr
+
+
+@pytest.mark.parametrize("file", ["../pd.onnx", "link.onnx"])
+def test_a_network_outside_of_the_workspace_is_refused(file: str, folder: Path) -> None:
+    inside = folder / "repository"
+    inside.mkdir()
+    (inside / ".git").mkdir()
+    (inside / "link.onnx").symlink_to(folder / "pd.onnx")
+    (inside / "arm.urdf").write_text((folder / "arm.urdf").read_text())
+    (inside / "policy.sim.yml").write_text(SCENARIO.format(name="p", commands=POLICY.replace("pd.onnx", file)))
+    ran = sim_action(inside, "run", "--no-report", "policy.sim.yml")
+    assert ran.returncode == 2
+    assert "outside the workspace" in ran.stdout + ran.stderr
+
+
+def test_validate_imports_no_onnxruntime(folder: Path) -> None:
+    # A module that ends the process takes the place of onnxruntime.
+    (folder / "fake/onnxruntime").mkdir(parents=True)
+    (folder / "fake/onnxruntime/__init__.py").write_text("import os\nos._exit(77)\n")
+    ran = fresh_sim_action(folder, "validate", "policy.sim.yml", PYTHONPATH=f"{folder / 'fake'}:{ROOT}")
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+
+
+def test_a_network_that_returns_nan_is_an_error_that_names_the_joint(folder: Path) -> None:
+    rows = [[0.0, 0.0]] * 4
+    (folder / "pd.onnx").write_bytes(linear(rows, [0, float("nan")], DOUBLE))
+    ran = sim_action(folder, "run", "--no-report", "policy.sim.yml")
+    assert ran.returncode == 1
+    (outcome,) = outcomes(folder)
+    (failure,) = outcome["failures"]
+    assert failure["message"].startswith(
+        "at 0 s of sim time, the network returned nan for joint 'elbow'; its inputs are finite"
+    )
+    assert failure["location"]["line"] == 4
