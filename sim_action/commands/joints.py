@@ -140,9 +140,8 @@ class JointCommands(CommandSource):
         )  # the end of a tick is the start of the next one
 
         def command(time: float) -> JointTargets | None:
-            # All targets stay as they are. A lost one is given again.
-            if time > last + period and not self.dropouts:
-                return None
+            if time > last + period:
+                return None  # all targets stay as they are
             now = _tick(time)
             here = positions_at(now)
             speeds = {} if jumps else _mean_speeds(here, positions_at(_tick(time + period)), period)

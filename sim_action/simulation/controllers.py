@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Final
+from typing import Any, Final
 
 from sim_action.commands import ClosedLoop, CommandSource, Controller, OpenLoop
 from sim_action.core.errors import BadSource, ScriptError, SourceProblem
@@ -262,8 +262,23 @@ def _source(index: int, spec: CommandSource, controller: Controller, scenario: S
         return _Source(index, controller, period)
     if isinstance(controller, ClosedLoop) and controller.repeats:
         controller = replace(controller, command=_without_repeats(controller.command))
+    elif spec.dropouts and spec.is_written:
+        controller = replace(controller, command=_with_repeats(controller.command))
     random = scene.generator(f"transmission of commands[{index}]")
     return _Source(index, controller, period, Line(spec, scenario.physics.rate, random))
+
+
+def _with_repeats(command: Callable[[Any], Answer]) -> Callable[[Any], Answer]:
+    """Return a controller that repeats its last answer instead of None, so that the end of a path arrives."""
+    last: Answer = None
+
+    def kept(moment: Any) -> Answer:
+        nonlocal last
+        answer = command(moment)
+        last = last if answer is None else answer
+        return last
+
+    return kept
 
 
 def _without_repeats(command: Callable[[Observation], Answer]) -> Callable[[Observation], Answer]:

@@ -53,7 +53,7 @@ class Sensing:
         `heard`: True if a controller reads sensors; `judged`: the names of sensors that assertions read; `more`:
         sensors of controllers besides those of the scenario.
         """
-        self._backend, self._rate = backend, scenario.physics.rate
+        self._backend, self._rate, self._is_heard = backend, scenario.physics.rate, heard
         self._judged = judged
         self._readings: dict[str, Reading] = {}
         self._sensors = [
@@ -70,9 +70,14 @@ class Sensing:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Notes on lost readings, for people."""
+        """Notes on lost readings, and on delays without an effect, for people."""
         lossy = ((running.mounted.name, line) for running, line in self._late if line.lost)
-        return tuple(f"{line.lost} of {line.sent} readings of sensor '{name}' were lost" for name, line in lossy)
+        lost = (f"{line.lost} of {line.sent} readings of sensor '{name}' were lost" for name, line in lossy)
+        if self._is_heard:
+            return tuple(lost)
+        sent = ((running.mounted.name, running.mounted.transmission) for running, _ in self._late)
+        delayed = (name for name, keys in sent if keys.latency or keys.jitter)
+        return (*lost, *(f"sensor '{name}' has a delay, but no controller reads sensors" for name in delayed))
 
     def next_tick(self, step: int, end: int) -> int:
         """Return the next step at which a sensor is read, or `end` if that is earlier."""

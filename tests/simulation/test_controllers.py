@@ -343,6 +343,13 @@ def test_a_latency_may_be_longer_than_a_period(tmp_path: Path) -> None:
     assert list(applied(found, 120)) == [60, 84, 108]
 
 
+def test_wrenches_are_late_too(tmp_path: Path) -> None:
+    found = controls(tmp_path, "{script: ctl.py, function: gust, rate: 10, latency: 0.1}")
+    given = {step: target.wrenches for step, target in applied(found, 60).items() if target.wrenches}
+    wrench = LinkWrench("base_footprint", (2.0, 0.0, 0.0))
+    assert given == {24: (wrench,), 48: (wrench,)}
+
+
 def test_nothing_of_it_is_there_by_default(tmp_path: Path) -> None:
     assert list(applied(controls(tmp_path, script("left")), 48)) == [0, 24]
 

@@ -112,3 +112,10 @@ def test_a_controller_may_look_at_more_than_the_scenario_has(engine: str, tmp_pa
         assert set(sensing.look(0).sensors) == {"contact", "left", "of its own"}
         # It is the controller's alone.
         assert set(sensing.collect()) == {"left"}
+
+
+def test_a_delay_that_no_controller_meets_has_a_note(tmp_path: Path) -> None:
+    late = SENSORS.replace("rate: 16 Hz", "rate: 16 Hz, latency: 1 ms")
+    notes = [run(tmp_path, text + late, installed()[0]).notes for text in (LEAST, LISTENING.replace("10 cm", "1 cm"))]
+    said = "sensor 'left' has a delay, but no controller reads sensors"
+    assert [said in each for each in notes] == [True, False]
