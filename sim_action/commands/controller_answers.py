@@ -7,6 +7,7 @@ from typing import cast
 
 from sim_action.core.geometry import Twist
 from sim_action.core.wording import with_article
+from sim_action.robot.link_motion import why_no_frame
 from sim_action.state.command import Answer, Command, JointTargets, LinkWrench, is_finite
 from sim_action.world.disturbance import MAX_FORCE
 from sim_action.world.scene import Scene
@@ -77,7 +78,7 @@ def _problem_with_wrench(wrench: LinkWrench, scene: Scene) -> str | None:
         return problem
     if (problem := scene.why_not_moved(str(wrench.link))) is not None:
         return f"a LinkWrench that cannot act: {problem}"
-    if (problem := scene.why_no_frame(str(wrench.frame))) is not None:
+    if (problem := why_no_frame(scene.model, str(wrench.frame))) is not None:
         return f"a LinkWrench in an unknown frame: {problem}"
     strongest = max(map(abs, (*wrench.force_xyz, *wrench.torque_xyz)))
     return f"{_text(wrench)}; at most {MAX_FORCE:g} N or N m is allowed" if strongest > MAX_FORCE else None

@@ -20,6 +20,7 @@ from sim_action.core.field_types import (
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import KeyPath
 from sim_action.core.yaml_errors import SpecProblems
+from sim_action.robot.link_motion import why_no_frame
 from sim_action.state.command import WORLD_FRAME, LinkWrench
 from sim_action.world.disturbance import NewtonMetres, Newtons
 from sim_action.world.scene import Scene
@@ -102,7 +103,7 @@ class WrenchCommands(CommandSource):
         where = ("wrench", "link") if self.wrench.link else ("wrench",)
         if (problem := scene.why_not_moved(link)) is not None:
             yield where, problem
-        if (problem := scene.why_no_frame(self.wrench.frame)) is not None:
+        if (problem := why_no_frame(scene.model, self.wrench.frame)) is not None:
             yield ("wrench", "frame"), problem
 
     def open(self, scene: Scene) -> Controller:

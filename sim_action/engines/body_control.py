@@ -9,7 +9,9 @@ from typing import NamedTuple, Protocol
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Quaternion, Twist, Vector3
-from sim_action.state.command import BASE_FRAME, WORLD_FRAME, BasePush, LinkWrench
+from sim_action.robot.link_motion import link_of_frame
+from sim_action.robot.robot_model import RobotModel
+from sim_action.state.command import WORLD_FRAME, BasePush, LinkWrench
 
 
 class Target(NamedTuple):
@@ -47,9 +49,9 @@ class BodyControl(Protocol):
 class HeldWrenches:
     """The wrenches of controllers on links, which act at every step until others replace them."""
 
-    def __init__(self, control: BodyControl, link_pose: Callable[[str], Pose], base: str) -> None:
-        """`link_pose`: returns the present pose of a link; `base`: the name of the base link."""
-        self._control, self._link_pose, self._base = control, link_pose, base
+    def __init__(self, control: BodyControl, link_pose: Callable[[str], Pose], model: RobotModel) -> None:
+        """`link_pose`: returns the present pose of a link."""
+        self._control, self._link_pose, self._model = control, link_pose, model
         self.held: tuple[LinkWrench, ...] = ()
 
     def apply(self) -> None:
@@ -57,8 +59,7 @@ class HeldWrenches:
         turns: dict[str, Quaternion] = {WORLD_FRAME: geometry.IDENTITY}
         for wrench in self.held:
             if wrench.frame not in turns:
-                link = self._base if wrench.frame == BASE_FRAME else wrench.frame
-                turns[wrench.frame] = self._link_pose(link).orientation_xyzw
+                turns[wrench.frame] = self._link_pose(link_of_frame(self._model, wrench.frame)).orientation_xyzw
             turn = turns[wrench.frame]
             force, torque = geometry.rotate(turn, wrench.force_xyz), geometry.rotate(turn, wrench.torque_xyz)
             self._control.apply_force(Target(wrench.link, is_link=True), force, torque, wrench.point_xyz)

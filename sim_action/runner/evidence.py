@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from sim_action.core.wording import escaped_line, system_reason
@@ -64,4 +65,5 @@ def run_to_record(job: Job, scene: Scene, footage: RunRecorder) -> Iterator[Reco
     with suppress(MemoryError):
         trace, film = footage.trace(), footage.film()
         if trace is not None and film is not None:
-            yield RecordedRun.of(scene, film, trace, job.loaded.scenario, footage.twists())
+            run = RecordedRun.of(scene, film, trace, job.loaded.scenario, footage.twists())
+            yield replace(run, wrenches=footage.wrenches())

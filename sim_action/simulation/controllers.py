@@ -156,7 +156,10 @@ class Controls:
             try:
                 for command in self._commands(source, step, look_once):
                     targets = self._taken(source, command, targets)
-                    self._told(step / self._rate, command)
+                    told = command
+                    if targets is not None and isinstance(command, JointTargets) and command.wrenches is not None:
+                        told = replace(command, wrenches=targets.wrenches)
+                    self._told(step / self._rate, told)
             except ScriptError as error:
                 error.source, error.time = source.index, step / self._rate
                 raise

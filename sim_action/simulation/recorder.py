@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from sim_action.core.geometry import Twist
 from sim_action.scenario.model import Agreement, Scenario
-from sim_action.state.command import Command, JointTargets
+from sim_action.state.command import Command, JointTargets, LinkWrench
 from sim_action.state.observation import Contact, Observation
 from sim_action.state.trace import FloatArray, Trace
 from sim_action.state.trace_channels import Channels
@@ -44,6 +44,7 @@ class RunRecorder:
         self._filmed = filmed or recorded
         self._twists: list[tuple[float, Twist]] | None = [] if recorded else None
         self._targets: list[tuple[int, dict[str, float]]] = []
+        self._wrenches: list[tuple[float, tuple[LinkWrench, ...]]] = []
         self._kept: list[Trace] = []
         self._film: list[Trace] = []
         self.start: Observation | None = None
@@ -97,6 +98,8 @@ class RunRecorder:
                 self._twists.append((time, command))
         elif isinstance(command, JointTargets) and self._filmed:
             self._aim(time, command)
+            if command.wrenches is not None and self._twists is not None:
+                self._wrenches.append((time, command.wrenches))
 
     def _aim(self, time: float, command: JointTargets) -> None:
         """Record position targets for the next moment of the film; later ones for the same moment replace them."""
@@ -109,6 +112,10 @@ class RunRecorder:
     def twists(self) -> CommandedTwists:
         """Return the twist commands, if recordings are asked for."""
         return CommandedTwists.of(self._twists or ())
+
+    def wrenches(self) -> Sequence[tuple[float, tuple[LinkWrench, ...]]]:
+        """Return the times in s at which wrenches changed, with all wrenches from then on; empty without recordings."""
+        return self._wrenches
 
     def aims(self) -> CommandedJoints:
         """Return the position targets of the joints in the film."""

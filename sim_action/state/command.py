@@ -10,7 +10,6 @@ from typing import Final
 from sim_action.core.geometry import ZERO, Twist, Vector3
 
 WORLD_FRAME: Final = "world"
-BASE_FRAME: Final = "base"
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +46,7 @@ class LinkWrench:
         link: name of a link that can move.
         force_xyz: N, along the axes of `frame`.
         torque_xyz: N m, about the axes of `frame`.
-        frame: "world", "base" (the base link), or the name of a link, whose axes the wrench turns with at each step.
+        frame: "world", "base" (the base link), or the name of a link, with whose axes the wrench turns at each step.
         point_xyz: the point where the force acts, in m, in the frame of `link`. The default is the origin of the
             link's frame, which is not its centre of mass in general.
     """

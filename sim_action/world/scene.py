@@ -11,12 +11,11 @@ from sim_action.core import units
 from sim_action.core.errors import Location
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import rpy_from_quaternion
-from sim_action.core.wording import did_you_mean
 from sim_action.core.workspace import Workspace
 from sim_action.robot.kinematics import Mobility
+from sim_action.robot.link_motion import why_no_link
 from sim_action.robot.robot_model import WORLD, RobotModel
 from sim_action.robot.spec import Robot
-from sim_action.state.command import BASE_FRAME, WORLD_FRAME
 from sim_action.world import Body, Physics, World
 
 if TYPE_CHECKING:
@@ -116,19 +115,12 @@ class Scene:
 
     def why_not_moved(self, link: str) -> str | None:
         """Return a message if no force can move a link, or if there is no such link; None if a force can."""
-        if link not in self.model.links_by_name:
-            return f"the robot has no link '{link}'{did_you_mean(link, self.model.links_by_name)}"
+        if (problem := why_no_link(self.model, link)) is not None:
+            return problem
         between = next((joint for joint in self.model.joints if joint.child == joint.name == link), None)
         if between is not None and (between.ball or between.series):
             return f"'{link}' is a part of joint '{between.ball or between.series}', not a link of the model"
         return f"link '{link}' is fixed to the world, so nothing moves it" if link in self.bolted_links else None
-
-    def why_no_frame(self, frame: str) -> str | None:
-        """Return a message if `frame` is neither "world" nor "base" nor a link, else None."""
-        frames = {WORLD_FRAME, BASE_FRAME, *self.model.links_by_name}
-        if frame in frames:
-            return None
-        return f"there is no frame '{frame}'; use world, base or the name of a link{did_you_mean(frame, frames)}"
 
     @property
     def keyframe(self) -> Keyframe | None:

@@ -249,7 +249,7 @@ def test_an_answer_is_a_twist_joint_targets_both_or_none(body: str, command: obj
         ),
         (
             "return sim.LinkWrench('base_footprint', (0, 0, 1), frame='bass')",
-            "in an unknown frame: there is no frame 'bass'; use world, base or the name of a link; did you mean 'base'",
+            "there is no frame 'bass': a frame is world, base, or a link of the robot; did you mean 'base'",
         ),
         (
             "return sim.LinkWrench('base_footprint', (0, 0))",

@@ -142,6 +142,13 @@ def test_the_frame_may_be_that_of_another_link(engine: str, tmp_path: Path) -> N
     assert trace.base_linear_xyz[-1] == pytest.approx((0.0, 0.0, -2.0 / MASS / RATE), rel=1e-3, abs=1e-6)
 
 
+@on_every_engine
+def test_a_link_with_the_name_base_is_meant_before_the_base_link(engine: str, tmp_path: Path) -> None:
+    scene = body(tmp_path, WITH_NOZZLE.replace("nozzle", "base"))
+    trace = run(engine, scene, 1, LinkWrench("body", (2.0, 0.0, 0.0), frame="base", point_xyz=COM))
+    assert trace.base_linear_xyz[-1] == pytest.approx((0.0, 0.0, -2.0 / MASS / RATE), rel=1e-3, abs=1e-6)
+
+
 def runge_kutta(
     rates: Callable[[NDArray[np.float64]], NDArray[np.float64]], state: NDArray[np.float64], end: float, steps: int
 ) -> NDArray[np.float64]:

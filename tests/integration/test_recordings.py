@@ -107,6 +107,34 @@ def test_all_formats_tell_of_the_same_run(engine: str, folder: Path) -> None:
         assert sum(1 for _ in container.decode(video=0)) == 41
 
 
+WRENCHES = """\
+name: pushes
+robot: {model: turtlebot3_burger, pose: {yaw: 90 deg}}
+commands:
+  - wrench: {link: base_scan, force: [0, 0.1 N, 0], point: [0, 0.1, 0], at: 0.1 s, for: 0.2 s}
+  - wrench: {link: base_scan, torque: [0, 0, 0.5 N m], frame: base_scan, at: 0.2 s, for: 0.2 s}
+  - wrench: {force: [0, 0, 1 N], frame: base}
+expect: [upright]
+duration: 0.5 s
+time_limit: 1 s
+"""
+
+
+def test_wrenches_are_recorded_in_the_frame_of_their_link(folder: Path) -> None:
+    (folder / "a.sim.yml").write_text(WRENCHES)
+    assert call(["run", "--quiet", "--no-report", "--record", "mcap", "a.sim.yml"]) == ExitCode.PASSED
+    log = read_file(folder / "sim-results/recordings/pushes.mcap")
+    told = [(each.time, each.message) for each in log["/wrench/base_scan"]]
+    assert {message.header.frame_id for _, message in told} == {"base_scan"}
+    found = {time / 1e9: message.wrench for time, message in told}
+    # The y axis of the world is the x axis of the robot, to within the turn that the wrenches give it.
+    expected = {0.1: (0.1, -0.01), 0.2: (0.1, 0.49), 0.3: (0.0, 0.5), 0.4: (0.0, 0.0)}
+    assert list(found) == pytest.approx(list(expected))
+    for wrench, (ahead, turning) in zip(found.values(), expected.values(), strict=True):
+        assert (wrench.force.x, wrench.torque.z) == pytest.approx((ahead, turning), abs=2e-3)
+    assert [each.message.wrench.force.z for each in log["/wrench/base_footprint"]][-1] == 1.0
+
+
 def test_what_was_not_asked_for_is_not_there(folder: Path) -> None:
     (folder / "a.sim.yml").write_text(SCENARIO)
     assert call(["run", "--quiet", "--record", "tum", "a.sim.yml"]) == ExitCode.PASSED

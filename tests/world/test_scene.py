@@ -80,14 +80,6 @@ def test_links_that_no_force_can_move_say_why(tmp_path: Path) -> None:
     assert ball.why_not_moved(part) == f"'{part}' is a part of joint '{part[:-2]}', not a link of the model"
 
 
-def test_frames_are_those_of_the_world_the_base_and_links(tmp_path: Path) -> None:
-    known = scene(tmp_path)
-    assert [known.why_no_frame(name) for name in ("world", "base", "upper")] == [None, None, None]
-    assert "there is no frame 'uppr'; use world, base or the name of a link; did you mean 'upper'?" in (
-        known.why_no_frame("uppr") or ""
-    )
-
-
 def test_the_world_is_where_the_world_is(tmp_path: Path) -> None:
     world = GOOD.replace('"base"', '"world"')
     assert scene(tmp_path, world, pose={"x": 1}).placement == Placement(x=1, z=0)

@@ -84,7 +84,7 @@ class MuJoCoEngine:
         self._contacts = Contacts(compiled)
         self._sliding = SlidingContacts(compiled)
         self._control = MuJoCoBodyControl(compiled, self._objects)
-        self._wrenches = HeldWrenches(self._control, self.link_pose, scene.model.root)
+        self._wrenches = HeldWrenches(self._control, self.link_pose, scene.model)
         self._events = WorldEvents.of(scene, self._control)
         self._distances = distances = Distances(compiled)
         shaped = set(compiled.links.values())

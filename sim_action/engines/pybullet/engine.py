@@ -104,7 +104,7 @@ class PyBulletEngine:
         self._place_robot(scene)
         self._sliding = self._sliding_wheels(scene) if scene.scrubbing else None
         control = PyBulletBodyControl(self._client, self._robot, self._links, self._objects)
-        self._wrenches = HeldWrenches(control, self.link_pose, scene.model.root)
+        self._wrenches = HeldWrenches(control, self.link_pose, scene.model)
         self._events = WorldEvents.of(scene, control)
         distances = Distances(self._client, self._robot, self._link_names, self._body_names)
         shaped = [link.name for link in scene.model.links if link.collisions]

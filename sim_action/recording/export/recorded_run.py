@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Self
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from sim_action.core.units import TIME_EPSILON_S, first_step
 from sim_action.scenario.model import Scenario
 from sim_action.sensors import MountedSensor
+from sim_action.state.command import LinkWrench
 from sim_action.state.trace import FloatArray, Trace
 from sim_action.state.trace_records import CommandedTwists
 from sim_action.world import Body, placed
@@ -27,6 +28,7 @@ class RecordedRun:
         trace: T moments, with contacts, bodies that may move or appear, and stored sensor readings.
         sensors: all sensors of the robot, with and without stored readings.
         twists: the commanded twists of the base.
+        wrenches: the times in s at which wrenches on links were commanded, and all wrenches from then on.
         links: the links whose motion text formats have, see `trace.links` of a scenario.
     """
 
@@ -35,6 +37,7 @@ class RecordedRun:
     sensors: tuple[MountedSensor, ...] = ()
     twists: CommandedTwists = field(default_factory=CommandedTwists)
     links: tuple[str, ...] = ()
+    wrenches: Sequence[tuple[float, tuple[LinkWrench, ...]]] = ()
 
     @classmethod
     def of(cls, scene: Scene, film: Trace, trace: Trace, scenario: Scenario, twists: CommandedTwists) -> Self:

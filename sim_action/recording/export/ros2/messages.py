@@ -86,6 +86,8 @@ _FIELDS: Final[Mapping[str, str]] = MappingProxyType(
         "geometry_msgs/Twist": "geometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular",
         "geometry_msgs/TwistWithCovariance": "geometry_msgs/Twist twist\nfloat64[36] covariance",
         "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z",
+        "geometry_msgs/Wrench": "geometry_msgs/Vector3 force\ngeometry_msgs/Vector3 torque",
+        "geometry_msgs/WrenchStamped": "std_msgs/Header header\ngeometry_msgs/Wrench wrench",
         "nav_msgs/Odometry": (
             "std_msgs/Header header\nstring child_frame_id\n"
             "geometry_msgs/PoseWithCovariance pose\ngeometry_msgs/TwistWithCovariance twist"

@@ -1,4 +1,4 @@
-"""Topics of states and sensors: /clock, /joint_states, /cmd_vel, /scan of a lidar and /imu."""
+"""Topics of states, commands and sensors: /clock, /joint_states, /cmd_vel, /wrench, /scan of a lidar and /imu."""
 
 from __future__ import annotations
 
@@ -7,12 +7,20 @@ from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
+from sim_action.core import geometry
+from sim_action.core.geometry import Quaternion
+from sim_action.core.units import TIME_EPSILON_S
 from sim_action.recording.export.recorded_run import RecordedRun
 from sim_action.recording.export.ros2.messages import CdrForm
 from sim_action.recording.export.ros2.topics import Frames, Topic, nanoseconds, stamps
+from sim_action.robot.link_motion import link_motion, link_of_frame
+from sim_action.robot.robot_model import RobotModel
 from sim_action.sensors import MountedSensor
 from sim_action.sensors.lidar import Lidar
+from sim_action.state.command import WORLD_FRAME, LinkWrench
+from sim_action.state.trace import Trace
 from sim_action.state.trace_records import SensorRecord
 
 _NAMES: Final = {"lidar": "scan", "imu": "imu"}
@@ -67,7 +75,7 @@ def _imu(name: str, frame: str, _: MountedSensor, record: SensorRecord) -> Topic
 
 
 def states(run: RecordedRun) -> Iterator[Topic]:
-    """Yield /clock, and /joint_states and /cmd_vel if the robot has joints or got twists."""
+    """Yield /clock, and /joint_states, /cmd_vel and /wrench/LINK if the robot has joints, or got twists or wrenches."""
     trace, twists = run.trace, run.twists
     count, at = len(trace), nanoseconds(trace.time)
     clock = CdrForm().gap("<i4", 2).filled(count, stamps(trace.time))
@@ -81,3 +89,37 @@ def states(run: RecordedRun) -> Iterator[Topic]:
     if len(twists):
         messages = CdrForm().gap("<f8", 6).filled(len(twists), twists.values)
         yield Topic("/cmd_vel", "geometry_msgs/Twist", nanoseconds(twists.time), messages)
+    yield from _wrenches(run)
+
+
+def _wrenches(run: RecordedRun) -> Iterator[Topic]:
+    """Yield a topic for each link with a commanded wrench: the sum of its wrenches, in the link's own frame."""
+    model, taken = run.scene.model, set[str]()
+    for link in dict.fromkeys(wrench.link for _, wrenches in run.wrenches for wrench in wrenches):
+        time, sums = list[float](), list[NDArray[np.float64]]()
+        for moment, wrenches in run.wrenches:
+            row = min(int(np.searchsorted(run.trace.time, moment - TIME_EPSILON_S)), len(run.trace) - 1)
+            mine = [wrench for wrench in wrenches if wrench.link == link]
+            if mine:
+                time.append(moment)
+                sums.append(np.sum([_in_own_frame(wrench, model, run.trace, row) for wrench in mine], axis=0))
+        form = CdrForm().gap("<i4", 2).string(link).gap("<f8", 6)
+        messages = form.filled(len(time), stamps(np.array(time)), np.array(sums))
+        name = _free(f"/wrench/{_plain(link)}", taken)
+        yield Topic(name, "geometry_msgs/WrenchStamped", nanoseconds(np.array(time)), messages)
+
+
+def _in_own_frame(wrench: LinkWrench, model: RobotModel, trace: Trace, row: int) -> NDArray[np.float64]:
+    """Return force and torque (6,) about the axes and the origin of the wrench's link, at the moment of a row."""
+    force, torque, frame = wrench.force_xyz, wrench.torque_xyz, link_of_frame(model, wrench.frame)
+    if frame != wrench.link:
+        back = geometry.conjugate(_orientation(model, trace, row, wrench.link))
+        ahead = geometry.IDENTITY if frame == WORLD_FRAME else _orientation(model, trace, row, frame)
+        turn = geometry.multiply(back, ahead)
+        force, torque = geometry.rotate(turn, force), geometry.rotate(turn, torque)
+    return np.array([*force, *np.add(torque, np.cross(wrench.point_xyz, force))])
+
+
+def _orientation(model: RobotModel, trace: Trace, row: int, link: str) -> Quaternion:
+    x, y, z, w = link_motion(model, trace, link).orientation_xyzw[row].tolist()
+    return x, y, z, w
