@@ -26,7 +26,10 @@ if TYPE_CHECKING:
 
 
 class NoCollision(Assertion):
-    """No link of the robot touches a body of the world, except the ground and the names in `allow`."""
+    """No link of the robot touches a body of the world, except the ground and the names in `allow`.
+
+    Contacts between links of the robot do not count: `self_collision` judges them.
+    """
 
     key: ClassVar[str] = "no_collision"
 
@@ -60,20 +63,28 @@ class NoCollision(Assertion):
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor."""
-        return NoCollisionMonitor(frozenset(self.allow), 1 / scene.physics.rate)
+        from sim_action.robot.self_collision import has_limb
+
+        limbs = has_limb(scene.model, bolted=scene.bolted)
+        return NoCollisionMonitor(frozenset(self.allow), 1 / scene.physics.rate, has_limb=limbs)
 
 
 @dataclass(frozen=True, slots=True)
 class NoCollisionMonitor:
-    """The monitor of the first forbidden contact, with the force of all its points. `step`: s of sim time.
+    """The monitor of the first forbidden contact, with the force of all its points.
 
     The run ends at that contact, so there is no mean force yet, and the force of one step depends on the rate.
+
+    Attributes:
+        step: s of sim time.
+        has_limb: True for an arm or a leg, whose links can touch each other.
     """
 
     is_momentary: ClassVar[bool] = True
 
     allowed: frozenset[str]
     step: float
+    has_limb: bool = False
     first: Contact | None = None
     end: float | None = None
 
@@ -127,9 +138,9 @@ class NoCollisionMonitor:
     def verdict(self) -> Verdict:
         """Return the verdict. `measured` is the number of forbidden contacts, 0 or 1."""
         if self.first is None:
-            return Verdict(
-                True, 0.0, 0.0, 0.0, "contacts", self.end, "touched nothing" + (" else" if self.allowed else "")
-            )
+            own = "; its own links do not count (self_collision watches them)" if self.has_limb else ""
+            message = f"touched nothing{' else' if self.allowed else ''}{own}"
+            return Verdict(True, 0.0, 0.0, 0.0, "contacts", self.end, message)
         x, y, z = self.first.position_xyz
         message = (
             f"{self.first.link} touched {self.first.body} at {self.first.time:.2f} s, "

@@ -2,7 +2,7 @@
 
 An engine loads one scene and steps it. All engines follow the same conventions: poses are those of link frames,
 quaternions are x, y, z, w, twists are in the world frame, the friction of a contact is the product of both surfaces,
-the robot does not collide with itself, and everything has a name instead of an index.
+links of the robot collide with each other only on request, and everything has a name instead of an index.
 """
 
 from __future__ import annotations

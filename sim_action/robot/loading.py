@@ -20,6 +20,7 @@ from sim_action.robot.xml_document import ModelDocument, read_document
 if TYPE_CHECKING:
     from sim_action.robot.spec import Robot
 
+_SELF_COLLIDE: Final = ("<self_collide>", "<selfCollide>")
 _PACKAGE_NOTES: Final = frozenset({"several-packages", "package-folder"})
 
 
@@ -68,7 +69,7 @@ def _place(robot: Robot, workspace: Workspace) -> tuple[Hashable, ...]:
 
 
 def _options(robot: Robot) -> str:
-    return robot.model_dump_json(include={"args", "packages", "allow", "keyframe", "srdf"})
+    return robot.model_dump_json(include={"args", "packages", "allow", "keyframe", "srdf", "self_collision"})
 
 
 def load_model(robot: Robot, workspace: Workspace) -> RobotModel:
@@ -83,7 +84,16 @@ def load_model(robot: Robot, workspace: Workspace) -> RobotModel:
         from sim_action.robot.srdf import read_srdf
 
         model = replace(model, srdf=read_srdf(_srdf_file(robot.srdf, Packages(workspace, robot.packages)), model))
-    return replace(model, findings=limited_notes(_told_once(model.findings)))
+    return replace(model, findings=limited_notes(_about_self_collision(robot, _told_once(model.findings))))
+
+
+def _about_self_collision(robot: Robot, findings: Iterable[Finding]) -> Iterator[Finding]:
+    """Yield findings; those on <self_collide> name the key of the scenario, which makes them superfluous."""
+    for found in findings:
+        if found.rule != "passed-over" or not found.message.startswith(_SELF_COLLIDE):
+            yield found
+        elif not robot.self_collision:
+            yield replace(found, message=f"{found.message}; robot.self_collision: true simulates it")
 
 
 def _told_once(findings: Iterable[Finding]) -> Iterator[Finding]:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator, Mapping
 from itertools import combinations
 from typing import TYPE_CHECKING
 
-from sim_action.robot.robot_model import Joint, RobotModel
+from sim_action.robot.robot_model import MOVING_TYPES, Joint, RobotModel
 
 if TYPE_CHECKING:
     from sim_action.robot.spec import Robot
@@ -67,25 +66,33 @@ def _names(joint: Joint) -> set[str]:
     return {joint.series, joint.ball} - {""}
 
 
-def has_limb(model: RobotModel, wheels: frozenset[str], least: int) -> bool:
-    """Return True if `least` joints with motors of their own follow each other, as in an arm or a leg.
+def has_limb(model: RobotModel, *, bolted: bool) -> bool:
+    """Return True if the robot has an arm or a leg: motors that follow each other from the base to a link.
 
-    :param wheels: the joints of the drive, which do not count; neither do the last continuous joints of a chain.
+    They are at least two on a base that is fixed, and three on another one, which may carry a gripper. The last joint
+    of a chain does not count if it turns without limits: it is a wheel or a rotor.
     """
-    parents = {joint.child: joint for joint in model.joints}
-    followed = {joint.parent for joint in model.joints}
-    lengths = Counter[str]()
+    least = 2 if bolted else 3
+    above = {joint.child: joint for joint in model.joints}
+    carrying = {joint.parent for joint in model.joints}
     for link in model.links:
         name, count = link.name, 0
-        while name in parents and count < least:
-            joint = parents[name]
-            is_rotor = joint.type == "continuous" and joint.child not in followed
-            count += joint.moves and joint.mimic is None and joint.name not in wheels and not is_rotor
+        while name in above and count < least:
+            joint = above[name]
+            is_rotor = joint.type == "continuous" and joint.child not in carrying
+            count += joint.type in MOVING_TYPES and joint.mimic is None and not is_rotor
             name = joint.parent
-        lengths[link.name] = count
-    return max(lengths.values(), default=0) >= least
+        if count == least:
+            return True
+    return False
 
 
-def undecided(robot: Robot) -> bool:
-    """Return True if a scenario leaves open if the links of the robot collide."""
-    return "self_collision" not in robot.model_fields_set
+def unwatched_note(model: RobotModel, robot: Robot, *, bolted: bool) -> str | None:
+    """Return a note if the links of an arm or leg can pass through each other, and the scenario leaves that open."""
+    if "self_collision" in robot.model_fields_set or not has_limb(model, bolted=bolted):
+        return None
+    pair = next(touchable_pairs(model), None)
+    if pair is None:
+        return None
+    found = f"links of the robot pass through each other, such as '{pair[0]}' and '{pair[1]}'"
+    return f"{found}: set robot.self_collision: true, or expect self_collision; robot.self_collision: false accepts it"

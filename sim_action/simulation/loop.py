@@ -18,6 +18,7 @@ from sim_action.drives.wheels import axis_in_base, opposed_note
 from sim_action.engines import ENGINES, Engine, chosen
 from sim_action.engines.observers import arrivals
 from sim_action.robot.audit.rules import announced, unannounced
+from sim_action.robot.self_collision import unwatched_note
 from sim_action.scenario.claim_audit import NOT_SIMULATED, ClaimFinding
 from sim_action.scenario.model import Scenario
 from sim_action.simulation.accuracy import AccuracyWatch, links_with_springs
@@ -150,6 +151,15 @@ def _about_drive(scenario: Scenario, scene: Scene, drive: Drive | None) -> Itera
             yield BOLTED
 
 
+def _about_links(scenario: Scenario, scene: Scene) -> Iterator[str]:
+    """Yield a note if links of the robot pass through each other, and nothing watches them."""
+    # The episodes of ROS nodes expect nothing.
+    keys = {assertion.key for assertion in scenario.assertions}
+    if keys and "self_collision" not in keys:
+        note = unwatched_note(scene.model, scene.robot, bolted=scene.bolted)
+        yield from () if note is None else (note,)
+
+
 def _about_model_of_drive(scenario: Scenario, scene: Scene, drive: Drive | None) -> Iterator[str]:
     """Yield notes on what the model states about a drive, and the drive does otherwise."""
     if drive is not None:
@@ -190,7 +200,7 @@ class _Loop:
         self._body_poses: FloatArray | None = None
         noted = _noted_drive(scenario, scene, drive)
         self._notes = [*unannounced(scene.model.findings), *backend.notes, *_about_drive(scenario, scene, noted)]
-        about_model = _about_model_of_drive(scenario, scene, noted)
+        about_model = (*_about_model_of_drive(scenario, scene, noted), *_about_links(scenario, scene))
         self._model_notes = (*announced(scene.model.findings), *about_model)
         self._motion = drive.open(scene.model, scenario.physics.rate, scene.world.weight) if drive else None
         self._arrivals = Spawns.of(scenario)

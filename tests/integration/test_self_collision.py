@@ -4,18 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from sim_action.core.errors import BadStart, EngineError
+from sim_action.core.workspace import Workspace
 from sim_action.engines import ENGINES
+from sim_action.robot.loading import load_model
 from sim_action.robot.spec import Robot
+from sim_action.scenario.loading import build_scene, load_scenario
+from sim_action.simulation.loop import simulate
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import SelfContact
 from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import Channels
-from sim_action.world import World
+from sim_action.world import Physics, World
 from sim_action.world.scene import Scene
 from tests.integration.engines import advance, on_every_engine, scene_of
 
@@ -101,3 +107,97 @@ def test_an_arm_that_stops_before_the_touch_has_none(engine: str, collides: bool
     trace = folded(engine, arm(tmp_path, self_collision=collides), slowly(TOUCH - 0.01))
     assert trace.self_contacts == ()
     assert trace.contacts == ()
+
+
+@on_every_engine
+@pytest.mark.parametrize("collides", [True, False])
+def test_links_that_touch_where_the_model_puts_them_are_left_out_with_a_note(
+    engine: str, collides: bool, tmp_path: Path
+) -> None:
+    """The forearm is drawn through the base. The hand is not, and counts."""
+    deep = ARM.replace('<sphere radius="0.05"/>', '<sphere radius="0.46"/>')
+    hand = '<link name="hand">{masses}<collision><geometry><sphere radius="0.01"/></geometry></collision></link>'
+    joint = '<joint name="wrist" type="revolute"><parent link="forearm"/><child link="hand"/><origin xyz="0.25 0 0"/>'
+    limit = '<axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="50" velocity="9"/></joint></robot>'
+    scene = arm(tmp_path, urdf=deep.replace("</robot>", f"{hand}{joint}{limit}"), self_collision=collides)
+    pytest.importorskip(engine)
+    backend = ENGINES.load(engine)(scene, Channels(self_contacts=True))
+    try:
+        trace = advance(backend, 0, 24)
+        (note,) = backend.notes
+    finally:
+        backend.close()
+    assert "'base' and 'forearm' (0.01 m deep)" in note
+    assert trace.self_contacts == ()
+    assert abs(trace.joint_velocity).max() < 0.01
+
+
+@on_every_engine
+def test_a_start_inside_itself_is_refused_where_links_collide(engine: str, tmp_path: Path) -> None:
+    pytest.importorskip(engine)
+    scene = arm(tmp_path, self_collision=True, joints={"elbow": TOUCH + 0.1})
+    with pytest.raises(BadStart, match=r"links inside each other: 'base' and 'forearm' \(0\.0\d+ m deep\)"):
+        ENGINES.load(engine)(scene, Channels())
+    seen = folded(engine, replace(scene, robot=scene.robot.model_copy(update={"self_collision": False})), HELD)
+    assert seen.self_contacts[0].time == seen.time[0]
+
+
+HELD = [JointTargets(position={"shoulder": 0.0})] * 3
+
+
+@on_every_engine
+def test_a_robot_whose_links_cannot_be_judged_is_refused(engine: str, tmp_path: Path) -> None:
+    pytest.importorskip(engine)
+    deep = ARM.replace('<sphere radius="0.05"/>', '<sphere radius="0.46"/>')
+    with pytest.raises(EngineError, match="self-collision cannot be judged: all of them touch at the model's own"):
+        ENGINES.load(engine)(arm(tmp_path, urdf=deep), Channels(self_contacts=True))
+
+
+@pytest.mark.parametrize(
+    ("bits", "contact", "touches"),
+    [
+        ("", "", True),
+        ('contype="2" conaffinity="2"', "", False),
+        ('contype="2" conaffinity="1"', "", True),
+        ('contype="2" conaffinity="2"', '<pair geom1="ball" geom2="tip"/>', True),
+    ],
+)
+def test_geoms_of_mjcf_touch_as_their_bits_and_pairs_say(
+    bits: str, contact: str, touches: bool, tmp_path: Path
+) -> None:
+    pytest.importorskip("mujoco")
+    joint = '<joint type="hinge" axis="0 0 1" range="-170 170" name="{}"/>'
+    (tmp_path / "arm.xml").write_text(
+        '<mujoco model="arm"><worldbody><body name="base" pos="0 0 0.1"><geom name="ball" size="0.1"/>'
+        f'<body name="upper">{joint.format("shoulder")}<geom type="box" pos="0.2 0 0" size="0.05 0.01 0.01"/>'
+        f'<body name="forearm" pos="0.3 0 0">{joint.format("elbow")}'
+        f'<geom name="tip" size="0.05" pos="0.25 0 0" {bits}/></body></body></body></worldbody>'
+        f"<contact>{contact}</contact></mujoco>"
+    )
+    robot = Robot(model="arm.xml", base="fixed", self_collision=True)
+    here = Workspace(tmp_path, tmp_path)
+    world = World.model_validate({"gravity": (0.0, 0.0, 0.0)})
+    scene = Scene(robot, load_model(robot, here), world, Physics(rate=RATE), here)
+    if not touches:
+        with pytest.raises(EngineError, match="no two links of the robot can touch"):
+            folded("mujoco", scene, slowly(0.1))
+        return
+    first = folded("mujoco", scene, slowly(1.1 * TOUCH)).self_contacts[0]
+    assert (first.link, first.other) == ("base", "forearm")
+
+
+@on_every_engine
+@pytest.mark.parametrize(("margin", "status"), [(0.01, "passed"), (-0.02, "failed")])
+def test_a_scenario_passes_and_fails_by_a_hair(engine: str, margin: float, status: str, tmp_path: Path) -> None:
+    pytest.importorskip(engine)
+    (tmp_path / "arm.urdf").write_text(ARM.format(masses=MASSES))
+    (tmp_path / "a.sim.yml").write_text(
+        f"name: a\nbackend: {engine}\nrobot: {{model: arm.urdf, base: fixed}}\nworld: {{gravity: [0, 0, 0]}}\n"
+        f"commands:\n  joints: [{{at: 1 s, position: {{elbow: {TOUCH - margin}}}}}]\n  rate: 240 Hz\n"
+        "expect: [self_collision]\nduration: 1.2 s\ntime_limit: 2 s\n"
+    )
+    loaded = load_scenario(tmp_path / "a.sim.yml")
+    run = simulate(loaded.scenario, build_scene(loaded), lambda *_: None)
+    (verdict,) = run.verdicts
+    assert verdict.passed == (status == "passed")
+    assert not any("pass through each other" in note for note in run.model_notes)

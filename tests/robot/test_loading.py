@@ -313,3 +313,15 @@ def test_a_package_that_includes_and_meshes_need_has_one_note(tmp_path: Path) ->
     notes = [found for found in load_model(robot, Workspace(root, root)).findings if found.rule == "package-folder"]
     assert len(notes) == 1
     assert "hand is used, a folder of that name" in notes[0].message
+
+
+@pytest.mark.parametrize("stated", ["<selfCollide>true</selfCollide>", "<self_collide>1</self_collide>"])
+def test_links_that_collide_in_gazebo_name_the_key_of_the_scenario(stated: str, tmp_path: Path) -> None:
+    inertia = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+    link = f'<link name="a"><inertial><mass value="1"/>{inertia}</inertial></link>'
+    (tmp_path / "a.urdf").write_text(f'<robot name="r">{link}<gazebo reference="a">{stated}</gazebo></robot>')
+    here = Workspace(tmp_path, tmp_path)
+    (found,) = [each for each in load_model(Robot(model="a.urdf"), here).findings if each.rule == "passed-over"]
+    assert found.message.endswith("is not simulated; it is ignored; robot.self_collision: true simulates it")
+    left = load_model(Robot(model="a.urdf", self_collision=True), here).findings
+    assert "passed-over" not in {each.rule for each in left}
