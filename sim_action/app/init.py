@@ -77,9 +77,7 @@ name: robot is pushed, keeps standing, and crouches
 
 robot:
   model: quadruped              # a built-in model (sim-action models), or the path of your .urdf, relative to this file
-  joints: &standing             # where joints begin; all others begin at 0
-    {front_left_thigh: 40 deg, front_right_thigh: 40 deg, rear_left_thigh: 40 deg, rear_right_thigh: 40 deg,
-     front_left_knee: -90 deg, front_right_knee: -90 deg, rear_left_knee: -90 deg, rear_right_knee: -90 deg}
+  joints: {"*_thigh": 40 deg, "*_knee": -90 deg}   # where joints begin; all others begin at 0
 
 world:                          # flat ground, and a force on the trunk
   disturbances:
@@ -88,11 +86,8 @@ world:                          # flat ground, and a force on the trunk
 commands:                       # what moves the legs (sim-action commands lists more)
   rate: 40 Hz
   joints:
-    - {at: 2 s, position: *standing}
-    - at: 3 s
-      position:
-        {front_left_thigh: 50 deg, front_right_thigh: 50 deg, rear_left_thigh: 50 deg, rear_right_thigh: 50 deg,
-         front_left_knee: -116 deg, front_right_knee: -116 deg, rear_left_knee: -116 deg, rear_right_knee: -116 deg}
+    - {at: 2 s, position: {"*_thigh": 40 deg, "*_knee": -90 deg}}    # it stands
+    - {at: 3 s, position: {"*_thigh": 50 deg, "*_knee": -116 deg}}   # and crouches
   interpolation: minimum_jerk   # each motion starts and ends at rest
 
 expect:                         # expectations (sim-action assertions lists what they can be)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -178,6 +179,29 @@ def control(seen):
         speed in (number + 0, before)
         for number, (speed, before) in enumerate(zip(speeds, [0, *speeds[:-1]], strict=True))
     )
+
+
+@pytest.mark.parametrize("engine", installed())
+def test_jittered_commands_take_effect_at_the_steps_of_their_draws(engine: str, tmp_path: Path) -> None:
+    # The speed of each command is other than that of the one before, so the trace shows when it came.
+    script = """\
+from sim_action import JointTargets
+
+def control(seen):
+    return JointTargets(velocity={"slide": 0.1 + round(seen.time * 20) % 2})
+"""
+    way = cart(tmp_path, engine, script, ", latency: 20 ms, jitter: 200 ms", end=2.0)
+    random = np.random.default_rng((0, zlib.crc32(b"transmission of commands[0]")))
+    delays = [math.ceil((0.02 + 0.2 * share) * 240 - 1e-6) for _, share in random.random((40, 2)).tolist()]
+    arrivals = np.maximum.accumulate([12 * tick + delay for tick, delay in enumerate(delays)])
+    # Some are held up by an earlier one: order is kept.
+    assert (arrivals != [12 * tick + delay for tick, delay in enumerate(delays)]).any()
+    latest = np.searchsorted(arrivals, np.arange(480), side="right") - 1
+    expected = np.where(latest < 0, 0.0, 0.1 + latest % 2)
+    # Engines may need a step to come to a speed.
+    steady = np.diff(expected, prepend=0.0) == 0
+    assert np.abs(240 * np.diff(way) - expected)[steady].max() < 1e-3
+    assert steady.sum() > 400
 
 
 def test_a_changed_command_is_the_one_that_was_given(tmp_path: Path) -> None:
