@@ -13,7 +13,6 @@ from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives import recognise, why_not_recognised
 from sim_action.robot.audit.rules import ALLOWABLE, RULES
 from sim_action.robot.kinematics import beyond_limits
-from sim_action.robot.link_motion import why_no_link
 from sim_action.robot.robot_model import WORLD, RobotModel
 from sim_action.robot.self_collision import NO_PAIRS, touchable_pairs
 from sim_action.scenario.model import MAX_COMPARED_STEPS, Agreement, Expectation, Scenario, rate_divides
@@ -163,6 +162,11 @@ def agreement_problems(scene: Scene, agreement: Agreement) -> SpecProblems:
 
 def recorded_link_problems(scenario: Scenario, model: RobotModel) -> SpecProblems:
     """Yield links in `trace.links` that the robot does not have."""
+    if not scenario.trace.links:
+        return
+    # Few scenarios record links.
+    from sim_action.robot.link_motion import why_no_link
+
     for index, name in enumerate(scenario.trace.links):
         if (problem := why_no_link(model, name)) is not None:
             yield ("trace", "links", index), problem
