@@ -89,6 +89,20 @@ def link_motion(model: RobotModel, trace: Trace, link: str) -> LinkMotion:
     return LinkMotion(*rows)
 
 
+def link_frames(model: RobotModel, base: Pose, positions: FloatArray) -> dict[str, Pose]:
+    """Return the poses of all links at T moments, each as one pose of columns (T,).
+
+    :param base: the poses of the base link, as columns.
+    :param positions: (T, J) rad or m, of the moving joints of the model.
+    """
+    import numpy as np
+
+    columns = zip(model.moving_joints, positions.T, strict=True)
+    joints: Any = {joint.name: JointState(column, 0.0, 0.0) for joint, column in columns}
+    states = LinkStates(model, base, Twist(), joints, np)
+    return {name: states[name].pose for name in states}
+
+
 def motion_in(model: RobotModel, trace: Trace, link: str, frame: str = WORLD) -> LinkMotion:
     """Return the motion of a link at the moments of a trace, in a frame: "world", "base" or the name of a link.
 

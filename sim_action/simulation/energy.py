@@ -16,9 +16,10 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from sim_action.core import geometry
-from sim_action.robot.robot_model import Joint, RobotModel
+from sim_action.robot.link_motion import link_motion
+from sim_action.robot.robot_model import RobotModel
 from sim_action.robot.urdf_elements import MOMENTS, number, origin
-from sim_action.simulation.swept_search import Frames, frames_of, link_frames
+from sim_action.simulation.swept_search import Frames, frames_of
 from sim_action.state.trace import FloatArray, Trace
 from sim_action.world.scene import Scene
 
@@ -79,22 +80,14 @@ class Mechanics:
             ]
             for link in model.links
         }
-        self._below: dict[str, list[Joint]] = {}
-        for joint in model.joints:
-            self._below.setdefault(joint.parent, []).append(joint)
 
     def frames(self, trace: Trace) -> dict[str, _Frame]:
         """Return the frame of each link."""
-        base = frames_of(trace.base_position_xyz, trace.base_orientation_xyzw)
-        poses = link_frames(self._model, base, trace.joint_position)
-        speeds = {name: trace.joint_velocity[:, [place]] for place, name in enumerate(trace.joint_names)}
-        found = {self._model.root: _Frame(base, trace.base_linear_xyz, trace.base_angular_xyz)}
-        waiting = [self._model.root]
-        for parent in waiting:
-            for joint in self._below.get(parent, []):
-                found[joint.child] = _moved(found[parent], joint, poses[joint.child], speeds.get(joint.name))
-                waiting.append(joint.child)
-        return found
+        motions = {name: link_motion(self._model, trace, name) for name in self._model.links_by_name}
+        return {
+            name: _Frame(frames_of(at.position_xyz, at.orientation_xyzw), at.linear_xyz, at.angular_xyz)
+            for name, at in motions.items()
+        }
 
     def energy(self, frames: Mapping[str, _Frame]) -> tuple[FloatArray, FloatArray]:
         """Return the kinetic and the potential energy in J, each (T,)."""
@@ -132,17 +125,6 @@ def _bodies(model: RobotModel) -> dict[str, _Body]:
             mass = number(inertial.find("mass"), "value") or 0.0
             found[link.attrib["name"]] = _Body(mass, at.position_xyz, axes @ tensor @ axes.T)
     return found
-
-
-def _moved(parent: _Frame, joint: Joint, poses: Frames, speed: FloatArray | None) -> _Frame:
-    """Return the frame of a link; `speed`: (T, 1) rad/s or m/s of its joint, None if the joint is fixed."""
-    still = _Frame(poses, parent.linear, parent.angular)
-    linear = parent.linear + np.cross(parent.angular, still.origin - parent.origin)
-    if speed is None:
-        return _Frame(poses, linear, parent.angular)
-    own = still.turned(joint.axis_xyz) * speed
-    slides = joint.type == "prismatic"
-    return _Frame(poses, linear + own, parent.angular) if slides else _Frame(poses, linear, parent.angular + own)
 
 
 def _reach(lower: geometry.Vector3, upper: geometry.Vector3) -> float:

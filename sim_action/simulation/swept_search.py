@@ -20,7 +20,7 @@ from sim_action.core import geometry
 from sim_action.core.convex import hull_distance
 from sim_action.core.geometry import Pose
 from sim_action.core.units import first_step
-from sim_action.robot.robot_model import Joint, RobotModel
+from sim_action.robot.link_motion import link_frames
 from sim_action.simulation.convex_pieces import Obstacle, Piece, link_pieces, part_pieces, part_soups, turned
 from sim_action.simulation.tunnelling import FIXED, Block, Miss, Parts
 from sim_action.state.trace import FloatArray
@@ -47,29 +47,6 @@ def frames_of(positions_xyz: FloatArray, orientations_xyzw: FloatArray) -> Frame
     position: Any = tuple(positions_xyz.T)
     orientation: Any = tuple(orientations_xyzw.T)
     return Pose(position, orientation)
-
-
-def link_frames(model: RobotModel, base: Frames, joints: FloatArray) -> dict[str, Frames]:
-    """Return the frames of all links; `joints`: the positions (T, J) of the moving joints in rad or m."""
-    columns = {joint.name: joints[:, number] for number, joint in enumerate(model.moving_joints)}
-    frames, waiting = {model.root: base}, [model.root]
-    for parent in waiting:
-        for joint in (joint for joint in model.joints if joint.parent == parent):
-            socket = geometry.compose(frames[parent], joint.origin)
-            motion = _motion(joint, columns[joint.name]) if joint.name in columns else Pose()
-            frames[joint.child] = geometry.compose(socket, motion)
-            waiting.append(joint.child)
-    return frames
-
-
-def _motion(joint: Joint, position: Any) -> Frames:
-    x, y, z = joint.axis_xyz
-    if joint.type == "prismatic":
-        return Pose((position * x, position * y, position * z))
-    sine = np.sin(position / 2)
-    turned = Pose(orientation_xyzw=(sine * x, sine * y, sine * z, np.cos(position / 2)))
-    ax, ay, az = joint.anchor_xyz
-    return geometry.compose(Pose(joint.anchor_xyz), geometry.compose(turned, Pose((-ax, -ay, -az))))
 
 
 @dataclass(frozen=True, eq=False)

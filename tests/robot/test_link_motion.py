@@ -15,7 +15,15 @@ from hypothesis import strategies as st
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist, quaternion_from_rpy
 from sim_action.robot.kinematics import link_poses
-from sim_action.robot.link_motion import LinkMotion, LinkStates, link_motion, motion_in, why_no_frame, why_no_link
+from sim_action.robot.link_motion import (
+    LinkMotion,
+    LinkStates,
+    link_frames,
+    link_motion,
+    motion_in,
+    why_no_frame,
+    why_no_link,
+)
 from sim_action.robot.robot_model import Joint, Link, Mimic, RobotModel, ball_angles, ball_joints
 from sim_action.state.observation import JointState
 from sim_action.state.trace import FloatArray, Trace
@@ -78,6 +86,21 @@ def test_links_are_where_the_joints_put_them(rows: list[tuple[float, ...]], at: 
             expected = geometry.compose(base, pose)
             assert_same(pose_at(link_motion(MODEL, trace, link), row), expected)
             assert_same(states[link].pose, expected)
+
+
+def test_frames_of_all_links_are_columns() -> None:
+    rows = np.array([[0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7], [1.0, -2.0, 0.1, 0.0, -0.5, 0.2, 3.0]])
+    base: Any = Pose((np.ones(2), np.zeros(2), np.zeros(2)), (np.zeros(2), np.zeros(2), np.zeros(2), np.ones(2)))
+    names = [joint.name for joint in MODEL.moving_joints]
+    for name, frame in link_frames(MODEL, base, rows).items():
+        for row, positions in enumerate(rows.tolist()):
+            expected = link_poses(MODEL, dict(zip(names, positions, strict=True)))[name]
+            numbers: Any = [
+                np.broadcast_to(column, 2)[row] for column in (*frame.position_xyz, *frame.orientation_xyzw)
+            ]
+            x, y, z, *turn = map(float, numbers)
+            i, j, k, w = turn
+            assert_same(Pose((x - 1, y, z), (i, j, k, w)), expected)
 
 
 def integrated(positions: FloatArray, velocities: FloatArray) -> FloatArray:

@@ -4,20 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Final
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist, Vector3
-from sim_action.robot.kinematics import link_poses
+from sim_action.robot.link_motion import LinkStates
 from sim_action.robot.robot_model import RobotModel
 from sim_action.ros.ros1.node.world_models import WorldModels
 from sim_action.state.observation import JointState
 
 States = Mapping[str, tuple[Pose, Twist]]
 """Name of a model or a link -> pose and twist, world frame."""
-
-# Time step of the difference quotient of link poses: nothing turns far in it, and differences exceed rounding.
-_DIFFERENCE_S: Final = 1e-6
 
 
 @dataclass
@@ -83,22 +79,9 @@ def link_state(
     model: RobotModel, base: tuple[Pose, Twist], joints: Mapping[str, JointState], link: str
 ) -> tuple[Pose, Twist]:
     """Return pose and twist of a link, world frame; `base`: pose and twist of the base link. Raises KeyError."""
-    pose, twist = base
-    here = link_poses(model, {name: joint.position for name, joint in joints.items()})[link]
-    ahead = {name: joint.position + _DIFFERENCE_S * joint.velocity for name, joint in joints.items()}
-    moved = geometry.twist_between(here, link_poses(model, ahead)[link], _DIFFERENCE_S)
-    placed = geometry.compose(pose, here)
-    carried = twist_at(twist, _between(pose, placed))
-    turned = (geometry.rotate(pose.orientation_xyzw, vector) for vector in (moved.linear_xyz, moved.angular_xyz))
-    return placed, _sum(carried, Twist(*turned))
+    return LinkStates(model, *base, joints)[link]
 
 
 def _between(first: Pose, second: Pose) -> Vector3:
     (ax, ay, az), (bx, by, bz) = first.position_xyz, second.position_xyz
     return (bx - ax, by - ay, bz - az)
-
-
-def _sum(first: Twist, second: Twist) -> Twist:
-    (ax, ay, az), (bx, by, bz) = first.linear_xyz, second.linear_xyz
-    (ap, aq, ar), (bp, bq, br) = first.angular_xyz, second.angular_xyz
-    return Twist((ax + bx, ay + by, az + bz), (ap + bp, aq + bq, ar + br))
