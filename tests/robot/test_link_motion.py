@@ -90,7 +90,10 @@ def test_links_are_where_the_joints_put_them(rows: list[tuple[float, ...]], at: 
 
 def test_frames_of_all_links_are_columns() -> None:
     rows = np.array([[0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7], [1.0, -2.0, 0.1, 0.0, -0.5, 0.2, 3.0]])
-    base: Any = Pose((np.ones(2), np.zeros(2), np.zeros(2)), (np.zeros(2), np.zeros(2), np.zeros(2), np.ones(2)))
+    ones, zeros = np.ones(2), np.zeros(2)
+    place: Any = (ones, zeros, zeros)
+    turns: Any = (zeros, zeros, zeros, ones)
+    base = Pose(place, turns)
     names = [joint.name for joint in MODEL.moving_joints]
     for name, frame in link_frames(MODEL, base, rows).items():
         for row, positions in enumerate(rows.tolist()):
