@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 
 from sim_action.commands.joints import Blend
 from sim_action.core import geometry, units
-from sim_action.core.geometry import Pose, Quaternion, Vector3
+from sim_action.core.geometry import Pose, Quaternion, Twist, Vector3
 from sim_action.robot.inverse_kinematics import REACHED_M, Chain, Solution, Values, reach, search
 
 # Joint positions are found before the run once per this distance in m, and per this angle in rad. The line between two
@@ -24,6 +24,10 @@ _HALVINGS: Final = 30
 # During the run, they are found at each tick, and once per this distance and angle.
 _MAX_STEP_M: Final = 0.01
 _MAX_STEP_RAD: Final = 0.05
+
+# A base that moves also tilts a little, which an arm with few joints cannot correct. In m and rad.
+_SLACK_M: Final = 0.002
+_SLACK_RAD: Final = math.radians(1)
 
 # A joint that moves by more than this in rad or m on such a step has jumped to another posture.
 _JUMP: Final = 0.5
@@ -49,6 +53,13 @@ class Leg(NamedTuple):
     end: float
     origin: Pose
     goal: Pose
+
+
+class Target(NamedTuple):
+    """A pose of the link in the frame of the path, and that frame seen from the base."""
+
+    pose: Pose
+    to_base: Pose
 
 
 class Blocked(Exception):
@@ -104,6 +115,13 @@ def between(origin: Pose, goal: Pose, share: float) -> Pose:
     turn = geometry.twist_between(origin, goal, 1.0).angular_xyz
     part: Vector3 = (share * turn[0], share * turn[1], share * turn[2])
     return Pose((x, y, z), geometry.multiply(_rotation(part), origin.orientation_xyzw))
+
+
+def after(pose: Pose, twist: Twist, seconds: float) -> Pose:
+    """Return a pose after some time of motion at a twist, both in the same frame."""
+    x, y, z = (at + seconds * speed for at, speed in zip(pose.position_xyz, twist.linear_xyz, strict=True))
+    turn = (seconds * twist.angular_xyz[0], seconds * twist.angular_xyz[1], seconds * twist.angular_xyz[2])
+    return Pose((x, y, z), geometry.multiply(_rotation(turn), pose.orientation_xyzw))
 
 
 def _rotation(turn: Vector3) -> Quaternion:
@@ -170,7 +188,7 @@ class Follower:
             along = [values]
             for step in range(1, count + 1):
                 pose = between(leg.origin, leg.goal, step / count)
-                values = self._reached(leg, step / count, pose, to_base, values)
+                values = self._reached(leg, step / count, Target(pose, to_base), values)
                 along.append(values)
             self._refuse_fast(leg, path.blend, along)
             samples.append(tuple(along))
@@ -189,20 +207,25 @@ class Follower:
             time = end if step == steps else start + (end - start) * step / steps
             index, share = path.leg(time)
             leg = path.legs[index] if index >= 0 else Leg(0, 0.0, 0.0, path.rest, path.rest)
-            values = self._reached(leg, share, path.pose(time), to_base, values)
+            values = self._reached(leg, share, Target(path.pose(time), to_base), values, slack=1)
         return values
 
     def _steps(self, distance: float, angle: float, longest: float, widest: float) -> int:
         return max(1, math.ceil(distance / longest), math.ceil(angle / widest) if self.turns else 1)
 
-    def _reached(self, leg: Leg, share: float, pose: Pose, to_base: Pose, values: Values) -> Values:
-        """Return the joint positions at a pose of a leg, from those at a pose near it. Raises Blocked."""
-        target = geometry.compose(to_base, pose)
-        found = reach(self.chain, target, values, turns=self.turns)
+    def _reached(self, leg: Leg, share: float, target: Target, values: Values, *, slack: int = 0) -> Values:
+        """Return the joint positions at a pose of a leg, from those at a pose near it. Raises Blocked.
+
+        :param slack: 1 if the link may be a little off.
+        """
+        pose, to_base = target
+        wanted = geometry.compose(to_base, pose)
+        found = reach(self.chain, wanted, values, turns=self.turns)
         moved = max(abs(there - here) for there, here in zip(found.values, values, strict=True))
-        if found.is_reached and moved <= _JUMP:
+        is_near = found.distance <= slack * _SLACK_M and found.angle <= slack * _SLACK_RAD
+        if (found.is_reached or is_near) and moved <= _JUMP:
             return found.values
-        elsewhere = search(self.chain, target, found.values, turns=self.turns)
+        elsewhere = search(self.chain, wanted, found.values, turns=self.turns)
         where = f"{100 * share:.0f} % of the way to this waypoint, at {place(pose)}"
         if elsewhere.is_reached:
             stuck = self._at_limits(found.values)

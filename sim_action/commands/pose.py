@@ -113,7 +113,8 @@ class PoseCommands(CommandSource):
     In the frame `base`, and if the base is fixed, the joint positions are computed before the run. Joints keep the
     limits of the model: a waypoint out of reach, a line on which the arm would have to change its posture, and a speed
     that a joint cannot follow are errors before the run. In the frame `world`, a robot with a free base corrects the
-    joints at each tick by the pose of its base. Then a pose out of reach ends the run with an error.
+    joints at each tick by the pose of its base. Then a pose that is more than 2 mm or 1 deg out of reach ends the run
+    with an error.
     """
 
     is_written: ClassVar[bool] = True
@@ -285,14 +286,16 @@ class _Motion:
 
     def tracked(self, observation: Observation) -> JointTargets:
         """Return the targets of a tick, for a base that moves."""
-        from sim_action.commands.link_path import Blocked
+        from sim_action.commands.link_path import Blocked, after
 
         base, chain, tick = observation.pose, self._follower.chain, round(observation.time * self._spec.rate)
         try:
             if self._path is None:
                 self._path = self._spec.path(geometry.compose(base, chain.pose(self._here)))
             here = self._follower.follow(self._path, tick, base, self._here)
-            there = self._here = self._follower.follow(self._path, tick + 1, base, here)
+            # The base moves on until the next tick.
+            moved = after(base, observation.twist, 1 / self._spec.rate)
+            there = self._here = self._follower.follow(self._path, tick + 1, moved, here)
         except Blocked as error:
             raise ScriptError(f"link '{chain.link}': {error}") from None
         return self._targets(here, there)
