@@ -109,6 +109,7 @@ class PoseCommands(CommandSource):
     Between two waypoints, `minimum_jerk` starts and ends at rest, and is fastest half way. `linear` passes the
     waypoints without a stop. `speed` and `turn_speed` are the largest speeds on the way. Each way takes a
     whole number of ticks, so that the link is at a waypoint at a tick. After the last waypoint, the link stays there.
+    A command holds until the next tick: between two ticks the speed varies, less so at a higher `rate`.
 
     In the frame `base`, and if the base is fixed, the joint positions are computed before the run. Joints keep the
     limits of the model: a waypoint out of reach, a line on which the arm would have to change its posture, and a speed
