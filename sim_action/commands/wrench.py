@@ -17,6 +17,7 @@ from sim_action.core.field_types import (
     PositiveHertz,
     PositiveSeconds,
 )
+from sim_action.core.units import first_step
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import KeyPath
 from sim_action.core.yaml_errors import SpecProblems
@@ -24,9 +25,6 @@ from sim_action.robot.link_motion import why_no_frame
 from sim_action.state.command import WORLD_FRAME, LinkWrench
 from sim_action.world.disturbance import NewtonMetres, Newtons
 from sim_action.world.scene import Scene
-
-# Sim time is step / rate, so equal times may differ by rounding.
-_ROUNDING_S: Final = 1e-9
 
 _NONE: Final = (0.0, 0.0, 0.0)
 
@@ -108,17 +106,10 @@ class WrenchCommands(CommandSource):
 
     def open(self, scene: Scene) -> Controller:
         """See CommandSource.open."""
-        spec, period = self.wrench, 1 / self.rate
+        spec, rate = self.wrench, self.rate
         link = spec.link or scene.model.root
         acting = LinkWrench(link, spec.force or _NONE, spec.torque or _NONE, spec.frame, spec.point or _NONE)
-        over = LinkWrench(link)
-
-        def command(time: float) -> LinkWrench | None:
-            now = time + _ROUNDING_S
-            if now < spec.at:
-                return None
-            if now < spec.end:
-                return acting if now < spec.at + period else None
-            return over if now < spec.end + period else None
-
-        return OpenLoop(command)
+        answers = {first_step(spec.at, rate): acting}
+        if spec.duration is not None:
+            answers[first_step(spec.end, rate)] = LinkWrench(link)
+        return OpenLoop(lambda time: answers.get(round(time * rate)))
