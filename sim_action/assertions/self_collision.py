@@ -148,6 +148,8 @@ class SelfCollisionMonitor:
         x, y, z = touch.position_xyz
         how = (
             f"with {units.display(touch.force, 'N')} in that physics step"
+            if touch.force
+            else f"{units.display(touch.depth, 'm')} deep"
             if self.collides
             else f"{units.display(touch.depth, 'm')} deep (links pass through each other: robot.self_collision is off)"
         )

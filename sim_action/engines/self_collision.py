@@ -22,8 +22,6 @@ from sim_action.robot.robot_model import Joint, RobotModel, Shape
 from sim_action.robot.self_collision import NO_PAIRS, LinkPair
 from sim_action.state.observation import SelfContact
 from sim_action.state.trace import FloatArray
-from sim_action.state.trace_channels import Channels
-from sim_action.world.scene import Scene
 
 NearestOfLinks = Callable[[str, str], Nearest | None]
 """(link, other) -> distance in m and a place in the present state; None for links without shapes."""
@@ -32,11 +30,6 @@ _MAX_NAMED: Final = 4
 # Instead of infinity, which would turn into NaN.
 _FAR_M: Final = 1e6
 _PRECISION_M: Final = 1e-5
-
-
-def is_asked(scene: Scene, channels: Channels) -> bool:
-    """Return True if links of the robot collide with each other or are watched."""
-    return scene.robot.self_collision or channels.self_contacts
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +64,7 @@ class SelfPairs:
         if not self.resting:
             return ()
         found = f"links that touch at the model's own position do not count as self-collision: {_named(self.resting)}"
-        return (f"{found}; to accept it, state them with <disable_collisions> in an SRDF (robot.srdf)",)
+        return (f"{found}; to accept it, state them with <disable_collisions> in an SRDF, or <exclude> in MJCF",)
 
 
 def _named(resting: Sequence[tuple[LinkPair, float]]) -> str:

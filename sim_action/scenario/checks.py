@@ -14,7 +14,6 @@ from sim_action.drives import recognise, why_not_recognised
 from sim_action.robot.audit.rules import ALLOWABLE, RULES
 from sim_action.robot.kinematics import beyond_limits
 from sim_action.robot.robot_model import WORLD, RobotModel
-from sim_action.robot.self_collision import NO_PAIRS, touchable_pairs
 from sim_action.scenario.model import MAX_COMPARED_STEPS, Agreement, Expectation, Scenario, rate_divides
 from sim_action.sensors import MountedSensor
 from sim_action.world import GROUND
@@ -214,11 +213,19 @@ def robot_problems(scenario: Scenario, model: RobotModel) -> SpecProblems:
         yield ("robot", "model"), trouble
     if robot.joints:
         yield from _start_position_problems(robot.joints, model)
-    if robot.self_collision and next(touchable_pairs(model), None) is None:
-        yield ("robot", "self_collision"), f"it has no effect: {NO_PAIRS}; remove it"
+    if robot.self_collision:
+        yield from _self_collision_problems(model)
     if robot.drive is not None:
         for below, message in robot.drive.problems(model):
             yield ("robot", "drive", robot.drive.key, *below), message
+
+
+def _self_collision_problems(model: RobotModel) -> SpecProblems:
+    """Yield a problem if no two links of the robot can touch each other."""
+    from sim_action.robot.self_collision import NO_PAIRS, touchable_pairs
+
+    if next(touchable_pairs(model), None) is None:
+        yield ("robot", "self_collision"), f"it has no effect: {NO_PAIRS}; remove it"
 
 
 def _start_position_problems(positions: Mapping[str, float | str], model: RobotModel) -> SpecProblems:

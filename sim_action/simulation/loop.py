@@ -18,7 +18,6 @@ from sim_action.drives.wheels import axis_in_base, opposed_note
 from sim_action.engines import ENGINES, Engine, chosen
 from sim_action.engines.observers import arrivals
 from sim_action.robot.audit.rules import announced, unannounced
-from sim_action.robot.self_collision import unwatched_note
 from sim_action.scenario.claim_audit import NOT_SIMULATED, ClaimFinding
 from sim_action.scenario.model import Scenario
 from sim_action.simulation.accuracy import AccuracyWatch, links_with_springs
@@ -155,7 +154,10 @@ def _about_links(scenario: Scenario, scene: Scene) -> Iterator[str]:
     """Yield a note if links of the robot pass through each other, and nothing watches them."""
     # The episodes of ROS nodes expect nothing.
     keys = {assertion.key for assertion in scenario.assertions}
-    if keys and "self_collision" not in keys:
+    # Most robots that drive have fewer motors than an arm; the rest of the check is imported for others.
+    if keys and "self_collision" not in keys and len(scene.model.motor_joints) > (1 if scene.bolted else 2):
+        from sim_action.robot.self_collision import unwatched_note
+
         note = unwatched_note(scene.model, scene.robot, bolted=scene.bolted)
         yield from () if note is None else (note,)
 

@@ -30,7 +30,6 @@ from sim_action.engines.mujoco.scene import CompiledScene
 from sim_action.engines.mujoco.sliding import SlidingContacts
 from sim_action.engines.mujoco.state_recorder import StateRecorder
 from sim_action.engines.observers import LazyContacts, Recorders, path_contacts
-from sim_action.engines.self_collision import is_asked
 from sim_action.engines.world_events import WorldEvents
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import Clash, Contact, Observation, Overlap
@@ -177,7 +176,7 @@ class MuJoCoEngine:
         self._lazy_contacts.settle()
 
     def _collision_of_links(self, compiled: CompiledScene, channels: Channels) -> SelfCollision | None:
-        if not is_asked(self._scene, channels):
+        if not (self._scene.robot.self_collision or channels.self_contacts):
             return None
         from sim_action.engines.mujoco.self_collision import SelfCollision
 

@@ -50,7 +50,6 @@ from sim_action.engines.pybullet.scene import (
     place,
     set_surfaces,
 )
-from sim_action.engines.self_collision import is_asked
 from sim_action.engines.world_events import WorldEvents
 from sim_action.robot.link_motion import LinkStates
 from sim_action.state.command import JointTargets
@@ -291,7 +290,7 @@ class PyBulletEngine:
         return BallJoints(self._client, self._robot, numbers)
 
     def _collision_of_links(self, scene: Scene, channels: Channels) -> SelfCollision | None:
-        if not is_asked(scene, channels):
+        if not (scene.robot.self_collision or channels.self_contacts):
             return None
         from sim_action.engines.pybullet.self_collision import SelfCollision
 
