@@ -105,6 +105,7 @@ class FinalPoseMonitor:
     Attributes:
         origin: pose of the frame of the place, in the world.
         angle: the required heading or orientation; None for any.
+        found: the orientation at the last step as text; empty if none is required.
         distance, angle_error: errors at the last step in m and rad; 0 where nothing is required.
         end: sim time of the last step, in s.
     """
@@ -115,6 +116,7 @@ class FinalPoseMonitor:
     origin: Pose
     nearest: ClosestApproach
     angle: TargetAngle | None = None
+    found: str = ""
     distance: float = 0.0
     angle_error: float = 0.0
     end: float | None = None
@@ -132,6 +134,7 @@ class FinalPoseMonitor:
         return replace(
             self,
             nearest=self.nearest.observe(trace.time, distance, angle_error),
+            found="" if self.angle is None else self.angle.found(trace, -1),
             distance=float(distance[-1]),
             angle_error=0.0 if angle_error is None else float(angle_error[-1]),
             end=float(trace.time[-1]),
@@ -152,7 +155,7 @@ class FinalPoseMonitor:
         if self.end is None:
             return Verdict(False, None, limit, None, unit, None, "no physics step to measure")
         passed = error <= limit
-        message = f"ended {self._errors()} at {self.end:.2f} s{'' if passed else self._before()}"
+        message = f"ended {self._errors()} at {self.end:.2f} s{'' if passed else self._miss()}"
         return Verdict(passed, error, limit, limit - error, unit, self.end, message)
 
     def _errors(self) -> str:
@@ -165,14 +168,13 @@ class FinalPoseMonitor:
             found.append(f"{off} off its {self.angle.name}")
         return ", ".join(found)
 
-    def _before(self) -> str:
-        """Return the part of the message on the closest approach: overshoot or shortfall."""
-        nearest = self.nearest
+    def _miss(self) -> str:
+        """Return the part of the message on the orientation and the closest approach: overshoot or shortfall."""
+        nearest, found = self.nearest, f" with {self.found}" if self.found else ""
         if (nearest.distance, nearest.angle_error or 0.0) == (self.distance, self.angle_error):
-            return ""
-        return (
-            f"; it was {'within tolerance' if nearest.state is State.HOLDS else 'closest'} at {nearest.goal.time:.2f} s"
-        )
+            return found
+        near = "within tolerance" if nearest.state is State.HOLDS else "closest"
+        return f"{found}; it was {near} at {nearest.goal.time:.2f} s"
 
     def _distance(self, trace: Trace) -> FloatArray:
         """Return (T,) m, over the given axes, in the frame of `origin`."""

@@ -13,7 +13,7 @@ from sim_action.assertions.monitors.goals import ClosestApproach
 from sim_action.assertions.monitors.watched import MotionAssertion, Watched
 from sim_action.core import geometry, units
 from sim_action.core.field_types import FrozenModel, Metres, PositiveMetres, PositiveRadians, Radians
-from sim_action.core.geometry import Quaternion
+from sim_action.core.geometry import Quaternion, Vector3
 from sim_action.state.verdict import Mark, Signal, goal
 from sim_action.world.scene import Scene
 
@@ -38,6 +38,17 @@ class TargetOrientation(FrozenModel):
         """The orientation as a quaternion."""
         return geometry.quaternion_from_rpy(self.roll, self.pitch, self.yaw)
 
+    @property
+    def text(self) -> str:
+        """The orientation as text, such as "roll 180 deg, pitch 0 deg, yaw 90 deg"."""
+        return rpy_text((self.roll, self.pitch, self.yaw))
+
+
+def rpy_text(angles: Vector3) -> str:
+    """Return roll, pitch and yaw, given in rad, as text."""
+    names = ("roll", "pitch", "yaw")
+    return ", ".join(f"{name} {units.display(angle, 'rad')}" for name, angle in zip(names, angles, strict=True))
+
 
 @dataclass(frozen=True, slots=True)
 class TargetAngle:
@@ -56,6 +67,14 @@ class TargetAngle:
     def error(self, trace: Trace) -> FloatArray:
         """Return the angle by which it is missed, (T,) rad in [0, pi]."""
         return trace.rotation_to(self.target) if isinstance(self.target, tuple) else trace.yaw_error_to(self.target)
+
+    def found(self, trace: Trace, row: int) -> str:
+        """Return the orientation at a row of a trace as text; empty for a heading, whose error says enough."""
+        if not isinstance(self.target, tuple):
+            return ""
+        x, y, z, w = trace.base_orientation_xyzw[row].tolist()
+        roll, pitch, yaw = (round(angle, 4) + 0.0 for angle in geometry.rpy_from_quaternion((x, y, z, w)))
+        return rpy_text((roll, pitch, yaw))
 
 
 class PoseTarget(MotionAssertion):
@@ -84,9 +103,7 @@ class PoseTarget(MotionAssertion):
         """The heading or the orientation in a title; empty if any is right."""
         if self.orientation is None:
             return "" if self.yaw is None else f"facing {units.display(self.yaw, 'rad')}"
-        names = ("roll", "pitch", "yaw")
-        angles = (f"{name} {units.display(getattr(self.orientation, name), 'rad')}" for name in names)
-        return f"at {', '.join(angles)}"
+        return f"at {self.orientation.text}"
 
     def angle(
         self, yaw: float = 0.0, left: Quaternion = geometry.IDENTITY, right: Quaternion = geometry.IDENTITY
@@ -152,13 +169,19 @@ class Reach(PoseTarget):
 
 @dataclass(frozen=True, slots=True)
 class ReachMonitor:
-    """The monitor of the distance from the point."""
+    """The monitor of the distance from the point.
+
+    Attributes:
+        angle: the required heading or orientation; None for any.
+        found: the orientation at the best step as text; empty if none is required.
+    """
 
     is_momentary: ClassVar[bool] = True
 
     spec: Reach
     nearest: ClosestApproach
     angle: TargetAngle | None
+    found: str = ""
 
     @property
     def state(self) -> State:
@@ -167,7 +190,11 @@ class ReachMonitor:
 
     def observe(self, trace: Trace) -> Self:
         """See Monitor.observe."""
-        return replace(self, nearest=self.nearest.observe(trace.time, *self._errors(trace)))
+        nearest = self.nearest.observe(trace.time, *self._errors(trace))
+        if self.angle is None or nearest.goal is self.nearest.goal:
+            return replace(self, nearest=nearest)
+        best = int((trace.time == nearest.goal.time).argmax())
+        return replace(self, nearest=nearest, found=self.angle.found(trace, best))
 
     def truth(self, trace: Trace) -> Truth:
         """See ConditionMonitor.truth."""
@@ -178,8 +205,9 @@ class ReachMonitor:
         return self.nearest.drawn(f"distance to {self.nearest.place}", trace.time, *self._errors(trace))
 
     def verdict(self) -> Verdict:
-        """See Monitor.verdict."""
-        return self.nearest.verdict()
+        """Return the verdict; the message of a miss has the orientation."""
+        told = self.nearest.verdict()
+        return told if told.passed or not self.found else replace(told, message=f"{told.message} with {self.found}")
 
     def _errors(self, trace: Trace) -> tuple[FloatArray, FloatArray | None]:
         """Return (T,) m and (T,) rad; None instead of the error of the angle if none is required."""

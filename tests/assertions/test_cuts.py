@@ -139,6 +139,12 @@ SPECS: list[Assertion] = [
         )
     ),
     AtOnce(parts=(Negation(part=NoCollision()), AnyOf(parts=(Upright(max_tilt=0.6), Travel(at_least=0.5))))),
+    AtOnce(
+        parts=(
+            Reach(link=SCAN, frame=WHEEL, x=0.0, y=-0.08, tolerance=0.06),
+            Negation(part=Upright(link=SCAN, frame=WHEEL, max_tilt=0.3)),
+        )
+    ),
     Negation(part=NoCollision()),
     Negation(part=Reach(x=0.3, y=0.3, tolerance=0.2)),
 ]

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.core.geometry import Pose, Twist
+from sim_action.core.geometry import Pose, Twist, multiply
 from sim_action.state.observation import JointState, Observation
 from sim_action.state.reproducibility import Digest
 from sim_action.state.trace import COLUMNS, Trace
@@ -90,6 +90,23 @@ def test_a_heading_error_takes_the_short_way_round() -> None:
     turned = trace([0.1, 0.2], yaw=[3.0, -3.0])
     assert turned.yaw_error_to(-3.0) == pytest.approx([2 * math.pi - 6.0, 0.0])
     assert turned.yaw_error_to(3.0 + 4 * math.pi) == pytest.approx([0.0, 2 * math.pi - 6.0])
+
+
+@given(
+    st.tuples(*[st.floats(-1.0, 1.0)] * 4).filter(lambda numbers: math.hypot(*numbers) > 0.1),
+    st.tuples(*[st.floats(-1.0, 1.0)] * 3).filter(lambda numbers: math.hypot(*numbers) > 0.1),
+    st.floats(0.0, math.pi) | st.floats(0.0, 1e-8) | st.floats(math.pi - 1e-8, math.pi),
+    st.sampled_from([1.0, -1.0]),
+)
+def test_the_angle_of_a_rotation_is_exact_also_if_it_is_small(
+    start: tuple[float, ...], axis: tuple[float, ...], angle: float, sign: float
+) -> None:
+    x, y, z, w = (number / math.hypot(*start) for number in start)
+    ax, ay, az = (math.sin(angle / 2) * number / math.hypot(*axis) for number in axis)
+    turned = multiply((ax, ay, az, math.cos(angle / 2)), (x, y, z, w))
+    seen = replace(SEEN, state=SEEN.state.copy())
+    seen.base_orientation_xyzw[:] = np.multiply(sign, turned)
+    assert seen.rotation_to((x, y, z, w)) == pytest.approx([angle] * len(seen), abs=1e-14 if angle < 1 else 1e-7)
 
 
 def test_distances_are_in_space_or_on_the_ground() -> None:

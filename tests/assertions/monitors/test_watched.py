@@ -176,6 +176,24 @@ def test_titles_and_messages(spec: MotionAssertion, title: str, message: str) ->
     assert (spec.title, judged(spec, still).message) == (title, message)
 
 
+def test_a_miss_says_how_the_link_was_turned() -> None:
+    turned = trace([1.0, 2.0], x=[1.0, 2.0], yaw=[0.5, 1.0], position=[0.25, 0.25])
+    upside = TargetOrientation(roll=2.0)
+    assert judged(Reach(link=SCAN, frame=WHEEL, x=0, y=0, orientation=upside), turned).message == (
+        "base_scan came no closer than 0.1049 m to (0, 0) in wheel_left_link, 115.2 deg off its orientation, in 2.0 s; "
+        "closest at 1.00 s with roll 0 deg, pitch -14.32 deg, yaw 0 deg"
+    )
+    assert judged(FinalPose(link=SCAN, orientation=upside), turned).message == (
+        "base_scan ended 123.4 deg off its orientation at 2.00 s with roll 0 deg, pitch 0 deg, yaw 57.3 deg; "
+        "it was closest at 1.00 s"
+    )
+    assert judged(FinalPose(x=1.0, orientation=upside), turned).message == (
+        "ended 1 m from x = 1 m, 123.4 deg off its orientation at 2.00 s with roll 0 deg, pitch 0 deg, yaw 57.3 deg; "
+        "it was closest at 1.00 s"
+    )
+    assert "with roll" not in judged(FinalPose(orientation=TargetOrientation(yaw=1.0)), turned).message
+
+
 def test_without_a_step_there_is_no_subject() -> None:
     assert judged(Reach(link=SCAN, x=0, y=0), trace([])).message == "no physics step to measure"
 
