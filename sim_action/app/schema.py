@@ -136,6 +136,13 @@ def _models() -> tuple[Schema, Schema]:
     return scenario, definitions
 
 
+_KEYWORDS: Final[Mapping[str, frozenset[str]]] = {
+    "string": frozenset({"minLength", "maxLength", "pattern"}),
+    "array": frozenset({"items", "minItems", "maxItems"}),
+}
+"""The keywords of JSON Schema for each type that the value of a command source may have."""
+
+
 def _let_map_hold_keys(name: str, kind: type[CommandSource], definitions: Schema) -> None:
     """Let the keys of a command source be written in a map below its own key."""
     if kind.map_key is None:
@@ -156,7 +163,7 @@ def _let_map_hold_keys(name: str, kind: type[CommandSource], definitions: Schema
         "additionalProperties": False,
     }
     values = {key: each for key, each in own.items() if key not in ("type", "description")}
-    alone = [{**values, "type": each} for each in types]
+    alone = [{"type": kind, **{key: values[key] for key in values if key in _KEYWORDS[kind]}} for kind in types]
     properties[name] = {"description": own["description"], "anyOf": [*alone, whole]}
 
 
