@@ -353,12 +353,19 @@ def _late_segments(path: KeyPath, source: Any, limit: float) -> Iterator[ClaimFi
             yield ClaimFinding("segment-beyond-run", (*below, "for"), f"{message}{hint}")
             return
         start += segment.duration
-    for index, point in enumerate(getattr(source, "points", ())):
+    pose = getattr(source, "pose", None)
+    yield from _late_points((*path, "joints"), getattr(source, "points", ()), limit)
+    yield from _late_points((*path, "pose", "waypoints"), getattr(pose, "waypoints", ()), limit)
+
+
+def _late_points(path: KeyPath, points: Sequence[Any], limit: float) -> Iterator[ClaimFinding]:
+    """Yield points with a time after the end of the run."""
+    for index, point in enumerate(points):
         at = getattr(point, "at", None)
         if at is not None and at > limit:
             message = f"this point is at {at:g} s, but the run ends at {limit:g} s (time_limit)"
             hint = f"; '{at:g} ms' meant?" if at >= _MANY_S else "; move it, or remove it"
-            yield ClaimFinding("segment-beyond-run", (*path, "joints", index, "at"), f"{message}{hint}")
+            yield ClaimFinding("segment-beyond-run", (*path, index, "at"), f"{message}{hint}")
 
 
 # From this number on, a time in s is probably one in ms.

@@ -225,6 +225,15 @@ def test_a_joint_point_beyond_the_run(tmp_path: Path) -> None:
     assert [rule for _, rule in warnings(tmp_path, arm(tmp_path, "settled") + points)] == ["segment-beyond-run"]
 
 
+def test_a_waypoint_of_a_link_beyond_the_run(tmp_path: Path) -> None:
+    text = (
+        "name: late\nrobot: {model: ur5e_gripper, joints: {elbow_joint: 90 deg}}\n"
+        "commands: {pose: {link: tool0, orientation: free, waypoints: [{z: 0.3, at: 2 s}, {z: 0.25, at: 4 s}]}}\n"
+        "expect: [{joint_within: {position: {elbow_joint: [0 deg, 170 deg]}}}]\ntime_limit: 3 s\n"
+    )
+    assert [rule for _, rule in warnings(tmp_path, text)] == ["segment-beyond-run"]
+
+
 def test_a_golden_file_of_one_row(tmp_path: Path) -> None:
     text = scenario("matches: {trace: golden.csv, position: 2 cm}")
     head = "# sim-action golden trajectory 1: turtlebot3_burger\ntime_s,x_m,y_m,z_m,yaw_rad\n"
