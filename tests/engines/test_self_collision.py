@@ -1,0 +1,84 @@
+"""The bound on the motion of two links against each other, by which a pair is measured again in time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim_action.core import geometry
+from sim_action.core.geometry import Pose
+from sim_action.core.workspace import Workspace
+from sim_action.engines.observers import Nearest
+from sim_action.engines.self_collision import SelfWatch, reaches
+from sim_action.robot.kinematics import link_poses
+from sim_action.robot.loading import load_model
+from sim_action.robot.robot_model import RobotModel
+from sim_action.robot.self_collision import touchable_pairs
+from sim_action.robot.spec import Robot
+from sim_action.state.trace import FloatArray
+from tests.soak import examples
+
+ARM = load_model(Robot(model="ur5e_gripper"), Workspace(Path("/"), Path("/")))
+JOINTS = [joint.name for joint in ARM.moving_joints]
+PAIRS = tuple(touchable_pairs(ARM))
+
+
+def corners(model: RobotModel, pose: Pose, link: str) -> FloatArray:
+    """The corners (P, 3) of the boxes around the shapes of a link."""
+    return np.array(
+        [
+            geometry.compose(geometry.compose(pose, shape.pose), Pose((x, y, z))).position_xyz
+            for shape in model.links_by_name[link].collisions
+            for x in (shape.lower_xyz[0], shape.upper_xyz[0])
+            for y in (shape.lower_xyz[1], shape.upper_xyz[1])
+            for z in (shape.lower_xyz[2], shape.upper_xyz[2])
+        ]
+    )
+
+
+def distances(positions: FloatArray) -> FloatArray:
+    """The least distance between the corners of each pair, (P,) m."""
+    poses = link_poses(ARM, dict(zip(JOINTS, positions.tolist(), strict=True)))
+    clouds = {link: corners(ARM, poses[link], link) for pair in PAIRS for link in pair}
+    return np.array([np.linalg.norm(clouds[one][:, None] - clouds[other], axis=2).min() for one, other in PAIRS])
+
+
+@examples(15)
+@given(st.integers(0, 2**32 - 1), st.sampled_from([1e-3, 0.1, 1.0]))
+def test_no_distance_changes_by_more_than_the_bound(seed: int, largest: float) -> None:
+    rng = np.random.default_rng(seed)
+    limits = [(joint.lower or 0.0, joint.upper or 0.0) for joint in ARM.moving_joints]
+    start = np.array([rng.uniform(low, high) for low, high in limits])
+    lower, upper = (np.array(side) for side in zip(*limits, strict=True))
+    end = np.clip(start + rng.uniform(-largest, largest, len(start)), lower, upper)
+    bounds = reaches(ARM, PAIRS, JOINTS) @ np.abs(end - start)
+    changes = np.abs(distances(end) - distances(start))
+    assert (changes <= bounds + 1e-9).all()
+
+
+def test_a_pair_is_measured_when_its_joints_can_have_closed_the_gap() -> None:
+    asked = list[tuple[str, str]]()
+
+    def nearest(link: str, other: str) -> Nearest:
+        asked.append((link, other))
+        return Nearest(0.5, (0.0, 0.0, 0.0))
+
+    pair = ("base_link", "wrist_3_link")
+    watch = SelfWatch(ARM, [pair], JOINTS, 100.0, nearest)
+    reach = float(reaches(ARM, [pair], JOINTS)[0, JOINTS.index("elbow_joint")])
+    for step, elbow in enumerate([0.0, 0.2 / reach, 0.4 / reach, 0.49 / reach, 0.51 / reach, 0.52 / reach], start=1):
+        watch.record(step, [elbow if name == "elbow_joint" else 0.0 for name in JOINTS])
+    assert asked == [pair] * 2
+    assert watch.collect() == ()
+
+
+@pytest.mark.parametrize(("depth", "touches"), [(0.00009, 0), (0.00011, 1)])
+def test_an_overlap_of_a_tenth_of_a_millimetre_is_a_touch(depth: float, touches: int) -> None:
+    pair = ("base_link", "wrist_3_link")
+    watch = SelfWatch(ARM, [pair], JOINTS, 100.0, lambda *_: Nearest(-depth, (0.0, 0.0, 0.0)))
+    watch.record(1, [0.0] * len(JOINTS))
+    assert len(watch.collect()) == touches
