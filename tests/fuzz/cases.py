@@ -278,6 +278,7 @@ _ANSWERS: Final = (
     "{}",
     "null",
     '{"effort": {"wheel_left_joint": 0.1}, "twist": {}}',
+    '{"wrenches": [{"link": "base_scan", "force": [0, 0, 1e1], "frame": "base"}, {"link": "base_footprint"}]}',
 )
 _PROGRAM: Final = b"""import sys
 for answer in open("answers.txt", "rb").read().split(b"\\n"):
