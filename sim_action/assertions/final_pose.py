@@ -170,7 +170,8 @@ class FinalPoseMonitor:
 
     def _miss(self) -> str:
         """Return the part of the message on the orientation and the closest approach: overshoot or shortfall."""
-        nearest, found = self.nearest, f" with {self.found}" if self.found else ""
+        nearest, is_turned = self.nearest, self.angle is not None and self.angle_error > self.angle.tolerance
+        found = f" with {self.found}" if is_turned and self.found else ""
         if (nearest.distance, nearest.angle_error or 0.0) == (self.distance, self.angle_error):
             return found
         near = "within tolerance" if nearest.state is State.HOLDS else "closest"

@@ -205,9 +205,11 @@ class ReachMonitor:
         return self.nearest.drawn(f"distance to {self.nearest.place}", trace.time, *self._errors(trace))
 
     def verdict(self) -> Verdict:
-        """Return the verdict; the message of a miss has the orientation."""
+        """Return the verdict; if the orientation was missed, the message has the one at the best step."""
         told = self.nearest.verdict()
-        return told if told.passed or not self.found else replace(told, message=f"{told.message} with {self.found}")
+        if not self.found or (self.nearest.angle_error or 0.0) <= self.nearest.angle_tolerance:
+            return told
+        return replace(told, message=f"{told.message} with {self.found}")
 
     def _errors(self, trace: Trace) -> tuple[FloatArray, FloatArray | None]:
         """Return (T,) m and (T,) rad; None instead of the error of the angle if none is required."""

@@ -115,7 +115,7 @@ def _rigid_links(leaves: Sequence[tuple[KeyPath, Any]], scene: Scene) -> Iterato
 
         names = scene.model.links_by_name
         link, frame = assertion.link or scene.model.root, link_of_frame(scene.model, assertion.frame)
-        if link == frame or link not in names or (frame != WORLD and frame not in names):
+        if link not in names or (frame != WORLD and (link == frame or frame not in names)):
             continue  # reported by the assertion itself
         if assertion.key == "settled" and assertion.joints:
             continue

@@ -154,6 +154,12 @@ def test_a_link_that_no_joint_moves_in_its_frame(arms: Path, expect: str, rigid:
     assert all(f"{rigid}: no joint is between them" in one.message for one in problem)
 
 
+def test_a_base_link_with_the_name_of_the_world_frame(tmp_path: Path) -> None:
+    text = "name: a\nrobot: {model: ur5e_gripper}\nexpect:\n  - max_speed: {link: world, linear: 1}\ntime_limit: 5 s\n"
+    (problem,) = refused(tmp_path, text, "fixed-base")
+    assert "link 'world' never moves in the frame 'world'" in problem.message
+
+
 @pytest.mark.parametrize("expect", ["max_speed: {link: tool, linear: 300 m/s}", "travel: {link: tool, at_most: 2 km}"])
 def test_the_limits_of_a_run_are_those_of_its_base(arms: Path, expect: str) -> None:
     assert refused(arms, scenario(expect, base="free")) == []

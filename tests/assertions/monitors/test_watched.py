@@ -191,7 +191,10 @@ def test_a_miss_says_how_the_link_was_turned() -> None:
         "ended 1 m from x = 1 m, 123.4 deg off its orientation at 2.00 s with roll 0 deg, pitch 0 deg, yaw 57.3 deg; "
         "it was closest at 1.00 s"
     )
-    assert "with roll" not in judged(FinalPose(orientation=TargetOrientation(yaw=1.0)), turned).message
+    right = TargetOrientation(yaw=1.0)
+    assert "with roll" not in judged(FinalPose(orientation=right), turned).message
+    assert "with roll" not in judged(FinalPose(x=9.0, orientation=right), turned).message
+    assert "with roll" not in judged(Reach(x=9.0, y=0, orientation=right), turned).message
 
 
 def test_without_a_step_there_is_no_subject() -> None:
