@@ -98,8 +98,9 @@ def burger() -> RobotModel:
 
 
 def scene(model: RobotModel | None = None) -> Scene:
-    """The burger, a wall and a ball."""
-    objects = (Body(name="wall", box=(0.1, 2.0, 0.5)), Body(name="ball", sphere=Sphere(radius=0.1)))
+    """The burger, a wall, a ball, and a cube that can move."""
+    fixed = Body(name="wall", box=(0.1, 2.0, 0.5)), Body(name="ball", sphere=Sphere(radius=0.1))
+    objects = (*fixed, Body(name="cube", box=(0.1, 0.1, 0.1), mass=1.0))
     model = model or burger()
     return Scene(DrivenRobot(model=BURGER), model, World(objects=objects), Physics(), HERE)
 

@@ -87,6 +87,12 @@ VERDICTS: Final = {
         "A link with a collision shape and a body of `to` were never there together, for example because the body "
         "appeared later. Or the run ended before `after`.",
     ),
+    "object": Verdicts(
+        "`reach`, `settled`, `moved` with `at_least` or `up`: the object was elsewhere or in motion, and then it came "
+        "true. `stay_within`, `upright`, `moved` with `at_most`: it held at every step.",
+        "The goal never came true, or only from t = 0 on; or a limit was exceeded at a step.",
+        "The object never appeared, or the run ended before `after`.",
+    ),
     "feet_on_ground": Verdicts(
         "At every step, at least `at_least` and at most `at_most` of the feet were on the ground. If no foot ever was, "
         "the [audit of claims](claims.md) adds a warning to an `at_most` above 0.",

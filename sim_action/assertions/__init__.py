@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, ClassVar, Final
+from typing import TYPE_CHECKING, ClassVar, Final, Self
 
 from sim_action.assertions.monitors import Monitor
 from sim_action.assertions.monitors.becoming import BecomingTrue, becoming_true
@@ -78,6 +78,20 @@ class Assertion(FrozenModel):
         return None
 
     @property
+    def states_span(self) -> bool:
+        """True if the user gave a key `for` of its own."""
+        return "span" in self.model_fields_set
+
+    @property
+    def is_explicit(self) -> bool:
+        """True if the user's key `for` is enough for a goal that is true from t = 0 on, once the robot has moved."""
+        return self.states_span
+
+    def lasting(self, span: float) -> Self:
+        """Return the assertion with `span` in s as its key `for`."""
+        return self.model_copy(update={"span": span})
+
+    @property
     def horizon(self) -> float:
         """The time in s, from the opening of its window, that a verdict on the whole assertion needs at least."""
         return self.hold_time or 0.0
@@ -93,7 +107,7 @@ class Assertion(FrozenModel):
         return self._becoming(scene, start, span)
 
     def _becoming(self, scene: Scene, start: Observation, span: float | None) -> BecomingTrue:
-        explicit = span is not None or "span" in self.model_fields_set
+        explicit = span is not None or self.is_explicit
         return becoming_true(self.monitor(scene, start), scene, start, span, self.hold_time, explicit=explicit)
 
     def signals(
@@ -168,6 +182,7 @@ ASSERTIONS: Final = Table[type[Assertion]](
         "max_speed": "sim_action.assertions.max_speed:MaxSpeed",
         "stay_within": "sim_action.assertions.stay_within:StayWithin",
         "clearance": "sim_action.assertions.clearance:Clearance",
+        "object": "sim_action.assertions.object:ObjectAssertion",
         "feet_on_ground": "sim_action.assertions.legs:FeetOnGround",
         "support_margin": "sim_action.assertions.legs:SupportMargin",
         "follow_path": "sim_action.assertions.follow_path:FollowPath",

@@ -159,9 +159,9 @@ class PartReader:
         assertion, options = found
         span = options.span
         if span is not None and assertion.hold_time is not None:
-            if "span" in assertion.model_fields_set:
+            if assertion.states_span:
                 self._problems.note((*path, "for"), f"'{assertion.key}' has 'for' already; remove one of the two")
-            assertion, span = assertion.model_copy(update={"span": span}), None
+            assertion, span = assertion.lasting(span), None
         if span is not None and (reason := _why_not_for(assertion)) is not None:
             self._problems.note((*path, "for"), reason)
         if options.before is not None and options.before <= options.after:

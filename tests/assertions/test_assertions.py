@@ -23,6 +23,7 @@ from sim_action.assertions.legs import FeetOnGround, SupportMargin
 from sim_action.assertions.max_speed import MaxSpeed
 from sim_action.assertions.monitors import State
 from sim_action.assertions.no_collision import NoCollision
+from sim_action.assertions.object import Moved, ObjectAssertion
 from sim_action.assertions.odometry_error import OdometryError
 from sim_action.assertions.reach import Reach
 from sim_action.assertions.sensor import SensorReading
@@ -31,7 +32,7 @@ from sim_action.assertions.stay_within import StayWithin
 from sim_action.assertions.stops_before import StopsBefore
 from sim_action.assertions.temporal_logic.stl_assertion import Stl
 from sim_action.assertions.upright import Upright
-from sim_action.state.trace_records import ClearanceRecord, ContactRecord, LinkTouch, Nearness, SensorRecord
+from sim_action.state.trace_records import BodyRecord, ClearanceRecord, ContactRecord, LinkTouch, Nearness, SensorRecord
 from sim_action.state.verdict import Judged
 from tests.traces import WHEELS, monitor, scene, trace
 
@@ -55,6 +56,9 @@ GOALS: list[Assertion] = [
     AllOf(parts=(Travel(at_least=1.0), NoCollision())),
     AtOnce(parts=(Reach(x=5.0, y=5.0), Upright())),
     Negation(part=NoCollision()),
+    ObjectAssertion(name="cube", reach=Reach(x=5.0, y=5.0)),
+    ObjectAssertion(name="cube", moved=Moved(up=1.0)),
+    ObjectAssertion(name="cube", settled=Settled()),
 ]
 INVARIANTS: list[Assertion] = [
     Travel(at_most=1.0),
@@ -79,6 +83,8 @@ INVARIANTS: list[Assertion] = [
     Energy(at_most=1.0),
     FeetOnGround(links=WHEELED, at_most=1),
     SupportMargin(links=WHEELED),
+    ObjectAssertion(name="cube", upright=Upright()),
+    ObjectAssertion(name="cube", moved=Moved(at_most=1.0, frame="base_scan")),
 ]
 
 
@@ -98,7 +104,9 @@ def test_a_goal_is_pending_at_first_and_fails_if_nothing_comes(spec: Assertion) 
 def test_an_invariant_holds_at_first(spec: Assertion) -> None:
     assert monitor(spec).state is State.HOLDS
     verdict = monitor(spec).observe(trace([0.1])).verdict()
-    reads_more = isinstance(spec, Clearance | SensorReading | OdometryError | FeetOnGround | SupportMargin)
+    reads_more = isinstance(
+        spec, Clearance | SensorReading | OdometryError | FeetOnGround | SupportMargin | ObjectAssertion
+    )
     assert verdict.counted(Judged(1, 0.1, 0.1)).status == ("not_exercised" if reads_more else "passed")
 
 
@@ -127,7 +135,8 @@ def test_every_verdict_is_of_plain_python_types(spec: Assertion) -> None:
     up = LinkTouch("", "ground", (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 1.0)
     feet = dict.fromkeys(WHEELED, ContactRecord.of([(0.1, up), (0.2, up)]))
     near_by = dict.fromkeys(spec.channels.clearances, near)
-    told = replace(seen, clearances=near_by, sensors=sensors, link_contacts=feet)
+    cube = BodyRecord(seen.time, np.array([[1.0, 0, 0], [3.0, 0, 0]]), np.tile([0.0, 0, 0, 1.0], (2, 1)))
+    told = replace(seen, clearances=near_by, sensors=sensors, link_contacts=feet, objects={"cube": cube})
     verdict = monitor(spec).observe(told).verdict()
     assert type(verdict.passed) is bool
     assert {type(value) for value in (verdict.measured, verdict.limit, verdict.margin, verdict.time)} <= {float}

@@ -107,7 +107,7 @@ def test_names_that_are_not_there_are_told_with_the_nearest() -> None:
     spec = Clearance(at_least=0.5, to=("wal", "ground"), links=("base_scan", "base_link"))
     (body, link) = spec.problems(scene())
     assert body[0] == ("to", 0)
-    assert body[1].startswith("the world has no body 'wal'; did you mean 'wall'? (allowed: ball, ground, wall")
+    assert body[1].startswith("the world has no body 'wal'; did you mean 'wall'? (allowed: ball, cube, ground, wall")
     # The burger's base_link has no shape: nothing is ever near it.
     assert link[0] == ("links", 1)
     assert link[1].startswith("the robot has no link 'base_link' with a collision shape; did you mean 'base_scan'?")

@@ -29,6 +29,7 @@ from sim_action.assertions.max_speed import MaxSpeed
 from sim_action.assertions.monitors import Monitor, State, is_decided
 from sim_action.assertions.monitors.window import Window
 from sim_action.assertions.no_collision import NoCollision
+from sim_action.assertions.object import Moved, ObjectAssertion
 from sim_action.assertions.odometry_error import OdometryError
 from sim_action.assertions.reach import Reach, TargetOrientation
 from sim_action.assertions.self_collision import SelfCollision
@@ -119,6 +120,12 @@ SPECS: list[Assertion] = [
     FeetOnGround(links=("wheel_*", "caster_back_link"), at_least=2),
     FeetOnGround(links=("wheel_*",), at_most=1, on=("ground", "wall")),
     SupportMargin(links=FEET, at_least=-0.2),
+    ObjectAssertion(name="cube", reach=Reach(x=0.3, y=0.3, tolerance=0.4, frame="base_scan")),
+    ObjectAssertion(name="cube", stay_within=StayWithin(z=(-1.0, 1.0))),
+    ObjectAssertion(name="cube", upright=Upright(max_tilt=1.5)),
+    ObjectAssertion(name="cube", settled=Settled.model_validate({"for": 0.02, "speed": 40.0, "turn_rate": 200.0})),
+    ObjectAssertion(name="cube", moved=Moved(up=0.3)),
+    ObjectAssertion(name="cube", moved=Moved(at_least=0.4, at_most=1.0)),
     Stl(formula="always (speed < 2 implies eventually[0 s, 50 ms] (travel > 30 cm))"),
     Stl(formula="(tilt < 1 until[20 ms, 100 ms] x > 0.2) or always (eventually (y > 0.4))"),
     Stl(formula="always (base_scan.z > 0.1 implies eventually[0 s, 50 ms] (distance(base_scan, ball) > 20 cm))"),
@@ -187,7 +194,7 @@ def random_trace(seed: int, steps: int = STEPS) -> Trace:
     )
     sensors = {"scan": random_scans(rng, time - 1 / RATE), "odometry": random_odometry(rng, time - 1 / RATE)}
     clearances = {watch: random_clearances(rng, watch, time) for watch in WATCHES}
-    objects = {name: random_poses(rng, time) for name in ("wall", "ball")}
+    objects = {name: random_poses(rng, time) for name in ("wall", "ball", "cube")}
     feet = {foot: random_steps(rng, foot, time) for foot in FEET}
     touching = [float(at) for at in time if rng.random() < density]
     own = tuple(SelfContact(at, "base_footprint", str(rng.choice(LINKS)), (0.0, 0.0, 0.1), 1.0) for at in touching)

@@ -34,6 +34,7 @@ from sim_action.assertions.max_speed import MaxSpeed
 from sim_action.assertions.monitors import State
 from sim_action.assertions.monitors.window import Window
 from sim_action.assertions.no_collision import NoCollision
+from sim_action.assertions.object import Moved, ObjectAssertion
 from sim_action.assertions.odometry_error import OdometryError
 from sim_action.assertions.reach import Reach
 from sim_action.assertions.sensor import SensorReading
@@ -155,6 +156,10 @@ LIMITS: Final[Mapping[str, list[Limit]]] = {
         Limit(lambda j: Energy(at_most=j, braking="costs", joints=(LEFT,))),
     ],
     "support_margin": [lower(lambda m: SupportMargin(links=("wheel_*", "caster_back_link"), at_least=m))],
+    "object": [
+        Limit(lambda m: ObjectAssertion(name="cube", moved=Moved(at_most=m))),
+        lower(lambda m: ObjectAssertion(name="cube", stay_within=StayWithin(y=(m, 2 * FAR)))),
+    ],
     "stl": [
         Limit(lambda v: Stl(formula=f"always speed < {v:.12f} m/s")),
         Limit(lambda m: Stl(formula=f"always[0 s, 50 ms] travel < {m:.12f} m")),
@@ -238,6 +243,19 @@ def near_left(seen: Trace) -> float:
     return float(np.abs(seen.joint_position[:, 0] - 1.0).min())
 
 
+def cube_places(seen: Trace) -> list[list[float]]:
+    return [place for place in seen.objects["cube"].position_xyz.tolist() if math.isfinite(place[0])]
+
+
+def cube_nearest(seen: Trace) -> float:
+    return min(math.dist((0.3, 0.3), place[:2]) for place in cube_places(seen))
+
+
+def cube_moved(seen: Trace) -> float:
+    first, *later = cube_places(seen)
+    return max(math.dist(first, place) for place in later)
+
+
 def lasted(seen: Trace) -> float:
     return float(seen.time[-1])
 
@@ -289,6 +307,12 @@ GOALS: Final[Mapping[str, list[Extreme]]] = {
     "joint": [
         Extreme(lambda a: JointReading(name=LEFT, at_least=a), lambda seen: float(seen.joint_position[:, 0].max())),
         Extreme(lambda a: JointReading(name=LEFT, near=1.0, tolerance=a), near_left, least=True),
+    ],
+    "object": [
+        Extreme(
+            lambda m: ObjectAssertion(name="cube", reach=Reach(x=0.3, y=0.3, tolerance=m)), cube_nearest, least=True
+        ),
+        Extreme(lambda m: ObjectAssertion(name="cube", moved=Moved(at_least=m)), cube_moved),
     ],
     "stl": [
         Extreme(lambda a: Stl(formula=f"eventually tilt > {a:.12f} rad"), lambda seen: float(seen.tilt.max())),

@@ -1,0 +1,386 @@
+"""`object: {name: cube, moved: {up: 10 cm}}`: a body of the world reaches a place, stays, stands, rests or moves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Self
+
+from pydantic import Field, model_validator
+
+from sim_action.assertions import Assertion
+from sim_action.assertions.monitors import (
+    ConditionMonitor,
+    Monitor,
+    State,
+    Truth,
+    begun,
+    has_truth,
+    is_decided,
+    is_plottable,
+    needed_until,
+)
+from sim_action.assertions.monitors.bounds import Bounds, SignalMonitor, bounds_title, check_bounds
+from sim_action.assertions.monitors.watched import MotionAssertion, Watched
+from sim_action.assertions.monitors.window import counted
+from sim_action.assertions.reach import Reach
+from sim_action.assertions.settled import Settled
+from sim_action.assertions.stay_within import StayWithin
+from sim_action.assertions.upright import Upright
+from sim_action.core import units
+from sim_action.core.field_types import NonNegativeMetres, PositiveMetres
+from sim_action.core.geometry import Pose, Twist
+from sim_action.core.units import TIME_EPSILON_S
+from sim_action.core.wording import did_you_mean
+from sim_action.core.yaml_errors import SpecProblems
+from sim_action.robot.robot_model import WORLD
+from sim_action.state.trace_channels import Channels
+from sim_action.state.verdict import Judged, Mark, Signal, Verdict
+from sim_action.world.scene import Scene
+
+if TYPE_CHECKING:
+    from sim_action.state.observation import Observation
+    from sim_action.state.trace import FloatArray, Trace
+
+_KINDS: Final = ("reach", "stay_within", "upright", "settled", "moved")
+
+
+class Moved(MotionAssertion):
+    """An object moves away from the place where it was at t = 0, or where it appeared.
+
+    `at_least` is a goal and `at_most` an invariant on the distance in space. `up` is a goal on the height gained.
+    """
+
+    key: ClassVar[str] = "moved"
+
+    at_least: Annotated[PositiveMetres | None, Field(description="a goal: distance from its start")] = None
+    at_most: Annotated[NonNegativeMetres | None, Field(description="an invariant: distance from its start")] = None
+    up: Annotated[PositiveMetres | None, Field(description="a goal: height gained along the z axis of 'frame'")] = None
+
+    @model_validator(mode="after")
+    def _has_a_bound(self) -> Self:
+        if self.up is None:
+            check_bounds(self.at_least, self.at_most, "m")
+        elif self.at_least is not None or self.at_most is not None:
+            raise ValueError("'up' stands alone; for a limit of the distance as well, add a second 'object'")
+        return self
+
+    @property
+    def is_goal(self) -> bool:
+        """See Assertion.is_goal."""
+        return self.at_least is not None or self.up is not None
+
+    @property
+    def has_truth(self) -> bool:
+        """See Assertion.has_truth."""
+        return True
+
+    def title_of(self, watched: Watched) -> str:
+        """See MotionAssertion.title_of."""
+        if self.up is not None:
+            return f"{self.key_of(watched)} up by {units.display(self.up, 'm')}"
+        return f"{self.key_of(watched)} {bounds_title(self.at_least, self.at_most, 'm')}"
+
+    def opened_on(self, watched: Watched, scene: Scene, start: Observation) -> Monitor:
+        """See MotionAssertion.opened_on."""
+        place = start.pose.position_xyz
+        if self.up is not None:
+            rise = Bounds("rose", "m", self.up, None)
+            return SignalMonitor("height gained", lambda trace: trace.base_position_xyz[:, 2] - place[2], rise)
+        bounds = Bounds("moved", "m", self.at_least, self.at_most)
+        return SignalMonitor("moved", lambda trace: trace.distance_to(place), bounds)
+
+
+class ObjectAssertion(Assertion):
+    """An object of the world does what one of the keys below `name` says.
+
+    The keys have the words and fields of the assertions on the robot, without `link`: `reach` and `settled` are goals,
+    `stay_within` and `upright` are invariants. `moved` is the distance from where the object was at t = 0, or where it
+    appeared: lifted by 10 cm is `moved: {up: 10 cm}`, and still there is `moved: {at_most: 1 cm}`. Its pose is that of
+    its centre, as in `world.objects`; `frame` leads to the pose that a link sees, so `moved: {at_most: 1 cm, frame:
+    gripper}` says that a held object does not slip. The object must have a mass or a path. It is judged at the steps at
+    which it is there; its speed is the distance from step to step.
+    """
+
+    key: ClassVar[str] = "object"
+
+    name: Annotated[str, Field(min_length=1, description="name of the object")]
+    reach: Annotated[Reach | None, Field(description="a goal: it comes to a place")] = None
+    stay_within: Annotated[StayWithin | None, Field(description="an invariant: it stays inside a box")] = None
+    upright: Annotated[Upright | None, Field(description="an invariant: it does not tip over")] = None
+    settled: Annotated[Settled | None, Field(description="a goal: it comes to rest")] = None
+    moved: Annotated[Moved | None, Field(description="it moves away from its start, or does not")] = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _takes_keys_alone(cls, data: Any) -> Any:
+        if not isinstance(data, dict):
+            return data
+        return {key: {} if value is None and key in _KINDS else value for key, value in data.items()}
+
+    @model_validator(mode="after")
+    def _has_one_kind(self) -> Self:
+        given = [kind for kind in _KINDS if getattr(self, kind) is not None]
+        if len(given) != 1:
+            found = f"found {' and '.join(given)}: begin a second 'object'" if given else "none is given"
+            raise ValueError(f"give one of {', '.join(_KINDS)}; {found}")
+        return self
+
+    @property
+    def part(self) -> MotionAssertion:
+        """The assertion on its motion."""
+        found = (getattr(self, kind) for kind in _KINDS)
+        part: MotionAssertion = next(part for part in found if part is not None)
+        return part
+
+    @property
+    def channels(self) -> Channels:
+        """See Assertion.channels."""
+        return Channels(objects=frozenset({self.name}))
+
+    @property
+    def is_goal(self) -> bool:
+        """See Assertion.is_goal."""
+        return self.part.is_goal
+
+    @property
+    def has_truth(self) -> bool:
+        """See Assertion.has_truth."""
+        return self.part.has_truth
+
+    @property
+    def hold_time(self) -> float | None:
+        """See Assertion.hold_time."""
+        return self.part.hold_time
+
+    @property
+    def states_span(self) -> bool:
+        """See Assertion.states_span."""
+        return self.part.states_span
+
+    def lasting(self, span: float) -> Self:
+        """See Assertion.lasting."""
+        return self.model_copy(update={self.part.key: self.part.lasting(span)})
+
+    @property
+    def horizon(self) -> float:
+        """See Assertion.horizon."""
+        return self.part.horizon
+
+    @property
+    def title(self) -> str:
+        """See Assertion.title."""
+        return f"object {self.part.title_of(self.watched)}"
+
+    @property
+    def watched(self) -> Watched:
+        """The name of the object and the frame, without its motion."""
+        return Watched(self.name, self.part.frame)
+
+    def problems(self, scene: Scene) -> SpecProblems:
+        """Yield an unknown object, one that cannot move, an unknown frame, and keys of the robot."""
+        bodies = {body.name: body for body in scene.world.objects}
+        body, part = bodies.get(self.name), self.part
+        if body is None:
+            yield ("name",), f"the world has no body '{self.name}'{did_you_mean(self.name, bodies)}"
+        elif body.mass is None and not body.path:
+            yield ("name",), f"'{self.name}' has no mass and no path, so it never moves; name an object that can move"
+        if part.link is not None:
+            yield (part.key, "link"), "an object is judged, not a link; remove 'link', or see 'frame'"
+        if isinstance(part, Settled) and part.joints is not None:
+            yield (part.key, "joints"), "an object has no joints; remove 'joints'"
+        if part.frame != WORLD:
+            from sim_action.robot.link_motion import why_no_frame
+
+            if (problem := why_no_frame(scene.model, part.frame)) is not None:
+                yield (part.key, "frame"), problem
+
+    def monitor(self, scene: Scene, start: Observation) -> Monitor:
+        """See Assertion.monitor."""
+        appears = next((body.appears or 0.0 for body in scene.world.objects if body.name == self.name), 0.0)
+        return ObjectMonitor(self, scene, start, appears)
+
+    @property
+    def is_explicit(self) -> bool:
+        """See Assertion.is_explicit. An object that comes to rest must have moved, not only the robot."""
+        return False
+
+    def marks(self, scene: Scene, start: Observation) -> tuple[Mark, ...]:
+        """See Assertion.marks."""
+        return self.part.marks_of(self.watched, scene, start)
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectMonitor:
+    """The monitor of the motion of an object: that of the base of a trace, which gets the motion of the object.
+
+    Attributes:
+        start: the state of the robot at t = 0.
+        appears: sim time in s at which the object appears.
+        monitor: the monitor of its motion; None until the object is there.
+        known: time and pose (8,) at the last two steps at which it was there, as far as they are known.
+        steps: the steps at which it was judged.
+        end: sim time of the last step, in s.
+    """
+
+    spec: ObjectAssertion
+    scene: Scene
+    start: Observation
+    appears: float
+    monitor: ConditionMonitor | None = None
+    known: tuple[tuple[float, ...], ...] = ()
+    steps: Judged = Judged()
+    end: float | None = None
+
+    @property
+    def is_momentary(self) -> bool:
+        """See PlottableMonitor.is_momentary. Speeds need the step before."""
+        return not isinstance(self.spec.part, Settled)
+
+    @property
+    def _began(self) -> State:
+        return State.PENDING if self.spec.is_goal else State.HOLDS
+
+    @property
+    def state(self) -> State:
+        """See Monitor.state."""
+        return self._began if self.monitor is None else self.monitor.state
+
+    @property
+    def is_decided(self) -> bool:
+        """See DecidingMonitor.is_decided."""
+        return self.monitor is not None and is_decided(self.monitor, self._began)
+
+    @property
+    def needed_until(self) -> float:
+        """See BoundedMonitor.needed_until. An object that is not there yet is waited for."""
+        return self.appears if self.monitor is None else needed_until(self.monitor)
+
+    def begin(self, trace: Trace) -> Self:
+        """See CumulativeMonitor.begin."""
+        seen = self._seen(trace)
+        if not len(seen):
+            return replace(self, known=self._known(trace))
+        opened = self._opened(seen)
+        return replace(self, monitor=begun(opened, seen), known=self._known(trace))
+
+    def observe(self, trace: Trace) -> Self:
+        """See Monitor.observe."""
+        end = float(trace.time[-1]) if len(trace) else self.end
+        seen = self._seen(trace)
+        if not len(seen):
+            return replace(self, end=end, known=self._known(trace))
+        monitor, steps = self._opened(seen).observe(seen), counted(self.steps, seen)
+        return replace(self, end=end, monitor=monitor, steps=steps, known=self._known(trace))
+
+    def truth(self, trace: Trace) -> Truth:
+        """See ConditionMonitor.truth. The moments are the steps at which the object is there."""
+        seen = self._seen(trace)
+        if not len(seen):
+            return Truth(seen.time, seen.time < 0)
+        return self._opened(seen).truth(seen)
+
+    def signals(self, trace: Trace) -> tuple[Signal, ...]:
+        """See PlottableMonitor.signals."""
+        seen = self._seen(trace)
+        monitor = self._opened(seen) if len(seen) else None
+        if monitor is None or not is_plottable(monitor):
+            return ()
+        return tuple(replace(curve, name=f"{self._subject}{curve.name}") for curve in monitor.signals(seen))
+
+    def verdict(self) -> Verdict:
+        """Return the verdict of the monitor; the message names the object."""
+        if self.monitor is None or not self.steps.moments:
+            return Verdict(False, message=self._absent(), judged=Judged())
+        verdict = replace(self.monitor.verdict(), judged=self.steps)
+        return verdict if verdict.time is None else replace(verdict, message=f"{self._subject}{verdict.message}")
+
+    @property
+    def _subject(self) -> str:
+        part, watched = self.spec.part, self.spec.watched
+        return f"{watched.who if part.names_frame else watched.subject}{part.subject_ends}"
+
+    def _absent(self) -> str:
+        if self.end is None or self.end >= self.appears:
+            return f"no pose of {self.spec.name} to measure"
+        due = f"it is due at {self.appears:g} s, but the run ended at {self.end:.4g} s"
+        return f"{self.spec.name} never appeared: {due}"
+
+    def _opened(self, seen: Trace) -> ConditionMonitor:
+        """Return the monitor of the motion; it begins at the first step of `seen` if there is none yet."""
+        if self.monitor is not None:
+            return self.monitor
+        x, y, z, qx, qy, qz, qw, vx, vy, vz, wx, wy, wz = seen.state[0, 1:14].tolist()
+        start = replace(self.start, pose=Pose((x, y, z), (qx, qy, qz, qw)), twist=Twist((vx, vy, vz), (wx, wy, wz)))
+        monitor = self.spec.part.opened_on(self.spec.watched, self.scene, start)
+        assert has_truth(monitor), "all kinds are true or false at a moment"
+        return monitor
+
+    def _present(self, trace: Trace) -> Trace:
+        """Return the steps at which the object is there."""
+        import numpy as np
+
+        record = trace.objects.get(self.spec.name)
+        if record is None or not len(record):
+            return trace.rows(slice(0))
+        there = np.isfinite(record.position_xyz[:, 0])
+        return trace if there.all() else trace.rows(np.flatnonzero(there))
+
+    def _known(self, trace: Trace) -> tuple[tuple[float, ...], ...]:
+        here = self._present(trace)
+        latest = _poses(here, self.spec.name)[-2:].tolist() if len(here) else []
+        return (*self.known, *map(tuple, latest))[-2:]
+
+    def _seen(self, trace: Trace) -> Trace:
+        """Return the steps at which the object is there and its speed, if that counts, is known.
+
+        Their base has the motion of the object. Its speed is the distance from the step before.
+        """
+        import numpy as np
+
+        from sim_action.robot.link_motion import LinkMotion, link_motion, link_of_frame
+
+        here = self._present(trace)
+        if not len(here):
+            return here
+        rows = _poses(here, self.spec.name)
+        # The first step may be known already: the one at which a time window opens.
+        before = [row for row in self.known if row[0] < rows[0, 0] - TIME_EPSILON_S]
+        linear, angular = _rates(np.vstack((before[-1] if before else rows[0], rows)))
+        motion = LinkMotion(rows[:, 1:4], rows[:, 4:8], linear, angular)
+        if self.spec.part.frame != WORLD:
+            frame = link_of_frame(self.scene.model, self.spec.part.frame)
+            motion = motion.seen_from(link_motion(self.scene.model, here, frame))
+        columns = (motion.position_xyz, motion.orientation_xyzw, motion.linear_xyz, motion.angular_xyz)
+        seen = replace(here, state=np.column_stack((here.time, *columns, here.state[:, 14:])))
+        needs_speed = isinstance(self.spec.part, Settled) and not before
+        return seen.rows(slice(1, None)) if needs_speed else seen
+
+
+def _poses(trace: Trace, name: str) -> FloatArray:
+    """Return time and pose (T, 8) of an object."""
+    import numpy as np
+
+    record = trace.objects[name]
+    return np.column_stack((record.time, record.position_xyz, record.orientation_xyzw))
+
+
+def _rates(rows: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the mean velocities (T, 3) m/s and (T, 3) rad/s from each row of time and pose (T + 1, 8) to the next.
+
+    They are 0 between rows of the same time.
+    """
+    import numpy as np
+
+    from sim_action.core import geometry
+
+    before, after = rows[:-1], rows[1:]
+    elapsed = after[:, :1] - before[:, :1]
+    factor = np.divide(1.0, elapsed, out=np.zeros_like(elapsed), where=elapsed > 0)
+    there, back = tuple(after[:, 4:8].T), geometry.conjugate(tuple(before[:, 4:8].T))
+    turn = np.column_stack(geometry.multiply(there, back))
+    # A quaternion and its negative are the same orientation.
+    turn = np.where(turn[:, 3:] < 0, -turn, turn)
+    sine = np.sqrt((turn[:, :3] ** 2).sum(axis=1, keepdims=True))
+    angle = 2 * np.arctan2(sine, turn[:, 3:])
+    scale = np.divide(angle, sine, out=np.full_like(sine, 2.0), where=sine > 0)
+    return (after[:, 1:4] - before[:, 1:4]) * factor, turn[:, :3] * scale * factor

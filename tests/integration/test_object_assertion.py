@@ -1,0 +1,116 @@
+"""Claims on bodies of the world on every engine: they barely hold and barely fail where formulas say so."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sim_action.scenario.loading import build_scene
+from sim_action.simulation.loop import SimulationRun, simulate
+from tests.integration.engines import on_every_engine
+from tests.scenarios import load
+
+GRAVITY = 9.80665
+RATE = 240
+# The crate rises by 20 cm, tips by 30 deg and moves 40 cm along x from 0.25 s to 0.5 s, and then stands.
+CRATE = {
+    "name": "crate",
+    "box": [0.1, 0.1, 0.1],
+    "pose": {"x": -1.0, "z": 0.5},
+    "path": [
+        {"at": 0.25, "x": -1.0, "z": 0.5},
+        {"at": 0.5, "x": -0.6, "z": 0.7, "roll": "30 deg"},
+    ],
+}
+BALL = {"name": "ball", "sphere": {"radius": 0.1}, "mass": 0.1, "pose": {"x": 1.0, "y": 2.0, "z": 2.0}}
+PARCEL = {"name": "parcel", "box": [0.1, 0.1, 0.1], "mass": 1, "pose": {"x": -2, "z": 2}, "appears": 0.25}
+END = 0.75
+
+
+def run(folder: Path, engine: str, *asked: dict[str, Any], **keys: Any) -> SimulationRun:
+    scenario = {
+        "name": "objects move",
+        "robot": {"model": "turtlebot3_burger"},
+        "physics": {"settle": 0},
+        "world": {"objects": [CRATE, BALL, PARCEL]},
+        "expect": [{"object": one, "severity": "warning"} for one in asked],
+        "allow": ["warnings-only"],
+        "duration": END,
+        "time_limit": END,
+        "trace": {"rate": RATE},
+        "backend": engine,
+        **keys,
+    }
+    loaded = load(folder, json.dumps(scenario))
+    return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+
+
+def fallen(steps: int) -> float:
+    """The height that a body has lost after these steps: both engines integrate semi-implicitly."""
+    return GRAVITY / RATE**2 * steps * (steps + 1) / 2
+
+
+@on_every_engine
+def test_limits_on_a_body_on_a_path(engine: str, tmp_path: Path) -> None:
+    way, eps = math.hypot(0.4, 0.2), 1e-4
+    pairs: list[tuple[dict[str, Any], dict[str, Any]]] = [
+        ({"moved": {"up": 0.2 - eps}}, {"moved": {"up": 0.2 + eps}}),
+        ({"moved": {"at_least": way - eps}}, {"moved": {"at_least": way + eps}}),
+        ({"moved": {"at_most": way + eps}}, {"moved": {"at_most": way - eps}}),
+        ({"upright": {"max_tilt": "30.01 deg"}}, {"upright": {"max_tilt": "29.99 deg"}}),
+        ({"stay_within": {"z": [0.4, 0.7 + eps]}}, {"stay_within": {"z": [0.4, 0.7 - eps]}}),
+        (
+            {"reach": {"x": -0.5, "y": 0, "z": 0.7, "tolerance": 0.1 + eps}},
+            {"reach": {"x": -0.5, "y": 0, "z": 0.7, "tolerance": 0.1 - eps}},
+        ),
+        # It is at rest from one step after its arrival on.
+        ({"settled": {"for": END - 0.5 - 1.5 / RATE}}, {"settled": {"for": END - 0.5 + 0.5 / RATE}}),
+    ]
+    asked = [{"name": "crate", **one} for pair in pairs for one in pair]
+    verdicts = run(tmp_path, engine, *asked).verdicts
+    assert [verdict.passed for verdict in verdicts] == [True, False] * len(pairs)
+
+
+@on_every_engine
+def test_limits_on_bodies_that_fall(engine: str, tmp_path: Path) -> None:
+    # The parcel appears at 0.25 s and falls until the end.
+    there = round((END - 0.25) * RATE)
+    way = fallen(there)
+    asked = [
+        {"name": "parcel", "moved": {"at_least": way - 1e-5}},
+        {"name": "parcel", "moved": {"at_least": way + 1e-5}},
+        {"name": "parcel", "stay_within": {"z": [2 - way - 1e-5, 2.001]}},
+        {"name": "parcel", "stay_within": {"z": [2 - way + 1e-5, 2.001]}},
+    ]
+    found = run(tmp_path, engine, *asked)
+    assert [verdict.passed for verdict in found.verdicts] == [True, False, True, False]
+    assert [verdict.judged.moments for verdict in found.verdicts if verdict.judged] == [there + 1] * 4
+
+
+@on_every_engine
+def test_a_body_that_never_appeared_was_not_judged(engine: str, tmp_path: Path) -> None:
+    asked = [{"object": {"name": "parcel", "upright": {}}}, {"object": {"name": "ball", "moved": {"at_most": 0.01}}}]
+    parcel, ball = run(tmp_path, engine, expect=asked, allow=[]).verdicts
+    assert (parcel.status, ball.status) == ("not_exercised", "failed")
+    assert "never appeared: it is due at 0.25 s, but the run ended at 0.0" in parcel.message
+
+
+@on_every_engine
+def test_a_link_of_the_robot_sees_a_body(engine: str, tmp_path: Path) -> None:
+    drive = {"twist": [{"linear": 0.2, "angular": 1.0}]}
+    frames = {"physics": {"settle": 1}, "commands": drive}
+    loose = run(tmp_path, engine, {"name": "crate", "moved": {"at_most": 100, "frame": "base_scan"}}, **frames)
+    trace, crate = loose.trace, loose.trace.objects["crate"].position_xyz
+    # The scanner stands at (-0.064, 0, 0.122 + 0.01) in the base's frame, and its axes are those of the base.
+    turn = -trace.yaw
+    along, across = (crate - trace.base_position_xyz)[:, :2].T
+    seen = np.column_stack((np.cos(turn) * along - np.sin(turn) * across, np.sin(turn) * along + np.cos(turn) * across))
+    farthest = float(np.sqrt(((seen - seen[0]) ** 2).sum(axis=1) + (crate[:, 2] - crate[0, 2]) ** 2).max())
+    assert loose.verdicts[0].measured == pytest.approx(farthest, abs=2e-3)
+    limits = [{"name": "crate", "moved": {"at_most": farthest + more, "frame": "base_scan"}} for more in (3e-3, -3e-3)]
+    assert [verdict.passed for verdict in run(tmp_path, engine, *limits, **frames).verdicts] == [True, False]
