@@ -64,7 +64,7 @@ ASSERTION_PAGES: Final = {
     ),
     "assertions-contact.md": (
         *("no_collision", "self_collision", "contact", "stops_before", "clearance"),
-        *("object", "feet_on_ground", "support_margin"),
+        *("object", "grasped", "feet_on_ground", "support_margin"),
     ),
     "assertions-joints.md": ("joint", "joint_within", "effort", "energy", "sensor", "odometry_error"),
     "assertions-logic.md": ("any_of", "all_of", "at_once", "not", "stl", "matches", "assertion"),
@@ -85,6 +85,7 @@ ASSERTION_KINDS: Final = {
     "stay_within": "invariant",
     "clearance": "`at_least`: invariant; `at_most`: goal",
     "object": "`reach`, `settled`, `moved: at_least`, `moved: up`: goal; others: invariant",
+    "grasped": "goal",
     "feet_on_ground": "invariant",
     "support_margin": "invariant",
     "follow_path": "`max_error`: invariant; `end`: goal; `rms`: judged at the end",

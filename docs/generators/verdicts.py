@@ -93,6 +93,11 @@ VERDICTS: Final = {
         "The goal never came true, or only from t = 0 on; or a limit was exceeded at a step.",
         "The object never appeared, or the run ended before `after`.",
     ),
+    "grasped": Verdicts(
+        "The object was not held, and then it was held for the time `for`, with at least `at_least`.",
+        "The object was never held so long or so strongly, or only from t = 0 on.",
+        "The run ended before `after`.",
+    ),
     "feet_on_ground": Verdicts(
         "At every step, at least `at_least` and at most `at_most` of the feet were on the ground. If no foot ever was, "
         "the [audit of claims](claims.md) adds a warning to an `at_most` above 0.",

@@ -12,7 +12,7 @@ from sim_action.assertions import ASSERTIONS, Assertion
 from sim_action.assertions.at_once import AtOnce
 from sim_action.assertions.clearance import Clearance
 from sim_action.assertions.combined import AllOf, AnyOf, Negation
-from sim_action.assertions.contact import Touch
+from sim_action.assertions.contact import Grasped, Touch
 from sim_action.assertions.distance import PathLength, Travel
 from sim_action.assertions.effort import Effort
 from sim_action.assertions.energy import Energy
@@ -59,6 +59,7 @@ GOALS: list[Assertion] = [
     ObjectAssertion(name="cube", reach=Reach(x=5.0, y=5.0)),
     ObjectAssertion(name="cube", moved=Moved(up=1.0)),
     ObjectAssertion(name="cube", settled=Settled()),
+    Grasped(object="cube", by=("wheel_*",)),
 ]
 INVARIANTS: list[Assertion] = [
     Travel(at_most=1.0),

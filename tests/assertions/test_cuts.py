@@ -17,7 +17,7 @@ from sim_action.assertions import ASSERTIONS, Assertion
 from sim_action.assertions.at_once import AtOnce
 from sim_action.assertions.clearance import Clearance
 from sim_action.assertions.combined import AllOf, AnyOf, Negation
-from sim_action.assertions.contact import Touch
+from sim_action.assertions.contact import Grasped, Touch
 from sim_action.assertions.distance import PathLength, Travel
 from sim_action.assertions.effort import Effort
 from sim_action.assertions.energy import Energy
@@ -125,6 +125,8 @@ SPECS: list[Assertion] = [
     ObjectAssertion(name="cube", upright=Upright(max_tilt=1.5)),
     ObjectAssertion(name="cube", settled=Settled.model_validate({"for": 0.02, "speed": 40.0, "turn_rate": 200.0})),
     ObjectAssertion(name="cube", moved=Moved(up=0.3)),
+    Grasped(object="ball", by=("wheel_*",), slip=100.0),
+    Grasped.model_validate({"object": "ball", "by": FEET, "slip": 100.0, "at_least": 0.1, "for": 0.02}),
     ObjectAssertion(name="cube", moved=Moved(at_least=0.4, at_most=1.0)),
     Stl(formula="always (speed < 2 implies eventually[0 s, 50 ms] (travel > 30 cm))"),
     Stl(formula="(tilt < 1 until[20 ms, 100 ms] x > 0.2) or always (eventually (y > 0.4))"),
@@ -205,7 +207,9 @@ def random_trace(seed: int, steps: int = STEPS) -> Trace:
 def random_steps(rng: np.random.Generator, foot: str, time: FloatArray) -> ContactRecord:
     """On the ground most of the time, and at a wall or on the ball now and then."""
     ground = [(float(at), "ground", (0.0, 0.0, 1.0)) for at in time if rng.random() < rng.choice([0.9, 1.0])]
-    others = [(float(at), str(rng.choice(["wall", "ball"])), (1.0, 0.0, 0.0)) for at in time[::7]]
+    others = [
+        (float(at), str(rng.choice(["wall", "ball"])), (float(rng.choice([-1, 1])), 0.0, 0.0)) for at in time[::7]
+    ]
     return ContactRecord.of(
         [
             (at, LinkTouch(foot, body, tuple(rng.normal(size=3).tolist()), normal, float(rng.uniform(1.0, 9.0))))

@@ -178,6 +178,7 @@ NO_LIMITS: Final[Mapping[str, str]] = {
     "no_collision": "has no limit: test_a_contact_that_is_not_allowed_breaks_no_collision",
     "self_collision": "has no limit: tests/assertions/test_self_collision.py",
     "matches": "needs a file: test_a_tolerance_below_the_largest_error_breaks_a_golden_trajectory",
+    "grasped": "a goal",
     "feet_on_ground": "its limits are whole numbers: tests/assertions/test_legs.py",
     "assertion": "is code of the user",
 }
@@ -330,6 +331,7 @@ NO_GOALS: Final[Mapping[str, str]] = {
         "invariant",
     ),
     **dict.fromkeys(("joint_within", "effort", "energy", "feet_on_ground", "support_margin"), "invariant"),
+    "grasped": "tests/assertions/test_grasped.py: no random trace has a grip",
     "assertion": "is code of the user",
 }
 

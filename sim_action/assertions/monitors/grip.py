@@ -1,0 +1,271 @@
+"""The monitor of `grasped`: the forces of links on an object, and its motion along them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar, Final, Self
+
+from sim_action.assertions.monitors import FORCE_WINDOW_S, State, Truth
+from sim_action.assertions.monitors.goals import Goal, HoldTime
+from sim_action.assertions.monitors.window import counted
+from sim_action.core import geometry, units
+from sim_action.core.units import TIME_EPSILON_S
+from sim_action.robot.robot_model import RobotModel
+from sim_action.state.verdict import Judged, Signal, Verdict
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from sim_action.assertions.contact import Grasped
+    from sim_action.state.trace import FloatArray, Trace
+
+# Of the forces of all links, at least this share must cancel: two equal forces do so from 120 deg on.
+_MIN_BALANCE: Final = 0.5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Sample:
+    """The forces of the links on the object, and its place, at T moments.
+
+    Attributes:
+        time: (T,) s.
+        force: (T, L, 3) N, the sum of the normal forces of each link on the object, world frame.
+        place: (T, L, 3) m, the object in the frame of each link; NaN while it is not there.
+    """
+
+    time: FloatArray
+    force: FloatArray
+    place: FloatArray
+
+    def rows(self, wanted: NDArray[np.bool_]) -> _Sample:
+        """Return some of the moments."""
+        return _Sample(self.time[wanted], self.force[wanted], self.place[wanted])
+
+    def followed_by(self, later: _Sample) -> _Sample:
+        """Return these moments, as far as they are before `later`, and those of `later`."""
+        import numpy as np
+
+        before = self.rows(self.time < later.time[0] - TIME_EPSILON_S)
+        pairs = ((before.time, later.time), (before.force, later.force), (before.place, later.place))
+        return _Sample(*(np.concatenate(pair) for pair in pairs))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Grip:
+    """The grip at T moments, as the mean over the window before each.
+
+    Attributes:
+        touching: (T, L) True where a link presses the object.
+        total, resultant: (T,) N, the sum of the forces of the links, and the length of their vector sum.
+        slip: (T, L) m/s, the speed of the object in the frame of each link.
+    """
+
+    touching: NDArray[np.bool_]
+    total: FloatArray
+    resultant: FloatArray
+    slip: FloatArray
+
+    @property
+    def squeeze(self) -> FloatArray:
+        """Half of the forces that cancel, (T,) N."""
+        found: FloatArray = (self.total - self.resultant) / 2
+        return found
+
+    @property
+    def fastest(self) -> FloatArray:
+        """The greatest speed along a link that presses the object, (T,) m/s; NaN while it is not known."""
+        import numpy as np
+
+        return np.asarray(np.where(self.touching, self.slip, 0.0).max(axis=1))
+
+    def is_sound(self, slip: float) -> NDArray[np.bool_]:
+        """Return (T,) True where two links press the object from opposed sides and it does not slide."""
+        opposed = (self.touching.sum(axis=1) >= 2) & (self.resultant <= (1 - _MIN_BALANCE) * self.total)
+        found: NDArray[np.bool_] = opposed & (self.fastest <= slip)
+        return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GraspMonitor:
+    """The fold of the time for which the object is held, and of the squeeze.
+
+    Attributes:
+        links: the links that may hold it.
+        least: the least squeeze in N.
+        best: the fold of the squeeze while the grip is sound, else 0.
+        before: the moments of the last window.
+        nearest: links that pressed the object, and the squeeze in N, at the best moment so far, and the reason why that
+            was no grip.
+        steps: the steps at which contacts and poses are known.
+        end: sim time of the last step, in s.
+    """
+
+    is_momentary: ClassVar[bool] = False
+
+    spec: Grasped
+    model: RobotModel
+    links: tuple[str, ...]
+    least: float
+    stretch: HoldTime
+    best: Goal = Goal()
+    before: _Sample | None = None
+    nearest: tuple[int, float, str] = (0, 0.0, "no link touched it")
+    steps: Judged = Judged()
+    end: float = 0.0
+
+    @property
+    def state(self) -> State:
+        """See Monitor.state."""
+        return self.stretch.state
+
+    def begin(self, trace: Trace) -> Self:
+        """See CumulativeMonitor.begin. The window reaches back to before the time window of the expectation."""
+        return replace(self, before=self._window(trace)) if self._is_known(trace) else self
+
+    def observe(self, trace: Trace) -> Self:
+        """See Monitor.observe."""
+        if not self._is_known(trace):
+            return self
+        grip = self._grip(trace)
+        squeeze = self._sound_squeeze(grip)
+        return replace(
+            self,
+            stretch=self.stretch.observe(trace.time, squeeze >= self.least),
+            best=self.best.observe(trace.time, squeeze - self.least),
+            before=self._window(trace),
+            nearest=self._nearest(grip),
+            steps=counted(self.steps, trace),
+            end=float(trace.time[-1]),
+        )
+
+    def truth(self, trace: Trace) -> Truth:
+        """See ConditionMonitor.truth."""
+        if not self._is_known(trace):
+            return Truth(trace.time, trace.time < -math.inf)
+        return Truth(trace.time, self._sound_squeeze(self._grip(trace)) >= self.least)
+
+    def signals(self, trace: Trace) -> tuple[Signal, ...]:
+        """See PlottableMonitor.signals. Returns the squeeze, which is 0 without a grip, and the time of the grip."""
+        if not self._is_known(trace):
+            return ()
+        squeeze = self._sound_squeeze(self._grip(trace))
+        name = f"squeeze of {self.spec.object}"
+        curves = [Signal(name, "N", trace.time, squeeze, lower=self.least)]
+        if self.spec.span is not None:
+            lasting = self.stretch.lasting(trace.time, squeeze >= self.least)
+            curves.insert(0, Signal(f"time holding {self.spec.object}", "s", trace.time, lasting, lower=self.spec.span))
+        return tuple(curves)
+
+    def verdict(self) -> Verdict:
+        """Return the verdict on the squeeze, or on the time of the grip if `for` is given."""
+        spec, passed, best = self.spec, self.state is State.HOLDS, self.best
+        if best.margin is None or best.time is None:
+            message = f"no contact or pose of {spec.object} to measure"
+            return Verdict(False, None, self.least, None, "N", None, message, judged=self.steps)
+        squeeze, least = units.display_apart(self.least + best.margin, self.least, "N")
+        held = best.state is State.HOLDS
+        if spec.span is not None and held:
+            longest, wanted = units.display_apart(self.stretch.longest, spec.span, "s")
+            lasted = longest if passed else f"at most {longest} of {wanted}"
+            message = f"held {spec.object} for {lasted}, from {self.stretch.began:.2f} s on"
+            margin = self.stretch.longest - spec.span
+            return Verdict(
+                passed, self.stretch.longest, spec.span, margin, "s", self.stretch.goal.time, message, judged=self.steps
+            )
+        if held:
+            message = f"held {spec.object} at {best.time:.2f} s, squeezed with {squeeze}"
+        elif self.least + best.margin > 0:
+            message = f"held {spec.object} too weakly, with {squeeze} of {least} at {best.time:.2f} s"
+        else:
+            message = f"did not hold {spec.object} in {self.end:.1f} s: {self.nearest[2]}"
+        return Verdict(
+            held, self.least + best.margin, self.least, best.margin, "N", best.time, message, judged=self.steps
+        )
+
+    def _is_known(self, trace: Trace) -> bool:
+        known = self.spec.object in trace.objects and all(link in trace.link_contacts for link in self.links)
+        return known and len(trace) > 0
+
+    def _sound_squeeze(self, grip: _Grip) -> FloatArray:
+        """Return the squeeze (T,) in N; 0 where the grip is not sound."""
+        import numpy as np
+
+        return np.where(grip.is_sound(self.spec.slip), grip.squeeze, 0.0)
+
+    def _nearest(self, grip: _Grip) -> tuple[int, float, str]:
+        """Return the best moment so far: the one with most links, and then the greatest squeeze."""
+        import numpy as np
+
+        count, squeeze = grip.touching.sum(axis=1), grip.squeeze
+        at = int(np.lexsort((squeeze, np.minimum(count, 2)))[-1])
+        found = min(2, int(count[at])), float(squeeze[at])
+        if found <= self.nearest[:2]:
+            return self.nearest
+        links = ", ".join(link for link, on in zip(self.links, grip.touching[at], strict=True) if on)
+        total, resultant = (units.display(float(force[at]), "N") for force in (grip.total, grip.resultant))
+        if found[0] < 2:
+            return (*found, f"only {links} touched it")
+        if grip.resultant[at] > (1 - _MIN_BALANCE) * grip.total[at]:
+            return (*found, f"{links} pressed it from one side, {resultant} of {total} did not cancel")
+        if not grip.fastest[at] <= self.spec.slip:
+            return (*found, f"it slid along {links} at {units.display(float(grip.fastest[at]), 'm/s')}")
+        return (*found, f"{links} pressed it too weakly")
+
+    def _window(self, trace: Trace) -> _Sample:
+        """Return the moments of the last window."""
+        known = self._joined(trace)
+        return known.rows(known.time > known.time[-1] - FORCE_WINDOW_S - TIME_EPSILON_S)
+
+    def _joined(self, trace: Trace) -> _Sample:
+        sample = self._sample(trace)
+        return sample if self.before is None else self.before.followed_by(sample)
+
+    def _grip(self, trace: Trace) -> _Grip:
+        """Return the grip at each moment. Sums run step by step, so that they do not depend on how a trace is cut."""
+        import numpy as np
+
+        known = self._joined(trace)
+        first = len(known.time) - len(trace)
+        rows = np.arange(first, len(known.time))
+        force, count = np.zeros((len(rows), *known.force.shape[1:])), np.zeros(len(rows))
+        oldest = rows.copy()
+        for back in range(len(known.time)):
+            index = rows - back
+            inside = (index >= 0) & (known.time[rows] - known.time[index] < FORCE_WINDOW_S - TIME_EPSILON_S)
+            if not inside.any():
+                break
+            force[inside] += known.force[index[inside]]
+            count[inside] += 1
+            oldest[inside] = index[inside]
+        force /= count[:, None, None]
+        elapsed = known.time[rows] - known.time[oldest]
+        away = known.place[rows] - known.place[oldest]
+        ways = np.sqrt((away * away).sum(axis=2))
+        slip = ways / np.where(elapsed > 0, elapsed, 1.0)[:, None]
+        strength = np.sqrt((force * force).sum(axis=2))
+        vector = force.sum(axis=1)
+        return _Grip(strength > 0, strength.sum(axis=1), np.sqrt((vector * vector).sum(axis=1)), slip)
+
+    def _sample(self, trace: Trace) -> _Sample:
+        import numpy as np
+
+        from sim_action.robot.link_motion import link_motion
+
+        at = trace.objects[self.spec.object].position_xyz
+        forces, places = [], []
+        for link in self.links:
+            record, motion = trace.link_contacts[link], link_motion(self.model, trace, link)
+            moment = record.moment(trace.time)
+            meant = np.array([body == self.spec.object for body in record.bodies], dtype=np.bool_)[record.body]
+            meant &= moment >= 0
+            force = np.zeros((len(trace), 3))
+            # The normal points to the link, and the link presses the other way.
+            np.add.at(force, moment[meant], -record.normal_xyz[meant] * record.force[meant, None])
+            forces.append(force)
+            x, y, z, w = motion.orientation_xyzw.T
+            back = (-x, -y, -z, w)
+            away = at - motion.position_xyz
+            places.append(np.column_stack(geometry.rotate(back, tuple(away.T))))
+        return _Sample(trace.time, np.stack(forces, axis=1), np.stack(places, axis=1))
