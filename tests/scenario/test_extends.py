@@ -99,6 +99,7 @@ def test_nothing_changes_in_the_same_folder(tmp_path: Path) -> None:
 def test_the_keys_of_files_are_those_that_the_specs_tell() -> None:
     assert set(file_keys()) == {
         ("robot", "model"),
+        ("robot", "srdf"),
         ("robot", "packages", "*"),
         ("world", "file"),
         ("world", "objects", "*", "shapes", "*", "mesh", "file"),
