@@ -96,6 +96,21 @@ def test_a_page_is_not_too_long(name: str) -> None:
     assert len(TEXTS[name].splitlines()) <= MAX_PAGE_LINES
 
 
+@in_each_page
+def test_a_section_stands_once(name: str) -> None:
+    text = re.sub(r"```.*?```", "", TEXTS[name], flags=re.DOTALL)
+    sections = re.findall(r"^## (.+)$", text, re.MULTILINE)
+    assert sorted(sections) == sorted(set(sections))
+
+
+def test_an_entry_of_the_changelog_stands_once_and_is_whole() -> None:
+    changelog = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    entries = re.findall(r"^- .*(?:\n  .*)*", changelog, re.MULTILINE)
+    lines = [line for entry in entries for line in entry.splitlines() if len(line) > 30]
+    assert [line for line in lines if lines.count(line) > 1] == []
+    assert [entry for entry in entries if not entry.endswith((".", ":", "`"))] == []
+
+
 def test_the_readme_has_its_scenarios() -> None:
     assert len([text for text in blocks("yaml") if "time_limit:" in text]) == 2
 
