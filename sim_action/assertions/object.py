@@ -32,6 +32,7 @@ from sim_action.core.geometry import Pose, Twist
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
+from sim_action.robot.kinematics import link_of_frame, why_no_frame
 from sim_action.robot.robot_model import WORLD
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Judged, Mark, Signal, Verdict
@@ -188,11 +189,8 @@ class ObjectAssertion(Assertion):
             yield (part.key, "link"), "an object is judged, not a link; remove 'link', or see 'frame'"
         if isinstance(part, Settled) and part.joints is not None:
             yield (part.key, "joints"), "an object has no joints; remove 'joints'"
-        if part.frame != WORLD:
-            from sim_action.robot.link_motion import why_no_frame
-
-            if (problem := why_no_frame(scene.model, part.frame)) is not None:
-                yield (part.key, "frame"), problem
+        if part.frame != WORLD and (problem := why_no_frame(scene.model, part.frame)) is not None:
+            yield (part.key, "frame"), problem
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor."""
@@ -337,7 +335,7 @@ class ObjectMonitor:
         """
         import numpy as np
 
-        from sim_action.robot.link_motion import LinkMotion, link_motion, link_of_frame
+        from sim_action.robot.link_motion import LinkMotion, link_motion
 
         here = self._present(trace)
         if not len(here):

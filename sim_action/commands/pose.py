@@ -316,7 +316,7 @@ def _chain(link: str, scene: Scene) -> Chain:
 
 def _why_not_moved(link: str, scene: Scene) -> str | None:
     """Return a message if no joint with a motor moves a link relative to the base; None if one does."""
-    from sim_action.robot.link_motion import why_no_link
+    from sim_action.robot.kinematics import why_no_link
 
     if (unknown := why_no_link(scene.model, link)) is not None:
         return unknown

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Final
 
 from sim_action.core import geometry, units
 from sim_action.core.geometry import ZERO, Box, Pose, Vector3
-from sim_action.robot.robot_model import Joint, Reading, RobotModel, Shape
+from sim_action.core.wording import did_you_mean
+from sim_action.robot.robot_model import WORLD, Joint, Reading, RobotModel, Shape
 
 if TYPE_CHECKING:
     import numpy as np
@@ -24,6 +25,9 @@ _POSITION_ROUNDING: Final = 1e-6
 
 # The same as a share of a velocity or effort limit.
 _SHARE_ROUNDING: Final = 1e-6
+
+BASE_FRAME: Final = "base"
+"""The name of the base link's frame, unless the model has a link with this name."""
 
 
 def link_poses(model: RobotModel, positions: Mapping[str, float]) -> dict[str, Pose]:
@@ -43,6 +47,26 @@ def link_poses(model: RobotModel, positions: Mapping[str, float]) -> dict[str, P
             poses[joint.child] = geometry.compose(socket, joint_motion(joint, positions.get(joint.name, 0.0)))
         waiting += dict.fromkeys(joint.child for joint in hanging.get(parent, []))
     return poses
+
+
+def link_of_frame(model: RobotModel, frame: str) -> str:
+    """Return the link whose frame "base" or a link's name means; any other name is returned as it is."""
+    return model.root if frame == BASE_FRAME and frame not in model.links_by_name else frame
+
+
+def why_no_link(model: RobotModel, name: str) -> str | None:
+    """Return a message with the nearest names if the robot has no link with a name; else None."""
+    links = model.links_by_name
+    return None if name in links else f"the robot has no link '{name}'{did_you_mean(name, links)}"
+
+
+def why_no_frame(model: RobotModel, name: str) -> str | None:
+    """Return a message if a name is neither "world", "base" nor that of a link; else None."""
+    links = model.links_by_name
+    if name in links or name in {WORLD, BASE_FRAME}:
+        return None
+    nearest = did_you_mean(name, [WORLD, BASE_FRAME, *links])
+    return f"there is no frame '{name}': a frame is world, base, or a link of the robot{nearest}"
 
 
 def robot_box(model: RobotModel, poses: Mapping[str, Pose]) -> Box | None:

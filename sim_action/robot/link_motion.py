@@ -14,7 +14,7 @@ from weakref import WeakKeyDictionary
 
 from sim_action.core import geometry
 from sim_action.core.geometry import ZERO, Pose, Quaternion, Twist, Vector3
-from sim_action.core.wording import did_you_mean
+from sim_action.robot.kinematics import link_of_frame, why_no_link
 from sim_action.robot.robot_model import WORLD, Joint, RobotModel
 from sim_action.state.observation import ByName, JointState, LinkState
 
@@ -22,9 +22,6 @@ if TYPE_CHECKING:
     from types import ModuleType
 
     from sim_action.state.trace import FloatArray, Trace
-
-BASE_FRAME: Final = "base"
-"""The name of the base link's frame, unless the model has a link with this name."""
 
 # Keeps the rates of a ball joint finite where its angles about x and z cannot be told apart.
 _POLE: Final = 1e-30
@@ -114,26 +111,6 @@ def motion_in(model: RobotModel, trace: Trace, link: str, frame: str = WORLD) ->
     if frame == WORLD:
         return motion
     return motion.seen_from(link_motion(model, trace, link_of_frame(model, frame)))
-
-
-def link_of_frame(model: RobotModel, frame: str) -> str:
-    """Return the link whose frame "base" or a link's name means; any other name is returned as it is."""
-    return model.root if frame == BASE_FRAME and frame not in model.links_by_name else frame
-
-
-def why_no_link(model: RobotModel, name: str) -> str | None:
-    """Return a message with the nearest names if the robot has no link with a name; else None."""
-    links = model.links_by_name
-    return None if name in links else f"the robot has no link '{name}'{did_you_mean(name, links)}"
-
-
-def why_no_frame(model: RobotModel, name: str) -> str | None:
-    """Return a message if a name is neither "world", "base" nor that of a link; else None."""
-    links = model.links_by_name
-    if name in links or name in {WORLD, BASE_FRAME}:
-        return None
-    nearest = did_you_mean(name, [WORLD, BASE_FRAME, *links])
-    return f"there is no frame '{name}': a frame is world, base, or a link of the robot{nearest}"
 
 
 class LinkMotions(Mapping[str, LinkMotion]):

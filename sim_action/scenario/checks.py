@@ -12,7 +12,7 @@ from sim_action.core.yaml_document import KeyPath
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives import recognise, why_not_recognised
 from sim_action.robot.audit.rules import ALLOWABLE, RULES
-from sim_action.robot.kinematics import beyond_limits
+from sim_action.robot.kinematics import beyond_limits, why_no_link
 from sim_action.robot.robot_model import WORLD, RobotModel
 from sim_action.scenario.model import MAX_COMPARED_STEPS, Agreement, Expectation, Scenario, rate_divides
 from sim_action.sensors import MountedSensor
@@ -164,8 +164,6 @@ def recorded_link_problems(scenario: Scenario, model: RobotModel) -> SpecProblem
     if not scenario.trace.links:
         return
     # Few scenarios record links.
-    from sim_action.robot.link_motion import why_no_link
-
     for index, name in enumerate(scenario.trace.links):
         if (problem := why_no_link(model, name)) is not None:
             yield ("trace", "links", index), problem

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from sim_action.core import units
 from sim_action.core.yaml_document import KeyPath
+from sim_action.robot.kinematics import link_of_frame
 from sim_action.robot.robot_model import WORLD, Joint, Link, RobotModel
 from sim_action.scenario.claim_audit import ClaimFinding, placed_leaves
 from sim_action.scenario.model import Agreement, Scenario
@@ -111,8 +112,6 @@ def _rigid_links(leaves: Sequence[tuple[KeyPath, Any]], scene: Scene) -> Iterato
     for path, assertion in leaves:
         if getattr(assertion, "watches_base", True):
             continue
-        from sim_action.robot.link_motion import link_of_frame
-
         names = scene.model.links_by_name
         link, frame = assertion.link or scene.model.root, link_of_frame(scene.model, assertion.frame)
         if link not in names or (frame != WORLD and (link == frame or frame not in names)):

@@ -12,8 +12,7 @@ from sim_action.core.errors import Location
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import rpy_from_quaternion
 from sim_action.core.workspace import Workspace
-from sim_action.robot.kinematics import Mobility
-from sim_action.robot.link_motion import why_no_link
+from sim_action.robot.kinematics import Mobility, why_no_link
 from sim_action.robot.robot_model import WORLD, RobotModel
 from sim_action.robot.spec import Robot
 from sim_action.world import Body, Physics, World

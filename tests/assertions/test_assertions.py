@@ -26,6 +26,7 @@ from sim_action.assertions.no_collision import NoCollision
 from sim_action.assertions.object import Moved, ObjectAssertion
 from sim_action.assertions.odometry_error import OdometryError
 from sim_action.assertions.reach import Reach
+from sim_action.assertions.self_collision import SelfCollision
 from sim_action.assertions.sensor import SensorReading
 from sim_action.assertions.settled import Settled
 from sim_action.assertions.stay_within import StayWithin
@@ -84,6 +85,7 @@ INVARIANTS: list[Assertion] = [
     Energy(at_most=1.0),
     FeetOnGround(links=WHEELED, at_most=1),
     SupportMargin(links=WHEELED),
+    SelfCollision(),
     ObjectAssertion(name="cube", upright=Upright()),
     ObjectAssertion(name="cube", moved=Moved(at_most=1.0, frame="base_scan")),
 ]

@@ -77,7 +77,7 @@ def test_problems_inside_have_their_own_place(tmp_path: Path) -> None:
         "any_of: {travel: {at_least: 1}}",
         "not: [no_collision]",
     )
-    names = "(allowed: at_least, at_most)"
+    names = "(allowed: at_least, at_most, frame, link)"
     found = told(tmp_path, text)
     assert found[0] == f"10:18: expect.0.any_of.0.travel.at_lest: unknown key; did you mean 'at_least'? {names}"
     assert found[1].startswith("11:9: expect.0.any_of.1.no_colision: unknown assertion 'no_colision'; did you mean")

@@ -27,6 +27,7 @@ from sim_action.assertions.monitors import (
 )
 from sim_action.core.geometry import Pose, Twist
 from sim_action.core.yaml_errors import SpecProblems
+from sim_action.robot.kinematics import link_of_frame, why_no_frame, why_no_link
 from sim_action.robot.robot_model import WORLD
 from sim_action.state.verdict import Mark, Signal, Verdict
 from sim_action.world.scene import Scene
@@ -170,8 +171,6 @@ class MotionAssertion(Assertion):
         found = self.marks_in(watched, scene, watched.at_start(start))
         if watched.frame == WORLD:
             return found
-        from sim_action.robot.link_motion import link_of_frame
-
         link = link_of_frame(scene.model, watched.frame)
         return tuple(replace(mark, link=link) for mark in found)
 
@@ -179,8 +178,6 @@ class MotionAssertion(Assertion):
         """Yield an unknown link or frame, and a link that is its own frame."""
         if self.watches_base:
             return
-        from sim_action.robot.link_motion import link_of_frame, why_no_frame, why_no_link
-
         if self.link is not None and (problem := why_no_link(scene.model, self.link)) is not None:
             yield ("link",), problem
         elif (problem := why_no_frame(scene.model, self.frame)) is not None:
