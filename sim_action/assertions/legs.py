@@ -83,7 +83,13 @@ class Feet(Assertion):
                 hint = did_you_mean(name, known) if hinted.one_more() else ""
                 yield ("on", index), f"the world has no body '{name}'{hint}"
         if scene.bolted:
-            yield (), "the base of the robot is fixed, so it does not stand on its feet; remove 'base: fixed'"
+            fixed, remedy = "the base of the robot is fixed", "remove 'base: fixed'"
+            if scene.robot.base is None:
+                fixed, remedy = (
+                    "its root link is 'world', which is fixed",
+                    "rename the link, or write robot: {base: free}",
+                )
+            yield (), f"{fixed}, so it does not stand on its feet; {remedy}"
         if not scene.world.weight:
             yield (), "the world has no gravity, so nothing stands on the ground; change world.gravity"
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
-from typing import TYPE_CHECKING, Annotated, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Self
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from sim_action.assertions import Assertion, shortened_title
 from sim_action.assertions.monitors import Monitor, State, Truth
@@ -23,6 +23,9 @@ from sim_action.world.scene import Scene
 if TYPE_CHECKING:
     from sim_action.state.observation import Observation, SelfContact
     from sim_action.state.trace import Trace
+
+
+_PAIRS: Final = "expected a list of pairs"
 
 
 class SelfCollision(Assertion):
@@ -41,6 +44,17 @@ class SelfCollision(Assertion):
         tuple[tuple[str, str], ...],
         Field(description="pairs of links that may touch, such as `[left_finger, right_finger]`; patterns work, too"),
     ] = ()
+
+    @field_validator("allow", mode="before")
+    @classmethod
+    def _takes_pairs(cls, data: Any) -> Any:
+        if isinstance(data, str):
+            raise ValueError(f"{_PAIRS}, such as [[{data}, ANOTHER_LINK]]")  # noqa: TRY004 - pydantic's
+        if isinstance(data, (list, tuple)) and data and all(isinstance(each, str) for each in data):
+            one, *others = data
+            remedy = f"; write [[{one}, {others[0]}]]" if len(others) == 1 else f", such as [[{one}, ANOTHER_LINK]]"
+            raise ValueError(f"{_PAIRS}{remedy}")
+        return data
 
     @property
     def channels(self) -> Channels:

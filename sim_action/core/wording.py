@@ -83,7 +83,7 @@ def with_article(noun: str) -> str:
 
 def did_you_mean(found: str, allowed: Iterable[str]) -> str:
     """Return the end of a message about an unknown name: the nearest allowed name, then the list of allowed names."""
-    names = sorted(allowed)
+    names = sorted(set(allowed))
     near = nearest(found, names)
     hint = "" if near is None else f"; did you mean '{near}'?"
     more = len(names) - _MAX_NAMES_LISTED

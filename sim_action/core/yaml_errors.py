@@ -81,8 +81,8 @@ _SENTENCES = {
     "less_than_equal": "must be at most {le}, found {found}",
     "string_pattern_mismatch": "expected text that matches {pattern}, found {found}",
     "too_long": "expected a list of {max_length}, found {found}",
-    "too_short": "must not be empty",
-    "string_too_short": "must not be empty",
+    "too_short": "expected a list of at least {min_length}, found {found}",
+    "string_too_short": "must have at least {min_length} characters, found {found}",
     "string_too_long": "must have at most {max_length} characters",
 }
 
@@ -115,10 +115,14 @@ def _sentence(model: type[BaseModel], details: ErrorDetails, value: object, hint
     if kind == "extra_forbidden":
         hint = did_you_mean(str(key), _keys_at(model, details["loc"][:-1])) if hinted.one_more() else ""
         return f"unknown key{hint}"
+    if details.get("ctx", {}).get("min_length") == 1:
+        return "must not be empty"
     if kind in _SENTENCES:
         return _SENTENCES[kind].format(found=shown(value), **_context(model, details))
     if kind in _EXPECTED:
-        hint = _hint(kind, value, _annotation_at(model, details["loc"]))
+        # The key of an entry of a list has the type of the list.
+        in_list = isinstance(key, int)
+        hint = _hint(kind, value, _annotation_at(model, details["loc"]), in_list=in_list)
         return f"expected {_EXPECTED[kind]}, found {shown(value)}{hint}"
     return details["msg"].removeprefix("Value error, ")
 
@@ -130,12 +134,12 @@ def _context(model: type[BaseModel], details: ErrorDetails) -> dict[str, Any]:
     return {key: bound_text(value, unit) if key in _BOUNDS else value for key, value in named.items()}
 
 
-def _hint(kind: str, value: object, annotation: Any) -> str:
+def _hint(kind: str, value: object, annotation: Any, *, in_list: bool) -> str:
     if kind == "string_type" and isinstance(value, (bool, int, float)):
         return "; put it in quotes"
     if kind != "tuple_type":
         return ""
-    if isinstance(value, str) and _PLAIN.fullmatch(value) and _takes_any_number(annotation):
+    if isinstance(value, str) and _PLAIN.fullmatch(value) and not in_list and _takes_any_number(annotation):
         return f"; write [{value}]"
     return "; begin each entry of a list with '- '" if isinstance(value, dict) else ""
 

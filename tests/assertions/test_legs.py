@@ -10,11 +10,13 @@ from pydantic import ValidationError
 from sim_action.assertions import Assertion
 from sim_action.assertions.legs import FeetOnGround, SupportMargin
 from sim_action.assertions.monitors import State
+from sim_action.robot.robot_model import Link
 from sim_action.robot.spec import Robot
 from sim_action.state.trace import Trace
 from sim_action.state.trace_records import ContactRecord, LinkTouch
 from sim_action.state.verdict import Judged, Verdict
 from sim_action.world import Body, Physics, World
+from sim_action.world.scene import Scene
 from tests.traces import START, judged, monitor, scene, trace
 
 FEET = ("wheel_left_link", "wheel_right_link", "caster_back_link")
@@ -134,10 +136,16 @@ def test_what_does_not_fit_is_refused(spec: Assertion, problem: str) -> None:
 @pytest.mark.parametrize("kind", [FeetOnGround, SupportMargin])
 def test_robots_that_do_not_stand_are_refused(kind: type[Assertion]) -> None:
     spec = kind.model_validate({"links": FEET})
+
+    def told(where: Scene) -> str:
+        return next(iter(spec.problems(where)))[1]
+
     bolted = replace(scene(), robot=Robot(model="turtlebot3_burger", base="fixed"))
     floating = replace(scene(), world=World(gravity=0.0))
-    assert "the base of the robot is fixed" in next(iter(spec.problems(bolted)))[1]
-    assert "the world has no gravity" in next(iter(spec.problems(floating)))[1]
+    rooted = replace(scene(), model=replace(scene().model, links=(Link("world", None), *scene().model.links)))
+    assert "the base of the robot is fixed, so it does not stand on its feet; remove 'base: fixed'" in told(bolted)
+    assert "its root link is 'world', which is fixed, so it does not stand on its feet" in told(rooted)
+    assert "the world has no gravity" in told(floating)
 
 
 def test_limits_are_in_order() -> None:

@@ -81,6 +81,14 @@ SCENARIO = "name: arm\nrobot: {{model: arm.urdf, base: fixed{robot}}}\nexpect: [
     [
         ("", "", "{self_collision: {allow: [[one, thre]]}}", "the robot has no link 'thre'; did you mean 'three'?"),
         ("", "", "{self_collision: {allow: [['*', '*']]}}", "it names every pair of links that can touch"),
+        ("", "", "{self_collision: {allow: [one, three]}}", "allow: expected a list of pairs; write [[one, three]]"),
+        ("", "", "{self_collision: {allow: one}}", "allow: expected a list of pairs, such as [[one, ANOTHER_LINK]]"),
+        (
+            "",
+            "",
+            "{self_collision: {allow: ['left hand', b, c]}}",
+            "allow: expected a list of pairs, such as [[left hand, ANOTHER_LINK]]",
+        ),
         (
             '<disable_default_collisions link="base"/><disable_default_collisions link="one"/>',
             ", srdf: arm.srdf",

@@ -65,6 +65,7 @@ def test_a_near_name_is_offered() -> None:
 def test_a_name_that_is_near_to_none_gets_the_list_alone() -> None:
     assert did_you_mean("zzz", ["upright", "travel"]) == " (allowed: travel, upright)"
     assert did_you_mean("zzz", []) == " (allowed: none)"
+    assert did_you_mean("wrld", ["world", "base", "world"]) == "; did you mean 'world'? (allowed: base, world)"
 
 
 def test_a_name_that_begins_with_the_word_is_near_if_it_is_the_only_one() -> None:

@@ -61,6 +61,9 @@ class Spec(FrozenModel):
     near: Annotated[Metres, Field(ge=0.001, lt=10_000)] = 1.0
     flag: bool = False
     some: Annotated[tuple[str, ...], Field(min_length=1)] = ("a",)
+    path: Annotated[tuple[int, ...], Field(min_length=2)] = (1, 2)
+    word: Annotated[str, Field(min_length=3)] = "abc"
+    table: tuple[tuple[str, str], ...] = ()
 
 
 def findings(**data: Any) -> list[tuple[str, str]]:
@@ -69,7 +72,7 @@ def findings(**data: Any) -> list[tuple[str, str]]:
     return [(".".join(map(str, path)), message) for path, message in spec_errors(Spec, written, raised.value)]
 
 
-ALLOWED = "(allowed: angle, count, flag, inner, kind, many, name, named, near, pair, some)"
+ALLOWED = "(allowed: angle, count, flag, inner, kind, many, name, named, near, pair, path, some, table, word)"
 
 
 @pytest.mark.parametrize(
@@ -87,6 +90,10 @@ ALLOWED = "(allowed: angle, count, flag, inner, kind, many, name, named, near, p
         ({"name": ""}, "name", "must not be empty"),
         ({"name": "x" * 121}, "name", "must have at most 120 characters"),
         ({"some": ()}, "some", "must not be empty"),
+        ({"path": (1,)}, "path", "expected a list of at least 2, found a list of 1"),
+        ({"path": ()}, "path", "expected a list of at least 2, found an empty list"),
+        ({"word": "ab"}, "word", "must have at least 3 characters, found 'ab'"),
+        ({"table": ("a",)}, "table.0", "expected a list, found 'a'"),
         ({"some": "a"}, "some", "expected a list, found 'a'; write [a]"),
         ({"some": "a, b"}, "some", "expected a list, found 'a, b'"),
         ({"pair": "a"}, "pair", "expected a list, found 'a'"),

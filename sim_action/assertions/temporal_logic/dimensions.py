@@ -45,7 +45,10 @@ BASE_SIGNALS: Final = MappingProxyType(
 FRAME_SIGNALS: Final = MappingProxyType(
     {name: kind for name, kind in BASE_SIGNALS.items() if name not in ("time", "travel")}
 )
-"""Signals of the frame of a link; those of an object are the same without `speed` and `turn_rate`."""
+"""Signals of the frame of a link; those of an object are the same without RATES."""
+
+RATES: Final = ("speed", "turn_rate")
+"""Signals of the frame of a link that objects do not have."""
 
 SENSOR_SIGNALS: Final = MappingProxyType(
     {name: column for columns in READING_COLUMNS.values() for name, column in columns.items()}

@@ -14,14 +14,21 @@ from typing import Final, Literal, TypeAlias
 
 @dataclass(frozen=True, slots=True)
 class Number:
-    """A constant: its SI value, and the SI symbol of the unit that it was written with; empty without one."""
+    """A constant.
+
+    Attributes:
+        value: the SI value.
+        unit: the SI symbol of the unit that it was written with; empty without one.
+        text: the number as it was written, with its unit; empty if it was not read from a text.
+    """
 
     value: float
     unit: str = ""
     at: int = field(default=0, compare=False)
+    text: str = field(default="", compare=False)
 
     def __str__(self) -> str:
-        return f"{_exact(self.value)} {self.unit}".rstrip()
+        return self.text or f"{_exact(self.value)} {self.unit}".rstrip()
 
 
 Source = Literal["robot", "frame", "sensor", "pair"]

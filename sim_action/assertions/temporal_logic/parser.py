@@ -17,6 +17,7 @@ from sim_action.assertions.temporal_logic.dimensions import (
     FRAME_SIGNALS,
     NAMES,
     PAIR_SIGNALS,
+    RATES,
     SENSOR_SIGNALS,
 )
 from sim_action.assertions.temporal_logic.formula import (
@@ -44,7 +45,7 @@ from sim_action.assertions.temporal_logic.formula import (
 )
 from sim_action.assertions.temporal_logic.tokens import FormulaError, Token, operator_like, tokens, unit_names
 from sim_action.core.units import TIME
-from sim_action.core.wording import did_you_mean
+from sim_action.core.wording import did_you_mean, nearest
 from sim_action.robot.robot_model import READINGS
 
 MAX_DEPTH: Final = 30
@@ -77,6 +78,16 @@ _ODD_NAME: Final = re.compile(rf"([^\W\d][\w/:.@-]*)\.({'|'.join(FRAME_SIGNALS)}
 def parse(text: str) -> Formula:
     """Return the formula of a text. Raises FormulaError with the place in the text."""
     return _Parser(text).formula()
+
+
+def _signals_like(name: str) -> str:
+    """Return the end of a message about an unknown signal of a link, an object or a sensor."""
+    near = nearest(name, (*FRAME_SIGNALS, *SENSOR_SIGNALS))
+    hint = "" if near is None else f"; did you mean '{near}'?"
+    of_links, of_objects = sorted(FRAME_SIGNALS), sorted({*FRAME_SIGNALS}.difference(RATES))
+    kinds = {"a link": of_links, "an object": of_objects, "a sensor": sorted(SENSOR_SIGNALS)}
+    lists = (f"of {kind}: {', '.join(names)}" for kind, names in kinds.items())
+    return f"{hint} ({'; '.join(lists)})"
 
 
 class _Parser:
@@ -280,7 +291,7 @@ class _Parser:
 
     def _number_or_signal(self, token: Token) -> Number | Signal:
         if token.kind == "number":
-            return Number(token.value, token.unit, token.at)
+            return Number(token.value, token.unit, token.at, " ".join(token.text.split()))
         if token.path:
             return self._dotted(token)
         if token.text in PAIR_SIGNALS:
@@ -300,8 +311,7 @@ class _Parser:
         if name in FRAME_SIGNALS and not rest:
             return Signal(name, at=token.at, source="frame", names=token.names)
         if name not in SENSOR_SIGNALS:
-            allowed = (*FRAME_SIGNALS, *SENSOR_SIGNALS)
-            hint = self._odd_name(token) if rest else did_you_mean(name, allowed)
+            hint = self._odd_name(token) if rest else _signals_like(name)
             self._refuse(token, f"unknown signal '{'.'.join(token.path)}' of '{owner}'{hint}")
         which = ".".join(rest) or None
         if (trouble := why_not_picked(SENSOR_SIGNALS[name], which)) is not None:

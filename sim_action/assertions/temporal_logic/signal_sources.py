@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Final
 
+from sim_action.assertions.temporal_logic.dimensions import RATES
 from sim_action.assertions.temporal_logic.formula import Formula, Signal, signals_of
 from sim_action.core.wording import did_you_mean
 from sim_action.state.readings import READING_COLUMNS
 from sim_action.state.trace_channels import Channels, ClearanceWatch
 from sim_action.world.ground import GROUND
 from sim_action.world.scene import Scene
-
-_RATES: Final = ("speed", "turn_rate")
 
 
 def channels_of(formula: Formula) -> Channels:
@@ -58,7 +56,7 @@ def _frame_problems(name: str, signal: Signal, scene: Scene, bodies: list[str]) 
         yield f"'{name}' is a link of the robot and an object; rename the object"
     elif name not in links and name not in bodies:
         yield f"there is no link or object '{name}'{did_you_mean(name, [*links, *bodies])}"
-    elif name in bodies and signal.name in _RATES:
+    elif name in bodies and signal.name in RATES:
         yield f"the {signal.name} of an object is not recorded; bound its place, such as {signal.names[0]}.z"
 
 

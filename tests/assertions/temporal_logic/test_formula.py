@@ -46,6 +46,7 @@ def test_its_signals_are_each_there_once() -> None:
         "(x + 1) * 2 < 0.1 rad",
         "always[0 s, end] ((x < 1) until[1 s, 2.5 s] (y > 1e-09 m/s))",
         "((x < 1) or (y > 2)) and (not (x < 1))",
+        "(abs(yaw) < 190 deg) and (0.50 cm > z)",
         "(x < 1) implies ((y > 2) implies (x < 1))",
     ],
 )

@@ -164,6 +164,8 @@ def test_any_text_is_a_formula_or_refused(text: str) -> None:
         ("", "expected a signal, a number or a formula, found the end of the formula; at character 1, the arrow: ->"),
         ("always (sped < 1)", "unknown signal 'sped'; did you mean 'speed'?"),
         ("tool0.zz < 1", "unknown signal 'zz' of 'tool0'; did you mean 'z'?"),
+        ("tool0.q < 1", "'tool0' (of a link: pitch, roll, speed, tilt, turn_rate, x, y, yaw, z; of an object: pitch, "),
+        ("tool0.q < 1", "yaw, z; of a sensor: angular_velocity_xyz, "),
         ("always (left-hand.z < 1)", "unknown signal 'left'; write such a name in quotes: 'left-hand'.z"),
         ("arm/hand.z < 1", "unknown signal 'arm'; write such a name in quotes: 'arm/hand'.z"),
         ("arm.hand.z < 1", "unknown signal 'hand.z' of 'arm'; write such a name in quotes: 'arm.hand'.z"),
