@@ -17,7 +17,7 @@ from sim_action.app.init import files
 from sim_action.assertions import ASSERTIONS
 from sim_action.commands import COMMANDS
 from sim_action.commands.robot_description import JointDescription, RobotDescription
-from sim_action.core.field_types import Placement
+from sim_action.core.field_types import Placement, Without
 from sim_action.core.geometry import Pose, Twist
 from sim_action.core.registry import Table
 from sim_action.drives import DRIVES
@@ -204,21 +204,27 @@ def keys(model: type[BaseModel], above: str = "") -> Iterator[tuple[str, str, st
     for entry in catalogue.fields(model):
         yield f"`{above}{entry.name}`", entry.takes, entry.default, entry.description
         annotation = next(f.annotation for n, f in model.model_fields.items() if (f.alias or n) == entry.name)
-        for below, step in _models_in(annotation):
-            yield from keys(below, f"{above}{entry.name}{step}.")
+        for below, step, refused in _models_in(annotation):
+            start = f"{above}{entry.name}{step}."
+            names = tuple(f"`{start}{name}{end}" for name in refused for end in ("`", ".", "["))
+            yield from (row for row in keys(below, start) if not row[0].startswith(names))
 
 
 _STEPS: Final[dict[object, str]] = {tuple: "[]", dict: ".NAME"}
 """A container -> the step from it to an entry, as tables of keys show it."""
 
 
-def _models_in(annotation: Any, step: str = "") -> Iterator[tuple[type[BaseModel], str]]:
-    """Yield the models in a type, each with the step to it."""
+def _models_in(
+    annotation: Any, step: str = "", refused: frozenset[str] = frozenset()
+) -> Iterator[tuple[type[BaseModel], str, frozenset[str]]]:
+    """Yield the models in a type, each with the step to it and the keys that it does not take there."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield annotation, step
+        yield annotation, step, refused
     step = step or _STEPS.get(getattr(annotation, "__origin__", None), "")
+    for item in getattr(annotation, "__metadata__", ()):
+        refused |= item.names if isinstance(item, Without) else frozenset()
     for part in get_args(annotation):
-        yield from _models_in(part, step)
+        yield from _models_in(part, step, refused)
 
 
 def scenario_keys() -> str:

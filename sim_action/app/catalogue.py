@@ -14,7 +14,7 @@ from pydantic.fields import FieldInfo
 from sim_action.assertions import ASSERTIONS, Assertion
 from sim_action.commands import COMMANDS
 from sim_action.core import units
-from sim_action.core.field_types import Quantity, bounds_text
+from sim_action.core.field_types import Quantity, Without, bounds_text
 from sim_action.drives import DRIVES
 from sim_action.robot.built_in import BUILT_IN
 from sim_action.sensors import SENSORS
@@ -110,9 +110,14 @@ def _kind_of(annotation: Any, metadata: Iterable[Any]) -> str:  # noqa: PLR0911 
     if annotation is Assertion:
         return "assertion"
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return f"{{{', '.join(entry.name for entry in fields(annotation))}}}"
+        return _keys(annotation, metadata)
     plain: dict[Any, str] = {str: "text", bool: "true or false", int: "whole number", float: "number", Any: "anything"}
     return plain.get(Any if annotation == JsonValue else annotation, str(annotation))
+
+
+def _keys(model: type[BaseModel], metadata: Iterable[Any]) -> str:
+    refused = {name for item in metadata if isinstance(item, Without) for name in item.names}
+    return f"{{{', '.join(entry.name for entry in fields(model) if entry.name not in refused)}}}"
 
 
 def _kind(dimensions: tuple[units.Dimension, ...]) -> str:

@@ -27,7 +27,7 @@ from sim_action.assertions.settled import Settled
 from sim_action.assertions.stay_within import StayWithin
 from sim_action.assertions.upright import Upright
 from sim_action.core import units
-from sim_action.core.field_types import NonNegativeMetres, PositiveMetres
+from sim_action.core.field_types import NonNegativeMetres, PositiveMetres, Without
 from sim_action.core.geometry import Pose, Twist
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.core.wording import did_you_mean
@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from sim_action.state.observation import Observation
     from sim_action.state.trace import FloatArray, Trace
 
+_OF_ROBOT: Final = Without(frozenset({"link"}))
 _KINDS: Final = ("reach", "stay_within", "upright", "settled", "moved")
 
 
@@ -105,11 +106,19 @@ class ObjectAssertion(Assertion):
     key: ClassVar[str] = "object"
 
     name: Annotated[str, Field(min_length=1, description="name of the object")]
-    reach: Annotated[Reach | None, Field(description="a goal: it comes to a place")] = None
-    stay_within: Annotated[StayWithin | None, Field(description="an invariant: it stays inside a box")] = None
-    upright: Annotated[Upright | None, Field(description="an invariant: it does not tip over")] = None
-    settled: Annotated[Settled | None, Field(description="a goal: it comes to rest")] = None
-    moved: Annotated[Moved | None, Field(description="it moves away from its start, or does not")] = None
+    reach: Annotated[Annotated[Reach, _OF_ROBOT] | None, Field(description="a goal: it comes to a place")] = None
+    stay_within: Annotated[
+        Annotated[StayWithin, _OF_ROBOT] | None, Field(description="an invariant: it stays inside a box")
+    ] = None
+    upright: Annotated[
+        Annotated[Upright, _OF_ROBOT] | None, Field(description="an invariant: it does not tip over")
+    ] = None
+    settled: Annotated[
+        Annotated[Settled, Without(frozenset({"link", "joints"}))] | None, Field(description="a goal: it comes to rest")
+    ] = None
+    moved: Annotated[
+        Annotated[Moved, _OF_ROBOT] | None, Field(description="it moves away from its start, or does not")
+    ] = None
 
     @model_validator(mode="before")
     @classmethod

@@ -44,6 +44,18 @@ _JSON_SCHEMA_WORDS: Final = {"gt": "exclusiveMinimum", "ge": "minimum", "lt": "e
 
 
 @dataclass(frozen=True, slots=True)
+class Without:
+    """An annotation of a model that names the keys it does not take at this place. Documents and schemas omit them."""
+
+    names: frozenset[str]
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        whole = handler.resolve_ref_schema(handler(schema))
+        properties = {key: each for key, each in whole["properties"].items() if key not in self.names}
+        return {**whole, "properties": properties}
+
+
+@dataclass(frozen=True, slots=True)
 class Quantity:
     """An annotation that makes a float a quantity of one dimension, or of one of several (for joints)."""
 

@@ -25,6 +25,13 @@ def test_nested_keys_and_lists_are_spelled_out() -> None:
     assert twist.fields[0].takes == "list of {linear, lateral, angular, for}"
 
 
+def test_keys_that_a_place_does_not_take_are_left_out() -> None:
+    judged = next(entry for entry in catalogue.assertions() if entry.name == "object")
+    takes = {field.name: field.takes for field in judged.fields}
+    assert takes["upright"] == "{max_tilt, frame}"
+    assert takes["settled"] == "{speed, turn_rate, for, frame}"
+
+
 def test_models_are_those_that_can_be_named() -> None:
     assert [entry.name for entry in catalogue.models()] == [
         "turtlebot3_burger",
