@@ -19,7 +19,7 @@ from sim_action.core.field_types import PositiveMetres
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.robot.robot_model import RobotModel
+from sim_action.robot.joint_selection import links_with_shapes
 from sim_action.state.trace_channels import Channels, ClearanceWatch
 from sim_action.state.verdict import Judged, Signal, Verdict
 from sim_action.world.ground import GROUND
@@ -109,7 +109,7 @@ class Clearance(Assertion):
             if name not in (*bodies, GROUND):
                 hint = did_you_mean(name, (*bodies, GROUND)) if hinted.one_more() else ""
                 yield ("to", index), f"the world has no body '{name}'{hint}"
-        links = _links_with_shapes(scene.model)
+        links = links_with_shapes(scene.model)
         for index, name in enumerate(self.chosen or ()):
             if name not in links:
                 hint = did_you_mean(name, links) if hinted.one_more() else ""
@@ -252,11 +252,6 @@ class ClearanceMonitor:
             f"no distance to {names} was measured: it never appeared, or no link of the robot has a collision shape"
         )
         return Verdict(False, None, limit, None, "m", None, message, judged=Judged())
-
-
-def _links_with_shapes(model: RobotModel) -> list[str]:
-    # Only the engine knows the shapes of an MJCF model.
-    return [link.name for link in model.links if link.collisions or model.mjcf]
 
 
 def _told(near: Nearness, distance: str) -> str:

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Self
 
 from pydantic import Field, model_validator
 
 from sim_action.assertions import Assertion
-from sim_action.assertions.legs import link_name_problems, links_named
 from sim_action.assertions.monitors import FORCE_WINDOW_S, Monitor
 from sim_action.assertions.monitors.bounds import Bounds, bounds_title, check_bounds, check_order
 from sim_action.assertions.monitors.contact_force import MeanForce, duration_text
@@ -28,6 +26,7 @@ from sim_action.core.field_types import (
 from sim_action.core.units import STEP_EPSILON
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
+from sim_action.robot.joint_selection import link_name_problems, links_named, links_with_shapes, matches_name
 from sim_action.state.trace_channels import Channels, ClearanceWatch
 from sim_action.world import MAX_PHYSICS_RATE_HZ
 from sim_action.world.ground import GROUND
@@ -167,8 +166,7 @@ class Touch(Assertion):
             yield ("with",), "contacts with the ground are not recorded; name an object"
         elif self.body not in bodies:
             yield ("with",), f"the world has no body '{self.body}'{did_you_mean(self.body, bodies)}"
-        # Only the engine knows the shapes of an MJCF model.
-        links = [link.name for link in scene.model.links if link.collisions or scene.model.mjcf]
+        links = links_with_shapes(scene.model)
         if self.link is not None and not any(self._is_of(link) for link in links):
             yield (
                 ("link",),
@@ -190,7 +188,7 @@ class Touch(Assertion):
             yield ("window",), f"{found}; raise {faster}the window"
 
     def _is_of(self, link: str) -> bool:
-        return self.link is None or link == self.link or fnmatchcase(link, self.link)
+        return self.link is None or matches_name(self.link, link)
 
     def is_meant(self, contact: Contact) -> bool:
         """Return True if the contact is between the named link and body."""

@@ -17,7 +17,7 @@ from sim_action.core import units
 from sim_action.core.field_types import Metres
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.robot.joint_selection import matches_name
+from sim_action.robot.joint_selection import link_name_problems, links_named
 from sim_action.robot.robot_model import RobotModel
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Judged, Signal, Verdict
@@ -32,25 +32,6 @@ if TYPE_CHECKING:
     from sim_action.state.trace import FloatArray, Trace
 
 _SETTLE: Final = "; without physics.settle the robot is still in the air at t = 0: set 'after'"
-
-
-def links_with_shapes(model: RobotModel) -> list[str]:
-    """Return the links that can touch something. Only the engine knows the shapes of an MJCF model."""
-    return [link.name for link in model.links if link.collisions or model.mjcf]
-
-
-def links_named(model: RobotModel, names: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the links with collision shapes that match a name or a pattern, in the order of the model."""
-    return tuple(link for link in links_with_shapes(model) if any(matches_name(name, link) for name in names))
-
-
-def link_name_problems(model: RobotModel, key: str, names: tuple[str, ...]) -> SpecProblems:
-    """Yield the names and patterns of `key` that no link with a collision shape matches."""
-    hinted = FirstFew()
-    for index, name in enumerate(names):
-        if not links_named(model, (name,)):
-            hint = did_you_mean(name, links_with_shapes(model)) if hinted.one_more() else ""
-            yield (key, index), f"the robot has no link '{name}' with a collision shape{hint}"
 
 
 class Feet(Assertion):

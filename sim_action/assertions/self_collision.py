@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Self
 
 from pydantic import Field, field_validator
@@ -16,6 +15,7 @@ from sim_action.assertions.monitors.proximity import touching_at, with_zeros
 from sim_action.core import units
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
+from sim_action.robot.joint_selection import matches_name
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Signal, Verdict
 from sim_action.world.scene import Scene
@@ -79,7 +79,7 @@ class SelfCollision(Assertion):
         links, hinted, known = scene.model.links_by_name, FirstFew(), True
         for index, pair in enumerate(self.allow):
             for place, name in enumerate(pair):
-                if name not in links and not any(fnmatchcase(link, name) for link in links):
+                if not any(matches_name(name, link) for link in links):
                     known = False
                     hint = did_you_mean(name, links) if hinted.one_more() else ""
                     yield ("allow", index, place), f"the robot has no link '{name}'{hint}"
@@ -92,7 +92,8 @@ class SelfCollision(Assertion):
 
     def _is_allowed(self, pair: tuple[str, str]) -> bool:
         return any(
-            (_is_of(one, pair[0]) and _is_of(other, pair[1])) or (_is_of(one, pair[1]) and _is_of(other, pair[0]))
+            (matches_name(one, pair[0]) and matches_name(other, pair[1]))
+            or (matches_name(one, pair[1]) and matches_name(other, pair[0]))
             for one, other in self.allow
         )
 
@@ -103,10 +104,6 @@ class SelfCollision(Assertion):
     def forbidden(self, trace: Trace) -> list[SelfContact]:
         """Return the contacts that count."""
         return [touch for touch in trace.self_contacts if not self._is_allowed((touch.link, touch.other))]
-
-
-def _is_of(name: str, link: str) -> bool:
-    return name == link or fnmatchcase(link, name)
 
 
 @dataclass(frozen=True, slots=True)

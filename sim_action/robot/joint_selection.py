@@ -1,4 +1,7 @@
-"""The joints that a scenario names: exact names, patterns such as `*_wheel_joint`, or groups of an SRDF."""
+"""The joints that a scenario names: exact names, patterns such as `*_wheel_joint`, or groups of an SRDF.
+
+Links with collision shapes are named in the same way, without groups.
+"""
 
 from __future__ import annotations
 
@@ -30,9 +33,28 @@ def chosen(model: RobotModel, names: Iterable[str]) -> tuple[Joint, ...]:
     return tuple(joint for joint in model.moving_joints if any(_means(model, name, joint.name) for name in wanted))
 
 
-def matches_name(name: str, joint: str) -> bool:
-    """Return True if a name or pattern of a scenario means the joint with the name `joint`."""
-    return name == joint or fnmatchcase(joint, name)
+def matches_name(name: str, found: str) -> bool:
+    """Return True if a name or pattern of a scenario means the joint or link with the name `found`."""
+    return name == found or fnmatchcase(found, name)
+
+
+def links_with_shapes(model: RobotModel) -> list[str]:
+    """Return the links that can touch something. Only the engine knows the shapes of an MJCF model."""
+    return [link.name for link in model.links if link.collisions or model.mjcf]
+
+
+def links_named(model: RobotModel, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the links with collision shapes that match a name or a pattern, in the order of the model."""
+    return tuple(link for link in links_with_shapes(model) if any(matches_name(name, link) for name in names))
+
+
+def link_name_problems(model: RobotModel, key: str, names: tuple[str, ...]) -> SpecProblems:
+    """Yield the names and patterns of `key` that no link with a collision shape matches."""
+    hinted = FirstFew()
+    for index, name in enumerate(names):
+        if not links_named(model, (name,)):
+            hint = did_you_mean(name, links_with_shapes(model)) if hinted.one_more() else ""
+            yield (key, index), f"the robot has no link '{name}' with a collision shape{hint}"
 
 
 def _means(model: RobotModel, name: str, joint: str) -> bool:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from sim_action.assertions.temporal_logic.dimensions import RATES
 from sim_action.assertions.temporal_logic.formula import Formula, Signal, signals_of
 from sim_action.core.wording import did_you_mean
+from sim_action.robot.joint_selection import links_with_shapes
 from sim_action.state.readings import READING_COLUMNS
 from sim_action.state.trace_channels import Channels, ClearanceWatch
 from sim_action.world.ground import GROUND
@@ -61,8 +62,7 @@ def _frame_problems(name: str, signal: Signal, scene: Scene, bodies: list[str]) 
 
 
 def _shape_problems(signal: Signal, scene: Scene, bodies: list[str]) -> Iterator[str]:
-    # Only the engine knows the shapes of an MJCF model.
-    links = [link.name for link in scene.model.links if link.collisions or scene.model.mjcf]
+    links = links_with_shapes(scene.model)
     *named, body = signal.names or (None,)
     if body is None and not bodies:
         yield "the world has no objects to keep clear of; add some to world.objects"
