@@ -42,7 +42,7 @@ def run() -> RecordedRun:
 
 def _scene() -> Scene:
     made = scene()
-    wall, ball = made.world.objects
+    wall, ball, _ = made.world.objects
     ahead = wall.model_copy(update={"pose": Placement(x=2.0)})
     return replace(made, world=made.world.model_copy(update={"objects": (ahead, ball)}))
 

@@ -69,7 +69,7 @@ def test_the_burger_is_there_with_its_wheels() -> None:
 
 
 def test_bodies_are_where_they_begin() -> None:
-    wall, ball = scenery(scene(), ["ball"]).bodies
+    wall, ball, _ = scenery(scene(), ["ball"]).bodies
     assert (wall.name, wall.track, wall.pose) == ("wall", None, (0.0, 0.0, 0.25, 0.0, 0.0, 0.0, 1.0))
     assert (ball.name, ball.track, ball.pose[2]) == ("ball", 0, 0.1)
     (shape,) = ball.shapes
