@@ -183,8 +183,12 @@ def _parameters_of_dataclass(node: ast.ClassDef) -> Parameters | None:
 
 
 def _called(node: ast.expr) -> str:
-    """Return the last part of a name such as `dataclasses.dataclass`, which may be called."""
-    return ast.unparse(node.func if isinstance(node, ast.Call) else node).rpartition(".")[2]
+    """Return the last part of a name such as `dataclasses.dataclass`, which may be called; "" for other code."""
+    match node.func if isinstance(node, ast.Call) else node:
+        case ast.Name(id=name) | ast.Attribute(attr=name):
+            return name
+        case _:
+            return ""
 
 
 def _keywords(call: ast.Call) -> set[str | None]:
@@ -192,7 +196,15 @@ def _keywords(call: ast.Call) -> set[str | None]:
 
 
 def _words(annotation: ast.expr) -> set[str]:
-    return set(re.findall(r"\w+", ast.unparse(annotation)))
+    """Return the names in an annotation, also in one that is written as a text."""
+    words = set[str]()
+    for node in ast.walk(annotation):
+        match node:
+            case ast.Name(id=name) | ast.Attribute(attr=name):
+                words.add(name)
+            case ast.Constant(value=str(text)):
+                words.update(re.findall(r"\w+", text))
+    return words
 
 
 def _bindings(body: Sequence[ast.AST]) -> list[str]:

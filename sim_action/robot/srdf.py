@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import Final
 from xml.etree.ElementTree import Element
@@ -68,7 +69,7 @@ class _Reader:
     def read(self) -> Srdf:
         self._check_name()
         order = {joint.name: place for place, joint in enumerate(self._model.joints)}
-        groups = {name: self._joints(name, ()) for name in self._groups}
+        groups = self._joints_of_groups()
         return Srdf(
             {name: tuple(sorted(joints, key=order.__getitem__)) for name, joints in groups.items()},
             dict(self._states(groups)),
@@ -82,24 +83,40 @@ class _Reader:
             found = f"this SRDF is of robot '{name}', and the model is '{self._model.name}'"
             self._note(root, f"{found}; name the SRDF of the model, or correct <robot name=...>")
 
-    def _joints(self, name: str, outer: tuple[str, ...]) -> set[str]:
-        """Return the joints of a group: its own, those of its links and chains, and those of its groups."""
-        element, found = self._groups[name], set[str]()
-        for part in element:
+    def _joints_of_groups(self) -> dict[str, set[str]]:
+        """Return the joints of each group: its own, those of its links and chains, and those of its groups."""
+        inner = {name: dict.fromkeys(self._inner_groups(element)) for name, element in self._groups.items()}
+        try:
+            order = [*TopologicalSorter(inner).static_order()]
+        except CycleError as error:
+            # Each group of the cycle is followed by the group that contains it.
+            inside, outside = error.args[1][:2]
+            part = next(each for each in self._groups[outside].iterfind("group") if each.get("name", "") == inside)
+            self._note(part, f"group '{inside}' contains itself; remove it from group '{outside}'")
+            return {name: set() for name in self._groups}
+        found: dict[str, set[str]] = {}
+        # A group stands after all groups in it.
+        for name in order:
+            found[name] = self._own_joints(self._groups[name]).union(*(found[each] for each in inner[name]))
+        return {name: found[name] for name in self._groups}
+
+    def _inner_groups(self, group: Element) -> Iterator[str]:
+        for part in group.iterfind("group"):
+            name = part.get("name", "")
+            if name in self._groups:
+                yield name
+            else:
+                self._note(part, f"there is no group '{name}'{self._hint(name, self._groups)}")
+
+    def _own_joints(self, group: Element) -> set[str]:
+        found = set[str]()
+        for part in group:
             if part.tag == "joint":
                 found |= self._joint(part, "name")
             elif part.tag == "link":
                 found |= self._joint_above(part)
             elif part.tag == "chain":
                 found |= self._chain(part)
-            elif part.tag == "group":
-                inner = part.get("name", "")
-                if inner in (*outer, name):
-                    self._note(part, f"group '{inner}' contains itself; remove it from group '{name}'")
-                elif inner in self._groups:
-                    found |= self._joints(inner, (*outer, name))
-                else:
-                    self._note(part, f"there is no group '{inner}'{self._hint(inner, self._groups)}")
         return found
 
     def _joint(self, element: Element, attribute: str) -> set[str]:

@@ -10,6 +10,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from sim_action.core.errors import InternalError
 from sim_action.core.wording import escaped_line, system_reason
 from sim_action.runner.job import Job
 from sim_action.simulation.recorder import RunRecorder
@@ -52,7 +53,8 @@ def _noted(name: str, notes: list[str], effect: str = "") -> Iterator[None]:
     try:
         yield
     except Exception as error:  # noqa: BLE001 - the verdict does not depend on evidence
-        reason = "out of memory" if isinstance(error, MemoryError) else system_reason(error)
+        is_expected = isinstance(error, OSError | ValueError | MemoryError)
+        reason = system_reason(error) if is_expected else str(InternalError.of(error))
         notes.append(f"{name}: {escaped_line(reason)}{effect and '; '}{effect}")
 
 

@@ -63,11 +63,12 @@ class RunRecorder:
         """
         self.start = start
         first = Trace.of_observation(start)
-        self._kept.append(first if opening is None else replace(opening, contacts=()))
+        seen = first if opening is None else replace(opening, contacts=())
+        self._kept.append(seen)
         if self._steps is not None:
             self._steps.add(first, None if bodies is None else bodies[None])
         if self._filmed:
-            self._film.append(first)
+            self._film.append(seen)
 
     def add(
         self, seen: Trace, *, judged: Mapping[str, SensorRecord], is_last: bool, bodies: FloatArray | None = None
@@ -88,8 +89,8 @@ class RunRecorder:
             wanted = self._rows(seen, self._film_stride, is_last=is_last)
             # Images are too large to be kept.
             sensors = {name: told for name, told in judged.items() if name in seen.sensors or told.kind != "camera"}
-            film = Trace(seen.joint_names, seen.state[wanted], bodies=seen.bodies, sensors=sensors)
-            self._film.append(replace(film, clearances=seen.clearances))
+            # The contacts of all steps are joined at the end.
+            self._film.append(replace(seen.rows(wanted), contacts=(), sensors=sensors))
 
     def command(self, time: float, command: Command) -> None:
         """Record a command at a time in s."""

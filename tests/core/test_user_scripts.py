@@ -177,3 +177,25 @@ def test_a_text_is_parsed_once_whoever_asks(tmp_path: Path) -> None:
     assert read_script(tmp_path / "b.py") is first
     (tmp_path / "a.py").write_text("def other(observation): ...\n")
     assert read_script(tmp_path / "a.py").names == {"other"}
+
+
+def test_deep_code_shows_no_parameters(tmp_path: Path) -> None:
+    """The parser accepts chains of some thousand names; each part of one is a node inside the next."""
+    chain = "a" + ".b" * 2500
+    texts = {
+        "class A:\n    x: int\n    y: 'ClassVar[int]' = 2": ("x",),
+        "class A:\n    x: int\n    y: typing.ClassVar[int] = 2": ("x",),
+        f"class A:\n    x: {'-' * 900}1 = 1": ("x",),
+        f"class A:\n    x: {chain} = 1": ("x",),
+    }
+    for text, names in texts.items():
+        (tmp_path / "a.py").write_text(f"@dataclasses.dataclass\n{text}\n")
+        found = read_script(tmp_path / "a.py").class_named("A")
+        assert found is not None
+        assert found.parameters is not None
+        assert found.parameters.names == names
+    for decorator in (chain, f"{chain}()", "made()()"):
+        (tmp_path / "a.py").write_text(f"@{decorator}\nclass A:\n    x: int\n")
+        found = read_script(tmp_path / "a.py").class_named("A")
+        assert found is not None
+        assert found.parameters is None

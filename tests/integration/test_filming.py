@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from sim_action.core.errors import SimulationUnstable
-from sim_action.recording.replay.build import replay_of
+from sim_action.recording.replay.build import make_replay, replay_of
 from sim_action.recording.replay.replay_file import Replay
+from sim_action.recording.replay.signals import stored_signals
 from sim_action.scenario.loading import build_scene
 from sim_action.scenario.model import LoadedScenario
 from sim_action.simulation.loop import SimulationRun, simulate
@@ -89,6 +90,48 @@ def test_a_replay_has_everything_at_its_place(engine: str, tmp_path: Path) -> No
     assert {(replay.scene.links[c.link].name, replay.scene.bodies[c.body].name) for c in replay.contacts} == {
         ("base_footprint", "wall")
     }
+
+
+SEEN_OBJECTS = """\
+name: assertions about objects, feet and links that touch
+robot: {{model: turtlebot3_burger}}
+world:
+  objects:
+    - {{name: ball, sphere: {{radius: 10 cm}}, mass: 100 g, pose: {{x: -1, z: 1}}}}
+    - {{name: parcel, box: [0.1, 0.1, 0.1], mass: 1 kg, pose: {{x: -2, z: 0.5}}, appears: 0.3 s}}
+    - {{name: sign, box: [0.1, 0.1, 0.1], pose: {{x: -3}}}}
+commands: {{rate: 10 Hz, twist: [{{linear: 0.1}}]}}
+expect:
+  - {{stl: always (ball.z < 1.1 m)}}
+  - {{stl: "eventually (distance(base_footprint, parcel) < 3 m)"}}
+  - {{object: {{name: ball, stay_within: {{z: [0, 1.1]}}}}}}
+time_limit: 0.5 s
+duration: 0.5 s
+backend: {engine}
+"""
+
+
+@on_every_engine
+def test_assertions_about_objects_have_curves_in_the_replay(engine: str, tmp_path: Path) -> None:
+    loaded = load(tmp_path, SEEN_OBJECTS.format(engine=engine))
+    scene = build_scene(loaded)
+    footage = RunRecorder(loaded.scenario, filmed=True)
+    run = simulate(loaded.scenario, scene, lambda _: None, footage)
+    film = footage.film()
+    assert film is not None
+    assert footage.start is not None
+    assert {len(record) for record in film.objects.values()} == {len(film)}
+    make_replay(loaded.scenario, scene, footage.start, film, tmp_path / "run.html")
+    found = {
+        (curve.expectation, curve.name): curve for curve in stored_signals(loaded.scenario, scene, footage.start, film)
+    }
+    assert {number for number, _ in found} == {0, 1, 2}
+    assert all(verdict.passed for verdict in run.verdicts)
+    height = next(curve for (number, name), curve in found.items() if number == 0 and name != "robustness")
+    fallen = height.values.decoded(len(film))
+    at = film.bodies["ball"].position_xyz[-1, 2]
+    assert fallen[0] == pytest.approx(film.bodies["ball"].position_xyz[0, 2], abs=0.02)
+    assert fallen[-1] == pytest.approx(at, abs=0.1)
 
 
 @on_every_engine

@@ -100,6 +100,30 @@ def test_what_does_not_fit_the_model_is_told_with_its_line(srdf: str, problem: s
     assert f"{found.location.line}: {found.message}".startswith(problem)
 
 
+def test_a_cycle_of_groups_is_refused(tmp_path: Path) -> None:
+    names = ("a", "b", "c")
+    groups = "\n".join(
+        f'<group name="{name}"><group name="{inner}"/></group>' for name, inner in zip(names, "bca", strict=True)
+    )
+    with pytest.raises(RefusedModel) as caught:
+        model_with(tmp_path, groups)
+    (found,) = caught.value.problems
+    line = found.location.line
+    assert line is not None
+    outer = names[line - 2]
+    inner = names[(line - 1) % 3]
+    assert found.message == f"group '{inner}' contains itself; remove it from group '{outer}'"
+
+
+@pytest.mark.parametrize("times", [1, 2], ids=["chain", "doubled"])
+def test_many_groups_inside_each_other_are_read_in_a_moment(times: int, tmp_path: Path) -> None:
+    """Each group is read once: the same group twice in each of these would otherwise be 2^2000 joints to collect."""
+    groups = [f'<group name="g{i}">{times * f"""<group name="g{i + 1}"/>"""}</group>' for i in range(2000)]
+    model = model_with(tmp_path, "\n".join((*groups, '<group name="g2000"><joint name="j_two"/></group>')))
+    assert model.srdf is not None
+    assert model.srdf.groups["g0"] == ("j_two",)
+
+
 def test_the_srdf_of_another_robot_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RefusedModel, match="this SRDF is of robot 'leg', and the model is 'arm'"):
         model_with(tmp_path, "", name="leg")
