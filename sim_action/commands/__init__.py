@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, ClassVar, Final
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
 
 from pydantic import Field
 
@@ -95,6 +95,10 @@ class CommandSource(Transmission):
         """Return the rate in Hz at which its controller is called; it divides that of the physics."""
         return self.rate
 
+    def fitted(self, physics_rate: float) -> Self:
+        """Return this source with a default rate that divides that of the physics in Hz."""
+        return self
+
     @property
     def python_file(self) -> str | None:
         """The path, relative to the scenario, of the user's code that runs in the process of the scenario."""
@@ -129,6 +133,31 @@ class CommandSource(Transmission):
     @abstractmethod
     def open(self, scene: Scene) -> Controller:
         """Return the controller. Raises RunError, or SourceProblem for problems that only running can show."""
+
+
+class LinkCommands(CommandSource):
+    """The base class of sources that command a link at a higher rate: its commands change smoothly.
+
+    Without a `rate`, they have 40 Hz if this divides the rate of the physics, else a rate above it that does.
+    """
+
+    rate: Annotated[
+        PositiveHertz,
+        Field(
+            description="rate of the ticks at which commands are given; if 40 Hz does not divide `physics.rate`, the "
+            "default is the next higher rate that does, such as 50 Hz at 500 Hz"
+        ),
+    ] = 40.0
+
+    def fitted(self, physics_rate: float) -> Self:
+        """See CommandSource.fitted."""
+        if "rate" in self.model_fields_set:
+            return self
+        most = max(1, int(physics_rate / self.rate))
+        # A rate in whole Hz has its ticks at round times.
+        whole = (steps for steps in range(most, most // 2, -1) if physics_rate % steps == 0)
+        rate = physics_rate / next(whole, most)
+        return self if rate == self.rate else self.model_copy(update={"rate": rate})
 
 
 COMMANDS: Final = Table[type[CommandSource]](

@@ -31,6 +31,10 @@ _FLOATS: Final = {1: "float32", 11: "float64"}
 _TYPES: Final = {**_FLOATS, 6: "int32", 7: "int64", 9: "bool", 10: "float16", 16: "bfloat16"}
 _EXTERNAL: Final = 1
 _MAX_NESTING: Final = 16
+MAX_DIMENSIONS: Final = 16
+MAX_TENSORS: Final = 1000
+"""The greatest number of inputs, and of outputs."""
+
 _MAX_MESSAGE_CHARS: Final = 300
 _MAX_VARINT_BYTES: Final = 10
 
@@ -106,8 +110,13 @@ def _network(content: bytes) -> Network:
     )
     if not outputs:
         raise _Malformed
+    # Older files also list all weights as inputs.
     needed = {each.name: each for each in inputs if each.name not in weights}
-    return Network(needed, {each.name: each for each in outputs}, content)
+    given = {each.name: each for each in outputs}
+    for found, what in ((needed, "inputs"), (given, "outputs")):
+        if len(found) > MAX_TENSORS:
+            raise NetworkProblem(f"has {len(found):,} {what}; at most {MAX_TENSORS:,} are read")
+    return Network(needed, given, content)
 
 
 _MODEL, _GRAPH, _NODE, _ATTRIBUTE, _TENSOR, _SPARSE, _FUNCTION = range(7)
@@ -148,6 +157,9 @@ def _tensor(message: memoryview) -> Tensor:
     number = next((value for key, value in _fields(tensor) if key == 1), 0)
     shape = _last(tensor, 2)
     dimensions = [] if shape is None else [_part(value) for key, value in _fields(shape) if key == 1]
+    if len(dimensions) > MAX_DIMENSIONS:
+        count = f"{len(dimensions):,} dimensions; at most {MAX_DIMENSIONS} are read"
+        raise NetworkProblem(f"has '{escaped_line(name[:_MAX_MESSAGE_CHARS])}' with {count}")
     return Tensor(name, _TYPES.get(_number(number), "another type"), tuple(map(_dimension, dimensions)))
 
 

@@ -210,9 +210,10 @@ class PolicyCommands(CommandSource):
             yield ("output",), f"the network has no output '{self.output}'{hint}"
         elif self.output is None and len(results) != 1:
             yield ("policy",), f"has several outputs; add 'output' (allowed: {', '.join(results)})"
+        used = network.outputs.get(self._output(network) or "")
         for tensor, what in [
             *((tensor, "input") for tensor in network.inputs.values()),
-            *((tensor, "output") for name, tensor in network.outputs.items() if name == self._output(network)),
+            *([(used, "output")] if used is not None else []),
         ]:
             if (problem := float_problem(tensor, what)) is not None:
                 yield ("policy",), f"{self.policy}: {problem}"
@@ -252,7 +253,9 @@ class PolicyCommands(CommandSource):
         for index, text in selection_problems(model, self.order or ()):
             yield ("order", index), text
         for index, name in enumerate(self.order or ()):
-            if (problem := model.why_not_driven(name)) is not None and name in model.joints_by_name:
+            if name in (self.order or ())[:index] and name in model.joints_by_name:
+                yield ("order", index), f"joint '{name}' stands twice; remove one of them"
+            elif (problem := model.why_not_driven(name)) is not None and name in model.joints_by_name:
                 yield ("order", index), problem
         try:
             layout = self._layout(scene)

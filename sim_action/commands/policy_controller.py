@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from itertools import accumulate
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from sim_action.commands.onnx_network import NetworkProblem, Session, Tensor
 from sim_action.commands.policy_terms import Layout, Offset, PerJoint, Reader, Term, values_of
@@ -31,6 +31,15 @@ _ROUNDING: Final = 1e-9
 """Sim time is step / rate, so equal times may differ by rounding."""
 
 
+def _not_negative(value: Any) -> Any:
+    """Raise ValueError for a negative number: a spring or a damper that pushes away from its target."""
+    numbers = value.values() if isinstance(value, Mapping) else value if isinstance(value, tuple) else (value,)
+    for number in numbers:
+        if number is not None and number < 0:
+            raise ValueError(f"must be at least 0, found {number:g}: the joint would move away from its target")
+    return value
+
+
 class PolicyAction(FrozenModel):
     """The meaning of the network's output: one number for each joint."""
 
@@ -47,10 +56,13 @@ class PolicyAction(FrozenModel):
     )
     stiffness: Annotated[
         PerJoint | None,
+        AfterValidator(_not_negative),
         Field(description="N m/rad (N/m) of a spring to the target, computed at every physics step; default: a servo"),
     ] = None
     damping: Annotated[
-        PerJoint | None, Field(description="N m s/rad (N s/m); with `stiffness`, or for a target velocity")
+        PerJoint | None,
+        AfterValidator(_not_negative),
+        Field(description="N m s/rad (N s/m); with `stiffness`, or for a target velocity"),
     ] = None
 
 
@@ -122,7 +134,18 @@ class Input:
             sizes = ", ".join(f"{term.term} {part.size}" for term, part in zip(self._terms, frame, strict=True))
             found = f"'{self.tensor.name}' has {size} numbers, the observation gives {flat.size}: {sizes}"
             raise ScriptError(f"the network's input {found}")
-        return flat.reshape(self.tensor.shape_for(flat.size)).astype(self.tensor.type)
+        with np.errstate(over="ignore"):
+            value = flat.reshape(self.tensor.shape_for(flat.size)).astype(self.tensor.type)
+        if not np.isfinite(value).all():
+            # Each part is finite as float64.
+            ends, place = np.cumsum([part.size for part in parts]), int(np.flatnonzero(~np.isfinite(value.ravel()))[0])
+            part = parts[int(np.searchsorted(ends, place, side="right"))]
+            index = next(number for each in frames for number, one in enumerate(each) if one is part)
+            raise ScriptError(
+                f"the term '{self._terms[index].term}' of the observation has the value {flat[place]:.4g}, which is "
+                f"too large for {self.tensor.type}, the type of the network's input '{self.tensor.name}'; add 'clip'"
+            )
+        return value
 
     def _part(self, index: int, now: Observation, last_action: Vector) -> Vector:
         import numpy as np
@@ -256,16 +279,32 @@ class Motors:
         )
 
     def targets(self, action: Vector, now: Observation) -> JointTargets:
-        """Return the targets of a tick."""
+        """Return the targets of a tick. Raises ScriptError."""
+        import numpy as np
+
+        with np.errstate(over="ignore", invalid="ignore"):
+            return self._targets(action, now)
+
+    def _targets(self, action: Vector, now: Observation) -> JointTargets:
         import numpy as np
 
         target = self.offset + self.scale * action
         if not self.soft:
-            return _TARGETS[self.kind](dict(zip(self.joints, target.tolist(), strict=True)))
+            return _TARGETS[self.kind](self._finite(target, f"target {self.kind}"))
         states = [now.joints[name] for name in self.joints]
         position, velocity = (np.array([state[index] for state in states]) for index in (0, 1))
         if self.kind == "velocity":
             efforts = self.damping * (target - velocity)
         else:
             efforts = self.stiffness * (target - position) - self.damping * velocity
-        return JointTargets(effort=dict(zip(self.joints, efforts.tolist(), strict=True)))
+        return JointTargets(effort=self._finite(efforts, "effort"))
+
+    def _finite(self, values: Vector, what: str) -> dict[str, float]:
+        """Return the values by joint. Raises ScriptError for a value that is not finite."""
+        found = dict(zip(self.joints, values.tolist(), strict=True))
+        if (joint := next((name for name, value in found.items() if not math.isfinite(value)), None)) is not None:
+            raise ScriptError(
+                f"the {what} of joint '{joint}' is {found[joint]}: the network's output is finite, so lower 'scale', "
+                "or add 'clip' to the action"
+            )
+        return found

@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
-from sim_action.commands import ClosedLoop, CommandSource, Controller, OpenLoop
+from sim_action.commands import ClosedLoop, Controller, LinkCommands, OpenLoop
 from sim_action.core import geometry, units
 from sim_action.core.errors import ScriptError, SourceProblem
 from sim_action.core.field_types import (
     Coordinate,
     FrozenModel,
     NonNegativeSeconds,
-    PositiveHertz,
     PositiveMetresPerSecond,
     PositiveRadiansPerSecond,
     PositiveSeconds,
@@ -98,7 +97,7 @@ class LinkMotionSpec(FrozenModel):
     ] = "minimum_jerk"
 
 
-class PoseCommands(CommandSource):
+class PoseCommands(LinkCommands):
     """Moves a link along straight lines in space, such as the tool of an arm.
 
     The path starts where the link is at t = 0, and leads through the waypoints. Coordinates and angles that a waypoint
@@ -121,8 +120,6 @@ class PoseCommands(CommandSource):
     is_written: ClassVar[bool] = True
 
     pose: Annotated[LinkMotionSpec, Field(description="link, and its path")]
-    # It divides the usual rates of the physics: 200, 240 and 1000 Hz.
-    rate: Annotated[PositiveHertz, Field(description="rate of the ticks at which commands are given")] = 40.0
 
     def problems(self, workspace: Workspace) -> SpecProblems:
         """Yield times that are not in order, and angles that have no effect."""

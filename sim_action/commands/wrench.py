@@ -7,18 +7,16 @@ from typing import Annotated, ClassVar, Final, Self
 
 from pydantic import Field, model_validator
 
-from sim_action.commands import CommandSource, Controller, OpenLoop
+from sim_action.commands import Controller, LinkCommands, OpenLoop
 from sim_action.commands.twist import missed_by_ticks
 from sim_action.core.field_types import (
     Coordinate,
     FrozenModel,
     Name,
     NonNegativeSeconds,
-    PositiveHertz,
     PositiveSeconds,
 )
 from sim_action.core.units import first_step
-from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import KeyPath
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.kinematics import why_no_frame
@@ -65,7 +63,7 @@ class TimedWrench(FrozenModel):
         return self
 
 
-class WrenchCommands(CommandSource):
+class WrenchCommands(LinkCommands):
     """Applies a force and a torque to a link, such as those of a propeller, a thruster or a cable.
 
     The wrench acts at every physics step, from the first tick at or after `at` to the first tick at or after its end.
@@ -81,22 +79,17 @@ class WrenchCommands(CommandSource):
     is_written: ClassVar[bool] = True
 
     wrench: Annotated[TimedWrench, Field(description="the force, the torque, and when they act")]
-    # It divides the usual rates of the physics: 200, 240 and 1000 Hz.
-    rate: Annotated[PositiveHertz, Field(description="rate of the ticks at which commands are given")] = 40.0
 
     @property
     def begins(self) -> tuple[KeyPath, float]:
         """See CommandSource.begins."""
         return ("wrench", "at"), self.wrench.at
 
-    def problems(self, workspace: Workspace) -> SpecProblems:
-        """Yield a duration without a tick."""
+    def model_problems(self, scene: Scene) -> SpecProblems:
+        """Yield an unknown link or frame, a link that nothing moves, and a duration without a tick."""
         spec = self.wrench
         if spec.duration is not None and (problem := missed_by_ticks(spec.at, spec.duration, self.rate)):
             yield ("wrench", "for"), problem
-
-    def model_problems(self, scene: Scene) -> SpecProblems:
-        """Yield an unknown link or frame, and a link that nothing moves."""
         link = self.wrench.link or scene.model.root
         where = ("wrench", "link") if self.wrench.link else ("wrench",)
         if (problem := scene.why_not_moved(link)) is not None:

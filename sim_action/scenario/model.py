@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Self
 
-from pydantic import AfterValidator, Field, JsonValue, model_validator
+from pydantic import AfterValidator, Field, JsonValue, ValidationInfo, field_validator, model_validator
 
 from sim_action.assertions import Assertion
 from sim_action.commands import CommandSource
@@ -260,6 +260,14 @@ class Scenario(FrozenModel):
     ] = ()
     seed: Annotated[int, Field(ge=0, le=MAX_SEED, description="random seed; the same seed gives the same run")] = 0
     trace: TraceSettings = TraceSettings.model_construct()
+
+    @field_validator("commands")
+    @classmethod
+    def _with_fitting_rates(
+        cls, commands: tuple[CommandSource, ...], info: ValidationInfo
+    ) -> tuple[CommandSource, ...]:
+        physics = info.data.get("physics")
+        return commands if physics is None else tuple(source.fitted(physics.rate) for source in commands)
 
     @property
     def wall_seconds(self) -> float:

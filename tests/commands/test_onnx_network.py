@@ -111,6 +111,10 @@ def nested(depth: int) -> bytes:
         (part(7, part(12, number(1, 3))), "is not an ONNX file"),
         (part(7, part(12, part(1, "y"))), "has 'y', which is not a tensor"),
         (nested(100), "has too many graphs inside each other"),
+        (model([], {"x": (9,) * 17}, {"y": (1,)}), "has 'x' with 17 dimensions; at most 16 are read"),
+        (model([], {"x": (1,)}, {"y": (99_999_999,) * 3000}), "has 'y' with 3,000 dimensions; at most 16 are read"),
+        (model([], {f"x{i}": () for i in range(1001)}, {"y": ()}), "has 1,001 inputs; at most 1,000 are read"),
+        (model([], {}, {f"y{i}": () for i in range(1001)}), "has 1,001 outputs; at most 1,000 are read"),
     ],
 )
 def test_what_is_no_network_is_refused(content: bytes, message: str, tmp_path: Path) -> None:

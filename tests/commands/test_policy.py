@@ -243,6 +243,46 @@ def test_an_output_that_is_not_finite_is_an_error(bias: float, message: str, fol
     assert str(raised.value) == message
 
 
+@pytest.mark.parametrize(
+    ("action", "what"),
+    [
+        ({"joints": "position", "scale": 1e308}, "target position"),
+        ({"joints": "velocity", "scale": 1e308}, "target velocity"),
+        ({"joints": "effort", "scale": 1e308}, "target effort"),
+        ({"joints": "position", "stiffness": 1e308, "damping": 0}, "effort"),
+        ({"joints": "velocity", "damping": 1e308}, "effort"),
+    ],
+)
+def test_a_target_that_is_not_finite_is_an_error(action: dict[str, Any], what: str, folder: Path) -> None:
+    controller = opened(folder, linear([[1, 1, 1]], [0, 10, 0]), observation=("time",), action=action)
+    with pytest.raises(ScriptError, match=f"^the {what} of joint 'shoulder' is inf: the network's output is finite"):
+        controller.command(NOW)
+
+
+@pytest.mark.parametrize("history", [None, {"frames": 2, "order": "term"}])
+def test_a_term_too_large_for_the_type_of_the_input_is_named(history: dict[str, Any] | None, folder: Path) -> None:
+    width = 4 if history is None else 8
+    network = linear([[0, 0, 0]] * width, [0, 0, 0])
+    observation = ("gravity", {"term": "time", "scale": 1e300})
+    controller = opened(folder, network, observation=observation, action={"joints": "effort"}, history=history)
+    with pytest.raises(
+        ScriptError, match=r"^the term 'time' of the observation has the value 3e\+299, which is too large"
+    ):
+        controller.command(NOW)
+
+
+def test_soft_velocity_motors_brake_towards_their_target(folder: Path) -> None:
+    controller = opened(
+        folder,
+        linear([[1, 1, 1]], [0, 0, 0], DOUBLE),
+        observation=("time",),
+        action={"joints": "velocity", "damping": (2, 3, 4)},
+    )
+    speeds = [NOW.joints[name].velocity for name in ("turntable", "shoulder", "elbow")]
+    expected = [gain * (0.3 - speed) for gain, speed in zip((2, 3, 4), speeds, strict=True)]
+    assert efforts(controller.command(NOW)) == pytest.approx(expected)
+
+
 def test_a_term_that_is_not_finite_is_named(folder: Path) -> None:
     controller = opened(folder, identity(3), observation=("joints.velocity",), action={"joints": "effort"})
     joints = {**NOW.joints, "elbow": JointState(0.0, math.inf, 0.0)}
@@ -350,6 +390,21 @@ EFFORT = "action: {joints: effort}"
             identity(3),
             f"observation: [gravity], {ALL}, action: {{joints: position, stiffness: 3}}",
             "a target position needs both of 'stiffness' and 'damping'",
+        ),
+        (
+            identity(3),
+            f"observation: [gravity], {ALL}, action: {{joints: position, stiffness: {{'*': -5}}, damping: 1}}",
+            "action.stiffness: must be at least 0, found -5: the joint would move away from its target",
+        ),
+        (
+            identity(3),
+            f"observation: [gravity], {ALL}, action: {{joints: velocity, damping: [1, -1, 0]}}",
+            "action.damping: must be at least 0, found -1",
+        ),
+        (
+            identity(3),
+            f"observation: [gravity], order: [turntable, shoulder, shoulder], {EFFORT}",
+            "order.2: joint 'shoulder' stands twice; remove one of them",
         ),
         (
             identity(3),

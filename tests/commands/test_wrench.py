@@ -18,7 +18,7 @@ from sim_action.robot.spec import Robot
 from sim_action.state.command import LinkWrench
 from sim_action.world import Physics, World
 from sim_action.world.scene import Scene
-from tests.scenarios import LEAST, problems
+from tests.scenarios import LEAST, load, problems
 from tests.soak import examples
 
 HERE = Workspace(Path(), Path())
@@ -64,7 +64,7 @@ def test_every_wrench_acts_for_its_duration_to_within_a_tick_or_is_refused(
     at: float, length: float, rate: float
 ) -> None:
     commands = spec(rate, force=(0, 0, 1), at=at, **{"for": length})
-    refused = any(commands.problems(HERE))
+    refused = any(commands.model_problems(SCENE))
     found = given_at(commands, 600, rate)
     assert refused == ((0.0, 0.0, 1.0) not in [wrench.force_xyz for _, wrench in found])
     assert refused or [wrench.force_xyz for _, wrench in found] == [(0.0, 0.0, 1.0), (0.0, 0.0, 0.0)]
@@ -117,3 +117,27 @@ def test_a_wrench_on_a_fixed_base_is_refused(tmp_path: Path) -> None:
     )
     messages = [problem.message for problem in problems(tmp_path, text)]
     assert any("link 'base_footprint' is fixed to the world, so nothing moves it" in each for each in messages)
+
+
+@pytest.mark.parametrize(
+    ("physics", "rate"),
+    [
+        *((200, 40.0), (240, 40.0), (1000, 40.0), (250, 50.0), (500, 50.0), (100, 50.0), (30, 30.0), (62.5, 62.5)),
+        (333, 333 / 8),
+    ],
+)
+@pytest.mark.parametrize("command", ["wrench: {force: [0, 0, 1]", "pose: {link: tool0, waypoints: [{z: 0.4}]"])
+def test_the_default_rate_divides_that_of_the_physics(
+    command: str, physics: float, rate: float, tmp_path: Path
+) -> None:
+    robot = "{model: turtlebot3_burger}" if "wrench" in command else "{model: ur5e_gripper}"
+    text = f"name: n\nrobot: {robot}\nphysics: {{rate: {physics} Hz}}\ncommands: {{{command}}}}}\n"
+    text += "expect: [{max_speed: {linear: 1}}]\ntime_limit: 1 s\nallow: [fixed-base]\n"
+    (source,) = load(tmp_path, text).scenario.commands
+    assert source.rate == pytest.approx(rate)
+
+
+def test_a_rate_that_is_written_must_divide_that_of_the_physics(tmp_path: Path) -> None:
+    text = LEAST.replace(COMMANDS, "commands: {wrench: {force: [0, 0, 1]}, rate: 40 Hz}\nphysics: {rate: 500 Hz}\n")
+    (found,) = problems(tmp_path, text)
+    assert found.message == "commands.rate: 40 Hz does not divide physics.rate, 500 Hz; nearest: 25 Hz and 50 Hz"
