@@ -34,6 +34,9 @@ if TYPE_CHECKING:
 
 _ANGLES: Final = ("roll", "pitch", "yaw")
 
+# The largest time_limit.
+_LONGEST_S: Final = 86_400.0
+
 
 class LinkWaypoint(FrozenModel):
     """A pose of the link; missing coordinates and angles keep their last value."""
@@ -48,7 +51,7 @@ class LinkWaypoint(FrozenModel):
         PositiveMetresPerSecond | None, Field(description="largest speed on the way to it; default: that of the path")
     ] = None
     at: Annotated[PositiveSeconds | None, Field(description="sim time of arrival, instead of a speed")] = None
-    hold: Annotated[NonNegativeSeconds, Field(description="time at rest there")] = 0.0
+    hold: Annotated[NonNegativeSeconds, Field(le=_LONGEST_S, description="time at rest there")] = 0.0
 
     @model_validator(mode="after")
     def _has_one_time(self) -> Self:
@@ -184,7 +187,11 @@ class PoseCommands(LinkCommands):
             distance, angle = distances(here, goal)
             turning = angle / spec.turn_speed if spec.orientation == "follow" else 0.0
             needed = peak * max(distance / (waypoint.speed or spec.speed), turning)
-            end = self._tick_after(time + needed if waypoint.at is None else waypoint.at)
+            arrival = time + needed if waypoint.at is None else waypoint.at
+            if not arrival <= _LONGEST_S:
+                message = f"the link would arrive at {arrival:.4g} s; a run lasts at most {_LONGEST_S:,.0f} s"
+                raise Blocked(index, f"{message}: raise the speed, or lower 'at' or 'hold'")
+            end = self._tick_after(arrival)
             if end < time or (end == time and needed):
                 message = f"'at' must be later than {time:.6g} s, when the link leaves the waypoint before it"
                 raise Blocked(index, message)

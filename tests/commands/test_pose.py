@@ -299,6 +299,18 @@ SCENARIO: Final = {
             {"link": "tool0", "waypoints": [{"y": 0, "at": 1}, {"y": 0.1, "at": 1}]},
             "pose.waypoints.1.at: must be later than 1 s, the time before it",
         ),
+        (
+            {"link": "tool0", "waypoints": [{"y": 0, "hold": 1e308}, {"y": 0.1}]},
+            "pose.waypoints.0.hold: must be at most 86,400 s, found 1e+308",
+        ),
+        (
+            {"link": "tool0", "waypoints": [{"z": 0.4, "speed": 5e-324}, {"y": 0.1}]},
+            "pose.waypoints.0: the link would arrive at inf s; a run lasts at most 86,400 s: raise the speed",
+        ),
+        (
+            {"link": "tool0", "waypoints": [{"z": 0.4, "at": 1e308}, {"y": 0.1}]},
+            "pose.waypoints.0: the link would arrive at 1e+308 s; a run lasts at most 86,400 s",
+        ),
         ({"link": "tool0", "waypoints": [{"y": 0, "at": 1, "speed": 1}]}, "'speed' and 'at' cannot be combined"),
         (
             {"link": "tool0", "waypoints": [{"yaw": 0.1}], "orientation": "free"},

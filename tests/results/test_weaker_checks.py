@@ -163,6 +163,15 @@ def test_limits_that_allow_more(old: ExpectationOutcome, new: ExpectationOutcome
     assert [each.kind for each in change.weaker] == ["limit"] * found
 
 
+def test_an_unchanged_count_of_feet_is_not_weaker() -> None:
+    """The verdict has the limit with the smaller margin: at most 3 feet in the old run, at least 1 in the new one."""
+    old = at_most(3, 3, unit="", name="feet", assertion="feet_on_ground")
+    new = at_least(1, 2, unit="", name="feet", assertion="feet_on_ground")
+    assert changed(outcome(old), outcome(new)).weaker == ()
+    old, new = (at_least(number, 3, unit="", name=f"{number} feet", assertion="feet_on_ground") for number in (3, 1))
+    assert [each.kind for each in changed(outcome(old), outcome(new)).weaker] == ["limit"]
+
+
 LOW, HIGH = st.floats(0.0, 0.6), st.floats(0.4, 1.0)
 
 

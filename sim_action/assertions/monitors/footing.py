@@ -126,8 +126,8 @@ def _margins(centre: FloatArray, points: FloatArray) -> FloatArray:
     to_edge = np.where(is_edge, distance, math.inf).min(axis=(1, 2))
     to_point = np.sqrt((arms * arms).sum(axis=2)).min(axis=1)
     outside = np.minimum(to_edge, to_point)
-    # Without an edge, all points are at one place.
-    return np.asarray(np.where(np.isfinite(least) & (least >= 0), least, 0.0 - outside))
+    # Without an edge, all points are at one place. If all are on one line, `least` is 0 on the whole line.
+    return np.asarray(np.where(np.isfinite(least) & (least > 0), least, 0.0 - outside))
 
 
 def named(feet: Sequence[str]) -> str:

@@ -132,3 +132,16 @@ def test_points_are_seen_along_gravity(up: Vector3) -> None:
     along = points @ np.array(up)
     assert np.hypot(*level.T) == pytest.approx(np.sqrt((points**2).sum(axis=1) - along**2))
     assert footing(up=up).level(points + np.array(up)) == pytest.approx(level)
+
+
+@pytest.mark.parametrize("points", [[(0, 0), (1, 0)], [(0, 0), (0.4, 0), (1, 0)], [(1, 0), (0, 0), (0.3, 0), (0.6, 0)]])
+@pytest.mark.parametrize(("centre", "expected"), [((5, 0), -4.0), ((-2, 0), -2.0), ((0.7, 0), 0.0), ((1, 0), 0.0)])
+def test_a_point_on_the_line_of_all_feet_is_outside_beyond_them(
+    points: list[tuple[float, float]], centre: tuple[float, float], expected: float
+) -> None:
+    moment = np.zeros(len(points), dtype=np.intp)
+    for turn in (0.0, 0.3):
+        cos, sin = np.cos(turn), np.sin(turn)
+        turned = np.array([[cos, sin], [-sin, cos]])
+        found = support_margins(np.array([centre]) @ turned, moment, np.array(points, dtype=np.float64) @ turned)
+        assert found.tolist() == pytest.approx([expected], abs=1e-9)
