@@ -8,7 +8,7 @@ lists rules whose findings are accepted. Findings after a run are in `simulation
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from types import MappingProxyType
@@ -21,12 +21,11 @@ from sim_action.core.wording import did_you_mean
 from sim_action.core.workspace import PathError
 from sim_action.core.yaml_document import Document, KeyPath
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.world import GROUND, Physics
+from sim_action.world import GROUND
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
     from sim_action.assertions import Assertion
-    from sim_action.assertions.temporal_logic.formula import Signal
     from sim_action.scenario.model import Agreement, Scenario
     from sim_action.state.golden_trajectory import Golden
 
@@ -74,7 +73,8 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         "fixed-base": Rule(
             "error",
             "an assertion about the motion of a fixed base, such as `travel`, or `matches` without `joints`, or of a "
-            "link that no joint moves in its frame; a limit of `agreement` for such a base or a link fixed to it",
+            "link that no joint moves in its frame; a comparison of `stl`, or a `clearance`, between parts that never "
+            "move; a limit of `agreement` for such a base or a link fixed to it",
         ),
         "shapeless-links": Rule(
             "warning", "such an assertion where moving links have a visual shape but no collision shape"
@@ -233,11 +233,11 @@ _FASTEST: Final = "no path is longer at physics.max_speed until time_limit"
 def _beyond_half_a_turn(agreement: Agreement) -> Iterator[ClaimFinding]:
     """Yield angles of `agreement` that no two runs exceed."""
     if agreement.yaw is not None and agreement.yaw >= math.pi:
-        yield _beyond(("agreement", "yaw"), agreement.yaw, "rad", _HEADING)
+        yield beyond(("agreement", "yaw"), agreement.yaw, "rad", _HEADING)
     for group, named in (("links", agreement.links), ("bodies", agreement.bodies)):
         for name, limits in named.items():
             if limits.orientation is not None and limits.orientation >= math.pi:
-                yield _beyond(("agreement", group, name, "orientation"), limits.orientation, "rad", _TURN)
+                yield beyond(("agreement", group, name, "orientation"), limits.orientation, "rad", _TURN)
 
 
 # Assertion, field, unit, the value that no run exceeds, and the reason.
@@ -256,57 +256,31 @@ _BOUNDS: Final[tuple[tuple[str, str, str, Callable[[Scenario], float], str], ...
 
 
 def _unreachable_limits(path: KeyPath, assertion: Any, scenario: Scenario) -> Iterator[ClaimFinding]:
+    is_object = assertion.key == "object"
+    if is_object:
+        path, assertion = (*path, assertion.part.key), assertion.part
     for key, field, unit, most, why in _BOUNDS:
         # Only the base has the limits of a run.
-        if assertion.key != key or not (unit == "rad" or assertion.watches_base):
+        if assertion.key != key or not (unit == "rad" or (assertion.watches_base and not is_object)):
             continue
         names = field.split(".")
         value = reduce(lambda part, name: getattr(part, name, None), names, assertion)
         if value is not None and value >= (bound := most(scenario)):
-            yield _beyond((*path, *names), value, unit, f"{why}" if unit == "rad" else _at(why, bound, unit))
+            yield beyond((*path, *names), value, unit, f"{why}" if unit == "rad" else _at(why, bound, unit))
     if assertion.key == "stl":
-        yield from _constant_comparisons(path, assertion, scenario.physics)
+        from sim_action.scenario.formula_claims import audit_formula
+
+        yield from audit_formula(path, assertion, scenario.physics)
 
 
 def _at(why: str, bound: float, unit: str) -> str:
     return f"{why}, {units.display(bound, unit)}"
 
 
-def _beyond(path: KeyPath, value: float, unit: str, why: str) -> ClaimFinding:
+def beyond(path: KeyPath, value: float, unit: str, why: str) -> ClaimFinding:
+    """Return the finding on a limit that cannot be exceeded; `why` is a clause, `value` has the SI unit `unit`."""
     message = f"a limit of {units.display(value, unit)} cannot be exceeded, because {why}; give a smaller limit"
     return ClaimFinding("unreachable-limit", path, message)
-
-
-def _constant_comparisons(path: KeyPath, assertion: Any, physics: Physics) -> Iterator[ClaimFinding]:
-    from sim_action.assertions.temporal_logic.tokens import place
-    from sim_action.assertions.temporal_logic.vacuity import bare_numbers, constant_comparisons
-
-    ranges = {
-        "tilt": (0.0, math.pi),
-        "roll": (-math.pi, math.pi),
-        "pitch": (-math.pi / 2, math.pi / 2),
-        "yaw": (-math.pi, math.pi),
-        "speed": (0.0, physics.max_speed),
-        "turn_rate": (0.0, physics.max_turn_rate),
-        "travel": (0.0, physics.max_distance),
-        "distance": (0.0, math.inf),
-        "force": (0.0, math.inf),
-    }
-    bare = [each for each in bare_numbers(assertion.parsed) if _are_angles(each.signals)]
-    wrong = [(each.at, problem) for each in bare if (problem := units.beyond_a_turn(each.number)) is not None]
-    for at, problem in wrong:
-        yield ClaimFinding("bare-angle", path, f"{problem}; {place(assertion.formula, at)}")
-    if wrong:
-        return
-    for constant in constant_comparisons(assertion.parsed, ranges):
-        always = "always true ('>' and '>=' are the same)" if constant.is_true else "always false"
-        message = f"'{constant.comparison}' is {always}, so it checks nothing; change its limit"
-        yield ClaimFinding("unreachable-limit", path, f"{message}; {place(assertion.formula, constant.at)}")
-
-
-def _are_angles(signals: Iterable[Signal]) -> bool:
-    names = {signal.name for signal in signals}
-    return bool(names) and names <= {"roll", "pitch", "yaw", "tilt"}
 
 
 def _nothing_to_touch(path: KeyPath, assertion: Any, scenario: Scenario, end: float) -> Iterator[ClaimFinding]:

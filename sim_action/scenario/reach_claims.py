@@ -17,12 +17,13 @@ from sim_action.core.geometry import Pose, Vector3
 from sim_action.core.yaml_document import KeyPath
 from sim_action.robot.kinematics import link_of_frame, link_poses
 from sim_action.robot.robot_model import WORLD, Joint, RobotModel
-from sim_action.scenario.claim_audit import ClaimFinding
+from sim_action.scenario.claim_audit import ClaimFinding, beyond
 from sim_action.world.scene import Scene
 
 # Limits of sliding joints give way a little; models and sums round.
 _SLACK: Final = 1.05
 _ROUNDING_M: Final = 1e-6
+_JUDGED: Final = frozenset({"reach", "final_pose", "stay_within", "follow_path", "travel"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +47,10 @@ class Range:
         centre = dict(zip("xyz", self.centre_xyz, strict=True))
         return math.hypot(*(at - centre[axis] for axis, at in place.items() if axis != "z" or self.has_height))
 
+    def farthest(self, place: dict[str, float]) -> float:
+        """Return the greatest distance in m of the link from such a place; infinite if it is unknown."""
+        return math.inf if "z" in place and not self.has_height else self.distance(place) + self.radius + _ROUNDING_M
+
     def is_within(self, bounds: dict[str, tuple[float, float]]) -> bool:
         """Return True if the link stays between the bounds of the axes, in m."""
         centre = dict(zip("xyz", self.centre_xyz, strict=True))
@@ -58,7 +63,7 @@ class Range:
 def audit_reach(leaves: Sequence[tuple[KeyPath, Any]], scene: Scene) -> Iterator[ClaimFinding]:
     """Yield places that a link cannot come to, and bounds that it cannot leave."""
     for path, assertion in leaves:
-        if assertion.key not in {"reach", "final_pose", "stay_within"} or assertion.watches_base:
+        if assertion.key not in _JUDGED or assertion.watches_base:
             continue
         found = range_of(scene, assertion.link or scene.model.root, assertion.frame)
         if found is None:
@@ -69,8 +74,32 @@ def audit_reach(leaves: Sequence[tuple[KeyPath, Any]], scene: Scene) -> Iterator
                 most = f"{units.display(found.radius, 'm')} from joint '{found.joint}'"
                 message = f"{who} cannot leave these bounds: it is never more than {most}; give narrower bounds"
                 yield ClaimFinding("unreachable-limit", path, message)
-        elif not getattr(assertion, "relative", False):
+            continue
+        yield from _beyond_any_place(path, assertion, who, found)
+        if assertion.key in {"reach", "final_pose"} and not getattr(assertion, "relative", False):
             yield from _beyond_reach(path, assertion, who, found)
+
+
+def _beyond_any_place(path: KeyPath, assertion: Any, who: str, found: Range) -> Iterator[ClaimFinding]:
+    """Yield distances that are greater than those of all places that the link may come to."""
+    most, what = math.inf, "this place"
+    match assertion.key:
+        case "travel":
+            most, what, fields = 2 * found.radius + _ROUNDING_M, "its start", ["at_most"]
+        case "final_pose" if assertion.place and assertion.relative:
+            most, fields = 2 * found.radius + _ROUNDING_M + math.hypot(*assertion.place.values()), ["tolerance"]
+        case "final_pose" if assertion.place:
+            most, fields = found.farthest(assertion.place), ["tolerance"]
+        case "follow_path" if assertion.path and not assertion.smooth:
+            points = (dict(zip("xyz", point.place, strict=False)) for point in assertion.path)
+            most, what, fields = max(map(found.farthest, points)), "this path", ["max_error", "rms"]
+        case _:
+            return
+    for field in fields:
+        limit = getattr(assertion, field)
+        if limit is not None and limit >= most:
+            why = f"{who} is never more than {units.display(most, 'm')} from {what}"
+            yield beyond((*path, field), limit, "m", why)
 
 
 def _beyond_reach(path: KeyPath, assertion: Any, who: str, found: Range) -> Iterator[ClaimFinding]:

@@ -39,6 +39,12 @@ def audit_robot(scene: Scene, scenario: Scenario, expect_paths: Sequence[KeyPath
     for path, assertion in leaves:
         if assertion.key == "effort":
             yield from _clipped_efforts(path, assertion, scene.model)
+        elif assertion.key == "clearance" and scene.bolted_links:
+            yield from _fixed_distances(path, assertion, scene)
+        elif assertion.key == "stl":
+            from sim_action.scenario.formula_claims import audit_formula_of_robot
+
+            yield from audit_formula_of_robot(path, assertion, scene)
 
 
 def _shapes(leaves: Sequence[tuple[KeyPath, Any]], scene: Scene) -> Iterator[ClaimFinding]:
@@ -105,6 +111,15 @@ def _fixed_base(leaves: Sequence[tuple[KeyPath, Any]]) -> Iterator[ClaimFinding]
         elif assertion.key == "matches" and not assertion.joints:
             message = "only the base is compared, but it is fixed and never moves; add tolerances in 'joints'"
             yield ClaimFinding("fixed-base", path, message)
+
+
+def _fixed_distances(path: KeyPath, assertion: Any, scene: Scene) -> Iterator[ClaimFinding]:
+    """Yield a distance between named links and bodies that cannot move."""
+    moving = {body.name for body in scene.world.objects if body.mass is not None or body.path}
+    meant = {body.name for body in scene.world.objects} if assertion.to is None else set(assertion.to)
+    if assertion.chosen and scene.bolted_links.issuperset(assertion.chosen) and moving.isdisjoint(meant):
+        message = f"clearance checks nothing: neither {_quoted(assertion.chosen)} nor the bodies can move"
+        yield ClaimFinding("fixed-base", path, f"{message}; name a link or a body that moves")
 
 
 def _rigid_links(leaves: Sequence[tuple[KeyPath, Any]], scene: Scene) -> Iterator[ClaimFinding]:

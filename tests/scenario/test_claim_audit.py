@@ -63,12 +63,18 @@ def warnings(folder: Path, text: str) -> list[tuple[int | None, str]]:
         ("stl: always (not (abs(yaw) > 4 rad))", "stl", "unreachable-limit"),
         ("any_of: [no_collision, {upright: {max_tilt: 30}}]", "any_of.1.upright.max_tilt", "bare-angle"),
         ("not: {max_speed: {linear: 200}}", "not.max_speed.linear", "unreachable-limit"),
+        ("object: {name: wall, upright: {max_tilt: 180 deg}}", "object.upright.max_tilt", "unreachable-limit"),
+        (
+            "object: {name: wall, reach: {x: 1, y: 0, yaw: 0, yaw_tolerance: 3.2}}",
+            "object.reach.yaw_tolerance",
+            "unreachable-limit",
+        ),
     ],
 )
 def test_a_claim_that_cannot_fail_in_any_world_is_refused_unless_allowed(
     expect: str, key: str, rule: str, tmp_path: Path
 ) -> None:
-    text = scenario(expect, WALL)
+    text = scenario(expect, WALL.replace("pose", "mass: 1, pose"))
     assert errors(tmp_path, text) == [(f"expect.0.{key}", rule)]
     # An angle that is no mistake may still be a limit that cannot be exceeded.
     assert load(tmp_path, f"{text}allow: [{rule}, unreachable-limit]\n")

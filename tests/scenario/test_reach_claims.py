@@ -135,6 +135,39 @@ def test_bounds_that_a_link_cannot_leave(arms: Path, bounds: str, escapes: bool)
     assert escapes or "tool cannot leave these bounds: it is never more than 0.5 m from joint" in problem[0].message
 
 
+# The tool is at most 0.5 m from the shoulder, which is at (0.1, 0, 0.5) in the base.
+@pytest.mark.parametrize(
+    ("expect", "key"),
+    [
+        ("final_pose: {link: tool, frame: base, x: 0.1, tolerance: 0.501}", "tolerance"),
+        ("final_pose: {link: tool, frame: base, x: 0.1, tolerance: 0.499}", ""),
+        ("final_pose: {link: tool, frame: base, x: 0.1, y: 0.3, z: 0.9, tolerance: 1.001}", "tolerance"),
+        ("final_pose: {link: tool, frame: base, x: 0.1, y: 0.3, z: 0.9, tolerance: 0.999}", ""),
+        ("final_pose: {link: tool, relative: true, x: 0.3, tolerance: 1.301}", "tolerance"),
+        ("final_pose: {link: tool, relative: true, x: 0.3, tolerance: 1.299}", ""),
+        ("final_pose: {link: tool, frame: base, yaw: 0}", ""),
+        ("travel: {link: tool, at_most: 1.001}", "at_most"),
+        ("travel: {link: tool, at_most: 0.999}", ""),
+        ("travel: {link: tool, at_least: 0.1}", ""),
+        (
+            "follow_path: {link: tool, frame: base, path: [{x: 0.1, y: 0}, {x: 0.1, y: 0.2}], max_error: 0.701}",
+            "max_error",
+        ),
+        ("follow_path: {link: tool, frame: base, path: [{x: 0.1, y: 0}, {x: 0.1, y: 0.2}], max_error: 0.699}", ""),
+        ("follow_path: {link: tool, path: [{x: 1, y: 0, z: 1}, {x: 1, y: 0.1, z: 2.5}], rms: 2.1}", "rms"),
+        ("follow_path: {link: tool, path: [{x: 1, y: 0, z: 1}, {x: 1, y: 0.1, z: 2.5}], rms: 1.9}", ""),
+    ],
+)
+def test_distances_that_no_place_of_a_link_exceeds(arms: Path, expect: str, key: str) -> None:
+    found = refused(arms, scenario(expect), "unreachable-limit")
+    assert [problem.message.split(": ")[0].rpartition(".")[2] for problem in found] == [key] * bool(key)
+    assert all("because tool is never more than" in problem.message for problem in found)
+    # The height of the base is not known, and a base that moves may be anywhere.
+    free = [scenario(expect, base="free"), scenario(expect.replace(", x: ", ", z: 1, x: "), pose="{x: 1}")]
+    if "frame" not in expect and "relative" not in expect and "travel" not in expect:
+        assert all(refused(arms, text, "unreachable-limit") == [] for text in free)
+
+
 @pytest.mark.parametrize(
     ("expect", "rigid"),
     [

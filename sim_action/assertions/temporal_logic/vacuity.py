@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import product
 from typing import Final
@@ -52,39 +52,51 @@ class Constant:
         return self.comparison.at
 
 
-def constant_comparisons(formula: Formula, ranges: Mapping[str, Range]) -> Iterator[Constant]:
-    """Yield the comparisons that are always true or always false; `ranges`: signal of the base -> possible values."""
+def by_name(ranges: Mapping[str, Range]) -> Callable[[Signal], Range]:
+    """Return the possible values of a signal; `ranges`: name of a signal of the base -> possible values."""
+
+    def possible(signal: Signal) -> Range:
+        if signal.joint:
+            return ANYTHING
+        low, high = ranges.get(signal.name, ANYTHING)
+        # Only the base has the limits of a run.
+        return low, math.inf if signal.source == "frame" and signal.name in ("speed", "turn_rate") else high
+
+    return possible
+
+
+def constant_comparisons(formula: Formula, possible: Callable[[Signal], Range]) -> Iterator[Constant]:
+    """Yield the comparisons that are always true or always false; `possible` returns the values of a signal."""
     for comparison in comparisons(formula):
         smaller, greater = comparison.left, comparison.right
         if comparison.relation in (">", ">="):
             smaller, greater = greater, smaller
-        (low, high), (other_low, other_high) = _range(smaller, ranges), _range(greater, ranges)
+        (low, high), (other_low, other_high) = _range(smaller, possible), _range(greater, possible)
         if high <= other_low:
             yield Constant(comparison, True)
         elif low > other_high:
             yield Constant(comparison, False)
 
 
-def _range(term: Term, ranges: Mapping[str, Range]) -> Range:
+def _range(term: Term, possible: Callable[[Signal], Range]) -> Range:
     match term:
         case Number():
             return term.value, term.value
         case Signal():
-            is_bounded = not term.joint and (term.source != "frame" or term.name not in ("speed", "turn_rate"))
-            return ranges.get(term.name, ANYTHING) if is_bounded else ANYTHING
+            return possible(term)
         case Negative():
-            low, high = _range(term.term, ranges)
+            low, high = _range(term.term, possible)
             return -high, -low
         case Absolute():
-            low, high = _range(term.term, ranges)
+            low, high = _range(term.term, possible)
             return max(0.0, low, -high), max(-low, high)
         case Sum():
-            each = [_range(part, ranges) for part in term.terms]
+            each = [_range(part, possible) for part in term.terms]
             return sum(low for low, _ in each), sum(high for _, high in each)
         case Product():
             low, high = 1.0, 1.0
             for factor in term.factors:
-                ends = [_times(a, b) for a, b in product((low, high), _range(factor, ranges))]
+                ends = [_times(a, b) for a, b in product((low, high), _range(factor, possible))]
                 low, high = min(ends), max(ends)
             return low, high
 

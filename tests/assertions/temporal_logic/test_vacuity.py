@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from sim_action.assertions.temporal_logic.formula import Interval
 from sim_action.assertions.temporal_logic.parser import parse
-from sim_action.assertions.temporal_logic.vacuity import bare_numbers, constant_comparisons, premises
+from sim_action.assertions.temporal_logic.vacuity import bare_numbers, by_name, constant_comparisons, premises
 
 RANGES = {"tilt": (0.0, math.pi), "speed": (0.0, 10.0), "yaw": (-math.pi, math.pi)}
 
@@ -36,12 +36,12 @@ RANGES = {"tilt": (0.0, math.pi), "speed": (0.0, 10.0), "yaw": (-math.pi, math.p
     ],
 )
 def test_comparisons_with_the_same_result_in_every_run(formula: str, found: list[bool]) -> None:
-    assert [constant.is_true for constant in constant_comparisons(parse(formula), RANGES)] == found
+    assert [constant.is_true for constant in constant_comparisons(parse(formula), by_name(RANGES))] == found
 
 
 @given(st.floats(0, 10), st.floats(-20, 20), st.sampled_from(["<", ">"]))
 def test_a_constant_comparison_has_its_result_at_every_speed(speed: float, limit: float, relation: str) -> None:
-    for constant in constant_comparisons(parse(f"speed {relation} {limit!r} m/s"), RANGES):
+    for constant in constant_comparisons(parse(f"speed {relation} {limit!r} m/s"), by_name(RANGES)):
         margin = limit - speed if relation == "<" else speed - limit
         assert constant.is_true == (margin >= 0)
 

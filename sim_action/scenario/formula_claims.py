@@ -1,0 +1,151 @@
+"""The rules of the audit of claims about the comparisons of a formula (`stl`): constants, and bare angles."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from functools import partial
+from itertools import permutations
+from typing import TYPE_CHECKING, Any, Final
+
+from sim_action.assertions.temporal_logic.formula import Comparison, Signal, comparisons, signals
+from sim_action.assertions.temporal_logic.tokens import place
+from sim_action.assertions.temporal_logic.vacuity import (
+    ANYTHING,
+    Constant,
+    Range,
+    bare_numbers,
+    by_name,
+    constant_comparisons,
+)
+from sim_action.core import units
+from sim_action.core.yaml_document import KeyPath
+from sim_action.robot.robot_model import WORLD
+from sim_action.robot.self_collision import rigid_bodies
+from sim_action.scenario.claim_audit import ClaimFinding
+from sim_action.world import GROUND, Physics
+
+if TYPE_CHECKING:
+    from sim_action.world.scene import Scene
+
+_AXES: Final = "xyz"
+_ROUNDING_M: Final = 1e-6
+
+
+def audit_formula(path: KeyPath, assertion: Any, physics: Physics) -> Iterator[ClaimFinding]:
+    """Yield the findings that are visible without the robot model: bare angles, and results that no run changes."""
+    bare = [each for each in bare_numbers(assertion.parsed) if _are_angles(each.signals)]
+    wrong = [(each.at, problem) for each in bare if (problem := units.beyond_a_turn(each.number)) is not None]
+    for at, problem in wrong:
+        yield ClaimFinding("bare-angle", path, f"{problem}; {place(assertion.formula, at)}")
+    if wrong:
+        return
+    for constant in _constants(assertion, physics):
+        yield _always(path, assertion, constant)
+
+
+def audit_formula_of_robot(path: KeyPath, assertion: Any, scene: Scene) -> Iterator[ClaimFinding]:
+    """Yield comparisons of values that never change, and of values beyond the reach of the links."""
+    known = {constant.at for constant in _constants(assertion, scene.physics)}
+    places = _Places(scene)
+    for comparison in comparisons(assertion.parsed):
+        compared = tuple(signals(comparison.left)) + tuple(signals(comparison.right))
+        if comparison.at not in known and compared and all(map(places.is_constant, compared)):
+            known.add(comparison.at)
+            yield _never_changes(path, assertion, comparison, compared)
+    for constant in constant_comparisons(assertion.parsed, partial(_in_reach, scene)):
+        if constant.at not in known:
+            yield _always(path, assertion, constant)
+
+
+def _constants(assertion: Any, physics: Physics) -> Iterator[Constant]:
+    ranges = {
+        "tilt": (0.0, math.pi),
+        "roll": (-math.pi, math.pi),
+        "pitch": (-math.pi / 2, math.pi / 2),
+        "yaw": (-math.pi, math.pi),
+        "speed": (0.0, physics.max_speed),
+        "turn_rate": (0.0, physics.max_turn_rate),
+        "travel": (0.0, physics.max_distance),
+        "distance": (0.0, math.inf),
+        "force": (0.0, math.inf),
+    }
+    return constant_comparisons(assertion.parsed, by_name(ranges))
+
+
+def _always(path: KeyPath, assertion: Any, constant: Constant) -> ClaimFinding:
+    always = "always true ('>' and '>=' are the same)" if constant.is_true else "always false"
+    message = f"'{constant.comparison}' is {always}, so it checks nothing; change its limit"
+    return ClaimFinding("unreachable-limit", path, f"{message}; {place(assertion.formula, constant.at)}")
+
+
+def _never_changes(path: KeyPath, assertion: Any, comparison: Comparison, compared: Iterable[Signal]) -> ClaimFinding:
+    names = [f"'{name}'" for name in dict.fromkeys(map(str, compared))]
+    never = "never change" if len(names) > 1 else "never changes"
+    message = f"a comparison checks nothing: {' and '.join(names)} {never} in this scenario"
+    use = "name links or objects that move relative to each other"
+    return ClaimFinding("fixed-base", path, f"{message}; {use}; {place(assertion.formula, comparison.at)}")
+
+
+def _are_angles(compared: Iterable[Signal]) -> bool:
+    names = {signal.name for signal in compared}
+    return bool(names) and names <= {"roll", "pitch", "yaw", "tilt"}
+
+
+class _Places:
+    """The rigid bodies of a scene: names with one rigid body never move relative to each other."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        self._holders = rigid_bodies(scene.model)
+        self._fixed = {GROUND, *(body.name for body in scene.world.objects if body.mass is None and not body.path)}
+
+    def is_constant(self, signal: Signal) -> bool:
+        """Return True if a signal has the same value at every step."""
+        match signal.source:
+            case "robot":
+                return self._scene.bolted and not signal.joint and signal.name != "time"
+            case "frame":
+                return self._rigid(signal.names[0]) == WORLD
+            case "pair" if signal.name == "distance":
+                return len(set(map(self._rigid, signal.names))) == 1
+            case "pair":
+                return self._never_nears(signal)
+            case _:
+                return False
+
+    def _never_nears(self, signal: Signal) -> bool:
+        """Return True if neither the links nor the objects of a clearance or a force move."""
+        *links, body = signal.names or (None,)
+        model, bodies = self._scene.model, [each.name for each in self._scene.world.objects]
+        meant = links or [link.name for link in model.links if link.collisions or model.mjcf]
+        return {self._rigid(str(name)) for name in (*meant, *(bodies if body is None else [body]))} == {WORLD}
+
+    def _rigid(self, name: str) -> str:
+        """Return the name of a rigid body; that of everything that never moves is "world"."""
+        if name in self._scene.bolted_links or name in self._fixed:
+            return WORLD
+        return self._holders.get(name, name)
+
+
+def _in_reach(scene: Scene, signal: Signal) -> Range:
+    """Return the possible values of a place of a link, or of the distance between two links."""
+    from sim_action.scenario.reach_claims import range_of
+
+    links = scene.model.links_by_name
+    if not links.keys() >= set(signal.names) or not signal.names:
+        return ANYTHING
+    if signal.source == "frame" and signal.name in _AXES:
+        found, axis = range_of(scene, signal.names[0], WORLD), _AXES.index(signal.name)
+        if found is None or (signal.name == "z" and not found.has_height):
+            return ANYTHING
+        middle, away = found.centre_xyz[axis], found.radius + _ROUNDING_M
+        return middle - away, middle + away
+    if signal.name == "distance":
+        low, high = 0.0, math.inf
+        for first, second in permutations(signal.names):
+            if (found := range_of(scene, second, first)) is not None:
+                middle, away = math.hypot(*found.centre_xyz), found.radius + _ROUNDING_M
+                low, high = max(low, middle - away), min(high, middle + away)
+        return low, high
+    return ANYTHING
