@@ -322,45 +322,50 @@ class ObjectMonitor:
         assert has_truth(monitor), "all kinds are true or false at a moment"
         return monitor
 
-    def _present(self, trace: Trace) -> Trace:
-        """Return the steps at which the object is there."""
-        import numpy as np
-
-        record = trace.objects.get(self.spec.name)
-        if record is None or not len(record):
-            return trace.rows(slice(0))
-        there = np.isfinite(record.position_xyz[:, 0])
-        return trace if there.all() else trace.rows(np.flatnonzero(there))
-
     def _known(self, trace: Trace) -> tuple[tuple[float, ...], ...]:
-        here = self._present(trace)
+        here = _present(trace, self.spec.name)
         latest = _poses(here, self.spec.name)[-2:].tolist() if len(here) else []
         return (*self.known, *map(tuple, latest))[-2:]
 
     def _seen(self, trace: Trace) -> Trace:
-        """Return the steps at which the object is there and its speed, if that counts, is known.
+        return motion_of(self.spec, self.scene, trace, self.known)
 
-        Their base has the motion of the object. Its speed is the distance from the step before.
-        """
-        import numpy as np
 
-        from sim_action.robot.link_motion import LinkMotion, link_motion
+def motion_of(spec: ObjectAssertion, scene: Scene, trace: Trace, known: tuple[tuple[float, ...], ...] = ()) -> Trace:
+    """Return the steps at which the object is there and its speed, if that counts, is known.
 
-        here = self._present(trace)
-        if not len(here):
-            return here
-        rows = _poses(here, self.spec.name)
-        # The first step may be known already: the one at which a time window opens.
-        before = [row for row in self.known if row[0] < rows[0, 0] - TIME_EPSILON_S]
-        linear, angular = _rates(np.vstack((before[-1] if before else rows[0], rows)))
-        motion = LinkMotion(rows[:, 1:4], rows[:, 4:8], linear, angular)
-        if self.spec.part.frame != WORLD:
-            frame = link_of_frame(self.scene.model, self.spec.part.frame)
-            motion = motion.seen_from(link_motion(self.scene.model, here, frame))
-        columns = (motion.position_xyz, motion.orientation_xyzw, motion.linear_xyz, motion.angular_xyz)
-        seen = replace(here, state=np.column_stack((here.time, *columns, here.state[:, 14:])))
-        needs_speed = isinstance(self.spec.part, Settled) and not before
-        return seen.rows(slice(1, None)) if needs_speed else seen
+    Their base has the motion of the object. Its speed is the distance from the step before.
+    """
+    import numpy as np
+
+    from sim_action.robot.link_motion import LinkMotion, link_motion
+
+    here = _present(trace, spec.name)
+    if not len(here):
+        return here
+    rows = _poses(here, spec.name)
+    # The first step may be known already: the one at which a time window opens.
+    before = [row for row in known if row[0] < rows[0, 0] - TIME_EPSILON_S]
+    linear, angular = _rates(np.vstack((before[-1] if before else rows[0], rows)))
+    motion = LinkMotion(rows[:, 1:4], rows[:, 4:8], linear, angular)
+    if spec.part.frame != WORLD:
+        frame = link_of_frame(scene.model, spec.part.frame)
+        motion = motion.seen_from(link_motion(scene.model, here, frame))
+    columns = (motion.position_xyz, motion.orientation_xyzw, motion.linear_xyz, motion.angular_xyz)
+    seen = replace(here, state=np.column_stack((here.time, *columns, here.state[:, 14:])))
+    needs_speed = isinstance(spec.part, Settled) and not before
+    return seen.rows(slice(1, None)) if needs_speed else seen
+
+
+def _present(trace: Trace, name: str) -> Trace:
+    """Return the steps at which an object is there."""
+    import numpy as np
+
+    record = trace.objects.get(name)
+    if record is None or not len(record):
+        return trace.rows(slice(0))
+    there = np.isfinite(record.position_xyz[:, 0])
+    return trace if there.all() else trace.rows(np.flatnonzero(there))
 
 
 def _poses(trace: Trace, name: str) -> FloatArray:

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 
 _PAIRS: Final = "expected a list of pairs"
+_NOT_JUDGED: Final = "they are neighbours, parts of one rigid body, without a collision shape, or disabled by the model"
 
 
 class SelfCollision(Assertion):
@@ -87,15 +88,17 @@ class SelfCollision(Assertion):
         first = next(pairs, None)
         if first is None:
             yield (), f"it would check nothing: {NO_PAIRS}"
-        elif known and self.allow and all(map(self._is_allowed, (first, *pairs))):
-            yield ("allow",), "it names every pair of links that can touch, so no touch counts; remove pairs"
+        elif known and self.allow:
+            meant = [first, *pairs]
+            for index, names in enumerate(self.allow):
+                if not any(_names(names, pair) for pair in meant):
+                    message = f"{names[0]} and {names[1]} are not judged: {_NOT_JUDGED}; remove this pair"
+                    yield ("allow", index), message
+            if all(map(self._is_allowed, meant)):
+                yield ("allow",), "it names every pair of links that can touch, so no touch counts; remove pairs"
 
     def _is_allowed(self, pair: tuple[str, str]) -> bool:
-        return any(
-            (matches_name(one, pair[0]) and matches_name(other, pair[1]))
-            or (matches_name(one, pair[1]) and matches_name(other, pair[0]))
-            for one, other in self.allow
-        )
+        return any(_names(names, pair) for names in self.allow)
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor."""
@@ -104,6 +107,12 @@ class SelfCollision(Assertion):
     def forbidden(self, trace: Trace) -> list[SelfContact]:
         """Return the contacts that count."""
         return [touch for touch in trace.self_contacts if not self._is_allowed((touch.link, touch.other))]
+
+
+def _names(names: tuple[str, str], pair: tuple[str, str]) -> bool:
+    """Return True if two names or patterns mean two links, in either order."""
+    one, other = names
+    return any(matches_name(one, first) and matches_name(other, second) for first, second in (pair, pair[::-1]))
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,7 +28,7 @@ from sim_action.state.command import JointTargets
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.commands.link_path import Follower, LinkPath, Plan
+    from sim_action.commands.link_path import Follower, Leg, LinkPath, Plan
     from sim_action.robot.inverse_kinematics import Chain, Values
     from sim_action.state.observation import Observation
 
@@ -36,6 +36,9 @@ _ANGLES: Final = ("roll", "pitch", "yaw")
 
 # The largest time_limit.
 _LONGEST_S: Final = 86_400.0
+
+# A way that takes less time than this is rounding.
+_STILL_S: Final = 1e-6
 
 
 class LinkWaypoint(FrozenModel):
@@ -63,6 +66,12 @@ class LinkWaypoint(FrozenModel):
     def has_angles(self) -> bool:
         """True if it states a roll, pitch or yaw."""
         return any(getattr(self, name) is not None for name in _ANGLES)
+
+    @property
+    def is_empty(self) -> bool:
+        """True if it neither moves the link nor waits."""
+        stated = (self.x, self.y, self.z, self.at)
+        return not (self.has_angles or self.hold) and all(value is None for value in stated)
 
     def after(self, before: Pose) -> Pose:
         """Return the pose at this waypoint, given the previous one."""
@@ -125,9 +134,14 @@ class PoseCommands(LinkCommands):
     pose: Annotated[LinkMotionSpec, Field(description="link, and its path")]
 
     def problems(self, workspace: Workspace) -> SpecProblems:
-        """Yield times that are not in order, and angles that have no effect."""
+        """Yield times that are not in order, and waypoints and angles that have no effect."""
         last = 0.0
         for index, waypoint in enumerate(self.pose.waypoints):
+            if waypoint.is_empty:
+                message = (
+                    "does not move the link, and does not wait: state a coordinate or an angle; to wait, 'hold: 1 s'"
+                )
+                yield ("pose", "waypoints", index), message
             if waypoint.at is not None:
                 if waypoint.at <= last:
                     yield ("pose", "waypoints", index, "at"), f"must be later than {last:g} s, the time before it"
@@ -177,16 +191,45 @@ class PoseCommands(LinkCommands):
     def path(self, start: Pose) -> LinkPath:
         """Return the path of the link from a start pose in the frame of the waypoints. Raises Blocked."""
         from sim_action.commands.joints import BLENDS
-        from sim_action.commands.link_path import Blocked, Leg, LinkPath, distances
+        from sim_action.commands.link_path import LinkPath, distances
 
-        spec, blend = self.pose, BLENDS[self.pose.interpolation]
-        peak = blend.peak or 1.0
-        legs, here, time = list[Leg](), start, 0.0
+        ways = (way for way in self._ways(start) if way.end > way.start)
+        moving = tuple(way for way in ways if any(distances(way.origin, way.goal)))
+        return LinkPath(moving, start, BLENDS[self.pose.interpolation])
+
+    def arrivals(self, scene: Scene) -> tuple[float, ...]:
+        """Return the sim time in s of arrival at each waypoint, or at those before one that cannot be reached in time.
+
+        The link begins where `robot.pose` and `robot.joints` put it.
+        """
+        from sim_action.commands.link_path import Blocked
+
+        found = list[float]()
+        if _why_not_moved(self.pose.link, scene) is not None:
+            return ()
+        try:
+            base = Pose() if self.pose.frame == "base" else _fixed_base(scene)
+            follower, start = self._follower(scene)
+            found.extend(way.end for way in self._ways(geometry.compose(base or Pose(), follower.chain.pose(start))))
+        except (Blocked, units.UnitError):
+            pass  # reported by model_problems, or by robot.joints
+        return tuple(found)
+
+    def _ways(self, start: Pose) -> Iterator[Leg]:
+        """Yield the way to each waypoint; some need no time. Raises Blocked."""
+        from sim_action.commands.joints import BLENDS
+        from sim_action.commands.link_path import Blocked, Leg, distances
+
+        spec = self.pose
+        peak = BLENDS[spec.interpolation].peak or 1.0
+        here, time = start, 0.0
         for index, waypoint in enumerate(spec.waypoints):
             goal = waypoint.after(here)
             distance, angle = distances(here, goal)
             turning = angle / spec.turn_speed if spec.orientation == "follow" else 0.0
             needed = peak * max(distance / (waypoint.speed or spec.speed), turning)
+            if needed < _STILL_S:
+                needed = 0.0
             arrival = time + needed if waypoint.at is None else waypoint.at
             if not arrival <= _LONGEST_S:
                 message = f"the link would arrive at {arrival:.4g} s; a run lasts at most {_LONGEST_S:,.0f} s"
@@ -195,10 +238,8 @@ class PoseCommands(LinkCommands):
             if end < time or (end == time and needed):
                 message = f"'at' must be later than {time:.6g} s, when the link leaves the waypoint before it"
                 raise Blocked(index, message)
-            if end > time and (distance or angle):
-                legs.append(Leg(index, time, end, here, goal))
+            yield Leg(index, time, end, here, goal)
             here, time = goal, self._tick_after(end + waypoint.hold)
-        return LinkPath(tuple(legs), start, blend)
 
     def _tick_after(self, time: float) -> float:
         return math.ceil(time * self.rate - units.STEP_EPSILON) / self.rate

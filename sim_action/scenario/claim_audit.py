@@ -94,17 +94,27 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         "nothing-in-range": Rule("warning", "an invariant of `sensor` whose ranges or depths were all infinite"),
         "never-touched": Rule(
             "warning",
-            "an upper limit of `contact` on a body that the robot did not touch, or of `feet_on_ground` without a foot "
-            "on the ground, in any variation",
+            "an upper limit of `contact`, or a `force` of `stl`, on a body that the robot did not touch, or of "
+            "`feet_on_ground` without a foot on the ground, in any variation",
             over_variations=True,
         ),
         "silent-controller": Rule(
-            "warning", "a controller (script, process, replay, ROS nodes) that gave no command other than zero"
+            "warning",
+            "a controller (script, process, replay, ROS nodes) that gave no command other than zero; a wrench of zero",
+        ),
+        "command-never-arrived": Rule(
+            "warning",
+            "a command source with `latency`, `jitter` or `dropouts` whose commands all came too late or never",
         ),
         "never-moved": Rule("warning", "a robot that was commanded to move, and never moved"),
         "link-never-moved": Rule(
             "warning",
             "an assertion on a `link` that held, although the link never moved in its frame, in any variation",
+            over_variations=True,
+        ),
+        "object-never-moved": Rule(
+            "warning",
+            "an `upright` or `stay_within` of `object` that held, although the object never moved, in any variation",
             over_variations=True,
         ),
         NOT_SIMULATED: Rule(
@@ -191,7 +201,11 @@ def audit_scenario(
         elif assertion.key == "sensor":
             yield from _beyond_range(path, assertion, scenario)
     for path, source in zip(command_paths, scenario.commands, strict=True):
-        yield from _late_segments(path, source, scenario.time_limit)
+        yield from _late_segments(path, source, scenario)
+        wrench = getattr(source, "wrench", None)
+        if wrench is not None and not any((*(wrench.force or ()), *(wrench.torque or ()))):
+            message = "the force and the torque are zero, so the wrench does nothing; change them, or remove it"
+            yield ClaimFinding("silent-controller", (*path, "wrench"), message)
 
 
 def audit_scene(scene: Scene, scenario: Scenario, expect_paths: Sequence[KeyPath]) -> Iterator[ClaimFinding]:
@@ -311,8 +325,8 @@ def _beyond_range(path: KeyPath, assertion: Any, scenario: Scenario) -> Iterator
         yield ClaimFinding("limit-beyond-range", (*path, "at_least"), f"{message}; raise its '{field}'")
 
 
-def _late_segments(path: KeyPath, source: Any, limit: float) -> Iterator[ClaimFinding]:
-    start = 0.0
+def _late_segments(path: KeyPath, source: Any, scenario: Scenario) -> Iterator[ClaimFinding]:
+    start, limit = 0.0, scenario.time_limit
     for index, segment in enumerate(getattr(source, "twist", ())):
         below: KeyPath = (*path, "twist", index)
         if start >= limit:
@@ -327,19 +341,27 @@ def _late_segments(path: KeyPath, source: Any, limit: float) -> Iterator[ClaimFi
             yield ClaimFinding("segment-beyond-run", (*below, "for"), f"{message}{hint}")
             return
         start += segment.duration
-    pose = getattr(source, "pose", None)
-    yield from _late_points((*path, "joints"), getattr(source, "points", ()), limit)
-    yield from _late_points((*path, "pose", "waypoints"), getattr(pose, "waypoints", ()), limit)
+    times = [getattr(point, "at", None) for point in getattr(source, "points", ())]
+    if times:
+        yield from late_points((*path, "joints"), times, scenario)
 
 
-def _late_points(path: KeyPath, points: Sequence[Any], limit: float) -> Iterator[ClaimFinding]:
-    """Yield points with a time after the end of the run."""
-    for index, point in enumerate(points):
-        at = getattr(point, "at", None)
+def late_points(path: KeyPath, times: Sequence[float | None], scenario: Scenario) -> Iterator[ClaimFinding]:
+    """Yield the first point with a time in s after the end of the run; without a goal, the run ends at its duration."""
+    limit, key = scenario.time_limit, "time_limit"
+    goals = any(expected.assertion.is_goal for expected in scenario.expect)
+    if scenario.duration is not None and not goals:
+        windows = (
+            (each.after + each.assertion.horizon, each.before if math.isfinite(each.before) else 0.0)
+            for each in scenario.expect
+        )
+        limit, key = min((limit, key), (max(scenario.duration, *(max(each) for each in windows)), "duration"))
+    for index, at in enumerate(times):
         if at is not None and at > limit:
-            message = f"this point is at {at:g} s, but the run ends at {limit:g} s (time_limit)"
+            message = f"this point is at {at:g} s, but the run ends at {limit:g} s ({key})"
             hint = f"; '{at:g} ms' meant?" if at >= _MANY_S else "; move it, or remove it"
             yield ClaimFinding("segment-beyond-run", (*path, index, "at"), f"{message}{hint}")
+            return
 
 
 # From this number on, a time in s is probably one in ms.

@@ -325,4 +325,4 @@ class _Loader:
         for path, expectation in zip(self._parts.expect_paths, scenario.expect, strict=True):
             self._problems.note_all((*path, expectation.assertion.key), expectation.assertion.problems(scene))
         self._take(audit_scene(scene, scenario, self._parts.expect_paths))
-        self._take(audit_robot(scene, scenario, self._parts.expect_paths))
+        self._take(audit_robot(scene, scenario, self._parts.expect_paths, self._parts.command_paths))

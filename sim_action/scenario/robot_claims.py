@@ -10,7 +10,7 @@ from sim_action.core import units
 from sim_action.core.yaml_document import KeyPath
 from sim_action.robot.kinematics import link_of_frame
 from sim_action.robot.robot_model import WORLD, Joint, Link, RobotModel
-from sim_action.scenario.claim_audit import ClaimFinding, placed_leaves
+from sim_action.scenario.claim_audit import ClaimFinding, late_points, placed_leaves
 from sim_action.scenario.model import Agreement, Scenario
 from sim_action.world.scene import Scene
 
@@ -21,8 +21,11 @@ _OF_BASE: Final = frozenset(
 _MAX_LINKS: Final = 5
 
 
-def audit_robot(scene: Scene, scenario: Scenario, expect_paths: Sequence[KeyPath]) -> Iterator[ClaimFinding]:
-    """Yield the findings about assertions that do not fit the robot."""
+def audit_robot(
+    scene: Scene, scenario: Scenario, expect_paths: Sequence[KeyPath], command_paths: Sequence[KeyPath]
+) -> Iterator[ClaimFinding]:
+    """Yield the findings about assertions that do not fit the robot, and waypoints of links that come too late."""
+    yield from _late_waypoints(scene, scenario, command_paths)
     leaves = list(placed_leaves(scenario, expect_paths))
     for path, assertion in leaves:
         yield from _bare_joint_angles(path, assertion, scene.model)
@@ -37,14 +40,26 @@ def audit_robot(scene: Scene, scenario: Scenario, expect_paths: Sequence[KeyPath
         if scenario.agreement is not None:
             yield from _fixed_parts(scenario.agreement, scene)
     for path, assertion in leaves:
-        if assertion.key == "effort":
-            yield from _clipped_efforts(path, assertion, scene.model)
-        elif assertion.key == "clearance" and scene.bolted_links:
-            yield from _fixed_distances(path, assertion, scene)
-        elif assertion.key == "stl":
-            from sim_action.scenario.formula_claims import audit_formula_of_robot
+        yield from _own_limits(path, assertion, scene)
 
-            yield from audit_formula_of_robot(path, assertion, scene)
+
+def _own_limits(path: KeyPath, assertion: Any, scene: Scene) -> Iterator[ClaimFinding]:
+    """Yield the findings about the limits of a single assertion."""
+    if assertion.key == "effort":
+        yield from _clipped_efforts(path, assertion, scene.model)
+    elif assertion.key == "clearance" and scene.bolted_links:
+        yield from _fixed_distances(path, assertion, scene)
+    elif assertion.key == "stl":
+        from sim_action.scenario.formula_claims import audit_formula_of_robot
+
+        yield from audit_formula_of_robot(path, assertion, scene)
+
+
+def _late_waypoints(scene: Scene, scenario: Scenario, command_paths: Sequence[KeyPath]) -> Iterator[ClaimFinding]:
+    for path, source in zip(command_paths, scenario.commands, strict=True):
+        arrivals = getattr(source, "arrivals", None)
+        if arrivals is not None:
+            yield from late_points((*path, "pose", "waypoints"), arrivals(scene), scenario)
 
 
 def _shapes(leaves: Sequence[tuple[KeyPath, Any]], scene: Scene) -> Iterator[ClaimFinding]:

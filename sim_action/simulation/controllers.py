@@ -111,6 +111,11 @@ class Controls:
         return (*(note for source in self._sources for note in source.controller.notes), *lost)
 
     @property
+    def undelivered(self) -> dict[int, tuple[int, int]]:
+        """The index of each source none of whose commands has arrived -> how many it sent, and how many were lost."""
+        return {source.index: (line.sent, line.lost) for source, line in self._late if line.sent and not line.delivered}
+
+    @property
     def losses(self) -> tuple[str, ...]:
         """The parts of files that controllers did not run, as the scenario allows."""
         controllers = [source.controller for source in self._sources]

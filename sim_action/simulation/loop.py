@@ -286,7 +286,8 @@ class _Loop:
         if panel.end == "expectation failed":
             return ()
         unmet = [monitor.unmet_premises for monitor in panel.monitors]
-        facts = RunFacts(panel.time, motion, self._controls.log, kept, unmet, panel.verdicts())
+        undelivered = self._controls.undelivered
+        facts = RunFacts(panel.time, motion, self._controls.log, kept, unmet, panel.verdicts(), undelivered)
         found = audit_run(self._scenario, self._scene, facts)
         return tuple(finding for finding in found if finding.rule not in self._scenario.allow)
 

@@ -6,8 +6,8 @@ events that it missed.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Final, Self
 
 from sim_action.assertions import Assertion
@@ -33,6 +33,7 @@ _JUDGED_BY_NATURE: Final = frozenset({"stl", "final_pose", "assertion"})
 _SHORT_S: Final = 0.5
 _DISTANCES: Final = frozenset({"ranges", "depth"})
 _LIMITS_OF_CONTACT: Final = frozenset({"contact", "feet_on_ground"})
+_STATES_OF_OBJECTS: Final = frozenset({"upright", "stay_within"})
 _OF_SENSORS: Final = frozenset({"sensor", "odometry_error"})
 
 
@@ -109,6 +110,8 @@ class RunFacts:
         trace: the stored trace of the run.
         unmet: for each expectation, the premises that never held.
         verdicts: one verdict for each expectation.
+        undelivered: index of each command source whose commands all came too late or never -> how many it sent, and how
+            many of them were lost.
     """
 
     end: float
@@ -117,6 +120,7 @@ class RunFacts:
     trace: Trace
     unmet: Sequence[Sequence[str]]
     verdicts: Sequence[Verdict]
+    undelivered: Mapping[int, tuple[int, int]] = field(default_factory=dict)
 
 
 def audit_run(scenario: Scenario, scene: Scene, facts: RunFacts) -> Iterator[ClaimFinding]:
@@ -129,11 +133,14 @@ def audit_run(scenario: Scenario, scene: Scene, facts: RunFacts) -> Iterator[Cla
         yield from _judged_once(scenario, index, verdict, facts.end)
         yield from _nothing_in_range(scenario.expect[index].assertion, index, verdict)
         yield from _never_touched(scenario.expect[index].assertion, index, verdict)
+        yield from _force_never_felt(scenario.expect[index].assertion, index, facts)
     yield from _unmoved_links(scenario, scene, facts)
-    unused = list(_unused_drive(scenario, scene, facts.commands))
+    yield from _unmoved_objects(scenario, scene, facts)
+    yield from _undelivered(facts)
+    unused = [] if facts.undelivered else list(_unused_drive(scenario, scene, facts.commands))
     yield from unused
     if not unused and facts.commands.are_zero:
-        yield from _silent_controllers(scenario)
+        yield from _silent_controllers(scenario, facts)
     if (message := _standstill(scene, facts)) is not None:
         yield ClaimFinding("never-moved", ("commands",), message)
     for path, message in unreached_events(scenario, facts.end):
@@ -184,6 +191,57 @@ def _never_touched(assertion: Assertion, index: int, verdict: Verdict) -> Iterat
         yield ClaimFinding("never-touched", ("expect", index, assertion.key), told)
 
 
+def _force_never_felt(assertion: Assertion, index: int, facts: RunFacts) -> Iterator[ClaimFinding]:
+    """Yield a formula that held although a force in it was always 0. A premise that never held is found before."""
+    if assertion.key != "stl" or facts.verdicts[index].status != "passed" or facts.unmet[index]:
+        return
+    from sim_action.assertions.temporal_logic.formula import signals_of
+    from sim_action.assertions.temporal_logic.stl_assertion import Stl
+
+    assert isinstance(assertion, Stl)
+    for signal in signals_of(assertion.parsed):
+        *links, body = signal.names or ("",)
+        if signal.source != "pair" or signal.name != "force":
+            continue
+        if not any(each.body == body and (not links or each.link == links[0]) for each in facts.trace.contacts):
+            who = f"link '{links[0]}'" if links else "the robot"
+            message = f"{who} never pressed against {body}, so '{signal}' was always 0"
+            told = f"{message}; let it touch {body}, or use no_collision if it must not"
+            yield ClaimFinding("never-touched", ("expect", index, assertion.key), told)
+            return
+
+
+def _unmoved_objects(scenario: Scenario, scene: Scene, facts: RunFacts) -> Iterator[ClaimFinding]:
+    """Yield passed invariants on objects that never moved, unless the world has disturbances."""
+    for index, (expected, verdict) in enumerate(zip(scenario.expect, facts.verdicts, strict=True)):
+        leaves = [leaf for leaf in expected.assertion.leaves() if leaf.key == "object"]
+        if not leaves or verdict.status != "passed" or scene.world.disturbances:
+            continue
+        from sim_action.assertions.object import ObjectAssertion, motion_of
+
+        for leaf in leaves:
+            assert isinstance(leaf, ObjectAssertion)
+            if leaf.part.key not in _STATES_OF_OBJECTS:
+                continue
+            seen = motion_of(leaf, scene, facts.trace)
+            if len(seen) and not Rest.of_trace(seen).base_moved(seen).any():
+                message = (
+                    f"{leaf.name} never moved by 1 mm or 0.1 deg{leaf.watched.inside}, so only its start was checked"
+                )
+                use = f"let the robot move {leaf.name}, or use 'moved: {{at_most: 1 cm}}' if it must stay"
+                yield ClaimFinding("object-never-moved", ("expect", index, expected.assertion.key), f"{message}; {use}")
+                break
+
+
+def _undelivered(facts: RunFacts) -> Iterator[ClaimFinding]:
+    for index, (sent, lost) in facts.undelivered.items():
+        late = f"{sent - lost} were still on their way when the run ended at {facts.end:.4g} s" if sent > lost else ""
+        ways = " and ".join(filter(None, (f"{lost} were lost" if lost else "", late)))
+        message = f"no command of commands[{index}] took effect: of {sent} commands, {ways}"
+        use = "lower 'latency' or 'jitter', or run for longer" if late else "lower 'dropouts', or run for longer"
+        yield ClaimFinding("command-never-arrived", ("commands", index), f"{message}; {use}")
+
+
 def _unmoved_links(scenario: Scenario, scene: Scene, facts: RunFacts) -> Iterator[ClaimFinding]:
     """Yield passed expectations about links that never moved, unless something pushed the robot."""
     if scene.world.disturbances or facts.commands.gives_efforts:
@@ -220,8 +278,9 @@ def _unused_drive(scenario: Scenario, scene: Scene, commands: CommandLog) -> Ite
         yield ClaimFinding("drive-never-commanded", ("commands",), message)
 
 
-def _silent_controllers(scenario: Scenario) -> Iterator[ClaimFinding]:
-    controllers = [source for source in scenario.commands if not source.is_written]
+def _silent_controllers(scenario: Scenario, facts: RunFacts) -> Iterator[ClaimFinding]:
+    heard = (source for index, source in enumerate(scenario.commands) if index not in facts.undelivered)
+    controllers = [source for source in heard if not source.is_written]
     if controllers:
         who = "the controller" if len(controllers) == 1 else "the controllers"
         message = f"{who} gave no command other than zero in the whole run; check that it started, or run for longer"

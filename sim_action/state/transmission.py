@@ -66,6 +66,11 @@ class Line(Generic[Message]):
         """The physics step of the next arrival; inf if no message is on its way."""
         return self._waiting[0][0] if self._waiting else math.inf
 
+    @property
+    def delivered(self) -> int:
+        """The number of messages that have arrived."""
+        return self.sent - self.lost - len(self._waiting)
+
     def send(self, step: int, message: Message) -> bool:
         """Send a message at a physics step. Return False if it is lost."""
         luck, share = self._random.random(2).tolist()

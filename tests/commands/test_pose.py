@@ -331,6 +331,40 @@ def test_bad_input(tmp_path: Path, pose: dict[str, Any], message: str) -> None:
     assert message in found
 
 
+@pytest.mark.parametrize(
+    ("waypoint", "message"),
+    [
+        ({}, "does not move the link, and does not wait: state a coordinate or an angle; to wait, 'hold: 1 s'"),
+        ({"speed": 0.1}, "does not move the link"),
+    ],
+)
+def test_waypoints_without_an_effect(tmp_path: Path, waypoint: dict[str, Any], message: str) -> None:
+    for waypoints in ([waypoint], [waypoint, {"z": 0.35}]):
+        pose = {"link": "tool0", "waypoints": waypoints}
+        (found,) = told(tmp_path, json.dumps({**SCENARIO, "commands": {"pose": pose}}, indent=1))
+        assert f"pose.waypoints.0: {message}" in found
+
+
+def test_a_link_waits_before_its_first_way() -> None:
+    scene = arm()
+    waits, goes = spec({"hold": 0.5}, {"z": 0.35}), spec({"z": 0.35})
+    still, moving = targets(waits, scene, 2.0), targets(goes, scene, 1.5)
+    assert all(set(each.velocity.values()) == {0.0} for each in still[:20])
+    late, early = at_ticks(still, waits)[20:], at_ticks(moving, goes)
+    assert len(late) == len(early)
+    for one, other in zip(late, early, strict=True):
+        assert one == pytest.approx(other, abs=1e-9)
+    assert waits.arrivals(scene) == pytest.approx((0.0, goes.arrivals(scene)[0] + 0.5))
+
+
+def test_a_stated_orientation_that_the_link_has_takes_no_time() -> None:
+    scene = arm()
+    roll, pitch, yaw = geometry.rpy_from_quaternion(flange(scene, scene.joint_positions).orientation_xyzw)
+    commands = spec({"roll": roll, "pitch": pitch, "yaw": yaw, "hold": 0.1}, {"z": 0.35})
+    assert commands.arrivals(scene)[0] == 0.0
+    assert targets(commands, scene, 1.0)
+
+
 def test_a_joint_of_two_sources(tmp_path: Path) -> None:
     commands = [
         {"pose": {"link": "tool0", "waypoints": [{"z": 0.3}]}},

@@ -231,13 +231,53 @@ def test_a_joint_point_beyond_the_run(tmp_path: Path) -> None:
     assert [rule for _, rule in warnings(tmp_path, arm(tmp_path, "settled") + points)] == ["segment-beyond-run"]
 
 
-def test_a_waypoint_of_a_link_beyond_the_run(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("waypoints", "end", "told"),
+    [
+        ("{z: 0.3, at: 2 s}, {z: 0.25, at: 4 s}", "", "this point is at 4 s, but the run ends at 3 s (time_limit); "),
+        ("{z: 0.3, at: 2 s}, {z: 0.25, at: 3 s}", "", None),
+        ("{z: 0.3, at: 2 s}, {z: 0.25, at: 3 s}", "duration: 2.5 s", "at 3 s, but the run ends at 2.5 s (duration); "),
+        ("{z: 0.3, at: 2 s}, {z: 0.25, at: 3 s}", "duration: 3 s", None),
+        ("{hold: 100 s}, {z: 0.3}, {z: 0.25}", "", "' ms' meant?"),
+        ("{z: 0.3, at: 2 s, hold: 0.5 s}, {z: 0.25, speed: 0.01}", "", "but the run ends at 3 s (time_limit)"),
+        ("{z: 0.3, at: 2 s, hold: 0.5 s}, {z: 0.25, speed: 1}", "", None),
+    ],
+)
+def test_a_waypoint_of_a_link_beyond_the_run(waypoints: str, end: str, told: str | None, tmp_path: Path) -> None:
     text = (
         "name: late\nrobot: {model: ur5e_gripper, joints: {elbow_joint: 90 deg}}\n"
-        "commands: {pose: {link: tool0, orientation: free, waypoints: [{z: 0.3, at: 2 s}, {z: 0.25, at: 4 s}]}}\n"
-        "expect: [{joint_within: {position: {elbow_joint: [0 deg, 170 deg]}}}]\ntime_limit: 3 s\n"
+        f"commands: {{pose: {{link: tool0, orientation: free, waypoints: [{waypoints}]}}}}\n"
+        f"expect: [{{joint_within: {{position: {{elbow_joint: [0 deg, 170 deg]}}}}}}]\ntime_limit: 3 s\n{end}\n"
     )
-    assert [rule for _, rule in warnings(tmp_path, text)] == ["segment-beyond-run"]
+    found = load(tmp_path, text).warnings
+    assert [warning.rule for warning in found] == ["segment-beyond-run"] * (told is not None)
+    assert all(told is not None and told.replace("' ms'", " ms'") in warning.message for warning in found)
+
+
+@pytest.mark.parametrize(
+    ("expect", "end", "found"),
+    [
+        ("settled", "duration: 1 s", False),
+        ("{joint_within: {position: {elbow: [-1, 2]}}}", "duration: 1 s", True),
+        ("{joint_within: {position: {elbow: [-1, 2]}}, before: 4 s}", "duration: 1 s", False),
+        ("{joint_within: {position: {elbow: [-1, 2]}}, after: 4 s}", "duration: 1 s", False),
+        ("{joint_within: {position: {elbow: [-1, 2]}}}", "", False),
+        ("{stl: 'always[0 s, 3.5 s] (position(elbow) < 2)'}", "duration: 1 s", False),
+    ],
+)
+def test_a_run_without_goals_ends_at_its_duration(expect: str, end: str, found: bool, tmp_path: Path) -> None:
+    points = f"commands: {{joints: [{{at: 3 s, position: {{elbow: 1}}}}]}}\n{end}\n"
+    text = arm(tmp_path, expect) + points
+    assert [rule for _, rule in warnings(tmp_path, text)] == ["segment-beyond-run"] * found
+
+
+@pytest.mark.parametrize(
+    ("wrench", "found"),
+    [("force: [0, 0, 0]", True), ("force: [0, 0, 0], torque: [0, 0, 0]", True), ("torque: [0, 0, 1]", False)],
+)
+def test_a_wrench_of_zero(wrench: str, found: bool, tmp_path: Path) -> None:
+    text = LEAST.replace("  rate: 10 Hz\n  twist:\n    - {linear: 1.0}\n", f"  wrench: {{{wrench}}}\n")
+    assert [rule for _, rule in warnings(tmp_path, text)] == ["silent-controller"] * found
 
 
 def test_a_golden_file_of_one_row(tmp_path: Path) -> None:

@@ -66,9 +66,9 @@ def test_values_that_never_change(arms: Path, comparison: str, base: str, is_con
 def test_the_message_names_the_values_and_their_place(arms: Path) -> None:
     (problem,) = refused(arms, scenario("stl: 'always (tool.z > 2.2 m and trunk.z < trunk.x)'"))
     assert problem.message == (
-        "expect.0.stl: a comparison checks nothing: 'trunk.z' and 'trunk.x' never change in this scenario; name links or "
-        "objects that move relative to each other; at character 28, the arrow: always (tool.z > 2.2 m and -> trunk.z < "
-        "trunk.x) [fixed-base]"
+        "expect.0.stl: a comparison checks nothing: 'trunk.z' and 'trunk.x' never change in this scenario; name links "
+        "or objects that move relative to each other; at character 28, the arrow: always (tool.z > 2.2 m and "
+        "-> trunk.z < trunk.x) [fixed-base]"
     )
 
 

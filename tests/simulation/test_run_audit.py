@@ -186,6 +186,69 @@ def test_a_limit_of_a_contact_that_never_was(contact: str, commands: str, found:
     assert rules(tmp_path, text + "allow: [never-touched]\n") == []
 
 
+@pytest.mark.parametrize(
+    ("formula", "commands", "found"),
+    [
+        ("always (force(wall) < 50 N)", "", True),
+        ("always (force(base_footprint, wall) < 50 N)", "", True),
+        ("always (force(wall) < 5000 N)", "commands: {twist: [{linear: 0.2}]}\n", False),
+        ("always (force(base_scan, wall) < 5000 N)", "commands: {twist: [{linear: 0.2}]}\n", True),
+        ("always (clearance(wall) > -1 m)", "", False),
+    ],
+)
+def test_a_force_that_never_was(formula: str, commands: str, found: bool, tmp_path: Path) -> None:
+    near = WALL.replace("x: 1}", "x: 0.1}").replace("0.1, 9", "0.1, 1")
+    text = STANDING.replace("upright", f"stl: '{formula}'").replace("[stl", "[{stl").replace("']", "'}]")
+    text = text.replace("0.2 s", "0.8 s") + near + commands
+    assert rules(tmp_path, text) == [("never-touched", "expect.0.stl")] * found
+    implied = text.replace("always (force(wall)", "always (force(wall) > 1 N implies force(wall)")
+    if not commands and implied != text:
+        assert rules(tmp_path, implied) == [("premise-never-held", "expect.0.stl")]
+
+
+@pytest.mark.parametrize(
+    ("expect", "more", "found"),
+    [
+        ("upright: {}", "", True),
+        ("stay_within: {x: [0, 2]}", "", True),
+        ("moved: {at_most: 1 cm}", "", False),
+        ("upright: {}", "commands: {twist: [{linear: 0.2}]}\n", False),
+        ("stay_within: {frame: base, x: [-1, 2]}", "commands: {twist: [{linear: -0.2}]}\n", False),
+        ("upright: {}", "allow: [object-never-moved]\n", False),
+    ],
+)
+def test_an_object_that_never_moved(expect: str, more: str, found: bool, tmp_path: Path) -> None:
+    cube = "world: {objects: [{name: cube, box: [0.2, 0.2, 0.2], mass: 0.1, pose: {x: 0.2}}]}\n"
+    text = STANDING.replace("[upright]", f"[{{object: {{name: cube, {expect}}}}}]").replace("0.2 s", "0.8 s")
+    assert rules(tmp_path, text + cube + more) == [("object-never-moved", "expect.0.object")] * found
+
+
+@pytest.mark.parametrize(
+    ("keys", "told"),
+    [
+        ("latency: 0.5 s", "of 2 commands, 2 were still on their way when the run ended at 0.2 s; lower 'latency'"),
+        ("dropouts: 99.999 %", "of 2 commands, 2 were lost; lower 'dropouts', or run for longer"),
+        ("latency: 0.15 s", None),
+    ],
+)
+def test_commands_that_never_arrive(keys: str, told: str | None, tmp_path: Path) -> None:
+    (tmp_path / "drive.py").write_text(
+        "from sim_action import Twist\n\ndef control(seen):\n    return Twist.planar(0.2, 0)\n"
+    )
+    text = STANDING + f"commands: {{script: drive.py, rate: 10 Hz, {keys}}}\n"
+    found = [finding for finding in run(tmp_path, text).findings if finding.rule != "never-moved"]
+    assert [(finding.rule, finding.path) for finding in found] == [("command-never-arrived", ("commands", 0))] * (
+        told is not None
+    )
+    assert all(f"no command of commands[0] took effect: {told}" in finding.message for finding in found)
+    drive = "drive: {diff: {left: [wheel_left_joint], right: [wheel_right_joint]}}"
+    pressed = STANDING.replace("burger}", f"burger, {drive}}}")
+    wrench = (
+        pressed + f"commands: {{wrench: {{force: [0, 9, 0]}}, rate: 40 Hz, {keys}}}\nallow: [drive-never-commanded]\n"
+    )
+    assert rules(tmp_path, wrench) == [("command-never-arrived", "commands.0")] * (told is not None)
+
+
 @pytest.mark.parametrize(("most", "found"), [(1, 1), (0, 0)])
 def test_feet_that_are_never_on_the_ground(most: int, found: int, tmp_path: Path) -> None:
     feet = f"{{feet_on_ground: {{links: ['wheel_*'], at_most: {most}, 'on': [sign]}}}}"
