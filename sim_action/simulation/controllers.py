@@ -10,6 +10,7 @@ from functools import lru_cache
 from typing import Any, Final
 
 from sim_action.commands import ClosedLoop, CommandSource, Controller, OpenLoop
+from sim_action.core import units
 from sim_action.core.errors import BadSource, ScriptError, SourceProblem
 from sim_action.core.geometry import Twist
 from sim_action.drives import DriveMotion
@@ -110,10 +111,14 @@ class Controls:
         lost = (f"{line.lost} of {line.sent} commands of commands[{index}] were lost" for index, line in lossy)
         return (*(note for source in self._sources for note in source.controller.notes), *lost)
 
-    @property
-    def undelivered(self) -> dict[int, tuple[int, int]]:
-        """The index of each source none of whose commands has arrived -> how many it sent, and how many were lost."""
-        return {source.index: (line.sent, line.lost) for source, line in self._late if line.sent and not line.delivered}
+    def undelivered(self, end: float) -> dict[int, float]:
+        """Return the index of each source whose commands all arrive after a sim time in s -> the first arrival.
+
+        It is in s, and infinite if all commands were lost. Sources without a command until then are left out.
+        """
+        last = end * self._rate - units.STEP_EPSILON
+        late = ((source, line) for source, line in self._late if line.first_sent < last <= line.first_arrival)
+        return {source.index: line.first_arrival / self._rate for source, line in late}
 
     @property
     def losses(self) -> tuple[str, ...]:

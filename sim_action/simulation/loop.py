@@ -286,7 +286,7 @@ class _Loop:
         if panel.end == "expectation failed":
             return ()
         unmet = [monitor.unmet_premises for monitor in panel.monitors]
-        undelivered = self._controls.undelivered
+        undelivered = self._controls.undelivered(panel.time)
         facts = RunFacts(panel.time, motion, self._controls.log, kept, unmet, panel.verdicts(), undelivered)
         found = audit_run(self._scenario, self._scene, facts)
         return tuple(finding for finding in found if finding.rule not in self._scenario.allow)

@@ -6,6 +6,7 @@ events that it missed.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final, Self
@@ -110,8 +111,8 @@ class RunFacts:
         trace: the stored trace of the run.
         unmet: for each expectation, the premises that never held.
         verdicts: one verdict for each expectation.
-        undelivered: index of each command source whose commands all came too late or never -> how many it sent, and how
-            many of them were lost.
+        undelivered: index of each command source whose commands all came too late -> when the first one was due, in s;
+            infinite if all were lost.
     """
 
     end: float
@@ -120,7 +121,7 @@ class RunFacts:
     trace: Trace
     unmet: Sequence[Sequence[str]]
     verdicts: Sequence[Verdict]
-    undelivered: Mapping[int, tuple[int, int]] = field(default_factory=dict)
+    undelivered: Mapping[int, float] = field(default_factory=dict)
 
 
 def audit_run(scenario: Scenario, scene: Scene, facts: RunFacts) -> Iterator[ClaimFinding]:
@@ -234,12 +235,14 @@ def _unmoved_objects(scenario: Scenario, scene: Scene, facts: RunFacts) -> Itera
 
 
 def _undelivered(facts: RunFacts) -> Iterator[ClaimFinding]:
-    for index, (sent, lost) in facts.undelivered.items():
-        late = f"{sent - lost} were still on their way when the run ended at {facts.end:.4g} s" if sent > lost else ""
-        ways = " and ".join(filter(None, (f"{lost} were lost" if lost else "", late)))
-        message = f"no command of commands[{index}] took effect: of {sent} commands, {ways}"
-        use = "lower 'latency' or 'jitter', or run for longer" if late else "lower 'dropouts', or run for longer"
-        yield ClaimFinding("command-never-arrived", ("commands", index), f"{message}; {use}")
+    for index, first in facts.undelivered.items():
+        message = f"no command of commands[{index}] took effect"
+        if math.isinf(first):
+            told = f"{message}: all were lost; lower 'dropouts', or run for longer"
+        else:
+            due = f"the first one was due at {first:.4g} s, but the run ended at {facts.end:.4g} s"
+            told = f"{message}: {due}; lower 'latency', 'jitter' or 'dropouts', or run for longer"
+        yield ClaimFinding("command-never-arrived", ("commands", index), told)
 
 
 def _unmoved_links(scenario: Scenario, scene: Scene, facts: RunFacts) -> Iterator[ClaimFinding]:

@@ -52,11 +52,13 @@ class Line(Generic[Message]):
     Attributes:
         sent: number of messages so far.
         lost: number of these that will not arrive.
+        first_sent, first_arrival: the physics steps of the first message, and of the first arrival; inf without one.
     """
 
     def __init__(self, spec: Transmission, rate: float, random: Generator) -> None:
         """Open an empty line; `rate`: physics steps per second, `random`: its own stream of random numbers."""
         self.sent = self.lost = 0
+        self.first_sent = self.first_arrival = math.inf
         self._spec, self._rate, self._random = spec, rate, random
         self._waiting = deque[tuple[int, Message]]()
         self._last_arrival = 0
@@ -66,20 +68,17 @@ class Line(Generic[Message]):
         """The physics step of the next arrival; inf if no message is on its way."""
         return self._waiting[0][0] if self._waiting else math.inf
 
-    @property
-    def delivered(self) -> int:
-        """The number of messages that have arrived."""
-        return self.sent - self.lost - len(self._waiting)
-
     def send(self, step: int, message: Message) -> bool:
         """Send a message at a physics step. Return False if it is lost."""
         luck, share = self._random.random(2).tolist()
         self.sent += 1
+        self.first_sent = min(self.first_sent, step)
         if luck < self._spec.dropouts:
             self.lost += 1
             return False
         delay = first_step(self._spec.latency + share * self._spec.jitter, self._rate)
         self._last_arrival = max(self._last_arrival, step + delay)
+        self.first_arrival = min(self.first_arrival, self._last_arrival)
         self._waiting.append((self._last_arrival, message))
         return True
 

@@ -90,6 +90,12 @@ SCENARIO = "name: arm\nrobot: {{model: arm.urdf, base: fixed{robot}}}\nexpect: [
             "allow: expected a list of pairs, such as [[left hand, ANOTHER_LINK]]",
         ),
         (
+            "",
+            "",
+            "{self_collision: {allow: [[base, one]]}}",
+            "allow.0: base and one are not judged: they are neighbours",
+        ),
+        (
             '<disable_default_collisions link="base"/><disable_default_collisions link="one"/>',
             ", srdf: arm.srdf",
             "self_collision",

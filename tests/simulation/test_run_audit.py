@@ -226,8 +226,8 @@ def test_an_object_that_never_moved(expect: str, more: str, found: bool, tmp_pat
 @pytest.mark.parametrize(
     ("keys", "told"),
     [
-        ("latency: 0.5 s", "of 2 commands, 2 were still on their way when the run ended at 0.2 s; lower 'latency'"),
-        ("dropouts: 99.999 %", "of 2 commands, 2 were lost; lower 'dropouts', or run for longer"),
+        ("latency: 0.5 s", "the first one was due at 0.5 s, but the run ended at 0.2 s; lower 'latency'"),
+        ("dropouts: 99.999 %", "all were lost; lower 'dropouts', or run for longer"),
         ("latency: 0.15 s", None),
     ],
 )
