@@ -45,6 +45,9 @@ class Engine(EngineQueries, Protocol):
     notes: tuple[str, ...]
     """The properties of the model that the engine had to change."""
 
+    model_notes: tuple[str, ...]
+    """Notes on the robot model that every report shows."""
+
     def advance(self, first_step: int, targets: Sequence[JointTargets | None]) -> None:
         """Step the scene once for each entry of `targets`, after passing that entry to the motors.
 

@@ -203,7 +203,7 @@ class _Loop:
         noted = _noted_drive(scenario, scene, drive)
         self._notes = [*unannounced(scene.model.findings), *backend.notes, *_about_drive(scenario, scene, noted)]
         about_model = (*_about_model_of_drive(scenario, scene, noted), *_about_links(scenario, scene))
-        self._model_notes = (*announced(scene.model.findings), *about_model)
+        self._model_notes = (*announced(scene.model.findings), *backend.model_notes, *about_model)
         self._motion = drive.open(scene.model, scenario.physics.rate, scene.world.weight) if drive else None
         self._arrivals = Spawns.of(scenario)
         self._last_step = scenario.steps(scenario.time_limit)

@@ -109,22 +109,27 @@ def test_an_arm_that_stops_before_the_touch_has_none(engine: str, collides: bool
     assert trace.contacts == ()
 
 
+def deep_arm() -> str:
+    """Return an arm whose forearm reaches into the base, with a hand that does not."""
+    deep = ARM.replace('<sphere radius="0.05"/>', '<sphere radius="0.46"/>')
+    hand = '<link name="hand">{masses}<collision><geometry><sphere radius="0.01"/></geometry></collision></link>'
+    joint = '<joint name="wrist" type="revolute"><parent link="forearm"/><child link="hand"/><origin xyz="0.25 0 0"/>'
+    limit = '<axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="50" velocity="9"/></joint></robot>'
+    return deep.replace("</robot>", f"{hand}{joint}{limit}")
+
+
 @on_every_engine
 @pytest.mark.parametrize("collides", [True, False])
 def test_links_that_touch_where_the_model_puts_them_are_left_out_with_a_note(
     engine: str, collides: bool, tmp_path: Path
 ) -> None:
     """The forearm is drawn through the base. The hand is not, and counts."""
-    deep = ARM.replace('<sphere radius="0.05"/>', '<sphere radius="0.46"/>')
-    hand = '<link name="hand">{masses}<collision><geometry><sphere radius="0.01"/></geometry></collision></link>'
-    joint = '<joint name="wrist" type="revolute"><parent link="forearm"/><child link="hand"/><origin xyz="0.25 0 0"/>'
-    limit = '<axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="50" velocity="9"/></joint></robot>'
-    scene = arm(tmp_path, urdf=deep.replace("</robot>", f"{hand}{joint}{limit}"), self_collision=collides)
+    scene = arm(tmp_path, urdf=deep_arm(), self_collision=collides)
     pytest.importorskip(engine)
     backend = ENGINES.load(engine)(scene, Channels(self_contacts=True))
     try:
         trace = advance(backend, 0, 24)
-        (note,) = backend.notes
+        (note,) = backend.model_notes
     finally:
         backend.close()
     assert "'base' and 'forearm' (0.01 m deep)" in note
@@ -201,3 +206,15 @@ def test_a_scenario_passes_and_fails_by_a_hair(engine: str, margin: float, statu
     (verdict,) = run.verdicts
     assert verdict.passed == (status == "passed")
     assert not any("pass through each other" in note for note in run.model_notes)
+
+
+@on_every_engine
+def test_every_report_shows_the_pairs_that_are_left_out(engine: str, tmp_path: Path) -> None:
+    pytest.importorskip(engine)
+    (tmp_path / "arm.urdf").write_text(deep_arm().format(masses=MASSES))
+    robot = "{model: arm.urdf, base: fixed}"
+    text = f"name: a\nbackend: {engine}\nrobot: {robot}\nexpect: [self_collision]\ntime_limit: 50 ms\n"
+    (tmp_path / "a.sim.yml").write_text(text)
+    loaded = load_scenario(tmp_path / "a.sim.yml")
+    run = simulate(loaded.scenario, build_scene(loaded), lambda *_: None)
+    assert any("links that touch at the model's own position do not count" in note for note in run.model_notes)

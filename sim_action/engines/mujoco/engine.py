@@ -64,6 +64,7 @@ class MuJoCoEngine:
     version = named_version("mujoco")
     solid_terrain = True
     notes: tuple[str, ...] = ()
+    model_notes: tuple[str, ...] = ()
 
     def __init__(self, scene: Scene, channels: Channels = NO_CHANNELS) -> None:
         try:
@@ -181,7 +182,7 @@ class MuJoCoEngine:
         from sim_action.engines.mujoco.self_collision import SelfCollision
 
         found = SelfCollision(self._scene, compiled)
-        self.notes = found.notes
+        self.model_notes = found.notes
         return found
 
     def _watching(self, channels: Channels) -> Iterator[Callable[[int], None]]:

@@ -73,6 +73,7 @@ class PyBulletEngine:
     version = named_version("pybullet")
     solid_terrain = False
     warm_up = staticmethod(connect_ahead)
+    model_notes: tuple[str, ...] = ()
 
     def __init__(self, scene: Scene, channels: Channels = NO_CHANNELS) -> None:
         self._client, self._ground = connected()
@@ -122,7 +123,7 @@ class PyBulletEngine:
             look = self._reader(heavy)
             self._watchers.append(lambda _: self._body_poses.append(look()))
         if self._self_collision is not None:
-            self.notes += self._self_collision.notes
+            self.model_notes = self._self_collision.notes
             self._watchers += self._self_collision.start(channels, lambda: self._rows[-1])
         self._body_poses: list[Sequence[float] | NDArray[np.float64]] = []
         self._held_efforts: dict[int, float] = {}
