@@ -41,7 +41,7 @@ from sim_action.commands.twist import TwistSegment
 from sim_action.core.errors import SourceProblem
 from sim_action.core.field_types import NamesFile, PositiveHertz
 from sim_action.core.units import UnitError
-from sim_action.core.wording import did_you_mean
+from sim_action.core.wording import counted, did_you_mean
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.command import Answer
@@ -250,8 +250,8 @@ class PolicyCommands(CommandSource):
     def model_problems(self, scene: Scene) -> SpecProblems:
         """See CommandSource.model_problems: unknown joints, and sizes that do not fit the network."""
         model = scene.model
-        for index, text in selection_problems(model, self.order or ()):
-            yield ("order", index), text
+        problems = [*selection_problems(model, self.order or ())]
+        yield from ((("order", index), text) for index, text in problems)
         for index, name in enumerate(self.order or ()):
             if name in (self.order or ())[:index] and name in model.joints_by_name:
                 yield ("order", index), f"joint '{name}' stands twice; remove one of them"
@@ -262,7 +262,10 @@ class PolicyCommands(CommandSource):
         except UnitError:
             return  # reported for robot.joints
         if not layout.joints:
-            yield ("order",) if self.order else (), "no joint of the model has a motor"
+            if self.order is None:
+                yield (), "no joint of the model has a motor"
+            elif not problems:
+                yield ("order",), "none of these joints has a motor of its own"
             return
         found = [
             *per_joint_problems("scale", self.action.scale, layout.joints),
@@ -281,19 +284,21 @@ class PolicyCommands(CommandSource):
         frames = self.history.frames if self.history else 1
         for name, terms in self._groups():
             tensor, sizes = self._input(network, name), [term.size(layout) for term in terms]
-            if tensor is None or tensor.size is None or None in sizes:
+            if tensor is None or tensor.size is None or None in sizes or not terms:
                 continue
             total = frames * sum(size for size in sizes if size is not None)
             if total != tensor.size:
                 parts = ", ".join(f"{term.term} {size}" for term, size in zip(terms, sizes, strict=True))
                 more = f", {frames} times" if frames > 1 else ""
                 key = ("inputs", name) if name else ("observation",)
-                found = f"'{tensor.name}' has {tensor.size} numbers, the observation gives {total}: {parts}{more}"
+                size = counted(tensor.size, "number")
+                found = f"'{tensor.name}' has {size}, the observation gives {total}: {parts}{more}"
                 yield key, f"the network's input {found}"
         tensor = network.outputs.get(self._output(network) or "")
         if tensor is not None and tensor.size not in (None, layout.actions):
             joints = ", ".join(layout.joints[:20])
-            found = f"'{tensor.name}' has {tensor.size} numbers, for {layout.actions} joints: {joints}"
+            size, needed = counted(tensor.size, "number"), counted(layout.actions, "joint")
+            found = f"'{tensor.name}' has {size}, for {needed}: {joints}"
             yield ("action",), f"the network's output {found}; name those of the network in 'order'"
 
     def _layout(self, scene: Scene) -> Layout:

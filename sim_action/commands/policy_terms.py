@@ -11,7 +11,7 @@ from pydantic import Field, PlainValidator, WithJsonSchema, model_validator
 
 from sim_action.core.field_types import FrozenModel, PositiveSeconds
 from sim_action.core.geometry import Vector3, conjugate, rotate, rpy_from_quaternion
-from sim_action.core.wording import FirstFew, did_you_mean, shown
+from sim_action.core.wording import FirstFew, counted, did_you_mean, shown
 from sim_action.core.yaml_errors import SpecProblem, SpecProblems
 from sim_action.robot.joint_selection import chosen, matches_name, name_problem
 from sim_action.robot.robot_model import Joint, RobotModel
@@ -46,8 +46,8 @@ def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
-def _per_joint(value: object) -> object:
-    """Return a value for all joints, one for each, or values by name. Raises ValueError."""
+def _per_joint(value: object, words: str = "") -> object:
+    """Return a value for all joints, one for each, or values by name. Raises ValueError, which begins with `words`."""
     parts: Iterable[object] = (value,)
     if isinstance(value, dict):
         parts = value.values()
@@ -55,14 +55,14 @@ def _per_joint(value: object) -> object:
         parts = value
     if not all(map(_is_number, parts)) or value in ((), {}):
         raise ValueError(
-            "expected a number, a list with a number for each joint, or a map of joint names to numbers, found "
+            f"expected {words}a number, a list with a number for each joint, or a map of joint names to numbers, found "
             f"{shown(value)}"
         )
     return value
 
 
 def _offset(value: object) -> object:
-    return value if value == HOME else _per_joint(value)
+    return value if value == HOME else _per_joint(value, f"'{HOME}', ")
 
 
 HOME: Final = "home"
@@ -270,7 +270,8 @@ def selection_problems(model: RobotModel, names: Iterable[str]) -> Iterator[tupl
 def per_joint_problems(key: str, value: Any, joints: Sequence[str]) -> Iterator[SpecProblem]:
     """Yield a list of another length, names that no joint has, and joints without a value."""
     if isinstance(value, tuple) and len(value) != len(joints):
-        yield (key,), f"has {len(value)} numbers for {len(joints)} joints ({', '.join(joints[:3])}, ...)"
+        names = ", ".join(joints[:3]) + (", ..." if len(joints) > 3 else "")
+        yield (key,), f"has {counted(len(value), 'number')} for {counted(len(joints), 'joint')} ({names})"
     if not isinstance(value, Mapping):
         return
     for name in value:

@@ -194,7 +194,9 @@ def _of_run_error(job: Job, error: RunError | ModelError) -> Outcome:
         error.location = _place_of(error, job)
     if isinstance(error.__context__, MemoryError):
         return _error(job, _OUT_OF_MEMORY, f"{error}; {out_of_memory(job)}", error)
-    return _error(job, _KINDS.get(type(error), ("engine", "run error")), str(error), error)
+    kind, title = _KINDS.get(type(error), ("engine", "run error"))
+    key = _source_of(error, job)
+    return _error(job, (kind, title if key is None or key in _OF_USERS else f"{key} error"), str(error), error)
 
 
 def _stored_run(job: Job, progress: _Progress, kept: _Kept) -> SimulationRun:
@@ -288,10 +290,22 @@ def _place_of(error: RunError, job: Job) -> Location | None:
         return job.named_from_here(place)
     if error.keys is not None:
         return loaded.document.location(error.keys)
+    key = _source_of(error, job)
+    if not isinstance(error, ScriptError) or error.source is None or key is None:
+        return None
+    return loaded.document.location((*_path_of_source(loaded.document, error.source), key))
+
+
+_OF_USERS: Final = frozenset({"script", "process", "ros1"})
+"""The command sources that run code of the user, whose errors are all called "script error"."""
+
+
+def _source_of(error: Exception, job: Job) -> str | None:
+    """Return the key of the command source that failed, such as "pose"; None if no source did."""
     if not isinstance(error, ScriptError) or error.source is None:
         return None
-    key = next(key for key in COMMANDS if key in type(loaded.scenario.commands[error.source]).model_fields)
-    return loaded.document.location((*_path_of_source(loaded.document, error.source), key))
+    source = job.loaded.scenario.commands[error.source]
+    return next(key for key in COMMANDS if key in type(source).model_fields)
 
 
 def _is_open(descriptor: int) -> bool:

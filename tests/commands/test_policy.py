@@ -337,6 +337,16 @@ EFFORT = "action: {joints: effort}"
             "order.0: the model has no moving joint 'elbo'; d",
         ),
         (
+            identity(3),
+            f"observation: [gravity], order: ['right_finger*'], {EFFORT}",
+            "none of these joints has a motor",
+        ),
+        (
+            identity(3),
+            f"observation: [gravity], order: [elbow], {EFFORT}",
+            "the network's output 'actions' has 3 numbers, for 1 joint: elbow; name those",
+        ),
+        (
             identity(1),
             f"observation: [time], order: [right_finger_joint], {EFFORT}",
             "order.0: joint 'right_finger_joint' cannot be commanded: it mimics 'left_finger_joint'",
@@ -369,7 +379,7 @@ EFFORT = "action: {joints: effort}"
         (
             identity(3),
             f"observation: [gravity], {ALL}, action: {{joints: effort, scale: [1, 2]}}",
-            "has 2 numbers for 3 joints",
+            "has 2 numbers for 3 joints (turntable, shoulder, elbow)",
         ),
         (
             identity(3),
@@ -384,7 +394,7 @@ EFFORT = "action: {joints: effort}"
         (
             identity(3),
             f"observation: [gravity], {ALL}, action: {{joints: position, offset: hom}}",
-            "expected a number, a list",
+            "expected 'home', a number, a list",
         ),
         (
             identity(3),
@@ -493,3 +503,9 @@ def test_what_does_not_fit_is_told_on_its_line(network: bytes | None, keys: str,
     found = told(folder, text(keys))
     assert any(problem in each for each in found), found
     assert all(each.startswith("3:") for each in found), found
+
+
+def test_a_joint_that_is_not_there_has_one_problem(folder: Path) -> None:
+    (folder / "a.onnx").write_bytes(identity(3))
+    (found,) = told(folder, text(f"observation: [gravity], order: ['k*'], {EFFORT}"))
+    assert "no moving joint" in found

@@ -112,6 +112,7 @@ def test_a_network_that_returns_nan_is_an_error_that_names_the_joint(folder: Pat
     assert ran.returncode == 1
     (outcome,) = outcomes(folder)
     (failure,) = outcome["failures"]
+    assert failure["title"] == "policy error"
     assert failure["message"].startswith(
         "at 0 s of sim time, the network returned nan for joint 'elbow'; its inputs are finite"
     )

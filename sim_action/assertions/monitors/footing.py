@@ -132,4 +132,4 @@ def _margins(centre: FloatArray, points: FloatArray) -> FloatArray:
 
 def named(feet: Sequence[str]) -> str:
     """Return the names of a few feet as text."""
-    return ", ".join(feet) or "none"
+    return ", ".join(feet)

@@ -264,8 +264,7 @@ class GraspMonitor:
             # The normal points to the link, and the link presses the other way.
             np.add.at(force, moment[meant], -record.normal_xyz[meant] * record.force[meant, None])
             forces.append(force)
-            x, y, z, w = motion.orientation_xyzw.T
-            back = (-x, -y, -z, w)
+            back = geometry.conjugate(tuple(motion.orientation_xyzw.T))
             away = at - motion.position_xyz
             places.append(np.column_stack(geometry.rotate(back, tuple(away.T))))
         return _Sample(trace.time, np.stack(forces, axis=1), np.stack(places, axis=1))
