@@ -17,6 +17,7 @@ from sim_action.core.workspace import Workspace
 from sim_action.recording.export.mcap_log import McapLog
 from sim_action.robot.loading import load_model
 from sim_action.robot.spec import Robot
+from sim_action.state.command import LinkWrench
 from sim_action.world import Body
 from sim_action.world.shapes import Cylinder, Ramp
 from tests.recording.export.logs import read
@@ -180,3 +181,18 @@ def test_rosbags_reads_every_message(tmp_path: Path) -> None:
             types.deserialize_cdr(bytes(data), connection.msgtype)
             topics.add(connection.topic)
     assert len(topics) == 12
+
+
+def test_a_held_wrench_in_the_frame_of_the_world_turns_in_that_of_its_link() -> None:
+    """The burger turns by 2 rad/s."""
+    link = "base_footprint"
+    held = (LinkWrench(link, (1.0, 0.0, 0.0), (0.0, 0.5, 0.0)), LinkWrench(link, (0.0, 0.0, 3.0), frame="base"))
+    nothing, own = (LinkWrench(link),), (LinkWrench(link, (0.0, 2.0, 0.0), frame=link),)
+    log = read(replace(run(), wrenches=((0.1, held), (0.25, nothing), (0.3, own))))
+    found = [(each.time / 1e9, each.message.wrench) for each in log["/wrench/base_footprint"]]
+    assert [time for time, _ in found] == pytest.approx([*TIME[3:8], 0.25, 0.3])
+    for time, wrench in found[:5]:
+        force, torque = wrench.force, wrench.torque
+        assert (force.x, force.y, force.z) == pytest.approx((math.cos(2 * time), -math.sin(2 * time), 3.0))
+        assert (torque.x, torque.y) == pytest.approx((0.5 * math.sin(2 * time), 0.5 * math.cos(2 * time)))
+    assert [(wrench.force.x, wrench.force.y) for _, wrench in found[5:]] == [(0.0, 0.0), (0.0, 2.0)]

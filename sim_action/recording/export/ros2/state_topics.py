@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
@@ -94,33 +94,64 @@ def states(run: RecordedRun) -> Iterator[Topic]:
 
 
 def _wrenches(run: RecordedRun) -> Iterator[Topic]:
-    """Yield a topic for each link with a commanded wrench: the sum of its wrenches, in the link's own frame."""
-    model, taken = run.scene.model, set[str]()
+    """Yield a topic for each link with a commanded wrench: the sum of its wrenches, in the link's own frame.
+
+    There is a message for each change of the command, and for each moment at which the wrench has changed in the frame
+    of the link because the link has turned.
+    """
+    turns, taken = _Turns(run.scene.model, run.trace), set[str]()
     for link in dict.fromkeys(wrench.link for _, wrenches in run.wrenches for wrench in wrenches):
         time, sums = list[float](), list[NDArray[np.float64]]()
-        for moment, wrenches in run.wrenches:
-            row = min(int(np.searchsorted(run.trace.time, moment - TIME_EPSILON_S)), len(run.trace) - 1)
+        ends = [*(moment for moment, _ in run.wrenches[1:]), np.inf]
+        for (start, wrenches), end in zip(run.wrenches, ends, strict=True):
             mine = [wrench for wrench in wrenches if wrench.link == link]
-            if mine:
-                time.append(moment)
-                sums.append(np.sum([_in_own_frame(wrench, model, run.trace, row) for wrench in mine], axis=0))
+            for moment in turns.moments(mine, start, end):
+                row = turns.row(moment)
+                total = np.sum([turns.in_own_frame(wrench, row) for wrench in mine], axis=0)
+                if moment == start or not np.array_equal(total, sums[-1]):
+                    time.append(moment)
+                    sums.append(total)
         form = CdrForm().gap("<i4", 2).string(link).gap("<f8", 6)
         messages = form.filled(len(time), stamps(np.array(time)), np.array(sums))
         name = _free(f"/wrench/{_plain(link)}", taken)
         yield Topic(name, "geometry_msgs/WrenchStamped", nanoseconds(np.array(time)), messages)
 
 
-def _in_own_frame(wrench: LinkWrench, model: RobotModel, trace: Trace, row: int) -> NDArray[np.float64]:
-    """Return force and torque (6,) about the axes and the origin of the wrench's link, at the moment of a row."""
-    force, torque, frame = wrench.force_xyz, wrench.torque_xyz, link_of_frame(model, wrench.frame)
-    if frame != wrench.link:
-        back = geometry.conjugate(_orientation(model, trace, row, wrench.link))
-        ahead = geometry.IDENTITY if frame == WORLD_FRAME else _orientation(model, trace, row, frame)
-        turn = geometry.multiply(back, ahead)
-        force, torque = geometry.rotate(turn, force), geometry.rotate(turn, torque)
-    return np.array([*force, *np.add(torque, np.cross(wrench.point_xyz, force))])
+class _Turns:
+    """The orientations of links at the moments of a trace."""
 
+    def __init__(self, model: RobotModel, trace: Trace) -> None:
+        self._model, self._trace = model, trace
+        self._found: dict[str, NDArray[np.float64]] = {}
 
-def _orientation(model: RobotModel, trace: Trace, row: int, link: str) -> Quaternion:
-    x, y, z, w = link_motion(model, trace, link).orientation_xyzw[row].tolist()
-    return x, y, z, w
+    def moments(self, wrenches: Sequence[LinkWrench], start: float, end: float) -> list[float]:
+        """Return the times in s from `start` to before `end` at which wrenches on a link may change in its frame."""
+        if not wrenches:
+            return []
+        if not any(self._frame(each) != each.link and any((*each.force_xyz, *each.torque_xyz)) for each in wrenches):
+            return [start]
+        first, last = np.searchsorted(self._trace.time, (start + TIME_EPSILON_S, end - TIME_EPSILON_S))
+        return [start, *self._trace.time[first:last].tolist()]
+
+    def row(self, moment: float) -> int:
+        """Return the index of the first moment of the trace at or after a time in s."""
+        return min(int(np.searchsorted(self._trace.time, moment - TIME_EPSILON_S)), len(self._trace) - 1)
+
+    def in_own_frame(self, wrench: LinkWrench, row: int) -> NDArray[np.float64]:
+        """Return force and torque (6,) about the axes and the origin of the wrench's link, at the moment of a row."""
+        force, torque, frame = wrench.force_xyz, wrench.torque_xyz, self._frame(wrench)
+        if frame != wrench.link:
+            back = geometry.conjugate(self._orientation(row, wrench.link))
+            ahead = geometry.IDENTITY if frame == WORLD_FRAME else self._orientation(row, frame)
+            turn = geometry.multiply(back, ahead)
+            force, torque = geometry.rotate(turn, force), geometry.rotate(turn, torque)
+        return np.array([*force, *np.add(torque, np.cross(wrench.point_xyz, force))])
+
+    def _frame(self, wrench: LinkWrench) -> str:
+        return link_of_frame(self._model, wrench.frame)
+
+    def _orientation(self, row: int, link: str) -> Quaternion:
+        if link not in self._found:
+            self._found[link] = link_motion(self._model, self._trace, link).orientation_xyzw
+        x, y, z, w = self._found[link][row].tolist()
+        return x, y, z, w
