@@ -131,8 +131,8 @@ def test_wrenches_are_recorded_in_the_frame_of_their_link(folder: Path) -> None:
     expected = {0.1: (0.1, -0.01), 0.2: (0.1, 0.49), 0.3: (0.0, 0.5), 0.4: (0.0, 0.0)}
     # Between them are the moments at which the link has turned.
     assert [min(found), max(found)] == pytest.approx([0.1, 0.4])
-    for time, (ahead, turning) in expected.items():
-        wrench = next(wrench for moment, wrench in found.items() if moment == pytest.approx(time))
+    for at, (ahead, turning) in expected.items():
+        wrench = next(wrench for moment, wrench in found.items() if moment == pytest.approx(at))
         assert (wrench.force.x, wrench.torque.z) == pytest.approx((ahead, turning), abs=2e-3)
     assert [each.message.wrench.force.z for each in log["/wrench/base_footprint"]][-1] == 1.0
 

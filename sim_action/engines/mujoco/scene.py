@@ -103,8 +103,6 @@ class CompiledScene:
         for first in self.positions[len(scene.model.motor_joints) :: 3].tolist():
             x, y, z = self.data.qpos[first : first + 3].tolist()
             self.data.qpos[first - 1 : first + 3] = wxyz(ball_orientation((x, y, z)))
-        for name, (x, y, z, w) in (scene.keyframe.turns if scene.keyframe else {}).items():
-            self.data.joint(engine_name(name)).qpos[:] = w, x, y, z
         at = scene.placement
         pose = Pose((at.x, at.y, at.z or 0.0), at.orientation_xyzw)
         position = self._put(self.base, pose, free=not self.fixed)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Final, Literal
 
 from sim_action.core.errors import Location
-from sim_action.core.geometry import Pose, Quaternion
+from sim_action.core.geometry import Pose
 
 MESH_OF_TEXT: Final = "mjcf:"
 """Prefix in `Visual.file` of the name of a mesh that an MJCF text contains."""
@@ -43,7 +43,6 @@ class Keyframe:
 
     Attributes:
         joints: joint name -> rad (m if prismatic).
-        turns: name of a ball joint whose position is not recorded -> orientation.
         base: pose of the base link, world frame; None if it is fixed.
         controls: actuator name -> control, in the actuator's own unit; empty if the keyframe states none.
         place: where it stands; None if that is unknown.
@@ -51,7 +50,6 @@ class Keyframe:
     """
 
     joints: Mapping[str, float]
-    turns: Mapping[str, Quaternion] = field(default_factory=dict)
     base: Pose | None = None
     controls: Mapping[str, float] = field(default_factory=dict)
     place: Location | None = None

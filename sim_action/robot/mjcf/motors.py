@@ -148,9 +148,7 @@ def keyframes_of(built: Built, joints: Iterable[Joint], free: str | None) -> dic
         for joint in moving:
             if joint.ball in angles:
                 positions[joint.name] = angles[joint.ball][geometry.AXES.index(joint.axis_xyz)]
-        recorded = {joint.ball for joint in moving}
-        turns = {ball: turn for ball, turn in balls.items() if ball not in recorded}
-        found.setdefault(name, Keyframe(positions, turns, base, controls, place))
+        found.setdefault(name, Keyframe(positions, base, controls, place))
     return found
 
 

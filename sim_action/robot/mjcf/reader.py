@@ -239,15 +239,23 @@ class _Reader:
         name, parent = self._bodies[body], self._bodies[model.body_parentid[body]]
         origin = _pose(model.body_pos[body], model.body_quat[body])
         balls = [number for number in numbers if self._kinds[number] == int(kinds.mjJNT_BALL)]
-        if balls and len(numbers) == 1:
+        if balls and len(numbers) > 1:
+            raise self._ball_in_series(name, balls[0])
+        if balls:
             ax, ay, az = model.jnt_pos[balls[0]].tolist()
             yield from ball_joints(model.joint(balls[0]).name, parent, name, origin, (ax, ay, az))[0]
             return
-        # A ball joint in series with others moves in the engine, but its position is not recorded.
-        numbers = [number for number in numbers if number not in balls]
         if not numbers:
             yield Joint(f"{name}_joint", "fixed", parent, name, origin, (0.0, 0.0, 1.0))
         yield from at_zero([self._joint(number, parent, name, origin) for number in numbers])
+
+    def _ball_in_series(self, body: str, number: int) -> ModelError:
+        """Return the error of a ball joint whose body has other joints, too: its position could not be recorded."""
+        name = self._joint_names[number]
+        found = f"body '{body}' has the ball joint '{name}' and other joints, which is not supported"
+        remedy = f"put '{name}' on a body of its own between '{body}' and its parent"
+        place = self._built.notes.place(self._built.spec.joint(self._model.joint(number).name))
+        return refusal(f"{found}: {remedy}, or replace it by three hinges", place)
 
     def _joint(self, number: int, parent: str, child: str, origin: Pose) -> Joint:
         import mujoco

@@ -218,6 +218,27 @@ def test_what_cannot_be_read_is_refused_in_words(
     assert [path.name for path in folder.iterdir()] == ["robot.xml"]
 
 
+def test_a_ball_joint_in_series_with_others_is_refused_by_name(tmp_path: Path) -> None:
+    """The poses of links below it would be wrong: the position of such a joint is not recorded."""
+    text = """\
+<mujoco>
+  <worldbody>
+    <body name="arm">
+      <joint name="lift" type="slide"/>
+      <joint name="shoulder" type="ball"/>
+      <geom size="0.1"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+    with pytest.raises(ModelError) as refused:
+        read(tmp_path, text)
+    message = "body 'arm' has the ball joint 'shoulder' and other joints, which is not supported: put 'shoulder' on a"
+    assert message in str(refused.value)
+    assert "robot.xml:5" in str(refused.value)
+    assert len(read(tmp_path, text.replace('<joint name="lift" type="slide"/>', "")).moving_joints) == 3
+
+
 @pytest.mark.parametrize(
     ("solref", "restitution"),
     [
