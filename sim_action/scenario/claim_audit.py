@@ -61,7 +61,7 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
             "unstable (`physics.max_speed`), or a comparison that is always true",
         ),
         "unreachable-target": Rule(
-            "error", "a place of `reach` or `final_pose` that is farther away than the link can reach"
+            "error", "a place of `reach`, `final_pose` or `follow_path` that is farther away than the link can reach"
         ),
         "warnings-only": Rule("error", "a scenario in which every expectation has `severity: warning`"),
         SINGLE_ROW: Rule("error", "a golden file with one row: no motion is compared"),

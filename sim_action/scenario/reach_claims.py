@@ -77,7 +77,10 @@ def audit_reach(leaves: Sequence[tuple[KeyPath, Any]], scene: Scene) -> Iterator
             continue
         yield from _beyond_any_place(path, assertion, who, found)
         if assertion.key in {"reach", "final_pose"} and not getattr(assertion, "relative", False):
-            yield from _beyond_reach(path, assertion, who, found)
+            place = {axis: at for axis in "xyz" if (at := getattr(assertion, axis)) is not None}
+            yield from _beyond_reach(path, place, assertion.tolerance, (who, assertion.frame), found)
+        elif assertion.key == "follow_path":
+            yield from _path_beyond_reach(path, assertion, who, found)
 
 
 def _beyond_any_place(path: KeyPath, assertion: Any, who: str, found: Range) -> Iterator[ClaimFinding]:
@@ -102,15 +105,38 @@ def _beyond_any_place(path: KeyPath, assertion: Any, who: str, found: Range) -> 
             yield beyond((*path, field), limit, "m", why)
 
 
-def _beyond_reach(path: KeyPath, assertion: Any, who: str, found: Range) -> Iterator[ClaimFinding]:
-    place = {axis: at for axis in "xyz" if (at := getattr(assertion, axis)) is not None}
+def _path_beyond_reach(path: KeyPath, assertion: Any, who: str, found: Range) -> Iterator[ClaimFinding]:
+    """Yield the first point of a path that the link cannot come near enough to."""
+    points = assertion.path or ()
+    for index, point in enumerate(points):
+        limits = [assertion.max_error]
+        if assertion.end is not None and index == len(points) - 1:
+            limits.append(assertion.end.tolerance)
+        given = [limit for limit in limits if limit is not None]
+        place = dict(zip("xyz", point.place, strict=False))
+        far = (
+            list(_beyond_reach((*path, "path", index), place, min(given), (who, assertion.frame), found))
+            if given
+            else []
+        )
+        yield from far
+        if far:
+            return
+
+
+def _beyond_reach(
+    path: KeyPath, place: dict[str, float], tolerance: float, seen: tuple[str, str], found: Range
+) -> Iterator[ClaimFinding]:
+    """Yield a place beyond the range of a link; `seen`: the link and the frame."""
+    who, frame = seen
     away = found.distance(place) if place else 0.0
     most = found.radius + _ROUNDING_M
-    if away > most + assertion.tolerance:
+    if away > most + tolerance:
         far, longest = units.display_apart(away, most, "m")
         message = f"this place is {far} from joint '{found.joint}', but {who} reaches at most {longest} from there"
-        use = f"move it, or the robot; check 'frame', which is {assertion.frame}"
-        yield ClaimFinding("unreachable-target", path, f"{message}; {use}")
+        yield ClaimFinding(
+            "unreachable-target", path, f"{message}; move it, or the robot; check 'frame', which is {frame}"
+        )
 
 
 def range_of(scene: Scene, link: str, frame: str) -> Range | None:

@@ -92,6 +92,24 @@ def test_a_place_beyond_the_length_of_the_arm(arms: Path, place: str, reachable:
     assert (not problem) == reachable
 
 
+@pytest.mark.parametrize(
+    ("limits", "y", "point"),
+    [
+        ("max_error: 0.1", 0.599, None),
+        ("max_error: 0.1", 0.601, 1),
+        ("max_error: 0.2, end: {tolerance: 0.1}", 0.601, 1),
+        ("end: {tolerance: 0.1}", 0.599, None),
+        ("rms: 0.1", 5.0, None),
+        ("max_error: 9", 0.7, None),
+    ],
+)
+def test_a_point_of_a_path_beyond_the_length_of_the_arm(arms: Path, limits: str, y: float, point: int | None) -> None:
+    points = f"[{{x: 0.1, y: 0.4}}, {{x: 0.1, y: {y}}}]"
+    problems = refused(arms, scenario(f"follow_path: {{link: tool, frame: base, path: {points}, {limits}}}"))
+    found = [problem.message.split(": ")[0] for problem in problems if "[unreachable-target]" in problem.message]
+    assert found == [f"expect.0.follow_path.path.{point}"] * (point is not None)
+
+
 def test_the_message_says_how_far_it_is(arms: Path) -> None:
     text = scenario("final_pose: {link: tool, frame: base, z: 1.25, tolerance: 10 cm}")
     (problem,) = refused(arms, text, "unreachable-target")
