@@ -259,8 +259,9 @@ class ObjectMonitor:
 
     @property
     def needed_until(self) -> float:
-        """See BoundedMonitor.needed_until. An object that is not there yet is waited for."""
-        return self.appears if self.monitor is None else needed_until(self.monitor)
+        """See BoundedMonitor.needed_until. The run goes on for a step after the object appears."""
+        there = self.appears + 1 / self.scene.physics.rate if self.appears else 0.0
+        return there if self.monitor is None else max(there, needed_until(self.monitor))
 
     def begin(self, trace: Trace) -> Self:
         """See CumulativeMonitor.begin."""

@@ -136,7 +136,7 @@ def test_an_object_that_never_appeared_was_not_judged(keys: dict[str, Any]) -> N
     assert verdict.message == "ball never appeared: it is due at 0.2 s, but the run ended at 0.1 s"
     opened = spec(**keys).monitor(at, START)
     assert opened.state is (State.PENDING if spec(**keys).is_goal else State.HOLDS)
-    assert Window.of(opened, 0.0, math.inf).observe(seen).needed_until == 0.2
+    assert Window.of(opened, 0.0, math.inf).observe(seen).needed_until == 0.2 + 1 / at.physics.rate
 
 
 def test_without_recorded_poses_nothing_was_judged() -> None:

@@ -93,6 +93,16 @@ def test_limits_on_bodies_that_fall(engine: str, tmp_path: Path) -> None:
 
 
 @on_every_engine
+def test_a_run_goes_on_after_a_body_has_appeared(engine: str, tmp_path: Path) -> None:
+    """It has appeared, and is judged: both say so."""
+    found = run(tmp_path, engine, {"name": "parcel", "upright": {}}, duration=0.1, allow=["warnings-only"])
+    (verdict,) = found.verdicts
+    assert (verdict.passed, verdict.judged and verdict.judged.moments) == (True, 2)
+    assert found.sim_time == pytest.approx(0.25 + 1 / RATE)
+    assert not any("never appeared" in each for each in (*found.notes, *map(str, found.findings)))
+
+
+@on_every_engine
 def test_a_body_that_never_appeared_was_not_judged(engine: str, tmp_path: Path) -> None:
     asked = [{"object": {"name": "parcel", "upright": {}}}, {"object": {"name": "ball", "moved": {"at_most": 0.01}}}]
     parcel, ball = run(tmp_path, engine, expect=asked, allow=[]).verdicts
