@@ -19,7 +19,7 @@ from sim_action.assertions.monitors import (
     is_plottable,
     needed_until,
 )
-from sim_action.assertions.monitors.bounds import Bounds, SignalMonitor, bounds_title, check_bounds
+from sim_action.assertions.monitors.bounds import Bounds, SignalMonitor, bounds_title, check_order
 from sim_action.assertions.monitors.watched import MotionAssertion, Watched
 from sim_action.assertions.monitors.window import counted
 from sim_action.assertions.reach import Reach
@@ -60,9 +60,10 @@ class Moved(MotionAssertion):
 
     @model_validator(mode="after")
     def _has_a_bound(self) -> Self:
-        if self.up is None:
-            check_bounds(self.at_least, self.at_most, "m")
-        elif self.at_least is not None or self.at_most is not None:
+        check_order(self.at_least, self.at_most, "m")
+        if (self.at_least, self.at_most, self.up) == (None, None, None):
+            raise ValueError("give 'at_least', 'at_most' or 'up'")
+        if self.up is not None and (self.at_least, self.at_most) != (None, None):
             raise ValueError("'up' stands alone; for a limit of the distance as well, add a second 'object'")
         return self
 

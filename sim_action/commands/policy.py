@@ -305,7 +305,10 @@ class PolicyCommands(CommandSource):
         """Return the joints and sizes. Raises UnitError."""
         joints = selected(scene.model, self.order)
         offset = self.action.offset if self.action.joints == "position" else 0.0
-        return Layout(scene.model, joints, len(joints), scene.joint_positions, offset, sensor_sizes(scene))
+        x, y, z = scene.world.gravity_xyz
+        weight = scene.world.weight or 1.0
+        down = (x / weight, y / weight, z / weight)
+        return Layout(scene.model, joints, len(joints), scene.joint_positions, offset, sensor_sizes(scene), down)
 
     def joints(self, scene: Scene) -> frozenset[str]:
         """See CommandSource.joints."""

@@ -37,7 +37,6 @@ TERMS: Final = (*_SIZES, *_OF_JOINTS, "last_action")
 """The terms besides those of sensors."""
 
 _SENSORS: Final = "sensors."
-_DOWN: Final = (0.0, 0.0, -1.0)
 _UNREADABLE: Final = frozenset({"camera"})
 """Kinds of sensors without terms."""
 
@@ -138,6 +137,8 @@ class Term(FrozenModel):
         names = layout.of(self)
         if self.offset not in (None, HOME):
             yield from per_joint_problems("offset", self.offset, names)
+        if self.term == "gravity" and not scene.world.weight:
+            yield ("term",), "the world has no gravity; change world.gravity, or remove the term"
         size = self.size(layout)
         if isinstance(self.scale, Mapping) and self.term not in _OF_JOINTS:
             yield ("scale",), f"'{self.term}' is not a term of joints; give a number, or a list of {size} numbers"
@@ -164,6 +165,8 @@ class Term(FrozenModel):
         if self.term in _PHASES:
             wave = math.sin if self.term == "phase.sin" else math.cos
             return lambda now: (wave(self._phase(now.time)),)
+        if self.term == "gravity":
+            return lambda now: _in_base(now, layout.down_xyz)
         return _READERS.get(self.term) or self._sensor_reader()
 
     def _phase(self, time: float) -> float:
@@ -193,7 +196,6 @@ _READERS: Final[Mapping[str, Reader]] = {
     "base.angular": lambda now: _in_base(now, now.twist.angular_xyz),
     "base.rpy": lambda now: rpy_from_quaternion(now.pose.orientation_xyzw),
     "base.height": lambda now: now.pose.position_xyz[2:],
-    "gravity": lambda now: _in_base(now, _DOWN),
     "time": lambda now: (now.time,),
 }
 
@@ -209,6 +211,7 @@ class Layout:
         home: joint name -> position at the start, rad (m).
         offset: of a position action.
         columns: sensor and column -> number of values, where it is known before the run.
+        down_xyz: the direction of gravity in the world.
     """
 
     model: RobotModel
@@ -217,6 +220,7 @@ class Layout:
     home: Mapping[str, float]
     offset: Offset = 0.0
     columns: Mapping[tuple[str, str], int] = field(default_factory=dict)
+    down_xyz: Vector3 = (0.0, 0.0, -1.0)
 
     def of(self, term: Term) -> tuple[str, ...]:
         """Return the joints of a term."""

@@ -182,7 +182,7 @@ def test_what_can_move_is_judged(name: str) -> None:
     [
         ({}, "give one of reach, stay_within, upright, settled, moved; none is given"),
         ({"upright": {}, "settled": {}}, "found upright and settled: begin a second 'object'"),
-        ({"moved": {}}, "give 'at_least', 'at_most' or both"),
+        ({"moved": {}}, "give 'at_least', 'at_most' or 'up'"),
         ({"moved": {"up": 1, "at_most": 2}}, "'up' stands alone"),
         ({"moved": {"at_least": 2, "at_most": 1}}, "swap the two"),
     ],

@@ -49,11 +49,13 @@ def identity(size: int) -> bytes:
     return model([node("Identity", ["obs"], ["actions"])], {"obs": (1, size)}, {"actions": (1, size)}, kind=DOUBLE)
 
 
-def opened(folder: Path, network: bytes, sensors: tuple[Fitting, ...] = (), **keys: Any) -> ClosedLoop:
+def opened(
+    folder: Path, network: bytes, sensors: tuple[Fitting, ...] = (), *, world: World | None = None, **keys: Any
+) -> ClosedLoop:
     (folder / "a.onnx").write_bytes(network)
     workspace = Workspace(folder, folder)
     robot = Robot.model_validate({"model": "arm.urdf", "base": "fixed", "joints": {"shoulder": "10 deg"}})
-    scene = Scene(robot, load_model(robot, workspace), World(), Physics(), workspace, sensors=sensors)
+    scene = Scene(robot, load_model(robot, workspace), world or World(), Physics(), workspace, sensors=sensors)
     spec = PolicyCommands.model_validate(
         {"policy": "a.onnx", "order": ("turntable", "shoulder", "elbow"), "rate": 60.0, **keys}
     )
@@ -118,11 +120,17 @@ HOME = math.radians(10)
     ],
 )
 def test_terms_are_as_formulas_say(term: Any, values: list[float], folder: Path) -> None:
-    schedule = {"commands": (0.5, 0, -0.25)} if term == "commands" else {}
+    schedule: dict[str, Any] = {"commands": (0.5, 0, -0.25)} if term == "commands" else {}
     controller = opened(
         folder, identity(3), IMU, observation=(term,), action={"joints": "effort"}, rate=50.0, **schedule
     )
     assert efforts(controller.command(NOW)) == pytest.approx(values, abs=1e-12)
+
+
+def test_gravity_is_that_of_the_world(folder: Path) -> None:
+    world = World.model_validate({"gravity": (3.0, 0.0, -4.0)})
+    controller = opened(folder, identity(3), world=world, observation=("gravity",), action={"joints": "effort"})
+    assert efforts(controller.command(NOW)) == pytest.approx(in_base((0.6, 0.0, -0.8)))
 
 
 def test_single_numbers_are_joined_in_their_order(folder: Path) -> None:
@@ -509,3 +517,9 @@ def test_a_joint_that_is_not_there_has_one_problem(folder: Path) -> None:
     (folder / "a.onnx").write_bytes(identity(3))
     (found,) = told(folder, text(f"observation: [gravity], order: ['k*'], {EFFORT}"))
     assert "no moving joint" in found
+
+
+def test_a_world_without_gravity_has_no_direction_of_it(folder: Path) -> None:
+    (folder / "a.onnx").write_bytes(identity(3))
+    (found,) = told(folder, text(f"observation: [gravity], {ALL}, {EFFORT}") + "world: {gravity: 0}\n")
+    assert "observation.0.term: the world has no gravity; change world.gravity" in found

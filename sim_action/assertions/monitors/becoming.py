@@ -234,7 +234,7 @@ class BecomingTrue:
 _ONLY_BEFORE: Final = "was already true at t = 0, and never became true again"
 _HINT: Final = (
     "a goal counts after it was false once, or if it holds for a time 'for' after the base or a joint moved (by 1 mm "
-    "or 0.1 deg) or a disturbance began; for a robot that must stay as it is, use stay_within or joint_within"
+    "or 0.1 deg) or a disturbance began; to demand that nothing changes, use stay_within or joint_within"
 )
 
 

@@ -59,7 +59,7 @@ def masses(document: ModelDocument) -> Iterator[Finding]:
             message = f"link '{name}' has a mass of 0, and is fixed to others that have one: it adds nothing"
             yield document.finding("massless-frame", mass, message)
         elif bodies.is_base(name):
-            message = f"base link '{name}' has a mass of 0: it cannot move; set base: fixed, or give it a mass"
+            message = f"base link '{name}' has a mass of 0, so it is fixed; to let it move, give it a mass"
             yield document.finding("massless-base", mass, message)
         else:
             message = f"link '{name}' moves, but has a mass of 0: state the mass, or remove <inertial>"
