@@ -207,6 +207,10 @@ def _key_damaged(owner: dict[Any, Any], key: Any, chance: Chance, words: tuple[s
             owner[chance.choice(words)] = _odd(chance)
 
 
+# Its multiples are floats, too.
+_LARGEST = 1e290
+
+
 def _value_damaged(owner: Any, key: Any, chance: Chance) -> None:
     old = owner[key]
     match chance.randrange(7):
@@ -217,7 +221,10 @@ def _value_damaged(owner: Any, key: Any, chance: Chance) -> None:
         case 2:
             owner[key] = _nested(old, chance)
         case 3 | 4 if isinstance(old, (int, float)) and not isinstance(old, bool):
-            owner[key] = chance.choice((f"{old} m", f"{old} deg", -old, old * 1e9, old * 1.01))
+            # A text keeps integers that are too large for a float.
+            factor = chance.choice((1e9, 1.01))
+            scaled = old * factor if abs(old) < _LARGEST else f"{old}0"
+            owner[key] = chance.choice((f"{old} m", f"{old} deg", -old, scaled))
         case 5 if isinstance(old, list) and old:
             owner[key] = [deepcopy(each) for _ in range(chance.choice((2, 3, 100))) for each in old]
         case _:
