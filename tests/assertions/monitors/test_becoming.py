@@ -60,8 +60,8 @@ def test_a_place_where_the_robot_is_already_does_not_count() -> None:
     assert (told.measured, told.limit, told.margin) == (0.0, 0.1, -0.1)
     assert told.message == (
         "was already true at t = 0, and never became true again; a goal counts after it was false once, or if it holds "
-        "for a time 'for' after the base or a joint moved (by 1 mm or 0.1 deg) or a disturbance began; for a robot "
-        "that must stay as it is, use stay_within or joint_within"
+        "for a time 'for' after the base or a joint moved (by 1 mm or 0.1 deg) or a disturbance began; to demand "
+        "that nothing changes, use stay_within or joint_within"
     )
 
 
