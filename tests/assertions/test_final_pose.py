@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from sim_action.assertions.final_pose import FinalPose
 from sim_action.assertions.monitors import State
 from sim_action.assertions.monitors.window import Window
-from sim_action.core.geometry import Pose, quaternion_from_rpy
+from sim_action.core.geometry import Pose, multiply, quaternion_from_rpy
 from sim_action.simulation.monitors import Panel
 from sim_action.state.verdict import Verdict
 from tests.traces import START, expectation, judged, monitor, scenario, scene, trace
@@ -107,3 +107,14 @@ def test_a_pose_that_is_none_is_refused(spec: dict[str, Any], message: str) -> N
 
 def test_a_miss_by_a_hair_is_told_apart_from_the_tolerance() -> None:
     assert "ended 0.050001 m from" in judged(FinalPose(x=0.0), trace([1.0], x=[0.050001])).message
+
+
+def test_the_start_orientation_of_a_link_turns_before_the_orientation_asked_for() -> None:
+    """A link that is rolled by 90 deg, and turns by 90 deg about the z axis of the world: its y axis looks down -x."""
+    rolled = quaternion_from_rpy(math.pi / 2, 0.0, 0.0)
+    turned = quaternion_from_rpy(0.0, 0.0, math.pi / 2)
+    spec = FinalPose.model_validate({"link": "wrist", "relative": True, "orientation": {"yaw": "90 deg"}})
+    angle = spec._angle("wrist", dataclasses.replace(START, pose=Pose(orientation_xyzw=rolled)))
+    assert angle is not None
+    assert angle.target == pytest.approx(multiply(turned, rolled))
+    assert angle.target != pytest.approx(multiply(rolled, turned))

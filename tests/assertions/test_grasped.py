@@ -143,3 +143,10 @@ def test_its_curve_is_the_squeeze() -> None:
     assert (time.name, time.unit, time.lower) == ("time holding cube", "s", 0.1)
     assert (squeeze.name, squeeze.unit, squeeze.lower) == ("squeeze of cube", "N", 2.0)
     assert squeeze.values == pytest.approx([5.0] * 48)
+
+
+def test_forces_that_are_not_equal_squeeze_with_the_smaller_one() -> None:
+    """10 N against 6 N: 4 N push the object away, and the other 6 N hold it from both sides."""
+    seen = pressing({LEFT: (10.0, 0.0, 0.0), RIGHT: (-6.0, 0.0, 0.0)})
+    assert judged(seen, at_least=5.999).measured == pytest.approx(6.0)
+    assert not judged(seen, at_least=6.001).passed

@@ -82,3 +82,20 @@ def test_an_overlap_of_a_tenth_of_a_millimetre_is_a_touch(depth: float, touches:
     watch = SelfWatch(ARM, [pair], JOINTS, 100.0, lambda *_: Nearest(-depth, (0.0, 0.0, 0.0)))
     watch.record(1, [0.0] * len(JOINTS))
     assert len(watch.collect()) == touches
+
+
+def test_a_hinge_beside_the_origin_of_its_link_swings_that_origin(tmp_path: Path) -> None:
+    """In MJCF a hinge may be anywhere; it then moves the link's origin by up to twice that distance."""
+    box = '<geom type="box" size="0.01 0.01 0.01"/>'
+    (tmp_path / "arm.xml").write_text(
+        f'<mujoco><worldbody><body name="base">{box}<body name="one" pos="0.5 0 0"><joint name="first" axis="0 0 1"/>'
+        f'{box}<body name="two" pos="0.4 0 0"><joint name="second" axis="0 0 1" pos="1 0 0"/>{box}'
+        "</body></body></body></worldbody></mujoco>"
+    )
+    model = load_model(Robot(model="arm.xml", base="fixed"), Workspace(tmp_path, tmp_path))
+    (row,) = reaches(model, [("base", "two")], ["first", "second"])
+    # Turned by 180 deg about its anchor, the link is 2.4 m from the first joint.
+    swung = link_poses(model, {"first": 0.0, "second": np.pi})["two"].position_xyz
+    ahead = link_poses(model, {"first": 0.01, "second": np.pi})["two"].position_xyz
+    assert np.linalg.norm(np.subtract(ahead, swung)) > 0.0239
+    assert row[0] * 0.01 >= np.linalg.norm(np.subtract(ahead, swung))

@@ -281,3 +281,18 @@ def test_a_near_target_keeps_the_posture() -> None:
     found = reach(chain, Pose(near, at.orientation_xyzw), start)
     assert found.is_reached
     assert max(abs(there - here) for there, here in zip(found.values, start, strict=True)) < 0.1
+
+
+def test_a_follower_of_a_follower_has_the_offsets_of_both(tmp_path: Path) -> None:
+    """second = 3 (2 first + 0.1) + 0.2."""
+    turn = f'<axis xyz="0 0 1"/>{limits(-9, 9)}'
+    model = model_of(
+        tmp_path,
+        joint("lead", "base", "a", turn),
+        joint("first", "a", "b", f'{turn}<mimic joint="lead" multiplier="2" offset="0.1"/>', at="0.3 0 0"),
+        joint("second", "b", "tip", f'{turn}<mimic joint="first" multiplier="3" offset="0.2"/>', at="0.2 0 0"),
+    )
+    found = Chain.of(model, "tip", {}).pose((0.05,))
+    assert found.yaw == pytest.approx(0.05 + 0.2 + 0.8)
+    x, y = 0.3 * math.cos(0.05) + 0.2 * math.cos(0.25), 0.3 * math.sin(0.05) + 0.2 * math.sin(0.25)
+    assert found.position_xyz == pytest.approx((x, y, 0.0))

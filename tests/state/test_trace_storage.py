@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 
 from sim_action.state.observation import SelfContact
 from sim_action.state.trace import Trace
-from sim_action.state.trace_records import SensorRecord
+from sim_action.state.trace_records import BodyRecord, SensorRecord
 from sim_action.state.trace_storage import TraceError, load_trace, save_trace
 from tests.traces import SEEN, assert_same, columns, contact, trace
 
@@ -187,4 +187,15 @@ def test_readings_are_stored_whatever_the_sensors_name(tmp_path: Path) -> None:
 def test_what_is_no_file_holds_nobody_up(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "trace.npz")
     with pytest.raises(TraceError, match="it is not a regular file"):
+        load_trace(tmp_path / "trace.npz")
+
+
+def test_objects_have_the_times_of_their_trace(tmp_path: Path) -> None:
+    seen = trace([0.1, 0.2])
+    where = (np.zeros((2, 3)), np.tile([0.0, 0.0, 0.0, 1.0], (2, 1)))
+    for time in ([0.1, 0.2], [0.1, 0.3]):
+        save_trace(replace(seen, objects={"cube": BodyRecord(np.array(time), *where)}), tmp_path / "trace.npz")
+        if time == [0.1, 0.2]:
+            assert list(load_trace(tmp_path / "trace.npz").objects) == ["cube"]
+    with pytest.raises(TraceError, match="the object 'cube' has other times than the trace"):
         load_trace(tmp_path / "trace.npz")
