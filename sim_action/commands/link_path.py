@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from itertools import pairwise
+from dataclasses import dataclass, replace
+from itertools import accumulate, pairwise, takewhile
 from typing import Final, NamedTuple
 
 from sim_action.commands.joints import Blend
@@ -82,6 +82,13 @@ class LinkPath:
     legs: tuple[Leg, ...]
     rest: Pose
     blend: Blend
+
+    def beginning(self, follower: Follower, waypoints: int, samples: int) -> LinkPath:
+        """Return the legs to the first waypoints, as far as a number of joint positions is enough for them."""
+        totals = accumulate(follower.samples(leg) for leg in self.legs)
+        pairs = zip(self.legs, totals, strict=True)
+        legs = takewhile(lambda pair: pair[0].waypoint < waypoints and pair[1] <= samples, pairs)
+        return replace(self, legs=tuple(leg for leg, _ in legs))
 
     @property
     def end(self) -> float:
@@ -184,7 +191,7 @@ class Follower:
         samples = []
         values = start
         for leg in path.legs:
-            count = self._steps(*distances(leg.origin, leg.goal), _SAMPLE_M, _SAMPLE_RAD)
+            count = self.samples(leg)
             along = [values]
             for step in range(1, count + 1):
                 pose = between(leg.origin, leg.goal, step / count)
@@ -209,6 +216,10 @@ class Follower:
             leg = path.legs[index] if index >= 0 else Leg(0, 0.0, 0.0, path.rest, path.rest)
             values = self._reached(leg, share, Target(path.pose(time), to_base), values, slack=1)
         return values
+
+    def samples(self, leg: Leg) -> int:
+        """Return the number of joint positions that are found before the run for a leg."""
+        return self._steps(*distances(leg.origin, leg.goal), _SAMPLE_M, _SAMPLE_RAD)
 
     def _steps(self, distance: float, angle: float, longest: float, widest: float) -> int:
         return max(1, math.ceil(distance / longest), math.ceil(angle / widest) if self.turns else 1)

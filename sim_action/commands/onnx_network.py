@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -25,6 +26,8 @@ INSTALL_HINT: Final = (
     "set the input 'extras: policy'"
 )
 MAX_NETWORK_BYTES: Final = 100_000_000
+MAX_FIELDS: Final = 500_000
+"""The greatest number of fields of a file, such as names of nodes; each array of weights is one."""
 
 # In onnx.proto: TensorProto.DataType and the numbers of fields.
 _FLOATS: Final = {1: "float32", 11: "float64"}
@@ -37,6 +40,8 @@ MAX_TENSORS: Final = 1000
 
 _MAX_MESSAGE_CHARS: Final = 300
 _MAX_VARINT_BYTES: Final = 10
+_MAX_FIELD_NUMBER: Final = (1 << 29) - 1
+_ENUM_MASK: Final = 0xFFFF_FFFF
 
 
 class NetworkProblem(ValueError):
@@ -91,6 +96,26 @@ def read_network(path: Path) -> Network:
         raise NetworkProblem("is not an ONNX file") from None
 
 
+def network_signature(path: Path) -> Network:
+    """Return the inputs and outputs of a file, without its content. Raise OSError, NetworkProblem.
+
+    The file is read again only if it has changed.
+    """
+    status = path.stat()
+    found = _signature(path, status.st_mtime_ns, status.st_size)
+    if isinstance(found, str):
+        raise NetworkProblem(found)
+    return found
+
+
+@lru_cache(maxsize=64)
+def _signature(path: Path, changed_ns: int, size: int) -> Network | str:  # noqa: ARG001 - they name the version
+    try:
+        return replace(read_network(path), content=b"")
+    except NetworkProblem as error:
+        return str(error)
+
+
 class _Malformed(Exception):
     """Bytes that are not a message."""
 
@@ -99,11 +124,11 @@ _Value = int | memoryview
 
 
 def _network(content: bytes) -> Network:
+    _check(memoryview(content), _MODEL, 0, iter(range(MAX_FIELDS)))
     graphs = [value for number, value in _fields(memoryview(content)) if number == 7]
     if len(graphs) != 1:
         raise _Malformed
     graph = _part(graphs[0])
-    _refuse_external(_part(memoryview(content)), _MODEL, 0)
     weights = {_text(value, 8) for number, value in _fields(graph) if number == 5}
     inputs, outputs = (
         [_tensor(_part(value)) for number, value in _fields(graph) if number == which] for which in (11, 12)
@@ -119,34 +144,43 @@ def _network(content: bytes) -> Network:
     return Network(needed, given, content)
 
 
-_MODEL, _GRAPH, _NODE, _ATTRIBUTE, _TENSOR, _SPARSE, _FUNCTION = range(7)
+_MODEL, _GRAPH, _NODE, _ATTRIBUTE, _TENSOR, _SPARSE, _FUNCTION, _VALUE, _TYPE, _TENSOR_TYPE, _SHAPE, _SIZE = range(12)
 _PARTS: Final[Mapping[int, Mapping[int, int]]] = {
     _MODEL: {7: _GRAPH, 25: _FUNCTION},
     _FUNCTION: {7: _NODE, 11: _ATTRIBUTE},
-    _GRAPH: {1: _NODE, 5: _TENSOR, 15: _SPARSE},
+    _GRAPH: {1: _NODE, 5: _TENSOR, 11: _VALUE, 12: _VALUE, 15: _SPARSE},
     _NODE: {5: _ATTRIBUTE},
     _ATTRIBUTE: {5: _TENSOR, 6: _GRAPH, 10: _TENSOR, 11: _GRAPH, 22: _SPARSE, 23: _SPARSE},
     _SPARSE: {1: _TENSOR, 2: _TENSOR},
+    _VALUE: {2: _TYPE},
+    _TYPE: {1: _TENSOR_TYPE},
+    _TENSOR_TYPE: {2: _SHAPE},
+    _SHAPE: {1: _SIZE},
 }
-"""Kind of message -> field -> kind of the message in it, for all that can hold a tensor."""
+"""Kind of message -> field -> kind of the message in it, for all that can hold a tensor, and all that is read here."""
 
 
-def _refuse_external(message: memoryview, kind: int, depth: int) -> None:
-    """Raise NetworkProblem for a tensor whose values are in another file."""
+def _check(message: memoryview, kind: int, depth: int, budget: Iterator[int]) -> None:
+    """Raise NetworkProblem for a tensor whose values are in another file, and for too many fields.
+
+    :param budget: has one item for each field that may still be read.
+    """
     if depth > _MAX_NESTING:
         raise NetworkProblem("has too many graphs inside each other")
-    if kind == _TENSOR:
-        found = dict(_fields(message))
-        if 13 in found or found.get(14) == _EXTERNAL:
-            raise NetworkProblem(
-                f"has weights in another file (tensor '{escaped_line(_text(message, 8))}'); save it with all weights "
-                "inside: onnx.save(model, path, save_as_external_data=False)"
-            )
-        return
-    parts = _PARTS[kind]
+    parts, is_external = _PARTS.get(kind, {}), False
     for number, value in _fields(message):
-        if number in parts:
-            _refuse_external(_part(value), parts[number], depth + 1)
+        if next(budget, None) is None:
+            raise NetworkProblem(f"has more than {MAX_FIELDS:,} fields, the maximum")
+        if kind == _TENSOR:
+            # An enum has 32 bits.
+            is_external |= number == 13 or (number == 14 and _number(value) & _ENUM_MASK == _EXTERNAL)
+        elif number in parts:
+            _check(_part(value), parts[number], depth + 1, budget)
+    if is_external:
+        raise NetworkProblem(
+            f"has weights in another file (tensor '{escaped_line(_text(message, 8))}'); save it with all weights "
+            "inside: onnx.save(model, path, save_as_external_data=False)"
+        )
 
 
 def _tensor(message: memoryview) -> Tensor:
@@ -196,6 +230,8 @@ def _fields(message: memoryview) -> Iterator[tuple[int, _Value]]:
     while at < end:
         key, at = _varint(message, at)
         number, wire = key >> 3, key & 7
+        if number > _MAX_FIELD_NUMBER:
+            raise _Malformed
         if wire == 0:
             value, at = _varint(message, at)
             yield number, value

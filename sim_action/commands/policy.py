@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final
 
 from pydantic import BeforeValidator, Field
@@ -17,6 +18,7 @@ from sim_action.commands.onnx_network import (
     Session,
     Tensor,
     float_problem,
+    network_signature,
     read_network,
 )
 from sim_action.commands.policy_controller import (
@@ -84,7 +86,7 @@ class PolicyCommands(CommandSource):
 
     - `base.linear`, `base.angular`: velocity of the base link in its own frame; `base.rpy`: roll, pitch and yaw;
       `base.height`: z of its origin in the world;
-    - `gravity`: the direction of gravity as a unit vector in the frame of the base link;
+    - `gravity`: the direction of `world.gravity` as a unit vector in the frame of the base link;
     - `joints.position` (minus the `offset` of a position action, or its own `offset`), `joints.velocity`,
       `joints.effort`;
     - `last_action`: the last output of the network after `clip`, 0 at first;
@@ -236,10 +238,10 @@ class PolicyCommands(CommandSource):
         names = [name] if name else [each for each in network.inputs if each not in self.state]
         return network.inputs.get(names[0]) if len(names) == 1 else None
 
-    def _read(self, workspace: Workspace) -> Network | str:
-        """Return the network, or the reason why there is none."""
+    def _read(self, workspace: Workspace, read: Callable[[Path], Network] = network_signature) -> Network | str:
+        """Return the network, or the reason why there is none; by default, without its content."""
         try:
-            return read_network(workspace.file(self.policy))
+            return read(workspace.file(self.policy))
         except PathError as error:
             return str(error)
         except OSError as error:
@@ -316,7 +318,7 @@ class PolicyCommands(CommandSource):
 
     def open(self, scene: Scene) -> Controller:
         """See CommandSource.open. Raises SourceProblem, ScriptError."""
-        network = self._read(scene.workspace)
+        network = self._read(scene.workspace, read_network)
         if isinstance(network, str):
             raise SourceProblem(network, "policy")
         layout, tensor = self._layout(scene), network.outputs.get(self._output(network) or "")

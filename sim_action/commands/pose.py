@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from functools import partial
+from itertools import islice
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal, Self
 
 from pydantic import Field, model_validator
@@ -39,6 +40,11 @@ _LONGEST_S: Final = 86_400.0
 
 # A way that takes less time than this is rounding.
 _STILL_S: Final = 1e-6
+
+# Before the run, the process of all scenarios checks a path, and must not be kept busy. The run checks the rest.
+MAX_CHECKED_WAYPOINTS: Final = 500
+MAX_CHECKED_SAMPLES: Final = 10_000
+_MAX_UNREACHABLE: Final = 10
 
 
 class LinkWaypoint(FrozenModel):
@@ -124,7 +130,8 @@ class PoseCommands(LinkCommands):
 
     In the frame `base`, and if the base is fixed, the joint positions are computed before the run. Joints keep the
     limits of the model: a waypoint out of reach, a line on which the arm would have to change its posture, and a speed
-    that a joint cannot follow are errors before the run. In the frame `world`, a robot with a free base corrects the
+    that a joint cannot follow are errors before the run; beyond 500 waypoints or 20 m, they are found when the run
+    starts. In the frame `world`, a robot with a free base corrects the
     joints at each tick by the pose of its base. Then a pose that is more than 2 mm or 1 deg out of reach ends the run
     with an error.
     """
@@ -249,13 +256,15 @@ class PoseCommands(LinkCommands):
         from sim_action.commands.link_path import Blocked, unreachable
 
         origin, found = geometry.compose(base, follower.chain.pose(start)), False
-        for index, message in unreachable(follower, self._goals(origin), base, start):
+        goals = islice(self._goals(origin), MAX_CHECKED_WAYPOINTS)
+        for index, message in islice(unreachable(follower, goals, base, start), _MAX_UNREACHABLE):
             found = True
             yield ("pose", "waypoints", index), message + self._orientation_hint(follower.chain)
         if found:
             return
         try:
-            follower.plan(self.path(origin), base, start)
+            path = self.path(origin).beginning(follower, MAX_CHECKED_WAYPOINTS, MAX_CHECKED_SAMPLES)
+            follower.plan(path, base, start)
         except Blocked as error:
             yield ("pose", "waypoints", error.waypoint), str(error)
 

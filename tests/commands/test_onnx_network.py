@@ -10,7 +10,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.commands.onnx_network import MAX_NETWORK_BYTES, NetworkProblem, Session, Tensor, read_network
+from sim_action.commands import onnx_network
+from sim_action.commands.onnx_network import (
+    MAX_FIELDS,
+    MAX_NETWORK_BYTES,
+    Network,
+    NetworkProblem,
+    Session,
+    Tensor,
+    network_signature,
+    read_network,
+)
 from tests.onnx_files import DOUBLE, INT64, linear, model, node, number, part, recurrent, tensor, value_info, varint
 from tests.soak import examples
 
@@ -190,3 +200,46 @@ def test_types_have_names(tmp_path: Path) -> None:
 def test_a_varint_has_at_most_ten_bytes(tmp_path: Path) -> None:
     assert varint(300) == b"\xac\x02"
     assert refusal(tmp_path, b"\xff" * 11) == "is not an ONNX file"
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        GOOD + number(1, 0) * (MAX_FIELDS + 1),
+        part(7, number(3, 0) * MAX_FIELDS),
+        part(7, part(12, part(2, part(1, part(2, part(1, number(3, 0) * MAX_FIELDS)))))),
+    ],
+    ids=["model", "graph", "dimension"],
+)
+def test_a_file_of_many_fields_is_refused_soon(content: bytes, tmp_path: Path) -> None:
+    assert refusal(tmp_path, content) == "has more than 500,000 fields, the maximum"
+
+
+def test_a_file_is_read_again_only_if_it_has_changed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path, reads = tmp_path / "a.onnx", list[Path]()
+
+    def counted(file: Path) -> Network:
+        reads.append(file)
+        return read_network(file)
+
+    monkeypatch.setattr(onnx_network, "read_network", counted)
+    path.write_bytes(GOOD)
+    found = [network_signature(path) for _ in range(3)]
+    assert (len(reads), found[0].content, list(found[0].inputs)) == (1, b"", ["obs"])
+    path.write_bytes(b"x")
+    for _ in range(2):
+        with pytest.raises(NetworkProblem, match="is not an ONNX file"):
+            network_signature(path)
+    assert len(reads) == 2
+
+
+@pytest.mark.parametrize(
+    "external",
+    [
+        varint(((13 << 3) | 2) | 1 << 32) + varint(0),
+        varint(14 << 3) + varint((1 << 32) + 1),
+    ],
+)
+def test_numbers_beyond_their_bits_do_not_hide_external_weights(external: bytes, tmp_path: Path) -> None:
+    refused = refusal(tmp_path, part(7, part(5, part(8, "w") + external) + part(12, part(1, "y"))))
+    assert refused.startswith(("is not an ONNX file", "has weights in another file (tensor 'w')"))

@@ -523,3 +523,10 @@ def test_a_world_without_gravity_has_no_direction_of_it(folder: Path) -> None:
     (folder / "a.onnx").write_bytes(identity(3))
     (found,) = told(folder, text(f"observation: [gravity], {ALL}, {EFFORT}") + "world: {gravity: 0}\n")
     assert "observation.0.term: the world has no gravity; change world.gravity" in found
+
+
+def test_a_velocity_with_damping_is_approached(folder: Path) -> None:
+    """The effort is damping * (target - velocity): a joint that is too fast is slowed down."""
+    action = {"joints": "velocity", "damping": {"elbow": 5, "*": 2}}
+    controller = opened(folder, linear([[1, 1, 0]], [0, 0, 0], DOUBLE), observation=("time",), action=action)
+    assert efforts(controller.command(NOW)) == pytest.approx([2 * (0.3 - 0.01), 2 * (0.3 - 0.02), 5 * (0 - 0.03)])

@@ -13,14 +13,17 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from sim_action.commands import ClosedLoop, OpenLoop
-from sim_action.commands.link_path import between
+from sim_action.commands import ClosedLoop, OpenLoop, link_path
+from sim_action.commands import pose as pose_module
+from sim_action.commands.joints import BLENDS
+from sim_action.commands.link_path import Blocked, Follower, Leg, LinkPath, between
 from sim_action.commands.pose import PoseCommands
 from sim_action.core import geometry
-from sim_action.core.errors import ScriptError
+from sim_action.core.errors import ScriptError, SourceProblem
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, Twist
 from sim_action.core.workspace import Workspace
+from sim_action.robot.inverse_kinematics import Chain, Solution, Values, reach
 from sim_action.robot.kinematics import link_poses
 from sim_action.robot.loading import load_model
 from sim_action.robot.spec import Robot
@@ -388,3 +391,59 @@ def test_a_start_beyond_half_a_turn_is_another_posture() -> None:
         commands = spec({"z": flange(scene, scene.joint_positions).position_xyz[2] + 0.02})
         for each in targets(commands, scene, 1.0):
             assert each.position["elbow_joint"] * sign > 0
+
+
+def test_long_paths_are_checked_before_the_run_up_to_a_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, far = mobile(tmp_path), [{"x": 5.0 + step} for step in range(40)]
+    assert len(list(spec(*far, link="tip", orientation="free", frame="base").model_problems(scene))) == 10
+    near: list[dict[str, Any]] = [{"x": 0.5, "y": 0.4}, {"x": 0.51}, {"x": 0.5}]
+    late = spec(*near, {"x": 5.0}, link="tip", orientation="free", frame="base")
+    assert [path[-1] for path, _ in late.model_problems(scene)] == [3]
+    monkeypatch.setattr(pose_module, "MAX_CHECKED_WAYPOINTS", 3)
+    assert list(late.model_problems(scene)) == []
+    with pytest.raises(SourceProblem, match="out of reach"):
+        late.open(scene)
+    searched = list[int]()
+    monkeypatch.setattr(pose_module, "MAX_CHECKED_SAMPLES", 10)
+    monkeypatch.setattr(link_path, "reach", lambda *found, **_: searched.append(len(found)))
+    assert list(spec(*near, link="tip", orientation="free", frame="base").model_problems(scene)) == []
+    assert searched == []
+
+
+def tracked(folder: Path) -> tuple[Scene, Follower]:
+    """The arm on a base that moves, and what finds its joint positions."""
+    where = mobile(folder)
+    return where, Follower(Chain.of(where.model, "tip", {}), turns=False, rate=40.0)
+
+
+def test_a_large_correction_is_followed_in_small_steps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The path moves on by 12 cm in one tick: the targets of the steps lie between its two ends."""
+    _, follower = tracked(tmp_path)
+    values = (0.0, 0.5)
+    start = follower.chain.pose(values)
+    x, y, z = start.position_xyz
+    end = Pose((x, y - 0.12, z), start.orientation_xyzw)
+    path = LinkPath((Leg(0, 0.0, 1 / 40, start, end),), start, BLENDS["linear"])
+    asked = list[float]()
+
+    def noted(chain: Chain, target: Pose, near: Values, *, turns: bool) -> Solution:
+        asked.append(y - target.position_xyz[1])
+        return reach(chain, target, near, turns=turns)
+
+    monkeypatch.setattr(link_path, "reach", noted)
+    follower.follow(path, 1, Pose(), values)
+    assert asked == pytest.approx([0.01 * step for step in range(1, 13)])
+
+
+def test_a_jump_to_another_posture_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The elbow on the other side of the line from the shoulder to the tip reaches the same point."""
+    _, follower = tracked(tmp_path)
+    chain, values = follower.chain, (0.0, 0.5)
+    here = chain.pose(values)
+    turn = 2 * math.atan2(here.position_xyz[1], here.position_xyz[0])
+    other = (turn, -0.5)
+    assert chain.pose(other).position_xyz == pytest.approx(here.position_xyz)
+    monkeypatch.setattr(link_path, "reach", lambda *_, **__: Solution(other, chain.pose(other), 0.0, 0.0, 0.0))
+    path = LinkPath((), here, BLENDS["linear"])
+    with pytest.raises(Blocked, match="it would have to change its posture"):
+        follower.follow(path, 1, Pose(), values)
