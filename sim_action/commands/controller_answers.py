@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sized
 from typing import cast
 
+from sim_action.core.field_types import MAX_COORDINATE_M
 from sim_action.core.geometry import Twist
 from sim_action.core.wording import with_article
 from sim_action.robot.kinematics import why_no_frame
@@ -81,7 +82,10 @@ def _problem_with_wrench(wrench: LinkWrench, scene: Scene) -> str | None:
     if (problem := why_no_frame(scene.model, str(wrench.frame))) is not None:
         return f"a LinkWrench in an unknown frame: {problem}"
     strongest = max(map(abs, (*wrench.force_xyz, *wrench.torque_xyz)))
-    return f"{_text(wrench)}; at most {MAX_FORCE:g} N or N m is allowed" if strongest > MAX_FORCE else None
+    if strongest > MAX_FORCE:
+        return f"{_text(wrench)}; at most {MAX_FORCE:g} N or N m is allowed"
+    is_far = max(map(abs, wrench.point_xyz)) > MAX_COORDINATE_M
+    return f"{_text(wrench)}; its point_xyz may be at most {MAX_COORDINATE_M:g} m away" if is_far else None
 
 
 def _problem_with_targets(targets: JointTargets, scene: Scene) -> str | None:

@@ -7,7 +7,7 @@ import os
 import re
 import shlex
 import shutil
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final
 
@@ -38,6 +38,10 @@ VERSION: Final = 1
 # System calls accept only limited times.
 _DAY_S: Final = 86_400
 
+# Linux refuses a longer argument, and, with the environment, about 2 MB of them.
+_MAX_ARGUMENT_BYTES: Final = 131_071
+_MAX_ARGUMENTS_BYTES: Final = 1_000_000
+
 _ARGUMENT_NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 _ENCODER: Final = json.JSONEncoder(ensure_ascii=False, allow_nan=False, separators=(",", ":"))
@@ -52,15 +56,31 @@ def _words(value: object) -> object:
             raise ValueError(f"the command cannot be split into words: {error}") from None
     if isinstance(value, tuple) and any(isinstance(word, str) and "\0" in word for word in value):
         raise ValueError("a command cannot contain a NUL character")
+    if isinstance(value, tuple):
+        _refuse_long([word for word in value if isinstance(word, str)])
     return value
+
+
+def _refuse_long(arguments: Sequence[str]) -> None:
+    """Raise ValueError for arguments with which no program can be started."""
+    sizes = [len(argument.encode("utf-8", errors="replace")) for argument in arguments]
+    for argument, size in zip(arguments, sizes, strict=True):
+        if size > _MAX_ARGUMENT_BYTES:
+            found = f"the argument {argument[:20]}... has {size:,} bytes"
+            raise ValueError(f"{found}; at most {_MAX_ARGUMENT_BYTES:,} are allowed: use a file instead")
+    if sum(sizes) > _MAX_ARGUMENTS_BYTES:
+        found = f"the arguments have {sum(sizes):,} bytes"
+        raise ValueError(f"{found}; at most {_MAX_ARGUMENTS_BYTES:,} are allowed: use a file instead")
 
 
 def _checked_settings(settings: Mapping[str, Any]) -> Mapping[str, Any]:
     """Return parameters that can be arguments. Raises ValueError."""
     if (wrong := next((name for name in settings if not _ARGUMENT_NAME.fullmatch(name)), None)) is not None:
         raise ValueError(f"{wrong!r} cannot be the name of an argument; use letters, digits, '_', '-' and '.'")
-    if any("\0" in argument for argument in _arguments(settings)):
+    arguments = _arguments(settings)
+    if any("\0" in argument for argument in arguments):
         raise ValueError("an argument cannot contain a NUL character")
+    _refuse_long(arguments)
     return settings
 
 

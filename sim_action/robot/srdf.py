@@ -65,6 +65,12 @@ class _Reader:
         self._hinted = FirstFew()
         self._above = {joint.child: joint for joint in model.joints}
         self._groups = {element.get("name", ""): element for element in document.elements("group")}
+        # MoveIt's <virtual_joint> joins the robot to the world.
+        self._virtual = {element.get("name", "") for element in document.elements("virtual_joint")}
+        self._parts: dict[str, set[str]] = {}
+        for joint in model.joints:
+            for whole in filter(None, (joint.ball, joint.series)):
+                self._parts.setdefault(whole, set()).add(joint.name)
 
     def read(self) -> Srdf:
         self._check_name()
@@ -123,9 +129,8 @@ class _Reader:
         name = element.get(attribute, "")
         if name in self._model.joints_by_name:
             return {name}
-        parts = {joint.name for joint in self._model.joints if name and name in (joint.ball, joint.series)}
-        # MoveIt's <virtual_joint> joins the robot to the world.
-        if not parts and name not in {each.get("name") for each in self._document.elements("virtual_joint")}:
+        parts = self._parts.get(name, set())
+        if not parts and name not in self._virtual:
             hint = self._hint(name, self._model.joints_by_name)
             self._note(element, f"the model has no joint '{name}'{hint}")
         return parts

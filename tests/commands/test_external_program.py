@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pydantic import ValidationError
 
 from sim_action.commands import ClosedLoop
 from sim_action.commands.external_program import ProcessCommands, find_program
@@ -275,3 +276,29 @@ def test_what_is_no_program(word: str, why: str, tmp_path: Path) -> None:
     with pytest.raises(PathError) as raised:
         found(tmp_path, word)
     assert why in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"with": {"kp": "x" * 131_065}}, None),
+        (
+            {"with": {"kp": "x" * 131_067}},
+            "the argument --kp=xxxxxxxxxxxxxxx... has 131,072 bytes; at most 131,071 are",
+        ),
+        ({"with": {"kp": "\u00e9" * 70_000}}, "has 140,005 bytes"),
+        (
+            {"with": {f"k{number}": "x" * 100_000 for number in range(11)}},
+            "the arguments have 1,100,056 bytes; at most",
+        ),
+        ({"process": ("sh", "x" * 200_000)}, "has 200,000 bytes; at most 131,071 are allowed: use a file instead"),
+    ],
+)
+def test_arguments_that_no_program_can_have_are_refused(keys: dict[str, Any], message: str | None) -> None:
+    spec = {"process": ("sh",), **keys}
+    if message is None:
+        assert ProcessCommands.model_validate(spec)
+        return
+    with pytest.raises(ValidationError) as raised:
+        ProcessCommands.model_validate(spec)
+    assert message in str(raised.value)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
+from xml.etree.ElementTree import Element
 
 import pytest
 
@@ -13,6 +15,7 @@ from sim_action.robot.loading import load_model
 from sim_action.robot.robot_model import RobotModel
 from sim_action.robot.self_collision import touchable_pairs
 from sim_action.robot.spec import Robot
+from sim_action.robot.xml_document import ModelDocument
 from tests.scenarios import load, told
 
 BOX = '<collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision>'
@@ -169,3 +172,18 @@ def test_a_scenario_sets_the_joints_of_a_group(tmp_path: Path) -> None:
     loaded = load(tmp_path, SCENARIO.format(srdf="arm.srdf"))
     assert loaded.model is not None
     assert joints_set_by(loaded.model, loaded.scenario.robot.joints) == {"arm": ("j_one", "j_two")}
+
+
+def test_names_of_virtual_joints_are_looked_up_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    listed = list[str]()
+    elements = ModelDocument.elements
+
+    def counted(self: ModelDocument, *paths: str) -> Iterator[Element]:
+        listed.extend(paths)
+        return elements(self, *paths)
+
+    monkeypatch.setattr(ModelDocument, "elements", counted)
+    names = '<joint name="v"/>' * 20
+    model = model_with(tmp_path, f'<virtual_joint name="v"/><group name="g">{names}<joint name="j_one"/></group>')
+    assert [joint.name for joint in chosen(model, ("g",))] == ["j_one"]
+    assert listed.count("virtual_joint") == 1
