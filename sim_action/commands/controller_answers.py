@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sized
-from typing import cast
+from typing import Final, cast
 
 from sim_action.core.field_types import MAX_COORDINATE_M
 from sim_action.core.geometry import Twist
@@ -12,6 +12,9 @@ from sim_action.robot.kinematics import why_no_frame
 from sim_action.state.command import Answer, Command, JointTargets, LinkWrench, is_finite
 from sim_action.world.disturbance import MAX_FORCE
 from sim_action.world.scene import Scene
+
+MAX_PARTS: Final = 1000
+"""The greatest number of commands in one answer."""
 
 
 def answer_problem(answer: object, scene: Scene) -> str | None:
@@ -24,6 +27,8 @@ def answer_problem(answer: object, scene: Scene) -> str | None:
                 f"more than one {kind.__name__} in a tuple; it may have one Twist, one JointTargets and any number of "
                 "LinkWrench"
             )
+    if len(answer) > MAX_PARTS:
+        return f"{with_article(type(answer).__name__)} of {len(answer):,} commands; at most {MAX_PARTS:,} are allowed"
     problems = (_problem_with_one(part, scene) for part in answer)
     return next((f"{with_article(type(answer).__name__)} with {problem}" for problem in problems if problem), None)
 

@@ -263,6 +263,10 @@ def test_an_answer_is_a_twist_joint_targets_both_or_none(body: str, command: obj
         ("return sim.LinkWrench('base_footprint', (0, 0, 1e999))", "which has a value that is not finite"),
         ("return sim.LinkWrench('base_footprint', (0, 0, 1e11))", "; at most 1e+10 N or N m is allowed"),
         (
+            "return [sim.LinkWrench('base_footprint', (0, 0, 1))] * 1001",
+            "a list of 1,001 commands; at most 1,000 are allowed",
+        ),
+        (
             "return sim.LinkWrench('base_footprint', (0, 0, 1), point_xyz=(0, 1e6, 0))",
             "; its point_xyz may be at most 100000 m away",
         ),
