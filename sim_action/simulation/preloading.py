@@ -28,6 +28,7 @@ def needed_modules(scenarios: Iterable[LoadedScenario]) -> set[str]:
         if loaded.model is None:
             continue
         found.update(_of_world(loaded))
+        found.update(_of_claims(loaded.scenario, loaded.model))
         # Variations often have the same robot.
         scenario = loaded.scenario
         drive = scenario.robot.drive
@@ -44,6 +45,13 @@ def _of_world(loaded: LoadedScenario) -> Iterator[str]:
         yield from ("simulation.path_crossings", "simulation.pinning", "engines.path_contacts")
     if not (loaded.scenario.commands or world.disturbances):
         yield "simulation.energy"
+
+
+def _of_claims(scenario: Scenario, model: RobotModel) -> Iterator[str]:
+    # An arm has at least two motors on a fixed base, a leg three: only then are links checked against each other.
+    few = 1 if scenario.robot.base == "fixed" else 2
+    if len(model.motor_joints) > few or any(assertion.key == "no_collision" for assertion in scenario.assertions):
+        yield "robot.self_collision"
 
 
 def _of_robot(scenario: Scenario, model: RobotModel) -> Iterator[str]:

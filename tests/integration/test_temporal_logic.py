@@ -113,7 +113,9 @@ def test_what_it_raises_is_an_error_at_its_line(tmp_path: Path) -> None:
 
 def test_validating_does_not_run_it_and_scripts_that_are_refused_are_not(tmp_path: Path) -> None:
     (tmp_path / "far.py").write_text(GOOD + "\nopen('ran', 'w')\n")
-    (tmp_path / "s.sim.yml").write_text(SCENARIO.format(expectation="any_of: [{assertion: far.py:Far}]"))
+    (tmp_path / "s.sim.yml").write_text(
+        SCENARIO.format(expectation="any_of: [{assertion: {class: far.py:Far, with: {metres: 0.3}}}]")
+    )
     assert sim_action(tmp_path, "validate", "s.sim.yml").returncode == 0
     refused = sim_action(tmp_path, "run", "--allow-scripts", "false", "s.sim.yml")
     assert refused.returncode == 2
@@ -154,7 +156,7 @@ def simulated(folder: Path, formula: str, engine: str) -> SimulationRun:
 
 @pytest.mark.parametrize("engine", installed())
 def test_bounds_on_links_and_objects_are_barely_kept_or_broken(engine: str, tmp_path: Path) -> None:
-    free = simulated(tmp_path, "always ('tip-1'.z < 9 m and distance('tip-1', ball) < 99 m)", engine)
+    free = simulated(tmp_path, "always ('tip-1'.z < 1.4 m and distance('tip-1', ball) < 99 m)", engine)
     lifted, turning = free.trace.joint_position[:, 0], free.trace.joint_velocity[:, 0]
     ball = free.trace.objects["ball"].position_xyz
     tip = np.column_stack((0.5 * np.cos(lifted), np.zeros(len(lifted)), 1 - 0.5 * np.sin(lifted)))
@@ -168,6 +170,8 @@ def test_bounds_on_links_and_objects_are_barely_kept_or_broken(engine: str, tmp_
         ("clearance('tip-1', ball)", apart[1:] - 0.15, "m"),
     ):
         for name, extreme, relation in (("max", values.max(), "<"), ("min", values.min(), ">")):
+            if relation == ">" and signal.endswith(".speed"):
+                continue  # it begins at 0, and a formula that asks for more than less than 0 is refused
             # PyBullet gives distances in single precision.
             slack = (1e-6 if "clearance" in signal else 1e-9) * (1 if name == "max" else -1)
             kept.append(f"{signal} {relation} {float(extreme) + slack!r} {unit}")

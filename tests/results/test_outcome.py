@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from sim_action.assertions.self_collision import SelfCollision
 from sim_action.core.errors import ExitCode, InvalidScenario, Location, MissingScenario, Problem
 from sim_action.results.outcome import (
     WORST_FIRST,
@@ -179,10 +181,15 @@ def test_a_variation_that_did_not_run_to_its_end_says_nothing_about_the_others(c
         ("travel: {at_least: 1 m}\n    after: 1 s\n    before: 4 s\n    for: 2 s", Scope(after=1, before=4, held=2)),
         ("settled: {for: 3 s}", Scope(held=3)),
         ("all_of: [{no_collision: {allow: [b, a]}}, upright]", Scope(allowed=("a", "b"))),
-        ("self_collision: {allow: [[base_scan, '*_left_link']]}", Scope(allowed=("*_left_link with base_scan",))),
     ],
 )
 def test_the_scope_of_an_expectation_is_what_the_file_says(expect: str, scope: Scope, tmp_path: Path) -> None:
     world = "world: {objects: [{name: a, box: [1, 1, 1], pose: {x: 5}}, {name: b, box: [1, 1, 1], pose: {x: 9}}]}\n"
     loaded = load(tmp_path, LEAST.replace("travel: {at_least: 1.5 m}", expect) + world)
     assert Scope.of(loaded.scenario.expect[0]) == scope
+
+
+def test_the_scope_of_self_collision_has_the_names_of_a_pair_in_order(tmp_path: Path) -> None:
+    (expected,) = load(tmp_path, LEAST).scenario.expect
+    allowing = replace(expected, assertion=SelfCollision(allow=(("base_scan", "*_left_link"),)))
+    assert Scope.of(allowing) == Scope(allowed=("*_left_link with base_scan",))
