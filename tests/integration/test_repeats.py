@@ -44,7 +44,7 @@ FLAKY = {
     "the wall clock": controller("import time", "return time.time_ns() // 1000 % 1000 / 4000"),
     "order of a set": controller("words = {'north', 'east', 'south', 'west'}", "return len(list(words)[0]) / 10"),
     "hashes": controller("return hash('north') % 100 / 100"),
-    "ids": controller("return id(object()) // 16 % 1000 / 4000"),
+    "ids": controller("return id(object()) // 4096 % 9973 / 40000"),
     "a file of an earlier run": controller(
         "import pathlib",
         "path = pathlib.Path(__file__).with_name('count.txt')",
