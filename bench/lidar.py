@@ -130,7 +130,7 @@ def _mujoco(backend: Any, scan_period: int) -> object:
             mujoco.mj_multiRay(model, data, lidar.xpos, ways.ravel(), group, 1, -1, geoms, distances, None, 360, RANGE)
             scans.append(np.where((distances < 0) | (distances > 1), np.inf, distances * RANGE))
         mujoco.mj_step1(model, data)
-        motors.drive()
+        motors.drive(memoryview(data.efc_aref))
         mujoco.mj_step2(model, data)
         states[step - 1, : model.nq], states[step - 1, model.nq :] = data.qpos, data.qvel
     return states, scans

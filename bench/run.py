@@ -15,6 +15,8 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
+from bench.by_hand import __main__ as by_hand
+from bench.by_hand.comparisons import Settings
 from bench.counting import counting_costs
 from bench.engines import PACKAGES, SideBySide, engines
 from bench.filming import filming_costs
@@ -300,6 +302,8 @@ def measurements(folder: Path) -> Sequence[Measurement]:
         Measurement("variations", lambda: [variations(folder)]),
         Measurement("journal", lambda: [journal_cost(folder)]),
         Measurement("two jobs", lambda: [parallel(folder)]),
+        # A quarter of an hour.
+        *by_hand.measurements(Settings(folder)),
         Measurement("scripts", scripts),
         Measurement("lidars", lidars),
         Measurement("worlds", worlds),

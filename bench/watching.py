@@ -110,7 +110,7 @@ def _mujoco(backend: Any) -> object:
     states = np.empty((STEPS, model.nq + model.nv))
     for step in range(STEPS):
         mujoco.mj_step1(model, data)
-        motors.drive()
+        motors.drive(memoryview(data.efc_aref))
         mujoco.mj_step2(model, data)
         states[step, : model.nq], states[step, model.nq :] = data.qpos, data.qvel
     return states

@@ -10,12 +10,13 @@ if __name__ == "__main__" and sys.path[0] in ("", os.getcwd()):  # noqa: PTH109 
     # `python -m` looks for modules in the current folder first, where a file of a stranger may be called `yaml.py`.
     del sys.path[0]
 
-from sim_action.core.process import hold_signals
+from sim_action.core.process import collect_garbage_rarely, hold_signals
 
 
 def main() -> NoReturn:
     """Run the command line of this process and exit; signals wait until the command can handle them."""
     hold_signals()
+    collect_garbage_rarely()
     # It takes most of the time until the command begins.
     from sim_action.cli.main import main as run
 

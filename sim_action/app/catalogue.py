@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any, Literal, get_args, get_origin
 
 import click
@@ -15,6 +14,7 @@ from sim_action.assertions import ASSERTIONS, Assertion
 from sim_action.commands import COMMANDS
 from sim_action.core import units
 from sim_action.core.field_types import Quantity, Without, bounds_text
+from sim_action.core.records import dataclass
 from sim_action.drives import DRIVES
 from sim_action.robot.built_in import BUILT_IN
 from sim_action.sensors import SENSORS

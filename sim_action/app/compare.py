@@ -6,12 +6,12 @@ import os
 import sys
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.files import whole_file
+from sim_action.core.records import dataclass, field
 from sim_action.core.wording import escaped_line, system_reason
 from sim_action.reports.comparison import comparison_markdown, print_comparison
 from sim_action.reports.github.step_outputs import append_outputs

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import Final
 
 from sim_action.core.discovery import compared_name, file_name
 from sim_action.core.errors import UsageError
+from sim_action.core.records import dataclass
 from sim_action.core.wording import escaped_line
 from sim_action.results.results_json import Results
 from sim_action.results.shards import balanced

@@ -6,16 +6,16 @@ import tempfile
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
-from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
 from sim_action.core.errors import ExitCode, SystemRefusal, is_refusal
 from sim_action.core.process import Interruption
+from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import note, warn
 from sim_action.reports import ReportOptions, ReportRequest, make_ready, open_reports, remove_earlier, write_reports
 from sim_action.reports.progress import ProgressListener
-from sim_action.results.artifacts import run_files
+from sim_action.results.artifacts import RunFiles, run_files
 from sim_action.results.events import Event, Listener
 from sim_action.results.journal import JOURNAL_FILE, Header, Journal
 from sim_action.results.outcome import Failure, Outcome
@@ -87,8 +87,6 @@ class _Call:
             self._plans = refuse_shared_goldens(self._plans)
         every = [run for plan in self._plans if not isinstance(plan, Refused) for run in plan]
         self._every = [run.traced_at_every_step() for run in every] if request.repeat > 1 else every
-        names = [run.scenario.name for run in every] * request.repeat
-        self._files = run_files(names, options.folder, replays=_has_replays(request), formats=request.recordings)
         self.taken = TakenOver()
 
     def results(self, interruption: Interruption, listener: Listener | None) -> Results:
@@ -117,7 +115,7 @@ class _Call:
         """Take over outcomes of the earlier call, and remove all other files that it has left."""
         options = self._options
         self.taken = take_over(
-            options.folder, header.planned, self._every, assembly, files=self._files, keys=self._keys
+            options.folder, header.planned, self._every, assembly, files=self._files(options.folder), keys=self._keys
         )
         for remark in self.taken.remarks:
             note(f"--resume: {remark}")
@@ -160,13 +158,18 @@ class _Call:
     def _header(self) -> Header:
         """Return the header of the journal."""
         found, options = self._found, self._options
-        of_runs = [path.relative_to(options.folder).as_posix() for files in self._files for path in files]
+        of_runs = [path.as_posix() for files in self._files(Path()) for path in files]
         return Header.of_call(
             planned_outcomes(self._plans, _of_patterns(found)),
             (*options.files, *of_runs),
             found.shard,
             selected=bool(self._request.plan.suite.numbers),
         )
+
+    def _files(self, folder: Path) -> list[RunFiles]:
+        """Return the files of all runs below a folder: of all first repetitions, of all second ones, and so on."""
+        names = [run.scenario.name for run in self._every] * self._request.repeat
+        return run_files(names, folder, replays=_has_replays(self._request), formats=self._request.recordings)
 
 
 def _emit(listeners: Iterable[Listener], event: Event) -> None:

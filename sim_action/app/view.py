@@ -6,10 +6,10 @@ import os
 import sys
 import webbrowser
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 from sim_action.core.errors import UsageError
+from sim_action.core.records import dataclass
 from sim_action.core.wording import did_you_mean, escaped_line
 from sim_action.reports.links import fragment
 from sim_action.results.artifacts import REPORT_FILE

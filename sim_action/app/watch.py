@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
 from operator import itemgetter
 from pathlib import Path
 from typing import Final
@@ -13,6 +12,7 @@ from sim_action.app.run import RunRequest, run_scenarios
 from sim_action.core.discovery import compared_name, discover, file_name, unique
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.process import Interruption
+from sim_action.core.records import dataclass, field, replace
 from sim_action.core.wording import note
 from sim_action.reports.comparison import print_comparison, rows
 from sim_action.results.comparison import Thresholds, compare_outcomes

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Self
 
 from sim_action.assertions import Assertion
@@ -12,6 +11,7 @@ from sim_action.assertions.monitors import ConditionMonitor, Monitor, State, Tru
 from sim_action.assertions.monitors.combination import UNKNOWN, truths
 from sim_action.assertions.monitors.goals import Goal
 from sim_action.assertions.monitors.window import signals_of
+from sim_action.core.records import dataclass, replace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Signal, Verdict

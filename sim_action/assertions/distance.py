@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
@@ -12,6 +11,7 @@ from sim_action.assertions.monitors.bounds import Bounds, SignalMonitor, bounds_
 from sim_action.assertions.monitors.watched import MotionAssertion, Watched
 from sim_action.core.field_types import NonNegativeMetres, PositiveMetres
 from sim_action.core.geometry import Vector3
+from sim_action.core.records import dataclass, replace
 from sim_action.state.verdict import Circle, Mark, Signal
 from sim_action.world.scene import Scene
 

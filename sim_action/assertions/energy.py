@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self
 
 from pydantic import Field
@@ -12,6 +11,7 @@ from sim_action.assertions.monitors import Monitor, State
 from sim_action.assertions.monitors.bounds import Bounds
 from sim_action.core import units
 from sim_action.core.field_types import NonNegativeJoules
+from sim_action.core.records import dataclass, replace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.joint_selection import choice_problems, chosen, motor_problems
 from sim_action.state.verdict import Signal

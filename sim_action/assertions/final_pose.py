@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
@@ -14,6 +13,7 @@ from sim_action.assertions.monitors.watched import Watched
 from sim_action.assertions.reach import PoseTarget, TargetAngle
 from sim_action.core import geometry, units
 from sim_action.core.geometry import Pose
+from sim_action.core.records import dataclass, replace
 from sim_action.state.verdict import Mark, Signal, Verdict, goal, line
 from sim_action.world.scene import Scene
 

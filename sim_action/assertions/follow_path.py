@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
@@ -20,6 +19,7 @@ from sim_action.core import units
 from sim_action.core.errors import FileProblem
 from sim_action.core.field_types import FrozenModel, Metres, NamesFile, PositiveMetres
 from sim_action.core.files import read_at_most
+from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import did_you_mean, shown
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_errors import SpecProblems

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
 
 from pydantic import Field, model_validator
@@ -15,6 +14,7 @@ from sim_action.assertions.monitors.goals import Invariant, joined
 from sim_action.assertions.monitors.window import counted
 from sim_action.core import units
 from sim_action.core.field_types import Metres
+from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.joint_selection import link_name_problems, links_named

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
 
 from pydantic import Field, model_validator
@@ -24,6 +23,7 @@ from sim_action.core.field_types import (
     PositiveMetres,
     PositiveRadians,
 )
+from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import shown
 from sim_action.core.workspace import PathError
 from sim_action.core.yaml_errors import SpecProblems

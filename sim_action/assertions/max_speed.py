@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
@@ -13,6 +12,7 @@ from sim_action.assertions.monitors.bounds import AllLimits, Bounds
 from sim_action.assertions.monitors.watched import MotionAssertion, Watched
 from sim_action.core import units
 from sim_action.core.field_types import NonNegativeMetresPerSecond, NonNegativeRadiansPerSecond
+from sim_action.core.records import dataclass, replace
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:

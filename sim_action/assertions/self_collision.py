@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Self
 
 from pydantic import Field, field_validator
@@ -13,6 +12,7 @@ from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.contact_force import times_of
 from sim_action.assertions.monitors.proximity import touching_at, with_zeros
 from sim_action.core import units
+from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.joint_selection import matches_name

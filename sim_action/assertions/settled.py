@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple, Self
 
 from pydantic import Field
@@ -16,6 +15,7 @@ from sim_action.assertions.monitors.goals import HoldTime
 from sim_action.assertions.monitors.watched import MotionAssertion, Watched
 from sim_action.core import units
 from sim_action.core.field_types import PositiveMetresPerSecond, PositiveRadiansPerSecond, PositiveSeconds
+from sim_action.core.records import dataclass, replace
 from sim_action.state.verdict import Signal, Verdict
 from sim_action.world.scene import Scene
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import numbers
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, Self, get_args
@@ -16,6 +15,7 @@ from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import Monitor, State
 from sim_action.core.errors import Location, ScriptError
 from sim_action.core.field_types import NamesFile
+from sim_action.core.records import dataclass, replace
 from sim_action.core.user_scripts import (
     ANYTHING,
     ScriptProblem,

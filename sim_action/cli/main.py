@@ -6,6 +6,8 @@ import os
 import re
 import sys
 from contextlib import suppress
+from importlib import import_module
+from types import ModuleType
 from typing import TYPE_CHECKING, NoReturn
 
 import click
@@ -14,7 +16,7 @@ from sim_action import __version__
 from sim_action.cli import INTERRUPTIBLE, SUBCOMMANDS, TAKE_DEFAULTS
 from sim_action.cli.options import complain
 from sim_action.core.errors import ExitCode, SimActionError, SystemRefusal, is_refusal
-from sim_action.core.process import collect_garbage_rarely, forgive_closed_output, release_signals
+from sim_action.core.process import forgive_closed_output, release_signals
 from sim_action.core.wording import escaped_line
 
 if TYPE_CHECKING:
@@ -30,7 +32,6 @@ _BEFORE_IMPORTS = {
 
 def main() -> NoReturn:
     """Run the command line of this process and exit."""
-    collect_garbage_rarely()
     _open_closed_streams()
     leave(call(sys.argv[1:]))
 
@@ -63,6 +64,7 @@ def call(arguments: Sequence[str], inputs: Mapping[str, str] | None = None) -> i
     `inputs`: option -> the name of the action's input for it. Errors then name inputs instead of options.
     """
     os.environ.update(_BEFORE_IMPORTS)
+    leave_out_plugins()
     try:
         return program.main(list(arguments), standalone_mode=False, prog_name="sim-action") or ExitCode.PASSED
     except click.ClickException as error:
@@ -82,6 +84,25 @@ def call(arguments: Sequence[str], inputs: Mapping[str, str] | None = None) -> i
         return ExitCode.FAILED
     except Exception as error:  # noqa: BLE001 - the last place where it can be caught
         return _report_unexpected(error)
+
+
+def leave_out_plugins() -> None:
+    """Spare this process the import of pydantic's search for plugins, which takes longer than reading a scenario.
+
+    If another version of pydantic needs more from this module, or has no such module, it gets its own.
+    """
+    name = "pydantic.plugin._loader"
+    if name in sys.modules:
+        return
+    loader = sys.modules[name] = ModuleType(name)
+
+    def found(attribute: str) -> object:
+        if attribute.startswith("__"):
+            raise AttributeError(attribute)
+        sys.modules.pop(name, None)
+        return getattr(import_module(name), attribute)
+
+    vars(loader).update(get_plugins=tuple, __getattr__=found)
 
 
 def _with_inputs(message: str, inputs: Mapping[str, str] | None) -> str:

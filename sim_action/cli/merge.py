@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -17,6 +16,7 @@ from sim_action.cli.options import (
     typed,
 )
 from sim_action.core.errors import ExitCode, UsageError
+from sim_action.core.records import replace
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 import click
@@ -27,6 +26,7 @@ from sim_action.cli.options import (
     selection_flags,
 )
 from sim_action.core.errors import ExitCode, UsageError
+from sim_action.core.records import replace
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
 
 from pydantic import Field
 
 from sim_action.core.field_types import PositiveHertz
+from sim_action.core.records import dataclass, field
 from sim_action.core.registry import Table
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import KeyPath

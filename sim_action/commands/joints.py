@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import pairwise
 from types import MappingProxyType
@@ -23,6 +22,7 @@ from sim_action.core.field_types import (
     NonNegativeSeconds,
     PositiveHertz,
 )
+from sim_action.core.records import dataclass
 from sim_action.core.wording import FirstFew
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_errors import SpecProblems

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from itertools import accumulate, pairwise, takewhile
 from typing import Final, NamedTuple
 
 from sim_action.commands.joints import Blend
 from sim_action.core import geometry, units
 from sim_action.core.geometry import Pose, Quaternion, Twist, Vector3
+from sim_action.core.records import dataclass, replace
 from sim_action.robot.inverse_kinematics import REACHED_M, Chain, Solution, Values, reach, search
 
 # Joint positions are found before the run once per this distance in m, and per this angle in rad. The line between two

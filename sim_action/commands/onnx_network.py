@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from sim_action.core.files import read_at_most
+from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import escaped_line
 
 if TYPE_CHECKING:
@@ -284,7 +284,7 @@ class Session:
 
         try:
             found = self._session.run(list(outputs), dict(values))
-        except Exception as error:  # noqa: BLE001
+        except Exception as error:  # noqa: BLE001 - its errors have no common class
             raise NetworkProblem(_reason(error)) from None
         return [np.asarray(each, dtype=np.float64) for each in found]
 

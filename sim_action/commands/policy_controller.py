@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from itertools import accumulate
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
@@ -16,6 +15,7 @@ from sim_action.commands.policy_terms import Layout, Offset, PerJoint, Reader, T
 from sim_action.commands.twist import TwistSegment
 from sim_action.core.errors import ScriptError
 from sim_action.core.field_types import FrozenModel
+from sim_action.core.records import dataclass, field
 from sim_action.state.command import JointTargets
 
 if TYPE_CHECKING:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Self
 
 from pydantic import Field, PlainValidator, WithJsonSchema, model_validator
 
 from sim_action.core.field_types import FrozenModel, PositiveSeconds
 from sim_action.core.geometry import Vector3, conjugate, rotate, rpy_from_quaternion
+from sim_action.core.records import dataclass, field
 from sim_action.core.wording import FirstFew, counted, did_you_mean, shown
 from sim_action.core.yaml_errors import SpecProblem, SpecProblems
 from sim_action.robot.joint_selection import chosen, matches_name, name_problem

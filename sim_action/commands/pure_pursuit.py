@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
 from sim_action.core.geometry import Twist
+from sim_action.core.records import dataclass
 from sim_action.robot.kinematics import Mobility
 
 if TYPE_CHECKING:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
+from sim_action.core.records import dataclass
 from sim_action.robot.robot_model import Joint, JointType
 from sim_action.world.scene import Scene
 

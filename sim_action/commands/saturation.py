@@ -6,9 +6,9 @@ Physics engines do not clip: there, an effort of ten times the limit accelerates
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 from sim_action.core import units
+from sim_action.core.records import replace
 from sim_action.robot.kinematics import beyond_limits
 from sim_action.robot.robot_model import Reading, RobotModel
 from sim_action.state.command import Answer, JointTargets

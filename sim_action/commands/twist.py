@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from itertools import accumulate
 from typing import Annotated, ClassVar, Final
 
@@ -85,11 +86,10 @@ class TwistCommands(CommandSource):
     def open(self, scene: Scene) -> Controller:
         """See CommandSource.open."""
         ends = self._ends
-        twists = tuple(segment.twist for segment in self.twist)
+        twists = (*(segment.twist for segment in self.twist), Twist())
 
         def command(time: float) -> Command:
             # A tick at the end of a segment belongs to the next one, also if the times differ by rounding.
-            now = time + _ROUNDING
-            return next((twist for end, twist in zip(ends, twists, strict=True) if now < end), Twist())
+            return twists[bisect_right(ends, time + _ROUNDING)]
 
         return OpenLoop(command)

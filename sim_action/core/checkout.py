@@ -10,12 +10,12 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 from urllib.parse import urlsplit
 
 from sim_action.core.files import read_at_most
+from sim_action.core.records import dataclass
 from sim_action.core.wording import escaped_line, shown
 
 _MAX_BYTES: Final = 50_000_000  # of packed-refs

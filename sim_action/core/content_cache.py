@@ -10,11 +10,11 @@ import hashlib
 import json
 import os
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from sim_action.core.files import read_at_most, whole_file
+from sim_action.core.records import dataclass
 
 MAX_ENTRY_BYTES: Final = 100_000_000
 """Limit of an entry. Larger data is made each time."""

@@ -26,9 +26,10 @@ Exit code 0: all scenarios passed; 5: no scenario was found; 130: the run was in
 from __future__ import annotations
 
 import errno
-from dataclasses import dataclass
 from enum import IntEnum
 from typing import TYPE_CHECKING, Final
+
+from sim_action.core.records import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

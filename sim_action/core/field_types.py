@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass, replace
 from typing import Annotated, Any, Final, NoReturn, Self, get_args
 
 from annotated_types import Ge, Gt, Le, Lt
@@ -25,6 +25,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from sim_action.core import geometry, units
+from sim_action.core.records import dataclass
 from sim_action.core.units import Dimension
 from sim_action.core.wording import escaped_line
 

@@ -18,7 +18,7 @@ MISSING: Final = "missing"
 _MAX_READ_BYTES: Final = 256 << 20
 _PART_BYTES: Final = 1 << 20
 # Linux stamps files with a clock that may be one tick late.
-_CLOCK_TICK_NS: Final = 20_000_000
+CLOCK_TICK_NS: Final = 20_000_000
 
 
 class FileDigests:
@@ -29,7 +29,7 @@ class FileDigests:
     """
 
     def __init__(self, began_ns: int) -> None:
-        self._oldest_change_ns = began_ns - _CLOCK_TICK_NS
+        self._oldest_change_ns = began_ns - CLOCK_TICK_NS
         self._left = _MAX_READ_BYTES
         self._known: dict[Path, str | None] = {}
 

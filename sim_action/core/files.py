@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import os
 import re
-import secrets
 import stat
 import sys
 import time
@@ -52,13 +51,14 @@ _REPLACE_POLL_S: Final = 0.01
 @contextmanager
 def whole_file(path: Path) -> Iterator[BinaryIO]:
     """Open a temporary file that replaces `path` after everything is written. Raise OSError."""
-    unfinished = path.with_name(f".{secrets.token_hex(8)}{path.suffix}")
+    unfinished = path.with_name(f".{os.urandom(8).hex()}{path.suffix}")
     try:
         with unfinished.open("xb") as file:
             yield file
         _put_in_place(unfinished, path)
-    finally:
+    except BaseException:
         unfinished.unlink(missing_ok=True)
+        raise
 
 
 def _put_in_place(unfinished: Path, path: Path) -> None:

@@ -7,8 +7,9 @@ y left, z up; roll, pitch, yaw turn about the fixed x, y, z axes in this order.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Final, Self
+
+from sim_action.core.records import dataclass
 
 Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -109,6 +110,26 @@ def cross(first: Vector3, second: Vector3) -> Vector3:
     ax, ay, az = first
     bx, by, bz = second
     return (ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
+
+
+def dot(first: Vector3, second: Vector3) -> float:
+    """Return the scalar product."""
+    return first[0] * second[0] + first[1] * second[1] + first[2] * second[2]
+
+
+def add(first: Vector3, second: Vector3) -> Vector3:
+    """Return the sum."""
+    return (first[0] + second[0], first[1] + second[1], first[2] + second[2])
+
+
+def subtract(first: Vector3, second: Vector3) -> Vector3:
+    """Return `first` less `second`."""
+    return (first[0] - second[0], first[1] - second[1], first[2] - second[2])
+
+
+def scale(vector: Vector3, factor: float) -> Vector3:
+    """Return the vector times a factor."""
+    return (vector[0] * factor, vector[1] * factor, vector[2] * factor)
 
 
 def conjugate(rotation: Quaternion) -> Quaternion:

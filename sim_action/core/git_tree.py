@@ -15,13 +15,13 @@ import stat
 import subprocess
 import sys
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path, PurePosixPath
 from typing import Final
 
 from sim_action.core.file_digests import MISSING, FileDigests, git_content
 from sim_action.core.programs import program_on_path
+from sim_action.core.records import dataclass
 from sim_action.core.wording import escaped_line
 
 _TIMEOUT_S: Final = 10.0

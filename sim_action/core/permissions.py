@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal
 
 from sim_action.core.errors import UsageError
+from sim_action.core.records import dataclass
 from sim_action.core.wording import shown
 
 AllowScripts = Literal["auto", "true", "false"]

@@ -49,15 +49,21 @@ class Interruption:
     """
 
     def __init__(self) -> None:
-        # Commands that only print do not need it. Windows cannot wait for anything else together with sockets.
-        import socket
-
         self.happened = False
-        self._awakened, self._written_to = socket.socketpair()
-        self._written_to.setblocking(False)
+        self._awakened: int | socket.socket
+        self._written_to: int | socket.socket
+        if sys.platform == "win32":
+            # Windows cannot wait for anything else together with sockets.
+            import socket
+
+            self._awakened, self._written_to = socket.socketpair()
+            self._written_to.setblocking(False)
+        else:
+            self._awakened, self._written_to = os.pipe()
+            os.set_blocking(self._written_to, False)
 
     def __enter__(self) -> Self:
-        self._wakeup = signal.set_wakeup_fd(self._written_to.fileno())
+        self._wakeup = signal.set_wakeup_fd(_descriptor(self._written_to))
         handled = [number for number in _SIGNALS if not _is_silenced(number)]
         self._handlers = {number: signal.signal(number, self._notice) for number in handled}
         release_signals()
@@ -67,8 +73,11 @@ class Interruption:
         for number, handler in self._handlers.items():
             signal.signal(number, handler)
         signal.set_wakeup_fd(self._wakeup)
-        self._awakened.close()
-        self._written_to.close()
+        for end in (self._awakened, self._written_to):
+            if isinstance(end, int):
+                os.close(end)
+            else:
+                end.close()
 
     def wait(self, seconds: float, *readable: int | socket.socket) -> None:
         """Wait until a signal arrives, one of `readable` can be read, or the time is over."""
@@ -84,6 +93,10 @@ class Interruption:
 
     def _notice(self, _number: int, _frame: FrameType | None) -> None:
         self.happened = True
+
+
+def _descriptor(end: int | socket.socket) -> int:
+    return end if isinstance(end, int) else end.fileno()
 
 
 def _is_silenced(number: signal.Signals) -> bool:

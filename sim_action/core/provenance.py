@@ -13,7 +13,6 @@ import sys
 from collections.abc import Iterator
 from contextlib import suppress
 from functools import cache
-from importlib.metadata import Distribution, PackageNotFoundError, distribution
 from pathlib import Path
 from typing import Final
 
@@ -22,6 +21,7 @@ from sim_action.core.wording import escaped_line
 
 _CPU_INFO: Final = Path("/proc/cpuinfo")
 _SYSCTL: Final = ("/usr/sbin/sysctl", "-n", "machdep.cpu.brand_string")
+_METADATA: Final = ".dist-info"
 _LIBRARIES: Final = (".so", ".pyd", ".dylib", ".dll")
 _MAX_CHARS: Final = 200
 _DIGEST_DIGITS: Final = 12
@@ -51,7 +51,7 @@ def provenance(package: str, sim_action: str) -> Provenance:
         engine_build=_build(package),
         sim_action=sim_action,
         python=platform.python_version(),
-        numpy=_version("numpy"),
+        numpy=installed_version("numpy"),
         platform=_short(platform_name()),
     )
 
@@ -99,37 +99,65 @@ def named_in_cpu_info(text: str) -> str:
     return f"{platform.machine()}, {', '.join(parts)}" if parts else ""
 
 
-def _build(package: str) -> str | None:
+def installed_version(package: str) -> str | None:
+    """Return the version of an installed package; None if it is not installed."""
+    folder = _metadata_folder(package)
+    return folder.name.removesuffix(_METADATA).rpartition("-")[2] if folder is not None else _stated_version(package)
+
+
+def _stated_version(package: str) -> str | None:
+    """Return the version of a package that pip has not unpacked into a folder."""
+    # Its import takes longer than reading a scenario.
+    from importlib.metadata import PackageNotFoundError, version
+
     try:
-        found = distribution(package)
+        return version(package)
     except PackageNotFoundError:
         return None
-    return _short(", ".join((f"{package} {found.version}", *_of_wheel(found))))
 
 
-def _of_wheel(found: Distribution) -> Iterator[str]:
+@cache
+def _metadata_folder(package: str) -> Path | None:
+    """Return the folder in which pip describes an installed package, such as mujoco_core-4.0.1.dist-info."""
+    start = f"{package.replace('-', '_')}-".lower()
+    for folder in sys.path:
+        with suppress(OSError):
+            for name in os.listdir(folder or os.curdir):  # noqa: PTH208 - several times quicker than pathlib
+                if name.lower().startswith(start) and name.endswith(_METADATA):
+                    return Path(folder, name)
+    return None
+
+
+def _build(package: str) -> str | None:
+    found = installed_version(package)
+    if found is None:
+        return None
+    folder = _metadata_folder(package)
+    return _short(", ".join((f"{package} {found}", *(_of_wheel(folder) if folder else ()))))
+
+
+def _of_wheel(folder: Path) -> Iterator[str]:
     """Yield the platform tag of a package's wheel and a digest of its libraries, as far as pip recorded them."""
-    for line in (found.read_text("WHEEL") or "").splitlines():
+    for line in _lines(folder / "WHEEL"):
         if line.startswith("Tag: "):
             yield line.removeprefix("Tag: ")
             break
-    lines = (found.read_text("RECORD") or "").splitlines()
-    libraries = sorted(line for line in lines if _is_library(line.split(",")[0]))
+    libraries = sorted(line for line in _lines(folder / "RECORD") if _is_library(line.partition(",")[0]))
     if libraries:
         digest = hashlib.sha256("\n".join(libraries).encode()).hexdigest()
         yield f"libraries {digest[:_DIGEST_DIGITS]}"
 
 
+def _lines(file: Path) -> list[str]:
+    try:
+        return file.read_text(encoding="utf-8").splitlines()
+    except (OSError, ValueError):
+        return []
+
+
 def _is_library(path: str) -> bool:
     name = path.rpartition("/")[2]
     return name.endswith(_LIBRARIES) or ".so." in name
-
-
-def _version(package: str) -> str | None:
-    try:
-        return distribution(package).version
-    except PackageNotFoundError:
-        return None
 
 
 def _short(text: str) -> str:

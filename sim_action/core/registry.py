@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Generic, TypeVar, cast
+
+from sim_action.core.records import dataclass
 
 T = TypeVar("T")
 

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
 
+from sim_action.core.records import dataclass
 from sim_action.core.wording import shown
 
 _DEGREE: Final = math.pi / 180

@@ -9,7 +9,6 @@ import sys
 import traceback
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import lru_cache
 from importlib.machinery import SourceFileLoader
 from importlib.util import module_from_spec, spec_from_loader
@@ -19,6 +18,7 @@ from typing import Any, Final
 
 from sim_action.core.errors import Location, ScriptError
 from sim_action.core.files import read_at_most
+from sim_action.core.records import dataclass
 from sim_action.core.wording import did_you_mean
 
 ANYTHING: Final = "*"

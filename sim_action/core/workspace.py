@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path, PurePath
 from typing import Final
 
+from sim_action.core.records import dataclass
 from sim_action.core.wording import nearest
 
 

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
 from typing import Any, Final
 
 import yaml
 
 from sim_action.core.errors import InvalidScenario, Location, Problem
+from sim_action.core.records import dataclass, field
 from sim_action.core.wording import escaped_line
 
 MAX_BYTES: Final = 1_000_000

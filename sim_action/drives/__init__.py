@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from functools import lru_cache
 from typing import TYPE_CHECKING, ClassVar, Final, Protocol, Self
 
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.geometry import Twist
+from sim_action.core.records import replace
 from sim_action.core.registry import Table
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives.plugins import (
@@ -19,7 +20,7 @@ from sim_action.drives.plugins import (
     unread_parameters,
     unusable_plugins,
 )
-from sim_action.robot.kinematics import Mobility
+from sim_action.robot.kinematics import Mobility, SameModel
 from sim_action.robot.robot_model import RobotModel
 from sim_action.state.command import JointTargets
 from sim_action.world.physics import GRAVITY
@@ -145,6 +146,13 @@ _STATED_BY: Final[Mapping[str, tuple[Kind, ...]]] = {
 
 def recognise(model: RobotModel) -> Drive | None:
     """Return the drive that a plugin or a controller states, else the one that the wheels look like, else None."""
+    return _recognised(SameModel(model))
+
+
+# The checks and the run of each variation ask for it, and up to 10,000 variations share one model.
+@lru_cache(maxsize=4)
+def _recognised(same: SameModel) -> Drive | None:
+    model = same.model
     claimed = [name for name in DRIVES if plugins_of_kind(model, *_STATED_BY[name])]
     for name in claimed:
         if (stated := DRIVES.load(name).stated(model)) is not None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from statistics import fmean
 from typing import Annotated, ClassVar, Final, Self
 
@@ -17,6 +16,7 @@ from sim_action.core.field_types import (
     PositiveRadiansPerSecond,
 )
 from sim_action.core.geometry import Twist
+from sim_action.core.records import dataclass
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives import NOT_PLANAR, Drive, is_planar
 from sim_action.drives.diff import JointNames

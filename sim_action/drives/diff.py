@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from functools import lru_cache
 from math import fsum
 from typing import Annotated, ClassVar, Final, Self
 
@@ -12,6 +12,7 @@ from pydantic import Field
 
 from sim_action.core.field_types import PositiveMetres, PositiveMetresPerSecondSquared
 from sim_action.core.geometry import Twist
+from sim_action.core.records import dataclass
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives import NOT_PLANAR, Drive, NoDrive, is_planar
 from sim_action.drives.plugins import DIFF_PLUGINS, Kind, StatedSides, sides_by_plugin
@@ -40,7 +41,7 @@ from sim_action.drives.wheels import (
     turned_forward,
     wheel,
 )
-from sim_action.robot.kinematics import Mobility
+from sim_action.robot.kinematics import Mobility, SameModel
 from sim_action.robot.robot_model import RobotModel
 from sim_action.state.command import JointTargets
 from sim_action.state.sensor_inputs import PlanarWay
@@ -211,11 +212,9 @@ class TwoSidedDrive(Drive):
         """Return the slip factor as text."""
         return ""
 
-    def sides(self, model: RobotModel) -> tuple[list[Rolling], list[Rolling]]:
+    def sides(self, model: RobotModel) -> tuple[tuple[Rolling, ...], tuple[Rolling, ...]]:
         """Return the wheels on the left and those on the right."""
-        heading = self.forward(model)
-        left, right = ([rolling(wheel(model, name), heading) for name in side] for side in (self.left, self.right))
-        return left, right
+        return _sides(self, SameModel(model))
 
     def radii(self, model: RobotModel) -> dict[str, float]:
         """Return the wheel radius in m for each joint; unknown radii are left out (`problems` reports them)."""
@@ -351,10 +350,10 @@ class TwoSidedMotion:
 
     def _joint_speeds(self, left: float, right: float) -> dict[str, float]:
         """Return joint speeds in rad/s, for rim speeds in m/s."""
-        return {
-            **{name: left / gear for name, gear in self._left_gears.items()},
-            **{name: right / gear for name, gear in self._right_gears.items()},
-        }
+        speeds = {name: left / gear for name, gear in self._left_gears.items()}
+        for name, gear in self._right_gears.items():
+            speeds[name] = right / gear
+        return speeds
 
 
 @dataclass(frozen=True)
@@ -379,6 +378,14 @@ class TwoSidedOdometry:
         """See WheelMotion.way."""
         left, right = (fsum(rolled[name] for name in side) / len(side) for side in (self.left, self.right))
         return PlanarWay(*along(self.heading, (left + right) / 2, 0.0), (right - left) / self.separation)
+
+
+# A run asks for it a dozen times, and up to 10,000 variations share one model.
+@lru_cache(maxsize=4)
+def _sides(drive: TwoSidedDrive, same: SameModel) -> tuple[tuple[Rolling, ...], tuple[Rolling, ...]]:
+    model, heading = same.model, drive.forward(same.model)
+    left, right = (tuple(rolling(wheel(model, name), heading) for name in side) for side in (drive.left, drive.right))
+    return left, right
 
 
 def _mean_left(wheels: Sequence[Rolling]) -> float:

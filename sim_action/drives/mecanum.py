@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 from functools import cached_property
 from statistics import fmean
 from typing import Annotated, ClassVar, Final, Self
@@ -14,6 +13,7 @@ from pydantic import Field
 from sim_action.core import geometry, units
 from sim_action.core.field_types import PositiveMetresPerSecondSquared, PositiveNewtons
 from sim_action.core.geometry import Twist, Vector3
+from sim_action.core.records import dataclass, replace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives import Drive, NoDrive, is_level
 from sim_action.drives.plugins import StatedSides, corners_by_plugin

@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Final, Literal
 
+from sim_action.core.records import dataclass
 from sim_action.robot.robot_model import Plugin, RobotModel
 
 Kind = Literal["diff", "skid", "ackermann", "mecanum", "mover", "velocity joint", "position joint"]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
 from pathlib import PurePath
 from statistics import fmean
 from typing import Annotated, ClassVar, Final, Self
@@ -14,6 +13,7 @@ from pydantic import Field
 from sim_action.core import units
 from sim_action.core.field_types import NonNegativeKilogramSquareMetres, PositiveRatio
 from sim_action.core.geometry import Vector3
+from sim_action.core.records import dataclass, replace
 from sim_action.drives import NoDrive
 from sim_action.drives.diff import TwoSidedDrive
 from sim_action.drives.plugins import SKID_PLUGINS, Kind, StatedSides

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from typing import Final
 
 from sim_action.core import units
+from sim_action.core.records import dataclass
 from sim_action.drives.wheels import MIN_UPRIGHT_Z, Wheel, wheel
 from sim_action.robot.robot_model import Joint, RobotModel
 

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Vector3
+from sim_action.core.records import dataclass
 from sim_action.robot.kinematics import shape_points
 from sim_action.robot.robot_model import Joint, Link, Shape
 
@@ -86,7 +86,7 @@ def _together(tyres: Sequence[Tyre], joint: Joint) -> Tyre:
     """Return tyres on one axis as one tyre."""
     if len(tyres) == 1:
         return tyres[0]
-    places = [_dot(_minus(tyre.middle_xyz, joint.anchor_xyz), joint.axis_xyz) for tyre in tyres]
+    places = [geometry.dot(geometry.subtract(tyre.middle_xyz, joint.anchor_xyz), joint.axis_xyz) for tyre in tyres]
     low = min(place - tyre.width / 2 for place, tyre in zip(places, tyres, strict=True))
     high = max(place + tyre.width / 2 for place, tyre in zip(places, tyres, strict=True))
     middle = _plus(joint.anchor_xyz, joint.axis_xyz, (low + high) / 2)
@@ -99,7 +99,7 @@ def _tyre_of(shape: Shape, axis: Vector3, anchor: Vector3) -> Tyre | NotRound:
     if shape.radius is None or shape.kind not in {"cylinder", "sphere", "capsule"}:
         return NotRound(f"is a {shape.kind}, which is not round")
     middle = shape.pose.position_xyz
-    along = abs(_dot(geometry.rotate(shape.pose.orientation_xyzw, (0.0, 0.0, 1.0)), axis))
+    along = abs(geometry.dot(geometry.rotate(shape.pose.orientation_xyzw, (0.0, 0.0, 1.0)), axis))
     if shape.kind != "sphere" and along < _MIN_PARALLEL:
         return NotRound(f"is a {shape.kind}, which does not lie along the joint's axis")
     off = _off_axis(middle, axis, anchor)
@@ -122,8 +122,8 @@ def _reach(shape: Shape, joint: Joint) -> float:
 
 
 def _off_axis(point: Vector3, axis: Vector3, anchor: Vector3) -> float:
-    way = _minus(point, anchor)
-    return math.dist(_plus((0.0, 0.0, 0.0), axis, _dot(way, axis)), way)
+    way = geometry.subtract(point, anchor)
+    return math.dist(_plus((0.0, 0.0, 0.0), axis, geometry.dot(way, axis)), way)
 
 
 @lru_cache(maxsize=64)
@@ -190,14 +190,6 @@ def _along(points: NDArray[np.float64], direction: Sequence[float]) -> NDArray[n
         points[:, 0] * direction[0] + points[:, 1] * direction[1] + points[:, 2] * direction[2]
     )
     return length
-
-
-def _dot(one: Vector3, other: Vector3) -> float:
-    return one[0] * other[0] + one[1] * other[1] + one[2] * other[2]
-
-
-def _minus(one: Vector3, other: Vector3) -> Vector3:
-    return one[0] - other[0], one[1] - other[1], one[2] - other[2]
 
 
 def _plus(start: Vector3, direction: Vector3, way: float) -> Vector3:

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Final
 
 from sim_action.core import units
+from sim_action.core.records import dataclass
 from sim_action.drives import NoDrive
 from sim_action.drives.plugins import joints_by_plugin
 from sim_action.drives.tyres import Tyre

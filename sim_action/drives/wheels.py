@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from heapq import heapify, heappop, heappush
 from types import MappingProxyType
@@ -16,9 +15,10 @@ from typing import Final
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Vector3
+from sim_action.core.records import dataclass
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives.tyres import NotRound, Tyre, tyre_of
-from sim_action.robot.kinematics import link_poses, shape_box, shape_points
+from sim_action.robot.kinematics import SameModel, link_poses, shape_box, shape_points
 from sim_action.robot.robot_model import Joint, RobotModel, Shape
 
 MAX_AXLE_DEVIATION: Final = 0.1
@@ -59,7 +59,7 @@ class Wheel:
 
 def wheel(model: RobotModel, joint_name: str) -> Wheel:
     """Return the wheel that a joint turns. Raises KeyError if the model has no such joint."""
-    return _wheel_at_home(_Same(model), joint_name)
+    return _wheel_at_home(SameModel(model), joint_name)
 
 
 def opposed_note(axes: Mapping[str, Vector3]) -> str | None:
@@ -173,7 +173,7 @@ class Lowest:
 
 def lowest_shape(model: RobotModel) -> Lowest | None:
     """Return the lowest collision shape, with all joints at their initial positions; None if there are no shapes."""
-    return _lowest_at_home(_Same(model))
+    return _lowest_at_home(SameModel(model))
 
 
 def joints_above(model: RobotModel, joint_name: str) -> Iterator[Joint]:
@@ -207,32 +207,19 @@ def centre_of_mass(model: RobotModel) -> Vector3:
     return x, y, z
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Same:
-    """A model that is compared by identity, because comparing its contents would be slow."""
-
-    model: RobotModel
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Same) and other.model is self.model
-
-    def __hash__(self) -> int:
-        return id(self.model)
-
-
 def _poses(model: RobotModel) -> Mapping[str, Pose]:
     """Return the pose of each link in the base frame, with all joints at their initial positions."""
-    return _poses_at_home(_Same(model))
+    return _poses_at_home(SameModel(model))
 
 
 # A drive calls this dozens of times, and up to 10,000 variations share one model.
 @lru_cache(maxsize=4)
-def _poses_at_home(same: _Same) -> Mapping[str, Pose]:
+def _poses_at_home(same: SameModel) -> Mapping[str, Pose]:
     return MappingProxyType(link_poses(same.model, same.model.positions({})))
 
 
 @lru_cache(maxsize=64)
-def _wheel_at_home(same: _Same, joint_name: str) -> Wheel:
+def _wheel_at_home(same: SameModel, joint_name: str) -> Wheel:
     return _wheel(same.model, same.model.joints_by_name[joint_name], _poses(same.model))
 
 
@@ -254,7 +241,7 @@ def _axis(joint: Joint, poses: Mapping[str, Pose]) -> Vector3:
 
 
 @lru_cache(maxsize=4)
-def _lowest_at_home(same: _Same) -> Lowest | None:
+def _lowest_at_home(same: SameModel) -> Lowest | None:
     """Return the lowest shape. Boxes around tilted meshes are too large, so the lowest of them are measured."""
     model, poses = same.model, _poses(same.model)
     shapes = [(poses[link.name], link.name, shape) for link in model.links for shape in link.collisions]

@@ -7,7 +7,9 @@ links of the robot collide with each other only on request, and everything has a
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping, Sequence
+from functools import cache
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Final, Protocol
 
@@ -117,15 +119,25 @@ PACKAGES: Final = {"pybullet": "pybullet", "mujoco": "mujoco-core"}
 
 def named_version(engine: str) -> str:
     """Return the name and version of an installed engine, such as "pybullet 3.2.7"."""
-    # Most commands need no version, and this import takes longer than theirs.
-    from importlib.metadata import version
+    # Most commands need no version.
+    from sim_action.core.provenance import installed_version
 
-    return f"{engine} {version(PACKAGES[engine])}"
+    return f"{engine} {installed_version(PACKAGES[engine]) or ''}".rstrip()
 
 
 def installed() -> tuple[str, ...]:
     """Return the installed engines; the first is the one that `auto` selects."""
-    return tuple(engine for engine in ENGINES if find_spec(engine) is not None)
+    return tuple(engine for engine in ENGINES if _is_installed(engine))
+
+
+def _is_installed(engine: str) -> bool:
+    # An entry of None prevents the import of a package that exists.
+    return sys.modules[engine] is not None if engine in sys.modules else _is_found(engine)
+
+
+@cache
+def _is_found(engine: str) -> bool:
+    return find_spec(engine) is not None
 
 
 def chosen(wanted: str) -> str:

@@ -10,12 +10,12 @@ from __future__ import annotations
 import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Final
 
 import numpy as np
 
+from sim_action.core.records import dataclass, field
 from sim_action.core.units import first_step
 from sim_action.engines.motion_bound import BodyMotionBound, RobotMotionBound
 from sim_action.state.trace import FloatArray

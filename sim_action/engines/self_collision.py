@@ -8,7 +8,6 @@ can have brought it near enough.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import zip_longest
 from typing import Final, Self
 
@@ -16,6 +15,7 @@ import numpy as np
 
 from sim_action.core import units
 from sim_action.core.errors import BadStart, EngineError
+from sim_action.core.records import dataclass
 from sim_action.engines.observers import Nearest
 from sim_action.engines.path_contacts import MIN_OVERLAP_M
 from sim_action.robot.robot_model import Joint, RobotModel, Shape

@@ -126,15 +126,12 @@ class _Acting:
             control.add_velocity(self._target, disturbance.velocity)
             return
         share = self._share(step)
-        force, torque = (_scaled(vector or geometry.ZERO, share) for vector in (disturbance.force, disturbance.torque))
+        force, torque = (
+            geometry.scale(vector or geometry.ZERO, share) for vector in (disturbance.force, disturbance.torque)
+        )
         control.apply_force(self._target, force, torque, disturbance.point)
 
     def _share(self, step: int) -> float:
         """Return the fraction of a step during which the disturbance acts, so that times between steps count."""
         begins, ends = self._disturbance.at * self._rate, self._disturbance.end * self._rate
         return max(0.0, min(ends, step + 1.0) - max(begins, float(step)))
-
-
-def _scaled(vector: geometry.Vector3, factor: float) -> geometry.Vector3:
-    x, y, z = vector
-    return (x * factor, y * factor, z * factor)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Literal
 
 from sim_action.core.geometry import Vector3
+from sim_action.core.records import dataclass
 from sim_action.meshes.mesh import Mesh, compacted
 
 if TYPE_CHECKING:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim_action.core.geometry import Vector3
+from sim_action.core.records import dataclass
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]

@@ -5,11 +5,12 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Final
 
 from sim_action.core.content_cache import Entry
 from sim_action.core.geometry import Box, Vector3
+from sim_action.core.records import dataclass
 from sim_action.meshes.collision_hulls import MeshFacts, hulls_of, unshrunk
 from sim_action.meshes.mesh import Mesh, MeshError
 

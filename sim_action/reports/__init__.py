@@ -10,13 +10,13 @@ import os
 from collections.abc import Iterator, Mapping
 from collections.abc import Set as AbstractSet
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Final, Literal, Protocol
 
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.permissions import Permissions
+from sim_action.core.records import dataclass, replace
 from sim_action.core.registry import Table
 from sim_action.core.wording import escaped_line, system_reason
 from sim_action.results.artifacts import REPORT_FILE, RUN_FILE_FOLDERS, with_existing_files

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Final, Literal, TextIO
 
-from rich.console import Console
-from rich.text import Text
-
 from sim_action.core import units
+from sim_action.core.records import dataclass
 from sim_action.core.wording import shortened
+from sim_action.reports.console import Console
 from sim_action.reports.escaping import log_text, markdown_text
 from sim_action.reports.formatting import measurements, quantity, speed_text
 from sim_action.reports.github.markdown import code, row, table
@@ -195,6 +193,7 @@ _LOOK_SYMBOLS: Final[dict[Look, str]] = {"bad": "✗", "warning": "!", "note": "
 _ASCII_LOOK_SYMBOLS: Final[dict[Look, str]] = {"bad": "x", "warning": "!", "note": "-", "good": "+"}
 _LOOK_STYLES: Final[dict[Look, str]] = {"bad": "bold red", "warning": "yellow", "note": "dim", "good": "green"}
 _MAX_TERMINAL_ROWS: Final = 200
+_Line = Sequence[tuple[str, str]]
 _MAX_TERMINAL_TEXT: Final = 300
 
 
@@ -202,14 +201,13 @@ def print_comparison(comparison: Comparison, environment: Mapping[str, str], str
     """Print the changes to a stream (default: standard output), the worst last, then the counts."""
     with open_console(stream or sys.stdout, environment) as shown:
         for line in _terminal_lines(comparison, shown):
-            # The terminal wraps long lines, so that paths can be clicked and copied as a whole.
-            shown.print(line, soft_wrap=True)
+            shown.print(*line)
 
 
-def _terminal_lines(comparison: Comparison, shown: Console) -> Iterator[Text]:
+def _terminal_lines(comparison: Comparison, shown: Console) -> Iterator[_Line]:
     found = rows(comparison)
     if len(found) > _MAX_TERMINAL_ROWS:
-        yield Text(f"{len(found) - _MAX_TERMINAL_ROWS} more changes are not shown", "dim")
+        yield [(f"{len(found) - _MAX_TERMINAL_ROWS} more changes are not shown", "dim")]
     listed = found[:_MAX_TERMINAL_ROWS]
     width = max((len(each.what) for each in listed), default=0)
     encoding = shown.encoding
@@ -217,13 +215,13 @@ def _terminal_lines(comparison: Comparison, shown: Console) -> Iterator[Text]:
     for each in reversed(listed):
         yield _terminal_line(each, symbols[each.look], width, encoding)
     if comparison.is_empty:
-        yield Text(NOTHING_COMPARED, _LOOK_STYLES["bad"])
+        yield [(NOTHING_COMPARED, _LOOK_STYLES["bad"])]
     bad = comparison.failures or comparison.is_empty
     worst: Look = "bad" if bad else "warning" if comparison.warnings else "good"
-    yield Text(headline(comparison), _LOOK_STYLES[worst])
+    yield [(headline(comparison), _LOOK_STYLES[worst])]
 
 
-def _terminal_line(each: Row, symbol: str, width: int, encoding: str) -> Text:
+def _terminal_line(each: Row, symbol: str, width: int, encoding: str) -> _Line:
     place = f"  {each.outcome.location}" if each.outcome.location else ""
     parts = (
         (f"{symbol} {each.what.ljust(width)}  ", _LOOK_STYLES[each.look]),
@@ -231,7 +229,7 @@ def _terminal_line(each: Row, symbol: str, width: int, encoding: str) -> Text:
         (place, "dim"),
         (f"  {shortened(each.detail, _MAX_TERMINAL_TEXT)}" if each.detail else "", ""),
     )
-    return Text.assemble(*((log_text(text, encoding).replace("\n", " "), style) for text, style in parts))
+    return [(log_text(text, encoding).replace("\n", " "), style) for text, style in parts]
 
 
 MAX_CHARACTERS: Final = 60_000

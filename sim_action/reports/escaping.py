@@ -38,6 +38,8 @@ def plain_text(text: str) -> str:
 
     Line ends become newlines.
     """
+    if text.isascii() and text.isprintable():
+        return text
     return _USELESS_JOINER.sub("", _UNWANTED.sub("", _LINE_END.sub("\n", _TERMINAL_SEQUENCE.sub("", text))))
 
 

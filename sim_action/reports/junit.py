@@ -13,7 +13,9 @@ from __future__ import annotations
 import json
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import chain
 from pathlib import PurePosixPath
 from typing import Final
 
@@ -23,6 +25,7 @@ from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line, plain_text
 from sim_action.reports.formatting import judged_text, measurements, user_output
 from sim_action.reports.links import file_and_line, relative_path, stored_trace
+from sim_action.reports.packed_parts import PackedParts
 from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios
 from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
@@ -36,11 +39,10 @@ _OF_EACH: Final = ("engine", "seed", "digest", "repeats", "cpu", "engine_build")
 
 def write_junit(results: Results, options: ReportOptions) -> None:
     """Write the JUnit XML to `options.junit` completely or not at all, and create its folders."""
-    root = _Document(results, options).root()
-    ET.indent(root)
+    parts = _Document(results, options).parts()
     options.junit.parent.mkdir(parents=True, exist_ok=True)
     with whole_file(options.junit) as file:
-        ET.ElementTree(root).write(file, encoding="utf-8", xml_declaration=True)
+        file.writelines(parts)
 
 
 class _Document:
@@ -49,32 +51,44 @@ class _Document:
     def __init__(self, results: Results, options: ReportOptions) -> None:
         self._results = results
         self._options = options
-        self._taken: set[tuple[str, str]] = set()
+        self._taken: defaultdict[str, set[str]] = defaultdict(set)
         # The last number tried for a name, so that many equal names do not take quadratic time.
         self._numbers: dict[tuple[str, str], int] = {}
 
-    def root(self) -> ET.Element:
-        suites = [self._suite(group) for group in grouped_scenarios(self._results.outcomes)]
-        totals = {name: sum(int(suite.attrib[name]) for suite in suites) for name in ("tests", "failures", "errors")}
+    def parts(self) -> Iterable[bytes]:
+        """Return the encoded document in parts."""
+        suites, totals = PackedParts(), Counter(dict.fromkeys(("tests", "failures", "errors"), 0))
+        for group in grouped_scenarios(self._results.outcomes):
+            found = self._suite(group, suites)
+            totals.update({name: found[name] for name in totals})
         root = element("testsuites", {"name": JUNIT_NAME, **totals, "time": _seconds(self._results.wall_time)})
-        root.extend(suites)
-        return root
+        declaration = b"<?xml version='1.0' encoding='utf-8'?>\n"
+        if not self._results.outcomes:
+            return [declaration + _xml(root, "").removesuffix("\n").encode()]
+        return chain([declaration, _start(root).encode(), b">\n"], suites, [b"</testsuites>"])
 
-    def _suite(self, group: ScenarioGroup) -> ET.Element:
-        several = [self._run(group, outcome) for outcome in group.outcomes]
-        cases = [case for run in several for case in run]
-        totals = {"tests": len(cases)} | {
-            f"{kind}s" if kind != "skipped" else kind: sum(case.find(kind) is not None for case in cases)
-            for kind in ("failure", "error", "skipped")
-        }
+    def _suite(self, group: ScenarioGroup, suites: PackedParts) -> Mapping[str, int]:
+        """Add the testsuite of a scenario, and return its totals."""
+        cases, measured = PackedParts(), PackedParts()
+        totals = dict.fromkeys(("tests", "failures", "errors", "skipped"), 0)
+        for outcome in group.outcomes:
+            run = self._run(group, outcome)
+            for case in run:
+                totals["tests"] += 1
+                for kind, name in (("failure", "failures"), ("error", "errors"), ("skipped", "skipped")):
+                    totals[name] += case.find(kind) is not None
+            cases.add(_encoded("".join([_xml(case, _INDENT * 2) for case in run])))
+            measured.add(_encoded(_property_lines(_measured(group, outcome, run))))
         file = relative_path(self._options.workspace, group.location.file) if group.location else None
         time = sum(outcome.wall_time for outcome in group.outcomes)
         suite = element("testsuite", {"name": _name(group.name), **totals, "time": _seconds(time), "file": file})
-        add_properties(suite, self._suite_properties(group))
-        for outcome, run in zip(group.outcomes, several, strict=True):
-            add_properties(suite, _measured(group, outcome, run))
-        suite.extend(cases)
-        return suite
+        inner = _INDENT * 2
+        suites.add(_encoded(f"{_INDENT}{_start(suite)}>\n{inner}<properties>\n"))
+        suites.add(_encoded(_property_lines(self._suite_properties(group))))
+        for part in chain(measured, [f"{inner}</properties>\n".encode()], cases):
+            suites.add(part)
+        suites.add(f"{_INDENT}</testsuite>\n".encode())
+        return totals
 
     def _run(self, group: ScenarioGroup, outcome: Outcome) -> list[ET.Element]:
         """Return the testcases of one run."""
@@ -155,11 +169,13 @@ class _Document:
     def _unique(self, places: tuple[str, str], name: str) -> str:
         """Return a unique name: tools identify a testcase across suites by its name, and by its class name or file."""
         unique, number = name, self._numbers.get((places[0], name), 1)
-        while any((place, unique) in self._taken for place in places):
+        while any(unique in self._taken[place] for place in places):
             number += 1
             unique = f"{name} ({number})"
-        self._numbers[places[0], name] = number
-        self._taken.update((place, unique) for place in places)
+        if number > 1:
+            self._numbers[places[0], name] = number
+        for place in places:
+            self._taken[place].add(unique)
         return unique
 
     def _body(self, message: str, name: str, location: Location | None) -> str:
@@ -326,10 +342,50 @@ def add_properties(parent: ET.Element, values: Mapping[str, object]) -> None:
     if properties is None:
         properties = ET.Element("properties")
         parent.insert(0, properties)
+    properties.extend(_properties(values))
+
+
+def _properties(values: Mapping[str, object]) -> Iterator[ET.Element]:
     for name, value in values.items():
         if value is not None:
             text = f"{value:.9g}" if isinstance(value, float) else value
-            properties.append(element("property", {"name": name, "value": text}))
+            yield element("property", {"name": name, "value": text})
+
+
+def _property_lines(values: Mapping[str, object]) -> str:
+    """Return the lines of the properties of a suite."""
+    return "".join([_xml(each, _INDENT * 3) for each in _properties(values)])
+
+
+_INDENT: Final = "  "
+_SPECIAL: Final = re.compile('[&<>"\r\n\t]')
+_IN_TEXT: Final = str.maketrans({"&": "&amp;", "<": "&lt;", ">": "&gt;"})
+_IN_ATTRIBUTE: Final = _IN_TEXT | str.maketrans({'"': "&quot;", "\r": "&#13;", "\n": "&#10;", "\t": "&#09;"})
+
+
+def _xml(item: ET.Element, indent: str) -> str:
+    """Return an element with its children on lines of their own, as `ElementTree.indent` and `write` do."""
+    start = f"{indent}{_start(item)}"
+    if len(item):
+        children = "".join([_xml(child, indent + _INDENT) for child in item])
+        return f"{start}>\n{children}{indent}</{item.tag}>\n"
+    if not item.text:
+        return f"{start} />\n"
+    text = item.text.translate(_IN_TEXT) if _SPECIAL.search(item.text) else item.text
+    return f"{start}>{text}</{item.tag}>\n"
+
+
+def _start(item: ET.Element) -> str:
+    """Return the start tag of an element without its end."""
+    texts = [
+        f' {name}="{value.translate(_IN_ATTRIBUTE) if _SPECIAL.search(value) else value}"'
+        for name, value in item.attrib.items()
+    ]
+    return f"<{item.tag}{''.join(texts)}"
+
+
+def _encoded(text: str) -> bytes:
+    return text.encode("utf-8", errors="xmlcharrefreplace")
 
 
 def _append(parent: ET.Element, tag: str, text: str) -> None:

@@ -6,6 +6,7 @@ import os
 import re
 import shlex
 from collections.abc import Iterator
+from functools import lru_cache
 from pathlib import Path
 from typing import Final
 from urllib.parse import quote, urlsplit
@@ -111,17 +112,23 @@ def relative_path(workspace: Path, file: str | Path) -> str:
 
 def _inside(workspace: Path, file: str | Path) -> str | None:
     """Return a path relative to a folder if it is inside, else absolute; None if the text is no valid path."""
-    try:
-        absolute = Path(os.path.abspath(file))  # noqa: PTH100 - links are kept as they are written
-        candidates = [(absolute, Path(os.path.abspath(workspace)))]  # noqa: PTH100 - as above
-        candidates.append((absolute.resolve(), workspace.resolve()))
-    except (OSError, ValueError, RuntimeError):
-        # Such as because of a NUL, or links that form a loop.
+    if "\0" in (text := os.fspath(file)):
         return None
-    for path, root in candidates:
-        if path.is_relative_to(root):
-            return path.relative_to(root).as_posix()
-    return absolute.as_posix()
+    try:
+        absolute = os.path.abspath(text)  # noqa: PTH100 - links are kept as they are written
+        inside = _below(absolute, os.path.abspath(workspace))  # noqa: PTH100 - as above
+        if inside is None:
+            inside = _below(os.path.realpath(absolute), os.path.realpath(workspace))
+    except (OSError, ValueError):
+        return None
+    return Path(absolute).as_posix() if inside is None else inside
+
+
+@lru_cache(maxsize=1024)
+def _below(path: str, folder: str) -> str | None:
+    """Return an absolute path relative to a folder, both without links and dots; None if it is not inside."""
+    found, root = Path(path), Path(folder)
+    return found.relative_to(root).as_posix() if found.is_relative_to(root) else None
 
 
 def file_and_line(workspace: Path, location: Location) -> str:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from itertools import groupby
 from typing import Final
 
 from sim_action.core.errors import Location
+from sim_action.core.records import dataclass
 from sim_action.reports.formatting import moment, quantity
 from sim_action.results.outcome import WORST_FIRST, DisplayStatus, ExpectationOutcome, Outcome
 from sim_action.scenario.claim_audit import AuditWarning

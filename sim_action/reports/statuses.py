@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final, Literal
 
+from sim_action.core.records import dataclass
 from sim_action.results.outcome import DisplayStatus
 
 Level = Literal["error", "warning"]
@@ -24,7 +24,7 @@ class StatusDisplay:
         symbol: the character on the terminal and in `report.html`.
         ascii_symbol: the character on a terminal without Unicode.
         icon: the emoji in the job summary.
-        style: the colour on the terminal, as rich names it. The style sheet of the page has a class of each status.
+        style: the colour on the terminal, see `Console`. The style sheet of the page has a class of each status.
         junit: the element inside a testcase; None: no element, so the testcase passes.
         level: the level of the annotation; None: no annotation.
     """

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import secrets
+import os
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Final, TextIO
 
-from rich.console import Console
-from rich.text import Text
-
 from sim_action.core.errors import ExitCode
 from sim_action.reports import ReportOptions
+from sim_action.reports.console import Console, shows_colours
 from sim_action.reports.escaping import log_text, plain_text
 from sim_action.reports.formatting import (
     counts_text,
@@ -207,8 +205,7 @@ class _Printer:
     def _line(self, indent: str = "", *parts: tuple[str, str]) -> None:
         """Print one line of parts with their styles."""
         shown = ((log_text(text, self._encoding).replace("\n", " "), style) for text, style in parts)
-        # The terminal wraps long lines, so that paths can be clicked and copied as a whole.
-        self._console.print(Text.assemble(self._margin if parts else "", indent, *shown), soft_wrap=True)
+        self._console.print((f"{self._margin if parts else ''}{indent}", ""), *shown)
 
 
 def _after(text: str) -> str:
@@ -231,39 +228,18 @@ def _files(results: Results, options: ReportOptions) -> Iterator[tuple[str, Path
         yield "recordings", folder
 
 
-class _Console(Console):
-    def on_broken_pipe(self) -> None:
-        """Raise BrokenPipeError, where rich would end the process: a closed output does not change the verdict."""
-        raise BrokenPipeError
-
-
 @contextmanager
 def open_console(stream: TextIO, environment: Mapping[str, str]) -> Iterator[Console]:
     """Open a console on a stream; on GitHub, workflow commands in the printed text have no effect."""
     on_github = environment.get("GITHUB_ACTIONS") == "true"
     with _no_workflow_commands(stream) if on_github else _as_it_is(stream):
-        yield _rich_console(stream, on_github=on_github, plain=bool(environment.get("NO_COLOR")))
-
-
-def _rich_console(stream: TextIO, *, on_github: bool, plain: bool) -> Console:
-    # The log of GitHub is not a terminal, but it shows colours.
-    colourful = on_github and not plain
-    return _Console(
-        file=stream,
-        force_terminal=True if colourful else None,
-        color_system="standard" if colourful else "auto",
-        no_color=plain or None,
-        highlight=False,
-        markup=False,
-        emoji=False,
-        legacy_windows=False,
-    )
+        yield Console(stream, colourful=shows_colours(stream, environment))
 
 
 @contextmanager
 def _no_workflow_commands(stream: TextIO) -> Iterator[None]:
     """Disable workflow commands while text is printed; the token that enables them again is random."""
-    token = secrets.token_hex(16)
+    token = os.urandom(16).hex()
     stream.write(f"::stop-commands::{token}\n")
     try:
         yield

@@ -7,11 +7,11 @@ import re
 import shutil
 import stat
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any, Final, Literal
 
 from sim_action.core.files import open_regular, whole_file
+from sim_action.core.records import dataclass
 from sim_action.core.wording import escaped_line, system_reason
 from sim_action.recording.export import EXPORTS
 from sim_action.results.outcome import Outcome

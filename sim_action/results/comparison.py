@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Final, Literal
 
 from sim_action.core.errors import ExitCode
+from sim_action.core.records import dataclass
 from sim_action.results.outcome import ExpectationOutcome, Outcome
 from sim_action.results.weaker_checks import Pair, WeakerCheck, has_same_limit, paired_expectations, weaker_checks
 

@@ -11,8 +11,8 @@ is in the journal before anything reports it.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
+from sim_action.core.records import dataclass
 from sim_action.results.outcome import Outcome
 
 

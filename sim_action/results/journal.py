@@ -15,23 +15,25 @@ import platform
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from functools import partial
+from functools import cache, partial
 from itertools import islice
 from pathlib import Path
-from typing import Annotated, Final, Literal, Self
+from typing import Annotated, ClassVar, Final, Literal, Self
 
-from pydantic import Field, ValidationError
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
 from sim_action import __version__
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.files import open_regular, whole_file
 from sim_action.core.provenance import platform_name
+from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import escaped_line, system_reason
 from sim_action.results.events import Event, Finished, Progressed, RunEnded, Started
 from sim_action.results.outcome import Failure, NotNegative, Outcome, audited_over_variations
 from sim_action.results.results_json import MAX_OUTCOMES, Results, is_inconsistent
 from sim_action.results.shards import Shard
+from sim_action.scenario.sharing import share_parts
 from sim_action.scenario.source import Varied
 
 JOURNAL_FILE: Final = "results.jsonl"
@@ -106,8 +108,9 @@ class Header(FrozenModel):
         )
 
 
-class Record(FrozenModel):
-    """A line of the journal.
+@dataclass(frozen=True, slots=True)
+class Record:
+    """A line of the journal. A call keeps several for each run, so they are smaller than models.
 
     Attributes:
         at: the wall time in s since the start of the call.
@@ -125,6 +128,8 @@ class Record(FrozenModel):
     key: str | None = None
     taken_over: bool = False
     outcome: Outcome | None = None
+
+    __pydantic_config__: ClassVar[ConfigDict] = FrozenModel.model_config
 
     @property
     def is_interrupted(self) -> bool:
@@ -145,6 +150,7 @@ class Recorded:
         self.header = header
         self.records: list[Record] = []
         self.finished: dict[int, Record] = {}
+        self._last: Outcome | None = None
 
     def add(self, record: Record) -> None:
         """Add a record. Raise ValueError if it does not fit the header."""
@@ -155,6 +161,10 @@ class Recorded:
             if record.outcome is None or (record.outcome.name, record.outcome.file) != (planned.name, planned.file):
                 raise ValueError("it has no outcome of the planned scenario")
         self.records.append(record)
+        if record.outcome is not None:
+            if self._last is not None:
+                share_parts(record.outcome, self._last)
+            self._last = record.outcome
         if record.event == "finished" and record.place is not None:
             self.finished[record.place] = record
 
@@ -226,7 +236,7 @@ class Journal:
         self._size = 0
         self._recorded = Recorded(header)
         for record in taken_over:
-            self._recorded.add(record.model_copy(update={"at": 0.0, "taken_over": True}))
+            self._recorded.add(replace(record, at=0.0, taken_over=True))
         self._attempt(self._write_whole)
 
     def __call__(self, event: Event) -> None:
@@ -367,14 +377,21 @@ def _header(line: bytes) -> Header:
 
 def _record(line: bytes) -> Record:
     """Return a record. Raise ValueError if it is not valid."""
-    record = Record.model_validate_json(line)
+    record = _records().validate_json(line)
     if record.event == "finished" and record.outcome is not None and is_inconsistent(record.outcome):
         raise ValueError("its status contradicts its failures or expectations")
     return record
 
 
 def _line(data: Header | Record) -> bytes:
-    return data.model_dump_json(exclude_defaults=True).encode() + b"\n"
+    if isinstance(data, Header):
+        return data.model_dump_json(exclude_defaults=True).encode() + b"\n"
+    return _records().dump_json(data, exclude_defaults=True) + b"\n"
+
+
+@cache
+def _records() -> TypeAdapter[Record]:
+    return TypeAdapter(Record)
 
 
 def _write_all(descriptor: int, data: bytes) -> None:

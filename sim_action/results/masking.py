@@ -11,13 +11,13 @@ import json
 import re
 from collections.abc import Collection, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, Self, TypeVar
 
 from sim_action.core.child_environment import missing_variable, unset_variable
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.files import whole_file
+from sim_action.core.records import dataclass, replace
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
 
 Model = TypeVar("Model", bound=FrozenModel)

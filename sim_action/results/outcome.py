@@ -24,6 +24,7 @@ from sim_action.core.wording import escaped_line
 from sim_action.scenario.claim_audit import AuditWarning
 from sim_action.scenario.model import Severity, Unexercised
 from sim_action.scenario.selection import Unmatched
+from sim_action.scenario.sharing import share_parts
 from sim_action.scenario.source import Refused, Varied
 from sim_action.state.verdict import Verdict
 
@@ -129,8 +130,7 @@ class Scope(FrozenModel):
 
 def _allowed(assertion: Assertion) -> set[str]:
     """Return the names that an assertion, or a part of it, allows; pairs of names as one text."""
-    stated = getattr(assertion, "allow", ())
-    found = {each if isinstance(each, str) else " with ".join(sorted(each)) for each in stated}
+    found = {each if isinstance(each, str) else " with ".join(sorted(each)) for each in getattr(assertion, "allow", ())}
     return found.union(*(_allowed(part) for _, part in getattr(assertion, "placed_parts", ())))
 
 
@@ -211,7 +211,7 @@ def _audited(outcome: Outcome, shared: Sequence[AuditWarning] | None) -> Outcome
     if shared is None or all(warning in shared for warning in outcome.warnings if warning.is_over_variations):
         return outcome
     kept = tuple(warning for warning in outcome.warnings if not warning.is_over_variations or warning in shared)
-    return outcome.model_copy(update={"warnings": kept})
+    return share_parts(outcome.model_copy(update={"warnings": kept}), outcome)
 
 
 def status_of(expectations: Iterable[ExpectationOutcome]) -> Status:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Literal, NoReturn
 
@@ -19,6 +18,7 @@ from sim_action.core.discovery import paths_of, unique
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.files import read_at_most, whole_file
+from sim_action.core.records import dataclass
 from sim_action.core.wording import escaped_line
 from sim_action.results.outcome import WORST_FIRST, NotNegative, Outcome, Status, status_of
 from sim_action.results.shards import Shard
@@ -110,16 +110,21 @@ class Results(FrozenModel):
         """Write `results.json` into an existing folder and return its path."""
         path = folder / RESULTS_FILE
         with whole_file(path) as file:
-            file.write(self._json())
+            file.writelines(self._parts())
         return path
 
-    def _json(self) -> bytes:
-        try:
-            return (self.model_dump_json(indent=2) + "\n").encode()
-        except PydanticSerializationError:
-            # A text of user code contains half of a surrogate pair, which UTF-8 and JSON do not have.
-            text = json.dumps(self.model_dump(mode="json"), indent=2, ensure_ascii=False)
-            return (text + "\n").encode(errors="replace")
+    def _parts(self) -> Iterator[bytes]:
+        """Yield the file in parts, as `model_dump_json(indent=2)` would write it."""
+        head = _json(self.model_copy(update={"outcomes": ()}))
+        beginning = head.removesuffix("[]\n}")
+        if not self.outcomes or beginning == head:
+            yield f"{_json(self)}\n".encode(errors="replace")
+            return
+        yield f"{beginning}[".encode(errors="replace")
+        for number, outcome in enumerate(self.outcomes):
+            text = f"\n{_json(outcome)}".replace("\n", "\n    ")
+            yield f"{',' if number else ''}{text}".encode(errors="replace")
+        yield b"\n  ]\n}\n"
 
     @classmethod
     def read(cls, path: Path) -> Results:
@@ -142,6 +147,14 @@ class Results(FrozenModel):
             if (upgraded := _upgraded(data)) is None:
                 raise
             return cls.model_validate_json(upgraded)
+
+
+def _json(model: FrozenModel) -> str:
+    try:
+        return model.model_dump_json(indent=2)
+    except PydanticSerializationError:
+        # A text of user code contains half of a surrogate pair, which UTF-8 and JSON do not have.
+        return json.dumps(model.model_dump(mode="json"), indent=2, ensure_ascii=False)
 
 
 def _upgraded(data: bytes) -> str | None:

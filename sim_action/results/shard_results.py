@@ -6,13 +6,13 @@ No outcome is lost, none occurs twice, and each scenario that no shard has run b
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from itertools import groupby, zip_longest
 from pathlib import Path, PurePosixPath
 from typing import NoReturn
 
 from sim_action.core.discovery import compared_name
 from sim_action.core.errors import UsageError
+from sim_action.core.records import dataclass
 from sim_action.core.wording import escaped_line
 from sim_action.results.outcome import Failure, Outcome
 from sim_action.results.results_json import ResultsFile

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Final, Literal
 
+from sim_action.core.records import dataclass
 from sim_action.results.outcome import ExpectationOutcome, Outcome
 from sim_action.state.verdict import Verdict
 

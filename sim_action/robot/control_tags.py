@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from typing import Any, Final
@@ -16,6 +15,7 @@ from xml.etree.ElementTree import Element
 
 from sim_action.core.errors import Location
 from sim_action.core.files import read_at_most
+from sim_action.core.records import replace
 from sim_action.robot.packages import PackageError, Packages
 from sim_action.robot.robot_model import CommandedJoint, Plugin
 from sim_action.robot.xml_document import ModelDocument, shown_file

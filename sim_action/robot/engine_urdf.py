@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
-from dataclasses import replace
 from typing import Final, cast
 from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose
+from sim_action.core.records import replace
 from sim_action.robot.audit.inertia import RigidBodies, increase, principal_moments
 from sim_action.robot.audit.joints import is_free_base, mimic_problem, still_position
 from sim_action.robot.audit.shapes import is_empty

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Final, Self
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Quaternion, Vector3
 from sim_action.core.least_squares import damped_least_squares, square_sum
+from sim_action.core.records import dataclass
 from sim_action.robot.kinematics import joint_motion
 from sim_action.robot.robot_model import Joint, RobotModel
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from sim_action.core import geometry, units
 from sim_action.core.geometry import ZERO, Box, Pose, Vector3
+from sim_action.core.records import dataclass
 from sim_action.core.wording import did_you_mean
 from sim_action.robot.robot_model import WORLD, Joint, Reading, RobotModel, Shape
 
@@ -234,3 +234,16 @@ class Mobility:
     def turning_radius(self) -> float:
         """The smallest turning radius, in m."""
         return 1 / self.tightest
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SameModel:
+    """A model as a key of a cache: compared by identity, because comparing its contents would be slow."""
+
+    model: RobotModel
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, SameModel) and other.model is self.model
+
+    def __hash__(self) -> int:
+        return id(self.model)

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 from weakref import WeakKeyDictionary
 
 from sim_action.core import geometry
 from sim_action.core.geometry import ZERO, Pose, Quaternion, Twist, Vector3
+from sim_action.core.records import dataclass
 from sim_action.robot.kinematics import link_of_frame, why_no_link
 from sim_action.robot.robot_model import WORLD, Joint, RobotModel
 from sim_action.state.observation import ByName, JointState, LinkState
@@ -54,7 +54,7 @@ class LinkMotion:
         back = geometry.conjugate(_columns(frame.orientation_xyzw))
         away = _columns(self.position_xyz - frame.position_xyz)
         carried = geometry.cross(_columns(frame.angular_xyz), away)
-        linear = _minus(_columns(self.linear_xyz - frame.linear_xyz), carried)
+        linear = geometry.subtract(_columns(self.linear_xyz - frame.linear_xyz), carried)
         angular = _columns(self.angular_xyz - frame.angular_xyz)
         return LinkMotion(
             _rows(geometry.rotate(back, away)),
@@ -209,10 +209,14 @@ class LinkStates(Mapping[str, LinkState]):
         """Return the state after a joint with one degree of freedom."""
         axis = geometry.rotate(above.pose.orientation_xyzw, joint.axis_xyz)
         if joint.type == "prismatic":
-            pose, twist = _carried(above, Pose(_times(joint.axis_xyz, position)))
-            return LinkState(pose, Twist(_plus(twist.linear_xyz, _times(axis, velocity)), twist.angular_xyz))
+            pose, twist = _carried(above, Pose(geometry.scale(joint.axis_xyz, position)))
+            return LinkState(
+                pose, Twist(geometry.add(twist.linear_xyz, geometry.scale(axis, velocity)), twist.angular_xyz)
+            )
         turn = _turn_of(joint.axis_xyz, position, self._functions)
-        return _turned(above, joint.anchor_xyz, turn, _plus(above.twist.angular_xyz, _times(axis, velocity)))
+        return _turned(
+            above, joint.anchor_xyz, turn, geometry.add(above.twist.angular_xyz, geometry.scale(axis, velocity))
+        )
 
     def _swung(self, ball: str) -> LinkState:
         """Return the state of the link below a ball joint: its readings hold the angular velocity of this link."""
@@ -223,7 +227,7 @@ class LinkStates(Mapping[str, LinkState]):
         turn = geometry.multiply(turn, _turn_of((0.0, 1.0, 0.0), about_y, self._functions))
         turn = geometry.multiply(turn, _turn_of((0.0, 0.0, 1.0), about_z, self._functions))
         own = geometry.rotate(geometry.multiply(above.pose.orientation_xyzw, turn), (wx, wy, wz))
-        return _turned(above, first.anchor_xyz, turn, _plus(above.twist.angular_xyz, own))
+        return _turned(above, first.anchor_xyz, turn, geometry.add(above.twist.angular_xyz, own))
 
     def _ball_rate(self, joint: Joint) -> tuple[Any, Any]:
         """Return the angle of the first or second rotation of a ball joint, and its rate."""
@@ -240,9 +244,9 @@ class LinkStates(Mapping[str, LinkState]):
 def _carried(above: LinkState, offset: Pose) -> LinkState:
     """Return the state of a frame that is fixed in another one."""
     (pose, twist), placed = above, geometry.compose(above.pose, offset)
-    arm = _minus(placed.position_xyz, pose.position_xyz)
+    arm = geometry.subtract(placed.position_xyz, pose.position_xyz)
     swept = geometry.cross(twist.angular_xyz, arm)
-    return LinkState(placed, Twist(_plus(twist.linear_xyz, swept), twist.angular_xyz))
+    return LinkState(placed, Twist(geometry.add(twist.linear_xyz, swept), twist.angular_xyz))
 
 
 def _turned(above: LinkState, anchor_xyz: Vector3, turn: Quaternion, angular_xyz: Vector3) -> LinkState:
@@ -253,26 +257,16 @@ def _turned(above: LinkState, anchor_xyz: Vector3, turn: Quaternion, angular_xyz
         return LinkState(Pose(pose.position_xyz, orientation), Twist(twist.linear_xyz, angular_xyz))
     before = geometry.rotate(pose.orientation_xyzw, anchor_xyz)
     after = geometry.rotate(orientation, anchor_xyz)
-    anchor_linear = _plus(twist.linear_xyz, geometry.cross(twist.angular_xyz, before))
-    linear = _minus(anchor_linear, geometry.cross(angular_xyz, after))
-    return LinkState(Pose(_minus(_plus(pose.position_xyz, before), after), orientation), Twist(linear, angular_xyz))
+    anchor_linear = geometry.add(twist.linear_xyz, geometry.cross(twist.angular_xyz, before))
+    linear = geometry.subtract(anchor_linear, geometry.cross(angular_xyz, after))
+    return LinkState(
+        Pose(geometry.subtract(geometry.add(pose.position_xyz, before), after), orientation), Twist(linear, angular_xyz)
+    )
 
 
 def _turn_of(axis_xyz: Vector3, angle: Any, functions: ModuleType) -> Quaternion:
     (x, y, z), sine = axis_xyz, functions.sin(angle / 2)
     return (sine * x, sine * y, sine * z, functions.cos(angle / 2))
-
-
-def _plus(one: Vector3, other: Vector3) -> Vector3:
-    return (one[0] + other[0], one[1] + other[1], one[2] + other[2])
-
-
-def _minus(one: Vector3, other: Vector3) -> Vector3:
-    return (one[0] - other[0], one[1] - other[1], one[2] - other[2])
-
-
-def _times(vector: Vector3, factor: Any) -> Vector3:
-    return (vector[0] * factor, vector[1] * factor, vector[2] * factor)
 
 
 def _states_of(model: RobotModel, trace: Trace) -> LinkStates:

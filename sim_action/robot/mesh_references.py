@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
@@ -11,6 +10,7 @@ from xml.etree.ElementTree import Element
 
 from sim_action.core.content_cache import cache_folder
 from sim_action.core.geometry import Box, Vector3
+from sim_action.core.records import dataclass
 from sim_action.robot.audit.shapes import MAX_PART_SIZE_M
 from sim_action.robot.packages import PackageError, Packages
 from sim_action.robot.robot_model import Finding

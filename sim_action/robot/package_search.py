@@ -10,7 +10,6 @@ from __future__ import annotations
 import os
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import islice
 from pathlib import Path, PurePosixPath
@@ -18,6 +17,7 @@ from typing import Final
 from xml.parsers import expat
 
 from sim_action.core.files import read_at_most
+from sim_action.core.records import dataclass, field
 from sim_action.core.workspace import is_of_git
 
 PACKAGE_FILE: Final = "package.xml"

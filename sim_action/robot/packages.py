@@ -13,13 +13,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import takewhile
 from pathlib import Path, PurePosixPath
 from typing import Final
 from urllib.parse import unquote
 
+from sim_action.core.records import dataclass, field, replace
 from sim_action.core.wording import FirstFew, nearest
 from sim_action.core.workspace import OUTSIDE_REMEDY, Workspace, path_problem, similar_name
 from sim_action.robot.package_search import (

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 import sys
-from dataclasses import dataclass
 from pathlib import Path, PureWindowsPath
 from typing import Final, NamedTuple
+
+from sim_action.core.records import dataclass
 
 _MAX_LENGTH: Final = 4_000
 _MAX_FOLDERS: Final = 100

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, Literal
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Final, Literal
 from sim_action.core import geometry, units
 from sim_action.core.errors import Location
 from sim_action.core.geometry import ZERO, Pose, Quaternion, Vector3
+from sim_action.core.records import dataclass, field
 from sim_action.core.units import Dimension
 from sim_action.core.wording import did_you_mean
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Final
 from xml.etree import ElementTree as ET
@@ -16,6 +15,7 @@ from xml.etree.ElementTree import Element
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Vector3
+from sim_action.core.records import dataclass, field
 from sim_action.robot.urdf_elements import axis, child_of, parent_of
 from sim_action.robot.xml_document import ModelDocument
 

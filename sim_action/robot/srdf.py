@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import Final
 from xml.etree.ElementTree import Element
 
 from sim_action.core.errors import ModelError, Problem, RefusedModel
+from sim_action.core.records import dataclass, field
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.robot.robot_model import RobotModel
 from sim_action.robot.xml_document import ModelDocument, read_document

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Final, cast
 from xml.etree.ElementTree import Element
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Box, Vector3
+from sim_action.core.records import replace
 from sim_action.core.workspace import Workspace
 from sim_action.robot.audit.inertia import proportions
 from sim_action.robot.audit.rules import refuse_errors

@@ -9,12 +9,12 @@ from __future__ import annotations
 import re
 from collections import deque
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 from xml.dom.minidom import Element, Node
 
 from sim_action.core.errors import Location
+from sim_action.core.records import dataclass
 from sim_action.robot.audit.rules import refuse_errors
 from sim_action.robot.packages import PackageError, Packages
 from sim_action.robot.xacro_documents import UnknownArgument, XacroDocuments, XacroError, place_of

@@ -9,7 +9,6 @@ from __future__ import annotations
 import difflib
 import traceback
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from types import FrameType
@@ -17,6 +16,7 @@ from typing import Final
 from xml.dom.minidom import Element, Node
 
 from sim_action.core.errors import Location
+from sim_action.core.records import dataclass
 from sim_action.robot.packages import PackageError
 from sim_action.robot.xacro_documents import XacroError, place_of
 from sim_action.robot.xml_document import shown_place

@@ -16,7 +16,6 @@ import os
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout
-from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any, Final
@@ -24,6 +23,7 @@ from xml.dom.minidom import Document
 from xml.etree import ElementTree as ET
 
 from sim_action.core.errors import Location
+from sim_action.core.records import dataclass
 from sim_action.robot.audit.rules import finding, refuse_errors
 from sim_action.robot.packages import PackageError, Packages
 from sim_action.robot.references import Note

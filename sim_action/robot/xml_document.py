@@ -8,7 +8,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 from xml.etree import ElementTree as ET
@@ -18,6 +17,7 @@ from xml.parsers import expat
 from sim_action.core.discovery import file_name
 from sim_action.core.errors import Location, ModelError
 from sim_action.core.files import read_at_most
+from sim_action.core.records import dataclass, field, replace
 from sim_action.robot.audit.rules import finding, refuse_errors
 from sim_action.robot.robot_model import Finding
 

@@ -7,11 +7,11 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Protocol
 
 from sim_action.core.errors import ControllersFinished
+from sim_action.core.records import dataclass
 from sim_action.ros.processes import ChildProcesses, descendants, is_result_written, process_name, rostest_result_path
 from sim_action.ros.quiescence import WatchedProcesses
 

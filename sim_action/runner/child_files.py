@@ -9,11 +9,11 @@ from __future__ import annotations
 import mmap
 import struct
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Self
 
 from sim_action.core.files import whole_file
+from sim_action.core.records import dataclass
 
 Place = int | Path
 """A descriptor of a file in memory, or a path."""
@@ -120,8 +120,12 @@ class _Records:
     def append(self, outcome: bytes) -> None:
         """Add an outcome. Raise ValueError if there is no room."""
         start = self._end + LENGTH.size
-        if start + len(outcome) > len(self._memory):
+        end = start + len(outcome)
+        if end > len(self._memory):
             raise ValueError(_TOO_LARGE)
-        self._memory[start : start + len(outcome)] = outcome
+        self._memory[start:end] = outcome
+        # A former run in this process may have left a longer outcome here.
+        after = min(end + LENGTH.size, len(self._memory))
+        self._memory[end:after] = bytes(after - end)
         self._memory[self._end : start] = LENGTH.pack(len(outcome))
-        self._end = start + len(outcome)
+        self._end = end

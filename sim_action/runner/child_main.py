@@ -11,7 +11,6 @@ import sys
 import tempfile
 import time
 from contextlib import nullcontext, suppress
-from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final, NoReturn
 
 from pydantic_core import PydanticSerializationError, to_json
@@ -33,6 +32,7 @@ from sim_action.core.errors import (
     SimulationUnstable,
 )
 from sim_action.core.permissions import Permissions
+from sim_action.core.records import dataclass, field, replace
 from sim_action.core.wording import escaped_line, system_reason
 from sim_action.core.yaml_document import Document, KeyPath
 from sim_action.results.outcome import ExpectationOutcome, Failure, FailureKind, Outcome, Scope, status_of
@@ -77,8 +77,11 @@ def become_child(files: ChildFiles, progress_descriptor: int) -> None:
         signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
-def run_job(job: Job, files: ChildFiles, progress_descriptor: int) -> None:
-    """Run the scenario in this process, and write its outcome."""
+def run_job(job: Job, files: ChildFiles, progress_descriptor: int) -> bool:
+    """Run the scenario in this process, and write its outcome.
+
+    Return True if it ended normally: nothing that this process did before can have changed the outcome.
+    """
     started = time.perf_counter()
     writer, progress = OutcomeWriter(files.outcome), _Progress(progress_descriptor)
     progress.say(BEGUN)
@@ -96,14 +99,21 @@ def run_job(job: Job, files: ChildFiles, progress_descriptor: int) -> None:
     except ValueError as error:
         outcome = _failed(job, Failure(kind="crash", title="outcome too large", message=str(error)))
         writer.write(encoded(outcome))
+    is_normal = not kept.notes and all(failure.kind in _SIMULATED for failure in outcome.failures)
     for run in kept.runs:
         # From here on the verdict is safe, however long the recordings take.
         progress.say(JUDGED)
         from sim_action.recording.export import write_recordings
 
         if notes := tuple(write_recordings(run, job.recordings)):
+            is_normal = False
             with suppress(OSError, ValueError):
                 writer.write(encoded(outcome.model_copy(update={"notes": (*outcome.notes, *notes)}), inputs))
+    return is_normal
+
+
+_SIMULATED: Final[frozenset[FailureKind]] = frozenset({"unstable", "missed contact", "invalid"})
+"""The errors that a run always has, wherever it runs."""
 
 
 def encoded(outcome: Outcome, inputs: ObservedInputs | None = None) -> bytes:

@@ -12,7 +12,6 @@ import signal
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import Final, Literal
 
@@ -22,6 +21,7 @@ from sim_action import __version__
 from sim_action.core import units
 from sim_action.core.errors import Location, is_refusal
 from sim_action.core.provenance import Provenance, provenance
+from sim_action.core.records import replace
 from sim_action.core.wording import MAX_MESSAGE_CHARS, escaped_line, shortened
 from sim_action.core.workspace import PathError
 from sim_action.core.yaml_document import Document

@@ -7,7 +7,6 @@ that has a verdict; differences without a limit become its measurements.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -15,6 +14,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from sim_action.core import units
+from sim_action.core.records import dataclass
 from sim_action.core.yaml_document import KeyPath
 from sim_action.results.outcome import ExpectationOutcome, Measurement, Outcome, status_of
 from sim_action.robot.joint_selection import matches_name

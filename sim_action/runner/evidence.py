@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from sim_action.core.errors import InternalError
+from sim_action.core.records import replace
 from sim_action.core.wording import escaped_line, system_reason
 from sim_action.runner.job import Job
 from sim_action.simulation.recorder import RunRecorder
@@ -33,7 +33,8 @@ def store_evidence(job: Job, scene: Scene, footage: RunRecorder) -> tuple[str, .
     notes: list[str] = []
     with _noted("trace", notes):
         if (trace := footage.trace()) is not None:
-            job.trace.parent.mkdir(parents=True, exist_ok=True)
+            if not job.trace.parent.is_dir():
+                job.trace.parent.mkdir(parents=True, exist_ok=True)
             save_trace(trace, job.trace)
     with _noted("replay", notes):
         if job.replay is not None and (film := footage.film()) is not None and footage.start is not None:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
 from sim_action.core.discovery import file_name
 from sim_action.core.errors import Location
+from sim_action.core.records import dataclass, field, replace
 from sim_action.scenario.model import LoadedScenario
 
 BEGUN: Final = b"begun"
@@ -16,6 +16,12 @@ BEGUN: Final = b"begun"
 
 JUDGED: Final = b"judged"
 """The message of a child process that its outcome is written while it still writes recordings."""
+
+ENDED: Final = b"ended"
+"""The message of a shared child process that its run has ended and that it waits for the next one."""
+
+ENDED_LAST: Final = b"ended last"
+"""The message of a shared child process that its run has ended and that it takes no other one."""
 
 
 @dataclass(frozen=True, slots=True)

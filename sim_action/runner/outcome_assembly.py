@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from collections.abc import Set as AbstractSet
-from dataclasses import dataclass, replace
 from pathlib import Path
 
+from sim_action.core.records import dataclass, replace
 from sim_action.results.events import Event, Finished, Listener, RunEnded
 from sim_action.results.journal import Planned, Record
 from sim_action.results.outcome import Outcome
@@ -18,6 +18,7 @@ from sim_action.runner.child_outcome import unjudged
 from sim_action.runner.process_pool import motion_file
 from sim_action.runner.run_plan import Plan
 from sim_action.scenario.model import LoadedScenario
+from sim_action.scenario.sharing import share_parts
 from sim_action.scenario.source import Refused
 
 
@@ -27,8 +28,11 @@ def planned_outcomes(plans: Sequence[Plan], of_patterns: Sequence[Outcome]) -> l
     `of_patterns`: the outcomes of patterns that match no scenario; they come last.
     """
     outcomes = [Outcome.of_refused(plan) if isinstance(plan, Refused) else plan for plan in plans]
-    every = [each for one in outcomes for each in ([one] if isinstance(one, Outcome) else map(unjudged, one))]
-    return [Planned.of(outcome) for outcome in (*every, *of_patterns)]
+    every = (each for one in outcomes for each in ([one] if isinstance(one, Outcome) else map(unjudged, one)))
+    planned: list[Planned] = []
+    for outcome in (*every, *of_patterns):
+        planned.append(share_parts(Planned.of(outcome), planned[-1] if planned else None))
+    return planned
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +83,8 @@ class OutcomeAssembly:
         self._refused: dict[int, Refused] = {}
         self._ended: dict[int, dict[int, Outcome]] = {}
         self._keys: dict[int, set[str | None]] = {}
+        # All runs of these places have ended, and their outcomes are final.
+        self._final: set[int] = set()
         self.places: list[int] = []
         place = 0
         for plan in plans:
@@ -128,7 +134,7 @@ class OutcomeAssembly:
             assert record.place is not None
             assert record.outcome is not None
             if record.turn is None:
-                self._ended[record.place] = dict.fromkeys(range(1, self.repeat + 1), record.outcome)
+                self._final.add(record.place)
                 self._emit(Finished(record.place, record.outcome, record.key, taken_over=True))
             else:
                 self(RunEnded(record.place, record.turn, record.outcome, record.key, taken_over=True))
@@ -136,14 +142,16 @@ class OutcomeAssembly:
     @property
     def ended(self) -> AbstractSet[tuple[int, int]]:
         """The place and the turn of each run that needs no process any more."""
-        return {(place, turn) for place, turns in self._ended.items() for turn in turns}
+        final = {(place, turn) for place in self._final for turn in range(1, self.repeat + 1)}
+        return final | {(place, turn) for place, turns in self._ended.items() for turn in turns}
 
     def end(self, outcomes: Sequence[Outcome]) -> None:
         """Report the outcomes of scenarios with runs that did not take place; `outcomes`: those of all runs."""
         for index, outcome in enumerate(outcomes):
             turn, run = divmod(index, len(self.places))
-            if turn + 1 not in self._ended.get(self.places[run], {}):
-                self._take(self.places[run], turn + 1, outcome, None)
+            place = self.places[run]
+            if place not in self._final and turn + 1 not in self._ended.get(place, {}):
+                self._take(place, turn + 1, outcome, None)
 
     def _take(self, place: int, turn: int, outcome: Outcome, key: str | None) -> None:
         self._ended.setdefault(place, {})[turn] = outcome
@@ -152,6 +160,9 @@ class OutcomeAssembly:
         if all(len(self._ended.get(each, {})) == self.repeat for each in scenario.places):
             for final, each in zip(scenario.places, self._outcomes(scenario), strict=True):
                 self._emit(Finished(final, each, self._key(final)))
+            for final in scenario.places:
+                self._final.add(final)
+                del self._ended[final], self._keys[final]
 
     def _key(self, place: int) -> str | None:
         """Return the key of all runs of an outcome; None if one of them has no key."""

@@ -7,18 +7,18 @@ from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from collections.abc import Set as AbstractSet
 from contextlib import suppress
-from dataclasses import replace
 from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Final
 
 from sim_action.core.process import Interruption
+from sim_action.core.records import replace
 from sim_action.engines import ENGINES, chosen
 from sim_action.recording.export import EXPORTS
 from sim_action.results.artifacts import RunFiles, run_files
 from sim_action.results.events import Listener, Progressed, RunEnded, Started
-from sim_action.results.outcome import Outcome
+from sim_action.results.outcome import ExpectationOutcome, Outcome
 from sim_action.runner.child_outcome import (
     Ending,
     Limit,
@@ -32,7 +32,7 @@ from sim_action.runner.child_outcome import (
 )
 from sim_action.runner.isolation import child_type_here
 from sim_action.runner.isolation.capacity import cause_of, most_children
-from sim_action.runner.isolation.child_process import ChildProcess
+from sim_action.runner.isolation.child_process import ChildProcess, Starter
 from sim_action.runner.job import Job
 from sim_action.runner.process_output import muted
 from sim_action.runner.run_keys import RunKeys
@@ -63,6 +63,7 @@ def execute(
     ended: AbstractSet[tuple[int, int]] = frozenset(),
     keys: RunKeys | None = None,
     child_type: type[ChildProcess] | None = None,
+    shares: bool = True,
     meanwhile: Callable[[], object] = lambda: None,
 ) -> list[Outcome]:
     """Run all scenarios, and return one outcome each, in their order.
@@ -85,6 +86,7 @@ def execute(
         ended: the place and the turn of each run that an earlier call has ended; they get no process.
         keys: gives the keys of runs; by default, they have none.
         child_type: how child processes are started; by default, as this system allows.
+        shares: several runs without user code may use one child process, where the system allows it.
         meanwhile: called once the first children run, when this process only waits.
 
     Raises UsageError.
@@ -107,8 +109,16 @@ def execute(
             if loaded.compared:
                 made_jobs[index] = replace(made_jobs[index], motion=motion_file(motions, index))
     waiting = deque((index, job) for index, job in enumerate(made_jobs) if numbered[index] not in ended)
+    is_shared = shares and is_warm and len(waiting) > 1
     scheduler = _Scheduler(
-        child_type, waiting, jobs, emit, interruption, places_and_turns=numbered, fail_fast=fail_fast, keys=keys
+        child_type.starter(made_jobs) if is_shared else Starter(child_type),
+        waiting,
+        most_children(child_type, jobs),
+        emit,
+        interruption,
+        places_and_turns=numbered,
+        fail_fast=fail_fast,
+        keys=keys,
     )
     outcomes = scheduler.run(partial(_make_ready, scenarios, meanwhile))
     without = interrupted if interruption.happened else skipped
@@ -146,6 +156,7 @@ def _warmed_up(scenarios: Sequence[LoadedScenario], formats: Iterable[str], *, r
 
 def _warm_up(scenarios: Sequence[LoadedScenario], formats: Iterable[str], *, replays: bool) -> None:
     """Import and prepare, once for all forks, the engines and the packages that write results."""
+    ExpectationOutcome.model_rebuild()
     Outcome.model_rebuild()
     if replays:
         from sim_action.recording.replay import build
@@ -178,7 +189,7 @@ class _Scheduler:
 
     def __init__(
         self,
-        child_type: type[ChildProcess],
+        starter: Starter,
         waiting: deque[tuple[int, Job]],
         jobs: int,
         emit: Listener,
@@ -188,11 +199,13 @@ class _Scheduler:
         fail_fast: bool,
         keys: RunKeys | None,
     ) -> None:
-        self._child_type = child_type
+        self._starter = starter
         self._fail_fast = fail_fast
         self._interruption = interruption
         self._waiting = waiting
-        self._jobs = most_children(child_type, jobs)
+        # These runs have started before, in child processes that others had used.
+        self._repeated: set[int] = set()
+        self._jobs = jobs
         self._attempts = _MAX_ATTEMPTS
         self._starts_more = True
         self._places_and_turns = places_and_turns
@@ -218,28 +231,35 @@ class _Scheduler:
             for child in self._running.values():
                 child.kill()
                 child.close()
+            self._starter.end_waiting()
         return self._outcomes
 
     def _start(self) -> None:
         while self._waiting and len(self._running) < self._jobs and not self._interruption.happened:
             index, job = self._waiting.popleft()
             deadline = time.monotonic() + job.loaded.scenario.wall_seconds
+            alone, most_waiting = index in self._repeated, self._jobs - len(self._running) - 1
             try:
-                self._running[index] = self._child_type.start(replace(job, deadline=deadline))
+                self._running[index] = self._starter.start(
+                    index, replace(job, deadline=deadline), alone=alone, most_waiting=most_waiting
+                )
             except (OSError, MemoryError) as error:
                 self._put_back(index, job, error)
             else:
-                self._emit(Started(*self._places_and_turns[index], job.loaded.scenario.name))
+                if not alone:
+                    self._emit(Started(*self._places_and_turns[index], job.loaded.scenario.name))
 
     def _put_back(self, index: int, job: Job, error: OSError | MemoryError) -> None:
         """Start a job again once another one has ended, or soon if none runs; at last it is an error."""
+        # They may have what a start needs.
+        self._starter.end_waiting()
         if not self._running:
             self._attempts -= 1
             if self._attempts <= 0:
                 self._finish(index, not_started(job.loaded, cause_of(error)))
                 return
             self._interruption.wait(_ATTEMPT_PAUSE_S)
-        if self._starts_more:
+        if self._starts_more or index in self._repeated:
             self._waiting.appendleft((index, job))
         # Fewer at the same time take less.
         self._jobs = max(1, len(self._running))
@@ -267,6 +287,10 @@ class _Scheduler:
                 continue
             child.close()
             del self._running[index]
+            if child.is_doubtful:
+                self._repeated.add(index)
+                self._waiting.appendleft((index, child.job))
+                continue
             if (refusal := refusal_of(child, ending)) is not None:
                 self._put_back(index, child.job, refusal)
                 continue
@@ -284,8 +308,8 @@ class _Scheduler:
         self._outcomes[index] = outcome
         self._emit(RunEnded(*self._places_and_turns[index], outcome, key))
         if self._fail_fast and outcome.status != "passed":
-            self._waiting.clear()
             self._starts_more = False
+            self._waiting = deque(each for each in self._waiting if each[0] in self._repeated)
 
 
 def _deadline(child: ChildProcess) -> float:

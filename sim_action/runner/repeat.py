@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from sim_action.core.errors import ExitCode
+from sim_action.core.records import dataclass
 from sim_action.results.artifacts import stored_file
 from sim_action.results.outcome import Failure, Outcome, Repeats
 from sim_action.scenario.model import LoadedScenario

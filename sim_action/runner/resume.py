@@ -7,11 +7,11 @@ of the planned run, and if the files that it names exist under the names that th
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
 from sim_action.core.errors import UsageError
+from sim_action.core.records import dataclass, field, replace
 from sim_action.results.artifacts import RunFiles, stored_file
 from sim_action.results.journal import JOURNAL_FILE, Planned, Record, Recorded, read_journal
 from sim_action.results.outcome import Outcome, Status
@@ -101,7 +101,7 @@ def _by_key(recorded: Recorded) -> dict[_Key, Record]:
     }
 
 
-@dataclass
+@dataclass()
 class _Search:
     """Searches the records of the earlier call.
 
@@ -152,7 +152,7 @@ class _Search:
         # The traces of two runs that differ show the difference.
         if record.outcome.status == "flaky" and sum(map(self._exists, traces)) < 2:
             return None
-        return record.model_copy(update={"place": place})
+        return replace(record, place=place)
 
     def _of_turn(self, place: int, turn: int, key: str | None) -> Record | None:
         record = self.earlier.get((key, turn)) if key is not None else None
@@ -160,7 +160,7 @@ class _Search:
             return None
         if record.outcome.status == "flaky" or not self._names(record.outcome, self._files(place, turn)):
             return None
-        return record.model_copy(update={"place": place})
+        return replace(record, place=place)
 
     def _is_of(self, place: int, outcome: Outcome) -> bool:
         """Return True if an outcome is a valid verdict of the planned scenario."""

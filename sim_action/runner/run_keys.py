@@ -15,7 +15,7 @@ import sys
 import time
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
@@ -26,6 +26,7 @@ from sim_action.core.file_digests import FileDigests
 from sim_action.core.git_tree import GitError, GitListing, GitTree
 from sim_action.core.permissions import Permissions
 from sim_action.core.provenance import cpu_model
+from sim_action.core.records import dataclass
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.runner.child_outcome import engine_provenance
 from sim_action.scenario.model import LoadedScenario

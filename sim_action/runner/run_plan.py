@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
 
 from sim_action.core.errors import InternalError, InvalidScenario, UsageError
 from sim_action.core.permissions import Permissions
+from sim_action.core.records import dataclass, replace
 from sim_action.core.yaml_document import KeyPath
 from sim_action.engines import INSTALL_HINTS, chosen, installed
 from sim_action.results.shards import Shard
-from sim_action.scenario.loading import Libraries, load_all, scenarios_of
+from sim_action.scenario.loading import Libraries, load_all, scenarios_of, shared
 from sim_action.scenario.model import LoadedScenario, Unexercised
 from sim_action.scenario.selection import Suite, Unmatched
 from sim_action.scenario.source import Refused, Source
@@ -144,7 +144,18 @@ class _Planner:
 
     def _plans(self, sources: Iterable[Source | Refused]) -> Iterator[Plan]:
         loaded = load_all(sources, self._request.permissions, self._libraries)
-        return _once(map(self._plan, loaded))
+        return _once(self._sharing(loaded))
+
+    def _sharing(self, loaded: list[LoadedScenario | Refused]) -> Iterator[Plan]:
+        """Yield the plans, of which each shares the equal parts with the one before, and empty the list."""
+        loaded.reverse()
+        known: Plan = ()
+        while loaded:
+            plan = self._plan(loaded.pop())
+            if not isinstance(plan, Refused) and not isinstance(known, Refused) and len(plan) == len(known):
+                plan = tuple(map(shared, plan, known))
+            known = plan
+            yield plan
 
     def _plan(self, scenario: LoadedScenario | Refused) -> Plan:
         """Return the plan: the scenario once for each of its engines, or its refusal."""

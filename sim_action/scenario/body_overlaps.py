@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Final, Self
 
+from sim_action.core.records import dataclass
 from sim_action.scenario.world_checks import DEPTH
 from sim_action.state.observation import Clash
 from sim_action.world import GROUND, Body, World, placed

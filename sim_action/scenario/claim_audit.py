@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import reduce
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final, Literal
@@ -17,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 from sim_action.core import units
 from sim_action.core.errors import Location
 from sim_action.core.field_types import FrozenModel
+from sim_action.core.records import dataclass
 from sim_action.core.wording import did_you_mean
 from sim_action.core.workspace import PathError
 from sim_action.core.yaml_document import Document, KeyPath

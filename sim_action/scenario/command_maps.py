@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
 from typing import Any
 
 from sim_action.commands import COMMANDS, CommandSource
 from sim_action.core.errors import Problem
+from sim_action.core.records import dataclass, field, replace
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_document import Document, KeyPath
 

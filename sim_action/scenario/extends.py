@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Final, get_args, get_origin
@@ -19,6 +18,7 @@ from sim_action.assertions import ASSERTIONS
 from sim_action.commands import COMMANDS
 from sim_action.core.errors import Location
 from sim_action.core.field_types import NamesFile
+from sim_action.core.records import replace
 from sim_action.core.yaml_document import Document, KeyPath
 from sim_action.drives import DRIVES
 from sim_action.robot.built_in import BUILT_IN

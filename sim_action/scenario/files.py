@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator
 from collections.abc import Set as AbstractSet
-from dataclasses import replace
 from itertools import count
 from pathlib import Path
 from typing import Final
@@ -19,6 +18,7 @@ from sim_action.core.errors import InternalError, InvalidScenario, Location, Mis
 from sim_action.core.field_types import is_title
 from sim_action.core.files import read_at_most, similar_path
 from sim_action.core.permissions import Permissions
+from sim_action.core.records import replace
 from sim_action.core.wording import escaped_line, nearest, shown
 from sim_action.core.workspace import PathError, Workspace, path_problem
 from sim_action.core.yaml_document import MAX_BYTES, Document, location_after, read_document

@@ -6,13 +6,13 @@ Every error has its file, line and column, and all of them are reported at once.
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from sim_action.core.errors import InternalError, InvalidScenario, ModelError, Problem, RefusedModel, UsageError
 from sim_action.core.permissions import Permissions
+from sim_action.core.records import dataclass, field, replace
 from sim_action.core.yaml_errors import ProblemList, SpecProblems
 from sim_action.robot.loading import ModelLibrary, check_text, load_model, package_problems, srdf_problems
 from sim_action.robot.robot_model import RobotModel
@@ -93,9 +93,32 @@ def load_all(
     libraries = libraries or Libraries()
     found: list[LoadedScenario | Refused] = []
     for several in scenarios_of(sources):
-        scenarios = [_loaded_or_refused(source, permissions, libraries) for source in several]
+        scenarios = list(_sharing(_loaded_or_refused(source, permissions, libraries) for source in several))
         found += _together(several, scenarios)
     return found
+
+
+def _sharing(loaded: Iterable[LoadedScenario | Refused]) -> Iterator[LoadedScenario | Refused]:
+    """Yield the variations of a scenario, of which each shares the equal parts with the one before."""
+    known: LoadedScenario | Refused | None = None
+    for each in loaded:
+        known = shared(each, known) if isinstance(each, LoadedScenario) and isinstance(known, LoadedScenario) else each
+        yield known
+
+
+def shared(loaded: LoadedScenario, known: LoadedScenario) -> LoadedScenario:
+    """Return a scenario that shares the equal parts with a similar one; models and shapes are shared already."""
+    # Only variations need it.
+    from sim_action.scenario.sharing import share_parts
+
+    return replace(
+        loaded,
+        scenario=share_parts(loaded.scenario, known.scenario),
+        source=share_parts(loaded.source, known.source),
+        unchecked=share_parts(loaded.unchecked, known.unchecked),
+        warnings=share_parts(loaded.warnings, known.warnings),
+        places=share_parts(loaded.places, known.places),
+    )
 
 
 def scenarios_of(sources: Iterable[Source | Refused]) -> Iterator[tuple[Source | Refused, ...]]:

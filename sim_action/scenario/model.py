@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Self
 
 from pydantic import AfterValidator, Field, JsonValue, ValidationInfo, field_validator, model_validator
@@ -26,6 +25,7 @@ from sim_action.core.field_types import (
     Tag,
     Title,
 )
+from sim_action.core.records import dataclass, field, replace
 from sim_action.core.units import STEP_EPSILON, first_step
 from sim_action.core.wording import shown
 from sim_action.core.workspace import Workspace

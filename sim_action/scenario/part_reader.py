@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
-from dataclasses import replace
 from itertools import count
 from typing import TYPE_CHECKING, Any, Final, TypeGuard, TypeVar
 
@@ -14,6 +13,7 @@ from sim_action.assertions import ASSERTIONS, Assertion
 from sim_action.commands import COMMANDS, CommandSource
 from sim_action.core.field_types import BARE_ANGLE_RULE
 from sim_action.core.permissions import Permissions
+from sim_action.core.records import replace
 from sim_action.core.registry import Table
 from sim_action.core.wording import did_you_mean, shown
 from sim_action.core.workspace import Workspace

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Final
 
 from sim_action.core import geometry, units
 from sim_action.core.geometry import Pose, Vector3
+from sim_action.core.records import dataclass
 from sim_action.core.yaml_document import KeyPath
 from sim_action.robot.kinematics import link_of_frame, link_poses
 from sim_action.robot.robot_model import WORLD, Joint, RobotModel

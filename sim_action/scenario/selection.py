@@ -6,7 +6,6 @@ import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
-from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from itertools import groupby
 from pathlib import Path
@@ -15,6 +14,7 @@ from typing import Final
 from sim_action.core.discovery import file_name
 from sim_action.core.errors import Location, Problem, UsageError
 from sim_action.core.permissions import Permissions
+from sim_action.core.records import dataclass, field, replace
 from sim_action.core.wording import counted, did_you_mean, escaped_line
 from sim_action.engines import ENGINES
 from sim_action.scenario.files import read_file

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
 from pydantic import JsonValue
 
 from sim_action.core.errors import InternalError, InvalidScenario, Location, Problem
+from sim_action.core.records import dataclass, replace
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import Document
 

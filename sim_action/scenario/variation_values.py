@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
 from random import Random
 from typing import Annotated, Any, ClassVar, Final, Self
 
@@ -12,6 +11,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from sim_action.core import units
 from sim_action.core.field_types import FrozenModel
+from sim_action.core.records import dataclass
 from sim_action.core.wording import did_you_mean, shown
 from sim_action.core.yaml_document import KeyPath
 from sim_action.core.yaml_errors import spec_errors

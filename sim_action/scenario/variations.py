@@ -14,7 +14,6 @@ import math
 import re
 from collections import ChainMap
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from itertools import product
 from types import MappingProxyType
 from typing import Any, Final, cast
@@ -23,6 +22,7 @@ from pydantic import JsonValue
 
 from sim_action.core.errors import InvalidScenario, Location, Problem
 from sim_action.core.field_types import is_plain_name
+from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import did_you_mean, shown
 from sim_action.core.yaml_document import Document, KeyPath
 from sim_action.scenario.extends import without

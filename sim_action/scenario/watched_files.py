@@ -10,7 +10,6 @@ import os
 import re
 import shlex
 from collections.abc import Hashable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import Final
@@ -19,6 +18,7 @@ from sim_action.core.errors import InvalidScenario
 from sim_action.core.field_types import VARIATION
 from sim_action.core.files import read_at_most
 from sim_action.core.permissions import Permissions
+from sim_action.core.records import dataclass, replace
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_document import MAX_BYTES, read_document
 from sim_action.robot.packages import PackageError, Packages

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final, Self
 
 from sim_action.core import units
 from sim_action.core.errors import Location, Problem
 from sim_action.core.field_types import Placement
+from sim_action.core.records import dataclass
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.scenario.model import Scenario

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterator, Mapping
 from collections.abc import Set as AbstractSet
-from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, Final
 
 from sim_action.core.errors import Location, ModelError, Problem, RefusedModel
 from sim_action.core.field_types import Placement
+from sim_action.core.records import dataclass, field
 from sim_action.core.wording import did_you_mean, nearest
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_document import KeyPath

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final
 
@@ -16,6 +15,7 @@ from pydantic import Field
 
 from sim_action.core.field_types import FrozenModel, Name, PositiveHertz, RelativePose
 from sim_action.core.geometry import Pose
+from sim_action.core.records import dataclass
 from sim_action.core.registry import Table
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.transmission import PERFECT, Transmission

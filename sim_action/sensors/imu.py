@@ -54,8 +54,8 @@ class Imu(Sensor):
             return ImuReading(
                 sight.time,
                 now.pose.orientation_xyzw,
-                _scatter(mount.random, _sum(turning, gyro_offset), self.gyro_noise),
-                _scatter(mount.random, _sum(felt, accelerometer_offset), self.accelerometer_noise),
+                _scatter(mount.random, geometry.add(turning, gyro_offset), self.gyro_noise),
+                _scatter(mount.random, geometry.add(felt, accelerometer_offset), self.accelerometer_noise),
             )
 
         return measure
@@ -69,7 +69,7 @@ class _State:
         arm = geometry.rotate(link.orientation_xyzw, mount.pose.position_xyz)
         self.pose: Pose = geometry.compose(link, mount.pose)
         self.angular_xyz = twist.angular_xyz
-        self.linear_xyz = _sum(twist.linear_xyz, geometry.cross(twist.angular_xyz, arm))
+        self.linear_xyz = geometry.add(twist.linear_xyz, geometry.cross(twist.angular_xyz, arm))
         self.time = sight.time
 
     def turning(self) -> Vector3:
@@ -94,11 +94,6 @@ def _midway(first: Quaternion, second: Quaternion) -> Quaternion:
     return (x / length, y / length, z / length, w / length)
 
 
-def _sum(first: Vector3, second: Vector3) -> Vector3:
-    (ax, ay, az), (bx, by, bz) = first, second
-    return (ax + bx, ay + by, az + bz)
-
-
 def _scatter(random: Generator, around: Vector3, deviation: float) -> Vector3:
     dx, dy, dz = (deviation * random.standard_normal(3)).tolist()
-    return _sum(around, (dx, dy, dz))
+    return geometry.add(around, (dx, dy, dz))

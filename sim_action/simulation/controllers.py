@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from copy import deepcopy
-from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any, Final
 
@@ -13,6 +12,7 @@ from sim_action.commands import ClosedLoop, CommandSource, Controller, OpenLoop
 from sim_action.core import units
 from sim_action.core.errors import BadSource, ScriptError, SourceProblem
 from sim_action.core.geometry import Twist
+from sim_action.core.records import dataclass, field, replace
 from sim_action.drives import DriveMotion
 from sim_action.scenario.model import Scenario
 from sim_action.sensors import MountedSensor
@@ -136,7 +136,9 @@ class Controls:
         A target of None keeps the last one.
         """
         asked = self._ask(step, look)
-        steps = min([end - step, *(source.period - step % source.period for source in self._sources)])
+        steps = end - step
+        for source in self._sources:
+            steps = min(steps, source.period - step % source.period)
         if self._late:
             steps = int(min([steps, *(line.next_step - step for _, line in self._late)]))
         planned = self._driven(steps)
@@ -215,6 +217,9 @@ class Controls:
             answer = source.controller.command(step / self._rate)
         else:
             answer = source.controller.command(look(step))
+        if type(answer) is Twist:
+            # Most ticks of a robot that drives.
+            return (answer,)
         commands = _with_wrenches_together(commands_of(answer))
         self._refuse_two_ways(commands)
         return commands
@@ -256,6 +261,8 @@ class Controls:
 
 
 def _with_wrenches_together(commands: tuple[Command, ...]) -> tuple[Twist | JointTargets, ...]:
+    if len(commands) == 1 and not isinstance(commands[0], LinkWrench):
+        return (commands[0],)
     others = tuple(command for command in commands if not isinstance(command, LinkWrench))
     if len(others) == len(commands):
         return others

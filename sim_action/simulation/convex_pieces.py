@@ -9,7 +9,6 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final, Self
 
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose
+from sim_action.core.records import dataclass
 from sim_action.meshes.hull_file import read_hull_points
 from sim_action.robot.robot_model import Shape
 from sim_action.state.trace import FloatArray

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, Final, Self
 from xml.etree import ElementTree as ET
 
 import numpy as np
 
 from sim_action.core import geometry
+from sim_action.core.records import dataclass
 from sim_action.robot.link_motion import link_motion
 from sim_action.robot.robot_model import RobotModel
 from sim_action.robot.urdf_elements import MOMENTS, number, origin

@@ -5,14 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from sim_action.assertions.monitors.becoming import Rest
 from sim_action.core.errors import ControllersFinished, RunError
-from sim_action.drives import Drive, recognise
+from sim_action.core.records import dataclass, replace
+from sim_action.drives import Drive, DriveMotion, recognise
 from sim_action.drives.ignored_statements import ignored_statements
 from sim_action.drives.wheels import axis_in_base, opposed_note
 from sim_action.engines import ENGINES, Engine, chosen
@@ -112,7 +112,8 @@ def simulate(scenario: Scenario, scene: Scene, progress: Progress, footage: RunR
     backend, notes = opened_on_top(scene, lambda scene: engine(scene, watched))
     try:
         at = backend.observe(0, contacts=False).pose
-        notes += refuse_bad_start(scene, at, backend.overlaps(), backend.clashes())
+        can_clash = any(body.mass is not None for body in scene.world.objects)
+        notes += refuse_bad_start(scene, at, backend.overlaps(), backend.clashes() if can_clash else ())
         run = _Loop(scenario, scene, drive, backend, channels, footage=footage, springs=springs).run(progress)
         return replace(run, notes=(*run.notes, *notes))
     finally:
@@ -162,10 +163,12 @@ def _about_links(scenario: Scenario, scene: Scene) -> Iterator[str]:
         yield from () if note is None else (note,)
 
 
-def _about_model_of_drive(scenario: Scenario, scene: Scene, drive: Drive | None) -> Iterator[str]:
-    """Yield notes on what the model states about a drive, and the drive does otherwise."""
+def _about_model_of_drive(
+    scenario: Scenario, scene: Scene, drive: Drive | None, motion: DriveMotion | None
+) -> Iterator[str]:
+    """Yield notes on what the model states about a drive, and the drive does otherwise; `motion`: if it is open."""
     if drive is not None:
-        joints = drive.open(scene.model, scenario.physics.rate, scene.world.weight).joints
+        joints = (motion or drive.open(scene.model, scenario.physics.rate, scene.world.weight)).joints
         axes = {name: axis_in_base(scene.model, scene.model.joints_by_name[name]) for name in sorted(joints)}
         turning = {name: axis for name, axis in axes.items() if scene.model.joints_by_name[name].type == "continuous"}
         if (note := opposed_note(turning)) is not None:
@@ -200,11 +203,11 @@ class _Loop:
         self._tunnelling: Tunnelling | None = None
         self._pinning: Pinning | None = None
         self._body_poses: FloatArray | None = None
-        noted = _noted_drive(scenario, scene, drive)
+        motion = drive.open(scene.model, scenario.physics.rate, scene.world.weight) if drive else None
+        self._motion, noted = motion, _noted_drive(scenario, scene, drive)
         self._notes = [*unannounced(scene.model.findings), *backend.notes, *_about_drive(scenario, scene, noted)]
-        about_model = (*_about_model_of_drive(scenario, scene, noted), *_about_links(scenario, scene))
+        about_model = (*_about_model_of_drive(scenario, scene, noted, motion), *_about_links(scenario, scene))
         self._model_notes = (*announced(scene.model.findings), *backend.model_notes, *about_model)
-        self._motion = drive.open(scene.model, scenario.physics.rate, scene.world.weight) if drive else None
         self._arrivals = Spawns.of(scenario)
         self._last_step = scenario.steps(scenario.time_limit)
         self._step = 0
@@ -244,9 +247,10 @@ class _Loop:
         while panel.end is None:
             trace, failure = self._advance(_PERIOD_S if panel.is_pending else _PERIOD_WITHOUT_GOALS_S, progress)
             if len(trace):
-                panel, seen = panel.observe_until_end(Trace.concatenate((*opening, trace)))
-                # The recorder has the moment at t = 0 already.
-                seen, opening = seen.rows(slice(len(opening), None)), ()
+                panel, seen = panel.observe_until_end(Trace.concatenate((*opening, trace)) if opening else trace)
+                if opening:
+                    # The recorder has the moment at t = 0 already.
+                    seen, opening = seen.rows(slice(len(opening), None)), ()
                 digest.add(seen)
                 motion = motion.after(seen)
                 accuracy.add(seen, self._backend.touching())
@@ -342,7 +346,9 @@ class _Loop:
                 progress(self._step / rate)
         except RunError as error:
             failure = error
-        told = replace(self._backend.collect(), sensors=self._sensing.collect())
+        told = self._backend.collect()
+        if readings := self._sensing.collect():
+            told = replace(told, sensors=readings)
         trace, unstable = self._watchdog.watch(told)
         missed = None
         if self._tunnelling is not None:

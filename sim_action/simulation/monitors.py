@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal, Self
 
 from sim_action.assertions.monitors import Monitor, State, needed_until
 from sim_action.assertions.monitors.window import Window
 from sim_action.core.errors import BadStart, FileProblem
+from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.scenario.model import Expectation, Scenario
 from sim_action.state.observation import Observation
@@ -75,6 +75,9 @@ class Panel:
             return later, trace
         # A run that has ended stays ended, so bisection finds the first such moment.
         before, ended = 0, len(trace)
+        # A duration ends at the last moment of a period.
+        if self.scenario.duration is not None and ended > 1 and self.observe(trace.first(ended - 1)).end is None:
+            before = ended - 1
         while ended - before > 1:
             middle = (before + ended) // 2
             before, ended = (before, middle) if self.observe(trace.first(middle)).end else (middle, ended)

@@ -8,7 +8,6 @@ the body cannot have come near enough.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Final, Self
 
 import numpy as np
@@ -16,6 +15,7 @@ import numpy as np
 from sim_action.core import geometry
 from sim_action.core.convex import hull_distance
 from sim_action.core.geometry import Pose
+from sim_action.core.records import dataclass
 from sim_action.core.units import first_step
 from sim_action.scenario.world_checks import DEPTH
 from sim_action.simulation.convex_pieces import Obstacle, Piece, part_pieces, part_soups, turned

@@ -12,13 +12,13 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from sim_action.core import units
 from sim_action.core.errors import SimulationUnstable
+from sim_action.core.records import dataclass
 from sim_action.state.observation import Contact
 from sim_action.state.trace import FloatArray, Trace
 from sim_action.world.scene import Scene

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim_action.core.geometry import Twist
+from sim_action.core.records import replace
 from sim_action.scenario.model import Agreement, Scenario
 from sim_action.state.command import Command, JointTargets, LinkWrench
 from sim_action.state.observation import Contact, Observation

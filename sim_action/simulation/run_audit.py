@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
 from typing import Final, Self
 
 from sim_action.assertions import Assertion
 from sim_action.assertions.monitors.becoming import Rest
 from sim_action.assertions.sensor import SensorReading
 from sim_action.core.geometry import Twist
+from sim_action.core.records import dataclass, field, replace
 from sim_action.core.yaml_document import KeyPath
 from sim_action.scenario.claim_audit import ClaimFinding
 from sim_action.scenario.model import Scenario

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass, field, replace
 
+from sim_action.core.records import dataclass, field, replace
 from sim_action.drives import recognise
 from sim_action.engines import Engine
 from sim_action.scenario.model import Scenario
@@ -81,6 +81,9 @@ class Sensing:
 
     def next_tick(self, step: int, end: int) -> int:
         """Return the next step at which a sensor is read, or `end` if that is earlier."""
+        # Called at every tick.
+        if not self._sensors:
+            return end
         return min([end, *(step - step % running.period + running.period for running in self._sensors)])
 
     def read(self, step: int) -> None:
@@ -89,7 +92,7 @@ class Sensing:
         The readings at t = 0 arrive at once: the sensors ran before, and the robot was at rest. So a controller has a
         reading of each sensor from the start.
         """
-        due = [running for running in self._sensors if step % running.period == 0]
+        due = [running for running in self._sensors if step % running.period == 0] if self._sensors else ()
         if not due:
             return
         sight = Sight(step / self._rate, self._backend, lambda: self.look(step))

@@ -9,12 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from collections.abc import Set as AbstractSet
-from dataclasses import dataclass, replace
 from typing import Final, Self
 
 from sim_action.core import geometry, units
 from sim_action.core.errors import BadStart, Problem, RunError
 from sim_action.core.geometry import Pose
+from sim_action.core.records import dataclass, replace
 from sim_action.core.yaml_errors import SpecProblem, SpecProblems
 from sim_action.engines import Engine
 from sim_action.scenario.model import Scenario
@@ -191,6 +191,9 @@ class Spawns:
 
     def next(self, step: int, until: int) -> int:
         """Return the first step after `step` at which a body appears, or `until` if that is earlier."""
+        # Called at every tick.
+        if not self.names:
+            return until
         return min((arrival for arrival in self.names if step < arrival < until), default=until)
 
     def refuse_blocked(self, step: int, rate: float, backend: Engine) -> None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, Final
 
@@ -19,6 +18,7 @@ from sim_action.assertions.monitors.base_motion import BaseMotion
 from sim_action.core import geometry
 from sim_action.core.convex import hull_distance
 from sim_action.core.geometry import Pose
+from sim_action.core.records import dataclass, replace
 from sim_action.core.units import first_step
 from sim_action.robot.link_motion import link_frames
 from sim_action.simulation.convex_pieces import Obstacle, Piece, link_pieces, part_pieces, part_soups, turned

@@ -13,12 +13,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Final, Self
 
 import numpy as np
 
 from sim_action.core.errors import SimulationUnstable
+from sim_action.core.records import dataclass
 from sim_action.robot.robot_model import Joint, RobotModel
 from sim_action.state.observation import Observation
 from sim_action.state.trace import FloatArray, Trace

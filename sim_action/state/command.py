@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
 from typing import Final
 
 from sim_action.core.geometry import ZERO, Twist, Vector3
+from sim_action.core.records import dataclass, field
 
 WORLD_FRAME: Final = "world"
 

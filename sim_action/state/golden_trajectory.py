@@ -12,11 +12,11 @@ import csv
 import io
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NoReturn, Self
 
 from sim_action.core.files import read_at_most, whole_file
+from sim_action.core.records import dataclass
 from sim_action.core.wording import escaped_line, shown
 
 if TYPE_CHECKING:

@@ -6,7 +6,6 @@ A run writes it for the comparison only: it does not depend on the stored trace,
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_action.core.files import open_regular, whole_file
+from sim_action.core.records import dataclass, field
 from sim_action.state.trace import FloatArray
 from sim_action.state.trace_storage import TraceError, refuse_too_large
 

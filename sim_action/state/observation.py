@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import NamedTuple, NoReturn, TypeVar, overload
 
 from sim_action.core.geometry import Pose, Twist, Vector3
+from sim_action.core.records import dataclass, field
 from sim_action.core.wording import did_you_mean
 from sim_action.state.readings import Reading
 

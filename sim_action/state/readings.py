@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from sim_action.core import units
 from sim_action.core.geometry import Pose, Quaternion, Twist, Vector3
+from sim_action.core.records import dataclass
 from sim_action.core.units import Dimension
 
 if TYPE_CHECKING:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
+from sim_action.core.records import dataclass
 from sim_action.state.trace import COLUMNS, Trace
 
 

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from sim_action.core.geometry import Pose, Twist, Vector3, quaternion_from_rpy
+from sim_action.core.records import dataclass
 
 if TYPE_CHECKING:
     import numpy as np

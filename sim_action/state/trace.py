@@ -6,7 +6,6 @@ The simulation loop gives monitors short traces at full rate. Stored traces have
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Final, Self, TypeVar
 
@@ -14,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_action.core.geometry import Quaternion, Vector3
+from sim_action.core.records import dataclass, field, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.state.observation import Contact, Observation, SelfContact
 from sim_action.state.trace_channels import ClearanceWatch
@@ -187,12 +187,16 @@ class Trace:
     @cached_property
     def _first(self) -> float:
         """The earliest time of all data in s: contacts and other records may lie between moments."""
+        if not self._tells:
+            return float(self.state[0, 0])
         told = (*self._touch_times, *(record.time[0] for record in self._records))
         return float(min([self.time[0], *told]))
 
     @cached_property
     def _last(self) -> float:
         """The latest time of all data in s."""
+        if not self._tells:
+            return float(self.state[-1, 0])
         told = (*self._touch_times, *(record.time[-1] for record in self._records))
         return float(max([self.time[-1], *told]))
 

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
 from functools import reduce
 from operator import or_
 from typing import Self
+
+from sim_action.core.records import dataclass, replace
 
 
 @dataclass(frozen=True, slots=True)

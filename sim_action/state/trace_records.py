@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any, Final, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim_action.core.geometry import Twist, Vector3
+from sim_action.core.records import dataclass, field
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.state.readings import Reading
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final, Literal, Self, TypeAlias
 
 from sim_action.core.geometry import AXES, Quaternion, rotate
+from sim_action.core.records import dataclass, replace
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated, Self
 
@@ -13,6 +12,7 @@ from pydantic import Field
 
 from sim_action.core.field_types import Coordinate, FrozenModel, NonNegativeSeconds, Placement, Radians
 from sim_action.core.geometry import Pose, quaternion_from_rpy
+from sim_action.core.records import dataclass
 
 
 class PathPoint(FrozenModel):

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Final
 
 from pydantic import Field
 
 from sim_action.core.field_types import FrozenModel, Metres, NonNegativeRatio
 from sim_action.core.geometry import Pose
+from sim_action.core.records import dataclass
 
 if TYPE_CHECKING:
     from sim_action.world.parts import BoxPart

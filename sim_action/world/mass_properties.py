@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Quaternion, Vector3
+from sim_action.core.records import dataclass
 from sim_action.world.body import Body
 from sim_action.world.parts import BoxPart, CylinderPart, HullPart, Part, SpherePart
 

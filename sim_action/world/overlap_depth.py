@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Final
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Vector3
+from sim_action.core.records import dataclass
 from sim_action.world.parts import BoxPart, CylinderPart, Part, SpherePart
 
 # Shorter cross products belong to parallel edges and are no direction.
@@ -83,8 +83,8 @@ def _depth(one: Solid, other: Solid) -> float:
 
 def _in_box(ball: Ball, box: Box) -> float:
     """Return the depth of a ball in a box; negative if they are apart."""
-    away = _minus(ball.centre, box.centre)
-    along = [_dot(away, axis) for axis in box.axes]
+    away = geometry.subtract(ball.centre, box.centre)
+    along = [geometry.dot(away, axis) for axis in box.axes]
     beyond = [max(0.0, abs(way) - half) for way, half in zip(along, box.halves, strict=True)]
     if any(beyond):
         return ball.radius - math.hypot(*beyond)
@@ -93,23 +93,15 @@ def _in_box(ball: Ball, box: Box) -> float:
 
 def _of_boxes(one: Box, other: Box) -> float:
     """Return the least overlap on the separating axes (Gottschalk 1996); negative if they are apart."""
-    away = _minus(other.centre, one.centre)
+    away = geometry.subtract(other.centre, one.centre)
     crosses = (geometry.cross(a, b) for a in one.axes for b in other.axes)
     least = math.inf
     for axis in (*one.axes, *other.axes, *crosses):
         length = math.hypot(*axis)
         if length > _PARALLEL:
-            least = min(least, (_reach(one, axis) + _reach(other, axis) - abs(_dot(away, axis))) / length)
+            least = min(least, (_reach(one, axis) + _reach(other, axis) - abs(geometry.dot(away, axis))) / length)
     return least
 
 
 def _reach(box: Box, axis: Vector3) -> float:
-    return sum(half * abs(_dot(own, axis)) for half, own in zip(box.halves, box.axes, strict=True))
-
-
-def _minus(one: Vector3, other: Vector3) -> Vector3:
-    return one[0] - other[0], one[1] - other[1], one[2] - other[2]
-
-
-def _dot(one: Vector3, other: Vector3) -> float:
-    return one[0] * other[0] + one[1] * other[1] + one[2] * other[2]
+    return sum(half * abs(geometry.dot(own, axis)) for half, own in zip(box.halves, box.axes, strict=True))

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Quaternion, Vector3
+from sim_action.core.records import dataclass, field, replace
 
 if TYPE_CHECKING:
     import numpy as np
@@ -98,9 +98,9 @@ def _lowest(part: Part, orientation: Quaternion) -> float:
     x, y, z = geometry.rotate(geometry.conjugate(orientation), (0.0, 0.0, 1.0))
     if isinstance(part, BoxPart | CylinderPart | SpherePart):
         own = geometry.rotate(geometry.conjugate(part.pose.orientation_xyzw), (x, y, z))
-        return _dot(part.pose.position_xyz, (x, y, z)) - _half_height(part, own)
+        return geometry.dot(part.pose.position_xyz, (x, y, z)) - _half_height(part, own)
     if isinstance(part, HullPart):
-        return min(_dot(point, (x, y, z)) for point in part.points_xyz)
+        return min(geometry.dot(point, (x, y, z)) for point in part.points_xyz)
     points = grid_points(part) if isinstance(part, GridPart) else part.points_xyz
     return float((points[:, 0] * x + points[:, 1] * y + points[:, 2] * z).min())
 
@@ -161,8 +161,3 @@ def grid_surface(grid: GridPart) -> SurfacePart:
     a, b, c, d = (part.ravel() for part in (corners[:-1, :-1], corners[:-1, 1:], corners[1:, 1:], corners[1:, :-1]))
     triangles = np.concatenate((np.column_stack((a, b, c)), np.column_stack((a, c, d))))
     return SurfacePart(grid_points(grid), triangles)
-
-
-def _dot(one: Vector3, other: Vector3) -> float:
-    (ax, ay, az), (bx, by, bz) = one, other
-    return ax * bx + ay * by + az * bz

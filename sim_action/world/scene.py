@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
 from sim_action.core import units
 from sim_action.core.errors import Location
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import rpy_from_quaternion
+from sim_action.core.records import dataclass, field
 from sim_action.core.workspace import Workspace
 from sim_action.robot.kinematics import Mobility, why_no_link
 from sim_action.robot.robot_model import WORLD, RobotModel

@@ -41,7 +41,7 @@ SYSTEMS = [
 def test_every_line_of_our_lock_files_is_an_entry_with_hashes(lock: Path) -> None:
     text = lock.read_text(encoding="utf-8")
     found = entries(text)
-    assert len(found) == len(re.findall(r"^[a-z][\w-]*==", text, re.MULTILINE)) > 10
+    assert len(found) == len(re.findall(r"^[a-z][\w-]*==", text, re.MULTILINE)) > 7
     assert sum(len(entry.hashes) for entry in found) == text.count("--hash=sha256:")
     assert entries(text_of(found)) == found
 

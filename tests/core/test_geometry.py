@@ -14,13 +14,18 @@ from sim_action.core.geometry import (
     Quaternion,
     Twist,
     Vector3,
+    add,
     compose,
     conjugate,
+    cross,
+    dot,
     inverse,
     multiply,
     quaternion_from_rpy,
     rotate,
     rpy_from_quaternion,
+    scale,
+    subtract,
     twist_between,
 )
 
@@ -133,3 +138,11 @@ def test_what_stays_has_no_twist() -> None:
 
 def test_a_turn_too_small_to_divide_by_is_none() -> None:
     assert twist_between(Pose(), Pose(orientation_xyzw=(0.0, 0.0, 1e-320, 1.0)), 1e-6).angular_xyz == (0.0, 0.0, 0.0)
+
+
+def test_vectors_are_added_subtracted_scaled_and_multiplied() -> None:
+    assert add((1.0, 2.0, 3.0), (10.0, 20.0, 40.0)) == (11.0, 22.0, 43.0)
+    assert subtract((1.0, 2.0, 3.0), (10.0, 20.0, 40.0)) == (-9.0, -18.0, -37.0)
+    assert scale((1.0, -2.0, 3.0), 2.0) == (2.0, -4.0, 6.0)
+    assert dot((1.0, 2.0, 3.0), (10.0, 20.0, -40.0)) == -70.0
+    assert cross((1.0, 2.0, 3.0), (4.0, 6.0, 9.0)) == (0.0, 3.0, -2.0)

@@ -109,7 +109,7 @@ def environment(temp: Path) -> Path:
 
 def sim_action(folder: Path, *arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
     """Run the command line outside of GitHub, forked from a process that has imported everything."""
-    code, printed, errors = WARM.call(folder, arguments, _outside_of_github(variables))
+    code, printed, errors = WARM.call(folder, arguments, outside_of_github(variables))
     return subprocess.CompletedProcess(["sim-action", *arguments], code, printed, errors)
 
 
@@ -118,13 +118,14 @@ def fresh_sim_action(folder: Path, *arguments: str, **variables: str) -> subproc
     return subprocess.run(
         [sys.executable, "-m", "sim_action", *arguments],
         cwd=folder,
-        env=_outside_of_github(variables),
+        env=outside_of_github(variables),
         capture_output=True,
         text=True,
         check=False,
     )
 
 
-def _outside_of_github(variables: dict[str, str]) -> dict[str, str]:
+def outside_of_github(variables: dict[str, str]) -> dict[str, str]:
+    """The environment of a call: equal in all of them but for these variables, as `--resume` compares it."""
     kept = {name: value for name, value in os.environ.items() if not name.startswith("GITHUB_")}
     return {**kept, "PYTHONPATH": str(ACTION), **variables}

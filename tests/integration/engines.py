@@ -65,7 +65,7 @@ def _push_bullet(backend: Any, linear: Vector3, angular: Vector3) -> None:
     import pybullet
 
     orientation = backend.observe(0, contacts=False).pose.orientation_xyzw
-    around = geometry.cross(angular, geometry.rotate(orientation, backend._com_in_link.position_xyz))
+    around = geometry.cross(angular, geometry.rotate(orientation, backend._states.com_in_link.position_xyz))
     of_com = [speed + more for speed, more in zip(linear, around, strict=True)]
     pybullet.resetBaseVelocity(backend._robot, of_com, angular, backend._client)
 

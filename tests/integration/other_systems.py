@@ -39,7 +39,7 @@ _WINDOWS: Final = """
 import ctypes, os, select, shutil, signal, socket, stat, subprocess, sys, sysconfig, types
 sysconfig.get_config_vars()
 # Other packages ask for the system when they are imported: they are to believe in their own.
-import click, mujoco, numpy, pydantic, rich.console, xacro, yaml
+import click, mujoco, numpy, pydantic, xacro, yaml
 import fcntl
 def locking(descriptor, mode, size, lockf=fcntl.lockf, how=fcntl.LOCK_EX | fcntl.LOCK_NB):
     lockf(descriptor, how, size, os.lseek(descriptor, 0, os.SEEK_CUR))

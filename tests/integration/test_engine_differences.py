@@ -11,6 +11,7 @@ import pytest
 from sim_action.engines import ENGINES, installed, named_version
 from sim_action.state.trace_storage import load_trace
 from tests.integration.conftest import fresh_sim_action, sim_action
+from tests.soak import soaked
 
 ENGINE_NAMES = tuple(ENGINES)
 for _engine in ENGINE_NAMES:
@@ -85,10 +86,18 @@ def compared(outcome: dict[str, Any]) -> dict[str, dict[str, Any]]:
     return {each["name"].removesuffix(suffix): each["verdict"] for each in found}
 
 
-@pytest.mark.parametrize("flags", [(), ("--no-report",), ("--repeat", "2")])
-def test_the_distance_does_not_depend_on_the_rate_of_the_trace(flags: tuple[str, ...], tmp_path: Path) -> None:
+FLAGS = [(), ("--no-report",), ("--repeat", "2")]
+RATES = (1, 10, 240)
+# With any flags the lowest and the highest rate.
+SHORT = [((), RATES), *((flags, (1, 240)) for flags in FLAGS[1:])]
+
+
+@pytest.mark.parametrize(("flags", "rates"), soaked([*SHORT, *((flags, RATES) for flags in FLAGS)], short=SHORT))
+def test_the_distance_does_not_depend_on_the_rate_of_the_trace(
+    flags: tuple[str, ...], rates: tuple[int, ...], tmp_path: Path
+) -> None:
     found = []
-    for rate in (1, 10, 240):
+    for rate in rates:
         text = f"{DROP}agreement: {{position: 0.5 mm}}\ntrace: {{rate: {rate} Hz}}\n"
         code, (first, second) = run(tmp_path, text, *flags)
         verdict = compared(second)["the same position"]
@@ -223,7 +232,8 @@ time_limit: 5 s
 
 CRASH = "import os\ndef control(observation):\n    os._exit(3)\n"
 RAISES = "def control(observation):\n    raise ValueError('no')\n"
-HANGS = "def control(observation):\n    while True:\n        pass\n"
+# Without load on the machine: the loop that computes is among the tests of execution.
+HANGS = "import time\ndef control(observation):\n    time.sleep(600)\n"
 
 
 @pytest.mark.parametrize("backend", ["auto", *ENGINE_NAMES])

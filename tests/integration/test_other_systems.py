@@ -42,7 +42,14 @@ SCRIPTS: Final = {
 # By what they are made of, they are Linux's alone.
 ELSEWHERE: Final = tuple(
     f"sim_action.runner.isolation.{name}"
-    for name in ("command_supervisor", "linux_child", "memory_files", "process_control", "scenario_supervisor")
+    for name in (
+        "command_supervisor",
+        "linux_child",
+        "memory_files",
+        "process_control",
+        "scenario_supervisor",
+        "shared_child",
+    )
 )
 # The command that needs it is refused there, and before any of it is imported.
 ROS: Final = "sim_action.ros."

@@ -194,7 +194,7 @@ def test_code_is_refused(
 
 
 IMPOSTORS: Final = (
-    *("yaml", "numpy", "sitecustomize", "usercustomize", "click", "pydantic", "json", "conftest", "xacro", "rich"),
+    *("yaml", "numpy", "sitecustomize", "usercustomize", "click", "pydantic", "json", "conftest", "xacro"),
     *("mujoco", "pybullet", "antigravity", "startup"),
 )
 

@@ -36,7 +36,7 @@ def test_it_hovers_bit_by_bit_alike_in_python_and_in_c(engine: str, folder: Path
     python = flown(engine, folder / "hover.sim.yml")
     assert statuses(python) == {"passed"}
     if shutil.which("cc") is None:
-        pytest.skip("no C compiler")
+        pytest.skip("no C compiler, which the scenario of hover.c starts")
     compiled = flown(engine, folder / "hover_in_c.sim.yml")
     assert statuses(compiled) == {"passed"}
     assert compiled.digest == python.digest

@@ -31,15 +31,16 @@ TESTS = ["mover", "go_to_point", "stop_before_wall"]
 
 @contextmanager
 def loaded() -> Iterator[None]:
-    """All processors have other work."""
-    command = [sys.executable, "-c", "while True: pass"]
-    busy = [subprocess.Popen(command) for _ in range(os.cpu_count() or 1)]
+    """All processors that this process and the ones that it starts may use have other work: there is one left."""
+    allowed = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {min(allowed)})
+    busy = subprocess.Popen([sys.executable, "-c", "while True: pass"])
     try:
         yield
     finally:
-        for process in busy:
-            process.kill()
-            process.wait()
+        os.sched_setaffinity(0, allowed)
+        busy.kill()
+        busy.wait()
 
 
 def example(folder: Path, name: str, workspace: Path = EXAMPLES) -> Findings:
@@ -165,8 +166,8 @@ def test_what_goes_wrong_is_named(file: str, old: str, new: str, causes: list[st
     workspace = copied(tmp_path)
     changed(workspace / file, old, new)
     if file != LAUNCH:
-        # A process has 10 s of wall time to become a node; then a note names it.
-        limit = 20.0 if file == MOVER and "sleep" in new else 6.0
+        # A process has 10 s of wall time to become a node; then a note names it. A busy machine spawns the robot late.
+        limit = 20.0 if file == MOVER else 6.0
         changed(workspace / LAUNCH, 'time-limit="30.0"', f'time-limit="{limit}"')
 
     done = rostest(tmp_path, workspace, "robot_driver", "mover.test")

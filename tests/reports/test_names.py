@@ -98,7 +98,9 @@ class Shown(HTMLParser):
 
 @with_names
 def test_in_html(samples: Samples, make_results: Make, options: ReportOptions, name: str) -> None:
-    plain, named = (Shown(page(make_results(failed(samples, each)), options).body) for each in ("plain", name))
+    plain, named = (
+        Shown(b"".join(page(make_results(failed(samples, each)), options).body).decode()) for each in ("plain", name)
+    )
     assert name in named.text
     assert named.elements == plain.elements
 

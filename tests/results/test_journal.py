@@ -4,6 +4,7 @@ import errno
 import json
 import os
 import time
+import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 
@@ -258,3 +259,26 @@ def test_a_record_is_one_line_of_json(tmp_path: Path) -> None:
     first, second = (tmp_path / JOURNAL_FILE).read_bytes().splitlines()
     assert json.loads(first)["journal"] == 1
     assert json.loads(second)["outcome"]["output"] == "two\nlines\u2028three"
+
+
+def kept_bytes(folder: Path, count: int) -> int:
+    """The memory that a call keeps after `count` outcomes, which come as JSON like those of child processes."""
+    names = tuple(f"drives[speed={number / 7}]" for number in range(count))
+    texts = [outcome(name).model_dump_json() for name in names]
+    folder.mkdir()
+    journal = Journal(folder, header(names), unheard, time.monotonic())
+    tracemalloc.start()
+    try:
+        for place, text in enumerate(texts):
+            journal(Started(place, 1, names[place]))
+            journal(Finished(place, Outcome.model_validate_json(text)))
+        return tracemalloc.get_traced_memory()[0]
+    finally:
+        tracemalloc.stop()
+
+
+def test_a_call_keeps_less_than_two_kilobytes_of_an_outcome(tmp_path: Path) -> None:
+    # Without sharing it is 5 kB. The first call builds what all of them share.
+    kept_bytes(tmp_path / "first", 5)
+    few, many = kept_bytes(tmp_path / "few", 50), kept_bytes(tmp_path / "many", 100)
+    assert (many - few) / 50 < 2_000

@@ -285,3 +285,11 @@ def test_half_of_a_surrogate_pair_does_not_lose_the_results(tmp_path: Path) -> N
     made = outcome("a.sim.yml").model_copy(update={"output": "a\ud800b"})
     path = results(made, outcome("b.sim.yml")).write(tmp_path)
     assert [found.output for found in Results.read(path).outcomes] == ["a?b", ""]
+
+
+@pytest.mark.parametrize("count", [0, 1, 3])
+def test_the_file_is_written_in_parts_and_reads_as_if_written_at_once(count: int, tmp_path: Path) -> None:
+    strange = 'quoted "outcomes": []\n}\n and a line\nmore'
+    several = [outcome(f"{number}.sim.yml").model_copy(update={"output": strange}) for number in range(count)]
+    written = results(*several)
+    assert written.write(tmp_path).read_text(encoding="utf-8") == written.model_dump_json(indent=2) + "\n"

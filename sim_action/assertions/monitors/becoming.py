@@ -8,12 +8,12 @@ disturbance began. Without commands and disturbances it must hold for a time fro
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Final, Self
 
 from sim_action.assertions.monitors import ConditionMonitor, Monitor, State, begun, has_truth, is_deciding
 from sim_action.assertions.monitors.goals import HoldTime, joined
 from sim_action.core import units
+from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.state.verdict import Signal, Verdict
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Self
 
 from sim_action.assertions.monitors import Monitor, State, Truth, begun, has_truth, is_plottable
 from sim_action.assertions.monitors.goals import Goal, Invariant, joined
 from sim_action.core import units
+from sim_action.core.records import dataclass, replace
 from sim_action.state.verdict import Signal, Verdict
 
 if TYPE_CHECKING:
@@ -43,6 +43,11 @@ class Bounds:
     def is_decided(self) -> bool:
         """See DecidingMonitor.is_decided. A lower bound that was reached decides, unless there is an upper bound."""
         return self.state is State.BROKEN or (self.at_most is None and self.state is State.HOLDS)
+
+    @property
+    def is_met(self) -> bool:
+        """True if the signal has reached a lower bound, and there is no upper bound: the verdict is known."""
+        return self.at_most is None and self.at_least is not None and self.goal.state is State.HOLDS
 
     def observe(self, time: FloatArray, signal: FloatArray) -> Self:
         """Return the fold after these steps; `time` in s and `signal` in `unit`, each (T,)."""
@@ -122,6 +127,9 @@ class SignalMonitor:
 
     def observe(self, trace: Trace) -> Self:
         """See Monitor.observe."""
+        # Nothing changes any more after a goal without an upper bound has come true.
+        if self.bounds.is_met:
+            return self
         return replace(self, bounds=self.bounds.observe(trace.time, self.signal(trace)))
 
     def verdict(self) -> Verdict:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Final, Self
 
@@ -21,6 +20,7 @@ from sim_action.assertions.monitors import (
 )
 from sim_action.assertions.monitors.goals import joined, joined_by_any
 from sim_action.assertions.monitors.window import counted
+from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.state.verdict import Judged, VerdictStatus
 

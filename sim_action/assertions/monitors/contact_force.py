@@ -9,9 +9,9 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final, NamedTuple, Self
 
+from sim_action.core.records import dataclass, replace
 from sim_action.core.units import STEP_EPSILON
 
 if TYPE_CHECKING:

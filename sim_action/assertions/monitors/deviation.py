@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Self
 
 from sim_action.core import units
+from sim_action.core.records import dataclass, replace
 from sim_action.state.golden_trajectory import wrapped
 
 if TYPE_CHECKING:

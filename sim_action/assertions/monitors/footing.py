@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from sim_action.core.geometry import Vector3
+from sim_action.core.records import dataclass
 
 if TYPE_CHECKING:
     import numpy as np

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final, Self
 
 from sim_action.assertions.monitors import State, Truth
 from sim_action.core import units
+from sim_action.core.records import dataclass, replace
 from sim_action.state.verdict import Signal, Verdict
 
 if TYPE_CHECKING:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Final, Self
 
 from sim_action.assertions.monitors import FORCE_WINDOW_S, State, Truth
 from sim_action.assertions.monitors.goals import Goal, HoldTime
 from sim_action.assertions.monitors.window import counted
 from sim_action.core import geometry, units
+from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.robot.robot_model import RobotModel
 from sim_action.state.verdict import Judged, Signal, Verdict

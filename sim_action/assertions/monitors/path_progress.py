@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from bisect import bisect_left
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import Final, NamedTuple, Self
+
+from sim_action.core.records import dataclass
 
 Point = tuple[float, ...]
 """Two coordinates on the ground plane, or three in space, in m."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Final, Self
 
 from sim_action.assertions.monitors import State, Truth
@@ -13,6 +12,7 @@ from sim_action.assertions.monitors.contact_force import Forces, MeanForce, dura
 from sim_action.assertions.monitors.goals import HoldTime, joined
 from sim_action.assertions.monitors.proximity import NO_FORCE, least_so_far, nearest_of, touching_at, with_zeros
 from sim_action.core import units
+from sim_action.core.records import dataclass, replace
 from sim_action.state.verdict import Signal, Verdict
 
 if TYPE_CHECKING:

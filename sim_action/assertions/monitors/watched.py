@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
 
 from pydantic import Field
@@ -26,6 +25,7 @@ from sim_action.assertions.monitors import (
     unmet_premises,
 )
 from sim_action.core.geometry import Pose, Twist
+from sim_action.core.records import dataclass, replace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.kinematics import link_of_frame, why_no_frame, why_no_link
 from sim_action.robot.robot_model import WORLD

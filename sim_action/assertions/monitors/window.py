@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Self
 
 from sim_action.assertions.monitors import (
@@ -15,6 +14,7 @@ from sim_action.assertions.monitors import (
     needed_until,
     unmet_premises,
 )
+from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.state.verdict import Judged, Signal
 

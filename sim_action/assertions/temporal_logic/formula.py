@@ -8,8 +8,9 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from typing import Final, Literal, TypeAlias
+
+from sim_action.core.records import dataclass, field
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple, Self
 
@@ -35,6 +34,7 @@ from sim_action.assertions.temporal_logic.samples import Samples
 from sim_action.assertions.temporal_logic.signal_reader import SignalReader
 from sim_action.assertions.temporal_logic.vacuity import premises
 from sim_action.core import units
+from sim_action.core.records import dataclass, replace
 from sim_action.state.verdict import Judged, Verdict
 from sim_action.state.verdict import Signal as Curve
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
 from typing import Final, NamedTuple, Protocol, Self
 
 import numpy as np
@@ -12,6 +11,7 @@ from sim_action.assertions.monitors import State
 from sim_action.assertions.temporal_logic.formula import Formula, Interval, Until, finite_horizon, horizon
 from sim_action.assertions.temporal_logic.robustness import Cause, cause, robustness, seen_from, until_operands
 from sim_action.assertions.temporal_logic.samples import Samples
+from sim_action.core.records import dataclass, replace
 from sim_action.state.trace import FloatArray
 from sim_action.state.verdict import Judged
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import reduce
 from typing import Final
 
@@ -31,6 +30,7 @@ from sim_action.assertions.temporal_logic.formula import (
     horizon,
 )
 from sim_action.assertions.temporal_logic.samples import Samples
+from sim_action.core.records import dataclass
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.state.trace import FloatArray
 

@@ -6,7 +6,6 @@ A step is left out as long as a signal is unknown: before the first reading of a
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final, Self
 
 import numpy as np
@@ -18,6 +17,7 @@ from sim_action.assertions.sensor import picked
 from sim_action.assertions.temporal_logic.formula import Signal
 from sim_action.assertions.temporal_logic.samples import Samples
 from sim_action.assertions.temporal_logic.signal_sources import watch_of
+from sim_action.core.records import dataclass, field, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.robot.link_motion import LinkMotion, link_motion
 from sim_action.robot.robot_model import RobotModel

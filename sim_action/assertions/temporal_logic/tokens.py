@@ -5,11 +5,11 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final, Literal
 
 from sim_action.core import units
+from sim_action.core.records import dataclass
 from sim_action.robot.robot_model import READINGS
 
 SIGNS: Final = MappingProxyType(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from itertools import product
 from typing import Final
 
@@ -30,6 +29,7 @@ from sim_action.assertions.temporal_logic.formula import (
     signals,
 )
 from sim_action.core import units
+from sim_action.core.records import dataclass
 
 _ANGLE: Final = re.compile(r"([0-9][0-9.e+-]*) (rad/s|rad)\b")
 

@@ -15,7 +15,6 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from decimal import Decimal
 from io import TextIOWrapper
 from pathlib import Path
@@ -25,6 +24,7 @@ from sim_action.commands.logs import KINDS, JointColumn, TimedCommand, row_targe
 from sim_action.core.errors import Location, RecordingError
 from sim_action.core.files import open_regular
 from sim_action.core.geometry import Twist
+from sim_action.core.records import dataclass
 from sim_action.core.wording import did_you_mean, escaped_line, shown
 from sim_action.state.command import Command
 

@@ -34,7 +34,8 @@ class Actuators:
         self._forces = self._model.actuator_forcerange.copy(), self._model.actuator_forcelimited.copy()
         # Position targets of all joints, which a motor on a tendon needs together.
         self._targets: list[float] = self._data.qpos[compiled.positions[: len(self._joints)]].tolist()
-        self._creeping: dict[int, float] = {}
+        self.creeping: dict[int, float] = {}
+        """The position servos that follow a velocity command: number of the joint -> rad/s (m/s)."""
         self._on_tendon = {
             actuator: self._tendon(joint.motor.tendon)
             for joint, actuator in zip(self._joints, self._actuator, strict=True)
@@ -53,23 +54,18 @@ class Actuators:
         motor = self._joints[number].motor
         return None if motor is None else motor.kind
 
-    @property
-    def are_still(self) -> bool:
-        """True if no control changes between commands."""
-        return not self._creeping
-
     def hold(self, number: int, position: float) -> None:
         """Set the target of a position servo in rad (m)."""
-        self._creeping.pop(number, None)
+        self.creeping.pop(number, None)
         self._targets[number] = position
         self._aim(number)
 
     def creep(self, number: int, speed: float) -> None:
         """Move the target of a position servo from where the joint is, in rad/s (m/s)."""
-        if number not in self._creeping:
+        if number not in self.creeping:
             joint = self._model.joint(engine_name(self._joints[number].name)).qposadr[0]
             self._targets[number] = float(self._data.qpos[joint])
-        self._creeping[number] = speed
+        self.creeping[number] = speed
 
     def turn(self, number: int, speed: float) -> None:
         """Set the target of a velocity servo in rad/s (m/s)."""
@@ -96,11 +92,11 @@ class Actuators:
             self._model.actuator_forcerange[at] = max(lower, -most), min(upper, most)
             self._model.actuator_forcelimited[at] = True
         if not on:
-            self._creeping.pop(number, None)
+            self.creeping.pop(number, None)
 
     def step(self) -> None:
         """Move the targets that creep by one step."""
-        for number, speed in self._creeping.items():
+        for number, speed in self.creeping.items():
             joint = self._joints[number]
             target = self._targets[number] + speed / self._rate
             lower = -np.inf if joint.lower is None else joint.lower

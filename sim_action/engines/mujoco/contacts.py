@@ -19,32 +19,26 @@ class Contacts:
     """Reads the contacts of the last step."""
 
     def __init__(self, compiled: CompiledScene) -> None:
-        self._model, self._data = compiled.model, compiled.data
+        self._compiled, self._model, self._data = compiled, compiled.model, compiled.data
         self._links, self._bodies = compiled.links, compiled.bodies
         objects = {geom for geom, body in self._bodies.items() if body != GROUND}
         self._matters = objects.union(self._links)
         # Sets of touching geoms in which no pair matters.
         self._harmless: set[bytes] = set()
-        # Number of contacts -> live view of their geoms. MuJoCo keeps contacts at a fixed address, and looking that up
-        # takes five times as long as reading them.
-        self._geoms: dict[int, memoryview] = {}
 
-    def may_matter(self) -> bool:
-        """Return True if something other than the ground may be touched now; called at every step."""
-        count = self._data.ncon
-        if not count:
-            return False
-        if count not in self._geoms:
-            self._geoms[count] = memoryview(self._data.contact.geom)
+    def may_matter(self, touching: bytes) -> bool:
+        """Return True if something other than the ground may be touched now; called at every step.
+
+        `touching`: see `SlidingContacts`.
+        """
         # At most steps only wheels touch the ground, so the set of geoms is seldom new.
-        seen = self._geoms[count].tobytes()
-        if seen in self._harmless:
+        if not touching or touching in self._harmless:
             return False
         matters = any(self._matters.issuperset(pair) for pair in self._data.contact.geom.tolist())
         if not matters:
             if len(self._harmless) == _MAX_REMEMBERED_PAIRS:
                 self._harmless.clear()
-            self._harmless.add(seen)
+            self._harmless.add(touching)
         return matters
 
     def of_step(self, time: float, *, ground: bool) -> Iterator[Contact]:
@@ -112,8 +106,10 @@ class Contacts:
     def _present(self) -> Iterator[tuple[int, int, float]]:
         """Yield the pairs of geoms that touch now, with their depth in m."""
         # The contacts in the data are those of the last step and influence the next, so a copy is used.
-        present = mujoco.MjData(self._model)
+        present = self._compiled.spare_data()
         present.qpos[:] = self._data.qpos
         mujoco.mj_fwdPosition(self._model, present)
-        for (one, other), distance in zip(present.contact.geom.tolist(), present.contact.dist.tolist(), strict=True):
+        found = list(zip(present.contact.geom.tolist(), present.contact.dist.tolist(), strict=True))
+        self._compiled.give_back(present)
+        for (one, other), distance in found:
             yield one, other, -distance

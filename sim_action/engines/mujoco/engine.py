@@ -72,6 +72,7 @@ class MuJoCoEngine:
         except _REFUSALS as error:
             raise EngineError(f"the engine refused the world: {with_user_names(str(error), scene)}") from None
         self._scene, self._rate = scene, scene.physics.rate
+        self._compiled, self._is_closed = compiled, False
         self._self_collision = self._collision_of_links(compiled, channels)
         self._model, self._data = compiled.model, compiled.data
         self._joint_names = tuple(joint.name for joint in scene.model.moving_joints)
@@ -86,6 +87,7 @@ class MuJoCoEngine:
         self._control = MuJoCoBodyControl(compiled, self._objects)
         self._wrenches = HeldWrenches(self._control, self.link_pose, scene.model)
         self._events = WorldEvents.of(scene, self._control)
+        self._is_disturbed = self._events is not None
         self._distances = distances = Distances(compiled)
         shaped = set(compiled.links.values())
         self._path_contacts = path_contacts(scene, shaped, distances.nearest)
@@ -173,8 +175,11 @@ class MuJoCoEngine:
         return self._contacts.clashes()
 
     def close(self) -> None:
-        """See Engine.close; MuJoCo's memory is freed with its Python objects."""
+        """See Engine.close; MuJoCo's memory is freed with its Python objects, or used again."""
         self._lazy_contacts.settle()
+        if not self._is_closed:
+            self._is_closed = True
+            self._compiled.give_back(self._data)
 
     def _collision_of_links(self, compiled: CompiledScene, channels: Channels) -> SelfCollision | None:
         if not (self._scene.robot.self_collision or channels.self_contacts):
@@ -204,7 +209,7 @@ class MuJoCoEngine:
         self._body_poses.append(self._objects_qpos.tobytes())
 
     def _record_contacts(self, step: int) -> None:
-        if self._contacts.may_matter():
+        if self._contacts.may_matter(self._sliding.touching):
             self._touches += self._contacts.of_step(step / self._rate, ground=False)
 
     def _record_path_contacts(self, step: int) -> None:
@@ -222,24 +227,31 @@ class MuJoCoEngine:
         self._clearances.record(step, *self._states.place(self._states.last()))
 
     def _advance(self, first_step: int, targets: Sequence[JointTargets | None]) -> None:
-        warned, states, watchers, last = self._warned, self._states, self._watchers, first_step + len(targets)
-        wrenches = self._wrenches
+        # Local names are cheaper than attributes, and this loop is most of a run.
+        model, data, warned, carry = self._model, self._data, self._warned, self._control.carry
+        drive, correct, keep, watchers = self._motors.drive, self._sliding.correct, self._states.keep, self._watchers
+        first_half, second_half, disturbed = mujoco.mj_step1, mujoco.mj_step2, self._is_disturbed
         for step, wanted in enumerate(targets, start=first_step + 1):
             if wanted is not None:
                 self._apply(wanted)
+                disturbed = self._is_disturbed
             if warned[_BAD_ACCELERATION] or warned[_BAD_VELOCITY]:
                 # The simulation has diverged: the rest of the trace is NaN.
-                states.keep_nan(range(step, last + 1))
+                self._states.keep_nan(range(step, first_step + len(targets) + 1))
                 return
-            if self._pushes:
-                here = self.observe(step - 1, contacts=False)
-                self._pusher.step(here.pose, here.twist)
-            if wrenches.held:
-                wrenches.apply()
-            self._step(step)
-            if wrenches.held:
-                self._control.clear_forces()
-            states.keep(step)
+            if disturbed:
+                self._begin_disturbances(step)
+            first_half(model, data)
+            # They may be elsewhere at each step.
+            references: memoryview[float] = memoryview(data.efc_aref)
+            drive(references)
+            if disturbed:
+                carry()
+            correct(references)
+            second_half(model, data)
+            if disturbed:
+                self._end_disturbances(step)
+            keep(step)
             for watch in watchers:
                 watch(step)
 
@@ -250,17 +262,20 @@ class MuJoCoEngine:
             self._pusher.apply(wanted.base)
         if wanted.wrenches is not None:
             self._wrenches.held = wanted.wrenches
+        self._is_disturbed = self._events is not None or self._pushes or bool(self._wrenches.held)
 
-    def _step(self, step: int) -> None:
-        """Step to the state with this number."""
-        events, model, data = self._events, self._model, self._data
-        if events is not None:
-            events.before_step(step - 1)
-        mujoco.mj_step1(model, data)
-        self._motors.drive()
-        if events is not None:
-            self._control.carry()
-        self._sliding.correct()
-        mujoco.mj_step2(model, data)
-        if events is not None:
-            events.after_step(step)
+    def _begin_disturbances(self, step: int) -> None:
+        """Apply the pushes, forces and events of the step to the state with this number."""
+        if self._pushes:
+            here = self.observe(step - 1, contacts=False)
+            self._pusher.step(here.pose, here.twist)
+        if self._wrenches.held:
+            self._wrenches.apply()
+        if self._events is not None:
+            self._events.before_step(step - 1)
+
+    def _end_disturbances(self, step: int) -> None:
+        if self._events is not None:
+            self._events.after_step(step)
+        if self._wrenches.held:
+            self._control.clear_forces()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from itertools import product
 from typing import TYPE_CHECKING, Any, Final
 
@@ -11,6 +10,7 @@ import mujoco
 import numpy as np
 
 from sim_action.core.errors import EngineError
+from sim_action.core.records import replace
 from sim_action.engines.mujoco.contact_pairs import Collider
 from sim_action.engines.mujoco.names import engine_name
 from sim_action.engines.observers import Nearest

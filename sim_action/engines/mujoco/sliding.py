@@ -22,11 +22,15 @@ where a line of contact turns about its middle (measured: 1.4 % less yaw of the 
 from __future__ import annotations
 
 import math
+import struct
+from collections.abc import Callable
 from typing import Any, Final, NamedTuple
 
 import mujoco
 import numpy as np
+from numpy.lib.stride_tricks import as_strided
 
+from sim_action.core.records import dataclass
 from sim_action.engines.mujoco.contact_pairs import CONTACT_IMPEDANCE
 from sim_action.engines.mujoco.scene import CompiledScene
 
@@ -35,6 +39,8 @@ _MAX_REMEMBERED_SETS: Final = 256
 _MIN_IMPACT: Final = 5.0
 # Share of its limit that the friction of a sliding contact has, after rounding.
 _LIMIT_SHARE: Final = 0.99
+# Far more than the rounding errors of accelerations near these limits, in m/s^2.
+_ROUNDING: Final = 1e-9
 # Rows of a contact with friction: normal, and two directions along the surface.
 _ROWS: Final = 3
 
@@ -60,65 +66,90 @@ class _Pair(NamedTuple):
     contacts: list[_Rows]
 
 
-class _Touching(NamedTuple):
+@dataclass(slots=True)
+class _Touching:
     """A set of contacts; rows are counted from the end of all rows.
 
     Attributes:
         pairs: contacts with friction.
-        first: the first row of all contacts.
-        frictionless: rows of the normals of contacts without friction.
+        normals: rows of the normals of all contacts.
+        read: returns the references of these rows, given a view of all and `first_byte`.
+        first_byte: where the rows begin, counted from the end of the view.
+        calm: references at which nothing slides or hits.
+        calm_within: nothing does so either at references that are nearer to `calm`, as vectors.
     """
 
     pairs: list[_Pair]
-    first: int
-    frictionless: list[int]
+    normals: list[int]
+    read: Callable[[memoryview[float], int], tuple[float, ...]]
+    first_byte: int
+    calm: tuple[float, ...]
+    calm_within: float
+
+    def settle(self, values: tuple[float, ...]) -> None:
+        """Use these references as `calm`: nothing slides or hits at them."""
+        margins = [_MIN_IMPACT - values[row] for row in self.normals]
+        for friction, yields, contacts in self.pairs:
+            for row, row_x, row_y in contacts:
+                room = _least_slip(friction, yields, values[row]) - math.hypot(values[row_x], values[row_y])
+                # The least slip changes by the friction times the change of the normal.
+                margins.append(room / math.hypot(1.0, friction))
+        self.calm, self.calm_within = values, min(margins) - _ROUNDING
 
 
 class SlidingContacts:
-    """Corrects the reference accelerations of contacts between the two halves of each step."""
+    """Corrects the reference accelerations of contacts between the two halves of each step.
+
+    Attributes:
+        touching: the touching geoms of the last step, and which of their contacts have no rows; empty without contacts.
+    """
 
     def __init__(self, compiled: CompiledScene) -> None:
         self._model, self._data = compiled.model, compiled.data
         self._yields = math.hypot(*compiled.model.opt.gravity) * (1 - CONTACT_IMPEDANCE) / CONTACT_IMPEDANCE
-        # Touching geoms, and which of their contacts have no rows, as bytes -> their contacts. The order of contacts is
-        # that of the geoms.
+        self.touching = b""
+        # `touching` -> the contacts. The order of contacts is that of the geoms.
         self._known: dict[bytes, _Touching] = {}
-        # Number of contacts -> live views of their geoms and of which have no rows, see `Contacts`.
-        self._live: dict[int, tuple[memoryview, memoryview]] = {}
+        # Number of contacts -> a live view of their geoms and of which have no rows.
+        self._live: dict[int, memoryview] = {}
 
-    def correct(self) -> None:
-        """Lower the reference of the normal of each sliding contact; called after all changes of friction rows."""
-        data = self._data
-        count = data.ncon
+    def correct(self, references: memoryview[float]) -> None:
+        """Lower the reference of the normal of each sliding contact; called after all changes of friction rows.
+
+        `references`: a live view of `efc_aref`.
+        """
+        count = self._data.ncon
         if not count:
+            self.touching = b""
             return
-        if count not in self._live:
-            self._live[count] = memoryview(data.contact.geom), memoryview(data.contact.exclude)
-        geoms, excluded = self._live[count]
-        touching = geoms.tobytes() + excluded.tobytes()
+        live = self._live.get(count) or self._view(count)
+        # MuJoCo keeps contacts at a fixed address, and looking that up takes five times as long as reading them.
+        self.touching = touching = live.tobytes()
         found = self._known.get(touching) or self._find(touching)
-        pairs, first, frictionless = found
-        if not pairs:
-            return
-        references = data.efc_aref
-        # Called at every step. For few numbers a list takes a fifth of the time of an array.
-        values = references[first:].tolist()
-        hits = False
-        for row in frictionless:
-            hits |= values[row] > _MIN_IMPACT
-        for friction, yields, contacts in pairs:
-            for row, row_x, row_y in contacts:
-                normal, slip_x, slip_y = values[row], values[row_x], values[row_y]
-                hits |= normal > _MIN_IMPACT
-                least = yields / friction + (friction * normal if normal > 0.0 else 0.0)
-                if slip_x * slip_x + slip_y * slip_y > least * least:
-                    _lower(references, values, friction, _KEPT_SHARE * yields, contacts)
-                    hits |= any(values[row] > _MIN_IMPACT for row, _, _ in contacts)
-                    break
-        if hits:
-            self._correct_impact(references, values, pairs)
+        # Called at every step. For few numbers a tuple takes a fifth of the time of an array.
+        values = found.read(references, found.first_byte)
+        # Most steps are like the one before: then a single call shows that there is nothing to correct.
+        if not math.dist(values, found.calm) < found.calm_within and not self._correct_some(references, values, found):
+            found.settle(values)
 
-    def _correct_impact(self, references: Any, values: list[float], pairs: list[_Pair]) -> None:
+    def _correct_some(self, references: memoryview[float], values: tuple[float, ...], found: _Touching) -> bool:
+        """Correct the contacts; return True if one slides or hits. `values`: the references of their rows."""
+        slides = False
+        for friction, yields, contacts in found.pairs:
+            for row, row_x, row_y in contacts:
+                slip_x, slip_y = values[row_x], values[row_y]
+                least = _least_slip(friction, yields, values[row])
+                if slip_x * slip_x + slip_y * slip_y > least * least:
+                    slides = True
+                    _lower(references, values, friction, _KEPT_SHARE * yields, contacts)
+                    break
+        for row in found.normals:
+            if values[row] > _MIN_IMPACT:
+                self._correct_impact(references, values, found.pairs)
+                return True
+        return slides
+
+    def _correct_impact(self, references: memoryview[float], values: tuple[float, ...], pairs: list[_Pair]) -> None:
         """Solve the step, and correct its references by the slip in it; `values`: the references before."""
         model, data = self._model, self._data
         mujoco.mj_fwdActuation(model, data)
@@ -134,28 +165,52 @@ class SlidingContacts:
                     along_x, along_y = accelerations[row_x] - values[row_x], accelerations[row_y] - values[row_y]
                     references[row] -= friction * math.hypot(along_x, along_y)
 
+    def _view(self, count: int) -> memoryview:
+        """Return a live view of the part of each contact from its geoms to `exclude`: one view is read faster."""
+        geoms, excluded = self._data.contact.geom, self._data.contact.exclude
+        size = _address(excluded) + excluded.itemsize - _address(geoms)
+        numbers: Any = as_strided(geoms, (count, size // geoms.itemsize), geoms.strides)
+        view = self._live[count] = memoryview(numbers.view(f"V{size}")[:, 0])
+        return view
+
     def _find(self, touching: bytes) -> _Touching:
         contacts, rows = self._data.contact, self._data.nefc
         pairs: dict[tuple[int, ...], _Pair] = {}
         firsts, dimensions = contacts.efc_address.tolist(), contacts.dim.tolist()
         frictions, geoms = contacts.friction[:, 0].tolist(), contacts.geom.tolist()
-        frictionless = []
+        normals = []
         for first, dimension, friction, pair in zip(firsts, dimensions, frictions, geoms, strict=True):
             row = first - rows
             if first >= 0 and dimension == _ROWS:
                 known = pairs.setdefault(tuple(pair), _Pair(friction, self._yields / len(firsts), []))
                 known.contacts.append((row, row + 1, row + 2))
-            elif first >= 0:
-                frictionless.append(row)
+            if first >= 0:
+                normals.append(row)
         if len(self._known) == _MAX_REMEMBERED_SETS:
             self._known.clear()
-        active = [first for first in firsts if first >= 0]
-        found = _Touching(list(pairs.values()), min(active, default=rows) - rows, frictionless)
+        # Contacts without friction never slide.
+        count = rows - min(first for first in firsts if first >= 0) if pairs else 0
+        read = struct.Struct(f"{count}d")
+        found = _Touching(list(pairs.values()), normals, read.unpack_from, -read.size, (math.inf,) * count, 0.0)
+        if not pairs:
+            found.calm_within = math.inf
         self._known[touching] = found
         return found
 
 
-def _lower(references: Any, values: list[float], friction: float, kept: float, contacts: list[_Rows]) -> None:
+def _address(array: Any) -> int:
+    address: int = array.__array_interface__["data"][0]
+    return address
+
+
+def _least_slip(friction: float, yields: float, normal: float) -> float:
+    """Return the reference in m/s^2 of a slip that needs a correction; `normal`: the reference of its normal."""
+    return yields / friction + (friction * normal if normal > 0.0 else 0.0)
+
+
+def _lower(
+    references: memoryview[float], values: tuple[float, ...], friction: float, kept: float, contacts: list[_Rows]
+) -> None:
     """Lower the references of the normals of a pair in which a contact slides.
 
     `kept`: largest kept difference in m/s^2. If the pair turns on the spot rather than slides, all of it is kept.
@@ -167,10 +222,15 @@ def _lower(references: Any, values: list[float], friction: float, kept: float, c
         slides = math.sqrt(slip_x * slip_x + slip_y * slip_y)
         total_x, total_y, total = total_x + slip_x, total_y + slip_y, total + slides
         if normal > 0.0:
-            slides = max(0.0, slides - friction * normal)
-        parting.append(friction * slides)
+            slides -= friction * normal
+        parting.append(friction * slides if slides > 0.0 else 0.0)
     mean = sum(parting) / len(parting)
     if math.hypot(total_x, total_y) < _TURNING_SHARE * total:
         kept = math.inf
     for (row, _, _), here in zip(contacts, parting, strict=True):
-        references[row] = values[row] - here + min(max(here - mean, -kept), kept)
+        difference = here - mean
+        if difference > kept:
+            difference = kept
+        elif difference < -kept:
+            difference = -kept
+        references[row] = values[row] - here + difference

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from sim_action.core import geometry
 from sim_action.core.errors import EngineError
 from sim_action.core.geometry import Pose, Twist, Vector3
+from sim_action.core.records import replace
 from sim_action.core.wording import system_reason
 from sim_action.drives.wheels import held_joints
 from sim_action.engines import NO_CHANNELS, UNLIMITED_EFFORT, named_version
@@ -24,13 +25,13 @@ from sim_action.engines.body_control import HeldWrenches
 from sim_action.engines.clearances import ClearanceRecorder
 from sim_action.engines.observers import LazyContacts, ReadPoses, Recorders, path_contacts
 from sim_action.engines.pybullet.body_control import BasePusher, PyBulletBodyControl
+from sim_action.engines.pybullet.connection import connect_ahead, connected, release
 from sim_action.engines.pybullet.contacts import Contacts
 from sim_action.engines.pybullet.queries import (
     Distances,
     cast_rays,
     clashes,
     hide_from_rays,
-    in_link_frame,
     link_pose,
     link_twist,
     overlaps,
@@ -43,17 +44,15 @@ from sim_action.engines.pybullet.scene import (
     add_object,
     add_rotor,
     configure,
-    connect_ahead,
-    connected,
     load_robot,
     pave,
     place,
     set_surfaces,
 )
+from sim_action.engines.pybullet.state_recorder import StateRecorder
 from sim_action.engines.world_events import WorldEvents
-from sim_action.robot.link_motion import LinkStates
 from sim_action.state.command import JointTargets
-from sim_action.state.observation import ByName, Clash, Contact, JointState, Observation, Overlap
+from sim_action.state.observation import Clash, Contact, Observation, Overlap
 from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import Channels
 from sim_action.state.trace_records import ContactRecord
@@ -124,32 +123,45 @@ class PyBulletEngine:
             self._watchers.append(lambda _: self._body_poses.append(look()))
         if self._self_collision is not None:
             self.model_notes = self._self_collision.notes
-            self._watchers += self._self_collision.start(channels, lambda: self._rows[-1])
+            self._watchers += self._self_collision.start(channels, self._states.last)
         self._body_poses: list[Sequence[float] | NDArray[np.float64]] = []
-        self._held_efforts: dict[int, float] = {}
-        self._rows: list[tuple[float, ...]] = []
         self._touches: list[Contact] = []
+        self._is_watched = self._watches_contacts or bool(self._watchers) or not self._clearances.is_idle
 
     def advance(self, first_step: int, targets: Sequence[JointTargets | None]) -> None:
         """See Engine.advance."""
         self._lazy_contacts.settle()
+        simulate, client, keep, events = pybullet.stepSimulation, self._client, self._states.keep, self._events
+        is_watched, has_forces = self._is_watched, self._has_forces()
         for step, wanted in enumerate(targets, start=first_step + 1):
             if wanted is not None:
                 self._apply(wanted)
-            self._apply_forces(step)
-            if self._events is not None:
-                self._events.before_step(step - 1)
-            pybullet.stepSimulation(self._client)
-            if self._events is not None:
-                self._events.after_step(step)
-            self._rows.append(self._row(step))
-            if self._watches_contacts:
-                self._touches += self._present_contacts(step, ground=False)
-            for watch in self._watchers:
-                watch(step)
-            if not self._clearances.is_idle:
-                row = self._rows[-1]
-                self._clearances.record(step, row[1:8], row[14 : 14 + len(self._joint_names)])
+                has_forces = self._has_forces()
+            if has_forces:
+                self._apply_forces(step)
+            if events is not None:
+                events.before_step(step - 1)
+            simulate(client)
+            if events is not None:
+                events.after_step(step)
+            keep(step)
+            if is_watched:
+                self._watch(step)
+
+    def _watch(self, step: int) -> None:
+        """Record everything but the state of the robot after a step."""
+        if self._watches_contacts:
+            self._touches += self._present_contacts(step, ground=False)
+        for watch in self._watchers:
+            watch(step)
+        if not self._clearances.is_idle:
+            row = self._states.last()
+            self._clearances.record(step, row[1:8], row[14 : 14 + len(self._joint_names)])
+
+    def _has_forces(self) -> bool:
+        """Return True if PyBullet needs forces before each step."""
+        is_pushed = self._pusher.push is not None or bool(self._wrenches.held)
+        return is_pushed or bool(self._held_efforts) or self._springs is not None or self._sliding is not None
 
     def _apply_forces(self, step: int) -> None:
         """Apply the forces that PyBullet forgets after each step."""
@@ -166,13 +178,9 @@ class PyBulletEngine:
 
     def collect(self) -> Trace:
         """See Engine.collect."""
-        columns = 14 + 3 * len(self._joint_names)
-        state = np.array(self._rows, dtype=np.float64).reshape(-1, columns)
-        for column, values in enumerate(in_link_frame(tuple(state[:, 1:14].T), self._com_in_link), start=1):
-            state[:, column] = values
-        touches, self._rows, self._touches = tuple(self._touches), [], []
+        touches, self._touches = tuple(self._touches), []
         clearances, records = self._clearances.collect(), self._recorders.collect()
-        trace = Trace(self._joint_names, state, touches, clearances=clearances, **records)
+        trace = replace(self._states.collect(), contacts=touches, clearances=clearances, **records)
         return trace if self._self_collision is None else self._self_collision.added_to(trace)
 
     def link_contacts(self, step: int) -> dict[str, ContactRecord]:
@@ -186,21 +194,8 @@ class PyBulletEngine:
 
     def observe(self, step: int, *, contacts: bool) -> Observation:
         """See Engine.observe."""
-        # The row of the last step is the present state.
-        last = self._rows[-1] if self._rows and self._rows[-1][0] == step / self._rate else self._row(step)
-        time, *row = last
-        pose, twist = self._base_of(row[:13])
-        joints = len(self._joint_names)
-        columns = map(JointState, row[13 : 13 + joints], row[13 + joints : 13 + 2 * joints], row[13 + 2 * joints :])
-        states = ByName(zip(self._joint_names, columns, strict=True))
-        return Observation(
-            time=time,
-            pose=pose,
-            twist=twist,
-            joints=states,
-            contacts=self._lazy_contacts.present(lambda: self._present_contacts(step, ground=True)) if contacts else (),
-            links=LinkStates(self._model, pose, twist, states),
-        )
+        present = self._lazy_contacts.present(lambda: self._present_contacts(step, ground=True)) if contacts else ()
+        return self._states.observe(step, self._model, present)
 
     def link_pose(self, link: str) -> Pose:
         """See EngineQueries.link_pose."""
@@ -226,12 +221,7 @@ class PyBulletEngine:
         """Return pose and twist of the base link at present."""
         position, orientation = pybullet.getBasePositionAndOrientation(self._robot, self._client)
         linear, angular = pybullet.getBaseVelocity(self._robot, self._client)
-        return self._base_of((*position, *orientation, *linear, *angular))
-
-    def _base_of(self, com: Sequence[float]) -> tuple[Pose, Twist]:
-        """Return pose and twist of the base link from the 13 numbers of its centre of mass."""
-        px, py, pz, qx, qy, qz, qw, vx, vy, vz, wx, wy, wz = in_link_frame(com, self._com_in_link)
-        return Pose((px, py, pz), (qx, qy, qz, qw)), Twist((vx, vy, vz), (wx, wy, wz))
+        return self._states.base_of((*position, *orientation, *linear, *angular))
 
     def _reader(self, names: Sequence[str]) -> ReadPoses:
         return pose_reader(self._client, [self._objects[name][0] for name in names])
@@ -255,7 +245,7 @@ class PyBulletEngine:
     def close(self) -> None:
         """See Engine.close."""
         self._lazy_contacts.settle()
-        pybullet.disconnect(self._client)
+        release(self._client)
 
     def _read_joints(self, scene: Scene) -> None:
         count = pybullet.getNumJoints(self._robot, self._client)
@@ -267,7 +257,6 @@ class PyBulletEngine:
         self._joint_names = tuple(joint.name for joint in scene.model.moving_joints)
         self._motor_names = tuple(joint.name for joint in scene.model.motor_joints)
         self._index = {name: by_name[name][0] for name in self._motor_names}
-        self._indices = list(self._index.values())
         self._friction = {name: by_name[name][7] for name in self._motor_names}
         self._max_effort = {name: by_name[name][10] or UNLIMITED_EFFORT for name in self._motor_names}
         self._max_velocity = {name: by_name[name][11] for name in self._motor_names}
@@ -279,8 +268,11 @@ class PyBulletEngine:
         for name, inertia in scene.rotors.items():
             axis = scene.model.joints_by_name[name].axis_xyz
             add_rotor(self._client, self._robot, self._index[name], axis, inertia)
-        _, _, _, com_position, com_orientation, *_ = pybullet.getDynamicsInfo(self._robot, BASE, self._client)
-        self._com_in_link = Pose(com_position, com_orientation)
+        self._held_efforts: dict[int, float] = {}
+        motors, balls = self._index.values(), self._balls
+        self._states = StateRecorder(
+            self._client, self._robot, self._joint_names, motors, balls, rate=self._rate, efforts=self._held_efforts
+        )
         self._pusher = BasePusher(self._client, self._robot, self._rate)
 
     def _ball_joints(self, numbers: Mapping[str, int]) -> BallJoints | None:
@@ -336,16 +328,20 @@ class PyBulletEngine:
             if joint.mimic is not None:
                 leader = self._index[joint.mimic.joint]
                 add_gear(self._client, self._robot, self._index[joint.name], leader, joint.mimic)
-        place(self._client, self._robot, self._ground, scene.placement, self._com_in_link)
+        place(self._client, self._robot, self._ground, scene.placement, self._states.com_in_link)
 
     def _apply(self, targets: JointTargets) -> None:
         self._pusher.push = targets.base or self._pusher.push
         if targets.wrenches is not None:
             self._wrenches.held = targets.wrenches
-        limits = {name: targets.max_effort.get(name, self._max_effort[name]) for name in targets.names()}
-        for name in limits:
-            self._held_efforts.pop(self._index[name], None)
-        turned = {name: speed for name, speed in targets.velocity.items() if name not in targets.position}
+        if self._held_efforts:
+            for name in targets.names():
+                self._held_efforts.pop(self._index[name], None)
+        turned, limits = targets.velocity, self._max_effort
+        if targets.max_effort:
+            limits = {**limits, **targets.max_effort}
+        if targets.position:
+            turned = {name: speed for name, speed in turned.items() if name not in targets.position}
         if turned:
             indices, forces = [self._index[name] for name in turned], [limits[name] for name in turned]
             self._motors(pybullet.VELOCITY_CONTROL, indices, targetVelocities=list(turned.values()), forces=forces)
@@ -371,29 +367,3 @@ class PyBulletEngine:
         yield from self._contacts.of_step(step / self._rate, ground=ground)
         if self._path_contacts is not None:
             yield from self._path_contacts.at(step)
-
-    def _row(self, step: int) -> tuple[float, ...]:
-        """Return a row of `Trace.state` in the frame of the centre of mass; it is called at every step."""
-        position, orientation = pybullet.getBasePositionAndOrientation(self._robot, self._client)
-        linear, angular = pybullet.getBaseVelocity(self._robot, self._client)
-        if not self._joint_names:
-            return (step / self._rate, *position, *orientation, *linear, *angular)
-        positions, velocities, efforts = self._motor_states()
-        if self._held_efforts:
-            # The engine reports its own motors, which are only the friction that the effort works against.
-            reported = zip(self._indices, efforts, strict=True)
-            efforts = tuple(self._held_efforts.get(index, effort) for index, effort in reported)
-        if self._balls is not None:
-            angles, rates = self._balls.state()
-            positions, velocities = (*positions, *angles), (*velocities, *rates)
-            efforts = (*efforts, *(0.0 for _ in angles))
-        time = step / self._rate
-        return (time, *position, *orientation, *linear, *angular, *positions, *velocities, *efforts)
-
-    def _motor_states(self) -> tuple[tuple[float, ...], ...]:
-        """Return positions, velocities and efforts of the joints that motors can move."""
-        if not self._indices:
-            return (), (), ()
-        states = pybullet.getJointStates(self._robot, self._indices, self._client)
-        positions, velocities, _, efforts = zip(*states, strict=True)
-        return positions, velocities, efforts

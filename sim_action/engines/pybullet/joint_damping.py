@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from typing import Any, Final, Self
 
 import numpy as np
@@ -26,6 +25,7 @@ from numpy.typing import NDArray
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Vector3
+from sim_action.core.records import dataclass, replace
 from sim_action.engines.pybullet.scene import BASE
 
 Array = NDArray[np.float64]

@@ -13,9 +13,8 @@ import re
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 import pybullet
@@ -23,6 +22,7 @@ import pybullet
 from sim_action.core import geometry
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, Vector3
+from sim_action.core.records import dataclass, field
 from sim_action.robot.audit.kinematic_tree import beyond_pybullet
 from sim_action.robot.robot_model import Mimic, Surface
 from sim_action.world import MAX_SPEED, Body, World, placed
@@ -367,34 +367,3 @@ def _grid(client: int, part: GridPart) -> Piece:
     )
     middle = float(heights.min() + heights.max()) / 2
     return Piece(shape, Pose((0.0, 0.0, middle), _ROUND))
-
-
-class Connection(NamedTuple):
-    """The numbers of a DIRECT connection and of the plane z = 0, the only body in it."""
-
-    client: int
-    plane: int
-
-
-_AHEAD: Final[list[Connection]] = []
-
-
-def connect_ahead() -> None:
-    """Open a connection ahead, for the next use in this process or in processes forked from it.
-
-    Opening one takes as long as simulating a small robot for two seconds, mostly for memory that is hardly written to;
-    forked processes share that memory.
-    """
-    if not _AHEAD:
-        _AHEAD.append(_made())
-
-
-def connected() -> Connection:
-    """Return a connection of its own: the one that was opened ahead, or a new one."""
-    return _AHEAD.pop() if _AHEAD else _made()
-
-
-def _made() -> Connection:
-    client = pybullet.connect(pybullet.DIRECT)
-    shape = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=client)
-    return Connection(client, int(pybullet.createMultiBody(0, shape, physicsClientId=client)))

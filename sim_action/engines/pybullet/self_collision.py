@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from itertools import combinations
 from typing import Final, Self
 
 import pybullet
 
 from sim_action.core.errors import BadStart, EngineError
+from sim_action.core.records import replace
 from sim_action.engines.observers import Nearest
 from sim_action.engines.self_collision import SelfPairs, SelfWatch, refuse_start_inside
 from sim_action.robot.self_collision import touchable_pairs

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_action.core.records import dataclass, field, replace
 from sim_action.core.units import TIME_EPSILON_S, first_step
 from sim_action.scenario.model import Scenario
 from sim_action.sensors import MountedSensor

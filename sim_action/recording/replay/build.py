@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 from typing import Final
@@ -11,6 +10,7 @@ from typing import Final
 from pydantic import BaseModel
 
 from sim_action.assertions.monitors import FORCE_WINDOW_S
+from sim_action.core.records import dataclass, field
 from sim_action.recording.replay import replay_file, shapes
 from sim_action.recording.replay.frames import NOTHING_COMMANDED, Track, frames_of, thinned
 from sim_action.recording.replay.replay_file import (

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Final, Literal, Self
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, ValidationInfo, model_validator
 
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.files import open_regular, whole_file
@@ -225,6 +225,10 @@ class SignalData(FrozenModel):
     end: Number | None = None
 
 
+_WITHOUT_SCENE: Final = object()
+"""The context of pydantic for a replay whose scene is known already."""
+
+
 class Replay(FrozenModel):
     """The recording of a run for the report.
 
@@ -243,8 +247,9 @@ class Replay(FrozenModel):
     marks: Annotated[tuple[MarkData, ...], Field(max_length=MAX_MARKS)] = ()
 
     @model_validator(mode="after")
-    def _fits_together(self) -> Self:
-        if (problem := _first_problem(self)) is not None:
+    def _fits_together(self, info: ValidationInfo) -> Self:
+        # The reader sets the scene afterwards.
+        if info.context is not _WITHOUT_SCENE and (problem := _first_problem(self)) is not None:
             raise ValueError(problem)
         return self
 
@@ -325,22 +330,58 @@ def write_replay(replay: Replay, path: Path) -> None:
         raise ValueError(
             f"the replay has {len(data) // 1_000_000} MB; the limit is {MAX_UNPACKED_BYTES // 1_000_000} MB"
         )
-    path.parent.mkdir(parents=True, exist_ok=True)
+    if not path.parent.is_dir():
+        path.parent.mkdir(parents=True, exist_ok=True)
     with whole_file(path) as file:
         file.write(gzip.compress(data, _LEVEL, mtime=0))
 
 
 def read_replay(path: Path) -> Replay:
     """Read a replay file, which may come from anywhere. Raises ReplayError."""
-    try:
-        with open_regular(path, follow_link=False) as file:
-            packed = file.read(MAX_PACKED_BYTES + 1)
-        return Replay.model_validate_json(_unpacked(packed))
-    except ValidationError as error:
-        found = error.errors(include_url=False, include_input=False, include_context=False)[0]
-        raise ReplayError(f"{path}: not a valid replay: {found['msg']}") from None
-    except (OSError, ValueError, zlib.error) as error:
-        raise ReplayError(f"{path}: not a valid replay: {error}") from None
+    return ReplayReader().read(path)
+
+
+class ReplayReader:
+    """Reads replay files one after another. Equal scenes, such as those of variations, are read once and shared."""
+
+    def __init__(self) -> None:
+        """Start without a known scene."""
+        self._scene: SceneData | None = None
+        # The beginning of files with the known scene.
+        self._beginning = b""
+
+    def read(self, path: Path) -> Replay:
+        """Read a replay file, which may come from anywhere. Raises ReplayError."""
+        try:
+            with open_regular(path, follow_link=False) as file:
+                packed = file.read(MAX_PACKED_BYTES + 1)
+            return self._parsed(_unpacked(packed))
+        except ValidationError as error:
+            found = error.errors(include_url=False, include_input=False, include_context=False)[0]
+            raise ReplayError(f"{path}: not a valid replay: {found['msg']}") from None
+        except (OSError, ValueError, zlib.error) as error:
+            raise ReplayError(f"{path}: not a valid replay: {error}") from None
+
+    def _parsed(self, data: bytes) -> Replay:
+        """Return the replay. Raise ValueError."""
+        if self._scene is not None and data.startswith(self._beginning):
+            rest = data[len(self._beginning) :]
+            replay = Replay.model_validate_json(_BEFORE_SCENE + _NO_SCENE + b"," + rest, context=_WITHOUT_SCENE)
+            # A second scene in the file would replace the first one.
+            if replay.scene.links[0].name == replay.scene.robot == _UNNAMED:
+                replay = replay.model_copy(update={"scene": self._scene})
+                if (problem := _first_problem(replay)) is not None:
+                    raise ValueError(f"Value error, {problem}")
+                return replay
+        replay = Replay.model_validate_json(data)
+        scene = replay.scene.model_dump_json(exclude_defaults=True).encode()
+        self._scene, self._beginning = replay.scene, _BEFORE_SCENE + scene + b","
+        return replay
+
+
+_BEFORE_SCENE: Final = b'{"version":1,"scene":'
+_UNNAMED: Final = "?"
+_NO_SCENE: Final = b'{"robot":"?","links":[{"name":"?"}]}'
 
 
 def _unpacked(packed: bytes) -> bytes:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from sim_action.core import geometry
 from sim_action.core.geometry import ZERO, Pose, Vector3
+from sim_action.core.records import dataclass
 from sim_action.recording.replay.replay_file import (
     MAX_TEXT_LENGTH,
     BodyData,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import cached_property
 from typing import Annotated, Final, Literal
 
 import numpy as np
@@ -125,7 +126,7 @@ class MeshData(FrozenModel):
         first = np.cumsum(turned[:, 0])
         return points, np.column_stack((first, turned[:, 1] + first, turned[:, 2] + first))
 
-    @property
+    @cached_property
     def is_whole(self) -> bool:
         """True if points and triangles are complete and all corners exist."""
         if len(self.points) % 3 or len(self.triangles) % 3:

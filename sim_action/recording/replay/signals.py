@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
 from pydantic import ValidationError
 
+from sim_action.core.records import replace
 from sim_action.recording.replay.columns import MAX_MOMENTS, Column, FloatArray, fine_scale
 from sim_action.recording.replay.frames import thinned
 from sim_action.recording.replay.replay_file import (

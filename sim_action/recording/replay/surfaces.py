@@ -9,13 +9,13 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim_action.core.geometry import Vector3
+from sim_action.core.records import dataclass
 from sim_action.recording.replay.shapes import MeshData
 from sim_action.world.parts import GridPart, SurfacePart, grid_surface
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
 from sim_action.core.errors import Location
+from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import log_line, shortened
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import (

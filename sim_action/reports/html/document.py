@@ -7,11 +7,11 @@ import hashlib
 import html
 import json
 import re
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib.resources import files
 from typing import Final
 
+from sim_action.core.records import dataclass
 from sim_action.reports.escaping import plain_text
 
 SCRIPTS: Final = (
@@ -53,16 +53,26 @@ _ICON: Final = (
 
 @dataclass(frozen=True, slots=True)
 class Page:
-    """The parts of a page; `index` is JSON for the script, `blocks` maps element ids to packed data."""
+    """The parts of a page.
+
+    Attributes:
+        body: the encoded parts of the body.
+        index: JSON for the script.
+        blocks: element id -> packed data.
+    """
 
     title: str
     failed: bool
-    body: Html
+    body: Sequence[bytes]
     index: str
     blocks: Mapping[str, str]
 
     def text(self) -> str:
         """Return the whole file."""
+        return b"".join(self.parts()).decode()
+
+    def parts(self) -> Iterator[bytes]:
+        """Yield the encoded file in parts: a page may have tens of megabytes."""
         style, script = _asset("page.css"), page_script()
         # The 3D viewer is needed only if there is a replay.
         built = viewer() if self.blocks else None
@@ -79,10 +89,17 @@ class Page:
             element("link", rel="icon", href=_ICON.format(colour="%23c62f2f" if self.failed else "%233a6ea5")),
             element("style", Html(style)),
         )
-        blocks = [element("script", Html(block), type="text/plain", id=name) for name, block in carried.items()]
-        index = element("script", Html(self.index), type="application/json", id="index")
-        body = element("body", joined(self.body, index, *blocks, element("script", Html(script))))
-        return f"<!doctype html>\n{element('html', top, body, lang='en')}\n"
+        yield encoded(f'<!doctype html>\n<html lang="en">{top}<body>')
+        yield from self.body
+        yield encoded(f"\n{element('script', Html(self.index), type='application/json', id='index')}\n")
+        for name, block in carried.items():
+            yield encoded(element("script", Html(block), type="text/plain", id=name) + "\n")
+        yield encoded(f"{element('script', Html(script))}</body></html>\n")
+
+
+def encoded(text: str) -> bytes:
+    """Return a part of the page as it is in the file."""
+    return text.encode("utf-8", errors="replace")
 
 
 def policy(style: str, scripts: Iterable[str]) -> str:
@@ -148,14 +165,17 @@ def element(name: str, /, *children: str, **attributes: str | float | bool | Non
     In attribute names an underscore stands for a hyphen, and one at the end is removed. True gives an attribute without
     a value; False and None omit it.
     """
-    told = "".join(_attribute(key, value) for key, value in attributes.items() if value not in (None, False))
+    told = "".join([_attribute(key, value) for key, value in attributes.items() if value not in (None, False)])
     start = f"<{name}{told}>"
-    return Html(start if name in _VOID else f"{start}{''.join(map(text, children))}</{name}>")
+    if name in _VOID:
+        return Html(start)
+    inner = "".join([child if isinstance(child, Html) else text(child) for child in children])
+    return Html(f"{start}{inner}</{name}>")
 
 
 def joined(*parts: str) -> Html:
     """Join parts, each on its own line, and omit empty ones."""
-    return Html("\n".join(text(part) for part in parts if part))
+    return Html("\n".join([part if isinstance(part, Html) else text(part) for part in parts if part]))
 
 
 def _attribute(key: str, value: str | float | bool | None) -> str:

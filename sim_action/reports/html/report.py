@@ -10,21 +10,22 @@ import gzip
 import json
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from itertools import chain, count
 from math import isfinite
 from pathlib import Path
 from typing import Final
 
 from sim_action.core.files import whole_file
+from sim_action.core.records import dataclass, field
 from sim_action.core.wording import counted, shortened
-from sim_action.recording.replay.replay_file import Replay, ReplayError, read_replay
+from sim_action.recording.replay.replay_file import Replay, ReplayError, ReplayReader
 from sim_action.recording.replay.shapes import MeshData
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import counts_text, shard_text, speed_text
-from sim_action.reports.html.document import Html, Page, element, joined
+from sim_action.reports.html.document import Html, Page, element, encoded, joined
 from sim_action.reports.html.scenario_article import article, drawn, status_mark
+from sim_action.reports.html.top_view import SceneOutlines
 from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios, worst_first
 from sim_action.results.artifacts import REPORT_FILE, namesake_number, stored_file
 from sim_action.results.outcome import Outcome
@@ -37,7 +38,7 @@ MAX_PAGE_SCENARIOS: Final = 2_000
 def write_html(results: Results, options: ReportOptions) -> None:
     """Write `report.html` into the output folder."""
     with whole_file(options.folder / REPORT_FILE) as file:
-        file.write(page(results, options).text().encode("utf-8", errors="replace"))
+        file.writelines(page(results, options).parts())
 
 
 def page(results: Results, options: ReportOptions) -> Page:
@@ -46,25 +47,27 @@ def page(results: Results, options: ReportOptions) -> Page:
     ordered = [outcome for group in found for outcome in group.worst_first()][:MAX_PAGE_SCENARIOS]
     ids = {id(outcome): f"s{number}" for number, outcome in enumerate(ordered)}
     replay_blocks, numbers = ReplayBlocks(), _numbers(ordered)
-    articles, entries = [], []
+    reader, outlines = ReplayReader(), SceneOutlines()
+    articles: list[bytes] = []
+    entries = []
     for outcome in ordered:
         identity = ids[id(outcome)]
-        replay, missing = _replay(outcome, options.folder)
+        replay, missing = _replay(outcome, options.folder, reader)
         if replay is not None and not replay_blocks.add(f"replay-{identity}", replay):
             replay, missing = None, "The replay of this run is not included: the size of the page is limited."
-        still = element("p", missing, class_="faint") if replay is None else drawn(replay, outcome)
-        articles.append(article(identity, outcome, results, options, still))
+        still = element("p", missing, class_="faint") if replay is None else drawn(replay, outcome, outlines)
+        articles.append(encoded(article(identity, outcome, results, options, still) + "\n"))
         entries.append(_index_entry(identity, outcome, numbers[id(outcome)], replay))
-    body = joined(
-        page_head(results),
-        element("div", joined(scenario_list(found, ids), element("main", joined(*articles))), class_="layout"),
-    )
+    if articles:
+        articles[-1] = articles[-1].removesuffix(b"\n")
+    head = f'{page_head(results)}\n<div class="layout">{joined(scenario_list(found, ids), Html("<main>"))}'
+    body = (encoded(head), *articles, b"</main></div>")
     blocks = replay_blocks.blocks | ({"meshes": replay_blocks.shared} if replay_blocks.meshes else {})
     title = f"{page_headline(results)} · sim-action"
     return Page(title, results.conclusion != "success", body, page_json({"scenarios": entries}), blocks)
 
 
-def _replay(outcome: Outcome, folder: Path) -> tuple[Replay | None, str]:
+def _replay(outcome: Outcome, folder: Path, reader: ReplayReader) -> tuple[Replay | None, str]:
     """Return the replay of a run, or None and the reason why there is none."""
     if outcome.replay is None:
         return None, "" if outcome.digest is None else "No replay of this run was stored."
@@ -72,7 +75,7 @@ def _replay(outcome: Outcome, folder: Path) -> tuple[Replay | None, str]:
     if path is None:
         return None, "The replay file of this run is missing."
     try:
-        return read_replay(path), ""
+        return reader.read(path), ""
     except ReplayError as error:
         return None, f"The replay cannot be read: {one_line(str(error))}"
 

@@ -19,7 +19,7 @@ from sim_action.reports.formatting import (
     user_output,
 )
 from sim_action.reports.html.document import Html, element, joined
-from sim_action.reports.html.top_view import drawing
+from sim_action.reports.html.top_view import SceneOutlines, drawing
 from sim_action.reports.links import file_and_line, rerun_command, source_url
 from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS
 from sim_action.results.outcome import DisplayStatus, ExpectationOutcome, Failure, Outcome
@@ -69,10 +69,10 @@ def _origin_line(outcome: Outcome, options: ReportOptions) -> Html:
     return Html(" · ".join(told))
 
 
-def drawn(replay: Replay, outcome: Outcome) -> Html:
+def drawn(replay: Replay, outcome: Outcome, outlines: SceneOutlines) -> Html:
     """Return the drawing of a run with its caption."""
     words = "View from above: the path of the robot, its start (outlined) and its end."
-    return element("figure", drawing(replay, outcome), element("figcaption", words), class_="still")
+    return element("figure", drawing(replay, outcome, outlines), element("figcaption", words), class_="still")
 
 
 _NUMBERS = ("Measured", "Limit", "Margin", "Decided")

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from functools import lru_cache
 from itertools import islice
 from typing import Final
 
 import numpy as np
 
+from sim_action.core.records import dataclass
 from sim_action.recording.replay.replay_file import (
     ArrowMark,
     CircleMark,
@@ -18,6 +19,7 @@ from sim_action.recording.replay.replay_file import (
     PolygonMark,
     PolylineMark,
     Replay,
+    SceneData,
 )
 from sim_action.recording.replay.shapes import (
     BoxShape,
@@ -26,6 +28,7 @@ from sim_action.recording.replay.shapes import (
     EllipsoidShape,
     MeshData,
     MeshShape,
+    PoseNumbers,
     Shape,
 )
 from sim_action.reports.html.document import Html, element
@@ -38,10 +41,41 @@ _MIN_MARGIN_M: Final = 0.35
 """The margin in m around everything that is drawn."""
 
 
-def drawing(replay: Replay, outcome: Outcome) -> Html:
-    """Return an SVG with 1 unit per metre and y up; the style sheet gives its size on the page."""
+class SceneOutlines:
+    """The outlines that do not depend on the motion: variations with the same scene and start share them."""
+
+    def __init__(self) -> None:
+        """Start without a scene."""
+        self._scene: SceneData | None = None
+        self._start: _Posture | None = None
+        self._bodies: list[FloatArray] = []
+        self._robot: list[FloatArray] = []
+
+    def bodies(self, scene: SceneData) -> list[FloatArray]:
+        """Return the outline (N, 2) in m of each shape of the bodies at their initial poses."""
+        if scene is not self._scene:
+            owners = [(shape, body.pose) for body in scene.bodies for shape in body.shapes]
+            self._bodies = [outline(shape, Frame.of(pose), scene.meshes) for shape, pose in owners]
+            self._scene, self._start = scene, None
+        return self._bodies
+
+    def robot(self, scene: SceneData, start: _Posture) -> list[FloatArray]:
+        """Return the outline (N, 2) in m of each shape of the robot at the start."""
+        self.bodies(scene)
+        if start != self._start:
+            self._start, self._robot = start, _outlines(scene, start)
+        return self._robot
+
+
+def drawing(replay: Replay, outcome: Outcome, outlines: SceneOutlines | None = None) -> Html:
+    """Return an SVG with 1 unit per metre and y up; the style sheet gives its size on the page.
+
+    `outlines`: those of the drawings before.
+    """
+    outlines = outlines or SceneOutlines()
     way = _way(replay)
-    start, end = robot_outlines(replay, 0), robot_outlines(replay, replay.frames.count - 1)
+    first, last = _postures(replay, 0, replay.frames.count - 1)
+    start, end = outlines.robot(replay.scene, first), _outlines(replay.scene, last)
     marks = _marks_in_world(replay)
     x, y, width, height = _view(np.concatenate([way, *start, *end, *_mark_points(marks)]))
     box = (x, y, x + width, y + height)
@@ -49,7 +83,7 @@ def drawing(replay: Replay, outcome: Outcome) -> Html:
     return element(
         "svg",
         element("title", f"The path of the robot from above, {width:.2g} m wide"),
-        *(_polygon(corners, "body") for corners in islice(_bodies(replay, box), _MAX_SOLIDS)),
+        *(_polygon(corners, "body") for corners in islice(_in_view(outlines.bodies(replay.scene), box), _MAX_SOLIDS)),
         *(_mark(mark, failed) for mark in marks),
         *(_polygon(corners, "start") for corners in start),
         *(_polygon(corners, "robot") for corners in end),
@@ -82,21 +116,19 @@ def _view(points: FloatArray) -> tuple[float, float, float, float]:
     return float(middle[0] - width / 2), float(middle[1] - height / 2), float(width), float(height)
 
 
-def _bodies(replay: Replay, box: tuple[float, float, float, float]) -> Iterator[FloatArray]:
-    """Yield the outlines (N, 2) of the bodies in the view at their initial poses."""
-    for body in replay.scene.bodies:
-        for shape in body.shapes:
-            corners = outline(shape, Frame.of(body.pose), replay.scene.meshes)
-            low, high = corners.min(axis=0), corners.max(axis=0)
-            if low[0] < box[2] and high[0] > box[0] and low[1] < box[3] and high[1] > box[1]:
-                yield corners
+def _in_view(bodies: Iterable[FloatArray], box: tuple[float, float, float, float]) -> Iterator[FloatArray]:
+    """Yield the outlines (N, 2) of bodies in the view."""
+    for corners in bodies:
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        if low[0] < box[2] and high[0] > box[0] and low[1] < box[3] and high[1] > box[1]:
+            yield corners
 
 
 def _marks_in_world(replay: Replay) -> list[MarkData]:
     """Return the marks in the world frame; those that move with a link are drawn where they are at the end."""
     if all(mark.link is None for mark in replay.marks):
         return list(replay.marks)
-    frames = _link_frames(replay, replay.frames.count - 1)
+    frames = _link_frames(replay.scene, _postures(replay, replay.frames.count - 1)[0])
     return [mark if mark.link is None else _in_world(mark, frames[mark.link]) for mark in replay.marks]
 
 
@@ -164,6 +196,8 @@ def _number(value: float) -> str:
 
 
 _ROUND: Final = 16
+# The product with 1e4 has an error, so it does not decide the rounding of numbers that are so close to the middle.
+_TIE: Final = 1e-3
 _MAX_MESH_POINTS: Final = 500
 
 
@@ -178,7 +212,8 @@ class Frame:
     def of(cls, numbers: Iterable[float]) -> Frame:
         """Return the frame for x, y, z in m and a quaternion x, y, z, w, which need not have unit length."""
         px, py, pz, *quaternion = numbers
-        x, y, z, w = np.array(quaternion) / (math.hypot(*quaternion) or 1.0)
+        length = math.hypot(*quaternion) or 1.0
+        x, y, z, w = (number / length for number in quaternion)
         rows = [
             [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
             [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
@@ -195,30 +230,54 @@ class Frame:
         return points @ self.rotation.T + self.position
 
 
-def robot_outlines(replay: Replay, moment: int) -> list[FloatArray]:
-    """Return the outline (N, 2) in m, world frame, of each shape of the robot at one moment."""
-    frames = _link_frames(replay, moment)
-    solids = ((shape, frame) for link, frame in zip(replay.scene.links, frames, strict=True) for shape in link.shapes)
-    return [outline(shape, frame, replay.scene.meshes) for shape, frame in solids]
+def robot_outlines(replay: Replay, *moments: int) -> list[list[FloatArray]]:
+    """Return the outline (N, 2) in m, world frame, of each shape of the robot at each of some moments."""
+    return [_outlines(replay.scene, posture) for posture in _postures(replay, *moments)]
+
+
+_Posture = tuple[tuple[float, ...], tuple[float, ...]]
+"""The pose of the base as numbers, and the positions of joints."""
+
+
+def _postures(replay: Replay, *moments: int) -> list[_Posture]:
+    """Return the posture of the robot at each of some moments."""
+    count, rows = replay.frames.count, list(moments)
+    base = [column.decoded(count)[rows].tolist() for column in replay.frames.base]
+    joints = [column.decoded(count)[rows].tolist() for column in replay.frames.joints]
+    return [
+        (tuple(column[index] for column in base), tuple(column[index] for column in joints))
+        for index in range(len(rows))
+    ]
 
 
 def outline(shape: Shape, owner: Frame, meshes: dict[str, MeshData]) -> FloatArray:
     """Return the convex outline (N, 2) of a shape, seen from above; `owner` is the frame of its link or body."""
-    points = Frame.of(shape.pose).after(owner).transform(_shape_points(shape, meshes))
-    return _hull(points[:, :2])
+    points = _mesh_points(meshes[shape.mesh]) if isinstance(shape, MeshShape) else _solid_points(shape)
+    return _hull(_fixed_frame(shape.pose).after(owner).transform(points)[:, :2])
 
 
-def _link_frames(replay: Replay, moment: int) -> list[Frame]:
-    count = replay.frames.count
-    joints = [float(column.decoded(count)[moment]) for column in replay.frames.joints]
-    found = [Frame.of(float(column.decoded(count)[moment]) for column in replay.frames.base)]
-    for link in replay.scene.links[1:]:
+def _outlines(scene: SceneData, posture: _Posture) -> list[FloatArray]:
+    links = zip(scene.links, _link_frames(scene, posture), strict=True)
+    return [outline(shape, frame, scene.meshes) for link, frame in links for shape in link.shapes]
+
+
+def _link_frames(scene: SceneData, posture: _Posture) -> list[Frame]:
+    """Return the frame of each link."""
+    base, joints = posture
+    found = [Frame.of(base)]
+    for link in scene.links[1:]:
         assert link.parent is not None
-        own = Frame.of(link.origin)
+        own = _fixed_frame(link.origin)
         if link.joint is not None:
             own = _motion(link.joint, joints[link.joint.column]).after(own)
         found.append(own.after(found[link.parent]))
     return found
+
+
+@lru_cache(maxsize=4096)
+def _fixed_frame(pose: PoseNumbers) -> Frame:
+    """Return the frame of a pose of the scene, which most replays of a page share."""
+    return Frame.of(pose)
 
 
 def _motion(joint: JointMotion, value: float) -> Frame:
@@ -229,7 +288,8 @@ def _motion(joint: JointMotion, value: float) -> Frame:
     return Frame.of((0.0, 0.0, 0.0, *(axis * math.sin(moved / 2)), math.cos(moved / 2)))
 
 
-def _shape_points(shape: Shape, meshes: dict[str, MeshData]) -> FloatArray:
+@lru_cache(maxsize=1024)
+def _solid_points(shape: BoxShape | CylinderShape | EllipsoidShape | CapsuleShape) -> FloatArray:
     """Return points (N, 3) in the frame of the shape; their hull approximates the shape."""
     match shape:
         case BoxShape():
@@ -242,10 +302,13 @@ def _shape_points(shape: Shape, meshes: dict[str, MeshData]) -> FloatArray:
             return np.concatenate(caps)
         case CylinderShape():
             return np.concatenate([_ring(shape.radius, end * shape.length / 2) for end in (-1, 1)])
-        case MeshShape():
-            mesh = meshes[shape.mesh]
-            points = np.asarray(mesh.decoded()[0] * mesh.scale, dtype=np.float64)
-            return points[:: max(1, len(points) // _MAX_MESH_POINTS)]
+
+
+@lru_cache(maxsize=64)
+def _mesh_points(mesh: MeshData) -> FloatArray:
+    """Return some points (N, 3) of a mesh; their hull approximates it."""
+    points = np.asarray(mesh.decoded()[0] * mesh.scale, dtype=np.float64)
+    return points[:: max(1, len(points) // _MAX_MESH_POINTS)]
 
 
 def _ring(radius: float, height: float) -> FloatArray:
@@ -260,10 +323,19 @@ def _ball() -> FloatArray:
 
 def _hull(points: FloatArray) -> FloatArray:
     """Return the corners of the convex hull of points (N, 2), counter-clockwise."""
-    ordered = sorted({(round(float(x), 4), round(float(y), 4)) for x, y in points})
+    ordered = sorted(set(map(tuple, _rounded(points).tolist())))
     if len(ordered) < 3:
         return np.array(ordered)
     return np.array(_half(ordered)[:-1] + _half(ordered[::-1])[:-1])
+
+
+def _rounded(points: FloatArray) -> FloatArray:
+    """Return points rounded to 4 decimals exactly as `round` does."""
+    scaled = points * 1e4
+    whole = np.rint(scaled)
+    if (np.abs(np.abs(scaled - whole) - 0.5) < _TIE).any():
+        return np.array([(round(x, 4), round(y, 4)) for x, y in points.tolist()])
+    return np.asarray(whole / 1e4)
 
 
 def _half(ordered: list[tuple[float, float]]) -> list[tuple[float, float]]:

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Final
 
 from sim_action.core.errors import Location, Problem, RefusedModel
+from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import escaped_line
 from sim_action.robot.robot_model import Finding, Level
 

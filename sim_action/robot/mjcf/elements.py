@@ -9,12 +9,12 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final, Literal, NoReturn
 from xml.etree.ElementTree import Element
 
 from sim_action.core.errors import Location, Problem, RefusedModel
+from sim_action.core.records import dataclass
 from sim_action.core.wording import shown
 from sim_action.robot.xml_document import MAX_ELEMENTS
 

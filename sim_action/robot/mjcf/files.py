@@ -11,12 +11,12 @@ import html
 import os
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 from xml.etree.ElementTree import Element
 
 from sim_action.core.errors import Location
+from sim_action.core.records import dataclass, field
 from sim_action.core.wording import shown
 from sim_action.robot.audit.rules import finding
 from sim_action.robot.mjcf.elements import (

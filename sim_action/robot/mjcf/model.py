@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Final, Literal
 
 from sim_action.core.errors import Location
 from sim_action.core.geometry import Pose
+from sim_action.core.records import dataclass, field
 
 MESH_OF_TEXT: Final = "mjcf:"
 """Prefix in `Visual.file` of the name of a mesh that an MJCF text contains."""

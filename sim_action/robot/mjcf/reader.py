@@ -12,13 +12,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from sim_action.core import geometry
 from sim_action.core.errors import Location, ModelError
 from sim_action.core.geometry import Pose
+from sim_action.core.records import replace
 from sim_action.robot.audit.elements import no_bounce
 from sim_action.robot.audit.rules import finding, refuse_errors
 from sim_action.robot.kinematics import joint_motion

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
 import mujoco
@@ -17,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_action.core.errors import Location, ModelError
+from sim_action.core.records import dataclass
 from sim_action.meshes import READERS, MeshError, parsed_mesh
 from sim_action.robot.audit.rules import finding
 from sim_action.robot.mjcf.elements import refusal

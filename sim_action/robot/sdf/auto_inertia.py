@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
 from xml.etree.ElementTree import Element
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Solid, Vector3
+from sim_action.core.records import dataclass
 from sim_action.robot.sdf.elements import SdfProblem, needed, number_of, numbers_of, vector_of
 
 _DENSITY: Final = 1000.0

@@ -7,12 +7,12 @@ to the outer model (SDFormat's proposals on composition and merge-include).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Literal, get_args
 from urllib.parse import unquote
 from xml.etree.ElementTree import Element
 
+from sim_action.core.records import dataclass, field
 from sim_action.robot.audit.kinematic_tree import MAX_NAME_BYTES
 from sim_action.robot.audit.rules import finding, refuse_errors
 from sim_action.robot.model_files import Version, find_model_file

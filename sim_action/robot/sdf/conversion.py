@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from sim_action.core import geometry
 from sim_action.core.geometry import ZERO, Pose
+from sim_action.core.records import dataclass
 from sim_action.robot.audit.rules import refuse_errors
 from sim_action.robot.model_files import NEWEST
 from sim_action.robot.packages import Packages

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import Final, TypeVar
 from xml.etree.ElementTree import Element
 
 from sim_action.core import geometry
 from sim_action.core.errors import Location
 from sim_action.core.geometry import Pose, Vector3
+from sim_action.core.records import dataclass, field
 from sim_action.core.wording import shown
 from sim_action.robot.audit.rules import finding
 from sim_action.robot.robot_model import Finding
@@ -42,7 +42,7 @@ class SdfProblem(Exception):
         super().__init__(message)
 
 
-@dataclass
+@dataclass()
 class Notes:
     """The findings of one conversion.
 

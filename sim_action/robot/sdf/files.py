@@ -5,11 +5,11 @@ The input is not trusted, and is read in the caller's process.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 from xml.etree.ElementTree import Element
 
+from sim_action.core.records import dataclass
 from sim_action.core.wording import shown
 from sim_action.robot.audit.rules import refuse_errors
 from sim_action.robot.model_files import Version, parsed_version

@@ -8,12 +8,12 @@ frame of the link in URDF is moved to the joint, without a rotation.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Final
 from xml.etree.ElementTree import Element
 
 from sim_action.core import geometry
 from sim_action.core.geometry import ZERO, Pose, Quaternion, Vector3
+from sim_action.core.records import dataclass
 from sim_action.robot.robot_model import WORLD
 from sim_action.robot.sdf.composition import Entry
 from sim_action.robot.sdf.elements import (

@@ -11,11 +11,11 @@ newer version, such as `expressed_in` or `relative_to`, also counts in an older 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Final
 from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element
 
+from sim_action.core.records import replace
 from sim_action.robot.model_files import Version
 from sim_action.robot.sdf.elements import MODEL_FRAME
 from sim_action.robot.xml_document import ModelDocument

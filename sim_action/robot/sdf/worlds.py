@@ -7,7 +7,6 @@ relative to other models have one reader.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
 from itertools import count
 from pathlib import Path, PurePosixPath
 from typing import Final
@@ -16,6 +15,7 @@ from xml.etree.ElementTree import Element
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose
+from sim_action.core.records import dataclass, field, replace
 from sim_action.core.wording import did_you_mean
 from sim_action.robot.audit.rules import refuse_errors
 from sim_action.robot.model_files import Version

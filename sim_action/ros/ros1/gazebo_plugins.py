@@ -7,11 +7,11 @@ stand in models and links (classic.gazebosim.org, "Gazebo plugins in ROS").
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 from xml.etree.ElementTree import Element
 
 from sim_action.core.geometry import Pose, quaternion_from_rpy
+from sim_action.core.records import dataclass
 from sim_action.core.registry import Table
 from sim_action.world.world_files import plugin_name
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import subprocess
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from sim_action.core.errors import UsageError
+from sim_action.core.records import dataclass
 
 PACKAGES: Final = (
     "python3-rospy",

@@ -12,7 +12,6 @@ request.json                the request for every simulation
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
 from typing import Final, Literal
@@ -21,6 +20,7 @@ from pydantic import Field, ValidationError
 
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.files import read_at_most
+from sim_action.core.records import dataclass
 from sim_action.results.outcome import Failure
 from sim_action.ros.ros1.losses import OPTION
 from sim_action.world.world_files.losses import Loss

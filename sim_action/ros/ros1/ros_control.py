@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 from xml.etree.ElementTree import Element
 
+from sim_action.core.records import dataclass
 from sim_action.core.registry import Table
 from sim_action.core.wording import did_you_mean
 from sim_action.robot.control_tags import interfaces_of

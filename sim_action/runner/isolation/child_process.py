@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import os
 import re
-import socket
 import stat
 import tempfile
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import ClassVar, Final, Self
+from typing import TYPE_CHECKING, ClassVar, Final, Self
 
 from sim_action.core.child_environment import code_environment
 from sim_action.core.errors import Location
 from sim_action.runner.child_files import ChildReport
 from sim_action.runner.job import BEGUN, JUDGED, Job
+
+if TYPE_CHECKING:
+    import socket
+
 
 # The message that a child process cannot begin, with the number of the error.
 REFUSED: Final = b"refused "
@@ -46,6 +49,7 @@ class ChildProcess(ABC):
         report: after `close`, the content of its files.
         started: `time.monotonic()` at its start.
         begun: True if it has begun to run its job.
+        is_doubtful: after `close`, True if runs before it in the same process may have changed how it ended.
         refusal: the error of the system if it could not begin, before any code of the scenario has run; else None.
     """
 
@@ -71,6 +75,7 @@ class ChildProcess(ABC):
         self.started = time.monotonic()
         self.refusal: OSError | None = None
         self.begun = False
+        self.is_doubtful = False
         self._unread = b""
         self._former = former_files(job) if former is None else former
 
@@ -78,6 +83,11 @@ class ChildProcess(ABC):
     @abstractmethod
     def start(cls, job: Job) -> Self:
         """Start a child process for this job. Raise OSError."""
+
+    @classmethod
+    def starter(cls, jobs: Sequence[Job]) -> Starter:  # noqa: ARG003 - types that share processes use them
+        """Return a starter for these jobs, several of which may share a child process where the system allows it."""
+        return Starter(cls)
 
     @abstractmethod
     def poll(self) -> int | None:
@@ -127,6 +137,28 @@ class ChildProcess(ABC):
     @abstractmethod
     def _heard(self) -> bytes:
         """Return the available bytes; nothing at the end. Raise BlockingIOError while there are none yet."""
+
+
+class Starter:
+    """Starts a child process of its own for each job."""
+
+    def __init__(self, child_type: type[ChildProcess]) -> None:
+        """Take the type of child processes."""
+        self._child_type = child_type
+
+    def start(self, index: int, job: Job, *, alone: bool, most_waiting: int) -> ChildProcess:
+        """Start a job. Raise OSError.
+
+        Args:
+            index: that in the list of all jobs.
+            job: the job.
+            alone: True if it needs a child process of its own.
+            most_waiting: how many child processes may then wait for a next job.
+        """
+        return self._child_type.start(job)
+
+    def end_waiting(self, most: int = 0) -> None:
+        """End the child processes that wait for a next job, except `most` of them."""
 
 
 _PROBE_BYTES: Final = 4096

@@ -15,7 +15,10 @@ import tempfile
 import threading
 import time
 import traceback
-from contextlib import ExitStack, suppress
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import Final, NoReturn, Self
 
@@ -26,6 +29,7 @@ from sim_action.runner.isolation.child_process import (
     REFUSED,
     ChildProcess,
     Former,
+    Starter,
     former_files,
     job_environment,
     remove,
@@ -73,11 +77,7 @@ class LinuxChild(ChildProcess):
         Raises OSError.
         """
         former = former_files(job)
-        with ExitStack() as undone:
-            scratch = scratch_folder()
-            undone.callback(remove, scratch)
-            files = memory_files.MemoryFiles(Path(scratch.name))
-            undone.callback(files.close)
+        with files_of_child() as (scratch, files), ExitStack() as undone:
             reader, writer = os.pipe()
             undone.callback(os.close, reader)
             try:
@@ -86,12 +86,20 @@ class LinuxChild(ChildProcess):
                 os.set_blocking(writer, False)
                 of_others = job.loaded.scenario.runs_user_code or job.hash_seed is not None
                 alone = of_others or threading.active_count() > 1
-                pid = _spawn(job, files, writer) if alone else _fork(job, files, writer)
+                pid = _spawn(job, files, writer) if alone else fork(partial(run_in_fork, job), job, files, writer)
             finally:
                 os.close(writer)
             # From here on `close` cleans up.
             undone.pop_all()
         return cls(job, pid, reader, files, scratch, former=former, supervised=alone)
+
+    @classmethod
+    def starter(cls, jobs: Sequence[Job]) -> Starter:
+        """See `ChildProcess.starter`."""
+        # The module extends this class.
+        from sim_action.runner.isolation.shared_child import SharingStarter
+
+        return SharingStarter(jobs)
 
     def poll(self) -> int | None:
         """Return the exit status after the end (negative: the signal that ended it), else None.
@@ -160,7 +168,33 @@ class LinuxChild(ChildProcess):
                     os.kill(process.number, signal.SIGKILL)
 
 
-def _fork(job: Job, files: memory_files.MemoryFiles, writer: int) -> int:
+@contextmanager
+def files_of_child() -> Iterator[tuple[tempfile.TemporaryDirectory[str], memory_files.MemoryFiles]]:
+    """Make the scratch folder and the files of a child process; an error in this context removes them.
+
+    Raise OSError.
+    """
+    with ExitStack() as undone:
+        scratch = scratch_folder()
+        undone.callback(remove, scratch)
+        files = memory_files.MemoryFiles(Path(scratch.name))
+        undone.callback(files.close)
+        yield scratch, files
+        undone.pop_all()
+
+
+def run_in_fork(job: Job, files: ChildFiles, writer: int) -> bool:
+    """Run a job in a fork, see `run_job`."""
+    # Python warns once at each line: a run, or a caller, that did so before must not hide it.
+    with warnings.catch_warnings():
+        return run_job(job, files, writer)
+
+
+def fork(run: Callable[[ChildFiles, int], object], job: Job, files: memory_files.MemoryFiles, writer: int) -> int:
+    """Fork this process, and call `run` in the child process with the limits of the job; return its number.
+
+    `writer`: the descriptor for its progress. Raise OSError.
+    """
     # A stream on a full disk is no reason not to run.
     with suppress(OSError, ValueError):
         sys.stdout.flush()
@@ -171,14 +205,16 @@ def _fork(job: Job, files: memory_files.MemoryFiles, writer: int) -> int:
     try:
         pid = os.fork()
         if pid == 0:
-            _child_main(job, files.inherited, writer, parent)
+            _child_main(run, job, files.inherited, writer, parent)
     finally:
         gc.unfreeze()
     return pid
 
 
-def _child_main(job: Job, files: ChildFiles, writer: int, parent: int) -> NoReturn:
-    """Run the job in the fork; never return into the parent's code."""
+def _child_main(
+    run: Callable[[ChildFiles, int], object], job: Job, files: ChildFiles, writer: int, parent: int
+) -> NoReturn:
+    """Call `run` in the fork; never return into the parent's code."""
     code = 1
     try:
         process_control.end_with_parent(parent, signal.SIGKILL)
@@ -190,7 +226,7 @@ def _child_main(job: Job, files: ChildFiles, writer: int, parent: int) -> NoRetu
         except OSError as error:
             os.write(writer, REFUSED + b"%d\n" % (error.errno or 0))
             os._exit(code)
-        run_job(job, files, writer)
+        run(files, writer)
         code = 0
     except BaseException:  # noqa: BLE001 - nothing may return into the parent's code
         traceback.print_exc()

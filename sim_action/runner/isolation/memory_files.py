@@ -71,6 +71,12 @@ class MemoryFiles:
             _end_of(self._stack_dump, MAX_STACK_DUMP_BYTES),
         )
 
+    def empty(self) -> None:
+        """Forget the outcome and the printed output of a run, before the same child process begins the next one."""
+        os.pwrite(self._outcome, LENGTH.pack(0), 0)
+        if self.printed:
+            os.ftruncate(self.output, 0)
+
     def close(self) -> None:
         """Free the memory; the child process must have ended."""
         _close(self.inherited.descriptors)

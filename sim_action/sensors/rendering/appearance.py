@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Vector3
+from sim_action.core.records import dataclass
 from sim_action.robot.robot_model import RobotModel, Shape
 from sim_action.sensors.rendering import PALETTE, ROBOT, Colour
 from sim_action.sensors.rendering.solids import (

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Vector3
+from sim_action.core.records import dataclass
 from sim_action.sensors.rendering import GROUND, SKY, Colour
 from sim_action.sensors.rendering.pinhole import Components, FloatArray, Patch, Pinhole
 from sim_action.sensors.rendering.solids import Solid

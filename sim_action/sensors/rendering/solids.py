@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Final, Self
 
 import numpy as np
 
 from sim_action.core.geometry import Vector3
+from sim_action.core.records import dataclass
 from sim_action.meshes.convex_hull import along, face_normals, furthest, spread_directions
 from sim_action.meshes.hull_file import read_hull_points
 from sim_action.sensors.rendering.pinhole import Components, FloatArray, Rays

@@ -6,10 +6,10 @@ Files must lie in the workspace and are limited in size. Engines get numbers, ne
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterator, Mapping
-from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from sim_action.core.records import dataclass, field
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_errors import SpecProblem
 from sim_action.world import Body, Shape, World

@@ -6,11 +6,12 @@ import re
 import struct
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+
+from sim_action.core.records import dataclass
 
 MAX_PIXELS: Final = 16_000_000
 """4,000 x 4,000 pixels: a map of 200 m at 5 cm."""

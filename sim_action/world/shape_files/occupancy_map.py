@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Annotated, Any, Final, NamedTuple
 
 import numpy as np
@@ -15,6 +14,7 @@ from sim_action.core import geometry
 from sim_action.core.errors import InvalidScenario
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.geometry import Pose
+from sim_action.core.records import replace
 from sim_action.core.wording import escaped_line
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import read_document

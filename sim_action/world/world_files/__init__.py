@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any, Final
 from xml.etree.ElementTree import Element
@@ -18,6 +17,7 @@ from pydantic import ValidationError
 from sim_action.core import geometry
 from sim_action.core.errors import Location
 from sim_action.core.geometry import Pose
+from sim_action.core.records import dataclass, field
 from sim_action.robot.audit.rules import refuse_errors
 from sim_action.robot.model_files import NEWEST
 from sim_action.robot.packages import Packages

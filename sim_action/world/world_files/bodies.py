@@ -7,7 +7,6 @@ of its own, with the name `model/link`. Joints that move are losses: the links t
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any, Final
 from xml.etree.ElementTree import Element
 
@@ -17,6 +16,7 @@ from sim_action.core import geometry
 from sim_action.core.errors import Location
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, Vector3
+from sim_action.core.records import dataclass
 from sim_action.robot.robot_model import WORLD
 from sim_action.robot.sdf.auto_inertia import auto_inertia
 from sim_action.robot.sdf.composition import SEPARATOR, Entry, Scope

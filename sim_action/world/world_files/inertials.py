@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim_action.core.geometry import Quaternion, Vector3
+from sim_action.core.records import dataclass
 from sim_action.world.mass_properties import displaced, symmetric, turned_tensor, uniform_properties
 from sim_action.world.parts import Part
 

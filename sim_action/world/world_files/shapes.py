@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 from xml.etree.ElementTree import Element
@@ -13,6 +12,7 @@ from pydantic import ValidationError
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Vector3, rpy_from_quaternion
+from sim_action.core.records import dataclass, field
 from sim_action.robot.packages import PackageError, Packages
 from sim_action.robot.sdf.composition import Entry
 from sim_action.robot.sdf.elements import Notes, SdfProblem, needed, number_of, numbers_of, text_of, vector_of

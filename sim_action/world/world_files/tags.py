@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final, Literal
 from xml.etree.ElementTree import Element
+
+from sim_action.core.records import dataclass
 
 Effect = Literal["read", "none", "lost"]
 

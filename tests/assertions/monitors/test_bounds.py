@@ -10,6 +10,7 @@ from pydantic import ValidationError
 from sim_action.assertions.distance import PathLength, Travel
 from sim_action.assertions.monitors import State
 from sim_action.assertions.monitors.bounds import AllLimits, Bounds, Interval, IntervalsMonitor, SignalMonitor
+from sim_action.state.trace import FloatArray, Trace
 from tests.traces import trace
 
 both = pytest.mark.parametrize("kind", [Travel, PathLength])
@@ -95,3 +96,21 @@ def test_a_bound_that_is_passed_breaks_it() -> None:
         State.BROKEN,
         "crossed the bound x = 0.75 m: x = 0.5 m at 1.00 s",
     )
+
+
+@pytest.mark.parametrize(("at_most", "reads"), [(None, 2), (2.0, 3)])
+def test_a_signal_is_read_until_its_verdict_is_known(at_most: float | None, reads: int) -> None:
+    read: list[Trace] = []
+
+    def signal(seen: Trace) -> FloatArray:
+        read.append(seen)
+        return seen.speed
+
+    monitor = SignalMonitor("speed", signal, Bounds("moved with", "m/s", 1.0, at_most))
+    pieces = [trace([time], speed=[speed]) for time, speed in ((1.0, 0.5), (2.0, 1.5), (3.0, 2.5))]
+    for piece in pieces:
+        monitor = monitor.observe(piece)
+    assert len(read) == reads
+    assert monitor.verdict().passed is (at_most is None)
+    if at_most is None:
+        assert (monitor.verdict().measured, monitor.verdict().time) == (1.5, 2.0)

@@ -25,7 +25,7 @@ def test_contacts_are_seen_however_many_there_are() -> None:
         contacts, data = backend._contacts, backend._motors._data
         for step in range(480):
             backend.advance(step, [None])
-            matters = contacts.may_matter()
+            matters = contacts.may_matter(backend._sliding.touching)
             links_and_bodies = [contacts._matters.issuperset(pair) for pair in data.contact.geom.tolist()]
             assert matters == any(links_and_bodies)
             counts.add(data.ncon)
@@ -43,8 +43,8 @@ def test_pairs_that_did_not_matter_are_remembered() -> None:
         contacts, data = backend._contacts, backend._motors._data
         backend.advance(0, [None])
         assert data.ncon
-        assert not contacts.may_matter()
+        assert not contacts.may_matter(backend._sliding.touching)
         contacts._matters = set(data.contact.geom.ravel().tolist())
-        assert not contacts.may_matter()
+        assert not contacts.may_matter(backend._sliding.touching)
         contacts._harmless.clear()
-        assert contacts.may_matter()
+        assert contacts.may_matter(backend._sliding.touching)

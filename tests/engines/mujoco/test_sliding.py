@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -93,7 +94,7 @@ def test_a_box_at_rest_is_left_alone(tmp_path: Path) -> None:
         assert isinstance(backend, MuJoCoEngine)
         advance(backend, 0, 240)
         before = backend._data.efc_aref.copy()
-        backend._sliding.correct()
+        backend._sliding.correct(memoryview(backend._data.efc_aref))
         assert backend._data.ncon == 4
         assert np.array_equal(before, backend._data.efc_aref)
 
@@ -115,3 +116,79 @@ def test_a_robot_that_drives_into_a_wall_does_not_hop(tmp_path: Path) -> None:
     heights = trace.base_position_xyz[:, 2]
     assert trace.contacts
     assert heights.max() - heights[0] < 0.0002
+
+
+def is_calm(values: list[float], friction: float, yields: float) -> bool:
+    """Rows of a contact without friction, and of two with it."""
+    contacts = [values[1:4], values[4:7]]
+    slides = [math.hypot(x, y) > yields / friction + friction * max(normal, 0.0) for normal, x, y in contacts]
+    return not any(slides) and max(values[0], values[1], values[4]) <= 5.0
+
+
+NORMAL = st.floats(-6, 5)
+SLIP = st.tuples(NORMAL, st.floats(0, 0.999), st.floats(0, 6.3))
+
+
+@examples(50)
+@given(
+    normal=NORMAL,
+    slips=st.tuples(SLIP, SLIP),
+    way=st.lists(st.floats(-1, 1), min_size=7, max_size=7).filter(any),
+    share=st.floats(0, 0.999),
+    friction=st.floats(0.01, 2),
+)
+def test_references_near_those_of_a_calm_step_are_calm(
+    normal: float, slips: tuple[tuple[float, float, float], ...], way: list[float], share: float, friction: float
+) -> None:
+    """A slip is a normal, the share of the least slip that is corrected, and a direction."""
+    from sim_action.engines.mujoco.sliding import _Pair, _Touching
+
+    yields = 0.3
+    values = [normal]
+    for upward, size, direction in slips:
+        slip = size * (yields / friction + friction * max(upward, 0.0))
+        values += upward, slip * math.cos(direction), slip * math.sin(direction)
+    assert is_calm(values, friction, yields)
+    pairs = [_Pair(friction, yields, [(-6, -5, -4)]), _Pair(friction, yields, [(-3, -2, -1)])]
+    touching = _Touching(pairs, [-7, -6, -3], lambda *_: (), 0, (), 0.0)
+    touching.settle(tuple(values))
+    if touching.calm_within > 0:
+        there = np.array(values) + np.array(way) / math.hypot(*way) * share * touching.calm_within
+        assert is_calm(there.tolist(), friction, yields)
+
+
+@pytest.mark.parametrize("targets", [(6.0, 6.0), (4.0, 8.0), (-9.0, 9.0)])
+def test_a_robot_moves_the_same_if_every_step_is_checked_in_full(targets: tuple[float, float], tmp_path: Path) -> None:
+    from sim_action.engines.mujoco.engine import MuJoCoEngine
+
+    states = []
+    for checks_all in (False, True):
+        with running("mujoco", traces.scene()) as backend:
+            assert isinstance(backend, MuJoCoEngine)
+            commands = [JointTargets(velocity=dict(zip(WHEELS, speeds, strict=True))) for speeds in (targets, (2, 2))]
+            rows = []
+            for step in range(120):
+                rows.append(advance(backend, step, 1, *commands[step // 60 : step // 60 + 1] * (step % 60 == 0)).state)
+                for found in backend._sliding._known.values() if checks_all else ():
+                    found.calm_within = 0.0
+            states.append(np.concatenate(rows))
+    one, other = states
+    assert np.array_equal(one, other)
+
+
+@examples(5)
+@given(periods=st.lists(st.integers(1, 40), min_size=1, max_size=8))
+def test_a_run_is_the_same_however_it_is_cut_into_periods(periods: list[int]) -> None:
+    turn = JointTargets(velocity=dict(zip(WHEELS, (3.0, 9.0), strict=True)))
+    states = []
+    for lengths in (periods, [sum(periods)]):
+        with running("mujoco", traces.scene()) as backend:
+            starts = np.cumsum([0, *lengths]).tolist()
+            first = [turn]
+            parts = []
+            for start, length in zip(starts, lengths, strict=False):
+                parts.append(advance(backend, start, length, *first).state)
+                first = []
+            states.append(np.concatenate(parts))
+    one, other = states
+    assert np.array_equal(one, other)

@@ -22,7 +22,7 @@ _REPORTS: Final = "{output}/[!tr]*:{output}/report*:{output}/results*"
 
 
 _SHORT: Final[Mapping[signal.Signals, Sequence[tuple[int, ...]]]] = {
-    signal.SIGTERM: ((3,), (), (13,)),
+    signal.SIGTERM: ((2,), (), (13,)),
     signal.SIGHUP: ((), (9,), (17,)),
     signal.SIGKILL: ((), (9,), (15,)),
 }
@@ -68,7 +68,7 @@ FAULTS: Final = (
     Fault("EMFILE", "the command, once", "open", "", "parent", error=errno.EMFILE, most_lost=1, short=()),
     Fault("EMFILE", "a child, once", "open", "", "child", error=errno.EMFILE, most_lost=1, short=(21,), stride=7),
     Fault("EAGAIN", "the command, lasting", "fork", "", "parent", lasting=True, error=errno.EAGAIN, most_lost=_ALL),
-    Fault("EAGAIN", "the command, once", "fork", "", "parent", error=errno.EAGAIN, short=(3,)),
+    Fault("EAGAIN", "the command, once", "fork", "", "parent", error=errno.EAGAIN, short=(2,)),
     Fault("EAGAIN", "a child, once", "fork", "", "child", error=errno.EAGAIN, most_lost=1, suite="mixed", short=()),
     Fault("EIO on mesh", "source", "read", "{suite}/box.stl", error=errno.EIO, exempt=(MESH,)),
     Fault("EIO on mesh", "cached hull", "open,read", "{cache}/*", error=errno.EIO, exempt=(MESH,), short=(3,)),

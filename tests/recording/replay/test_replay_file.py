@@ -12,7 +12,13 @@ from typing import Any
 import pytest
 
 from sim_action.recording.replay.build import replay_of
-from sim_action.recording.replay.replay_file import MAX_UNPACKED_BYTES, ReplayError, read_replay, write_replay
+from sim_action.recording.replay.replay_file import (
+    MAX_UNPACKED_BYTES,
+    ReplayError,
+    ReplayReader,
+    read_replay,
+    write_replay,
+)
 from tests.traces import SEEN, contact, scene, trace
 
 Change = Callable[[dict[str, Any]], object]
@@ -156,3 +162,46 @@ def test_a_pipe_holds_nobody_up(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "a.json.gz")
     with pytest.raises(ReplayError):
         read_replay(tmp_path / "a.json.gz")
+
+
+def test_replays_of_equal_scenes_share_the_scene_and_are_equal_to_those_read_alone(tmp_path: Path) -> None:
+    moved = trace([0.0, 0.1, 0.2], x=[0.0, 0.2, 0.6], contacts=[contact(0.1)])
+    for name, seen in (("a", SEEN), ("b", moved), ("c", SEEN)):
+        write_replay(replay_of(scene(), seen), tmp_path / name)
+    reader = ReplayReader()
+    found = [reader.read(tmp_path / name) for name in ("a", "b", "c")]
+    assert found == [read_replay(tmp_path / name) for name in ("a", "b", "c")]
+    assert found[0].scene is found[1].scene is found[2].scene
+
+
+@pytest.mark.parametrize("change", HOSTILE.values(), ids=HOSTILE)
+def test_a_hostile_replay_is_refused_for_the_same_reason_after_one_with_the_same_scene(
+    change: Change, tmp_path: Path
+) -> None:
+    before, path = tmp_path / "before", tmp_path / "replay"
+    written(before)
+    content = written(path)
+    change(content)
+    path.write_bytes(gzip.compress(json.dumps(content, separators=(",", ":")).encode()))
+    reader = ReplayReader()
+    reader.read(before)
+    with pytest.raises(ReplayError) as alone:
+        read_replay(path)
+    with pytest.raises(ReplayError) as after:
+        reader.read(path)
+    assert str(after.value) == str(alone.value)
+
+
+def test_a_second_scene_in_a_file_counts_as_without_a_reader_that_knows_the_first_one(tmp_path: Path) -> None:
+    before, path = tmp_path / "before", tmp_path / "replay"
+    written(before)
+    data = gzip.decompress(before.read_bytes())
+    other = b'"scene":{"robot":"other","links":[{"name":"base"}]}'
+    path.write_bytes(gzip.compress(data[:-1] + b"," + other + b"}"))
+    reader = ReplayReader()
+    reader.read(before)
+    with pytest.raises(ReplayError) as alone:
+        read_replay(path)
+    with pytest.raises(ReplayError) as after:
+        reader.read(path)
+    assert str(after.value) == str(alone.value)

@@ -19,9 +19,7 @@ def hash_of(content: str) -> str:
 
 
 def page_text() -> str:
-    return Page(
-        "title </title><script>", failed=True, body=Html("<main></main>"), index="{}", blocks={"a": "QQ=="}
-    ).text()
+    return Page("title </title><script>", failed=True, body=[b"<main></main>"], index="{}", blocks={"a": "QQ=="}).text()
 
 
 def test_what_runs_and_what_styles_is_allowed_by_its_hash() -> None:

@@ -29,7 +29,7 @@ ON_GITHUB = {"GITHUB_SERVER_URL": "https://github.com", "GITHUB_REPOSITORY": "a/
 
 
 def body(results: Results, options: ReportOptions) -> str:
-    return page(results, options).body
+    return b"".join(page(results, options).body).decode()
 
 
 def test_golden(kind: str, samples: Samples, options: ReportOptions, golden: Callable[[str, str], None]) -> None:
@@ -111,7 +111,8 @@ def test_a_replay_that_is_not_below_the_results_is_not_looked_for(
     lost = ran(samples, options).model_copy(update={"replay": where})
     kept(drive(), tmp_path, "elsewhere")
     found = page(make_results(lost), options)
-    assert "The replay file of this run is missing" in found.body
+    shown = found.text()
+    assert "The replay file of this run is missing" in shown
     assert not found.blocks
 
 
@@ -122,8 +123,9 @@ def test_a_replay_that_is_none_is_told_and_the_rest_is_there(
     with whole_file(options.folder / "replays/cut.json.gz") as file:
         file.write(b"no gzip")
     found = page(make_results(broken), options)
-    assert "The replay cannot be read:" in found.body
-    assert "base_link touched wall" in found.body
+    shown = found.text()
+    assert "The replay cannot be read:" in shown
+    assert "base_link touched wall" in shown
 
 
 def test_what_finds_no_room_has_no_replay_and_says_so(
@@ -131,8 +133,9 @@ def test_what_finds_no_room_has_no_replay_and_says_so(
 ) -> None:
     monkeypatch.setattr("sim_action.reports.html.report.MAX_REPLAY_BYTES", 100)
     found = page(make_results(ran(samples, options)), options)
-    assert "The replay of this run is not included" in found.body
-    assert "<svg" not in found.body
+    shown = found.text()
+    assert "The replay of this run is not included" in shown
+    assert "<svg" not in b"".join(found.body).decode()
     assert not found.blocks
 
 

@@ -11,7 +11,7 @@ import pytest
 from sim_action.core.geometry import quaternion_from_rpy, rotate
 from sim_action.recording.replay.replay_file import ArrowMark, CircleMark, PolygonMark, PolylineMark
 from sim_action.recording.replay.shapes import BoxShape, CapsuleShape, CylinderShape, EllipsoidShape, MeshShape
-from sim_action.reports.html.top_view import Frame, drawing, outline, robot_outlines
+from sim_action.reports.html.top_view import Frame, SceneOutlines, drawing, outline, robot_outlines
 from tests.outcomes import outcome
 from tests.replays import GREY, HERE, MESH, drive
 
@@ -122,7 +122,25 @@ def test_a_mesh_is_its_points() -> None:
 
 def test_links_go_where_the_base_goes() -> None:
     replay = drive(distance=2.0)
-    (base, wheel), last = robot_outlines(replay, 0), robot_outlines(replay, replay.frames.count - 1)
+    (base, wheel), last = robot_outlines(replay, 0, replay.frames.count - 1)
     assert extent(base) == pytest.approx([-0.2, -0.1, 0.2, 0.1])
     assert extent(wheel) == pytest.approx([0.0, 0.13, 0.2, 0.17], abs=1e-3)
     assert extent(last[0]) == pytest.approx([1.8, -0.1, 2.2, 0.1])
+
+
+def test_drawings_that_share_outlines_are_those_made_alone() -> None:
+    shared = SceneOutlines()
+    first = drive(distance=1.0)
+    again = drive(distance=2.0).model_copy(update={"scene": first.scene})
+    other = drive(distance=2.0, body="crate")
+    for replay in (first, again, other, first):
+        expected = outcome("a.sim.yml")
+        assert drawing(replay, expected, shared) == drawing(replay, expected)
+
+
+@pytest.mark.parametrize("middle", [0.00005, 0.12345, -0.00025, 1.00015, 123.45675])
+def test_outlines_are_rounded_as_python_rounds(middle: float) -> None:
+    half = 2 * middle
+    box = BoxShape(kind="box", pose=HERE, color=GREY, size=(abs(half), abs(half), 1.0))
+    corners = outline(box, Frame.of(HERE), {})
+    assert {abs(value) for value in corners.ravel().tolist()} == {round(abs(half) / 2, 4)}

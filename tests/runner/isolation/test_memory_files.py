@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="other systems have no such files")
 
 if sys.platform == "linux":
-    from sim_action.runner.child_files import LENGTH, MAX_OUTCOME_BYTES, OutcomeWriter
+    from sim_action.runner.child_files import LENGTH, MAX_OUTCOME_BYTES, ChildReport, OutcomeWriter
     from sim_action.runner.isolation.memory_files import MemoryFiles, pickled
 
 
@@ -71,6 +71,22 @@ def test_an_outcome_is_written_although_its_descriptor_was_closed(files: MemoryF
     os.close(own)
     writer.write(b"first")
     assert files.read().outcome == b"first"
+
+
+@given(st.lists(st.lists(st.binary(min_size=1, max_size=60), max_size=3), max_size=5))
+def test_files_of_one_run_hold_nothing_of_those_before_it(runs: list[list[bytes]]) -> None:
+    files = MemoryFiles(Path())
+    try:
+        for outcomes in runs:
+            files.empty()
+            writer = OutcomeWriter(outcome_descriptor(files))
+            for outcome in outcomes[:2]:
+                writer.write(outcome)
+                os.write(files.output, outcome)
+            written = outcomes[:2]
+            assert files.read() == ChildReport((b"", *written)[-1], b"".join(written))
+    finally:
+        files.close()
 
 
 def test_no_child_can_cut_off_or_extend_the_file_of_outcomes(files: MemoryFiles) -> None:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
 from typing import Final, Literal
 
 import numpy as np
 
 from sim_action.core.geometry import Pose, Vector3
+from sim_action.core.records import dataclass, field, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.meshes.convex_hull import hull_faces
 from sim_action.recording.export.recorded_run import RecordedRun

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sim_action.core.records import dataclass, field
 from sim_action.recording.export.recorded_run import RecordedRun
 from sim_action.state.trace import FloatArray
 

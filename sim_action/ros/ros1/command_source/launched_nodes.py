@@ -10,7 +10,6 @@ import tempfile
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from os import path
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -18,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Final
 from sim_action.commands import ClosedLoop
 from sim_action.commands.stderr_tail import StderrTail
 from sim_action.core.errors import ScriptError, SourceProblem, UsageError
+from sim_action.core.records import dataclass
 from sim_action.ros.processes import children
 from sim_action.ros.ros1.catkin_packages import find_launch_file, workspace_of
 from sim_action.ros.ros1.command import free_port

@@ -17,11 +17,11 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from sim_action.core.errors import UsageError
+from sim_action.core.records import dataclass
 from sim_action.ros.ros1.catkin_packages import exported_models, packages_below, packages_of, sources
 from sim_action.ros.ros1.installation import Ros
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable
-from dataclasses import dataclass
 from threading import Event
 from typing import Final
 
 from sim_action.core.errors import ControllersFinished
 from sim_action.core.geometry import Pose, Twist
+from sim_action.core.records import dataclass
 from sim_action.ros.lockstep import Lockstep
 from sim_action.ros.ros1.node.current_state import CurrentState, ModelFrame
 from sim_action.ros.ros1.node.internal_sensors import states_in

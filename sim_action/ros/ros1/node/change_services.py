@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from itertools import count
 from threading import Event
 from typing import Any, Final
@@ -29,6 +28,7 @@ from std_srvs.srv import Empty
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose
+from sim_action.core.records import replace
 from sim_action.ros.ros1.gazebo_worlds import BadWorld, body_of
 from sim_action.ros.ros1.node.current_state import CurrentState
 from sim_action.ros.ros1.node.messages import header, pose_message, pose_of, twist_message, twist_of

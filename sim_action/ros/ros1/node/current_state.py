@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist, Vector3
+from sim_action.core.records import dataclass, field
 from sim_action.robot.link_motion import LinkStates
 from sim_action.robot.robot_model import RobotModel
 from sim_action.ros.ros1.node.world_models import WorldModels
@@ -16,7 +16,7 @@ States = Mapping[str, tuple[Pose, Twist]]
 """Name of a model or a link -> pose and twist, world frame."""
 
 
-@dataclass
+@dataclass()
 class CurrentState:
     """The current state. Only the loop changes it, while all nodes wait.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal, cast
 from xml.etree import ElementTree as ET
@@ -13,6 +12,8 @@ from pydantic import PrivateAttr
 
 from sim_action.commands import ClosedLoop, CommandSource, Controller
 from sim_action.core.errors import Location
+from sim_action.core.field_types import Placement
+from sim_action.core.records import dataclass
 from sim_action.core.workspace import Workspace
 from sim_action.drives import recognise
 from sim_action.robot.loading import load_model
@@ -24,7 +25,7 @@ from sim_action.ros.ros1.node.current_state import ModelFrame
 from sim_action.ros.ros1.node.internal_sensors import states_sensor
 from sim_action.ros.ros1.node.planar_move import PlanarMove
 from sim_action.ros.ros1.node.plugins import TICKS, Device, RobotCommands, Wiring
-from sim_action.ros.ros1.node.world_models import SpawnedRobot, to_placement
+from sim_action.ros.ros1.node.world_models import SpawnedRobot
 from sim_action.ros.ros1.plugin_tags import LOST_FINDINGS, lost_plugin_tags, lost_robot_tags
 from sim_action.scenario.model import DrivenRobot, Scenario
 from sim_action.simulation.loop import SimulationRun, simulate
@@ -179,6 +180,6 @@ class EpisodeFactory:
 def _driven(described: DrivenRobot, robot: SpawnedRobot, model: RobotModel, frame: ModelFrame) -> DrivenRobot:
     """Return the robot as in a scenario. A robot that is spawned at a height of 0 or less is placed on the ground."""
     stands = robot.pose.position_xyz[2] <= 0
-    pose = to_placement(frame.base_pose(robot.pose)).model_copy(update={"z": None} if stands else {})
+    pose = Placement.of(frame.base_pose(robot.pose)).model_copy(update={"z": None} if stands else {})
     drive = PlanarMove.recognise(model)
     return described.model_copy(update={"pose": pose, "joints": dict(robot.joints), "drive": drive})

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import ClassVar, Final
 
 from numpy.typing import ArrayLike
@@ -11,6 +10,7 @@ from pydantic import PrivateAttr
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist
+from sim_action.core.records import dataclass
 from sim_action.sensors import Measure, Mount, MountedSensor, Sensor, Sight
 from sim_action.state.observation import Observation
 from sim_action.state.readings import Reading

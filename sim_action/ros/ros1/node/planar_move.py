@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import ClassVar, Final, Self
 
 from sim_action.core.geometry import Twist, Vector3
+from sim_action.core.records import replace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives import Drive, NoDrive, is_level
 from sim_action.drives.mecanum import NOT_LEVEL

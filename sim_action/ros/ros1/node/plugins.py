@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack
-from dataclasses import dataclass
 from typing import Any, Final, Protocol
 from xml.etree.ElementTree import Element
 
+from sim_action.core.records import dataclass
 from sim_action.robot.robot_model import RobotModel
 from sim_action.ros.ros1.gazebo_plugins import Plugin
 from sim_action.ros.ros1.node.current_state import ModelFrame

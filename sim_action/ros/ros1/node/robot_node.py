@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Final, Protocol
 
 import rospy
@@ -20,6 +19,7 @@ from sim_action.commands.controller_answers import twist_problem
 from sim_action.core import geometry
 from sim_action.core.errors import ScriptError
 from sim_action.core.geometry import Pose, Twist
+from sim_action.core.records import dataclass
 from sim_action.robot.robot_model import RobotModel
 from sim_action.ros.lockstep import Lockstep
 from sim_action.ros.ros1.command_source.launched_nodes import LaunchedNodes

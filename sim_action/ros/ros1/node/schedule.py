@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Self
+
+from sim_action.core.records import dataclass
 
 _EPSILON = 1e-9
 

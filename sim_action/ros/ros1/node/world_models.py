@@ -9,12 +9,12 @@ import math
 import queue
 import threading
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
 from typing import Final, Self
 
 from sim_action.core.errors import ControllersFinished
 from sim_action.core.field_types import Placement
-from sim_action.core.geometry import Pose, Twist, Vector3, rpy_from_quaternion
+from sim_action.core.geometry import Pose, Twist, Vector3
+from sim_action.core.records import dataclass, field, replace
 from sim_action.state.command import Answer, JointTargets, commands_of
 from sim_action.world import Body, Disturbance, World
 
@@ -84,7 +84,7 @@ class WorldModels:
     def moved(self, poses: Mapping[str, Pose], joints: Mapping[str, float] | None = None) -> Self:
         """Return the models with new poses of some; `joints`: joint positions of the robot."""
         objects = tuple(
-            body.model_copy(update={"pose": to_placement(poses[body.name])}) if body.name in poses else body
+            body.model_copy(update={"pose": Placement.of(poses[body.name])}) if body.name in poses else body
             for body in self.world.objects
         )
         spawn_poses = {body.name: _pose_of(body.pose) for body in self.world.objects}
@@ -134,13 +134,6 @@ def _pose_of(placement: Placement) -> Pose:
     return Pose((placement.x, placement.y, placement.z or 0.0), placement.orientation_xyzw)
 
 
-def to_placement(pose: Pose) -> Placement:
-    """Return a pose as placement."""
-    x, y, z = pose.position_xyz
-    roll, pitch, yaw = rpy_from_quaternion(pose.orientation_xyzw)
-    return Placement(x=x, y=y, z=z, roll=roll, pitch=pitch, yaw=yaw)
-
-
 def refuse_unknown(name: str, models: WorldModels) -> None:
     """Raise ValueError if there is no such model, or it is the ground."""
     if name not in models.names[1:]:
@@ -160,7 +153,7 @@ class WorldChanged(ControllersFinished):
     """The world changed: the episode ends, and the next one starts from the current state."""
 
 
-@dataclass
+@dataclass()
 class Change:
     """One requested change, until it is answered.
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from sim_action.core.errors import Location
+from sim_action.core.records import dataclass
 from sim_action.core.wording import escaped_line
 from sim_action.results.outcome import Failure
 from sim_action.ros.ros1.command_source.file_problems import Packages, program_problem

@@ -9,7 +9,6 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path, PurePath
 from signal import Signals
 from typing import Final
@@ -17,6 +16,7 @@ from typing import Final
 from sim_action.core.discovery import file_name
 from sim_action.core.errors import Location
 from sim_action.core.files import read_at_most
+from sim_action.core.records import dataclass
 from sim_action.core.wording import escaped_line
 
 # Colours and window titles, as they are and as rosunit escapes them.

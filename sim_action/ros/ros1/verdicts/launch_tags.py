@@ -10,12 +10,12 @@ import re
 import xml.parsers.expat
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path, PurePath
 from typing import Final
 
 from sim_action.core.errors import Location
 from sim_action.core.files import read_at_most
+from sim_action.core.records import dataclass
 from sim_action.ros.ros1.verdicts.launch_output import shown_path
 
 _MAX_LAUNCH_FILE_BYTES: Final = 4_000_000

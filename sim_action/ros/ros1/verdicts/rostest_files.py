@@ -10,12 +10,12 @@ import re
 import xml.parsers.expat
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 from xml.etree import ElementTree as ET
 
 from sim_action.core.files import read_at_most
+from sim_action.core.records import dataclass
 
 _MAX_RESULT_BYTES: Final = 16_000_000
 _MAX_CASES: Final = 1_000

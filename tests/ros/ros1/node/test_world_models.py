@@ -18,7 +18,6 @@ from sim_action.ros.ros1.node.world_models import (
     JointEfforts,
     SpawnedRobot,
     WorldModels,
-    to_placement,
 )
 from sim_action.state.command import Answer, JointTargets, commands_of
 from sim_action.world import Body, Disturbance, World
@@ -28,7 +27,7 @@ ROBOT = SpawnedRobot("rover", "<robot/>", Pose())
 
 
 def box(name: str, pose: Pose = HERE) -> Body:
-    return Body(name=name, box=(1.0, 1.0, 1.0), pose=to_placement(pose))
+    return Body(name=name, box=(1.0, 1.0, 1.0), pose=Placement.of(pose))
 
 
 def places(models: WorldModels) -> dict[str, tuple[float, float, float | None]]:
@@ -88,7 +87,7 @@ ANGLES = st.floats(-math.pi, math.pi)
 @given(ANGLES, ANGLES, ANGLES)
 def test_a_placement_is_where_the_pose_is(roll: float, pitch: float, yaw: float) -> None:
     pose = Pose((1.0, 2.0, 3.0), quaternion_from_rpy(roll, pitch, yaw))
-    placed: Placement = to_placement(pose)
+    placed: Placement = Placement.of(pose)
 
     assert (placed.x, placed.y, placed.z) == (1.0, 2.0, 3.0)
     for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)):

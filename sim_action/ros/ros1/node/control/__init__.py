@@ -6,11 +6,11 @@ The parameters of a controller are in the namespace of its name (wiki.ros.org/ro
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, Protocol
 
 import rospy
 
+from sim_action.core.records import dataclass
 from sim_action.robot.robot_model import Reading
 from sim_action.ros.ros1.node.plugins import Device, Mover, Wiring
 from sim_action.ros.ros1.node.topics import Subscription

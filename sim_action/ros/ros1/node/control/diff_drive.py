@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
 from geometry_msgs.msg import Transform, TransformStamped, Twist, Vector3
@@ -12,6 +11,7 @@ from tf2_msgs.msg import TFMessage
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose
+from sim_action.core.records import dataclass
 from sim_action.drives.wheels import wheel
 from sim_action.ros.ros1.node.control import BadController, Controller, ControllerSetup, Parameters
 from sim_action.ros.ros1.node.messages import diagonal, header, in_frame_of, pose_message, twist_message

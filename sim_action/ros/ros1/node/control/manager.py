@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field, replace
 from typing import Any, Final
 from xml.etree import ElementTree as ET
 from xml.etree.ElementTree import Element
@@ -19,6 +18,7 @@ from controller_manager_msgs.srv import (
     UnloadController,
 )
 
+from sim_action.core.records import dataclass, field, replace
 from sim_action.core.wording import did_you_mean
 from sim_action.ros.ros1.gazebo_plugins import Plugin
 from sim_action.ros.ros1.node.control import BadController, Controller, ControllerSetup, Parameters

@@ -1,0 +1,52 @@
+"""Coloured lines on a terminal, or in the log of GitHub, which shows colours too."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final, TextIO
+
+_CODES: Final = MappingProxyType(
+    {
+        "": "",
+        "bold": "1",
+        "dim": "2",
+        "green": "32",
+        "yellow": "33",
+        "cyan": "36",
+        "bold red": "1;31",
+        "bold magenta": "1;35",
+    }
+)
+"""Style -> its parameters of the control sequence SGR (ECMA-48)."""
+
+_PLAIN_TERMINALS: Final = ("dumb", "unknown")
+
+
+class Console:
+    """A stream for lines whose parts have styles.
+
+    Attributes:
+        encoding: the encoding of the stream.
+    """
+
+    def __init__(self, stream: TextIO, *, colourful: bool) -> None:
+        self._stream, self._colourful = stream, colourful
+        self.encoding = stream.encoding or "utf-8"
+
+    def print(self, *parts: tuple[str, str]) -> None:
+        """Print a line of parts with their styles. The terminal wraps it, so that paths can be copied as a whole."""
+        self._stream.write("".join(self._styled(*part) for part in parts) + "\n")
+
+    def _styled(self, text: str, style: str) -> str:
+        code = _CODES[style]
+        return f"\x1b[{code}m{text}\x1b[0m" if code and text and self._colourful else text
+
+
+def shows_colours(stream: TextIO, environment: Mapping[str, str]) -> bool:
+    """Return True for terminals and for the log of GitHub. The user decides by `NO_COLOR` and `FORCE_COLOR`."""
+    if environment.get("NO_COLOR"):
+        return False
+    if environment.get("GITHUB_ACTIONS") == "true" or environment.get("FORCE_COLOR"):
+        return True
+    return stream.isatty() and environment.get("TERM", "").lower() not in _PLAIN_TERMINALS
