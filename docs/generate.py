@@ -13,7 +13,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from docs.generators import accuracy, actions, command_line, lists, scenario
+from docs.generators import accuracy, actions, by_hand, command_line, lists, scenario
 from sim_action.app.schema import SCHEMAS, schema_text
 from sim_action.scenario.model import ExpectationOptions
 from sim_action.sensors import Mounting
@@ -56,6 +56,7 @@ BLOCKS: dict[str, Callable[..., str]] = {
     "exit-codes": lists.exit_codes,
     "defaults": lists.defaults,
     "accuracy": accuracy.errors,
+    "by-hand": by_hand.costs,
     "differences": accuracy.differences,
 }
 
