@@ -11,6 +11,7 @@ import os
 import re
 import shutil
 import stat
+import struct
 import subprocess
 import sys
 import tempfile
@@ -21,7 +22,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path, PurePosixPath
-from typing import Final
+from typing import IO, Final
 
 from action.lock import Entry, text_of, wheels_of
 
@@ -34,8 +35,15 @@ _PIP_OPTIONS: Final = (
 _UNUSED: Final = {
     "pybullet": ("pybullet_data", "pybullet_envs", "pybullet_examples", "pybullet_robots", "eglRenderer."),
 }
-"""Package -> how the paths of its unused files start: models, training environments and a renderer, 150 MB."""
+"""Package -> how the paths of its unused files start: models, training environments and a renderer, 149 MB."""
 
+_WITH_DEBUG_INFO: Final = frozenset({"pybullet"})
+"""Packages whose libraries are installed without the parts for debuggers: 131 of the 140 MB of PyBullet's."""
+
+_ELF64: Final = b"\x7fELF\x02\x01"
+"""The first bytes of a library of 64-bit Linux whose numbers begin with their lowest byte."""
+
+_HEADERS_BYTES: Final = 1 << 16
 _THREADS: Final = 2  # one for the largest wheel, one for all others
 _CHUNK_BYTES: Final = 1 << 20
 
@@ -113,25 +121,26 @@ def _install_one(target: Target, pair: tuple[Entry, Path]) -> int:
     content = wheel.read_bytes()
     if hashlib.sha256(content).hexdigest() not in entry.hashes:
         raise WheelError(f"{wheel.name} does not have a hash of the lock file")
-    unpack(content, target, _UNUSED.get(entry.name, ()))
+    unpack(content, target, _UNUSED.get(entry.name, ()), debug_info=entry.name not in _WITH_DEBUG_INFO)
     return len(content)
 
 
-def unpack(content: bytes, target: Target, unused: tuple[str, ...] = ()) -> None:
+def unpack(content: bytes, target: Target, unused: tuple[str, ...] = (), *, debug_info: bool = True) -> None:
     """Unpack a wheel. Raises WheelError for a damaged wheel, and for a path that leads out of its folder; OSError.
 
-    `unused`: the beginnings of paths that are left out.
+    `unused`: the beginnings of paths that are left out. `debug_info`: False leaves out the parts of Linux libraries
+    that are not loaded when a library is.
     """
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             for member in archive.infolist():
                 if not member.is_dir() and not member.filename.startswith(unused):
-                    _write(archive, member, target)
+                    _write(archive, member, target, debug_info=debug_info or ".so" not in member.filename)
     except (zipfile.BadZipFile, zlib.error, RuntimeError, LookupError, ValueError, EOFError) as error:
         raise WheelError(str(error)) from None
 
 
-def _write(archive: zipfile.ZipFile, member: zipfile.ZipInfo, target: Target) -> None:
+def _write(archive: zipfile.ZipFile, member: zipfile.ZipInfo, target: Target, *, debug_info: bool) -> None:
     kind, path = _place(member.filename)
     if kind not in target.folders:
         return
@@ -143,9 +152,45 @@ def _write(archive: zipfile.ZipFile, member: zipfile.ZipInfo, target: Target) ->
             first = source.readline()
             python = f"#!{target.python}".encode()
             file.write(re.sub(rb"\A#!python(w?)(?=\s)", lambda _: python, first))
-        shutil.copyfileobj(source, file, _CHUNK_BYTES)
+        if debug_info:
+            shutil.copyfileobj(source, file, _CHUNK_BYTES)
+        else:
+            _copy_loaded(source, file)
     if kind == "scripts" or (member.external_attr >> 16) & stat.S_IXUSR:
         place.chmod(0o755)
+
+
+def _copy_loaded(source: IO[bytes], file: IO[bytes]) -> None:
+    """Copy a library without what follows its last segment: names and lines for debuggers, and the table of sections.
+
+    Linux loads a library by its segments alone. Any other file is copied whole.
+    """
+    head = bytearray(source.read(_HEADERS_BYTES))
+    left = _loaded_bytes(head)
+    if left is None:
+        file.write(head)
+        shutil.copyfileobj(source, file, _CHUNK_BYTES)
+        return
+    # There is no table of sections: its place, and the number of its entries and the entry of their names.
+    struct.pack_into("<Q", head, 40, 0)
+    struct.pack_into("<HH", head, 60, 0, 0)
+    while head and left > 0:
+        file.write(head[:left])
+        left -= len(head)
+        head = bytearray(source.read(_CHUNK_BYTES))
+
+
+def _loaded_bytes(head: bytearray) -> int | None:
+    """Return where the last segment of a library ends; None: the file is no library whose segments are known."""
+    if len(head) < 64 or not head.startswith(_ELF64):
+        return None
+    (begin,) = struct.unpack_from("<Q", head, 32)
+    size, count = struct.unpack_from("<HH", head, 54)
+    if not count or size < 56 or begin + size * count > len(head):
+        return None
+    headers = (struct.unpack_from("<QQQQ", head, begin + size * number + 8) for number in range(count))
+    ends: list[int] = [begin + size * count, *(offset + length for offset, _, _, length in headers)]
+    return max(ends)
 
 
 def _place(name: str) -> tuple[str, PurePosixPath]:

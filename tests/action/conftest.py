@@ -15,7 +15,7 @@ from action.lock import Entry, entries
 MakeWheel = Callable[..., Entry]
 
 
-def wheel_bytes(files: Mapping[str, str], executable: tuple[str, ...] = ()) -> bytes:
+def wheel_bytes(files: Mapping[str, str | bytes], executable: tuple[str, ...] = ()) -> bytes:
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, text in files.items():
@@ -35,7 +35,9 @@ def entry_of(name: str, version: str, *contents: bytes) -> Entry:
 def make_wheel(tmp_path: Path) -> MakeWheel:
     """Writes a wheel into the folder `wheels`, and returns its entry of a lock file."""
 
-    def make(name: str, version: str = "1.0", files: Mapping[str, str] | None = None, folder: str = "wheels") -> Entry:
+    def make(
+        name: str, version: str = "1.0", files: Mapping[str, str | bytes] | None = None, folder: str = "wheels"
+    ) -> Entry:
         spelled = name.replace("-", "_")
         metadata = f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n"
         content = wheel_bytes(

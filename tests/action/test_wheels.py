@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import io
 import os
+import struct
 import sys
 import zipfile
 from contextlib import suppress
@@ -156,3 +157,48 @@ def test_an_encrypted_wheel_is_refused(tmp_path: Path) -> None:
     assert zipfile.is_zipfile(io.BytesIO(bytes(content)))
     with pytest.raises(WheelError):
         unpack(bytes(content), target(tmp_path))
+
+
+def library(segments: list[tuple[int, int]], rest: bytes) -> bytes:
+    """An ELF file with a table of sections in its `rest`; `segments`: offset and size of each."""
+    end = max((offset + size for offset, size in segments), default=64)
+    header = b"\x7fELF\x02\x01\x01".ljust(16, b"\0") + struct.pack("<HHIQQQ", 3, 62, 1, 0, 64, end + len(rest) - 4)
+    header += struct.pack("<IHHHHHH", 0, 64, 56, len(segments), 64, 1, 0)
+    table = b"".join(struct.pack("<IIQQQQQQ", 1, 5, offset, 0, 0, size, size, 1) for offset, size in segments)
+    return (header + table).ljust(end, b"c") + rest
+
+
+@pytest.mark.parametrize("size", [0, 7, 100_000])
+def test_a_library_of_pybullet_is_installed_without_what_debuggers_read(
+    size: int, tmp_path: Path, make_wheel: MakeWheel
+) -> None:
+    whole = library([(0, 300), (300, size), (0, 0)], b"debug info" * 50_000)
+    wheels = {"pybullet": whole, "other": whole}
+    entries = [make_wheel(name, files={f"{name}.cpython-311.so": content}) for name, content in wheels.items()]
+    install(entries, tmp_path / "wheels", target(tmp_path / "env"))
+    site = tmp_path / "env/site-packages"
+    found = (site / "pybullet.cpython-311.so").read_bytes()
+    assert len(found) == 300 + size
+    # Place and number of sections.
+    assert (found[40:48], found[60:64]) == (bytes(8), bytes(4))
+    assert found[:40] + found[48:60] + found[64:] == whole[:40] + whole[48:60] + whole[64 : 300 + size]
+    assert (site / "other.cpython-311.so").read_bytes() == whole
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"",
+        b"no library",
+        b"\x7fELF\x02\x01",
+        library([(0, 300)], b"rest").replace(b"\x7fELF\x02", b"\x7fELF\x01", 1),
+        library([], b"rest"),
+        # The headers of its segments lie elsewhere.
+        library([(0, 300)], b"rest")[:32] + struct.pack("<Q", 2**40) + library([(0, 300)], b"rest")[40:],
+    ],
+)
+def test_a_file_that_is_no_library_of_linux_is_installed_whole(
+    content: bytes, tmp_path: Path, make_wheel: MakeWheel
+) -> None:
+    install([make_wheel("pybullet", files={"a.so": content})], tmp_path / "wheels", target(tmp_path / "env"))
+    assert (tmp_path / "env/site-packages/a.so").read_bytes() == content

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import os
 import re
 import shutil
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from action.lock import entries_here, normalized, without_engines
 from tests.integration.conftest import (
     ACTION,
     TUTORIAL,
@@ -35,6 +37,49 @@ def test_second_use_in_a_job_installs_nothing(runner: Runner) -> None:
     assert configuration.stat().st_mtime_ns == made
 
 
+def installed_bytes(site: Path) -> dict[str, tuple[int, int]]:
+    """Package -> size of its files as installed by the action, and as by pip, which does not leave out any."""
+    found = {}
+    for record in site.glob("*.dist-info/RECORD"):
+        with record.open(encoding="utf-8", newline="") as file:
+            rows = [(row[0], int(row[2] or 0)) for row in csv.reader(file)]
+        here = sum((site / name).stat().st_size for name, _ in rows if (site / name).is_file())
+        found[normalized(record.parent.name.partition("-")[0])] = here, sum(size for _, size in rows)
+    return found
+
+
+def test_the_page_of_costs_states_what_is_downloaded_and_installed(runner_temp: Path) -> None:
+    """In MB of 10^6 bytes, to the next one; `make lock` may change them."""
+    folder = environment(runner_temp)
+    sizes = installed_bytes(folder / "lib/python3.11/site-packages")
+    wheels = runner_temp / "home/.cache/sim-action-wheels"
+    downloads = {normalized(wheel.name.partition("-")[0]): wheel.stat().st_size for wheel in wheels.glob("*/*.whl")}
+
+    def packages(lock: str, *left_out: str) -> list[str]:
+        return [entry.name for entry in without_engines(entries_here([ACTION / lock]), left_out)]
+
+    chosen = {
+        "no scenario names an engine, on Linux x86-64": packages("requirements.lock", "mujoco"),
+        "`backend: mujoco` for all scenarios, and systems without PyBullet": packages("requirements.lock", "pybullet"),
+        "both engines": packages("requirements.lock"),
+        "`merge`": packages("requirements-reports.lock"),
+        "`matrix` and `compare`": packages("requirements-core.lock"),
+    }
+
+    def row(case: str, names: list[str], way: int) -> str:
+        size, installed = sum(downloads[n] for n in names) / 1e6, sum(sizes[n][way] for n in names) / 1e6
+        return f"| {case} | {size:.0f} MB | {installed:.0f} MB |"
+
+    rows = [row(case, names, 0) for case, names in chosen.items()]
+    rows.append(
+        row("`pip install sim-action` on Linux x86-64 with Python 3.11", packages("requirements.lock", "mujoco"), 1)
+    )
+    page = (ACTION / "docs/workflow/costs.md").read_text(encoding="utf-8")
+    assert [line for line in page.splitlines() if line in rows] == rows
+    download, installed = rows[0].split(" | ")[1:]
+    assert f"({download} download, {installed.rstrip(' |')} installed)" in page
+
+
 def test_package_with_another_hash_is_refused(tmp_path: Path) -> None:
     action = action_with_lock(tmp_path / "action", f"click==8.1.8 --hash=sha256:{'0' * 64}\n")
     result = Runner(tmp_path, tmp_path).run(action)
@@ -56,7 +101,7 @@ def action_with_lock(folder: Path, lock: str) -> Path:
 def small_lock() -> str:
     """One small wheel without dependencies, for all of them."""
     lock = (ACTION / "requirements.lock").read_text(encoding="utf-8")
-    found = re.search(r"^mdurl==.*(?:\n +--hash.*)+", lock, re.MULTILINE)
+    found = re.search(r"^annotated-types==.*(?:\n +--hash.*)+", lock, re.MULTILINE)
     assert found
     return f"{found[0]}\n"
 
@@ -94,7 +139,7 @@ def test_wheels_are_kept_between_runs_and_checked_like_all_others(tmp_path: Path
     def steps_on(machine: str, event: str = "push") -> tuple[str, ...]:
         runner = new_machine(tmp_path / machine, cache, event)
         result = runner.run(action)
-        assert list(runner.temp.glob("sim-action-*/lib/python3.11/site-packages/mdurl")), result.log
+        assert list(runner.temp.glob("sim-action-*/lib/python3.11/site-packages/annotated_types")), result.log
         return result.steps
 
     assert "Restore wheels" not in steps_on("privileged", "pull_request_target")
@@ -115,7 +160,7 @@ def test_actions_with_the_same_lock_file_share_a_cache(tmp_path: Path) -> None:
     restored = new_machine(tmp_path / "second", cache).run(action / "compare")
     assert "Cache restored" in restored.log
     assert "Save wheels" not in restored.steps
-    assert list((tmp_path / "second").rglob("site-packages/mdurl/__init__.py"))
+    assert list((tmp_path / "second").rglob("site-packages/annotated_types/__init__.py"))
     [key] = cache.keys()
     assert str(tmp_path) not in key
 
@@ -188,5 +233,5 @@ def test_set_up_time_is_told(runner: Runner) -> None:
 def test_settings_of_pip_that_a_job_has_lead_no_package_elsewhere(settings: dict[str, str], tmp_path: Path) -> None:
     action = action_with_lock(tmp_path / "action", small_lock())
     result = Runner(tmp_path, tmp_path, variables=settings).run(action, {"cache": "false"})
-    assert list(tmp_path.glob("sim-action-*/lib/python3.11/site-packages/mdurl")), result.log
+    assert list(tmp_path.glob("sim-action-*/lib/python3.11/site-packages/annotated_types")), result.log
     assert not (tmp_path / "elsewhere").exists()

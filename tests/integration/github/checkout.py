@@ -21,6 +21,13 @@ _IDENTITY: Final = {
     for key, value in (("NAME", "octocat"), ("EMAIL", "octocat@example.com"), ("DATE", "2024-01-01T00:00:00Z"))
 }
 _NO_SETTINGS: Final = {"GIT_CONFIG_NOSYSTEM": "1", "GIT_CONFIG_GLOBAL": os.devnull}
+# Each job of a workflow fetches the commit: nothing is compressed or compared to make it smaller.
+_ORIGIN_CONFIG: Final = """\
+[core]
+\tcompression = 0
+[pack]
+\twindow = 0
+"""
 _CONFIG: Final = """\
 [remote "origin"]
 \turl = {url}
@@ -37,6 +44,8 @@ def commit(repository: Path, origin: Path) -> str:
     UnsupportedFeature.
     """
     _git("init", "--bare", "--template=", str(origin))
+    with (origin / "config").open("a", encoding="utf-8") as config:
+        config.write(_ORIGIN_CONFIG)
     tree = ("--git-dir", str(origin), "--work-tree", str(repository))
     if (repository / ".git").exists():
         names = "\0".join(_tracked(repository))
