@@ -25,7 +25,7 @@ HAS_NODE = $(WITH_NODE) node -e 'process.exit(parseInt(process.versions.node) < 
 # A shell that forbids bytecode would have each of the thousands of processes of a test run compile what it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: viewer screenshots demo demo-pictures check check-tests test soak coverage lint lint-style lint-layers $(TYPES) lint-workflows lint-viewer format docs robots accuracy picture bench fuzz mutants workflow lock clean
+.PHONY: viewer screenshots demo demo-pictures check check-tests test bytecode soak coverage lint lint-style lint-layers $(TYPES) lint-workflows lint-viewer format docs robots accuracy picture bench fuzz mutants workflow lock clean
 
 demo: $(VENV)/.installed ## run the scenario at the top of README.md
 	@$(BIN)/sim-action run examples/turtlebot3/straight_line.sim.yml
@@ -40,6 +40,11 @@ test: $(VENV)/.dev $(VENV)/.node viewer ## all tests, long repetitions in their 
 	@# They start a process in hundreds of places; where Python keeps no bytecode, each would compile all it imports.
 	@$(BIN)/python -m compileall -q sim_action
 	$(BIN)/python -m pytest
+
+bytecode: $(VENV)/.dev ## compile the package and its tests once, before many processes would each do it
+	@$(BIN)/python -m compileall -q sim_action
+	@# pytest compiles tests in a way of its own. What it cannot collect is an error of `make test`.
+	@$(BIN)/python -m pytest -q -n 0 --collect-only >/dev/null 2>&1 || true
 
 soak: $(VENV)/.dev $(VENV)/.node viewer ## long repetitions: marked tests, property tests with many more examples, then fuzz
 	@$(BIN)/python -m compileall -q sim_action

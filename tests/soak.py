@@ -57,8 +57,10 @@ def pytest_configure(config: pytest.Config) -> None:
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     long = bool(config.getoption("soak"))
-    chosen = [item for item in items if _runs(item, long=long)]
-    if dropped := [item for item in items if item not in set(chosen)]:
+    chosen, dropped = list[pytest.Item](), list[pytest.Item]()
+    for item in items:
+        (chosen if _runs(item, long=long) else dropped).append(item)
+    if dropped:
         config.hook.pytest_deselected(items=dropped)
         items[:] = chosen
 
