@@ -12,8 +12,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_action.core.files import open_regular, whole_file
+from sim_action.core.files import open_regular
 from sim_action.core.records import dataclass, field
+from sim_action.state.npz_file import save_arrays
 from sim_action.state.trace import FloatArray
 from sim_action.state.trace_storage import TraceError, refuse_too_large
 
@@ -80,8 +81,7 @@ class MotionRecord:
             **_named("links", self.links),
             **_named("bodies", self.bodies),
         }
-        with whole_file(path) as file:
-            np.savez(file, **arrays)
+        save_arrays(arrays, path)
 
     @classmethod
     def load(cls, path: Path) -> MotionRecord:

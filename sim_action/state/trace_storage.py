@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
-from sim_action.core.files import open_regular, whole_file
+from sim_action.core.files import open_regular
 from sim_action.core.records import replace
+from sim_action.state.npz_file import save_arrays
 from sim_action.state.observation import Contact, SelfContact
 from sim_action.state.trace import COLUMNS, Trace
 from sim_action.state.trace_channels import ClearanceWatch
@@ -21,7 +21,6 @@ _LINK_CONTACT_COLUMNS: Final = ("time", "body", "position_xyz", "normal_xyz", "f
 _CLEARANCE_COLUMNS: Final = ("time", "distance", "pair")
 # Fields that older traces lack.
 _ADDED: Final = ("has_force", "depth")
-_MAX_COPIED_BYTES: Final = 1_000_000
 _MAX_BYTES: Final = 2_000_000_000
 
 
@@ -42,14 +41,7 @@ def save_trace(trace: Trace, path: Path) -> None:
         **_link_contact_arrays(trace.link_contacts),
     }
     arrays: dict[str, Any] = {"joint_names": np.array(trace.joint_names, dtype=np.str_), **columns, **told}
-    with whole_file(path) as file:
-        if sum(array.nbytes for array in arrays.values()) > _MAX_COPIED_BYTES:
-            np.savez(file, **arrays)
-            return
-        # A hundred small writes and seeks in a file would take longer than the rest.
-        packed = io.BytesIO()
-        np.savez(packed, **arrays)
-        file.write(packed.getbuffer())
+    save_arrays(arrays, path)
 
 
 def load_trace(path: Path) -> Trace:
