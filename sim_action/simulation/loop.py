@@ -245,7 +245,7 @@ class _Loop:
         footage.begin(start, placed, opening[0])
         started = time.perf_counter()
         while panel.end is None:
-            trace, failure = self._advance(_PERIOD_S if panel.is_pending else _PERIOD_WITHOUT_GOALS_S, progress)
+            trace, failure = self._advance(_PERIOD_S if panel.may_end_soon else _PERIOD_WITHOUT_GOALS_S, progress)
             if len(trace):
                 panel, seen = panel.observe_until_end(Trace.concatenate((*opening, trace)) if opening else trace)
                 if opening:

@@ -73,16 +73,20 @@ class Panel:
         later = self.observe(trace)
         if later.end is None:
             return later, trace
+        if later.end != "expectation failed" and not self._is_over_before_last(trace):
+            return later, trace
         # A run that has ended stays ended, so bisection finds the first such moment.
         before, ended = 0, len(trace)
-        # A duration ends at the last moment of a period.
-        if self.scenario.duration is not None and ended > 1 and self.observe(trace.first(ended - 1)).end is None:
-            before = ended - 1
         while ended - before > 1:
             middle = (before + ended) // 2
             before, ended = (before, middle) if self.observe(trace.first(middle)).end else (middle, ended)
         seen = trace.first(ended)
-        return self.observe(seen), seen
+        return (later, trace) if ended == len(trace) else (self.observe(seen), seen)
+
+    def _is_over_before_last(self, trace: Trace) -> bool:
+        """Return True if the duration, or the time limit, has been reached before the last moment of a trace."""
+        least = min(self.scenario.duration or 0.0, self.scenario.time_limit)
+        return len(trace) > 1 and self._is_reached(least, float(trace.time[-2]))
 
     def verdicts(self) -> tuple[Verdict, ...]:
         """Return one verdict for each expectation, as if the run ended now."""
@@ -101,13 +105,21 @@ class Panel:
         """True if a goal has not come true yet."""
         return any(monitor.state is State.PENDING for monitor in self.monitors)
 
+    @property
+    def may_end_soon(self) -> bool:
+        """True if goals that come true would end the run, and the last one has not yet; a duration comes first."""
+        return self.is_pending and self._reached(self.scenario.duration or 0.0)
+
     def _all_closed(self) -> bool:
         """Return False while a verdict that passes now needs more of the run, such as up to its `after` or `before`."""
         return self._reached(needed_until(*self.monitors))
 
     def _reached(self, time: float) -> bool:
-        """Return True if the first physics step at or after a sim time has been seen."""
-        return self.time >= self.scenario.steps(time) / self.scenario.physics.rate - TIME_EPSILON_S
+        return self._is_reached(time, self.time)
+
+    def _is_reached(self, time: float, seen: float) -> bool:
+        """Return True if the first physics step at or after a sim time has been seen; `seen`: the last moment."""
+        return seen >= self.scenario.steps(time) / self.scenario.physics.rate - TIME_EPSILON_S
 
 
 def _opened(index: int, expected: Expectation, scene: Scene, start: Observation) -> Window:

@@ -122,6 +122,21 @@ def test_verdicts_are_those_of_the_end_though_the_block_went_on() -> None:
     assert [verdict.time for verdict in panel.verdicts()] == [3.0, 2.5]
 
 
+@pytest.mark.parametrize(
+    ("expected", "duration", "soon"),
+    [
+        pytest.param(FAR_GOAL, None, [True, True], id="a goal ends the run when it comes true"),
+        pytest.param(FAR_GOAL, 4.0, [False, True], id="but not before the duration"),
+        pytest.param(HOLDS, None, [False, False], id="no goal"),
+    ],
+)
+def test_runs_that_can_only_fail_soon_are_looked_at_less_often(
+    expected: Expectation, duration: float | None, soon: list[bool]
+) -> None:
+    made = Panel.open(scenario(expected, duration=duration), scene(), START)
+    assert [made.observe(ride(seconds)).may_end_soon for seconds in (3, 4)] == soon
+
+
 @pytest.mark.parametrize("time_limit", [1 / 3, 0.1, 0.7, 10.000000003, 1.0000000001])
 def test_the_last_step_reaches_the_time_limit_whatever_the_rounding(time_limit: float) -> None:
     made = scenario(FAR_GOAL, time_limit=time_limit)
