@@ -333,7 +333,7 @@ class TwoSidedMotion:
             before = (self._left, self._right)
             self._left = ramp_towards(left, self._left, self._most_change)
             self._right = ramp_towards(right, self._right, self._most_change)
-            planned.append(self._joint_targets())
+            planned.append(JointTargets({}, self._joint_speeds(self._left, self._right), {}, self._max_effort))
             if before == (self._left, self._right):
                 break
         return planned
@@ -344,9 +344,6 @@ class TwoSidedMotion:
         left, right = twist.linear_xyz[0] - turn, twist.linear_xyz[0] + turn
         share = self._speeds.told_share(self._joint_speeds(left, right))
         return share * left, share * right
-
-    def _joint_targets(self) -> JointTargets:
-        return JointTargets(velocity=self._joint_speeds(self._left, self._right), max_effort=self._max_effort)
 
     def _joint_speeds(self, left: float, right: float) -> dict[str, float]:
         """Return joint speeds in rad/s, for rim speeds in m/s."""

@@ -226,15 +226,22 @@ class MuJoCoEngine:
         self._distances.look_at_present()
         self._clearances.record(step, *self._states.place(self._states.last()))
 
-    def _advance(self, first_step: int, targets: Sequence[JointTargets | None]) -> None:
-        # Local names are cheaper than attributes, and this loop is most of a run.
+    def _advance(self, first_step: int, targets: Sequence[JointTargets | None]) -> None:  # noqa: C901 - calls cost most
+        # This loop is most of a run. Local names are cheaper than attributes, and each call would cost 1 % of a step.
         model, data, warned, carry = self._model, self._data, self._warned, self._control.carry
-        drive, correct, keep, watchers = self._motors.drive, self._sliding.correct, self._states.keep, self._watchers
+        engage, efforts, correct, watchers = (
+            self._motors.engage,
+            self._motors.efforts,
+            self._sliding.correct,
+            self._watchers,
+        )
         first_half, second_half, disturbed = mujoco.mj_step1, mujoco.mj_step2, self._is_disturbed
+        steps, kept, qpos, qvel = self._states.opened()
+        is_engaged = False
         for step, wanted in enumerate(targets, start=first_step + 1):
             if wanted is not None:
                 self._apply(wanted)
-                disturbed = self._is_disturbed
+                disturbed, is_engaged = self._is_disturbed, False
             if warned[_BAD_ACCELERATION] or warned[_BAD_VELOCITY]:
                 # The simulation has diverged: the rest of the trace is NaN.
                 self._states.keep_nan(range(step, first_step + len(targets) + 1))
@@ -244,14 +251,22 @@ class MuJoCoEngine:
             first_half(model, data)
             # They may be elsewhere at each step.
             references: memoryview[float] = memoryview(data.efc_aref)
-            drive(references)
+            if not is_engaged:
+                (turning, hold), is_engaged = engage(), True
+            for row, bias in turning:
+                references[row] += bias
+            if hold is not None:
+                hold(references)
             if disturbed:
                 carry()
             correct(references)
             second_half(model, data)
             if disturbed:
                 self._end_disturbances(step)
-            keep(step)
+            steps.append(step)
+            kept += qpos
+            kept += qvel
+            kept += efforts().tobytes()
             for watch in watchers:
                 watch(step)
 

@@ -11,6 +11,7 @@ see `Actuators`. For other commands it is switched off, and this motor acts with
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from typing import Final
 
 import numpy as np
@@ -77,12 +78,30 @@ class Motors:
                 self._set(number, _FREE, 0.0, self._friction[number])
         self._all_rows: _Numbers | None = None
         self._arrange()
+        # The joints and the limits of the last targets, if these were only speeds.
+        self._turned_before: list[str] | None = None
+        self._numbers_before: list[int] = []
+        self._limited_before: dict[str, float] = {}
         # No step has been taken yet.
         self._exerted: tuple[_Numbers, _Numbers] = slice(0), slice(0)
         self._own_exerted = self._own[:0]
 
     def apply(self, targets: JointTargets) -> None:
         """Use these targets until the next ones."""
+        velocity = targets.velocity
+        others = targets.position or targets.effort
+        if not others and [*velocity] == self._turned_before and targets.max_effort == self._limited_before:
+            # A drive gives the same joints another speed at each step of its ramp.
+            for number, speed in zip(self._numbers_before, velocity.values(), strict=True):
+                self._target[number] = float(speed)
+            self._aim()
+            return
+        self._apply(targets)
+        self._turned_before = None if others or self._is_native else [*velocity]
+        self._numbers_before = [self._index[name] for name in velocity]
+        self._limited_before = dict(targets.max_effort)
+
+    def _apply(self, targets: JointTargets) -> None:
         for mode, group in ((_VELOCITY, targets.velocity), (_POSITION, targets.position)):
             for name, target in group.items():
                 if mode == _VELOCITY and name in targets.position:
@@ -103,23 +122,26 @@ class Motors:
         else:
             self._aim()
 
-    def drive(self, references: memoryview[float]) -> None:
-        """Set the motors' rows for this step, between its halves: then rows are known and forces are not.
+    def engage(self) -> tuple[Sequence[tuple[int, float]], Callable[[memoryview[float]], None] | None]:
+        """Let the targets act from the step that has begun; `efforts` are its efforts from now on.
 
-        `references`: a live view of `efc_aref`.
+        Return what to do at each step until the next targets, between its halves: then rows are known and forces are
+        not. First (row, bias): the bias is added to the reference of the row. Then a function to call with a live view
+        of the references, `efc_aref`; None if there is nothing else to do.
         """
         self._exerted = self._exerting
         self._own_exerted = self._own
+        return self._turning, self._hold if self._holding or self._actuators.creeping else None
+
+    def _hold(self, references: memoryview[float]) -> None:
+        """Set the rows of servos, whose references depend on where the joints are."""
         if self._actuators.creeping:
             self._actuators.step()
+        gain, damping, positions = self._gain, self._damping, self._positions
         # For few numbers a loop takes a fifth of the time of arrays.
-        for row, bias in self._turning:
-            references[row] += bias
-        if self._holding:
-            gain, damping, positions = self._gain, self._damping, self._positions
-            for row, at, goal, ahead, fastest in self._holding:
-                speed = gain * (goal - positions[at]) + ahead
-                references[row] += damping * (-fastest if speed < -fastest else min(speed, fastest))
+        for row, at, goal, ahead, fastest in self._holding:
+            speed = gain * (goal - positions[at]) + ahead
+            references[row] += damping * (-fastest if speed < -fastest else min(speed, fastest))
 
     def efforts(self) -> FloatArray:
         """Return the efforts (J,) of the last step in N m or N; the array is valid until the next step."""
@@ -184,17 +206,22 @@ class Motors:
         in_order = len(self._motors) == len(modes) and not self._no_motors.size
         self._all_rows = self._exerting[1] if in_order else None
         both = list(zip(rows.tolist(), self._motors.tolist(), strict=True))
-        self._turned = [(row, number) for row, number in both if modes[number] == _VELOCITY]
+        turned = [(row, number) for row, number in both if modes[number] == _VELOCITY]
+        self._turned = [row for row, _ in turned], [number for _, number in turned]
         places = self._qpos.tolist()
         self._held = [(row, number, places[number]) for row, number in both if modes[number] == _POSITION]
         self._aim()
 
     def _aim(self) -> None:
         """Find (row, bias) of velocity motors, and (row, index in qpos, goal, speed ahead, limit) of servos."""
-        target = self._target
-        turning = [(row, self._damping * target[number]) for row, number in self._turned]
+        target, damping = self._target, self._damping
+        rows, turned = self._turned
+        biases = [damping * target[number] for number in turned]
         # Adding 0 would change the sign of zeros.
-        self._turning = turning if self._held or any(bias for _, bias in turning) else []
+        self._turning = list(zip(rows, biases, strict=True)) if self._held or any(biases) else []
+        if not self._held:
+            self._holding = []
+            return
         # Targets are clipped to the joint limits, because MuJoCo's limits are soft.
         self._holding = [
             (row, at, min(max(target[n], self._lower[n]), self._upper[n]), self._ahead[n], self._max_velocity[n])

@@ -97,11 +97,16 @@ class _Touching:
         self.calm, self.calm_within = values, min(margins) - _ROUNDING
 
 
+_NOTHING: Final = _Touching([], [], lambda _references, _first: (), 0, (), math.inf)
+
+
 class SlidingContacts:
     """Corrects the reference accelerations of contacts between the two halves of each step.
 
     Attributes:
         touching: the touching geoms of the last step, and which of their contacts have no rows; empty without contacts.
+        correct: lowers the reference of the normal of each sliding contact, given a live view of `efc_aref`; called
+            after all changes of friction rows.
     """
 
     def __init__(self, compiled: CompiledScene) -> None:
@@ -112,25 +117,34 @@ class SlidingContacts:
         self._known: dict[bytes, _Touching] = {}
         # Number of contacts -> a live view of their geoms and of which have no rows.
         self._live: dict[int, memoryview] = {}
+        self.correct = self._corrector()
 
-    def correct(self, references: memoryview[float]) -> None:
-        """Lower the reference of the normal of each sliding contact; called after all changes of friction rows.
+    def _corrector(self) -> Callable[[memoryview[float]], None]:
+        """Return the function `correct`."""
+        # Called at every step: variables of a function are read faster than attributes.
+        data, live_view, known, distance = self._data, self._live.get, self._known.get, math.dist
+        touching, found = b"", _NOTHING
 
-        `references`: a live view of `efc_aref`.
-        """
-        count = self._data.ncon
-        if not count:
-            self.touching = b""
-            return
-        live = self._live.get(count) or self._view(count)
-        # MuJoCo keeps contacts at a fixed address, and looking that up takes five times as long as reading them.
-        self.touching = touching = live.tobytes()
-        found = self._known.get(touching) or self._find(touching)
-        # Called at every step. For few numbers a tuple takes a fifth of the time of an array.
-        values = found.read(references, found.first_byte)
-        # Most steps are like the one before: then a single call shows that there is nothing to correct.
-        if not math.dist(values, found.calm) < found.calm_within and not self._correct_some(references, values, found):
-            found.settle(values)
+        def correct(references: memoryview[float]) -> None:
+            nonlocal touching, found
+            count = data.ncon
+            if not count:
+                self.touching = touching = b""
+                return
+            # MuJoCo keeps contacts at a fixed address, and looking that up takes five times as long as reading them.
+            now = (live_view(count) or self._view(count)).tobytes()
+            if now != touching:
+                self.touching = touching = now
+                found = known(now) or self._find(now)
+            # For few numbers a tuple takes a fifth of the time of an array.
+            values = found.read(references, found.first_byte)
+            # Most steps are like the one before: then a single call shows that there is nothing to correct.
+            if not distance(values, found.calm) < found.calm_within and not self._correct_some(
+                references, values, found
+            ):
+                found.settle(values)
+
+        return correct
 
     def _correct_some(self, references: memoryview[float], values: tuple[float, ...], found: _Touching) -> bool:
         """Correct the contacts; return True if one slides or hits. `values`: the references of their rows."""

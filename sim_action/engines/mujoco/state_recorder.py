@@ -53,13 +53,12 @@ class StateRecorder:
         self._balls = [slice(first - 1, first + 3) for first in balls]
         self._fixed_pose = self._pose_of_fixed() if compiled.fixed else None
 
-    def keep(self, step: int) -> None:
-        """Record the present state as that of a step."""
-        self._steps.append(step)
-        kept = self._kept
-        kept += self._qpos_bytes
-        kept += self._qvel_bytes
-        kept += self._efforts_now().tobytes()
+    def opened(self) -> tuple[list[int], bytearray, memoryview, memoryview]:
+        """Return where to add each step and its bytes, and live views of the first two parts of these.
+
+        The bytes are those of qpos, of qvel, and of the efforts: (P + V + J,) numbers.
+        """
+        return self._steps, self._kept, self._qpos_bytes, self._qvel_bytes
 
     def keep_nan(self, steps: Sequence[int]) -> None:
         """Record NaN for steps after the simulation has diverged."""
