@@ -53,6 +53,8 @@ def _urdf(body: Body, parts: Sequence[Part], folder: Path) -> Element:
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = found.inertia.tolist()
     moments = {"ixx": xx, "ixy": xy, "ixz": xz, "iyy": yy, "iyz": yz, "izz": zz}
     ET.SubElement(inertial, "inertia", {name: repr(moment) for name, moment in moments.items()})
+    # See `look` of connections.
+    ET.SubElement(ET.SubElement(ET.SubElement(link, "visual"), "geometry"), "box", size="1 1 1")
     for number, part in enumerate(parts):
         collision = ET.SubElement(link, "collision")
         if isinstance(part, BoxPart | CylinderPart | SpherePart):

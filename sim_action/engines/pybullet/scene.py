@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import os
 import re
+import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
@@ -23,6 +24,7 @@ from sim_action.core import geometry
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, Vector3
 from sim_action.core.records import dataclass, field
+from sim_action.engines.pybullet.connection import look
 from sim_action.robot.audit.kinematic_tree import beyond_pybullet
 from sim_action.robot.robot_model import Mimic, Surface
 from sim_action.world import MAX_SPEED, Body, World, placed
@@ -44,6 +46,8 @@ _LOAD_FLAGS: Final = pybullet.URDF_USE_IMPLICIT_CYLINDER | pybullet.URDF_USE_INE
 # Without neighbours: PyBullet leaves out direct parents and children.
 _SELF_COLLISION: Final = pybullet.URDF_USE_SELF_COLLISION | pybullet.URDF_USE_SELF_COLLISION_EXCLUDE_PARENT
 _COLLISION: Final = re.compile(r"<collision[\s/>]")
+# See `look`: the robot is not shown either.
+_LOOK: Final = '<visual><geometry><box size="1 1 1"/></geometry></visual>'
 # PyBullet has fewer files open at the same time while it reads a model.
 _OPEN_FILES: Final = 8
 # A gear is stronger than any motor, and corrects most of its error within one step.
@@ -102,12 +106,13 @@ def add_pieces(
     client: int, parts: Sequence[Part], pose: Pose, friction: float, mass: float = 0.0, *, moves: bool = False
 ) -> list[tuple[int, Pose]]:
     """Add the pieces of a body; `pose`: of the body."""
-    added = []
+    added, visual = [], look(client)
     for piece in pieces(client, parts, mass):
         # A full multibody costs time at every step. A plain rigid body does not, but its velocity does not act on
         # what touches it.
         plain = int(len(parts) > 1 and not moves)
-        number = int(pybullet.createMultiBody(mass, piece.shape, useMaximalCoordinates=plain, physicsClientId=client))
+        shapes = piece.shape, visual
+        number = int(pybullet.createMultiBody(mass, *shapes, useMaximalCoordinates=plain, physicsClientId=client))
         _set_dynamics(client, number, BASE, lateralFriction=friction)
         for name, value in piece.dynamics.items():
             pybullet.changeDynamics(number, BASE, **{name: value}, physicsClientId=client)
@@ -121,13 +126,24 @@ def load_robot(client: int, scene: Scene) -> int:
     """Add the robot at the origin; return its number. Raise OSError or pybullet.error."""
     if (trouble := beyond_pybullet(scene.model)) is not None:
         raise pybullet.error(trouble)
+    load = _load_from_files if scene.model.hull_files or sys.platform != "linux" else _load_from_memory
     try:
-        return _load_from_files(client, scene)
+        return load(client, scene)
     except (OSError, pybullet.error):
         # PyBullet opens each file several times. A lack of open files may have passed by now. The script of another
-        # scenario may have removed all scratch folders.
+        # scenario may have removed all scratch folders. A sandbox may lack files in memory.
         Path(tempfile.gettempdir()).mkdir(parents=True, exist_ok=True)
         return _load_from_files(client, scene)
+
+
+def _load_from_memory(client: int, scene: Scene) -> int:
+    """Load the robot as `load_robot` does, once: a folder takes twice the time of the robot itself."""
+    assert sys.platform == "linux", "only Linux has files in memory"
+    number = os.memfd_create("robot.urdf")
+    with open(number, "wb") as file:  # noqa: PTH123 - `Path` opens no file by its number
+        file.write(_text(scene))
+        file.flush()
+        return _loaded(client, Path(f"/proc/self/fd/{number}"), scene)
 
 
 def _load_from_files(client: int, scene: Scene) -> int:
@@ -139,8 +155,13 @@ def _load_from_files(client: int, scene: Scene) -> int:
         for name, text in scene.model.hull_files.items():
             Path(folder, name).write_bytes(text)
         path = Path(folder, "robot.urdf")
-        path.write_text(scene.model.urdf, encoding="utf-8")
+        path.write_bytes(_text(scene))
         return _loaded(client, path, scene)
+
+
+def _text(scene: Scene) -> bytes:
+    """Return the URDF with a visual shape for each collision shape."""
+    return _COLLISION.sub(lambda found: _LOOK + found[0], scene.model.urdf).encode()
 
 
 def _check_open_files() -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import errno
 import math
 import os
+import sys
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -54,6 +56,51 @@ def scene(tmp_path: Path) -> Scene:
     (tmp_path / "box.urdf").write_text(BOX)
     (tmp_path / "box.stl").write_bytes(stl())
     return build_scene(load(tmp_path, "name: a\nrobot: {model: box.urdf}\nexpect: [upright]\ntime_limit: 1 s\n"))
+
+
+BURGER = """\
+name: a
+robot: {model: turtlebot3_burger}
+world:
+  objects:
+    - {name: ball, sphere: {radius: 0.1}, mass: 2 kg, pose: {x: 2}}
+    - {name: dumbbell, mass: 2 kg, pose: {x: 3}, shapes: [{sphere: {radius: 0.1}}, {box: [0.1, 0.1, 0.3]}]}
+expect: [upright]
+time_limit: 1 s
+"""
+
+
+def test_no_body_costs_more_than_a_box_to_draw(tmp_path: Path) -> None:
+    import pybullet
+
+    from sim_action.engines.pybullet.engine import PyBulletEngine
+
+    engine = PyBulletEngine(build_scene(load(tmp_path, BURGER)))
+    bodies = range(pybullet.getNumBodies(engine._client))
+    drawn = [shape for body in bodies for shape in pybullet.getVisualShapeData(body, physicsClientId=engine._client)]
+    # The ground, two objects, and five links of the robot.
+    assert [shape[2] for shape in drawn] == [pybullet.GEOM_BOX] * 8
+    engine.close()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux has files in memory")
+def test_a_robot_without_meshes_needs_no_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = build_scene(load(tmp_path, BURGER.replace("    - {name: dumbbell", "    # {")))
+    monkeypatch.setattr(tempfile, "TemporaryDirectory", lambda **_: pytest.fail("a folder was made"))
+    ENGINES.load("pybullet")(scene).close()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux has files in memory")
+def test_a_robot_is_read_from_a_folder_where_no_file_can_be_in_memory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(_: str) -> int:
+        raise OSError(errno.ENOSYS, os.strerror(errno.ENOSYS))
+
+    monkeypatch.setattr(os, "memfd_create", refused)
+    engine = ENGINES.load("pybullet")(build_scene(load(tmp_path, BURGER)))
+    assert set(engine.observe(0, contacts=False).joints) == {"wheel_left_joint", "wheel_right_joint"}
+    engine.close()
 
 
 MORE = '<collision><origin xyz="1 0 0"/><geometry>{}</geometry></collision>'
