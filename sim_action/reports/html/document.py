@@ -8,6 +8,7 @@ import html
 import json
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import lru_cache
 from importlib.resources import files
 from typing import Final
 
@@ -156,7 +157,18 @@ class Html(str):
 
 def text(words: str) -> Html:
     """Escape text as HTML, without characters that reorder or hide text."""
-    return words if isinstance(words, Html) else Html(html.escape(plain_text(words)))
+    if isinstance(words, Html):
+        return words
+    return _short_text(words) if len(words) <= _MAX_KEPT_CHARS else Html(html.escape(plain_text(words)))
+
+
+# Labels, classes and values come again in each article.
+_MAX_KEPT_CHARS: Final = 100
+
+
+@lru_cache(maxsize=4096)
+def _short_text(words: str) -> Html:
+    return Html(html.escape(plain_text(words)))
 
 
 def element(name: str, /, *children: str, **attributes: str | float | bool | None) -> Html:
@@ -179,5 +191,10 @@ def joined(*parts: str) -> Html:
 
 
 def _attribute(key: str, value: str | float | bool | None) -> str:
-    name = key.rstrip("_").replace("_", "-")
+    name = _attribute_name(key)
     return f" {name}" if value is True else f' {name}="{text(str(value))}"'
+
+
+@lru_cache(maxsize=256)
+def _attribute_name(key: str) -> str:
+    return key.rstrip("_").replace("_", "-")

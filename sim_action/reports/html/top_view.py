@@ -188,11 +188,12 @@ def _line(points: FloatArray, kind: str) -> Html:
 
 
 def _points(points: FloatArray) -> str:
-    return " ".join(f"{_number(x)},{_number(-y)}" for x, y in points.tolist())
+    numbers = [_number(value) for x, y in points.tolist() for value in (x, -y)]
+    return " ".join(map(",".join, zip(numbers[::2], numbers[1::2], strict=True)))
 
 
 def _number(value: float) -> str:
-    return f"{value + 0.0:.3f}".rstrip("0").rstrip(".")
+    return ("%.3f" % (value + 0.0)).rstrip("0").rstrip(".")
 
 
 _ROUND: Final = 16
@@ -252,13 +253,21 @@ def _postures(replay: Replay, *moments: int) -> list[_Posture]:
 
 def outline(shape: Shape, owner: Frame, meshes: dict[str, MeshData]) -> FloatArray:
     """Return the convex outline (N, 2) of a shape, seen from above; `owner` is the frame of its link or body."""
+    return _hull(_rounded(_seen(shape, owner, meshes)).tolist())
+
+
+def _seen(shape: Shape, owner: Frame, meshes: dict[str, MeshData]) -> FloatArray:
+    """Return the points (N, 2) of a shape, seen from above."""
     points = _mesh_points(meshes[shape.mesh]) if isinstance(shape, MeshShape) else _solid_points(shape)
-    return _hull(_fixed_frame(shape.pose).after(owner).transform(points)[:, :2])
+    return _fixed_frame(shape.pose).after(owner).transform(points)[:, :2]
 
 
 def _outlines(scene: SceneData, posture: _Posture) -> list[FloatArray]:
     links = zip(scene.links, _link_frames(scene, posture), strict=True)
-    return [outline(shape, frame, scene.meshes) for link, frame in links for shape in link.shapes]
+    seen = [_seen(shape, frame, scene.meshes) for link, frame in links for shape in link.shapes]
+    # Arrays of few points take long for each call.
+    rows = iter(_rounded(np.concatenate(seen)).tolist() if seen else [])
+    return [_hull(islice(rows, len(points))) for points in seen]
 
 
 def _link_frames(scene: SceneData, posture: _Posture) -> list[Frame]:
@@ -321,9 +330,9 @@ def _ball() -> FloatArray:
     return np.concatenate([_ring(math.sqrt(1 - height**2), height) for height in heights])
 
 
-def _hull(points: FloatArray) -> FloatArray:
-    """Return the corners of the convex hull of points (N, 2), counter-clockwise."""
-    ordered = sorted(set(map(tuple, _rounded(points).tolist())))
+def _hull(points: Iterable[Sequence[float]]) -> FloatArray:
+    """Return the corners (N, 2) of the convex hull of points, counter-clockwise."""
+    ordered = sorted({(x, y) for x, y in points})
     if len(ordered) < 3:
         return np.array(ordered)
     return np.array(_half(ordered)[:-1] + _half(ordered[::-1])[:-1])
@@ -333,18 +342,23 @@ def _rounded(points: FloatArray) -> FloatArray:
     """Return points rounded to 4 decimals exactly as `round` does."""
     scaled = points * 1e4
     whole = np.rint(scaled)
-    if (np.abs(np.abs(scaled - whole) - 0.5) < _TIE).any():
-        return np.array([(round(x, 4), round(y, 4)) for x, y in points.tolist()])
-    return np.asarray(whole / 1e4)
+    rounded = np.asarray(whole / 1e4)
+    ties = np.abs(scaled - whole) > 0.5 - _TIE
+    if ties.any():
+        rounded[ties] = [round(value, 4) for value in points[ties].tolist()]
+    return rounded
 
 
 def _half(ordered: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    kept: list[tuple[float, float]] = []
-    for x, y in ordered:
+    kept = ordered[:2]
+    for point in ordered[2:]:
+        x, y = point
+        bx, by = kept[-1]
         while len(kept) > 1:
-            (ax, ay), (bx, by) = kept[-2:]
+            ax, ay = kept[-2]
             if (bx - ax) * (y - ay) > (by - ay) * (x - ax):
                 break
             kept.pop()
-        kept.append((x, y))
+            bx, by = ax, ay
+        kept.append(point)
     return kept
