@@ -7,6 +7,7 @@ are used here, its interpretation is not.
 from __future__ import annotations
 
 import re
+from collections import ChainMap
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
@@ -66,6 +67,13 @@ class Document:
             if (place := self.moved.get(path[:size])) is not None:
                 return (*place, *path[size:])
         return path
+
+    @property
+    def files(self) -> set[str]:
+        """The names of the files that its values are written in."""
+        # Looking up each key of a chain takes much longer.
+        parts = self.marks.maps if isinstance(self.marks, ChainMap) else (self.marks,)
+        return {place.file for part in parts for place in part.values()}
 
     @property
     def size(self) -> int:

@@ -115,19 +115,20 @@ def _inside(workspace: Path, file: str | Path) -> str | None:
     if "\0" in (text := os.fspath(file)):
         return None
     try:
+        inside = _below(text, os.fspath(workspace), os.getcwd())  # noqa: PTH109 - quicker than pathlib
+        if inside is not None:
+            return inside
         absolute = os.path.abspath(text)  # noqa: PTH100 - links are kept as they are written
-        inside = _below(absolute, os.path.abspath(workspace))  # noqa: PTH100 - as above
-        if inside is None:
-            inside = _below(os.path.realpath(absolute), os.path.realpath(workspace))
+        inside = _below(os.path.realpath(absolute), os.path.realpath(workspace), "")
     except (OSError, ValueError):
         return None
     return Path(absolute).as_posix() if inside is None else inside
 
 
 @lru_cache(maxsize=1024)
-def _below(path: str, folder: str) -> str | None:
-    """Return an absolute path relative to a folder, both without links and dots; None if it is not inside."""
-    found, root = Path(path), Path(folder)
+def _below(path: str, folder: str, _here: str) -> str | None:
+    """Return a path relative to a folder; None if it is not inside. Both may be relative to the current folder."""
+    found, root = Path(os.path.abspath(path)), Path(os.path.abspath(folder))  # noqa: PTH100 - links are kept
     return found.relative_to(root).as_posix() if found.is_relative_to(root) else None
 
 

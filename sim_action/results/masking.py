@@ -70,7 +70,9 @@ class Mask:
         """
         hinted = tuple(self._hinted(each, states=states) for each in outcome.failures)
         judged = tuple(self._judged_with_hint(each, states=states) for each in outcome.expectations)
-        outcome = outcome.model_copy(update={"failures": hinted, "expectations": judged})
+        pairs = zip((*hinted, *judged), (*outcome.failures, *outcome.expectations), strict=True)
+        if any(new is not old for new, old in pairs):
+            outcome = outcome.model_copy(update={"failures": hinted, "expectations": judged})
         if self.pattern is None:
             return outcome
         return outcome.model_copy(

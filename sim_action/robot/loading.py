@@ -173,7 +173,9 @@ def check_text(robot: Robot, workspace: Workspace) -> tuple[str, ...]:
 
 def package_problems(robot: Robot, workspace: Workspace) -> Iterator[tuple[tuple[str, ...], str]]:
     """Yield a problem, with its path in the scenario, for each key of `robot.packages` that leads to no folder."""
-    for name, message in Packages(workspace, robot.packages).mapped_problems():
+    # Packages copy the environment.
+    problems = Packages(workspace, robot.packages).mapped_problems() if robot.packages else ()
+    for name, message in problems:
         yield ("robot", "packages", name), message
 
 

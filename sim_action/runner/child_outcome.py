@@ -170,6 +170,8 @@ def _written(child: ChildProcess, mask: Mask) -> Outcome | None:
 
 def _of_limited_length(outcome: Outcome) -> Outcome:
     """Return the outcome with its texts cut: user code may raise an exception with a text of many megabytes."""
+    if not any(len(text) > MAX_MESSAGE_CHARS for text in _texts(outcome)):
+        return outcome
     expectations = tuple(
         each.model_copy(update={"verdict": replace(verdict, message=_cut(verdict.message), unit=_cut(verdict.unit))})
         for each in outcome.expectations
@@ -187,6 +189,15 @@ def _of_limited_length(outcome: Outcome) -> Outcome:
     )
     notes = {"notes": tuple(map(_cut, outcome.notes)), "model_notes": tuple(map(_cut, outcome.model_notes))}
     return outcome.model_copy(update={"expectations": expectations, "failures": failures, **notes})
+
+
+def _texts(outcome: Outcome) -> Iterator[str]:
+    """Yield the texts that user code may have written."""
+    for expected in outcome.expectations:
+        yield from (expected.verdict.message, expected.verdict.unit)
+    for failure in outcome.failures:
+        yield from (failure.message, failure.details, failure.location.file if failure.location else "")
+    yield from (*outcome.notes, *outcome.model_notes)
 
 
 def _cut(text: str) -> str:

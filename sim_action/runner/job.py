@@ -77,6 +77,8 @@ class Job:
 
     def named(self, path: Path) -> str:
         """Return the name of a file of the run in outcomes, the same on every system."""
+        if path.is_relative_to(self.results):
+            return path.relative_to(self.results).as_posix()
         return Path(os.path.relpath(path, self.results)).as_posix()
 
 

@@ -99,7 +99,7 @@ def execute(
     is_warm = child_type.forks and repeat == 1 and _warmed_up(left, formats, replays=replays)
     runs = [(loaded, None if is_warm else turn) for turn in range(repeat) for loaded in scenarios]
     files = run_files([loaded.scenario.name for loaded, _ in runs], folder.absolute(), replays=replays, formats=formats)
-    made = partial(_job, results=folder.absolute(), child_type=child_type)
+    made = partial(_job, results=folder.absolute(), child_type=child_type, here=Path.cwd())
     made_jobs = [
         made(loaded, of_run, hash_seed=hash_seed) for (loaded, hash_seed), of_run in zip(runs, files, strict=True)
     ]
@@ -137,8 +137,10 @@ def _job(
     results: Path,
     child_type: type[ChildProcess],
     hash_seed: int | None,
+    here: Path,
 ) -> Job:
-    return Job(loaded, files.trace, results, child_type.limits_memory, files.replay, files.recordings, hash_seed)
+    limits = child_type.limits_memory
+    return Job(loaded, files.trace, results, limits, files.replay, files.recordings, hash_seed, here=here)
 
 
 def _warmed_up(scenarios: Sequence[LoadedScenario], formats: Iterable[str], *, replays: bool) -> bool:

@@ -72,6 +72,8 @@ class RunKeys:
         self._named = NamedFiles()
         self._trees: dict[Path, GitTree | str] = {}
         self._builds: dict[str, str | None] = {}
+        # Variations name the same files.
+        self._contents: dict[tuple[Path, frozenset[Path]], list[tuple[str, str]] | None] = {}
         roots = _roots(scenario_files, outside=options.permissions.outside)
         self._listings = {} if options.permissions.updates_golden else {root: GitListing(root) for root in roots}
 
@@ -142,11 +144,16 @@ class RunKeys:
 
         The contents of files in `tree` are in its digest.
         """
-        named = sorted(self._named.of(loaded.source))
+        root, named = loaded.workspace.root, self._named.of(loaded.source)
+        if (root, named) not in self._contents:
+            self._contents[root, named] = self._contents_of(named, tree)
+        return self._contents[root, named]
+
+    def _contents_of(self, named: frozenset[Path], tree: GitTree | str) -> list[tuple[str, str]] | None:
         if len(named) >= MAX_FILES:
             return None
         found: list[tuple[str, str]] = []
-        for path in named:
+        for path in sorted(named):
             content = "in the workspace" if _is_in(path, tree) else self._digests.of(path)
             if content is None:
                 return None

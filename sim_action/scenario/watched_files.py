@@ -165,15 +165,21 @@ class NamedFiles:
     def __init__(self) -> None:
         self._readers: dict[Hashable, _Reader] = {}
         self._closures: dict[Hashable, frozenset[Path]] = {}
+        self._absolute: dict[str, Path] = {}
 
     def of(self, source: Source) -> frozenset[Path]:
         """Return the files of a scenario, with those of the files that it extends; some may not exist."""
         data = source.document.data
         reader = self._reader(source.workspace, _mapped(data))
         texts = {_with_variation(text, source) for text in _texts(data)}
-        files = {place.file for place in source.document.marks.values()}
-        found = {source.path.absolute(), *(Path(file).absolute() for file in files)}
-        return frozenset(found).union(*(self._closure(reader, text) for text in texts))
+        written_in = [self._path(file) for file in (os.fspath(source.path), *source.document.files)]
+        return frozenset(written_in).union(*[self._closure(reader, text) for text in texts])
+
+    def _path(self, file: str) -> Path:
+        """Return the absolute path of a file that a document is written in."""
+        if file not in self._absolute:
+            self._absolute[file] = Path(file).absolute()
+        return self._absolute[file]
 
     def _reader(self, workspace: Workspace, mapped: Mapping[str, str]) -> _Reader:
         key = (workspace, tuple(sorted(mapped.items())))
@@ -191,7 +197,7 @@ class NamedFiles:
 
 
 def _with_variation(text: str, source: Source) -> str:
-    return text.replace(VARIATION, source.values_in_file_names)
+    return text.replace(VARIATION, source.values_in_file_names) if VARIATION in text else text
 
 
 def stamps(paths: Iterable[Path]) -> dict[Path, Stamp]:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 import re
+from collections import ChainMap
 
 import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.core.errors import InvalidScenario, Problem
+from sim_action.core.errors import InvalidScenario, Location, Problem
 from sim_action.core.yaml_document import MAX_DEPTH, MAX_VALUES, Document, KeyPath, read_document
 
 
@@ -238,3 +239,10 @@ def test_any_text_is_read_or_refused_with_a_place_in_it(text: str) -> None:
             assert column is not None
             assert 1 <= line <= len(lines)
             assert 1 <= column <= len(lines[line - 1]) + 1
+
+
+def test_the_files_are_those_of_all_places() -> None:
+    own: dict[KeyPath, Location] = {("a",): Location("a.sim.yml", 1)}
+    inherited: dict[KeyPath, Location] = {("b",): Location("base.yml", 2)}
+    assert Document("a.sim.yml", {}, own).files == {"a.sim.yml"}
+    assert Document("a.sim.yml", {}, ChainMap(own, inherited)).files == {"a.sim.yml", "base.yml"}

@@ -135,6 +135,15 @@ def test_outside_is_absolute(options: ReportOptions, tmp_path: Path) -> None:
     assert relative_path(tmp_path, "../b.yml") == (tmp_path.parent / "b.yml").as_posix()
 
 
+def test_a_name_is_seen_from_the_folder_that_is_the_current_one(
+    options: ReportOptions, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "below").mkdir()
+    assert relative_path(tmp_path, "b.yml") == "b.yml"
+    monkeypatch.chdir(tmp_path / "below")
+    assert relative_path(tmp_path, "b.yml") == "below/b.yml"
+
+
 def test_workspace_behind_a_link(options: ReportOptions, tmp_path: Path) -> None:
     (tmp_path / "real").mkdir()
     (tmp_path / "link").symlink_to("real")

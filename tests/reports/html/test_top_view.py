@@ -144,3 +144,11 @@ def test_outlines_are_rounded_as_python_rounds(middle: float) -> None:
     box = BoxShape(kind="box", pose=HERE, color=GREY, size=(abs(half), abs(half), 1.0))
     corners = outline(box, Frame.of(HERE), {})
     assert {abs(value) for value in corners.ravel().tolist()} == {round(abs(half) / 2, 4)}
+
+
+def test_each_point_of_a_shape_is_rounded_as_python_rounds() -> None:
+    # The products of some coordinates with 1e4 are near the middle of two whole numbers, those of others are not.
+    x, y = 1.00015, 0.77777
+    box = BoxShape(kind="box", pose=HERE, color=GREY, size=(2 * x, 2 * y, 1.0))
+    corners = {(abs(x), abs(y)) for x, y in outline(box, Frame.of(HERE), {}).tolist()}
+    assert corners == {(round(2 * x / 2, 4), round(2 * y / 2, 4))}
