@@ -35,13 +35,20 @@ FIELDS: dict[str, Callable[[], Any]] = {
 def both(kinds: list[str], options: dict[str, bool]) -> tuple[type, type]:
     """Return the same class made by the standard library, and by ours."""
 
-    def body() -> dict[str, Any]:
-        defaults = {f"f{number}": FIELDS[kind]() for number, kind in enumerate(kinds)}
-        kept = {name: value for name, value in defaults.items() if value is not dataclasses.MISSING}
-        return {"__annotations__": dict.fromkeys(defaults, "object"), "__module__": __name__, "__doc__": "D", **kept}
+    return dataclasses.dataclass(**options)(type("C", (), body(kinds))), made(kinds, **options)
 
+
+def made(kinds: list[str], **options: bool) -> Any:
+    """Return a class made by ours."""
     make: Any = records.dataclass
-    return dataclasses.dataclass(**options)(type("C", (), body())), make(**options)(type("C", (), body()))
+    return make(**options)(type("C", (), body(kinds)))
+
+
+def body(kinds: list[str]) -> dict[str, Any]:
+    """Return the content of a class with fields of these kinds."""
+    defaults = {f"f{number}": FIELDS[kind]() for number, kind in enumerate(kinds)}
+    kept = {name: value for name, value in defaults.items() if value is not dataclasses.MISSING}
+    return {"__annotations__": dict.fromkeys(defaults, "object"), "__module__": __name__, "__doc__": "D", **kept}
 
 
 def result(call: Callable[[], Any]) -> Any:
@@ -205,6 +212,22 @@ def test_instances_share_no_default_that_can_change() -> None:
 
     with pytest.raises(ValueError, match="use default_factory"):
         Shared()
+
+
+@pytest.mark.parametrize("kind", ["default", "field", "factory"])
+def test_a_required_field_after_an_optional_one_is_refused_where_it_is_defined(kind: str) -> None:
+    with pytest.raises(TypeError, match=r"^f1, without a default, follows f0, which has one$"):
+        made([kind, "none"])
+
+
+def test_a_required_field_may_follow_one_that_is_not_an_argument() -> None:
+    assert made(["not taken", "none"])(3).f1 == 3
+
+
+def test_a_required_field_after_an_inherited_optional_one_is_refused() -> None:
+    base = made(["default"])
+    with pytest.raises(TypeError, match=r"^own, without a default, follows f0, which has one$"):
+        records.dataclass()(type("Derived", (base,), {"__annotations__": {"own": "object"}}))
 
 
 def test_a_copy_with_other_values_is_also_made_as_python_3_13_does() -> None:
