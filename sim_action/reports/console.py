@@ -49,4 +49,9 @@ def shows_colours(stream: TextIO, environment: Mapping[str, str]) -> bool:
         return False
     if environment.get("GITHUB_ACTIONS") == "true" or environment.get("FORCE_COLOR"):
         return True
+    return is_full_terminal(stream, environment)
+
+
+def is_full_terminal(stream: TextIO, environment: Mapping[str, str]) -> bool:
+    """Return True for a terminal that knows control sequences."""
     return stream.isatty() and environment.get("TERM", "").lower() not in _PLAIN_TERMINALS

@@ -1,7 +1,8 @@
-"""The progress of a run: one line that is rewritten on a terminal, otherwise one line for each finished scenario."""
+"""The progress of a run: one line that a terminal rewrites, otherwise one line for each finished scenario."""
 
 from __future__ import annotations
 
+import os
 import shutil
 import sys
 import time
@@ -9,6 +10,7 @@ import unicodedata
 from typing import Final, TextIO
 
 from sim_action.reports import Verbosity
+from sim_action.reports.console import is_full_terminal
 from sim_action.reports.escaping import log_text, one_line
 from sim_action.reports.formatting import speed_text
 from sim_action.reports.statuses import STATUS_DISPLAYS
@@ -29,7 +31,7 @@ class ProgressListener:
         """Report on `total` scenarios to a stream (default: standard error)."""
         self._stream = stream or sys.stderr
         self._silent = verbosity == "quiet"
-        self._rewrites = self._stream.isatty()
+        self._rewrites = is_full_terminal(self._stream, os.environ)
         self._total = total
         self._done = 0
         self._running: dict[str, str] = {}

@@ -22,6 +22,11 @@ class Terminal(io.StringIO):
         return True
 
 
+@pytest.fixture(autouse=True)
+def terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TERM", "xterm")
+
+
 def told(samples: Samples, stream: io.StringIO, verbosity: Verbosity = "normal") -> str:
     listener = ProgressListener(total=7, verbosity=verbosity, stream=stream)
     listener(Started(0, 1, "burger drives straight"))
@@ -44,6 +49,14 @@ def test_one_rewritten_line_on_a_terminal(samples: Samples) -> None:
     assert "\n" not in text
     assert "\r\x1b[K[0/7] burger drives straight 1.2 s (31x real time)" in text
     assert text.endswith("\r\x1b[K")
+
+
+@pytest.mark.parametrize("name", ["dumb", "unknown"])
+def test_no_control_sequence_for_a_terminal_that_knows_none(
+    samples: Samples, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TERM", name)
+    assert told(samples, Terminal()) == told(samples, io.StringIO())
 
 
 def test_nothing_when_quiet(samples: Samples) -> None:
