@@ -55,12 +55,23 @@ def _text_to(descriptor: int) -> TextIO:
     return os.fdopen(os.dup(descriptor), "w", buffering=1, encoding="utf-8", errors="backslashreplace", newline="\n")
 
 
+def flush_output() -> None:
+    """Write out what Python and native code have printed so far, as far as possible.
+
+    C keeps it in a buffer if standard output is no terminal. A forked process would have a copy of it.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        # A stream on a full disk is no reason not to run.
+        with suppress(OSError, ValueError):
+            stream.flush()
+    if sys.platform == "linux":
+        ctypes.CDLL(None).fflush(None)
+
+
 @contextmanager
 def muted() -> Iterator[None]:
     """Discard everything that Python or native code prints in this context."""
-    with suppress(OSError, ValueError):
-        sys.stdout.flush()
-        sys.stderr.flush()
+    flush_output()
     saved = [os.dup(1), os.dup(2)]
     nothing = os.open(os.devnull, os.O_WRONLY)
     try:
@@ -68,6 +79,7 @@ def muted() -> Iterator[None]:
         os.dup2(nothing, 2)
         yield
     finally:
+        flush_output()
         for descriptor, original in zip((1, 2), saved, strict=True):
             os.dup2(original, descriptor)
             os.close(original)

@@ -6,6 +6,7 @@ import errno
 import faulthandler
 import os
 import signal
+import subprocess
 import sys
 import tempfile
 import time
@@ -250,6 +251,31 @@ KINDS: Final = {
     "give up": "engine",
     "have a fault": "internal",
 }
+
+
+PRINTING: Final = """\
+import ctypes
+import sys
+from pathlib import Path
+
+from tests.integration.test_shared_children import ENGINES, Listener, run, suite
+
+folder, shares = Path(sys.argv[1]), sys.argv[2] == "shared"
+loaded = suite(folder, [("be honest", ENGINES[0], 0.2, 4)] * 3)
+ctypes.CDLL(None).printf(b"not of a run\\n")
+outcomes = run(loaded, folder, Listener(), jobs=1, shares=shares)
+sys.stderr.write(repr([outcome.output for outcome in outcomes]))
+"""
+
+
+@pytest.mark.parametrize("how", ["alone", "shared"])
+def test_what_native_code_printed_before_the_runs_belongs_to_none(tmp_path: Path, how: str) -> None:
+    # Only without this variable, C keeps printed output in a buffer.
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    command = [sys.executable, "-c", PRINTING, str(tmp_path), how]
+    found = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
+    assert found.stdout == "not of a run\n"
+    assert found.stderr.splitlines()[-1] == repr([""] * 3)
 
 
 def children() -> set[int]:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Final
 
 import pytest
 from hypothesis import given
@@ -145,3 +147,26 @@ Thread 0x0001 (most recent call first):
 def test_of_what_is_late_nothing_is_noted(tmp_path: Path) -> None:
     dump_stack_before(time.monotonic() - 1, tmp_path / "noted")
     assert not (tmp_path / "noted").exists()
+
+
+PRINTS: Final = """\
+import ctypes
+from sim_action.runner.process_output import muted
+
+libc = ctypes.CDLL(None)
+libc.printf(b"before\\n")
+print("and before")
+with muted():
+    libc.printf(b"inside\\n")
+    print("and inside")
+libc.printf(b"after\\n")
+"""
+
+
+@pytest.mark.process
+@pytest.mark.skipif(sys.platform != "linux", reason="only PyBullet prints with C, and it runs on Linux only")
+def test_what_is_muted_is_neither_more_nor_less_than_what_is_printed_in_the_context() -> None:
+    # Only without this variable, C keeps printed output in a buffer.
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    found = subprocess.run([sys.executable, "-c", PRINTS], env=environment, capture_output=True, text=True, check=True)
+    assert sorted(found.stdout.splitlines()) == ["after", "and before", "before"]

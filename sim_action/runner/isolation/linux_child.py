@@ -36,6 +36,7 @@ from sim_action.runner.isolation.child_process import (
     scratch_folder,
 )
 from sim_action.runner.job import Job
+from sim_action.runner.process_output import flush_output
 
 assert sys.platform == "linux"
 
@@ -195,10 +196,7 @@ def fork(run: Callable[[ChildFiles, int], object], job: Job, files: memory_files
 
     `writer`: the descriptor for its progress. Raise OSError.
     """
-    # A stream on a full disk is no reason not to run.
-    with suppress(OSError, ValueError):
-        sys.stdout.flush()
-        sys.stderr.flush()
+    flush_output()
     # Existing objects are not garbage of the child: scanning them would take time and copy all their pages.
     gc.freeze()
     parent = os.getpid()
@@ -231,9 +229,7 @@ def _child_main(
     except BaseException:  # noqa: BLE001 - nothing may return into the parent's code
         traceback.print_exc()
     finally:
-        with suppress(OSError, ValueError):
-            sys.stdout.flush()
-            sys.stderr.flush()
+        flush_output()
         os._exit(code)
 
 

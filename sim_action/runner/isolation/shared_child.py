@@ -17,7 +17,6 @@ import sys
 import tempfile
 import threading
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from functools import partial
 from typing import Final
 
@@ -30,7 +29,7 @@ from sim_action.runner.isolation.child_process import (
     former_files,
 )
 from sim_action.runner.job import ENDED, ENDED_LAST, Job
-from sim_action.runner.process_output import muted
+from sim_action.runner.process_output import flush_output, muted
 
 assert sys.platform == "linux"
 
@@ -177,9 +176,7 @@ def _serve(jobs: Sequence[Job], index: int, files: ChildFiles, channel: int) -> 
     """Run one job after the other, until one does not end normally, or this process has run enough of them."""
     for run in range(1, MAX_RUNS + 1):
         is_normal = linux_child.run_in_fork(jobs[index], files, channel)
-        for stream in (sys.stdout, sys.stderr):
-            with suppress(OSError, ValueError):
-                stream.flush()
+        flush_output()
         if not is_normal:
             return
         # From here on this process waits, however long the caller takes.
