@@ -6,9 +6,9 @@ import os
 import re
 import shutil
 import stat
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path, PurePosixPath
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, Self
 
 from sim_action.core.files import open_regular, whole_file
 from sim_action.core.records import dataclass
@@ -24,12 +24,16 @@ RUN_FILE_FOLDERS: Final = (TRACE_FOLDER, REPLAY_FOLDER, RECORDING_FOLDER)
 """The folders next to `results.json` that hold the files of runs."""
 
 
-def trace_paths(names: Sequence[str], folder: Path) -> list[Path]:
+def trace_paths(names: Iterable[str], folder: Path) -> list[Path]:
     """Return a path for each name: valid on every file system and unique even where the case is ignored."""
+    return [_trace_path(stem, folder) for stem in file_stems(names)]
+
+
+def file_stems(names: Iterable[str]) -> Iterator[str]:
+    """Yield the name without an ending for the files of each run, as `trace_paths` has it."""
     taken: set[str] = set()
     # The last number tried for a name, so that many equal names do not take quadratic time.
     numbers: dict[str, int] = {}
-    paths = []
     for name in names:
         plain = _plain(name)
         unique, number = plain, numbers.get(plain.lower(), 1)
@@ -38,8 +42,11 @@ def trace_paths(names: Sequence[str], folder: Path) -> list[Path]:
             unique = f"{plain}-{number}"
         numbers[plain.lower()] = number
         taken.add(unique.lower())
-        paths.append(folder / TRACE_FOLDER / f"{unique}.npz")
-    return paths
+        yield unique
+
+
+def _trace_path(stem: str, folder: Path) -> Path:
+    return folder / TRACE_FOLDER / f"{stem}.npz"
 
 
 def _plain(name: str) -> str:
@@ -54,6 +61,13 @@ class RunFiles:
     replay: Path | None
     recordings: tuple[Path, ...]
 
+    @classmethod
+    def of(cls, stem: str, folder: Path, *, replays: bool, formats: Iterable[str]) -> Self:
+        """Return the files with a name of `file_stems`."""
+        trace = _trace_path(stem, folder)
+        recordings = tuple(recording_path(trace, name) for name in formats)
+        return cls(trace, replay_path(trace) if replays else None, recordings)
+
     def __iter__(self) -> Iterator[Path]:
         yield self.trace
         if self.replay is not None:
@@ -61,12 +75,9 @@ class RunFiles:
         yield from self.recordings
 
 
-def run_files(names: Sequence[str], folder: Path, *, replays: bool, formats: Sequence[str]) -> list[RunFiles]:
+def run_files(names: Iterable[str], folder: Path, *, replays: bool, formats: Sequence[str]) -> list[RunFiles]:
     """Return the files of runs; `names`: the name of the scenario of each run."""
-    return [
-        RunFiles(trace, replay_path(trace) if replays else None, tuple(recording_path(trace, name) for name in formats))
-        for trace in trace_paths(names, folder)
-    ]
+    return [RunFiles.of(stem, folder, replays=replays, formats=formats) for stem in file_stems(names)]
 
 
 def namesake_number(name: str, stored: str) -> int:

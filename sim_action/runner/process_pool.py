@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import Final
 
 from sim_action.core.process import Interruption
-from sim_action.core.records import replace
+from sim_action.core.records import dataclass, replace
 from sim_action.engines import ENGINES, chosen
 from sim_action.recording.export import EXPORTS
-from sim_action.results.artifacts import RunFiles, run_files
+from sim_action.results.artifacts import RunFiles, file_stems
 from sim_action.results.events import Listener, Progressed, RunEnded, Started
 from sim_action.results.outcome import ExpectationOutcome, Outcome
 from sim_action.runner.child_outcome import (
@@ -33,7 +33,7 @@ from sim_action.runner.child_outcome import (
 from sim_action.runner.isolation import child_type_here
 from sim_action.runner.isolation.capacity import cause_of, most_children
 from sim_action.runner.isolation.child_process import ChildProcess, Starter
-from sim_action.runner.job import Job
+from sim_action.runner.job import Job, JobList
 from sim_action.runner.process_output import muted
 from sim_action.runner.run_keys import RunKeys
 from sim_action.scenario.model import LoadedScenario
@@ -97,32 +97,28 @@ def execute(
     numbered = [(place, turn) for turn in range(1, repeat + 1) for place in places or range(len(scenarios))]
     left = [loaded for index, loaded in enumerate(scenarios) if numbered[index] not in ended]
     is_warm = child_type.forks and repeat == 1 and _warmed_up(left, formats, replays=replays)
-    runs = [(loaded, None if is_warm else turn) for turn in range(repeat) for loaded in scenarios]
-    files = run_files([loaded.scenario.name for loaded, _ in runs], folder.absolute(), replays=replays, formats=formats)
-    made = partial(_job, results=folder.absolute(), child_type=child_type, here=Path.cwd())
-    made_jobs = [
-        made(loaded, of_run, hash_seed=hash_seed) for (loaded, hash_seed), of_run in zip(runs, files, strict=True)
-    ]
-    if motions is not None:
-        # Repeated runs are equal, or have no verdict: the first one is enough.
-        for index, loaded in enumerate(scenarios):
-            if loaded.compared:
-                made_jobs[index] = replace(made_jobs[index], motion=motion_file(motions, index))
-    waiting = deque((index, job) for index, job in enumerate(made_jobs) if numbered[index] not in ended)
+    order = _Order(
+        scenarios,
+        list(file_stems(loaded.scenario.name for _ in range(repeat) for loaded in scenarios)),
+        *(folder.absolute(), Path.cwd(), child_type.limits_memory, replays, formats, not is_warm, motions),
+    )
+    every = JobList(order.job, len(numbered))
+    waiting = deque(index for index in range(len(numbered)) if numbered[index] not in ended)
     is_shared = shares and is_warm and len(waiting) > 1
     scheduler = _Scheduler(
-        child_type.starter(made_jobs) if is_shared else Starter(child_type),
-        waiting,
+        child_type.starter(every) if is_shared else Starter(child_type),
+        every,
         most_children(child_type, jobs),
         emit,
         interruption,
+        waiting=waiting,
         places_and_turns=numbered,
         fail_fast=fail_fast,
         keys=keys,
     )
     outcomes = scheduler.run(partial(_make_ready, scenarios, meanwhile))
     without = interrupted if interruption.happened else skipped
-    return [outcomes.get(index) or without(loaded) for index, (loaded, _) in enumerate(runs)]
+    return [outcomes.get(index) or without(loaded) for index, loaded in enumerate([*scenarios] * repeat)]
 
 
 def motion_file(folder: Path, index: int) -> Path:
@@ -130,17 +126,46 @@ def motion_file(folder: Path, index: int) -> Path:
     return folder / f"{index}.npz"
 
 
-def _job(
-    loaded: LoadedScenario,
-    files: RunFiles,
-    *,
-    results: Path,
-    child_type: type[ChildProcess],
-    hash_seed: int | None,
-    here: Path,
-) -> Job:
-    limits = child_type.limits_memory
-    return Job(loaded, files.trace, results, limits, files.replay, files.recordings, hash_seed, here=here)
+@dataclass(frozen=True, slots=True)
+class _Order:
+    """The parts that the jobs of a call are made of.
+
+    Attributes:
+        scenarios: the scenarios, each of which is run once in each repetition.
+        stems: the name without an ending for the files of each run.
+        results, here, memory_is_limited: as in `Job`.
+        replays, formats, motions: as in `execute`.
+        is_fresh: True if each run has an interpreter of its own.
+    """
+
+    scenarios: Sequence[LoadedScenario]
+    stems: Sequence[str]
+    results: Path
+    here: Path
+    memory_is_limited: bool
+    replays: bool
+    formats: Sequence[str]
+    is_fresh: bool
+    motions: Path | None
+
+    def job(self, index: int) -> Job:
+        """Return the job with this index among those of all repetitions."""
+        turn, place = divmod(index, len(self.scenarios))
+        loaded = self.scenarios[place]
+        files = RunFiles.of(self.stems[index], self.results, replays=self.replays, formats=self.formats)
+        # Repeated runs are equal, or have no verdict: the motion of the first one is enough.
+        motion = motion_file(self.motions, place) if self.motions and loaded.compared and turn == 0 else None
+        return Job(
+            loaded,
+            files.trace,
+            self.results,
+            self.memory_is_limited,
+            files.replay,
+            files.recordings,
+            hash_seed=turn if self.is_fresh else None,
+            motion=motion,
+            here=self.here,
+        )
 
 
 def _warmed_up(scenarios: Sequence[LoadedScenario], formats: Iterable[str], *, replays: bool) -> bool:
@@ -192,16 +217,18 @@ class _Scheduler:
     def __init__(
         self,
         starter: Starter,
-        waiting: deque[tuple[int, Job]],
+        every: Sequence[Job],
         jobs: int,
         emit: Listener,
         interruption: Interruption,
         *,
+        waiting: deque[int],
         places_and_turns: Sequence[tuple[int, int]],
         fail_fast: bool,
         keys: RunKeys | None,
     ) -> None:
         self._starter = starter
+        self._every = every
         self._fail_fast = fail_fast
         self._interruption = interruption
         self._waiting = waiting
@@ -238,7 +265,8 @@ class _Scheduler:
 
     def _start(self) -> None:
         while self._waiting and len(self._running) < self._jobs and not self._interruption.happened:
-            index, job = self._waiting.popleft()
+            index = self._waiting.popleft()
+            job = self._every[index]
             deadline = time.monotonic() + job.loaded.scenario.wall_seconds
             alone, most_waiting = index in self._repeated, self._jobs - len(self._running) - 1
             try:
@@ -246,23 +274,23 @@ class _Scheduler:
                     index, replace(job, deadline=deadline), alone=alone, most_waiting=most_waiting
                 )
             except (OSError, MemoryError) as error:
-                self._put_back(index, job, error)
+                self._put_back(index, error)
             else:
                 if not alone:
                     self._emit(Started(*self._places_and_turns[index], job.loaded.scenario.name))
 
-    def _put_back(self, index: int, job: Job, error: OSError | MemoryError) -> None:
+    def _put_back(self, index: int, error: OSError | MemoryError) -> None:
         """Start a job again once another one has ended, or soon if none runs; at last it is an error."""
         # They may have what a start needs.
         self._starter.end_waiting()
         if not self._running:
             self._attempts -= 1
             if self._attempts <= 0:
-                self._finish(index, not_started(job.loaded, cause_of(error)))
+                self._finish(index, not_started(self._every[index].loaded, cause_of(error)))
                 return
             self._interruption.wait(_ATTEMPT_PAUSE_S)
         if self._starts_more or index in self._repeated:
-            self._waiting.appendleft((index, job))
+            self._waiting.appendleft(index)
         # Fewer at the same time take less.
         self._jobs = max(1, len(self._running))
 
@@ -291,10 +319,10 @@ class _Scheduler:
             del self._running[index]
             if child.is_doubtful:
                 self._repeated.add(index)
-                self._waiting.appendleft((index, child.job))
+                self._waiting.appendleft(index)
                 continue
             if (refusal := refusal_of(child, ending)) is not None:
-                self._put_back(index, child.job, refusal)
+                self._put_back(index, refusal)
                 continue
             self._attempts = _MAX_ATTEMPTS
             outcome = outcome_of(child, ending)
@@ -311,7 +339,7 @@ class _Scheduler:
         self._emit(RunEnded(*self._places_and_turns[index], outcome, key))
         if self._fail_fast and outcome.status != "passed":
             self._starts_more = False
-            self._waiting = deque(each for each in self._waiting if each[0] in self._repeated)
+            self._waiting = deque(index for index in self._waiting if index in self._repeated)
 
 
 def _deadline(child: ChildProcess) -> float:

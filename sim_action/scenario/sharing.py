@@ -16,8 +16,9 @@ _PLAIN: Final = frozenset({str, int, bool, bytes, type(None)})
 def share_parts(new: Value, known: object) -> Value:
     """Return `new`, whose parts that are equal to those of `known` are replaced by them; `known`, if all of them are.
 
-    Both are made of frozen models and records, tuples and plain values. A part is equal if all types and values
-    are; 0.0 and -0.0 differ. `new` changes in place, so it must not be a dictionary or list that its owner changes.
+    Both are made of frozen models and records, tuples and plain values; of dictionaries, only empty ones are equal.
+    A part is equal if all types and values are; 0.0 and -0.0 differ. `new` changes in place, so it must not be a
+    dictionary or list that its owner changes.
     """
     if new is known or type(new) is not type(known):
         return new
@@ -26,6 +27,8 @@ def share_parts(new: Value, known: object) -> Value:
         is_same = new == known
     elif kind is float:
         is_same = new == known and math.copysign(1.0, new) == math.copysign(1.0, known)  # type: ignore[arg-type]  # floats
+    elif kind is dict:
+        is_same = not new and not known
     elif kind is tuple:
         return cast(Value, _shared_tuple(cast(tuple[Any, ...], new), cast(tuple[Any, ...], known)))
     elif isinstance(new, FrozenModel):

@@ -227,10 +227,11 @@ def expanded(source: Source, seed: int | None, most: int = MAX_RUNS) -> tuple[So
     # The keys that all variations share exist once.
     base = replace(base, marks=dict(base.marks))
     indices = (dict(_indices(factors, drawn, row)) for row in rows)
+    shared: _Marks = {}
     if not drawn or any(key.written == SEED for key in drawn):
-        return tuple(_varied(source, base, keys, each) for each in indices)
+        return tuple(_varied(source, base, keys, each, shared) for each in indices)
     sample = drawn[0].written
-    return tuple(_sampled(_varied(source, base, keys, each), each[sample], seed) for each in indices)
+    return tuple(_sampled(_varied(source, base, keys, each, shared), each[sample], seed) for each in indices)
 
 
 def _indices(factors: Sequence[_Key], drawn: Sequence[_Key], row: Sequence[int]) -> Iterator[tuple[str, int]]:
@@ -239,7 +240,11 @@ def _indices(factors: Sequence[_Key], drawn: Sequence[_Key], row: Sequence[int])
             yield other.written, index
 
 
-def _varied(source: Source, base: Document, keys: Sequence[_Key], indices: Mapping[str, int]) -> Source:
+_Marks = dict[tuple[tuple[KeyPath, Location], ...], ChainMap[KeyPath, Location]]
+"""The places of the values of variations; all samples of a draw have the same place."""
+
+
+def _varied(source: Source, base: Document, keys: Sequence[_Key], indices: Mapping[str, int], shared: _Marks) -> Source:
     data = base.data
     marks: dict[KeyPath, Location] = {}
     for key in keys:
@@ -248,11 +253,12 @@ def _varied(source: Source, base: Document, keys: Sequence[_Key], indices: Mappi
         own: KeyPath = ("variations", key.written)
         place = source.document.location(own if key.values.drawn else (*own, indices[key.written]))
         marks |= dict.fromkeys(made, place)
+    chained = ChainMap(marks, cast(dict[KeyPath, Location], base.marks))
     draws = ((source.document.location(("variations", key.written)), key.values.draw) for key in keys)
     values = ",".join(f"{key.label}={key.texts[indices[key.written]]}" for key in keys)
     return replace(
         source,
-        document=Document(base.file, data, ChainMap(marks, cast(dict[KeyPath, Location], base.marks))),
+        document=Document(base.file, data, shared.setdefault(tuple(marks.items()), chained), base.moved),
         name=f"{source.name}[{values}]",
         group=source.name,
         variation=tuple(Varied(key.written, _json(key.values.values[indices[key.written]])) for key in keys),

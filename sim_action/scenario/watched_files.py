@@ -159,6 +159,9 @@ def watched_files(scenario_file: Path, permissions: Permissions = _PERMISSIONS) 
     return frozenset(_Reader(workspace, Packages(workspace, _mapped(_document(first)))).closure(first))
 
 
+_NO_FILES: Final = frozenset[Path]()
+
+
 class NamedFiles:
     """Finds the files that scenarios depend on, as `watched_files` does; each text is looked up once."""
 
@@ -192,7 +195,7 @@ class NamedFiles:
         if key not in self._closures:
             folder = reader.workspace.directory
             named = {path for name in _names_in(text) for path in reader.readable(folder, name)}
-            self._closures[key] = frozenset().union(*map(reader.closure, named))
+            self._closures[key] = frozenset().union(*map(reader.closure, named)) if named else _NO_FILES
         return self._closures[key]
 
 

@@ -95,6 +95,13 @@ def test_values_of_other_types_or_signs_are_not_shared(new: object, known: objec
     assert share_parts(new, known) is new
 
 
+def test_of_dictionaries_only_empty_ones_are_shared() -> None:
+    known: list[dict[str, int]] = [{}, {"a": 1}]
+    assert share_parts({}, known[0]) is known[0]
+    new = {"a": 1}
+    assert share_parts(new, known[1]) is new
+
+
 def test_what_differs_in_the_middle_is_kept() -> None:
     known = Place("a", 1, (Part(name="a"), Part(name="b")))
     new = replace(known, parts=(Part(name="a"), Part(name="c"), Part(name="b")))

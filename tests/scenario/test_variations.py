@@ -423,6 +423,14 @@ def test_normal_draws_are_spread_as_they_say() -> None:
     assert sum(abs(number - 2) < 0.5 for number in numbers) / 10_000 == pytest.approx(0.683, abs=0.02)
 
 
+def test_samples_share_the_places_of_what_is_drawn() -> None:
+    first, second = varied("variations:\n  robot.pose.yaw: {uniform: [-0.1, 0.1], samples: 2}\n")
+    assert first.document.marks is second.document.marks
+    one, other = varied("variations:\n  robot.pose.yaw:\n    - 0.1\n    - 0.2\n")
+    path = ("robot", "pose", "yaw")
+    assert other.document.marks[path].line == (one.document.marks[path].line or 0) + 1
+
+
 @pytest.mark.process
 def test_variations_are_drawn_where_there_is_no_numpy() -> None:
     code = (
