@@ -96,6 +96,13 @@ def wheels_on_ground(model: RobotModel, max_lift_share: float = MAX_LIFT_SHARE) 
 
 def round_wheels(model: RobotModel) -> tuple[Wheel, ...]:
     """Return round links on level continuous joints, at any height."""
+    return _round_wheels(SameModel(model))
+
+
+# A drive and its notes ask for it several times, and up to 10,000 variations share one model.
+@lru_cache(maxsize=4)
+def _round_wheels(same: SameModel) -> tuple[Wheel, ...]:
+    model = same.model
     level = (joint for joint in model.joints if joint.type == "continuous" and is_level(model, joint))
     return tuple(wheel(model, joint.name) for joint in level if isinstance(tyre(model, joint), Tyre))
 

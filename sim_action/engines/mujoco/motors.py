@@ -197,7 +197,7 @@ class Motors:
         has_row = self._model.dof_frictionloss > 0
         rows = np.cumsum(has_row) - 1 + int(self._data.ne)
         modes = np.array([mode for mode, _ in self._state], dtype=int)
-        moving = np.isin(modes, (_VELOCITY, _POSITION)) & has_row[self._dofs]
+        moving = ((modes == _VELOCITY) | (modes == _POSITION)) & has_row[self._dofs]
         self._own = np.flatnonzero(modes == _OWN)
         self._motors = np.flatnonzero(moving)
         rows = rows[self._dofs[self._motors]]

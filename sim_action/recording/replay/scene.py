@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, lru_cache
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -42,6 +43,7 @@ from sim_action.recording.replay.surfaces import (
     mesh_data,
     within,
 )
+from sim_action.robot.kinematics import SameModel
 from sim_action.robot.robot_model import Joint, Link, RobotModel, Visual
 from sim_action.robot.robot_model import Shape as RobotShape
 from sim_action.sensors.rendering import PALETTE, ROBOT, Colour
@@ -55,6 +57,33 @@ if TYPE_CHECKING:
 
 def scenery(scene: Scene, tracks: Sequence[str]) -> SceneData:
     """Return the scene of a replay; `tracks` names the moving bodies in the order of their columns."""
+    return _scenery(_Shown(scene, tuple(tracks)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Shown:
+    """The part of a scene that a replay shows, as a key of a cache.
+
+    Robot and world are compared by identity, because comparing their contents would be slow.
+    """
+
+    scene: Scene
+    tracks: tuple[str, ...]
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, _Shown) or self.scene.parts or other.scene.parts:
+            return self is other
+        mine, its = self.scene, other.scene
+        return mine.model is its.model and mine.world is its.world and self.tracks == other.tracks
+
+    def __hash__(self) -> int:
+        return id(self.scene.model)
+
+
+# Variations often share robot and world.
+@lru_cache(maxsize=1)
+def _scenery(shown: _Shown) -> SceneData:
+    scene, tracks = shown.scene, shown.tracks
     shelf: dict[str, MeshData] = {}
     pieces, looks = LinkPieces(scene.model), scene.model.links_by_name
     links, numbers = skeleton(scene.model)
@@ -230,12 +259,19 @@ def _of_part(
     return MeshPiece(surface, here, color)
 
 
-def skeleton(model: RobotModel) -> tuple[list[LinkData], dict[str, int]]:
+def skeleton(model: RobotModel) -> tuple[Sequence[LinkData], Mapping[str, int]]:
     """Return the links without shapes, parents before their children, and link name -> index of its frame.
 
     A link of MJCF may have several joints in series, with anchors away from its origin. Each further joint gets an
     invisible link in between.
     """
+    return _skeleton(SameModel(model))
+
+
+# A replay asks for it up to three times, and up to 10,000 variations share one model.
+@lru_cache(maxsize=4)
+def _skeleton(same: SameModel) -> tuple[Sequence[LinkData], Mapping[str, int]]:
+    model = same.model
     hanging: dict[str, dict[str, list[Joint]]] = {}
     for joint in model.joints:
         hanging.setdefault(joint.parent, {}).setdefault(joint.child, []).append(joint)
@@ -249,7 +285,7 @@ def skeleton(model: RobotModel) -> tuple[list[LinkData], dict[str, int]]:
                 links += _chain(child, joints, numbers[parent], len(links), columns)
                 numbers[child] = len(links) - 1
                 waiting.append(child)
-    return links, numbers
+    return tuple(links), MappingProxyType(numbers)
 
 
 def _chain(child: str, joints: Sequence[Joint], parent: int, number: int, columns: Mapping[str, int]) -> list[LinkData]:

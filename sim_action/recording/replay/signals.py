@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import Final
 
@@ -51,7 +51,7 @@ def stored_signals(scenario: Scenario, scene: Scene, start: Observation, film: T
 def stored_marks(scenario: Scenario, scene: Scene, start: Observation) -> tuple[MarkData, ...]:
     """Return the marks of all expectations; `start` is the settled state at t = 0."""
     found: list[MarkData] = []
-    links: dict[str, int] = {}
+    links: Mapping[str, int] = {}
     for number, expected in enumerate(scenario.expect):
         for mark in expected.marks(scene, start):
             if mark.link and not links:

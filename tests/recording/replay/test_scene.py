@@ -7,10 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sim_action.core.field_types import Placement
+from sim_action.core.records import replace
 from sim_action.recording.replay.replay_file import LinkData, SceneData
 from sim_action.recording.replay.scene import scenery
 from sim_action.recording.replay.shapes import BoxShape, CylinderShape, EllipsoidShape, MeshData, MeshShape
 from sim_action.scenario.loading import build_scene
+from sim_action.world import World
+from sim_action.world.parts import BoxPart
 from tests.mesh_files import HALF, stl
 from tests.scenarios import LEAST, load
 from tests.traces import scene
@@ -66,6 +70,21 @@ def test_the_burger_is_there_with_its_wheels() -> None:
     assert links["base_scan"].joint is None
     assert [link.parent for link in found.links[1:]] == [0] * 4
     assert all(link.shapes for link in found.links)
+
+
+def test_scenes_of_one_robot_and_world_are_drawn_once() -> None:
+    here = scene()
+    there = replace(here, robot=here.robot.model_copy(update={"pose": Placement(x=2.0, yaw=1.0)}))
+    assert scenery(there, ["ball"]) is scenery(here, ["ball"])
+    assert scenery(here, []) != scenery(here, ["ball"])
+    assert len(scenery(replace(here, world=World()), []).bodies) == 0
+    renamed = replace(here, model=replace(here.model, name="another"))
+    assert scenery(renamed, []).robot == "another"
+
+
+def test_bodies_whose_shapes_were_read_from_files_are_drawn_anew() -> None:
+    of_files = replace(scene(), parts={"wall": (BoxPart((1.0, 1.0, 1.0)),)})
+    assert scenery(of_files, []) is not scenery(of_files, [])
 
 
 def test_bodies_are_where_they_begin() -> None:
