@@ -57,10 +57,6 @@ Progress = Callable[[float], None]
 # The speed limit for a robot at rest, in m/s and rad/s, at the end of a settling period.
 _REST_SPEED: Final = 5e-3
 _SETTLE_PERIOD_S: Final = 0.1
-# The monitors see all steps of a period at once, because each call costs time. Steps after the end of the run are
-# discarded: a run with goals often ends early, a run without goals rarely does.
-_PERIOD_S: Final = 0.5
-_PERIOD_WITHOUT_GOALS_S: Final = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,9 +239,10 @@ class _Loop:
         motion = Motion(Rest.of(self._scene, start))
         accuracy = AccuracyWatch(self._scene, self._drive, self._springs)
         footage.begin(start, placed, opening[0])
-        started = time.perf_counter()
+        started, earlier = time.perf_counter(), panel
         while panel.end is None:
-            trace, failure = self._advance(_PERIOD_S if panel.may_end_soon else _PERIOD_WITHOUT_GOALS_S, progress)
+            trace, failure = self._advance(panel.next_period(earlier), progress)
+            earlier = panel
             if len(trace):
                 panel, seen = panel.observe_until_end(Trace.concatenate((*opening, trace)) if opening else trace)
                 if opening:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal, Self
+from typing import TYPE_CHECKING, Final, Literal, Self
 
 from sim_action.assertions.monitors import Monitor, State, needed_until
 from sim_action.assertions.monitors.window import Window
@@ -20,6 +21,14 @@ if TYPE_CHECKING:
 
 End = Literal["goals met", "expectation failed", "duration", "time limit", "controllers finished"]
 """The reason for the end of a run; "controllers finished": every process that commands the robot has ended."""
+
+# The monitors see all steps of a period at once, because each call costs time. Steps after the end of the run are
+# discarded: a run with goals often ends early, a run without goals rarely does.
+_PERIOD_S: Final = 0.5
+_PERIOD_WITHOUT_GOALS_S: Final = 1.0
+# Most goals come true when their pace said, or a little later. The last period has few steps after that.
+_LEAST_PERIOD_S: Final = 0.05
+_LATER: Final = 1.05
 
 
 @dataclass(frozen=True)
@@ -110,6 +119,14 @@ class Panel:
         """True if goals that come true would end the run, and the last one has not yet; a duration comes first."""
         return self.is_pending and self._reached(self.scenario.duration or 0.0)
 
+    def next_period(self, earlier: Self) -> float:
+        """Return the time in s until the monitors see the next steps; `earlier`: the panel one period ago."""
+        if not self.may_end_soon:
+            return _PERIOD_WITHOUT_GOALS_S
+        pairs, passed = zip(earlier.monitors, self.monitors, strict=True), self.time - earlier.time
+        wait = max(_time_to_goal(was, now, passed) for was, now in pairs if now.state is State.PENDING)
+        return min(_PERIOD_S, max(_LEAST_PERIOD_S, _LATER * wait))
+
     def _all_closed(self) -> bool:
         """Return False while a verdict that passes now needs more of the run, such as up to its `after` or `before`."""
         return self._reached(needed_until(*self.monitors))
@@ -128,6 +145,14 @@ def _opened(index: int, expected: Expectation, scene: Scene, start: Observation)
     except FileProblem as error:
         raise BadStart([(("expect", index), str(error))]) from None
     return Window.of(monitor, expected.after, expected.before)
+
+
+def _time_to_goal(earlier: Monitor, now: Monitor, passed: float) -> float:
+    """Return the time in s until a goal comes true at the pace of the last `passed` s; infinite if none is known."""
+    was, left = earlier.verdict().margin, now.verdict().margin
+    if was is None or left is None or not was < left < 0:
+        return math.inf
+    return -left / (left - was) * passed
 
 
 def _undecided(monitor: Window, verdict: Verdict) -> Verdict:

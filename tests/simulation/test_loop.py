@@ -14,7 +14,7 @@ from sim_action.core.geometry import Pose
 from sim_action.scenario.loading import build_scene
 from sim_action.scenario.model import LoadedScenario
 from sim_action.sensors import Measure, Mount, MountedSensor, Sensor
-from sim_action.simulation import loop
+from sim_action.simulation import monitors
 from sim_action.simulation.loop import SimulationRun, simulate
 from tests.scenarios import LEAST, load
 
@@ -95,8 +95,8 @@ def test_the_length_of_a_period_changes_no_result(
         return simulate(loaded.scenario, build_scene(loaded), lambda _: None)
 
     usual = run()
-    monkeypatch.setattr(loop, "_PERIOD_S", 1.7)
-    monkeypatch.setattr(loop, "_PERIOD_WITHOUT_GOALS_S", 0.3)
+    monkeypatch.setattr(monitors, "_PERIOD_S", 1.7)
+    monkeypatch.setattr(monitors, "_PERIOD_WITHOUT_GOALS_S", 0.3)
     other = run()
     assert usual.end == other.end == end
     assert (usual.digest, usual.verdicts, usual.findings) == (other.digest, other.verdicts, other.findings)

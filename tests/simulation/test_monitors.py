@@ -137,6 +137,34 @@ def test_runs_that_can_only_fail_soon_are_looked_at_less_often(
     assert [made.observe(ride(seconds)).may_end_soon for seconds in (3, 4)] == soon
 
 
+TO_4_1_M = expectation(Travel(at_least=4.1))
+TO_4_3_M = expectation(Travel(at_least=4.3))
+
+
+@pytest.mark.parametrize(
+    ("expected", "period"),
+    [
+        pytest.param([TO_4_1_M], 0.105, id="the goal comes true in 0.1 s"),
+        pytest.param([TO_4_1_M, TO_4_3_M], 0.315, id="the last goal counts"),
+        pytest.param([TO_4_1_M, FAR_GOAL], 0.5, id="a goal is far away"),
+        pytest.param([expectation(Travel(at_least=4.01))], 0.05, id="very soon"),
+        pytest.param([HOLDS], 1.0, id="no goal"),
+    ],
+)
+def test_few_steps_are_simulated_after_a_goal_comes_true(expected: list[Expectation], period: float) -> None:
+    earlier = Panel.open(scenario(*expected), scene(), START).observe(ride(3))
+    assert earlier.observe(ride(4).rows(slice(3, 4))).next_period(earlier) == pytest.approx(period)
+
+
+@pytest.mark.parametrize("still", [True, False])
+def test_a_goal_without_a_pace_is_awaited_for_half_a_second(still: bool) -> None:
+    start = Panel.open(scenario(TO_4_1_M), scene(), START)
+    assert start.next_period(start) == 0.5
+    stands = trace([1.0, 2.0], x=[4.0, 4.0] if still else [4.0, 3.0])
+    earlier = start.observe(stands.first(1))
+    assert earlier.observe(stands.rows(slice(1, 2))).next_period(earlier) == 0.5
+
+
 @pytest.mark.parametrize("time_limit", [1 / 3, 0.1, 0.7, 10.000000003, 1.0000000001])
 def test_the_last_step_reaches_the_time_limit_whatever_the_rounding(time_limit: float) -> None:
     made = scenario(FAR_GOAL, time_limit=time_limit)
