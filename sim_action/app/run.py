@@ -9,7 +9,7 @@ from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path
 
-from sim_action.core.errors import ExitCode, SystemRefusal, is_refusal
+from sim_action.core.errors import ExitCode, InvalidScenario, SystemRefusal, is_refusal
 from sim_action.core.process import Interruption
 from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import note, warn
@@ -37,6 +37,7 @@ class RunRequest:
     Attributes:
         recordings: the formats to record each run in.
         resume: True to take over outcomes of the earlier call in the output folder.
+        valid_only: True if nothing runs unless all scenarios are valid.
     """
 
     plan: PlanRequest
@@ -46,21 +47,44 @@ class RunRequest:
     recordings: tuple[str, ...] = ()
     repeat: int = 1
     resume: bool = False
+    valid_only: bool = False
 
 
-def run_scenarios(request: RunRequest, interruption: Interruption, listener: Listener | None = None) -> ExitCode:
-    """Run all scenarios, write every report and return the exit code. Raises UsageError.
+@dataclass(frozen=True, slots=True)
+class FinishedRun:
+    """A call that has ended: its results, and its exit code, which counts reports that could not be written."""
+
+    results: Results
+    exit_code: ExitCode
+
+
+def run_scenarios(request: RunRequest, interruption: Interruption, listener: Listener | None = None) -> FinishedRun:
+    """Run all scenarios and write every report. Raises UsageError, and InvalidScenario if `request.valid_only`.
 
     `listener` receives all events.
     """
     started = time.monotonic()
     with closing(_keys(request)) as keys:
         found = plan_runs(request.plan)
+        if request.valid_only:
+            refuse_invalid([plan for plan in found.plans if isinstance(plan, Refused)])
         with open_reports(request.reports, keeps_earlier=request.resume) as options:
             call = _Call(request, found, options, keys, started)
             results = call.results(interruption, listener)
             taken_over = call.taken.finals if request.resume else None
-            return write_reports(results, replace(options, taken_over=taken_over, permissions=request.plan.permissions))
+            told = replace(options, taken_over=taken_over, permissions=request.plan.permissions)
+            return FinishedRun(results, write_reports(results, told))
+
+
+def refuse_invalid(refused: Sequence[Refused]) -> None:
+    """Raise InvalidScenario with the problems of all scenarios that are refused, or the InternalError of one."""
+    errors = [each.error for each in refused]
+    for error in errors:
+        if not isinstance(error, InvalidScenario):
+            raise error
+    if errors:
+        problems = dict.fromkeys(problem for each in refused for problem in each.problems)
+        raise InvalidScenario(problems)
 
 
 def _keys(request: RunRequest) -> RunKeys:

@@ -16,18 +16,11 @@ from sim_action import __version__
 from sim_action.cli import INTERRUPTIBLE, SUBCOMMANDS, TAKE_DEFAULTS
 from sim_action.cli.options import complain
 from sim_action.core.errors import ExitCode, SimActionError, SystemRefusal, is_refusal
-from sim_action.core.process import forgive_closed_output, release_signals
+from sim_action.core.process import BEFORE_IMPORTS, forgive_closed_output, release_signals
 from sim_action.core.wording import escaped_line
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
-
-_BEFORE_IMPORTS = {
-    # A process that forks must not have threads, and results must not depend on the number of cores.
-    "OPENBLAS_NUM_THREADS": "1",
-    # The search for plugins takes longer than reading a scenario, and no plugin is wanted.
-    "PYDANTIC_DISABLE_PLUGINS": "__all__",
-}
 
 
 def main() -> NoReturn:
@@ -63,7 +56,7 @@ def call(arguments: Sequence[str], inputs: Mapping[str, str] | None = None) -> i
 
     `inputs`: option -> the name of the action's input for it. Errors then name inputs instead of options.
     """
-    os.environ.update(_BEFORE_IMPORTS)
+    os.environ.update(BEFORE_IMPORTS)
     leave_out_plugins()
     try:
         return program.main(list(arguments), standalone_mode=False, prog_name="sim-action") or ExitCode.PASSED

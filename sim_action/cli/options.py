@@ -13,6 +13,7 @@ from click.core import ParameterSource
 
 from sim_action.cli.bounds import Bounded
 from sim_action.core.errors import ExitCode, UsageError
+from sim_action.core.permissions import package_folders
 from sim_action.core.wording import escaped_line, log_line, nearest, note, shown, warn
 
 if TYPE_CHECKING:
@@ -110,46 +111,20 @@ def discovered(paths: Sequence[str], flags: dict[str, Any] | None = None, *, out
     `taken_selection`; None selects everything. `outside`: True if links out of the workspace are followed. A
     path without scenarios is reported on standard error.
     """
-    from sim_action.core.discovery import compared_name, discover, unique
-    from sim_action.scenario.selection import Selection, Suite, split
+    from sim_action.scenario.selection import Selection, find_suite
 
-    named = [split(path) for path in named_paths(paths)]
-    found = discover((file for file, _ in named), outside=outside)
-    # Two spellings of one path give one outcome.
-    empty: dict[str, str] = {}
-    for pattern in (pattern for pattern, matches in found.items() if not matches):
-        empty.setdefault(compared_name(pattern), pattern)
-    files = unique(found)
-    numbers = _numbers(files, ((found[file], some) for file, some in named))
     selection = Selection() if flags is None else taken_selection(flags)
-    for pattern in empty.values():
-        # If other scenarios were found, the reports also show this as an error.
-        (note if files else complain)(f"no scenario found at '{pattern}'")
     named_at = None if typed("paths") else click.get_current_context().lookup_default("paths_location")
-    return Suite(files, tuple(empty.values()), numbers, selection, named_at, warn=warn)
+    suite = find_suite(named_paths(paths), selection, outside=outside, named_at=named_at, warn=warn)
+    for pattern in suite.empty:
+        # If other scenarios were found, the reports also show this as an error.
+        (note if suite.files else complain)(f"no scenario found at '{pattern}'")
+    return suite
 
 
 def named_paths(paths: Sequence[str]) -> Sequence[str]:
     """Return the paths of the command line, or else of pyproject.toml, or else the current folder."""
     return paths or click.get_current_context().lookup_default("paths") or ["."]
-
-
-def _numbers(
-    files: Sequence[Path], named: Iterable[tuple[Sequence[Path], frozenset[int] | None]]
-) -> dict[str, frozenset[int]]:
-    """Return the chosen scenario numbers of each file that was only named with numbers."""
-    from sim_action.core.discovery import compared_name, file_name
-
-    some: dict[str, frozenset[int]] = {}
-    whole = set[str]()
-    for path, numbers in ((path, numbers) for paths, numbers in named for path in paths):
-        name = compared_name(str(path))
-        if numbers is None:
-            whole.add(name)
-        else:
-            some[name] = some.get(name, frozenset()) | numbers
-    by_name = {compared_name(str(path)): file_name(path) for path in files} if some else {}
-    return {by_name[name]: numbers for name, numbers in some.items() if name not in whole}
 
 
 def complain(message: str) -> None:
@@ -318,20 +293,8 @@ PACKAGES: Final = click.option(
 
 
 def named_packages(texts: Iterable[str]) -> tuple[tuple[str, str], ...]:
-    """Return the packages that `--package` names, with their folders, absolute and without links. Raises UsageError."""
-    found = {}
-    for name, folder in _pairs("--package", texts, "NAME=FOLDER").items():
-        try:
-            place = Path(folder).resolve() if folder else None
-            is_folder = place is not None and place.is_dir()
-        except (OSError, ValueError, RuntimeError):  # too long, a NUL in it, links in a circle
-            place, is_folder = Path(folder), False
-        if place is None or not is_folder or not name.isprintable() or "/" in name:
-            where = f"looked for {place}" if folder else "it is empty"
-            reason = "the name of a package has no slash" if "/" in name else f"there is no such folder ({where})"
-            raise UsageError(escaped_line(f"--package {name}={folder}: {reason}; name a folder that is checked out"))
-        found[name] = str(place)
-    return tuple(found.items())
+    """Return the packages that `--package` names, see `package_folders`."""
+    return package_folders(_pairs("--package", texts, "NAME=FOLDER"))
 
 
 def model_flags(command: Command) -> Command:

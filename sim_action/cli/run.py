@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import sys
 from typing import TYPE_CHECKING, Any, Final
 
 import click
@@ -156,7 +154,7 @@ def run(
 
     With --shard: a shard that gets no scenario passes if another shard gets one.
     """
-    from sim_action.core.process import Interruption
+    from sim_action.core.process import Interruption, usable_cores
 
     with Interruption() as interruption:
         from sim_action.app.run import RunRequest, run_scenarios
@@ -178,9 +176,9 @@ def run(
         plan = PlanRequest(suite, permissions, shard, backend, seed, unexercised)
         if list_only:
             return _listed(plan)
-        request = RunRequest(plan, report_request(flags), jobs or _cores(), fail_fast, recordings, repeat, resume)
+        request = RunRequest(plan, report_request(flags), jobs or usable_cores(), fail_fast, recordings, repeat, resume)
         if not watch:
-            return run_scenarios(request, interruption)
+            return run_scenarios(request, interruption).exit_code
         if shard is not None or update_golden:
             raise UsageError("--watch cannot be combined with --shard or --update-golden")
         from sim_action.app.watch import watch_scenarios
@@ -221,10 +219,3 @@ def _meant(request: PlanRequest) -> tuple[Sequence[Source | Refused], Sequence[s
         return request.suite.numbered_in(contents), request.suite.empty, contents.unmatched
     found = plan_runs(request)
     return [source_of(plan) for plan in found.plans], found.empty, found.unmatched
-
-
-def _cores() -> int:
-    """Return the number of cores that this process may use."""
-    if sys.platform == "linux":
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1

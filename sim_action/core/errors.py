@@ -27,12 +27,12 @@ from __future__ import annotations
 
 import errno
 from enum import IntEnum
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from sim_action.core.records import dataclass
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Callable, Iterable
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,9 +70,24 @@ class ExitCode(IntEnum):
 
 
 class SimActionError(Exception):
-    """The base class of all errors."""
+    """The base class of all errors.
+
+    Attributes:
+        problems: what to fix, each with its place; empty if no file of the user is known to be at fault.
+    """
 
     exit_code = ExitCode.INTERNAL
+    problems: tuple[Any, ...] = ()
+
+    def __reduce__(self) -> tuple[Callable[..., SimActionError], tuple[object, ...]]:
+        """Pickle the error as it is: subclasses take other arguments than its message."""
+        return _unpickled, (type(self), self.args, self.__dict__)
+
+
+def _unpickled(kind: type[SimActionError], arguments: tuple[object, ...], state: dict[str, object]) -> SimActionError:
+    error = kind.__new__(kind, *arguments)
+    error.__dict__.update(state)
+    return error
 
 
 class InternalError(SimActionError):

@@ -13,7 +13,7 @@ from typing import Final, Literal
 
 from sim_action.core.errors import UsageError
 from sim_action.core.records import dataclass
-from sim_action.core.wording import shown
+from sim_action.core.wording import escaped_line, shown
 
 AllowScripts = Literal["auto", "true", "false"]
 
@@ -102,3 +102,20 @@ def checked_names(names: Iterable[str]) -> tuple[str, ...]:
                 f"--pass-env takes the name of an environment variable, such as API_URL; found {shown(name)}"
             )
     return tuple(sorted(set(names)))
+
+
+def package_folders(named: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
+    """Return the names of ROS packages with their folders, absolute and without links. Raise UsageError."""
+    found = {}
+    for name, folder in named.items():
+        try:
+            place = Path(folder).resolve() if folder else None
+            is_folder = place is not None and place.is_dir()
+        except (OSError, ValueError, RuntimeError):  # too long, a NUL in it, links in a circle
+            place, is_folder = Path(folder), False
+        if place is None or not is_folder or not name.isprintable() or "/" in name:
+            where = f"looked for {place}" if folder else "it is empty"
+            reason = "the name of a package has no slash" if "/" in name else f"there is no such folder ({where})"
+            raise UsageError(escaped_line(f"--package {name}={folder}: {reason}; name a folder that is checked out"))
+        found[name] = str(place)
+    return tuple(found.items())

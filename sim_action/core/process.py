@@ -9,7 +9,8 @@ import os
 import select
 import signal
 import sys
-from types import FrameType
+import threading
+from types import FrameType, MappingProxyType
 from typing import TYPE_CHECKING, Final, Self
 
 if TYPE_CHECKING:
@@ -63,16 +64,20 @@ class Interruption:
             os.set_blocking(self._written_to, False)
 
     def __enter__(self) -> Self:
-        self._wakeup = signal.set_wakeup_fd(_descriptor(self._written_to))
-        handled = [number for number in _SIGNALS if not _is_silenced(number)]
-        self._handlers = {number: signal.signal(number, self._notice) for number in handled}
-        release_signals()
+        self._handlers = {}
+        # Python gives signals to the main thread only.
+        if threading.current_thread() is threading.main_thread():
+            self._wakeup = signal.set_wakeup_fd(_descriptor(self._written_to))
+            handled = [number for number in _SIGNALS if not _is_silenced(number)]
+            self._handlers = {number: signal.signal(number, self._notice) for number in handled}
+            release_signals()
         return self
 
     def __exit__(self, *_: object) -> None:
         for number, handler in self._handlers.items():
             signal.signal(number, handler)
-        signal.set_wakeup_fd(self._wakeup)
+        if self._handlers:
+            signal.set_wakeup_fd(self._wakeup)
         for end in (self._awakened, self._written_to):
             if isinstance(end, int):
                 os.close(end)
@@ -129,6 +134,24 @@ def forgive_closed_output() -> None:
             file = io.BufferedWriter(_ForgivingFile(stream.fileno(), "w", closefd=False))
             style = {key: getattr(stream, key) for key in ("encoding", "errors", "line_buffering", "write_through")}
             setattr(sys, name, io.TextIOWrapper(file, **style))
+
+
+BEFORE_IMPORTS: Final = MappingProxyType(
+    {
+        # A process that forks must not have threads, and results must not depend on the number of cores.
+        "OPENBLAS_NUM_THREADS": "1",
+        # The search for plugins takes longer than reading a scenario, and no plugin is wanted.
+        "PYDANTIC_DISABLE_PLUGINS": "__all__",
+    }
+)
+"""Environment variables of a process that runs scenarios, to be set before numpy and pydantic are imported."""
+
+
+def usable_cores() -> int:
+    """Return the number of cores that this process may use."""
+    if sys.platform == "linux":
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 # Python's own default is 700 (2,000 from 3.13 on).

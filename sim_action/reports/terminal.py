@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Final, TextIO
@@ -42,10 +42,14 @@ def print_results(results: Results, options: ReportOptions, stream: TextIO | Non
     stream = stream or sys.stdout
     with open_console(stream, options.environment) as shown:
         printer = _Printer(shown, options)
-        for group in sorted(grouped_scenarios(results.outcomes), key=lambda group: _BEST_FIRST.index(group.status)):
-            if options.verbosity != "quiet" or STATUS_DISPLAYS[group.status].level == "error":
-                printer.group(group)
+        printer.scenarios(results.outcomes)
         printer.closing(results)
+
+
+def print_outcomes(outcomes: Iterable[Outcome], options: ReportOptions, stream: TextIO) -> None:
+    """Print some outcomes as in the report, without the counts and the files of the call."""
+    with open_console(stream, options.environment) as shown:
+        _Printer(shown, options).scenarios(outcomes)
 
 
 class _Printer:
@@ -60,6 +64,12 @@ class _Printer:
         self._bar = "│" if self._shows_symbols else "|"
         self._margin = ""
         self._announced = set[str]()
+
+    def scenarios(self, outcomes: Iterable[Outcome]) -> None:
+        """Print the scenarios, the worst last."""
+        for group in sorted(grouped_scenarios(outcomes), key=lambda group: _BEST_FIRST.index(group.status)):
+            if self._verbosity != "quiet" or STATUS_DISPLAYS[group.status].level == "error":
+                self.group(group)
 
     def group(self, group: ScenarioGroup) -> None:
         """Print one scenario and an empty line; variations that passed are only counted, unless verbose."""

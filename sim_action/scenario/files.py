@@ -47,17 +47,22 @@ def read_file(
     `path`, for the message about a file that does not exist; None: the command line names it.
     """
     try:
-        workspace = _workspace(path, permissions)
+        workspace = workspace_around(path, permissions)
         document = _whole(_read(path, named_at=named_at), workspace, (path.resolve(),))
         if "scenarios" in _keys(document):
             written: Iterable[Source | Refused] = _several(path, workspace, document)
         else:
             written = [Source(path, workspace, document, _name(document) or _called(path))]
-        return tuple(replace(each, number=place) for place, each in enumerate(_all_varied(written, seed), start=1))
+        return numbered_runs(written, seed)
     except InvalidScenario as error:
         return (Refused(file_name(path), _called(path), None, error),)
     except Exception as error:  # noqa: BLE001 - the other files have scenarios to run
         return (Refused(file_name(path), _called(path), None, InternalError.of(error)),)
+
+
+def numbered_runs(written: Iterable[Source | Refused], seed: int | None) -> tuple[Source | Refused, ...]:
+    """Return all scenarios of a file with their variations, numbered."""
+    return tuple(replace(each, number=place) for place, each in enumerate(_all_varied(written, seed), start=1))
 
 
 def _all_varied(sources: Iterable[Source | Refused], seed: int | None) -> Iterator[Source | Refused]:
@@ -97,7 +102,8 @@ def read_only_scenario(path: Path, permissions: Permissions) -> Source:
     return first
 
 
-def _workspace(path: Path, permissions: Permissions) -> Workspace:
+def workspace_around(path: Path, permissions: Permissions) -> Workspace:
+    """Return the workspace of a scenario file, which need not exist. Raises InvalidScenario."""
     try:
         return Workspace.around(
             path,

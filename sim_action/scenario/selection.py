@@ -11,7 +11,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Final
 
-from sim_action.core.discovery import file_name
+from sim_action.core.discovery import compared_name, discover, file_name, unique
 from sim_action.core.errors import Location, Problem, UsageError
 from sim_action.core.permissions import Permissions
 from sim_action.core.records import dataclass, field, replace
@@ -19,6 +19,7 @@ from sim_action.core.wording import counted, did_you_mean, escaped_line
 from sim_action.engines import ENGINES
 from sim_action.scenario.files import read_file
 from sim_action.scenario.source import Refused, Source
+from sim_action.scenario.written import Scenario as Written
 
 _RANGE: Final = "[0-9]{1,5}(?:-[0-9]{1,5})?"
 _NUMBERED: Final = re.compile(rf"(.+)::({_RANGE}(?:,{_RANGE})*)", re.DOTALL)
@@ -217,6 +218,7 @@ class Suite:
 
     Attributes:
         files: in order.
+        written: scenarios of a program, which come after those of the files.
         empty: paths without a scenario.
         numbers: file name -> selected numbers, for files of which only some scenarios are selected.
         selection: by names and tags.
@@ -227,6 +229,7 @@ class Suite:
 
     files: Sequence[Path]
     empty: Sequence[str] = ()
+    written: Sequence[Written] = ()
     numbers: Mapping[str, frozenset[int]] = field(default_factory=dict)
     selection: Selection = field(default_factory=Selection)
     named_at: Location | None = None
@@ -239,13 +242,17 @@ class Suite:
         `seed` draws the variations; None takes the seed of each scenario. Raises UsageError.
         """
         every = [self._scenarios(path, permissions, seed) for path in self.files]
+        every += [each.sources(permissions, seed) for each in self.written]
         # A shard of `matrix` gets some scenarios of the list, which `matrix` has checked.
         complete = self.complete and not self.numbers
         found = selected(every, self.selection, complete=complete)
         for message in unmatched_exclusions(every, self.selection) if complete else ():
             self.warn(message)
-        pairs = zip(self.files, found.scenarios, strict=True)
-        return Contents({path: scenarios for path, scenarios in pairs if scenarios}, found.unmatched)
+        files: dict[Path, Scenarios] = {}
+        for path, scenarios in zip((*self.files, *(each.path for each in self.written)), found.scenarios, strict=True):
+            if scenarios:
+                files[path] = (*files.get(path, ()), *scenarios)
+        return Contents(files, found.unmatched)
 
     def numbered(self, scenario: Source | Refused) -> bool:
         """Return True if the number of a scenario is selected."""
@@ -269,3 +276,42 @@ class Suite:
                 escaped_line(f"{numbered(name, beyond)}: the file has {len(scenarios)} scenarios, counted from 1")
             )
         return scenarios
+
+
+def find_suite(
+    paths: Sequence[str],
+    selection: Selection = Selection(),  # noqa: B008 - immutable
+    *,
+    outside: bool = False,
+    named_at: Location | None = None,
+    warn: Callable[[str], None] = _ignore,
+) -> Suite:
+    """Return the scenarios behind paths: files, also with numbers (`push.sim.yml::1-15`), globs and folders.
+
+    `outside`: True if links out of the workspace are followed. The others: see `Suite`.
+    """
+    named = [split(path) for path in paths]
+    found = discover((file for file, _ in named), outside=outside)
+    # Two spellings of one path give one outcome.
+    empty: dict[str, str] = {}
+    for pattern in (pattern for pattern, matches in found.items() if not matches):
+        empty.setdefault(compared_name(pattern), pattern)
+    files = unique(found)
+    numbers = _numbers(files, ((found[file], some) for file, some in named))
+    return Suite(files, tuple(empty.values()), (), numbers, selection, named_at, warn=warn)
+
+
+def _numbers(
+    files: Sequence[Path], named: Iterable[tuple[Sequence[Path], frozenset[int] | None]]
+) -> dict[str, frozenset[int]]:
+    """Return the chosen scenario numbers of each file that was only named with numbers."""
+    some: dict[str, frozenset[int]] = {}
+    whole = set[str]()
+    for path, numbers in ((path, numbers) for paths, numbers in named for path in paths):
+        name = compared_name(str(path))
+        if numbers is None:
+            whole.add(name)
+        else:
+            some[name] = some.get(name, frozenset()) | numbers
+    by_name = {compared_name(str(path)): file_name(path) for path in files} if some else {}
+    return {by_name[name]: numbers for name, numbers in some.items() if name not in whole}

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 # The message that a child process cannot begin, with the number of the error.
 REFUSED: Final = b"refused "
-_PACKAGE_ROOT: Final = Path(__file__).resolve().parents[3]
+PACKAGE_ROOT: Final = Path(__file__).resolve().parents[3]
 
 
 _Identity = tuple[int, int, int]
@@ -225,7 +225,7 @@ def environment(
     `pass_env`: names that the caller passes; `stated`: variables of the scenario.
     """
     variables = code_environment(os.environ, pass_env, stated)
-    path = os.pathsep.join(filter(None, (str(_PACKAGE_ROOT), os.environ.get("PYTHONPATH"))))
+    path = os.pathsep.join(filter(None, (str(PACKAGE_ROOT), os.environ.get("PYTHONPATH"))))
     # With a random hash seed, a controller that iterates over a set would differ in every run.
     return {**variables, "PYTHONPATH": path, "PYTHONHASHSEED": str(hash_seed or 0)}
 

@@ -1,0 +1,224 @@
+"""The use cases for programs: `sim_action.run`, `sim_action.load` and `sim_action.validate`.
+
+They do what the command line does, without its text on the terminal, its settings in `pyproject.toml` and its
+environment variables.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Final, Literal
+
+from sim_action.app.library_results import Results
+from sim_action.app.run import FinishedRun, RunRequest, refuse_invalid, run_scenarios
+from sim_action.core.errors import UsageError
+from sim_action.core.permissions import AllowScripts, Permissions, checked_names, package_folders, scripts_refused
+from sim_action.core.process import Interruption, usable_cores
+from sim_action.core.records import replace
+from sim_action.core.wording import escaped_line
+from sim_action.recording.export import wanted_formats
+from sim_action.reports import ReportRequest
+from sim_action.results.events import Event
+from sim_action.runner.run_plan import PlanRequest
+from sim_action.scenario.loading import load_all
+from sim_action.scenario.model import Unexercised
+from sim_action.scenario.selection import Selection, Suite, find_suite
+from sim_action.scenario.source import Refused
+from sim_action.scenario.written import Scenario
+
+OneScenario = str | os.PathLike[str] | Scenario
+Scenarios = OneScenario | Iterable[OneScenario]
+"""Paths as on the command line (files, also as "push.sim.yml::1-15", folders, globs), scenarios, or several of both."""
+
+Backend = Literal["pybullet", "mujoco", "all"]
+
+_SILENCED: Final = frozenset({"terminal", "annotations", "summary", "outputs"})
+"""Reports that are for the command line only."""
+
+
+def load(
+    scenarios: Scenarios = ".",
+    *,
+    only: Iterable[str] = (),
+    exclude: Iterable[str] = (),
+    tags: Iterable[str] = (),
+    exclude_tags: Iterable[str] = (),
+    seed: int | None = None,
+    allow_outside: bool = False,
+) -> tuple[Scenario, ...]:
+    """Return the scenarios of files, each variation as one, in order.
+
+    Args:
+        scenarios: the files.
+        only: patterns of names to select.
+        exclude: patterns of names to leave out.
+        tags: tags to select.
+        exclude_tags: tags to leave out.
+        seed: draws the variations; None takes the seed of each scenario.
+        allow_outside: True if files may be outside the workspace.
+
+    Raises InvalidScenario for a file that cannot be read, UsageError if no scenario is found. `validate` checks the
+    keys.
+    """
+    suite = _suite(scenarios, _selection(only, exclude, tags, exclude_tags), outside=allow_outside)
+    contents = suite.read(Permissions(outside=allow_outside), seed)
+    if contents.unmatched:
+        raise UsageError("\n".join(map(str, contents.unmatched)))
+    found = suite.numbered_in(contents)
+    refuse_invalid([each for each in found if isinstance(each, Refused)])
+    return tuple(Scenario.of(each) for each in found if not isinstance(each, Refused))
+
+
+def validate(
+    scenarios: Scenarios = ".", *, packages: Mapping[str, str] | None = None, allow_outside: bool = False
+) -> tuple[str, ...]:
+    """Check scenarios without running them, and return the warnings.
+
+    Args:
+        scenarios: paths and scenarios.
+        packages: name of a ROS package -> its folder.
+        allow_outside: True if files may be outside the workspace.
+
+    Raises InvalidScenario with all problems, UsageError if no scenario is found.
+    """
+    permissions = Permissions(allow_outside, packages=package_folders(packages or {}))
+    found = load_all(_suite(scenarios, outside=allow_outside).scenarios(permissions), permissions)
+    refuse_invalid([each for each in found if isinstance(each, Refused)])
+    valid = [each for each in found if not isinstance(each, Refused)]
+    warnings = [f"{each.file}: not checked: {remark}" for each in valid for remark in each.unchecked]
+    warnings += [f"{warning.location}: {warning}" for each in valid for warning in each.warnings]
+    return tuple(dict.fromkeys(warnings))
+
+
+def run(
+    scenarios: Scenarios = ".",
+    *,
+    backend: Backend | None = None,
+    jobs: int | None = None,
+    seed: int | None = None,
+    repeat: int = 1,
+    only: Iterable[str] = (),
+    exclude: Iterable[str] = (),
+    tags: Iterable[str] = (),
+    exclude_tags: Iterable[str] = (),
+    fail_fast: bool = False,
+    unexercised: Unexercised | None = None,
+    record: Iterable[str] = (),
+    report: bool = True,
+    output_dir: str | os.PathLike[str] | None = None,
+    on_event: Callable[[Event], None] | None = None,
+    allow_scripts: AllowScripts = "auto",
+    allow_outside: bool = False,
+    pass_env: Iterable[str] = (),
+    packages: Mapping[str, str] | None = None,
+) -> Results:
+    """Run scenarios and return their results. The scenarios run in processes of their own.
+
+    Args:
+        scenarios: paths and scenarios; nothing runs unless all of them are valid.
+        backend: the physics engine for all of them; "all" compares both; None: as each scenario says.
+        jobs: how many scenarios run at the same time; None: one for each core.
+        seed: the random seed for all of them; None: as each scenario says.
+        repeat: how often each scenario runs; it is flaky if its runs are not equal bit for bit.
+        only: patterns of names to select.
+        exclude: patterns of names to leave out.
+        tags: tags to select.
+        exclude_tags: tags to leave out.
+        fail_fast: True to start no more scenarios after one did not pass.
+        unexercised: "warn" if an expectation that is never judged is only reported.
+        record: formats to record each run in: "mcap", "csv", "tum", "gif", "mp4".
+        report: True to write replays and `report.html`.
+        output_dir: the folder for results, traces and reports; None: a temporary one, which exists as long as the
+            results.
+        on_event: receives `Started`, `Progressed`, `RunEnded` and `Finished`, see `sim_action.results.events`. An
+            exception in it ends the run.
+        allow_scripts: "false" refuses code of the repository; "auto" and "true": as on the command line.
+        allow_outside: True if files may be outside the workspace.
+        pass_env: environment variables that code of the repository may see.
+        packages: name of a ROS package -> its folder.
+
+    Raises InvalidScenario with all problems, UsageError for options that cannot be followed, KeyboardInterrupt after
+    Ctrl-C.
+    """
+    if jobs is not None and jobs < 1:
+        raise UsageError(f"jobs: at least one scenario runs at a time, found {jobs}")
+    if not 1 <= repeat <= _MAX_REPEATS:
+        raise UsageError(f"repeat: a scenario runs 1 to {_MAX_REPEATS} times, found {repeat}")
+    selection = _selection(only, exclude, tags, exclude_tags)
+    suite = _suite(scenarios, selection, outside=allow_outside)
+    temporary = tempfile.TemporaryDirectory(prefix="sim-action-") if output_dir is None else None
+    folder = Path(temporary.name if temporary is not None else os.fspath(output_dir or ""))
+    names = checked_names(_texts(pass_env))
+    folders = (Path.cwd(), *{path.parent: None for path in suite.files})
+    refused = scripts_refused(allow_scripts, os.environ, folders)
+    permissions = Permissions(allow_outside, refused, pass_env=names, packages=package_folders(packages or {}))
+    reports = ReportRequest(
+        folder=folder,
+        junit=None,
+        junit_strict=False,
+        verbosity="quiet",
+        silenced=_SILENCED if report else _SILENCED | {"report"},
+    )
+    request = RunRequest(
+        PlanRequest(suite, permissions, None, backend, seed, unexercised),
+        reports,
+        jobs or usable_cores(),
+        fail_fast,
+        wanted_formats(_texts(record)),
+        repeat,
+        valid_only=True,
+    )
+    finished = _finished(request, on_event or _ignore)
+    return Results(finished.results, finished.exit_code, folder.absolute(), temporary)
+
+
+_MAX_REPEATS: Final = 1000
+
+
+def _finished(request: RunRequest, listen: Callable[[Event], None]) -> FinishedRun:
+    """Run scenarios in a process that may fork: this one may have threads, and settings of its own."""
+    if sys.platform != "linux":
+        return _run_here(request, emit=listen)
+    from sim_action.runner.warm_process import call_beside
+
+    finished: FinishedRun = call_beside(_run_here, (request,), listen)
+    return finished
+
+
+def _run_here(request: RunRequest, *, emit: Callable[[Event], None]) -> FinishedRun:
+    with Interruption() as interruption:
+        finished = run_scenarios(request, interruption, emit)
+    if interruption.happened:
+        raise KeyboardInterrupt
+    return finished
+
+
+def _suite(scenarios: Scenarios, selection: Selection | None = None, *, outside: bool) -> Suite:
+    """Return the scenarios of a call. Raise UsageError for a path without any."""
+    several = [scenarios] if isinstance(scenarios, str | os.PathLike | Scenario) else list(scenarios)
+    paths = [os.fspath(each) for each in several if not isinstance(each, Scenario)]
+    suite = find_suite(paths, selection or Selection(), outside=outside)
+    written = [each for each in several if isinstance(each, Scenario)]
+    if suite.empty or not several:
+        lines = [f"no scenario found at '{pattern}'" for pattern in suite.empty]
+        raise UsageError("\n".join(map(escaped_line, lines)) or "there is no scenario in the list")
+    return replace(suite, written=written)
+
+
+def _selection(
+    only: Iterable[str], exclude: Iterable[str], tags: Iterable[str], exclude_tags: Iterable[str]
+) -> Selection:
+    return Selection(*map(_texts, (only, exclude, tags, exclude_tags)))
+
+
+def _texts(given: Iterable[str]) -> tuple[str, ...]:
+    """Return several texts, or one: a text alone is no list of its letters."""
+    return (given,) if isinstance(given, str) else tuple(given)
+
+
+def _ignore(_: Event) -> None:
+    """Take an event and do nothing."""

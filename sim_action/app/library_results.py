@@ -1,0 +1,203 @@
+"""The results that `sim_action.run` returns."""
+
+from __future__ import annotations
+
+import io
+import os
+import shutil
+import tempfile
+from collections import Counter
+from collections.abc import Iterator
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from sim_action.core.errors import ExitCode, UsageError
+from sim_action.reports import ReportOptions
+from sim_action.reports.terminal import print_outcomes
+from sim_action.results import results_json
+from sim_action.results.artifacts import REPORT_FILE
+from sim_action.results.outcome import ExpectationOutcome, Failure, Status
+from sim_action.results.outcome import Outcome as RecordedOutcome
+from sim_action.results.written_files import JUNIT_FILE
+
+if TYPE_CHECKING:
+    from sim_action.core.errors import Location
+    from sim_action.state.trace import Trace
+
+_MAX_EMBEDDED_BYTES: Final = 8_000_000
+_FRAME_HEIGHT_PX: Final = 720
+
+
+class Outcome:
+    """The outcome of one scenario.
+
+    Attributes:
+        record: everything that `results.json` has about it.
+    """
+
+    def __init__(self, record: RecordedOutcome, results: Results) -> None:
+        self.record = record
+        # Its files exist as long as the results.
+        self._results = results
+
+    @property
+    def name(self) -> str:
+        """The name of the scenario; that of a variation has its values."""
+        return self.record.name
+
+    @property
+    def status(self) -> Status:
+        """The status: "passed", "failed", "flaky", "not_exercised", "error" or "skipped"."""
+        return self.record.status
+
+    @property
+    def passed(self) -> bool:
+        """True if every expectation was judged and held, those with `severity: warning` apart."""
+        return self.record.status == "passed"
+
+    @property
+    def location(self) -> Location | None:
+        """The file and line of the scenario; None if it belongs to no single file."""
+        return self.record.location
+
+    @property
+    def expectations(self) -> tuple[ExpectationOutcome, ...]:
+        """The expectations with their verdicts, in file order."""
+        return self.record.expectations
+
+    @property
+    def failures(self) -> tuple[Failure, ...]:
+        """The reasons why there is no verdict; empty if there is one."""
+        return self.record.failures
+
+    @property
+    def variation(self) -> dict[str, Any]:
+        """The varied keys with their values."""
+        return {each.key: each.value for each in self.record.variation}
+
+    @property
+    def sim_time(self) -> float | None:
+        """The sim time in s at the end of the run; None if it has not run."""
+        return self.record.sim_time
+
+    @property
+    def digest(self) -> str | None:
+        """The SHA-256 hash of the state at every physics step; None if it has not run to the end."""
+        return self.record.digest
+
+    @property
+    def output(self) -> str:
+        """The end of the text that the user's code printed."""
+        return self.record.output
+
+    @property
+    def trace(self) -> Trace:
+        """The stored run as numpy columns, see `sim_action.Trace`; read at each access. Raises UsageError."""
+        from sim_action.state.trace_storage import load_trace
+
+        if self.record.trace is None:
+            raise UsageError(f"'{self.name}' has no trace: it {self.record.ending}")
+        return load_trace(self._results.folder / self.record.trace)
+
+    @property
+    def text(self) -> str:
+        """The part of the terminal report about this scenario."""
+        return self._results.text_of(self.record)
+
+    def __repr__(self) -> str:
+        return f"Outcome(name={self.name!r}, status={self.status!r})"
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(self.text)}</pre>"
+
+
+class Results:
+    """The results of a call of `sim_action.run`: a sequence of outcomes in the order of the scenarios.
+
+    Attributes:
+        record: everything that `results.json` has.
+        exit_code: the exit code that `sim-action run` would have.
+        folder: the folder with `results.json`, traces and reports. If it is a temporary one, it exists as long as this
+            object or one of its outcomes.
+        outcomes: an outcome for each scenario.
+    """
+
+    def __init__(
+        self,
+        record: results_json.Results,
+        exit_code: ExitCode,
+        folder: Path,
+        temporary: tempfile.TemporaryDirectory[str] | None = None,
+    ) -> None:
+        self.record = record
+        self.exit_code = exit_code
+        self.folder = folder
+        self.outcomes = tuple(Outcome(each, self) for each in record.outcomes)
+        self._temporary = temporary
+
+    @property
+    def passed(self) -> bool:
+        """True if all scenarios passed, and every report was written."""
+        return self.exit_code is ExitCode.PASSED
+
+    def __len__(self) -> int:
+        return len(self.outcomes)
+
+    def __iter__(self) -> Iterator[Outcome]:
+        return iter(self.outcomes)
+
+    def __getitem__(self, wanted: int | str) -> Outcome:
+        """Return an outcome by index or by name. Raise IndexError or KeyError."""
+        if isinstance(wanted, int):
+            return self.outcomes[wanted]
+        found = next((each for each in self.outcomes if each.name == wanted), None)
+        if found is None:
+            raise KeyError(wanted)
+        return found
+
+    def to_junit(self, path: str | os.PathLike[str]) -> Path:
+        """Write the JUnit XML to a file, and return its path."""
+        return Path(shutil.copyfile(self.folder / JUNIT_FILE, path))
+
+    def to_html(self, path: str | os.PathLike[str]) -> Path:
+        """Write the report to a file, and return its path. Raise UsageError if there is none."""
+        return Path(shutil.copyfile(self._report(), path))
+
+    def _report(self) -> Path:
+        report = self.folder / REPORT_FILE
+        if not report.is_file():
+            raise UsageError("there is no report: these scenarios ran with report=False")
+        return report
+
+    @property
+    def text(self) -> str:
+        """The report as on the terminal, without counts and files."""
+        return self.text_of(*self.record.outcomes)
+
+    def text_of(self, *outcomes: RecordedOutcome) -> str:
+        """Return the terminal report about some outcomes."""
+        stream = io.StringIO()
+        options = ReportOptions(
+            folder=self.folder,
+            junit=self.folder / JUNIT_FILE,
+            junit_strict=False,
+            environment={},
+            workspace=Path(),
+        )
+        print_outcomes(outcomes, options, stream)
+        return stream.getvalue()
+
+    def __repr__(self) -> str:
+        counts = Counter(each.status for each in self.outcomes)
+        return f"Results({', '.join(f'{count} {status}' for status, count in counts.items())})"
+
+    def _repr_html_(self) -> str:
+        """Return the verdicts and the report with its replays, for a notebook."""
+        verdicts = f"<pre>{escape(self.text)}</pre>"
+        report = self.folder / REPORT_FILE
+        if not report.is_file() or report.stat().st_size > _MAX_EMBEDDED_BYTES:
+            return verdicts
+        page = escape(report.read_text(encoding="utf-8"))
+        style = f"width: 100%; height: {_FRAME_HEIGHT_PX}px; border: 0"
+        return f'{verdicts}<iframe title="sim-action report" style="{style}" srcdoc="{page}"></iframe>'

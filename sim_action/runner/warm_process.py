@@ -1,0 +1,261 @@
+"""A process beside this one that has imported what a call needs, has one thread, and is forked for each call.
+
+Programs that embed sim-action may have threads, large memories and settings of their own. A fork of such a process is
+not safe, and a fresh interpreter for each scenario takes most of a second. So a call runs in a fork of the warm
+process, with the current folder, the environment and the module path of the caller. It ends with the caller.
+
+    caller          a call ->                     <- events, and what the call returns or raises
+    warm process    forks, waits for the fork     passes a wish to stop on as SIGTERM
+    fork            runs the call, sends events
+
+Linux only: on other systems each scenario has an interpreter of its own anyway, and a call runs in the caller.
+"""
+
+from __future__ import annotations
+
+import atexit
+import gc
+import importlib
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from multiprocessing.connection import Connection, wait
+from pickle import PicklingError
+from typing import Any, Final, NoReturn
+
+from sim_action.core.errors import InternalError
+from sim_action.core.process import BEFORE_IMPORTS, collect_garbage_rarely
+from sim_action.core.records import dataclass
+from sim_action.runner.isolation import process_control
+from sim_action.runner.isolation.child_process import PACKAGE_ROOT
+from sim_action.runner.process_output import muted
+
+Emit = Callable[[Any], None]
+Function = Callable[..., Any]
+"""A function of a module. It gets the arguments of the call, and `emit`, which sends an event to the caller."""
+
+_ROOTS: Final = ("sim_action", "numpy", "pybullet", "mujoco")
+"""Packages that a call imports in advance if an earlier one has imported them; they import the rest."""
+
+_ENDING_TIMEOUT_S: Final = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class _Call:
+    function: Function
+    arguments: Sequence[Any]
+    folder: str
+    environment: Mapping[str, str]
+    path: Sequence[str]
+    modules: Sequence[str]
+
+
+@dataclass(frozen=True, slots=True)
+class _Event:
+    event: Any
+
+
+@dataclass(frozen=True, slots=True)
+class _Returned:
+    value: Any
+    modules: Sequence[str]
+
+
+@dataclass(frozen=True, slots=True)
+class _Raised:
+    error: BaseException
+
+
+@dataclass(frozen=True, slots=True)
+class _Ended:
+    status: int
+
+
+class WarmProcess:
+    """A warm process as its caller sees it; it runs one call at a time."""
+
+    def __init__(self) -> None:
+        """Start it. Raise OSError."""
+        ours, theirs = socket.socketpair()
+        with ours, theirs:
+            path = os.pathsep.join(filter(None, (str(PACKAGE_ROOT), os.environ.get("PYTHONPATH"))))
+            environment = {**os.environ, **BEFORE_IMPORTS, "PYTHONPATH": path}
+            self._process = subprocess.Popen(  # noqa: S603 - this interpreter, and nothing from a scenario
+                [sys.executable, "-P", "-m", "sim_action.runner.warm_process", str(theirs.fileno())],
+                pass_fds=(theirs.fileno(),),
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                env=environment,
+                # Ctrl-C is for the caller, which asks the call to stop.
+                start_new_session=True,
+            )
+            self._connection = Connection(ours.detach())
+        self._modules: Sequence[str] = ()
+
+    def call(self, function: Function, arguments: Sequence[Any], listen: Emit) -> Any:
+        """Run a function of a module in a fork, and return what it returns, or raise what it raises.
+
+        `listen` receives its events. If it raises an exception, or the caller is interrupted, the call and this process
+        end first. Raise InternalError if the call ends without an answer.
+        """
+        answer: _Returned | _Raised | None = None
+        folder, environment = os.getcwd(), dict(os.environ)  # noqa: PTH109 - a text
+        try:
+            self._connection.send(_Call(function, arguments, folder, environment, sys.path, self._modules))
+            while not isinstance(message := self._connection.recv(), _Ended):
+                if isinstance(message, _Event):
+                    listen(message.event)
+                else:
+                    answer = message
+        except (EOFError, ConnectionError):
+            self.close()
+            raise InternalError("the process that should run the scenarios has ended") from None
+        except BaseException:
+            self.close()
+            raise
+        if answer is None:
+            self.close()
+            raise InternalError(f"the process that ran the scenarios has ended with status {message.status}")
+        if isinstance(answer, _Raised):
+            raise answer.error
+        self._modules = answer.modules
+        return answer.value
+
+    @property
+    def is_open(self) -> bool:
+        """Return True if it takes another call."""
+        return not self._connection.closed and self._process.poll() is None
+
+    def close(self) -> None:
+        """End the process, and the call that it runs."""
+        self._connection.close()
+        try:
+            self._process.wait(_ENDING_TIMEOUT_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+    def forget(self) -> None:
+        """Let a fork of the caller leave the process alone."""
+        self._connection.close()
+        self._process.returncode = 0
+
+
+class _Pool:
+    """The warm processes of this process that wait for a call."""
+
+    def __init__(self) -> None:
+        self._waiting: list[WarmProcess] = []
+        self._lock = threading.Lock()
+
+    @contextmanager
+    def taken(self) -> Iterator[WarmProcess]:
+        """Take a warm process for a call, or start one. Raise OSError."""
+        with self._lock:
+            process = next((each for each in self._popped() if each.is_open), None)
+        process = process or WarmProcess()
+        yield process
+        if process.is_open:
+            with self._lock:
+                self._waiting.append(process)
+
+    def _popped(self) -> Iterator[WarmProcess]:
+        while self._waiting:
+            yield self._waiting.pop()
+
+    def close(self) -> None:
+        """End all that wait."""
+        with self._lock:
+            for process in self._popped():
+                process.close()
+
+    def forget(self) -> None:
+        """Leave all of them to the process that this one is a fork of."""
+        self._lock = threading.Lock()
+        for process in self._popped():
+            process.forget()
+
+
+_POOL: Final = _Pool()
+atexit.register(_POOL.close)
+if sys.platform != "win32":
+    os.register_at_fork(after_in_child=_POOL.forget)
+
+
+def call_beside(function: Function, arguments: Sequence[Any], listen: Emit) -> Any:
+    """Run a function in a fork of a warm process, see `WarmProcess.call`. Several threads may call at the same time.
+
+    Raises OSError if there can be no such process.
+    """
+    with _POOL.taken() as process:
+        return process.call(function, arguments, listen)
+
+
+def main() -> NoReturn:
+    """Run the warm process until its caller closes the connection, whose descriptor is the argument."""
+    assert sys.platform == "linux"
+    connection = Connection(int(sys.argv[1]))
+    os.set_inheritable(connection.fileno(), False)
+    collect_garbage_rarely()
+    with suppress(EOFError, ConnectionError):
+        while True:
+            call = connection.recv()
+            _import(call.modules)
+            gc.freeze()
+            if (pid := os.fork()) == 0:
+                _run(call, connection)
+            gc.unfreeze()
+            connection.send(_Ended(_awaited(pid, connection)))
+    os._exit(0)
+
+
+def _import(modules: Sequence[str]) -> None:
+    with muted():
+        for name in modules:
+            # What is missing is an error of the call that needs it.
+            with suppress(ImportError, OSError):
+                importlib.import_module(name)
+
+
+def _awaited(pid: int, connection: Connection) -> int:
+    """Return the exit status of a fork; end it if the caller has gone."""
+    descriptor = os.pidfd_open(pid)
+    try:
+        if connection in wait([connection, descriptor]):
+            # The caller sends nothing while a call runs: it has gone.
+            os.kill(pid, signal.SIGTERM)
+    finally:
+        os.close(descriptor)
+    return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
+
+
+def _run(call: _Call, connection: Connection) -> NoReturn:
+    """Run a call in a fork, and never return."""
+    try:
+        process_control.end_with_parent(os.getppid(), signal.SIGTERM)
+        os.environ.clear()
+        os.environ.update({**call.environment, **BEFORE_IMPORTS})
+        sys.path[:] = call.path
+        answer: _Returned | _Raised
+        try:
+            os.chdir(call.folder)
+            value = call.function(*call.arguments, emit=lambda event: connection.send(_Event(event)))
+            answer = _Returned(value, [name for name in sys.modules if name.partition(".")[0] in _ROOTS])
+        except BaseException as error:  # noqa: BLE001 - the caller raises it
+            answer = _Raised(error)
+        try:
+            connection.send(answer)
+        except (TypeError, AttributeError, PicklingError) as error:
+            connection.send(_Raised(InternalError.of(error)))
+    finally:
+        os._exit(0)
+
+
+if __name__ == "__main__":
+    # Messages are of the classes of this module by its name.
+    importlib.import_module("sim_action.runner.warm_process").main()

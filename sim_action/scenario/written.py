@@ -1,0 +1,202 @@
+"""Scenarios that a program builds, or reads from files and changes.
+
+They go the same way as files: each is a YAML document, which is checked when it is used.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from numbers import Integral, Real
+from pathlib import Path, PurePath
+from typing import Any, Final
+
+import yaml
+
+from sim_action.assertions import Assertion
+from sim_action.core.errors import InvalidScenario, Location, Problem
+from sim_action.core.field_types import FrozenModel, is_title
+from sim_action.core.permissions import Permissions
+from sim_action.core.records import replace
+from sim_action.core.wording import escaped_line
+from sim_action.core.yaml_document import Document, KeyPath, read_document
+from sim_action.drives import Drive
+from sim_action.scenario.files import numbered_runs, workspace_around
+from sim_action.scenario.source import Refused, Source
+from sim_action.scenario.variations import NoSuchKey, placed, resolved
+from sim_action.sensors import Sensor
+
+_UNNAMED: Final = "scenario"
+_VALUE: Final = "value"
+# Longer lines are folded, and a place in a folded text is hard to find.
+_WIDTH: Final = 1 << 20
+
+
+class Scenario:
+    """A scenario of a program, with the keys of a scenario file.
+
+    Values are what YAML has (text, numbers, booleans, None, lists, maps), paths, or parts such as
+    `sim_action.assertions.distance.Travel`. Numbers without a unit are in SI units. The scenario is checked by
+    `validate` and `run`.
+
+    Example:
+        Scenario(
+            name="burger drives",
+            robot={"model": "turtlebot3_burger"},
+            commands={"twist": [{"linear": 0.5}]},
+            expect=[Travel(at_least=1.5)],
+            time_limit=30,
+        )
+    """
+
+    __slots__ = ("_source",)
+
+    def __init__(self, *, folder: str | os.PathLike[str] = ".", **keys: object) -> None:
+        """Build a scenario.
+
+        Args:
+            folder: relative paths in the scenario start here.
+            keys: those of a scenario file.
+
+        Raises InvalidScenario for a value that YAML does not have.
+        """
+        name = keys.get("name")
+        name = name if isinstance(name, str) and is_title(name) else _UNNAMED
+        label = f"{name.replace('/', '-')} (Python)"
+        document = read_document(label, _yaml(_plain(keys, label, ())))
+        # The call that runs it knows what is permitted.
+        path = Path(folder) / label
+        self._source = Source(path, workspace_around(path, Permissions(outside=True)), document, name)
+
+    @classmethod
+    def of(cls, source: Source) -> Scenario:
+        """Return a scenario of a file."""
+        scenario = cls.__new__(cls)
+        scenario._source = source  # noqa: SLF001 - its own class
+        return scenario
+
+    @property
+    def name(self) -> str:
+        """The name in reports; that of a variation has its values."""
+        return self._source.name
+
+    @property
+    def tags(self) -> tuple[str, ...]:
+        """The tags."""
+        return self._source.tags
+
+    @property
+    def path(self) -> Path:
+        """The path of its file; of a scenario without a file, its name in the folder of its relative paths."""
+        return self._source.path
+
+    @property
+    def line(self) -> int | None:
+        """The first line in its file; None if the file has one scenario."""
+        return self._source.line
+
+    @property
+    def keys(self) -> dict[str, Any]:
+        """A copy of all keys, as YAML has them: those of files that it extends are included."""
+        copy: dict[str, Any] = _editable(self._keys)
+        return copy
+
+    def changed(self, changes: Mapping[str, object]) -> Scenario:
+        """Return the scenario with other values.
+
+        `changes`: key path, as in `variations`, such as "robot.pose.yaw" -> value. Raises InvalidScenario for a path
+        that leads nowhere.
+        """
+        document = self._source.document
+        for written, value in changes.items():
+            document = _placed(document, written, value)
+        name = changes.get("name", self.name)
+        return self.of(replace(self._source, document=document, name=name if isinstance(name, str) else self.name))
+
+    def to_yaml(self) -> str:
+        """Return the text of a file with this scenario alone; relative paths start in the folder of `path`."""
+        return _yaml({**self.keys, "name": self.name})
+
+    def sources(self, permissions: Permissions, seed: int | None = None) -> tuple[Source | Refused, ...]:
+        """Return its variations, or itself, for a call with these permissions; `seed` draws the variations."""
+        try:
+            own = replace(self._source, workspace=workspace_around(self.path, permissions))
+            return numbered_runs([own], seed) if "variations" in self._keys else (own,)
+        except InvalidScenario as error:
+            return (self._source.refused(error),)
+
+    @property
+    def _keys(self) -> dict[str, Any]:
+        data = self._source.document.data
+        assert isinstance(data, dict)  # whoever made it has looked
+        return data
+
+    def __repr__(self) -> str:
+        return f"Scenario(name={self.name!r}, path={str(self.path)!r})"
+
+
+def _placed(document: Document, written: str, value: object) -> Document:
+    """Return a document with another value at a key path. Raises InvalidScenario."""
+    try:
+        path = resolved(document.data, written)
+    except NoSuchKey as error:
+        raise InvalidScenario([document.problem((), f"{written}: {error}")]) from None
+    data, made = placed(document.data, path, _read(document.file, {_VALUE: value})[_VALUE])
+    place = document.location(path)
+    return replace(document, data=data, marks={**document.marks, **dict.fromkeys(made, place)})
+
+
+def _read(label: str, keys: Mapping[str, object]) -> dict[str, Any]:
+    """Return values as a file gives them."""
+    data = read_document(label, _yaml(_plain(keys, label, ()))).data
+    assert isinstance(data, dict)
+    return data
+
+
+def _yaml(data: object) -> str:
+    return yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=_WIDTH)
+
+
+def _plain(value: object, label: str, path: KeyPath) -> object:
+    """Return a value as plain YAML data. Raise InvalidScenario for one that YAML does not have."""
+    if isinstance(value, FrozenModel):
+        own = {
+            field.alias or name: _plain(getattr(value, name), label, (*path, name))
+            for name, field in type(value).model_fields.items()
+            if name in value.model_fields_set
+        }
+        return {value.key: own} if isinstance(value, Assertion | Drive | Sensor) else own
+    if isinstance(value, Mapping):
+        return {_key(key, label, path): _plain(each, label, (*path, str(key))) for key, each in value.items()}
+    if isinstance(value, Sequence) and not isinstance(value, str | bytes):
+        return [_plain(each, label, (*path, index)) for index, each in enumerate(value)]
+    return value.as_posix() if isinstance(value, PurePath) else _scalar(value, label, path)
+
+
+def _scalar(value: object, label: str, path: KeyPath) -> object:
+    if value is None or isinstance(value, bool | str):
+        return value
+    # Numbers of numpy, too.
+    if isinstance(value, Integral):
+        return int(value)
+    if isinstance(value, Real):
+        return float(value)
+    raise _refused(f"expected text, a number, a list, a map or a part of a scenario, found {value!r}", label, path)
+
+
+def _key(key: object, label: str, path: KeyPath) -> str:
+    if isinstance(key, str):
+        return key
+    raise _refused(f"a key is text, found {key!r}", label, path)
+
+
+def _refused(message: str, label: str, path: KeyPath) -> InvalidScenario:
+    dotted = ".".join(map(str, path))
+    return InvalidScenario([Problem(Location(label), escaped_line(f"{dotted}: {message}" if dotted else message))])
+
+
+def _editable(data: object) -> Any:
+    """Return a copy with lists for tuples."""
+    if isinstance(data, dict):
+        return {key: _editable(each) for key, each in data.items()}
+    return [_editable(each) for each in data] if isinstance(data, tuple) else data
