@@ -1,12 +1,13 @@
 """The parts of a scenario that a program builds: assertions, command sources, drives and sensors.
 
-Each part has the keys that it has in a scenario file. Numbers are in SI units, or texts with a unit.
+Each part has the keys that it has in a scenario file. Numbers are in SI units. A quantity with another unit is text in a
+map instead: `{"upright": {"max_tilt": "5 deg"}}`.
 
 Example:
     from sim_action import Scenario
     from sim_action.parts import Travel, Upright
 
-    Scenario(..., expect=[Travel(at_least=1.5), Upright(max_tilt="5 deg")])
+    Scenario(..., expect=[Travel(at_least=1.5), Upright(max_tilt=0.1)])
 """
 
 from __future__ import annotations

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import os
 import sys
-import tempfile
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Final, Literal
 
-from sim_action.app.library_results import Results
+from sim_action.app.library_results import Results, RunFolder
 from sim_action.app.run import FinishedRun, RunRequest, refuse_invalid, run_scenarios
-from sim_action.core.errors import UsageError
+from sim_action.core.errors import Location, UsageError
 from sim_action.core.permissions import AllowScripts, Permissions, checked_names, package_folders, scripts_refused
 from sim_action.core.process import Interruption, usable_cores
 from sim_action.core.records import replace
@@ -35,6 +34,9 @@ Scenarios = OneScenario | Iterable[OneScenario]
 """Paths as on the command line (files, also as "push.sim.yml::1-15", folders, globs), scenarios, or several of both."""
 
 Backend = Literal["pybullet", "mujoco", "all"]
+
+_CALL: Final = Location("sim_action")
+"""The place of a problem with a path: that of a file which does not exist is the call."""
 
 _SILENCED: Final = frozenset({"terminal", "annotations", "summary", "outputs"})
 """Reports that are for the command line only."""
@@ -150,14 +152,13 @@ def run(
         raise UsageError(f"repeat: a scenario runs 1 to {_MAX_REPEATS} times, found {repeat}")
     selection = _selection(only, exclude, tags, exclude_tags)
     suite = _suite(scenarios, selection, outside=allow_outside)
-    temporary = tempfile.TemporaryDirectory(prefix="sim-action-") if output_dir is None else None
-    folder = Path(temporary.name if temporary is not None else os.fspath(output_dir or ""))
     names = checked_names(_texts(pass_env))
     folders = (Path.cwd(), *{path.parent: None for path in suite.files})
     refused = scripts_refused(allow_scripts, os.environ, folders)
     permissions = Permissions(allow_outside, refused, pass_env=names, packages=package_folders(packages or {}))
+    folder = RunFolder(output_dir)
     reports = ReportRequest(
-        folder=folder,
+        folder=folder.path,
         junit=None,
         junit_strict=False,
         verbosity="quiet",
@@ -173,7 +174,7 @@ def run(
         valid_only=True,
     )
     finished = _finished(request, on_event or _ignore)
-    return Results(finished.results, finished.exit_code, folder.absolute(), temporary)
+    return Results(finished.results, finished.exit_code, folder)
 
 
 _MAX_REPEATS: Final = 1000
@@ -201,7 +202,7 @@ def _suite(scenarios: Scenarios, selection: Selection | None = None, *, outside:
     """Return the scenarios of a call. Raise UsageError for a path without any."""
     several = [scenarios] if isinstance(scenarios, str | os.PathLike | Scenario) else list(scenarios)
     paths = [os.fspath(each) for each in several if not isinstance(each, Scenario)]
-    suite = find_suite(paths, selection or Selection(), outside=outside)
+    suite = find_suite(paths, selection or Selection(), outside=outside, named_at=_CALL)
     written = [each for each in several if isinstance(each, Scenario)]
     if suite.empty or not several:
         lines = [f"no scenario found at '{pattern}'" for pattern in suite.empty]

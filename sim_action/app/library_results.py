@@ -6,8 +6,9 @@ import io
 import os
 import shutil
 import tempfile
+import weakref
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -29,6 +30,33 @@ _MAX_EMBEDDED_BYTES: Final = 8_000_000
 _FRAME_HEIGHT_PX: Final = 720
 
 
+class RunFolder:
+    """The folder of a run.
+
+    Attributes:
+        path: of the folder, absolute.
+    """
+
+    def __init__(self, path: str | os.PathLike[str] | None) -> None:
+        """Take a folder; None: make a temporary one, which is removed with this object."""
+        self.path = Path(tempfile.mkdtemp(prefix="sim-action-") if path is None else path).absolute()
+        if path is None:
+            weakref.finalize(self, shutil.rmtree, self.path, ignore_errors=True)
+
+    def text_of(self, outcomes: Iterable[RecordedOutcome]) -> str:
+        """Return the terminal report about some outcomes."""
+        stream = io.StringIO()
+        options = ReportOptions(
+            folder=self.path,
+            junit=self.path / JUNIT_FILE,
+            junit_strict=False,
+            environment={},
+            workspace=Path(),
+        )
+        print_outcomes(outcomes, options, stream)
+        return stream.getvalue()
+
+
 class Outcome:
     """The outcome of one scenario.
 
@@ -36,10 +64,9 @@ class Outcome:
         record: everything that `results.json` has about it.
     """
 
-    def __init__(self, record: RecordedOutcome, results: Results) -> None:
+    def __init__(self, record: RecordedOutcome, folder: RunFolder) -> None:
         self.record = record
-        # Its files exist as long as the results.
-        self._results = results
+        self._folder = folder
 
     @property
     def name(self) -> str:
@@ -98,12 +125,12 @@ class Outcome:
 
         if self.record.trace is None:
             raise UsageError(f"'{self.name}' has no trace: it {self.record.ending}")
-        return load_trace(self._results.folder / self.record.trace)
+        return load_trace(self._folder.path / self.record.trace)
 
     @property
     def text(self) -> str:
         """The part of the terminal report about this scenario."""
-        return self._results.text_of(self.record)
+        return self._folder.text_of([self.record])
 
     def __repr__(self) -> str:
         return f"Outcome(name={self.name!r}, status={self.status!r})"
@@ -118,23 +145,19 @@ class Results:
     Attributes:
         record: everything that `results.json` has.
         exit_code: the exit code that `sim-action run` would have.
-        folder: the folder with `results.json`, traces and reports. If it is a temporary one, it exists as long as this
-            object or one of its outcomes.
         outcomes: an outcome for each scenario.
     """
 
-    def __init__(
-        self,
-        record: results_json.Results,
-        exit_code: ExitCode,
-        folder: Path,
-        temporary: tempfile.TemporaryDirectory[str] | None = None,
-    ) -> None:
+    def __init__(self, record: results_json.Results, exit_code: ExitCode, folder: RunFolder) -> None:
         self.record = record
         self.exit_code = exit_code
-        self.folder = folder
-        self.outcomes = tuple(Outcome(each, self) for each in record.outcomes)
-        self._temporary = temporary
+        self.outcomes = tuple(Outcome(each, folder) for each in record.outcomes)
+        self._folder = folder
+
+    @property
+    def folder(self) -> Path:
+        """The folder with `results.json`, traces and reports; a temporary one is removed with the last outcome."""
+        return self._folder.path
 
     @property
     def passed(self) -> bool:
@@ -173,20 +196,7 @@ class Results:
     @property
     def text(self) -> str:
         """The report as on the terminal, without counts and files."""
-        return self.text_of(*self.record.outcomes)
-
-    def text_of(self, *outcomes: RecordedOutcome) -> str:
-        """Return the terminal report about some outcomes."""
-        stream = io.StringIO()
-        options = ReportOptions(
-            folder=self.folder,
-            junit=self.folder / JUNIT_FILE,
-            junit_strict=False,
-            environment={},
-            workspace=Path(),
-        )
-        print_outcomes(outcomes, options, stream)
-        return stream.getvalue()
+        return self._folder.text_of(self.record.outcomes)
 
     def __repr__(self) -> str:
         counts = Counter(each.status for each in self.outcomes)

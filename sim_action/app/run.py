@@ -82,6 +82,8 @@ def refuse_invalid(refused: Sequence[Refused]) -> None:
     for error in errors:
         if not isinstance(error, InvalidScenario):
             raise error
+    if len(errors) == 1:
+        raise errors[0]
     if errors:
         problems = dict.fromkeys(problem for each in refused for problem in each.problems)
         raise InvalidScenario(problems)

@@ -27,7 +27,7 @@ from __future__ import annotations
 
 import errno
 from enum import IntEnum
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from sim_action.core.records import dataclass
 
@@ -77,7 +77,7 @@ class SimActionError(Exception):
     """
 
     exit_code = ExitCode.INTERNAL
-    problems: tuple[Any, ...] = ()
+    problems: tuple[Problem, ...] = ()
 
     def __reduce__(self) -> tuple[Callable[..., SimActionError], tuple[object, ...]]:
         """Pickle the error as it is: subclasses take other arguments than its message."""
@@ -221,6 +221,7 @@ class BadStart(RunError):
     """The scenario cannot start; each problem comes with the keys that lead to its cause.
 
     Attributes:
+        by_keys: the keys of each cause in the scenario, and its message.
         elsewhere: problems in other files.
     """
 
@@ -229,9 +230,9 @@ class BadStart(RunError):
     def __init__(
         self, problems: Iterable[tuple[tuple[str | int, ...], str]], elsewhere: Iterable[Problem] = ()
     ) -> None:
-        self.problems = tuple(problems)
+        self.by_keys = tuple(problems)
         self.elsewhere = tuple(elsewhere)
-        messages = [*(message for _, message in self.problems), *(each.message for each in self.elsewhere)]
+        messages = [*(message for _, message in self.by_keys), *(each.message for each in self.elsewhere)]
         super().__init__("\n".join(messages))
 
 

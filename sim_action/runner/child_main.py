@@ -266,7 +266,7 @@ def _simulated(loaded: LoadedScenario, scene: Scene, footage: RunRecorder, progr
         with guard:
             run = simulate(loaded.scenario, scene, progress, footage)
     except BadStart as error:
-        problems = [loaded.document.problem(*problem) for problem in error.problems]
+        problems = [loaded.document.problem(*problem) for problem in error.by_keys]
         raise InvalidScenario([*problems, *error.elsewhere]) from None
     except BadSource as error:
         raise InvalidScenario([_of_source(loaded.document, error)]) from None

@@ -159,14 +159,21 @@ class _Pool:
         with self._lock:
             process = next((each for each in self._popped() if each.is_open), None)
         process = process or WarmProcess()
-        yield process
-        if process.is_open:
-            with self._lock:
-                self._waiting.append(process)
+        try:
+            yield process
+        finally:
+            if process.is_open:
+                with self._lock:
+                    self._waiting.append(process)
 
     def _popped(self) -> Iterator[WarmProcess]:
+        """Yield the processes, and remove them from the list; close those that have ended."""
         while self._waiting:
-            yield self._waiting.pop()
+            process = self._waiting.pop()
+            if process.is_open:
+                yield process
+            else:
+                process.close()
 
     def close(self) -> None:
         """End all that wait."""
@@ -177,8 +184,9 @@ class _Pool:
     def forget(self) -> None:
         """Leave all of them to the process that this one is a fork of."""
         self._lock = threading.Lock()
-        for process in self._popped():
+        for process in self._waiting:
             process.forget()
+        self._waiting = []
 
 
 _POOL: Final = _Pool()

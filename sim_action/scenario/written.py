@@ -14,6 +14,7 @@ from typing import Any, Final
 import yaml
 
 from sim_action.assertions import Assertion
+from sim_action.assertions.combined import Combined
 from sim_action.core.errors import InvalidScenario, Location, Problem
 from sim_action.core.field_types import FrozenModel, is_title
 from sim_action.core.permissions import Permissions
@@ -160,17 +161,32 @@ def _yaml(data: object) -> str:
 def _plain(value: object, label: str, path: KeyPath) -> object:
     """Return a value as plain YAML data. Raise InvalidScenario for one that YAML does not have."""
     if isinstance(value, FrozenModel):
-        own = {
-            field.alias or name: _plain(getattr(value, name), label, (*path, name))
-            for name, field in type(value).model_fields.items()
-            if name in value.model_fields_set
-        }
+        own = _keys_of(value, label, path)
         return {value.key: own} if isinstance(value, Assertion | Drive | Sensor) else own
     if isinstance(value, Mapping):
-        return {_key(key, label, path): _plain(each, label, (*path, str(key))) for key, each in value.items()}
+        return {_key(key, label, path): _below(key, each, label, (*path, str(key))) for key, each in value.items()}
     if isinstance(value, Sequence) and not isinstance(value, str | bytes):
         return [_plain(each, label, (*path, index)) for index, each in enumerate(value)]
     return value.as_posix() if isinstance(value, PurePath) else _scalar(value, label, path)
+
+
+def _below(key: object, value: object, label: str, path: KeyPath) -> object:
+    """Return the value of a key; a part may stand below its own key, such as `{"lidar": Lidar(), "name": "front"}`."""
+    if isinstance(value, Assertion | Drive | Sensor) and value.key == key:
+        return _keys_of(value, label, path)
+    return _plain(value, label, path)
+
+
+def _keys_of(part: FrozenModel, label: str, path: KeyPath) -> object:
+    """Return what stands below the key of a part: the fields that were given."""
+    if isinstance(part, Combined):
+        parts = [_plain(each, label, (*path, *place)) for place, each in part.placed_parts]
+        return parts if part.placed_parts[0][0] else parts[0]
+    return {
+        field.alias or name: _plain(getattr(part, name), label, (*path, name))
+        for name, field in type(part).model_fields.items()
+        if name in part.model_fields_set
+    }
 
 
 def _scalar(value: object, label: str, path: KeyPath) -> object:

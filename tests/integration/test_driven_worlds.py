@@ -97,7 +97,7 @@ def test_a_body_that_begins_in_another_is_told_with_its_line(engine: str, tmp_pa
     world = f"{{objects: [{wall}, {{name: ball, sphere: {{radius: 0.1}}, mass: 1, pose: {{x: 3.3, z: 0.5}}}}]}}"
     with pytest.raises(BadStart, match=r"'ball' begins .* deep in 'wall'") as caught:
         run(engine, tmp_path, world=world)
-    assert caught.value.problems[0][0] == ("world", "objects", 1, "pose")
+    assert caught.value.by_keys[0][0] == ("world", "objects", 1, "pose")
     lies = world.replace("z: 0.5", "z: 1.1")
     assert run(engine, tmp_path, world=lies, seconds=1).sim_time == 1
 
@@ -107,7 +107,7 @@ def test_two_bodies_in_each_other_are_told_once(engine: str, tmp_path: Path) -> 
     can = "cylinder: {radius: 0.1, height: 0.1}, mass: 1, pose: {z: 1, x: "
     with pytest.raises(BadStart) as caught:
         run(engine, tmp_path, world=f"{{objects: [{{name: a, {can}3}}}}, {{name: b, {can}3.16}}}}]}}")
-    assert len(caught.value.problems) == 1
+    assert len(caught.value.by_keys) == 1
 
 
 def test_a_robot_below_a_heightfield_is_told(engine: str, tmp_path: Path) -> None:

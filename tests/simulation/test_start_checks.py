@@ -94,7 +94,7 @@ def told(*overlaps: Overlap, base: str = "free", z: float | None = 0.1, clashes:
     try:
         refuse_bad_start(Scene(robot, ARM, World(objects=(CRATE, WALL)), Physics(), HERE), Pose(), overlaps, clashes)
     except BadStart as error:
-        return [".".join(map(str, path)) + f": {message}" for path, message in error.problems]
+        return [".".join(map(str, path)) + f": {message}" for path, message in error.by_keys]
     return []
 
 
@@ -250,7 +250,7 @@ def of_file(overlaps: Sequence[Overlap] = (), clashes: Sequence[Clash] = (), **p
     scene = Scene(robot, ARM, World(objects=(CRATE, WALL)), Physics(), HERE, places=at)
     with pytest.raises(BadStart) as told:
         refuse_bad_start(scene, Pose(), overlaps, clashes)
-    own = [".".join(map(str, path)) + f": {message}" for path, message in told.value.problems]
+    own = [".".join(map(str, path)) + f": {message}" for path, message in told.value.by_keys]
     return [*own, *map(str, told.value.elsewhere)]
 
 

@@ -1,0 +1,214 @@
+"""`sim_action.run`, `load` and `validate` as programs call them."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import threading
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import sim_action
+from sim_action import Results, Scenario, load, run, validate
+from sim_action.errors import InvalidScenario, MissingScenario, SimActionError, UsageError
+from sim_action.parts import Travel, Upright
+from sim_action.results.events import Finished, Started
+from tests.integration.conftest import sim_action as command_line
+
+FILE = """\
+name: {name}
+tags: [{tag}]
+robot: {{model: turtlebot3_burger}}
+commands: {{rate: 10 Hz, twist: [{{linear: {speed}}}]}}
+expect: [{{travel: {{at_least: 5 cm}}}}, upright]
+time_limit: 0.5 s
+"""
+
+
+def burger(**keys: Any) -> Scenario:
+    return Scenario(
+        **{
+            "name": "burger drives",
+            "robot": {"model": "turtlebot3_burger"},
+            "commands": {"rate": 10, "twist": [{"linear": 1.0}]},
+            "expect": [Travel(at_least=0.05), Upright()],
+            "time_limit": 0.5,
+            **keys,
+        }
+    )
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "a.sim.yml").write_text(FILE.format(name="a", tag="fast", speed=1))
+    (tmp_path / "b.sim.yml").write_text(FILE.format(name="b", tag="slow", speed=0))
+    return tmp_path
+
+
+def test_results_are_those_of_the_command_line(folder: Path) -> None:
+    results = run(folder)
+    assert command_line(folder, "run", "--quiet").returncode == results.exit_code == 1
+    theirs = json.loads((folder / "sim-results/results.json").read_text())["outcomes"]
+    assert [(each.name, each.status, each.digest) for each in results] == [
+        (each["name"], each["status"], each["digest"]) for each in theirs
+    ]
+    assert [each.status for each in results] == ["passed", "failed"]
+    assert (results.passed, len(results), results["b"].passed, repr(results)) == (
+        False,
+        2,
+        False,
+        "Results(1 passed, 1 failed)",
+    )
+
+
+def test_a_scenario_of_a_program_runs_like_its_text(tmp_path: Path) -> None:
+    scenario = burger()
+    (tmp_path / "same.sim.yml").write_text(scenario.to_yaml())
+    mine, same = run([scenario, tmp_path / "same.sim.yml"], output_dir=tmp_path / "out")
+    assert mine.passed
+    assert mine.digest == same.digest
+    assert mine.trace.time[-1] == mine.sim_time
+    assert mine.trace.base_position_xyz[-1, 0] > 0.05
+    assert (tmp_path / "out/junit.xml").exists()
+
+
+def test_a_temporary_folder_lasts_as_long_as_an_outcome(tmp_path: Path) -> None:
+    results: Results | None = run(burger())
+    assert results is not None
+    place, outcome = results.folder, results[0]
+    assert results.to_junit(tmp_path / "j.xml").read_bytes().startswith(b"<?xml")
+    assert b"<html" in results.to_html(tmp_path / "r.html").read_bytes()
+    del results
+    assert len(outcome.trace.time) > 1
+    del outcome
+    assert not place.exists()
+
+
+def test_notebooks_show_verdicts_and_the_report(tmp_path: Path) -> None:
+    results = run(burger(name="<b>"), output_dir=tmp_path)
+    page = results._repr_html_()
+    assert "&lt;b&gt;" in page
+    assert "<iframe" in page
+    assert "srcdoc=" in page
+    assert "travelled" in results[0]._repr_html_()
+    (tmp_path / "report.html").unlink()
+    assert "<iframe" not in results._repr_html_()
+
+
+def test_without_a_report_there_is_none(tmp_path: Path) -> None:
+    results = run(burger(), report=False, output_dir=tmp_path)
+    assert not (tmp_path / "report.html").exists()
+    with pytest.raises(UsageError, match="report=False"):
+        results.to_html(tmp_path / "r.html")
+
+
+def test_a_run_that_is_invalid_says_why_and_nothing_runs(folder: Path) -> None:
+    events: list[object] = []
+    bad = burger(robott=1).changed({"time_limit": "3 m"})
+    with pytest.raises(InvalidScenario) as error:
+        run([folder, bad], on_event=events.append, output_dir=folder / "out")
+    assert len(error.value.problems) == 2
+    assert "burger drives (Python):1" in str(error.value)
+    assert events == []
+    assert not (folder / "out").exists()
+    with pytest.raises(InvalidScenario, match="did you mean 'robot'"):
+        validate(bad)
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "message"),
+    [
+        (lambda: run("nowhere.sim.yml"), MissingScenario, "there is no file or folder 'nowhere.sim.yml'"),
+        (lambda: run("nowhere/*.yml"), UsageError, r"no scenario found at 'nowhere/\*\.yml'"),
+        (lambda: run([]), UsageError, "there is no scenario"),
+        (lambda: run(burger(), only="other"), UsageError, "no scenario is named 'other'"),
+        (lambda: run(burger(), jobs=0), UsageError, "jobs: "),
+        (lambda: run(burger(), repeat=0), UsageError, "repeat: "),
+        (lambda: run(burger(), record="avi"), UsageError, "unknown format 'avi'"),
+        (lambda: run(burger(), packages={"arm": "nowhere"}), UsageError, "there is no such folder"),
+        (lambda: load("nowhere.sim.yml"), MissingScenario, "there is no file"),
+        (lambda: validate("nowhere.sim.yml"), InvalidScenario, "there is no file"),
+    ],
+)
+def test_errors_have_the_messages_of_the_command_line(
+    call: Any, error: type[SimActionError], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(error, match=message):
+        call()
+
+
+def test_scenarios_are_selected_changed_and_run(folder: Path) -> None:
+    assert [each.name for each in load(folder)] == ["a", "b"]
+    (slow,) = load(folder, tags="slow")
+    assert (slow.tags, slow.line, slow.path) == (("slow",), None, folder / "b.sim.yml")
+    results = run(slow.changed({"commands.twist.0.linear": "1 m/s", "name": "faster"}))
+    assert results.passed
+    assert (results[0].name, str(results[0].location)) == ("faster", str(folder / "b.sim.yml"))
+
+
+def test_variations_run_and_say_their_values() -> None:
+    results = run(burger(variations={"commands.twist.0.linear": [0.0, 1.0]}))
+    assert [(each.variation, each.passed) for each in results] == [
+        ({"commands.twist.0.linear": 0.0}, False),
+        ({"commands.twist.0.linear": 1.0}, True),
+    ]
+
+
+def test_events_come_in_order() -> None:
+    events: list[object] = []
+    run([burger(), burger(name="second")], jobs=1, on_event=events.append)
+    told = [each for each in events if isinstance(each, Started | Finished)]
+    assert [(type(each), each.place) for each in told] == [(Started, 0), (Finished, 0), (Started, 1), (Finished, 1)]
+
+
+def test_an_exception_of_the_listener_ends_the_run(tmp_path: Path) -> None:
+    def stop(event: object) -> None:
+        raise RuntimeError("enough")
+
+    with pytest.raises(RuntimeError, match="enough"):
+        run(burger(), on_event=stop)
+
+
+def test_threads_run_scenarios_at_the_same_time() -> None:
+    found: list[Results] = []
+    threads = [threading.Thread(target=lambda: found.append(run(burger(), report=False))) for _ in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len({each[0].digest for each in found}) == 1
+    assert [each.passed for each in found] == [True] * 3
+
+
+def test_code_of_the_repository_is_refused_on_demand(tmp_path: Path) -> None:
+    (tmp_path / "c.py").write_text("def control(observation):\n    print('hello')\n")
+    scenario = burger(commands={"script": "c.py"}, expect=[Upright()], folder=tmp_path)
+    with pytest.raises(InvalidScenario, match="allow-scripts is false"):
+        run(scenario, allow_scripts="false")
+    assert "hello" in run(scenario, allow_scripts="true")[0].output
+
+
+def test_the_package_lists_its_names_and_imports_none_of_them() -> None:
+    assert {"run", "load", "validate", "Results", "Outcome", "Scenario", "errors", "parts"} <= set(dir(sim_action))
+    for name in sim_action.__all__:
+        assert getattr(sim_action, name)
+    code = "import sys, sim_action; print(sorted(name for name in sys.modules if name.startswith('sim_action')))"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout.strip() == "['sim_action']"
+
+
+def test_prints_nothing(folder: Path) -> None:
+    code = "import sim_action; sim_action.run('.')"
+    found = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, check=True)
+    assert (found.stdout, found.stderr) == ("", "")
+
+
+def test_a_program_without_a_guard_runs_scenarios(folder: Path) -> None:
+    # Other libraries start a process that runs the program again.
+    (folder / "program.py").write_text("import sim_action\nprint(sim_action.run('a.sim.yml').passed)\n")
+    found = subprocess.run([sys.executable, "program.py"], cwd=folder, capture_output=True, text=True, check=True)
+    assert found.stdout == "True\n"
