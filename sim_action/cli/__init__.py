@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from sim_action.cli.compare import compare
+from sim_action.cli.explain import explain
 from sim_action.cli.init import init
 from sim_action.cli.inspect import inspect
 from sim_action.cli.listings import assertions, commands, models, schema, sensors
@@ -35,6 +36,7 @@ SUBCOMMANDS: Final[tuple[click.Command, ...]] = (
     roslaunch,
     init,
     inspect,
+    explain,
     models,
     assertions,
     commands,

@@ -1,0 +1,123 @@
+"""Explain a name that a scenario can use: the text and the keys of its reference page, for a terminal."""
+
+from __future__ import annotations
+
+import inspect
+import textwrap
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
+from typing import Any, Final
+
+import click
+from pydantic import BaseModel
+
+from sim_action.app.catalogue import FieldEntry, fields
+from sim_action.assertions import ASSERTIONS
+from sim_action.commands import COMMANDS
+from sim_action.core.errors import UsageError
+from sim_action.core.records import dataclass
+from sim_action.core.registry import Table
+from sim_action.core.wording import did_you_mean
+from sim_action.drives import DRIVES
+from sim_action.scenario.model import ExpectationOptions, Scenario
+from sim_action.sensors import SENSORS, Mounting
+from sim_action.world import World
+
+_TABLES: Final[tuple[Table[Any], ...]] = (ASSERTIONS, COMMANDS, DRIVES, SENSORS)
+
+
+@dataclass(frozen=True, slots=True)
+class _Kind:
+    """Where the names of a table stand in a file.
+
+    Attributes:
+        place: the key above them.
+        beside: the model of the keys that may stand next to such a name; None: there are none.
+    """
+
+    place: str
+    beside: type[BaseModel] | None = None
+
+
+_KINDS: Final = MappingProxyType(
+    {
+        "assertion": _Kind("expect", ExpectationOptions),
+        "command": _Kind("commands"),
+        "drive": _Kind("robot.drive"),
+        "sensor": _Kind("sensors", Mounting),
+    }
+)
+
+_KEYS: Final[Mapping[str, type[BaseModel]]] = MappingProxyType({"scenario": Scenario, "world": World})
+"""Other names -> the model whose keys are explained."""
+
+_INDENT: Final = "  "
+
+
+def names() -> list[str]:
+    """Return all names that can be explained."""
+    return [*(name for table in _TABLES for name in table), *_KEYS]
+
+
+def explanation(name: str, width: int) -> str:
+    """Return the explanation of a name in lines of at most `width` columns. Raise UsageError for an unknown name."""
+    found = [table for table in _TABLES if name in table]
+    if not found and name not in _KEYS:
+        hint = did_you_mean(name, names())
+        raise UsageError(f"no part of a scenario is called '{name}'{hint}; 'sim-action explain' lists all names")
+    texts = ["\n".join(_of_table(table, name, width)) for table in found]
+    texts += ["\n".join(_of_model(name, _KEYS[name], width))] if name in _KEYS else []
+    return "\n\n".join(texts)
+
+
+def overview() -> str:
+    """Return all names, by their kind."""
+    lines = [f"{table.kind}s: {', '.join(table)}" for table in _TABLES]
+    return "\n".join([*lines, f"keys: {', '.join(_KEYS)}"])
+
+
+def _of_table(table: Table[Any], name: str, width: int) -> Iterator[str]:
+    kind, model = _KINDS[table.kind], table.load(name)
+    yield f"{click.style(name, bold=True)}: {table.kind}, below {kind.place}"
+    yield from _text(model, width)
+    yield from _keys("keys", fields(model), width)
+    if kind.beside is not None:
+        yield from _keys(f"keys beside '{name}'", fields(kind.beside), width)
+
+
+def _of_model(name: str, model: type[BaseModel], width: int) -> Iterator[str]:
+    yield f"{click.style(name, bold=True)}: keys"
+    yield from _text(model, width)
+    yield from _keys("keys", fields(model), width)
+
+
+def _text(model: type[BaseModel], width: int) -> Iterator[str]:
+    """Yield the docstring as paragraphs; examples keep their lines."""
+    for paragraph in (inspect.getdoc(model) or "").split("\n\n"):
+        yield ""
+        if paragraph.startswith((" ", "- ")):
+            yield from textwrap.indent(paragraph, _INDENT).splitlines()
+        else:
+            yield from _wrapped(" ".join(paragraph.split()), width, _INDENT)
+
+
+def _keys(title: str, entries: tuple[FieldEntry, ...], width: int) -> Iterator[str]:
+    if not entries:
+        return
+    yield f"\n{_INDENT}{click.style(title, bold=True)}"
+    for entry in entries:
+        default = f" [{entry.default}]" if entry.default else ""
+        yield from _wrapped(f"{entry.name}: {entry.takes}{default}", width, _INDENT * 2, _INDENT * 4)
+        if entry.description:
+            yield from _wrapped(entry.description, width, _INDENT * 4)
+
+
+def _wrapped(text: str, width: int, indent: str, later: str | None = None) -> list[str]:
+    return textwrap.wrap(
+        text,
+        max(width, 2 * len(indent)),
+        initial_indent=indent,
+        subsequent_indent=indent if later is None else later,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
