@@ -1,7 +1,7 @@
 """The parts of a scenario that a program builds: assertions, command sources, drives and sensors.
 
-Each part has the keys that it has in a scenario file. Numbers are in SI units. A quantity with another unit is text in a
-map instead: `{"upright": {"max_tilt": "5 deg"}}`.
+Each part has the keys that it has in a scenario file. Numbers are in SI units. A quantity with another unit is text in
+a map instead: `{"upright": {"max_tilt": "5 deg"}}`.
 
 Example:
     from sim_action import Scenario

@@ -28,7 +28,7 @@ _TABLES: Final[tuple[Table[Any], ...]] = (ASSERTIONS, COMMANDS, DRIVES, SENSORS)
 
 @dataclass(frozen=True, slots=True)
 class _Kind:
-    """Where the names of a table stand in a file.
+    """The place of the names of a table in a file.
 
     Attributes:
         place: the key above them.

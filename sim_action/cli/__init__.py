@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from sim_action.cli.compare import compare
+from sim_action.cli.doctor import doctor
 from sim_action.cli.explain import explain
 from sim_action.cli.init import init
 from sim_action.cli.inspect import inspect
@@ -37,6 +38,7 @@ SUBCOMMANDS: Final[tuple[click.Command, ...]] = (
     init,
     inspect,
     explain,
+    doctor,
     models,
     assertions,
     commands,

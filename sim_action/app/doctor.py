@@ -1,0 +1,137 @@
+"""Look at an installation: what is there, what is missing, and how to get it."""
+
+from __future__ import annotations
+
+import os
+import platform
+import shutil
+import sys
+import tempfile
+from collections.abc import Iterator
+from importlib.util import find_spec
+from pathlib import Path
+from types import MappingProxyType
+from typing import Final, Literal
+
+import sim_action
+from sim_action.app.library import run
+from sim_action.assertions.distance import Travel
+from sim_action.core.content_cache import cache_folder
+from sim_action.core.errors import SimActionError
+from sim_action.core.process import usable_cores
+from sim_action.core.provenance import platform_name
+from sim_action.core.records import dataclass
+from sim_action.core.wording import counted, system_reason
+from sim_action.engines import ENGINES, INSTALL_HINTS, installed, named_version
+from sim_action.runner.isolation import child_type_here
+from sim_action.runner.isolation.capacity import most_children
+from sim_action.scenario.model import MEMORY
+from sim_action.scenario.written import Scenario
+
+State = Literal["good", "missing", "bad"]
+"""good: it works; missing: it is not there, and only what needs it does not work; bad: scenarios cannot run."""
+
+_EXTRAS: Final = MappingProxyType(
+    {
+        "mcap": ("mcap", "recordings for Foxglove (--record mcap)"),
+        "video": ("av", "recordings as GIF and MP4 (--record gif, mp4)"),
+        "rosbags": ("rosbags", "replays of ROS bags"),
+        "policy": ("onnxruntime", "learned policies"),
+    }
+)
+"""Extra -> a package that it installs, and what it is for."""
+
+_PROBE_BYTES: Final = 4096
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing that was looked at; `text` has the remedy if there is one."""
+
+    state: State
+    name: str
+    text: str
+
+
+def findings() -> Iterator[Finding]:
+    """Yield what was found, one thing after the other."""
+    here = f"{sim_action.__version__} in {Path(sim_action.__file__).parent}"
+    yield Finding("good", "sim-action", f"{here}, Python {platform.python_version()}, {platform_name()}")
+    found = installed()
+    for engine in ENGINES:
+        yield (
+            _engine(engine)
+            if engine in found
+            else Finding("missing", engine, f"not installed; {INSTALL_HINTS[engine]}")
+        )
+    if not found:
+        yield Finding("bad", "engines", "no physics engine is installed: no scenario can run")
+    for extra, (package, purpose) in _EXTRAS.items():
+        is_there = find_spec(package) is not None
+        how = purpose if is_there else f"not installed; pip install 'sim-action[{extra}]' adds {purpose}"
+        yield Finding("good" if is_there else "missing", extra, how)
+    yield from _limits()
+    yield from _folders()
+
+
+def _engine(engine: str) -> Finding:
+    """Run the built-in robot for a moment, in a process of its own, as every scenario runs."""
+    scenario = Scenario(
+        name="doctor",
+        robot={"model": "turtlebot3_burger"},
+        commands={"twist": [{"linear": 1.0}]},
+        expect=[Travel(at_least=0.001)],
+        time_limit=1,
+        backend=engine,
+    )
+    try:
+        outcome = run(scenario, report=False)[0]
+    except (SimActionError, OSError) as error:
+        return Finding("bad", engine, f"cannot run: {error}")
+    if outcome.passed:
+        return Finding("good", engine, f"{named_version(engine)}: a robot drove")
+    return Finding("bad", engine, f"{named_version(engine)}: a robot should have driven; {outcome.record.ending}")
+
+
+def _limits() -> Iterator[Finding]:
+    cores = usable_cores()
+    children = most_children(child_type_here(), cores)
+    text = f"{counted(cores, 'core')}; {counted(children, 'scenario')} at the same time"
+    if children < cores:
+        yield Finding(
+            "bad", "parallel runs", f'{text}: raise the limits of open files and processes ("ulimit -n", "-u")'
+        )
+    else:
+        yield Finding("good", "parallel runs", text)
+    if sys.platform == "win32":
+        return
+    import resource
+
+    _, most = resource.getrlimit(resource.RLIMIT_AS)
+    if most not in (resource.RLIM_INFINITY, -1) and most < MEMORY:
+        allowed = f"{most / 2**30:.3g} GiB of address space, and a scenario may use {MEMORY >> 30}"
+        yield Finding("bad", "memory", f'{allowed}: raise the limit ("ulimit -v"), or set memory_limit in scenarios')
+
+
+def _folders() -> Iterator[Finding]:
+    yield _folder("temporary files", Path(tempfile.gettempdir()), "set TMPDIR to another folder")
+    if (cache := cache_folder("meshes")) is None:
+        yield Finding("missing", "cache", "there is no home folder; hulls of meshes are made in each run")
+        return
+    size = sum(path.stat().st_size for path in cache.parent.rglob("*") if path.is_file())
+    used = f"{size / 1e6:.3g} MB of hulls of meshes in {cache.parent}"
+    there = next(folder for folder in (cache, *cache.parents) if folder.exists())
+    writable = os.access(there, os.W_OK)
+    remedy = "" if writable else "; it cannot be written, and hulls are made in each run: set XDG_CACHE_HOME"
+    yield Finding("good" if writable else "missing", "cache", used + remedy)
+
+
+def _folder(name: str, folder: Path, remedy: str) -> Finding:
+    """Write a file, as each scenario does."""
+    try:
+        with tempfile.TemporaryFile(dir=folder) as file:
+            file.write(bytes(_PROBE_BYTES))
+        free = shutil.disk_usage(folder).free
+    except OSError as error:
+        return Finding("bad", name, f"{folder} cannot be written: {system_reason(error)}; {remedy}")
+    return Finding("good", name, f"{folder}, {free / 1e9:.3g} GB free")

@@ -1,0 +1,42 @@
+"""Explanations of what a scenario can name."""
+
+from __future__ import annotations
+
+import pytest
+
+from sim_action.app.catalogue import fields
+from sim_action.app.explain import explanation, names, overview
+from sim_action.assertions import ASSERTIONS
+from sim_action.core.errors import UsageError
+
+
+@pytest.mark.parametrize("name", names())
+def test_every_name_has_an_explanation_that_fits(name: str) -> None:
+    for width in (40, 100):
+        text = explanation(name, width)
+        # A type or an example may be one long word.
+        assert all(len(line) <= width or " " not in line.strip() for line in text.splitlines()) or "    " in text
+        assert text.startswith(name)
+
+
+@pytest.mark.parametrize("name", list(ASSERTIONS))
+def test_an_assertion_is_explained_with_all_of_its_keys(name: str) -> None:
+    text = explanation(name, 80)
+    for entry in fields(ASSERTIONS.load(name)):
+        assert f"    {entry.name}: " in text
+    assert "severity: error or warning [error]" in text
+
+
+def test_a_name_of_several_kinds_is_explained_as_each() -> None:
+    text = explanation("contact", 80)
+    assert "contact: assertion, below expect" in text
+    assert "contact: sensor, below sensors" in text
+
+
+def test_an_unknown_name_is_told_with_the_nearest() -> None:
+    with pytest.raises(UsageError, match=r"no part of a scenario is called 'uprigt'; did you mean 'upright'\?"):
+        explanation("uprigt", 80)
+
+
+def test_the_overview_has_every_name() -> None:
+    assert all(name in overview() for name in names())
