@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 import textwrap
 from collections.abc import Iterator, Mapping
 from types import MappingProxyType
@@ -52,6 +53,7 @@ _KEYS: Final[Mapping[str, type[BaseModel]]] = MappingProxyType({"scenario": Scen
 """Other names -> the model whose keys are explained."""
 
 _INDENT: Final = "  "
+_LIST_ITEM: Final = re.compile(r"\n(?=- )")
 
 
 def names() -> list[str]:
@@ -92,13 +94,15 @@ def _of_model(name: str, model: type[BaseModel], width: int) -> Iterator[str]:
 
 
 def _text(model: type[BaseModel], width: int) -> Iterator[str]:
-    """Yield the docstring as paragraphs; examples keep their lines."""
+    """Yield the docstring, paragraph by paragraph; an example keeps its lines."""
     for paragraph in (inspect.getdoc(model) or "").split("\n\n"):
         yield ""
-        if paragraph.startswith((" ", "- ")):
+        if paragraph.startswith(" "):
             yield from textwrap.indent(paragraph, _INDENT).splitlines()
-        else:
-            yield from _wrapped(" ".join(paragraph.split()), width, _INDENT)
+            continue
+        for item in _LIST_ITEM.split(paragraph):
+            later = _INDENT * 2 if item.startswith("- ") else _INDENT
+            yield from _wrapped(" ".join(item.split()), width, _INDENT, later)
 
 
 def _keys(title: str, entries: tuple[FieldEntry, ...], width: int) -> Iterator[str]:

@@ -129,11 +129,12 @@ def test_the_first_run_of_a_process_reaches_its_memory_limit_where_a_run_alone_d
 
         mapped = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
         limits = resource.getrlimit(resource.RLIMIT_AS)
-        # Earlier tests may have left a free block in the heap: this one is larger.
-        size = free_heap() + (60 << 20)
-        resource.setrlimit(resource.RLIMIT_AS, (mapped + size + size // 2, limits[1]))
+        # Earlier tests may have left free blocks in the heap: both of these are larger.
+        free = free_heap()
+        size, other = free + (60 << 20), free + (1 << 20)
+        resource.setrlimit(resource.RLIMIT_AS, (mapped + size + other + size // 2, limits[1]))
         # A mapped block grows in place, which the heap cannot do below another block.
-        grows, _other = bytearray(size), bytearray(1 << 16)
+        grows, _other = bytearray(size), bytearray(other)
         grows.extend(bytes(1 << 20))
         del grows
         resource.setrlimit(resource.RLIMIT_AS, limits)
