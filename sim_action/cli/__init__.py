@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Final
 
 from sim_action.cli.compare import compare
 from sim_action.cli.doctor import doctor
-from sim_action.cli.explain import explain
 from sim_action.cli.init import init
 from sim_action.cli.inspect import inspect
-from sim_action.cli.listings import assertions, commands, models, schema, sensors
+from sim_action.cli.listings import assertions, commands, explain, models, schema, sensors
 from sim_action.cli.matrix import matrix
 from sim_action.cli.merge import merge
 from sim_action.cli.report import report

@@ -1,8 +1,12 @@
-"""Lists and schemas: `sim-action models`, `assertions`, `commands`, `sensors`, `schema`."""
+"""Lists, explanations and schemas: `sim-action models`, `assertions`, `commands`, `sensors`, `explain`, `schema`."""
 
 from __future__ import annotations
 
+import shutil
+
 import click
+
+_MAX_WIDTH = 100
 
 
 @click.command()
@@ -35,6 +39,21 @@ def sensors() -> None:
     from sim_action.app import catalogue
 
     click.echo(catalogue.listing(catalogue.sensors()))
+
+
+@click.command(short_help="Explain an assertion, command source, drive or sensor.")
+@click.argument("names", nargs=-1, metavar="[NAME]...")
+def explain(names: tuple[str, ...]) -> None:
+    """Explain what a scenario can name, with all of its keys: an assertion, a command source, a drive or a sensor.
+
+    Without a NAME, all names are listed.
+
+    Example: sim-action explain upright
+    """
+    from sim_action.app.explain import explanation, overview
+
+    width = min(_MAX_WIDTH, shutil.get_terminal_size().columns - 1)
+    click.echo("\n\n".join(explanation(name, width) for name in names) if names else overview())
 
 
 @click.command(short_help="Print a JSON Schema, for editors.")

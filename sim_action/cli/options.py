@@ -13,7 +13,6 @@ from click.core import ParameterSource
 
 from sim_action.cli.bounds import Bounded
 from sim_action.core.errors import ExitCode, UsageError
-from sim_action.core.permissions import package_folders
 from sim_action.core.wording import escaped_line, log_line, nearest, note, shown, warn
 
 if TYPE_CHECKING:
@@ -294,6 +293,8 @@ PACKAGES: Final = click.option(
 
 def named_packages(texts: Iterable[str]) -> tuple[tuple[str, str], ...]:
     """Return the packages that `--package` names, see `package_folders`."""
+    from sim_action.core.permissions import package_folders
+
     return package_folders(_pairs("--package", texts, "NAME=FOLDER"))
 
 

@@ -9,7 +9,7 @@ from collections.abc import Set as AbstractSet
 from fnmatch import fnmatchcase
 from itertools import groupby
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from sim_action.core.discovery import compared_name, discover, file_name, unique
 from sim_action.core.errors import Location, Problem, UsageError
@@ -19,7 +19,9 @@ from sim_action.core.wording import counted, did_you_mean, escaped_line
 from sim_action.engines import ENGINES
 from sim_action.scenario.files import read_file
 from sim_action.scenario.source import Refused, Source
-from sim_action.scenario.written import Scenario as Written
+
+if TYPE_CHECKING:
+    from sim_action.scenario.written import Scenario as Written
 
 _RANGE: Final = "[0-9]{1,5}(?:-[0-9]{1,5})?"
 _NUMBERED: Final = re.compile(rf"(.+)::({_RANGE}(?:,{_RANGE})*)", re.DOTALL)
