@@ -218,6 +218,7 @@ def _child_main(
         process_control.end_with_parent(parent, signal.SIGKILL)
         signal.set_wakeup_fd(-1)
         os.setsid()
+        memory_files.close_others(files)
         try:
             become_child(files, writer)
             process_control.impose_limits(job.loaded.scenario.memory_bytes)

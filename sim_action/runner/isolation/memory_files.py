@@ -57,6 +57,7 @@ class MemoryFiles:
             raise
         self._outcome, self.output, self._stack_dump = made
         self.inherited = ChildFiles(scratch, *made)
+        _OPEN.append(self)
 
     @property
     def printed(self) -> int:
@@ -79,7 +80,17 @@ class MemoryFiles:
 
     def close(self) -> None:
         """Free the memory; the child process must have ended."""
+        _OPEN.remove(self)
         _close(self.inherited.descriptors)
+
+
+_OPEN: Final[list[MemoryFiles]] = []
+
+
+def close_others(own: ChildFiles) -> None:
+    """Close the files of other child processes in a forked one, which would keep them in memory until its end."""
+    for files in [each for each in _OPEN if each.inherited is not own]:
+        files.close()
 
 
 @contextmanager

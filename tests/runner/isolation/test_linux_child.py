@@ -13,13 +13,15 @@ from typing import NoReturn
 
 import pytest
 
+from sim_action.runner.child_files import ChildFiles
 from sim_action.runner.job import Job
 from sim_action.scenario.loading import load_scenario
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="other systems use another class")
 
 if sys.platform == "linux":
-    from sim_action.runner.isolation.linux_child import LinuxChild
+    from sim_action.runner.isolation.linux_child import LinuxChild, fork
+    from sim_action.runner.isolation.memory_files import MemoryFiles
 
 SCENARIO = "name: n\nrobot: {model: turtlebot3_burger}\nexpect: [upright]\ntime_limit: 1 s\n"
 
@@ -77,3 +79,22 @@ def test_a_file_that_is_written_before_the_parent_goes_on_is_that_of_the_run(
     child = LinuxChild.start(ordered)
     child.close()
     assert child.wrote(tmp_path / "t.npz")
+
+
+@pytest.mark.process
+def test_a_fork_keeps_no_files_in_memory_of_its_siblings(tmp_path: Path) -> None:
+    ordered = job(tmp_path, None)
+
+    def count(_: ChildFiles, writer: int) -> None:
+        kept = [entry for entry in Path("/proc/self/fd").iterdir() if "memfd:" in str(entry.resolve())]
+        os.write(writer, b"%d" % len({entry.stat().st_ino for entry in kept}))
+
+    sibling, own, (reader, writer) = MemoryFiles(tmp_path), MemoryFiles(tmp_path), os.pipe()
+    try:
+        os.waitpid(fork(count, ordered, own, writer), 0)
+        assert os.read(reader, 9) == b"3"
+    finally:
+        for descriptor in (reader, writer):
+            os.close(descriptor)
+        for files in (sibling, own):
+            files.close()
