@@ -1,0 +1,162 @@
+"""A plugin of pytest: each scenario and variation in a `*.sim.yml` file is a test."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import pytest
+
+if TYPE_CHECKING:
+    import sim_action
+
+_SUFFIXES: Final = (".sim.yml", ".sim.yaml")
+_BACKENDS: Final = ("pybullet", "mujoco", "all")
+_SECTION: Final = "sim-action"
+
+SimRun = Callable[..., "sim_action.Results"]
+"""The type of the fixture `sim_run`."""
+
+
+class SimActionWarning(pytest.PytestWarning):
+    """A scenario checks less than it seems to check."""
+
+
+class ScenarioFailure(Exception):
+    """A scenario did not pass; the message is its part of the report of `sim-action run`."""
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the options of the plugin."""
+    group = parser.getgroup("sim-action", "simulation scenarios (*.sim.yml)")
+    group.addoption(
+        "--sim-backend",
+        choices=_BACKENDS,
+        help="physics engine for all scenarios; all: compare both; default: as each says",
+    )
+    group.addoption("--sim-seed", type=int, metavar="N", help="random seed for all scenarios; default: as each says")
+    group.addoption(
+        "--sim-output",
+        metavar="FOLDER",
+        help="folder for results, traces and reports, one folder for each test; default: they are not kept",
+    )
+
+
+def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
+    """Take the files of scenarios."""
+    return ScenarioFile.from_parent(parent, path=file_path) if file_path.name.endswith(_SUFFIXES) else None
+
+
+class ScenarioFile(pytest.File):
+    """A file of scenarios."""
+
+    def collect(self) -> Iterator[pytest.Item]:
+        """Yield a test for each scenario and each of its variations."""
+        import sim_action
+
+        scenarios = sim_action.load(_shown(self.path), seed=self.config.getoption("--sim-seed"))
+        sim_action.validate(scenarios)
+        for scenario in scenarios:
+            yield ScenarioItem.from_parent(self, name=scenario.name, scenario=scenario)
+
+    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
+        """Return the problems of the file without a traceback."""
+        return _told(excinfo) or super().repr_failure(excinfo)
+
+
+class ScenarioItem(pytest.Item):
+    """A scenario as a test."""
+
+    def __init__(self, *, scenario: sim_action.Scenario, **named: Any) -> None:
+        super().__init__(**named)
+        self._scenario = scenario
+        for tag in scenario.tags:
+            # With --strict-markers, a mark has to be known.
+            self.config.addinivalue_line("markers", f"{tag}: a tag of scenarios")
+            self.add_marker(tag)
+
+    def runtest(self) -> None:
+        """Run the scenario. Raise ScenarioFailure if it does not pass."""
+        results = _run(self, self._scenario)
+        for outcome in results:
+            self.user_properties.append((f"digest of {outcome.name}", outcome.digest))
+            for warning in outcome.record.warnings:
+                self.warn(SimActionWarning(f"{warning.location}: {warning}"))
+        if not results.passed:
+            raise ScenarioFailure(results.text)
+
+    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
+        """Return the report of a scenario that did not pass; that of another error as usual."""
+        return _told(excinfo) or super().repr_failure(excinfo, style)
+
+    def reportinfo(self) -> tuple[Path, int | None, str]:
+        """Return the file, the line from 0, and the name."""
+        return self.path, (self._scenario.line or 1) - 1, self.name
+
+
+@pytest.fixture
+def sim_run(request: pytest.FixtureRequest) -> SimRun:
+    """Run a scenario: `sim_run(path_or_scenario, **{"robot.pose.yaw": 0.5})` returns `sim_action.Results`.
+
+    A path starts in the folder of the test. Named arguments are keys of the scenario, or paths of keys as in
+    `variations`, with their new values. The report of scenarios that did not pass is shown if the test fails.
+    """
+    import sim_action
+
+    def run(scenario: str | os.PathLike[str] | sim_action.Scenario, **overrides: Any) -> sim_action.Results:
+        if isinstance(scenario, sim_action.Scenario):
+            several: tuple[sim_action.Scenario, ...] = (scenario,)
+        else:
+            path = _shown(request.path.parent / scenario)
+            several = sim_action.load(path, seed=request.config.getoption("--sim-seed"))
+        results = _run(request.node, *(each.changed(overrides) for each in several))
+        if not results.passed:
+            request.node.add_report_section("call", _SECTION, results.text)
+        return results
+
+    return run
+
+
+def _run(node: pytest.Item, *scenarios: sim_action.Scenario) -> sim_action.Results:
+    import sim_action
+
+    output = node.config.getoption("--sim-output")
+    folder = None if output is None else node.config.invocation_params.dir / output / _folder_name(node)
+    return sim_action.run(
+        scenarios,
+        backend=node.config.getoption("--sim-backend"),
+        seed=node.config.getoption("--sim-seed"),
+        # pytest-xdist runs several tests at the same time.
+        jobs=1,
+        report=folder is not None,
+        output_dir=folder,
+    )
+
+
+_CALLS: Final = pytest.StashKey[int]()
+"""How often a test has run scenarios."""
+
+
+def _folder_name(node: pytest.Item) -> str:
+    """Return a name for the results of a call, which no other call of this session has."""
+    number = node.stash[_CALLS] = node.stash.get(_CALLS, 0) + 1
+    name = re.sub(r"[^A-Za-z0-9._=,+-]+", "-", node.nodeid).strip("-.")
+    return name if number == 1 else f"{name}-{number}"
+
+
+def _shown(path: Path) -> Path:
+    """Return a path as messages name it: from the current folder, if it is below."""
+    here, path = Path.cwd(), Path(os.path.normpath(path))
+    return path.relative_to(here) if path.is_relative_to(here) else path
+
+
+def _told(excinfo: pytest.ExceptionInfo[BaseException]) -> str | None:
+    """Return the message of an error that needs no traceback; None for others."""
+    from sim_action.errors import InternalError, SimActionError
+
+    error = excinfo.value
+    is_plain = isinstance(error, ScenarioFailure | SimActionError) and not isinstance(error, InternalError)
+    return str(error).rstrip("\n") if is_plain else None

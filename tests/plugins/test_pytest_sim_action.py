@@ -1,0 +1,164 @@
+"""The plugin of pytest, on two major versions of pytest."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from sim_action.engines import installed
+from tests.integration.conftest import locked
+
+pytest_plugins = ["pytester"]
+pytestmark = pytest.mark.process
+
+ROOT = Path(__file__).parents[2]
+PLUGIN = ROOT / "plugins/pytest-sim-action"
+# The major version that the project's own tests do not use.
+FORMER = "pytest>=8,<9"
+
+Run = Callable[..., pytest.RunResult]
+
+DRIVES = """\
+name: burger drives
+tags: [smoke, fast-run]
+robot: {model: turtlebot3_burger}
+commands: {rate: 10 Hz, twist: [{linear: 1.0}]}
+expect: [{travel: {at_least: 5 cm}}]
+time_limit: 0.5 s
+"""
+STUCK = DRIVES.replace("burger drives", "stuck").replace("1.0", "0.0").replace("smoke, fast-run", "slow")
+
+
+@pytest.fixture(scope="session")
+def former(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with another major version of pytest, installed once for all workers."""
+    shared = tmp_path_factory.getbasetemp()
+    shared = shared.parent if "PYTEST_XDIST_WORKER" in os.environ else shared
+    folder = shared / "former pytest"
+    with locked(shared / "former-pytest-lock"):
+        if not (folder / "pytest").exists():
+            command = [sys.executable, "-m", "pip", "install", "--quiet", "--target", str(folder), FORMER]
+            subprocess.run(command, check=True)
+    return folder
+
+
+@pytest.fixture(params=["of the project", "former"])
+def run(request: pytest.FixtureRequest, pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch) -> Run:
+    """Run pytest with the plugin in the folder of the test."""
+    path = [str(PLUGIN), str(ROOT)]
+    if request.param == "former":
+        path.insert(0, str(request.getfixturevalue("former")))
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(path))
+    monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
+
+    def call(*arguments: str) -> pytest.RunResult:
+        command = [sys.executable, "-m", "pytest", "-p", "pytest_sim_action", "-p", "no:cacheprovider", *arguments]
+        result = pytester.run(*command)
+        version = importlib.metadata.version("pytest").partition(".")[0]
+        other = "pytest-8." if request.param == "former" else f"pytest-{version}."
+        assert "-q" in arguments or other in result.stdout.str()
+        return result
+
+    return call
+
+
+def write(pytester: pytest.Pytester, **files: str) -> None:
+    for name, text in files.items():
+        (pytester.path / f"{name}.sim.yml").write_text(text)
+
+
+def test_scenarios_are_tests_and_failures_have_the_report(pytester: pytest.Pytester, run: Run) -> None:
+    write(pytester, a=DRIVES, b=STUCK)
+    result = run()
+    result.assert_outcomes(passed=1, failed=1)
+    result.stdout.fnmatch_lines(
+        [
+            "b.sim.yml F*",
+            "*_ stuck _*",
+            "✗ stuck  b.sim.yml  *",
+            "  ✗ travel at least 0.05 m: travelled *",
+            "      b.sim.yml:5:11",
+            "FAILED b.sim.yml::stuck*",
+        ]
+    )
+    result.stdout.no_fnmatch_line("*Traceback*")
+    result.stdout.no_fnmatch_line("*runtest*")
+
+
+def test_variations_names_and_tags_select(pytester: pytest.Pytester, run: Run) -> None:
+    write(pytester, a=f"{DRIVES}variations: {{robot.pose.yaw: [0, 1]}}\n", b=STUCK)
+    (pytester.path / "test_other.py").write_text("def test_other(): pass\n")
+    listed = run("--collect-only", "-q", "--strict-markers", "-m", "smoke or fast-run")
+    assert listed.stdout.lines[:2] == ["a.sim.yml::burger drives[yaw=0]", "a.sim.yml::burger drives[yaw=1]"]
+    run("-k", "other or stuck").assert_outcomes(passed=1, failed=1, deselected=2)
+    run("a.sim.yml::burger drives[yaw=0]").assert_outcomes(passed=1)
+
+
+def test_a_file_that_is_invalid_is_an_error_with_its_problems(pytester: pytest.Pytester, run: Run) -> None:
+    write(pytester, a=DRIVES, bad=DRIVES.replace("time_limit", "time_limt"))
+    result = run("--continue-on-collection-errors")
+    result.assert_outcomes(passed=1, errors=1)
+    result.stdout.fnmatch_lines(["bad.sim.yml:6:1: time_limt: unknown key; did you mean 'time_limit'?*"])
+    result.stdout.no_fnmatch_line("*Traceback*")
+
+
+FIXTURE = """
+import pytest
+import sim_action
+
+
+@pytest.mark.parametrize("speed", [1.0, 0.0])
+def test_speed(sim_run, speed):
+    results = sim_run("../a.sim.yml", seed=3, **{"commands.twist.0.linear": speed})
+    assert results[0].record.seed == 3
+    assert results.passed
+
+
+def test_a_scenario_of_its_own(sim_run):
+    scenario = sim_action.Scenario(
+        name="mine",
+        robot={"model": "turtlebot3_burger"},
+        commands={"twist": [{"linear": 1.0}]},
+        expect=[{"travel": {"at_least": 0.05}}],
+        time_limit=0.5,
+    )
+    first, second = sim_run(scenario), sim_run(scenario)
+    assert first[0].digest == second[0].digest
+"""
+
+
+def test_the_fixture_runs_and_changes_scenarios(pytester: pytest.Pytester, run: Run) -> None:
+    write(pytester, a=DRIVES)
+    (pytester.path / "tests").mkdir()
+    (pytester.path / "tests/test_it.py").write_text(FIXTURE)
+    result = run("tests", "--sim-output", "out")
+    result.assert_outcomes(passed=2, failed=1)
+    result.stdout.fnmatch_lines(["*Captured sim-action call*", "✗ burger drives  a.sim.yml*", "*travelled*"])
+    assert sorted(path.parent.name for path in pytester.path.glob("out/*/report.html")) == [
+        "tests-test_it.py-test_a_scenario_of_its_own",
+        "tests-test_it.py-test_a_scenario_of_its_own-2",
+        "tests-test_it.py-test_speed-0.0",
+        "tests-test_it.py-test_speed-1.0",
+    ]
+
+
+def test_engines_and_workers_are_chosen(pytester: pytest.Pytester, run: Run) -> None:
+    if "mujoco" not in installed():
+        pytest.skip("MuJoCo is not installed")
+    write(pytester, a=DRIVES, b=STUCK)
+    result = run("-p", "xdist", "-n", "2", "--sim-backend", "mujoco")
+    result.assert_outcomes(passed=1, failed=1)
+    result.stdout.fnmatch_lines(["✗ stuck  b.sim.yml  mujoco *"])
+
+
+def test_what_checks_nothing_is_a_warning(pytester: pytest.Pytester, run: Run) -> None:
+    write(pytester, a=DRIVES.replace("5 cm}}]", "5 cm}}, no_collision]"))
+    result = run()
+    result.assert_outcomes(passed=1, warnings=1)
+    result.stdout.fnmatch_lines(["*SimActionWarning: a.sim.yml:5:*nothing-to-touch*"])
