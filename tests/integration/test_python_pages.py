@@ -1,0 +1,69 @@
+"""The programs and tests of pages about Python and pytest run as they stand."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+README = "README.md"
+PLUGIN = "plugins/pytest-sim-action"
+
+
+def blocks(language: str, page: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", (ROOT / page).read_text(encoding="utf-8"), re.DOTALL)
+
+
+# The first one of the README is a controller, see test_documents.py.
+_, *OF_README = blocks("python", README)
+PRINTED = [
+    "✓ travel at least 1.5 m: travelled 1.5 m in 2.00 s",
+    "burger goes round the corner passed",
+    "unknown key; did you mean 'model'?",
+    "1.00 m/s at ",
+    "at 1.0 m/s 1.5",
+    "",
+]
+TESTS = {README: OF_README[1], PLUGIN: blocks("python", f"{PLUGIN}/README.md")[0]}
+
+
+def call(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    path = os.pathsep.join(map(str, (ROOT, ROOT / PLUGIN)))
+    environment = {
+        "PYTHONPATH": path,
+        "PATH": "",
+        "PYTHONIOENCODING": "utf-8",
+        "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1",
+    }
+    command = [sys.executable, *arguments]
+    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.parametrize(
+    ("program", "printed"), list(zip([*blocks("python", "docs/python.md"), OF_README[0]], PRINTED, strict=True))
+)
+def test_a_program_prints_what_it_should(program: str, printed: str, tmp_path: Path) -> None:
+    if "mujoco" in program:
+        pytest.importorskip("mujoco")
+    shutil.copytree(ROOT / "examples/turtlebot3", tmp_path / "examples/turtlebot3")
+    (tmp_path / "program.py").write_text(program, encoding="utf-8")
+    ran = call(tmp_path, "program.py")
+    assert (ran.returncode, ran.stderr) == (0, "")
+    assert printed in ran.stdout
+
+
+@pytest.mark.parametrize("page", TESTS)
+def test_a_test_of_a_page_passes(page: str, tmp_path: Path) -> None:
+    (tmp_path / "test_robot.py").write_text(TESTS[page], encoding="utf-8")
+    for name in ("straight_line.sim.yml", "drive_straight.sim.yml"):
+        (tmp_path / name).write_text(blocks("yaml", README)[0], encoding="utf-8")
+    # Without the settings of another folder, it is the root.
+    (tmp_path / "pytest.ini").write_text("[pytest]\n", encoding="utf-8")
+    ran = call(tmp_path, "-m", "pytest", "-p", "pytest_sim_action", "-p", "no:cacheprovider", "test_robot.py")
+    assert "2 passed" in ran.stdout, ran.stdout + ran.stderr
