@@ -9,12 +9,13 @@ import tempfile
 import weakref
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.reports import ReportOptions
+from sim_action.reports.console import Console
+from sim_action.reports.notebook import HtmlConsole, report_frame
 from sim_action.reports.terminal import print_outcomes
 from sim_action.results import results_json
 from sim_action.results.artifacts import REPORT_FILE
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     from sim_action.state.trace import Trace
 
 _MAX_EMBEDDED_BYTES: Final = 8_000_000
-_FRAME_HEIGHT_PX: Final = 720
 
 
 class RunFolder:
@@ -46,6 +46,16 @@ class RunFolder:
     def text_of(self, outcomes: Iterable[RecordedOutcome]) -> str:
         """Return the terminal report about some outcomes."""
         stream = io.StringIO()
+        self._print(outcomes, Console(stream, colourful=False))
+        return stream.getvalue()
+
+    def html_of(self, outcomes: Iterable[RecordedOutcome]) -> str:
+        """Return the terminal report about some outcomes for a notebook."""
+        shown = HtmlConsole()
+        self._print(outcomes, shown)
+        return shown.html()
+
+    def _print(self, outcomes: Iterable[RecordedOutcome], shown: Console) -> None:
         options = ReportOptions(
             folder=self.path,
             junit=self.path / JUNIT_FILE,
@@ -53,8 +63,7 @@ class RunFolder:
             environment={},
             workspace=Path(),
         )
-        print_outcomes(outcomes, options, stream)
-        return stream.getvalue()
+        print_outcomes(outcomes, options, shown)
 
 
 class Outcome:
@@ -136,7 +145,7 @@ class Outcome:
         return f"Outcome(name={self.name!r}, status={self.status!r})"
 
     def _repr_html_(self) -> str:
-        return f"<pre>{escape(self.text)}</pre>"
+        return self._folder.html_of([self.record])
 
 
 class Results:
@@ -204,10 +213,8 @@ class Results:
 
     def _repr_html_(self) -> str:
         """Return the verdicts and the report with its replays, for a notebook."""
-        verdicts = f"<pre>{escape(self.text)}</pre>"
+        verdicts = self._folder.html_of(self.record.outcomes)
         report = self.folder / REPORT_FILE
         if not report.is_file() or report.stat().st_size > _MAX_EMBEDDED_BYTES:
             return verdicts
-        page = escape(report.read_text(encoding="utf-8"))
-        style = f"width: 100%; height: {_FRAME_HEIGHT_PX}px; border: 0"
-        return f'{verdicts}<iframe title="sim-action report" style="{style}" srcdoc="{page}"></iframe>'
+        return verdicts + report_frame(report.read_text(encoding="utf-8"))

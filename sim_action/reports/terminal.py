@@ -46,10 +46,9 @@ def print_results(results: Results, options: ReportOptions, stream: TextIO | Non
         printer.closing(results)
 
 
-def print_outcomes(outcomes: Iterable[Outcome], options: ReportOptions, stream: TextIO) -> None:
+def print_outcomes(outcomes: Iterable[Outcome], options: ReportOptions, shown: Console) -> None:
     """Print some outcomes as in the report, without the counts and the files of the call."""
-    with open_console(stream, options.environment) as shown:
-        _Printer(shown, options).scenarios(outcomes)
+    _Printer(shown, options).scenarios(outcomes)
 
 
 class _Printer:

@@ -14,6 +14,7 @@ import pytest
 from sim_action.reports import ReportOptions
 from sim_action.reports.html import document
 from sim_action.reports.html.report import page, write_html
+from sim_action.reports.notebook import report_frame
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
 from sim_action.state.verdict import Verdict
@@ -111,6 +112,11 @@ CHECKS = [
 def test_a_broken_run(broken: Path) -> None:
     # In one test: each worker would start a browser of its own.
     assert looked(broken, *CHECKS) == dict.fromkeys(CHECKS, "")
+
+
+def test_a_report_in_a_notebook(broken: Path, tmp_path: Path) -> None:
+    (tmp_path / "notebook.html").write_text(report_frame(broken.read_text(encoding="utf-8")), encoding="utf-8")
+    look("links in the frame of a notebook stay in it", tmp_path / "notebook.html")
 
 
 def test_runs_that_part(tmp_path: Path) -> None:

@@ -127,6 +127,15 @@ const CHECKS = {
       await opened("second.sim.yml");
     },
   },
+  "links in the frame of a notebook stay in it": {
+    look: async (page) => {
+      const frame = page.frameLocator("iframe");
+      await frame.locator(READY).waitFor();
+      await frame.locator("nav.scenarios a:not([aria-current])").click();
+      await frame.locator(".scenario.open h2", { hasText: "burger pushes on" }).waitFor();
+      await frame.locator(READY).waitFor();
+    },
+  },
   "the address tells what is seen": {
     look: async (page) => {
       await page.waitForSelector(READY);

@@ -16,6 +16,12 @@ class Scenarios {
       if (!entry) continue;
       this.anchors.set(entry.id, anchor);
       anchor.href = linkTo(entry, null);
+      anchor.addEventListener("click", (event) => {
+        // In a frame without an address, as in a notebook, the link would lead to the page around the frame.
+        if (location.protocol !== "about:") return;
+        event.preventDefault();
+        location.hash = anchor.hash;
+      });
     }
     addEventListener("hashchange", () => void this.follow());
   }

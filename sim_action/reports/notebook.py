@@ -1,0 +1,76 @@
+"""HTML for notebooks: the lines of the terminal report, and the frame of `report.html`.
+
+A notebook has a light or a dark theme, and its style sheet is unknown here. So each element has a style of its own,
+and each colour has a contrast of about 4 or more to white and to black.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from html import escape
+from types import MappingProxyType
+from typing import Final
+
+from sim_action.reports.console import Console
+
+_STYLES: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "": "",
+        "bold": "font-weight: 600",
+        "dim": "opacity: 0.7",
+        "green": "color: #23873e; font-weight: 600",
+        "yellow": "color: #977400",
+        "cyan": "color: #188395",
+        "bold red": "color: #e03c36; font-weight: 600",
+        "bold magenta": "color: #b252cf; font-weight: 600",
+    }
+)
+"""Style of `Console` -> its properties in CSS."""
+
+_LINES: Final = (
+    'font-family: ui-monospace, "SF Mono", "Cascadia Mono", "DejaVu Sans Mono", monospace; font-size: 0.9em; '
+    "line-height: 1.5; white-space: pre-wrap; word-break: normal; overflow-wrap: anywhere; margin: 0.3em 0"
+)
+_HANGING_CH: Final = 2
+"""The further lines of a long line start so many characters after its first one."""
+
+# High enough for a failed expectation, the replay and its controls on a desktop; no higher than a phone.
+_FRAME: Final = (
+    "box-sizing: border-box; width: 100%; height: 920px; max-height: 95vh; border: 1px solid #8886; border-radius: 4px"
+)
+
+
+class HtmlConsole(Console):
+    """Lines as HTML.
+
+    Attributes:
+        encoding: the encoding of the text.
+    """
+
+    def __init__(self) -> None:
+        self.encoding = "utf-8"
+        self._lines: list[str] = []
+
+    def print(self, *parts: tuple[str, str]) -> None:
+        """Add a line of parts with their styles; the first part has the spaces before the text."""
+        (margin, _), *rest = parts
+        indent = len(margin) + _HANGING_CH
+        text = "".join(_styled(*part) for part in rest) or "<br>"
+        self._lines.append(f'<div style="padding-left: {indent}ch; text-indent: -{_HANGING_CH}ch">{text}</div>')
+
+    def html(self) -> str:
+        """Return all lines, without empty ones at the end."""
+        lines = list(self._lines)
+        while lines and lines[-1].endswith("<br></div>"):
+            lines.pop()
+        return f'<div style="{escape(_LINES)}">{"".join(lines)}</div>'
+
+
+def report_frame(page: str) -> str:
+    """Return a frame with the text of `report.html`, whose policy holds in it."""
+    return f'<iframe title="sim-action report" style="{_FRAME}" srcdoc="{escape(page)}"></iframe>'
+
+
+def _styled(text: str, style: str) -> str:
+    css = _STYLES[style]
+    return f'<span style="{css}">{escape(text)}</span>' if css else escape(text)

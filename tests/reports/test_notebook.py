@@ -1,0 +1,54 @@
+"""The report for notebooks: styles that any theme can have around them, and no markup from a text."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from sim_action.reports import console
+from sim_action.reports.notebook import _STYLES, HtmlConsole, report_frame
+
+MIN_CONTRAST = 3.5
+THEMES = ["#ffffff", "#111111", "#1e1e1e"]
+
+
+def luminance(colour: str) -> float:
+    """The relative luminance of WCAG 2."""
+    parts = [int(colour[at : at + 2], 16) / 255 for at in (1, 3, 5)]
+    red, green, blue = (part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts)
+    return 0.2126 * red + 0.7152 * green + 0.0722 * blue
+
+
+def test_each_style_of_the_terminal_has_one_here() -> None:
+    assert _STYLES.keys() == console._CODES.keys()
+
+
+@pytest.mark.parametrize("theme", THEMES)
+def test_colours_are_readable_in_light_and_dark_themes(theme: str) -> None:
+    colours = re.findall(r"color: (#\w{6})", " ".join(_STYLES.values()))
+    assert len(colours) == 5
+    for colour in colours:
+        darker, lighter = sorted((luminance(theme), luminance(colour)))
+        assert (lighter + 0.05) / (darker + 0.05) > MIN_CONTRAST
+
+
+def test_lines_are_indented_and_text_is_no_markup() -> None:
+    shown = HtmlConsole()
+    shown.print(("  ", ""), ("✓ ", "green"), ("<b>", ""))
+    shown.print(("", ""))
+    html = shown.html()
+    assert 'padding-left: 4ch; text-indent: -2ch"><span style="color: #23873e' in html
+    assert html.endswith("✓ </span>&lt;b&gt;</div></div>")
+
+
+def test_empty_lines_are_shown_between_others() -> None:
+    shown = HtmlConsole()
+    for text in ("a", "b"):
+        shown.print(("", ""), (text, ""))
+        shown.print(("", ""))
+    assert shown.html().count("<br>") == 1
+
+
+def test_a_page_stays_in_its_frame() -> None:
+    assert report_frame('<p title="x">').endswith('srcdoc="&lt;p title=&quot;x&quot;&gt;"></iframe>')
