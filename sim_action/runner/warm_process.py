@@ -42,6 +42,7 @@ Function = Callable[..., Any]
 _ROOTS: Final = ("sim_action", "numpy", "pybullet", "mujoco")
 """Packages that a call imports in advance if an earlier one has imported them; they import the rest."""
 
+_STDERR: Final = 2
 _ENDING_TIMEOUT_S: Final = 10.0
 
 
@@ -81,7 +82,8 @@ class WarmProcess:
 
     def __init__(self) -> None:
         """Start it. Raise OSError."""
-        ours, theirs = socket.socketpair()
+        with _standard_streams():
+            ours, theirs = socket.socketpair()
         with ours, theirs:
             path = os.pathsep.join(filter(None, (str(PACKAGE_ROOT), os.environ.get("PYTHONPATH"))))
             environment = {**os.environ, **BEFORE_IMPORTS, "PYTHONPATH": path}
@@ -90,6 +92,7 @@ class WarmProcess:
                 pass_fds=(theirs.fileno(),),
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
+                stderr=None if _is_open(_STDERR) else subprocess.DEVNULL,
                 env=environment,
                 # Ctrl-C is for the caller, which asks the call to stop.
                 start_new_session=True,
@@ -146,11 +149,31 @@ class WarmProcess:
         self._process.returncode = 0
 
 
+@contextmanager
+def _standard_streams() -> Iterator[None]:
+    """Occupy the numbers of closed standard streams: what writes to them must not write to other files."""
+    opened = [os.open(os.devnull, os.O_RDWR) for number in range(_STDERR + 1) if not _is_open(number)]
+    try:
+        yield
+    finally:
+        for descriptor in opened:
+            os.close(descriptor)
+
+
+def _is_open(descriptor: int) -> bool:
+    try:
+        os.fstat(descriptor)
+    except OSError:
+        return False
+    return True
+
+
 class _Pool:
-    """The warm processes of this process that wait for a call."""
+    """The warm processes of this process: those that wait for a call, and those that run one."""
 
     def __init__(self) -> None:
         self._waiting: list[WarmProcess] = []
+        self._busy: list[WarmProcess] = []
         self._lock = threading.Lock()
 
     @contextmanager
@@ -159,11 +182,13 @@ class _Pool:
         with self._lock:
             process = next((each for each in self._popped() if each.is_open), None)
         process = process or WarmProcess()
+        self._busy.append(process)
         try:
             yield process
         finally:
-            if process.is_open:
-                with self._lock:
+            with self._lock:
+                self._busy.remove(process)
+                if process.is_open:
                     self._waiting.append(process)
 
     def _popped(self) -> Iterator[WarmProcess]:
@@ -184,7 +209,7 @@ class _Pool:
     def forget(self) -> None:
         """Leave all of them to the process that this one is a fork of."""
         self._lock = threading.Lock()
-        for process in self._waiting:
+        for process in (*self._waiting, *self._busy):
             process.forget()
         self._waiting = []
 
@@ -210,13 +235,14 @@ def main() -> NoReturn:
     connection = Connection(int(sys.argv[1]))
     os.set_inheritable(connection.fileno(), False)
     collect_garbage_rarely()
+    own = os.getpid()
     with suppress(EOFError, ConnectionError):
         while True:
             call = connection.recv()
             _import(call.modules)
             gc.freeze()
             if (pid := os.fork()) == 0:
-                _run(call, connection)
+                _run(call, connection, own)
             gc.unfreeze()
             connection.send(_Ended(_awaited(pid, connection)))
     os._exit(0)
@@ -242,10 +268,10 @@ def _awaited(pid: int, connection: Connection) -> int:
     return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
 
 
-def _run(call: _Call, connection: Connection) -> NoReturn:
-    """Run a call in a fork, and never return."""
+def _run(call: _Call, connection: Connection, parent: int) -> NoReturn:
+    """Run a call in a fork of `parent`, and never return."""
     try:
-        process_control.end_with_parent(os.getppid(), signal.SIGTERM)
+        process_control.end_with_parent(parent, signal.SIGTERM)
         os.environ.clear()
         os.environ.update({**call.environment, **BEFORE_IMPORTS})
         sys.path[:] = call.path

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
 import sys
 import threading
 import time
@@ -22,6 +23,7 @@ pytestmark = [
 ]
 
 Emit = Callable[[Any], None]
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def seen(name: str, *, emit: Emit) -> dict[str, Any]:
@@ -50,6 +52,12 @@ def refuses(*, emit: Emit) -> None:
 
 def dies(*, emit: Emit) -> None:
     os.kill(os.getpid(), signal.SIGKILL)
+
+
+def prints(*, emit: Emit) -> int:
+    for descriptor in (1, 2):
+        os.write(descriptor, b"text that is no message")
+    return 7
 
 
 def returns_a_function(*, emit: Emit) -> object:
@@ -158,3 +166,51 @@ def test_a_fork_of_the_caller_leaves_its_process_alone() -> None:
         os._exit(call_beside(seen, ("HOME",), ignore)["parent"] == parent)
     assert os.waitpid(pid, 0)[1] == 0
     assert call_beside(seen, ("HOME",), ignore)["parent"] == parent
+
+
+def test_a_fork_during_a_call_does_not_keep_the_call_alive(tmp_path: Path) -> None:
+    """The caller dies by SIGKILL, and a fork that it made in another thread lives on."""
+    program = f"""
+import os, sys, threading, time
+from tests.runner.test_warm_process import call_beside, waits
+running = threading.Event()
+numbers = []
+def listen(number):
+    numbers.append(number)
+    running.set()
+threading.Thread(target=call_beside, args=(waits, ({str(tmp_path / "done")!r},), listen), daemon=True).start()
+running.wait()
+if (pid := os.fork()) == 0:
+    time.sleep(60)
+    os._exit(0)
+print(*numbers, pid, flush=True)
+time.sleep(60)
+"""
+    with subprocess.Popen([sys.executable, "-c", program], cwd=ROOT, stdout=subprocess.PIPE, text=True) as caller:
+        assert caller.stdout is not None
+        running, fork = map(int, caller.stdout.readline().split())
+        caller.kill()
+        try:
+            until_gone(running)
+        finally:
+            os.kill(fork, signal.SIGKILL)
+
+
+def until_gone(process: int) -> None:
+    deadline = time.monotonic() + 20
+    while Path(f"/proc/{process}").exists():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def test_a_caller_without_standard_streams_runs_calls() -> None:
+    program = """
+import os
+os.closerange(0, 3)
+from tests.runner.test_warm_process import call_beside, prints
+os._exit(call_beside(prints, (), lambda _: None))
+"""
+    assert subprocess.run([sys.executable, "-c", program], cwd=ROOT, check=False).returncode == 7
+    for closed in ("0", "1", "2", "0, 2", "1, 2"):
+        closing = program.replace("os.closerange(0, 3)", f"[os.close(each) for each in ({closed},)]")
+        assert subprocess.run([sys.executable, "-c", closing], cwd=ROOT, check=False).returncode == 7, closed
