@@ -10,7 +10,7 @@ import weakref
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, SupportsIndex, overload
 
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.reports import ReportOptions
@@ -39,9 +39,29 @@ class RunFolder:
 
     def __init__(self, path: str | os.PathLike[str] | None) -> None:
         """Take a folder; None: make a temporary one, which is removed with this object."""
+        self._removal: weakref.finalize[..., Any] | None = None
         self.path = Path(tempfile.mkdtemp(prefix="sim-action-") if path is None else path).absolute()
         if path is None:
-            weakref.finalize(self, shutil.rmtree, self.path, ignore_errors=True)
+            self.own()
+
+    def own(self) -> None:
+        """Remove the folder with this object; a fork of this process leaves it alone."""
+        self._removal = weakref.finalize(self, _remove, self.path, os.getpid())
+
+    def __deepcopy__(self, _: object) -> RunFolder:
+        """Return this object: copies of results share their folder."""
+        return self
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Hand a temporary folder over to the copy, which may be in another process."""
+        is_temporary = self._removal is not None and self._removal.detach() is not None
+        return _taken_over, (self.path, is_temporary)
+
+    def file(self, name: str) -> Path:
+        """Return the path of a file. Raise UsageError if the folder has gone."""
+        if not self.path.is_dir():
+            raise UsageError(f"the folder of these results does not exist any more: {self.path}")
+        return self.path / name
 
     def text_of(self, outcomes: Iterable[RecordedOutcome]) -> str:
         """Return the terminal report about some outcomes."""
@@ -64,6 +84,18 @@ class RunFolder:
             workspace=Path(),
         )
         print_outcomes(outcomes, options, shown)
+
+
+def _taken_over(path: Path, is_temporary: bool) -> RunFolder:  # noqa: FBT001 - pickle names no arguments
+    folder = RunFolder(path)
+    if is_temporary:
+        folder.own()
+    return folder
+
+
+def _remove(path: Path, owner: int) -> None:
+    if os.getpid() == owner:
+        shutil.rmtree(path, ignore_errors=True)
 
 
 class Outcome:
@@ -134,7 +166,7 @@ class Outcome:
 
         if self.record.trace is None:
             raise UsageError(f"'{self.name}' has no trace: it {self.record.ending}")
-        return load_trace(self._folder.path / self.record.trace)
+        return load_trace(self._folder.file(self.record.trace))
 
     @property
     def text(self) -> str:
@@ -165,7 +197,10 @@ class Results:
 
     @property
     def folder(self) -> Path:
-        """The folder with `results.json`, traces and reports; a temporary one is removed with the last outcome."""
+        """The folder with `results.json`, traces and reports; a temporary one is removed with the last outcome.
+
+        A pickled copy, such as one from a pool of processes, takes a temporary folder over.
+        """
         return self._folder.path
 
     @property
@@ -179,9 +214,15 @@ class Results:
     def __iter__(self) -> Iterator[Outcome]:
         return iter(self.outcomes)
 
-    def __getitem__(self, wanted: int | str) -> Outcome:
-        """Return an outcome by index or by name. Raise IndexError or KeyError."""
-        if isinstance(wanted, int):
+    @overload
+    def __getitem__(self, wanted: SupportsIndex | str) -> Outcome: ...
+
+    @overload
+    def __getitem__(self, wanted: slice) -> tuple[Outcome, ...]: ...
+
+    def __getitem__(self, wanted: SupportsIndex | slice | str) -> Outcome | tuple[Outcome, ...]:
+        """Return an outcome by index or by name, or several by a slice. Raise IndexError or KeyError."""
+        if not isinstance(wanted, str):
             return self.outcomes[wanted]
         found = next((each for each in self.outcomes if each.name == wanted), None)
         if found is None:
@@ -190,14 +231,14 @@ class Results:
 
     def to_junit(self, path: str | os.PathLike[str]) -> Path:
         """Write the JUnit XML to a file, and return its path."""
-        return Path(shutil.copyfile(self.folder / JUNIT_FILE, path))
+        return Path(shutil.copyfile(self._folder.file(JUNIT_FILE), path))
 
     def to_html(self, path: str | os.PathLike[str]) -> Path:
         """Write the report to a file, and return its path. Raise UsageError if there is none."""
         return Path(shutil.copyfile(self._report(), path))
 
     def _report(self) -> Path:
-        report = self.folder / REPORT_FILE
+        report = self._folder.file(REPORT_FILE)
         if not report.is_file():
             raise UsageError("there is no report: these scenarios ran with report=False")
         return report

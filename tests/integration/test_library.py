@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import copy
 import json
+import pickle
+import shutil
 import subprocess
 import sys
 import threading
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import sim_action
@@ -85,6 +89,50 @@ def test_a_temporary_folder_lasts_as_long_as_an_outcome(tmp_path: Path) -> None:
     assert len(outcome.trace.time) > 1
     del outcome
     assert not place.exists()
+
+
+def test_a_fork_that_ends_leaves_the_folder() -> None:
+    program = f"""
+import os, sys
+from tests.integration.test_library import burger
+import sim_action
+results = sim_action.run(burger())
+if (pid := os.fork()) == 0:
+    sys.exit()
+os.waitpid(pid, 0)
+assert len(results[0].trace.time) > 1
+"""
+    root = Path(__file__).resolve().parents[2]
+    done = subprocess.run([sys.executable, "-c", program], cwd=root, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_copies_of_results_have_their_files() -> None:
+    results: Results | None = run(burger())
+    assert results is not None
+    place = results.folder
+    copied, also = copy.deepcopy(results), pickle.loads(pickle.dumps(results))
+    del results
+    assert len(copied[0].trace.time) == len(also[0].trace.time) > 1
+    del also
+    assert not place.exists()
+
+
+def test_files_that_have_gone_are_reported(tmp_path: Path) -> None:
+    results = run(burger(), output_dir=tmp_path / "out")
+    shutil.rmtree(tmp_path / "out")
+    for use in (lambda: results[0].trace, lambda: results.to_junit(tmp_path / "j"), lambda: results.to_html(tmp_path)):
+        with pytest.raises(UsageError, match="the folder of these results does not exist any more: "):
+            use()
+
+
+def test_outcomes_are_found_by_name_index_and_slice(folder: Path) -> None:
+    results = run(folder, report=False)
+    assert [each.name for each in (results["a"], results[-1], *results[:1], *results[np.int64(1) :])] == [*"abab"]
+    with pytest.raises(KeyError, match="c"):
+        results["c"]
+    with pytest.raises(IndexError):
+        results[2]
 
 
 def test_notebooks_show_verdicts_and_the_report(tmp_path: Path) -> None:
