@@ -18,6 +18,7 @@ from pathlib import Path
 from bench.by_hand import __main__ as by_hand
 from bench.by_hand.comparisons import Settings
 from bench.counting import counting_costs
+from bench.embedding import embedding_costs
 from bench.engines import PACKAGES, SideBySide, engines
 from bench.filming import filming_costs
 from bench.journal_cost import COUNT, journal_calls
@@ -302,6 +303,7 @@ def measurements(folder: Path) -> Sequence[Measurement]:
         Measurement("variations", lambda: [variations(folder)]),
         Measurement("journal", lambda: [journal_cost(folder)]),
         Measurement("two jobs", lambda: [parallel(folder)]),
+        Measurement("a program", partial(embedding_costs, folder / "program")),
         # A quarter of an hour.
         *by_hand.measurements(Settings(folder)),
         Measurement("scripts", scripts),
