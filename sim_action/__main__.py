@@ -6,7 +6,15 @@ import os
 import sys
 from typing import NoReturn
 
-if __name__ == "__main__" and sys.path[0] in ("", os.getcwd()):  # noqa: PTH109 - quicker than pathlib
+
+def _current_folder() -> str:
+    try:
+        return os.getcwd()  # noqa: PTH109 - quicker than pathlib
+    except FileNotFoundError:
+        return ""
+
+
+if __name__ == "__main__" and sys.path[0] in ("", _current_folder()):
     # `python -m` looks for modules in the current folder first, where a file of a stranger may be called `yaml.py`.
     del sys.path[0]
 

@@ -9,8 +9,9 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Iterable, Mapping
+from numbers import Integral
 from pathlib import Path
-from typing import Final, Literal
+from typing import Final, Literal, get_args
 
 from sim_action.app.library_results import Results, RunFolder
 from sim_action.app.run import FinishedRun, RunRequest, refuse_invalid, run_scenarios
@@ -19,6 +20,7 @@ from sim_action.core.permissions import AllowScripts, Permissions, checked_names
 from sim_action.core.process import Interruption, usable_cores
 from sim_action.core.records import replace
 from sim_action.core.wording import escaped_line
+from sim_action.core.workspace import current_folder
 from sim_action.recording.export import wanted_formats
 from sim_action.reports import ReportRequest
 from sim_action.results.events import Event
@@ -66,6 +68,7 @@ def load(
     Raises InvalidScenario for a file that cannot be read, UsageError if no scenario is found. `validate` checks the
     keys.
     """
+    seed = _whole("seed", seed)
     suite = _suite(scenarios, _selection(only, exclude, tags, exclude_tags), outside=allow_outside)
     contents = suite.read(Permissions(outside=allow_outside), seed)
     if contents.unmatched:
@@ -146,14 +149,24 @@ def run(
     Raises InvalidScenario with all problems, UsageError for options that cannot be followed, KeyboardInterrupt after
     Ctrl-C.
     """
+    for argument, value, allowed in (
+        ("backend", backend, (None, *get_args(Backend))),
+        ("unexercised", unexercised, (None, *get_args(Unexercised))),
+        ("allow_scripts", allow_scripts, get_args(AllowScripts)),
+    ):
+        if value not in allowed:
+            raise UsageError(f"{argument}: expected {' or '.join(map(repr, allowed))}, found {value!r}")
+    seed, jobs = _whole("seed", seed), _whole("jobs", jobs)
     if jobs is not None and jobs < 1:
         raise UsageError(f"jobs: at least one scenario runs at a time, found {jobs}")
+    repeat = _whole("repeat", repeat) or 0
     if not 1 <= repeat <= _MAX_REPEATS:
         raise UsageError(f"repeat: a scenario runs 1 to {_MAX_REPEATS} times, found {repeat}")
+    here = current_folder()
     selection = _selection(only, exclude, tags, exclude_tags)
     suite = _suite(scenarios, selection, outside=allow_outside)
     names = checked_names(_texts(pass_env))
-    folders = (Path.cwd(), *{path.parent: None for path in suite.files})
+    folders = (here, *{path.parent: None for path in suite.files})
     refused = scripts_refused(allow_scripts, os.environ, folders)
     permissions = Permissions(allow_outside, refused, pass_env=names, packages=package_folders(packages or {}))
     folder = RunFolder(output_dir)
@@ -202,6 +215,9 @@ def _suite(scenarios: Scenarios, selection: Selection | None = None, *, outside:
     """Return the scenarios of a call. Raise UsageError for a path without any."""
     several = [scenarios] if isinstance(scenarios, str | os.PathLike | Scenario) else list(scenarios)
     paths = [os.fspath(each) for each in several if not isinstance(each, Scenario)]
+    for path in paths:
+        if "\0" in path:
+            raise UsageError(f"a path has no null character, found {path!r}")
     suite = find_suite(paths, selection or Selection(), outside=outside, named_at=_CALL)
     written = [each for each in several if isinstance(each, Scenario)]
     if suite.empty or not several:
@@ -214,6 +230,15 @@ def _selection(
     only: Iterable[str], exclude: Iterable[str], tags: Iterable[str], exclude_tags: Iterable[str]
 ) -> Selection:
     return Selection(*map(_texts, (only, exclude, tags, exclude_tags)))
+
+
+def _whole(argument: str, value: object) -> int | None:
+    """Return a whole number, also of a type of numpy, as an int. Raise UsageError for another value."""
+    if isinstance(value, Integral) and not isinstance(value, bool):
+        return int(value)
+    if value is None:
+        return None
+    raise UsageError(f"{argument}: expected a whole number, found {value!r}")
 
 
 def _texts(given: Iterable[str]) -> tuple[str, ...]:

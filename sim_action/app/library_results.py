@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, SupportsIndex, overload
 
 from sim_action.core.errors import ExitCode, UsageError
+from sim_action.core.wording import system_reason
 from sim_action.reports import ReportOptions
 from sim_action.reports.console import Console
 from sim_action.reports.notebook import HtmlConsole, report_frame
@@ -38,9 +39,13 @@ class RunFolder:
     """
 
     def __init__(self, path: str | os.PathLike[str] | None) -> None:
-        """Take a folder; None: make a temporary one, which is removed with this object."""
+        """Take a folder; None: make a temporary one, which is removed with this object. Raise UsageError."""
         self._removal: weakref.finalize[..., Any] | None = None
-        self.path = Path(tempfile.mkdtemp(prefix="sim-action-") if path is None else path).absolute()
+        try:
+            self.path = Path(tempfile.mkdtemp(prefix="sim-action-") if path is None else path).absolute()
+        except OSError as error:
+            what = f"there can be no temporary folder: {system_reason(error)}; set TMPDIR, or give an output folder"
+            raise UsageError(what) from None
         if path is None:
             self.own()
 

@@ -112,6 +112,11 @@ def _report_unexpected(error: Exception) -> ExitCode:
     if is_refusal(error):
         complain(escaped_line(str(SystemRefusal(error))))
         return ExitCode.FAILED
+    if isinstance(error, FileNotFoundError) and error.filename is None:
+        from sim_action.core.workspace import path_problem
+
+        complain(path_problem(error))
+        return ExitCode.INVALID
     sys.excepthook(type(error), error, error.__traceback__)
     click.echo("sim-action: this is an internal error of sim-action; please report it with the lines above", err=True)
     return ExitCode.INTERNAL

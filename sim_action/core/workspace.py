@@ -8,6 +8,7 @@ from itertools import islice
 from pathlib import Path, PurePath
 from typing import Final
 
+from sim_action.core.errors import UsageError
 from sim_action.core.records import dataclass
 from sim_action.core.wording import nearest
 
@@ -30,7 +31,20 @@ class PathError(ValueError):
 
 def path_problem(error: Exception, wanted: str = "file") -> str:
     """Return the reason why a path cannot be resolved: a loop of links (RuntimeError), its length, or a NUL."""
+    if isinstance(error, FileNotFoundError) and error.filename is None:
+        return _REMOVED
     return f"a link leads to itself; replace it with a {wanted}" if isinstance(error, RuntimeError) else str(error)
+
+
+_REMOVED: Final = "the current folder does not exist any more"
+
+
+def current_folder() -> Path:
+    """Return the current folder. Raise UsageError if it has been removed."""
+    try:
+        return Path.cwd()
+    except FileNotFoundError:
+        raise UsageError(_REMOVED) from None
 
 
 _MAX_NAMES_READ: Final = 10_000

@@ -178,10 +178,13 @@ class _Pool:
 
     @contextmanager
     def taken(self) -> Iterator[WarmProcess]:
-        """Take a warm process for a call, or start one. Raise OSError."""
+        """Take a warm process for a call, or start one. Raise InternalError."""
         with self._lock:
             process = next((each for each in self._popped() if each.is_open), None)
-        process = process or WarmProcess()
+        try:
+            process = process or WarmProcess()
+        except OSError as error:
+            raise InternalError.of(error) from error
         self._busy.append(process)
         try:
             yield process
@@ -223,7 +226,7 @@ if sys.platform != "win32":
 def call_beside(function: Function, arguments: Sequence[Any], listen: Emit) -> Any:
     """Run a function in a fork of a warm process, see `WarmProcess.call`. Several threads may call at the same time.
 
-    Raises OSError if there can be no such process.
+    Raises InternalError if there can be no such process.
     """
     with _POOL.taken() as process:
         return process.call(function, arguments, listen)

@@ -140,6 +140,16 @@ def test_a_wrong_call_is_exit_code_2(tmp_path: Path, arguments: tuple[str, ...])
     assert "Traceback" not in ran.stderr
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows does not remove a current folder")
+@pytest.mark.parametrize("arguments", ["run", "validate", "inspect turtlebot3_burger", "run -o /nowhere"])
+def test_a_current_folder_that_was_removed_is_exit_code_2(tmp_path: Path, arguments: str) -> None:
+    program = f"rmdir . 2>/dev/null || rmdir ../here; exec '{sys.executable}' -m sim_action {arguments}"
+    (tmp_path / "here").mkdir()
+    found = subprocess.run(["sh", "-c", program], cwd=tmp_path / "here", capture_output=True, text=True, check=False)
+    assert found.returncode == 2, found.stderr
+    assert found.stderr.splitlines() == ["sim-action: the current folder does not exist any more"]
+
+
 def test_an_output_folder_that_cannot_be_is_exit_code_2(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     ran = sim_action(tmp_path, "run", "--output-dir", "file/below")

@@ -45,6 +45,11 @@ def burger(**keys: Any) -> Scenario:
     )
 
 
+def wrong(**arguments: Any) -> dict[str, Any]:
+    """Return arguments of other types than the signature has."""
+    return arguments
+
+
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     (tmp_path / "a.sim.yml").write_text(FILE.format(name="a", tag="fast", speed=1))
@@ -91,8 +96,64 @@ def test_a_temporary_folder_lasts_as_long_as_an_outcome(tmp_path: Path) -> None:
     assert not place.exists()
 
 
+def test_numbers_of_numpy_are_whole_numbers() -> None:
+    results = run(burger(), **wrong(seed=np.int64(3), jobs=np.int8(1)), report=False)
+    assert results.passed
+    assert results[0].record.seed == 3
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows does not remove a current folder")
+def test_a_current_folder_that_was_removed_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "gone").mkdir()
+    scenario = burger(folder=tmp_path)
+    monkeypatch.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    for call in (lambda: run(scenario), lambda: load(tmp_path), burger):
+        with pytest.raises(SimActionError, match="the current folder does not exist any more"):
+            call()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems start no process for a call")
+def test_a_system_without_open_files_or_temporary_folder_is_reported(tmp_path: Path) -> None:
+    program = """
+import os, resource, tempfile
+from tests.integration.test_library import burger
+import sim_action
+from sim_action.errors import InternalError, UsageError
+sim_action.run(burger(), report=False)
+from sim_action.runner import warm_process
+warm_process._POOL.close()
+resource.setrlimit(resource.RLIMIT_NOFILE, (64, 64))
+opened = []
+try:
+    while True:
+        opened.append(os.open(os.devnull, os.O_RDONLY))
+except OSError:
+    pass
+try:
+    sim_action.run(burger(), report=False)
+except InternalError as error:
+    print(error)
+for each in opened:
+    os.close(each)
+tempfile.tempdir = "/nowhere"
+try:
+    sim_action.run(burger(), report=False)
+except UsageError as error:
+    print(error)
+"""
+    root = Path(__file__).resolve().parents[2]
+    done = subprocess.run([sys.executable, "-c", program], cwd=root, capture_output=True, text=True, check=False)
+    assert done.stderr == ""
+    assert done.stdout.splitlines() == [
+        "the system refused a request: too many open files",
+        "there can be no temporary folder: no such file or directory; set TMPDIR, or give an output folder",
+    ]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no fork")
 def test_a_fork_that_ends_leaves_the_folder() -> None:
-    program = f"""
+    program = """
 import os, sys
 from tests.integration.test_library import burger
 import sim_action
@@ -175,6 +236,15 @@ def test_a_run_that_is_invalid_says_why_and_nothing_runs(folder: Path) -> None:
         (lambda: run(burger(), only="other"), UsageError, "no scenario is named 'other'"),
         (lambda: run(burger(), jobs=0), UsageError, "jobs: "),
         (lambda: run(burger(), repeat=0), UsageError, "repeat: "),
+        (lambda: run(burger(), **wrong(jobs="2")), UsageError, "jobs: expected a whole number, found '2'"),
+        (lambda: run(burger(), **wrong(seed=1.5)), UsageError, "seed: expected a whole number, found 1.5"),
+        (lambda: load(**wrong(seed="a")), UsageError, "seed: expected a whole number, found 'a'"),
+        (lambda: run(burger(), **wrong(repeat=True)), UsageError, "repeat: expected a whole number, found True"),
+        (lambda: run(burger(), **wrong(backend="ode")), UsageError, "backend: expected .*, found 'ode'"),
+        (lambda: run(burger(), **wrong(unexercised="wrn")), UsageError, "expected None or 'error' or 'warn', "),
+        (lambda: run(burger(), **wrong(allow_scripts=False)), UsageError, "allow_scripts: .*, found False"),
+        (lambda: run("a\0.sim.yml"), UsageError, "a path has no null character"),
+        (lambda: validate(["a\0b"]), UsageError, "a path has no null character"),
         (lambda: run(burger(), record="avi"), UsageError, "unknown format 'avi'"),
         (lambda: run(burger(), packages={"arm": "nowhere"}), UsageError, "there is no such folder"),
         (lambda: load("nowhere.sim.yml"), MissingScenario, "there is no file"),
