@@ -42,6 +42,11 @@ _CONSTANTS: Final[dict[str, object]] = (
 )
 
 
+def is_plain_text(text: str) -> bool:
+    """Return True if a scalar without quotes is text, and no number or constant."""
+    return text not in _CONSTANTS and not any(each.fullmatch(text) for each in (_FLOAT, _INT, _OCTAL_OR_HEX))
+
+
 @dataclass(frozen=True)
 class Document:
     """The content of a file as plain values (maps as dict, lists as tuple), with the place of each value.
@@ -222,6 +227,8 @@ class _Reader:
 
     def _plain(self, event: yaml.ScalarEvent) -> object:
         text = event.value
+        if is_plain_text(text):
+            return text
         if text in _CONSTANTS:
             return _CONSTANTS[text]
         whole, based = _INT.fullmatch(text), _OCTAL_OR_HEX.fullmatch(text)
@@ -231,7 +238,7 @@ class _Reader:
             return int(text)
         if based:
             return int(text, 0)
-        return float(text) if _FLOAT.fullmatch(text) else text
+        return float(text)
 
     def _count(self, event: yaml.Event, values: int) -> None:
         self._values += values

@@ -20,13 +20,14 @@ from sim_action.core.field_types import FrozenModel, is_title
 from sim_action.core.permissions import Permissions
 from sim_action.core.records import replace
 from sim_action.core.wording import escaped_line
-from sim_action.core.yaml_document import Document, KeyPath, read_document
+from sim_action.core.yaml_document import MAX_DEPTH, Document, KeyPath, is_plain_text, read_document
 from sim_action.drives import Drive
 from sim_action.scenario.files import numbered_runs, workspace_around
 from sim_action.scenario.source import Refused, Source
 from sim_action.scenario.variations import NoSuchKey, placed, resolved
 from sim_action.sensors import Sensor
 
+_LINE_ENDS: Final = frozenset("\x85\u2028\u2029")
 _UNNAMED: Final = "scenario"
 _VALUE: Final = "value"
 # Longer lines are folded, and a place in a folded text is hard to find.
@@ -155,11 +156,29 @@ def _read(label: str, keys: Mapping[str, object]) -> dict[str, Any]:
 
 
 def _yaml(data: object) -> str:
-    return yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=_WIDTH)
+    return yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=_WIDTH)
+
+
+class _Dumper(yaml.SafeDumper):
+    """A writer of YAML 1.2: `1e3` and `0o7` without quotes are numbers there, and texts for PyYAML."""
+
+
+def _written_text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
+    # Some parsers of YAML fold the line ends of Unicode, in quotes also.
+    style = None if is_plain_text(text) and _LINE_ENDS.isdisjoint(text) else '"'
+    return dumper.represent_scalar(yaml.resolver.BaseResolver.DEFAULT_SCALAR_TAG, text, style=style)
+
+
+_Dumper.add_representer(str, _written_text)
 
 
 def _plain(value: object, label: str, path: KeyPath) -> object:
     """Return a value as plain YAML data. Raise InvalidScenario for one that YAML does not have."""
+    if len(path) > MAX_DEPTH:
+        raise _refused(f"more than {MAX_DEPTH} nested maps and lists", label, path[:1])
+    if hasattr(value, "tolist"):
+        # Arrays, numbers and truth values of numpy, which is not imported for this.
+        value = value.tolist()
     if isinstance(value, FrozenModel):
         own = _keys_of(value, label, path)
         return {value.key: own} if isinstance(value, Assertion | Drive | Sensor) else own
@@ -192,7 +211,6 @@ def _keys_of(part: FrozenModel, label: str, path: KeyPath) -> object:
 def _scalar(value: object, label: str, path: KeyPath) -> object:
     if value is None or isinstance(value, bool | str):
         return value
-    # Numbers of numpy, too.
     if isinstance(value, Integral):
         return int(value)
     if isinstance(value, Real):

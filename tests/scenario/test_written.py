@@ -84,6 +84,26 @@ def test_what_yaml_does_not_have_is_refused_with_its_key(value: object) -> None:
     assert len(error.value.problems) == 1
 
 
+def test_arrays_of_numpy_are_lists() -> None:
+    keys = Scenario(**BURGER, tags=np.array(["a", "b"]), world={"a": np.eye(2), "b": np.bool_(True)}).keys
+    assert (keys["tags"], keys["world"]) == (["a", "b"], {"a": [[1.0, 0.0], [0.0, 1.0]], "b": True})
+
+
+def test_a_list_in_itself_is_refused() -> None:
+    value: list[Any] = []
+    value.append(value)
+    with pytest.raises(InvalidScenario, match="tags: more than 40 nested maps and lists"):
+        Scenario(**BURGER, tags=value)
+
+
+@pytest.mark.parametrize(
+    "text", ["1e3", "-1E-3", "0o7", "0x1f", ".5", "5.", "1_0", "1:30", "~", "yes", "NULL", ".inf", "=", "", "\x85", "\u2028a"]
+)
+def test_a_strange_text_stays_as_it_is(text: str) -> None:
+    scenario = Scenario(**BURGER, world={text: [text]})
+    assert scenario.keys["world"] == {text: [text]}
+
+
 def test_problems_have_the_line_of_its_text() -> None:
     scenario = Scenario(**BURGER, sead=3)
     with pytest.raises(InvalidScenario, match="did you mean 'seed'") as error:
