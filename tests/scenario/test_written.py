@@ -97,7 +97,8 @@ def test_a_list_in_itself_is_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["1e3", "-1E-3", "0o7", "0x1f", ".5", "5.", "1_0", "1:30", "~", "yes", "NULL", ".inf", "=", "", "\x85", "\u2028a"]
+    "text",
+    ["1e3", "-1E-3", "0o7", "0x1f", ".5", "5.", "1_0", "1:30", "~", "yes", "NULL", ".inf", "=", "", "\x85", "\u2028a"],
 )
 def test_a_strange_text_stays_as_it_is(text: str) -> None:
     scenario = Scenario(**BURGER, world={text: [text]})
