@@ -48,7 +48,12 @@ _EXACT: Final = (
     re.compile(r"sim-action/sim-action(?:\.git)?\n\s+rev: (?P<found>\S+)"),
 )
 _IMAGE: Final = re.compile(r"ghcr\.io/sim-action/sim-action:(?P<found>\d[\w.]*)")
-_PINNED: Final = re.compile(r"\bsim-action==(?P<found>\d[\w.]*)")
+# The places that name the version by its numbers; the last two are in the plugin of pytest.
+_NUMBERS: Final = (
+    re.compile(r"\bsim-action==(?P<found>\d[\w.]*)"),
+    re.compile(r'^name = "pytest-sim-action"\nversion = "(?P<found>[^"\n]*)"', re.MULTILINE),
+    re.compile(r'"sim-action>=(?P<found>\d[\w.]*)"'),
+)
 
 _HEADING: Final = re.compile(r"^## (?P<name>\S+)(?: \((?P<day>[\d-]+)\))?$", re.MULTILINE)
 _RELATIVE_LINK: Final = re.compile(r"\]\((?!\w+:|#)([^)\s]+)\)")
@@ -190,7 +195,7 @@ def _rules(version: str) -> list[tuple[tuple[re.Pattern[str], ...], str]]:
     return [
         (_MOVING, moving_tag(version)),
         (_EXACT, f"v{version}"),
-        ((_PINNED,), version),
+        (_NUMBERS, version),
         ((_IMAGE,), version.partition(".")[0]),
     ]
 

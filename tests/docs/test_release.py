@@ -39,6 +39,8 @@ PAGES = {
     "examples/.pre-commit-config.yaml": "- repo: https://github.com/sim-action/sim-action\n  rev: v0.9.0\n",
     "docs/docker.md": "docker run ghcr.io/sim-action/sim-action:0 run .\n",
     "Dockerfile": "RUN pip install sim-action==0.9.0\n",
+    "plugins/a/pyproject.toml": 'name = "pytest-sim-action"\nversion = "0.9.0"\ndependencies = ["sim-action>=0.9.0"]\n',
+    "other/pyproject.toml": 'name = "other"\nversion = "7"\n',
     "docs/other.md": "uses: actions/checkout@v7\nuses: octocat/sim-action@v7\npip install not-sim-actions==3\n",
     "tests/test_a.py": "# sim-action/sim-action@v7",
     ".venv/a.md": "sim-action/sim-action@v7",
@@ -87,6 +89,8 @@ def test_the_tag_that_moves_has_the_first_number(version: str, tag: str) -> None
         ("examples/.pre-commit-config.yaml", ("v0.9.0", "v0.1.0"), 2, "v0.1.0 must be v0.9.0"),
         ("docs/docker.md", (":0", ":0.9.0"), 1, "0.9.0 must be 0"),
         ("Dockerfile", ("==0.9.0", "==0.8.0"), 1, "0.8.0 must be 0.9.0"),
+        ("plugins/a/pyproject.toml", ('version = "0.9.0"', 'version = "0.9"'), 2, "0.9 must be 0.9.0"),
+        ("plugins/a/pyproject.toml", (">=0.9.0", ">=0.8.0"), 3, "0.8.0 must be 0.9.0"),
         ("CHANGELOG.md", ("`v0`", "`v1`"), 3, "v1 must be v0"),
     ],
 )
@@ -143,7 +147,9 @@ def test_cut_makes_everything_agree_on_the_new_version(root: Path) -> None:
     write(root, "CHANGELOG.md", CHANGES + OLDER)
     assert found(root)
     changed = cut(root, "1.0.0", "2026-11-30")
-    assert set(changed) == PAGES.keys() - {"docs/other.md", "tests/test_a.py", ".venv/a.md"} | {"CHANGELOG.md"}
+    assert set(changed) == PAGES.keys() - {"docs/other.md", "other/pyproject.toml", "tests/test_a.py", ".venv/a.md"} | {
+        "CHANGELOG.md"
+    }
     assert found(root, "v1.0.0") == []
     assert read_version(root) == "1.0.0"
     for name in ("docs/other.md", "tests/test_a.py", ".venv/a.md"):

@@ -24,6 +24,9 @@ VIEWER = "sim_action/reports/viewer/viewer3d.json"
 BUILT = '{"packed": "", "sha256": ""}\n'
 WHEEL = f"sim_action-{__version__}-py3-none-any.whl"
 SDIST = f"sim_action-{__version__}.tar.gz"
+PLUGIN = "plugins/pytest-sim-action"
+PLUGIN_WHEEL = f"pytest_sim_action-{__version__}-py3-none-any.whl"
+PLUGIN_SDIST = f"pytest_sim_action-{__version__}.tar.gz"
 
 
 def export(folder: Path) -> Path:
@@ -47,9 +50,9 @@ def packages(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
     folder.mkdir(exist_ok=True)
     machine = Machine(folder, version=__version__, programs={"npm": "", "node": f"echo '{BUILT.strip()}' > \"$2\""})
     with locked(folder / "lock"):
-        if not (machine.temp / "dist2").exists():
+        if not (machine.temp / "plugin2").exists():
             source = export(folder / "source")
-            for step in ("Build the viewer", "Build the sdist"):
+            for step in ("Build the viewer", "Build the sdists"):
                 ran = machine.run("build", step, source)
                 assert ran.returncode == 0, ran.stdout[-2000:] + ran.stderr[-2000:]
             assert machine.called("npm") == ["ci --prefix web"] * 2
@@ -73,6 +76,8 @@ def metadata(wheel: Path) -> Message:
 
 def test_there_is_one_sdist_and_one_wheel(packages: Path) -> None:
     assert sorted(file.name for file in packages.iterdir()) == sorted([SDIST, WHEEL])
+    plugin = packages.with_name("plugin1")
+    assert sorted(file.name for file in plugin.iterdir()) == sorted([PLUGIN_SDIST, PLUGIN_WHEEL])
 
 
 def test_builds_that_differ_end_the_release(tmp_path: Path) -> None:
@@ -82,7 +87,7 @@ def test_builds_that_differ_end_the_release(tmp_path: Path) -> None:
     assert "differ" in ran.stdout
     # The last argument is the folder of the packages.
     machine = Machine(tmp_path, programs={"python": 'mkdir -p "${@: -1}"; echo "$*" > "${@: -1}/a"'})
-    ran = machine.run("build", "Build the sdist", tmp_path)
+    ran = machine.run("build", "Build the sdists", tmp_path)
     assert ran.returncode == 1
     assert "diff --recursive" in ran.stdout
 
@@ -101,6 +106,46 @@ def test_the_sdist_has_what_builds_and_tests_it(packages: Path) -> None:
         names = {name.partition("/")[2] for name in archive.getnames()}
     assert {"pyproject.toml", "hatch_build.py", "README.md", "LICENSE", VIEWER, "tests/test_docs.py"} <= names
     assert not [name for name in names if re.search(r"node_modules|__pycache__|\.venv|sim-results", name)]
+
+
+def test_the_packages_of_the_plugin_have_its_module_and_the_license(packages: Path) -> None:
+    plugin, info = packages.with_name("plugin1"), f"pytest_sim_action-{__version__}.dist-info"
+    license_ = (ROOT / "LICENSE").read_bytes()
+    assert (ROOT / PLUGIN / "LICENSE").read_bytes() == license_
+    with zipfile.ZipFile(plugin / PLUGIN_WHEEL) as archive:
+        assert archive.read(f"{info}/licenses/LICENSE") == license_
+        assert {name for name in archive.namelist() if not name.startswith(info)} == {"pytest_sim_action.py"}
+        metadata = message_from_string(archive.read(f"{info}/METADATA").decode())
+    assert (metadata["Name"], metadata["Version"]) == ("pytest-sim-action", __version__)
+    assert re.findall(r"\]\((?!https://|#)[^)]*\)", str(metadata.get_payload())) == []
+    with tarfile.open(plugin / PLUGIN_SDIST) as archive:
+        names = {name.partition("/")[2] for name in archive.getnames()}
+    assert names == {"LICENSE", "PKG-INFO", "README.md", "pyproject.toml", "pytest_sim_action.py", ".gitignore"}
+
+
+def test_pytest_finds_scenarios_where_the_plugin_is_installed(packages: Path, tmp_path: Path) -> None:
+    environment = tmp_path / "environment"
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", environment], check=True)
+    (site,) = environment.glob("lib/python3*/site-packages")
+    wheels = [packages / WHEEL, packages.with_name("plugin1") / PLUGIN_WHEEL]
+    into = ["--target", str(site), "--no-deps", "--no-index", "--quiet", "--disable-pip-version-check"]
+    subprocess.run([sys.executable, "-m", "pip", "install", *into, *wheels], check=True, env=without_pythonpath())
+    # What both need is here already: it takes minutes to download.
+    (site / "dependencies.pth").write_text(f"{Path(pytest.__file__).parents[1]}\n")
+    python = str(environment / "bin/python")
+    assert run(tmp_path, "init", "hello", python=python, PYTHONPATH="").returncode == 0
+    (tmp_path / "pytest.ini").write_text("[pytest]\n")
+    ran = subprocess.run(
+        [python, "-m", "pytest", "-v", "-p", "no:cacheprovider", "hello"],
+        cwd=tmp_path,
+        env=without_pythonpath(),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    assert "sim-action-" in ran.stdout
+    assert "drive_straight.sim.yml::" in ran.stdout
 
 
 def test_the_metadata_says_what_the_package_is(metadata: Message) -> None:
@@ -152,7 +197,7 @@ def test_the_text_and_the_list_of_packages_are_written(tmp_path: Path) -> None:
     shutil.copytree(ROOT / "docs", tmp_path / "docs", ignore=shutil.ignore_patterns("_site"))
     (tmp_path / "CHANGELOG.md").write_text(f"## {__version__} (2026-11-30)\n\nThe text.\n")
     (tmp_path / "pyproject.toml").write_text((ROOT / "pyproject.toml").read_text(encoding="utf-8"), encoding="utf-8")
-    for name in ("dist1", "viewer1"):
+    for name in ("dist1", "plugin1", "viewer1"):
         (tmp_path / "temp" / name).mkdir(parents=True)
         (tmp_path / "temp" / name / "file").write_text(name)
     machine = Machine(tmp_path, version=__version__, programs={"cyclonedx-py": LISTING})
@@ -164,7 +209,13 @@ def test_the_text_and_the_list_of_packages_are_written(tmp_path: Path) -> None:
     assert "\ndynamic = " not in project
     summary = (machine.temp / "GITHUB_STEP_SUMMARY").read_text(encoding="utf-8")
     assert re.findall(r"^[0-9a-f]{64}  (\S+)$", summary, re.MULTILINE) == [
-        *("dist1/file", "viewer1/file", "release/notes.md", f"release/sim-action-{__version__}.cdx.json"),
+        *(
+            "dist1/file",
+            "plugin1/file",
+            "viewer1/file",
+            "release/notes.md",
+            f"release/sim-action-{__version__}.cdx.json",
+        ),
     ]
 
 
@@ -184,7 +235,7 @@ def test_an_empty_environment_installs_the_wheel_and_the_build_tools(packages: P
     path = os.pathsep.join([str(tmp_path / "tools/bin"), os.environ["PATH"]])
     source = export(tmp_path / "source")
     (source / "CHANGELOG.md").write_text(f"## {__version__} (2026-11-30)\n\nThe text.\n")
-    for name in ("dist1", "viewer1"):
+    for name in ("dist1", "plugin1", "viewer1"):
         (machine.temp / name).mkdir(parents=True)
         (machine.temp / name / "file").write_text(name)
     for step in ("Install the build tools", "Write the text"):

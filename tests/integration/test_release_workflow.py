@@ -139,13 +139,13 @@ esac
 
 
 def test_a_release_is_made_once_and_completed_when_repeated(tmp_path: Path) -> None:
-    for name in ("dist/a.whl", "dist/b.tar.gz", "release/notes.md", "release/sim-action-0.9.0.cdx.json"):
+    for name in ("dist/a.whl", "plugin/b.whl", "release/notes.md", "release/sim-action-0.9.0.cdx.json"):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(name)
     machine = Machine(tmp_path, programs={"gh": RELEASES})
     assert machine.run("github", "Make the release", tmp_path).returncode == 0
     create = "release create v0.9.0 --draft --verify-tag --title v0.9.0 --notes-file release/notes.md"
-    upload = "release upload v0.9.0 dist/a.whl dist/b.tar.gz release/sim-action-0.9.0.cdx.json --clobber"
+    upload = "release upload v0.9.0 dist/a.whl plugin/b.whl release/sim-action-0.9.0.cdx.json --clobber"
     publish = "release edit v0.9.0 --draft=false --latest --notes-file release/notes.md"
     assert machine.called("gh") == ["release view v0.9.0", create, upload, publish]
     assert machine.run("github", "Make the release", tmp_path).returncode == 0
@@ -165,15 +165,18 @@ def test_the_published_package_is_awaited_and_runs_the_tutorial(tmp_path: Path) 
         "python": f'test "$(wc -l < "{tmp_path}/python.log")" -ge 3',
         "sleep": "",
         "sim-action": f'export PYTHONPATH="{ROOT}"; exec "{sys.executable}" -m sim_action "$@"',
+        "pytest": "",
     }
     machine = Machine(tmp_path, programs=programs)
     installed = machine.run("install", "Install", tmp_path / "work")
     assert installed.returncode == 0, installed.stderr
-    assert machine.called("python") == ["-m pip install --quiet --no-cache-dir sim-action==0.9.0"] * 3
+    packages = "sim-action==0.9.0 pytest-sim-action==0.9.0"
+    assert machine.called("python") == [f"-m pip install --quiet --no-cache-dir {packages}"] * 3
     assert machine.called("sleep") == ["30"] * 2
     ran = machine.run("install", "Run the first steps", tmp_path / "work")
     assert ran.returncode == 0, ran.stdout + ran.stderr
     assert machine.called("sim-action") == ["--version", "init hello", "run hello", "run hello"]
+    assert machine.called("pytest") == ["hello"]
 
 
 @pytest.mark.parametrize(
@@ -187,7 +190,7 @@ def test_another_version_on_the_index_fails(tmp_path: Path, printed: str) -> Non
 def test_the_tutorial_fails_if_the_wall_is_not_noticed(tmp_path: Path) -> None:
     (tmp_path / "hello/simulation").mkdir(parents=True)
     (tmp_path / "hello/simulation/drive_straight.sim.yml").write_text("")
-    machine = Machine(tmp_path, programs={"sim-action": ""})
+    machine = Machine(tmp_path, programs={"sim-action": "", "pytest": ""})
     assert machine.run("install", "Run the first steps", tmp_path).returncode == 1
 
 
@@ -224,8 +227,9 @@ def test_only_the_jobs_that_need_a_right_have_it() -> None:
         "tag": ["contents"],
         "attest": ["attestations", "id-token"],
         "pypi": ["id-token"],
+        "pypi-plugin": ["id-token"],
         "registry": ["attestations", "id-token", "packages"],
         "github": ["contents"],
         "move": ["contents"],
     }
-    assert [name for name, job in jobs().items() if "environment" in job] == ["pypi"]
+    assert [name for name, job in jobs().items() if "environment" in job] == ["pypi", "pypi-plugin"]
