@@ -44,7 +44,7 @@ def numbered(file: str, numbers: Iterable[int]) -> str:
 def split(pattern: str) -> tuple[str, frozenset[int] | None]:
     """Split "FILE::NUMBERS" into the file and its numbers; None means all.
 
-    An existing file of that name counts as a file.
+    An existing file of that name counts as a file. Raise UsageError for a range that ends before it begins.
     """
     found = _NUMBERED.fullmatch(pattern)
     if found is None or os.path.lexists(pattern):
@@ -54,7 +54,10 @@ def split(pattern: str) -> tuple[str, frozenset[int] | None]:
 
 def _range(text: str) -> range:
     first, _, last = text.partition("-")
-    return range(int(first), int(last or first) + 1)
+    numbers = range(int(first), int(last or first) + 1)
+    if not numbers:
+        raise UsageError(f"a range of scenarios goes from the lower to the higher number, found '{text}'")
+    return numbers
 
 
 Scenarios = tuple[Source | Refused, ...]

@@ -133,7 +133,9 @@ def test_no_scenario_is_exit_code_5_and_still_a_junit(tmp_path: Path) -> None:
     assert junitparser.JUnitXml.fromfile(str(tmp_path / "sim-results/junit.xml")).tests == 0
 
 
-@pytest.mark.parametrize("arguments", [("run", "--jobs", "0"), ("run", "--nope"), ("nope",), ("run", "-v", "-q")])
+@pytest.mark.parametrize(
+    "arguments", [("run", "--jobs", "0"), ("run", "--nope"), ("run", "a.sim.yml::3-1"), ("nope",), ("run", "-v", "-q")]
+)
 def test_a_wrong_call_is_exit_code_2(tmp_path: Path, arguments: tuple[str, ...]) -> None:
     ran = sim_action(tmp_path, *arguments)
     assert ran.returncode == 2
@@ -141,7 +143,7 @@ def test_a_wrong_call_is_exit_code_2(tmp_path: Path, arguments: tuple[str, ...])
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows does not remove a current folder")
-@pytest.mark.parametrize("arguments", ["run", "validate", "inspect turtlebot3_burger", "run -o /nowhere"])
+@pytest.mark.parametrize("arguments", ["run", "validate", "inspect turtlebot3_burger", "run --jobs 1"])
 def test_a_current_folder_that_was_removed_is_exit_code_2(tmp_path: Path, arguments: str) -> None:
     program = f"rmdir . 2>/dev/null || rmdir ../here; exec '{sys.executable}' -m sim_action {arguments}"
     (tmp_path / "here").mkdir()

@@ -243,6 +243,7 @@ def test_a_run_that_is_invalid_says_why_and_nothing_runs(folder: Path) -> None:
         (lambda: run(burger(), **wrong(backend="ode")), UsageError, "backend: expected .*, found 'ode'"),
         (lambda: run(burger(), **wrong(unexercised="wrn")), UsageError, "expected None or 'error' or 'warn', "),
         (lambda: run(burger(), **wrong(allow_scripts=False)), UsageError, "allow_scripts: .*, found False"),
+        (lambda: run("a.sim.yml::3-1"), UsageError, "from the lower to the higher number, found '3-1'"),
         (lambda: run("a\0.sim.yml"), UsageError, "a path has no null character"),
         (lambda: validate(["a\0b"]), UsageError, "a path has no null character"),
         (lambda: run(burger(), record="avi"), UsageError, "unknown format 'avi'"),
