@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 from collections.abc import Callable, Iterator
@@ -82,7 +83,8 @@ class ScenarioItem(pytest.Item):
         """Run the scenario. Raise ScenarioFailure if it does not pass."""
         results = _run(self, self._scenario)
         for outcome in results:
-            self.user_properties.append((f"digest of {outcome.name}", outcome.digest))
+            if outcome.digest is not None:
+                self.user_properties.append((f"digest of {outcome.name}", outcome.digest))
             for warning in outcome.record.warnings:
                 self.warn(SimActionWarning(f"{warning.location}: {warning}"))
         if not results.passed:
@@ -136,6 +138,8 @@ def _run(node: pytest.Item, *scenarios: sim_action.Scenario) -> sim_action.Resul
     )
 
 
+_MAX_NAME_CHARS: Final = 50  # names of files have at most 255 bytes, and a character up to 4
+_HASH_CHARS: Final = 8
 _CALLS: Final = pytest.StashKey[int]()
 """How often a test has run scenarios."""
 
@@ -143,8 +147,9 @@ _CALLS: Final = pytest.StashKey[int]()
 def _folder_name(node: pytest.Item) -> str:
     """Return a name for the results of a call, which no other call of this session has."""
     number = node.stash[_CALLS] = node.stash.get(_CALLS, 0) + 1
-    name = re.sub(r"[^A-Za-z0-9._=,+-]+", "-", node.nodeid).strip("-.")
-    return name if number == 1 else f"{name}-{number}"
+    name = re.sub(r"[^\w.=,+-]+", "-", node.nodeid).strip("-.")[:_MAX_NAME_CHARS]
+    # Tests with the names "a b" and "a-b" have a folder each; the same one in each session.
+    return f"{name}-{hashlib.sha256(node.nodeid.encode()).hexdigest()[:_HASH_CHARS]}-{number}"
 
 
 def _shown(path: Path) -> Path:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -140,12 +141,31 @@ def test_the_fixture_runs_and_changes_scenarios(pytester: pytest.Pytester, run: 
     result = run("tests", "--sim-output", "out")
     result.assert_outcomes(passed=2, failed=1)
     result.stdout.fnmatch_lines(["*Captured sim-action call*", "✗ burger drives  a.sim.yml*", "*travelled*"])
-    assert sorted(path.parent.name for path in pytester.path.glob("out/*/report.html")) == [
-        "tests-test_it.py-test_a_scenario_of_its_own",
-        "tests-test_it.py-test_a_scenario_of_its_own-2",
-        "tests-test_it.py-test_speed-0.0",
-        "tests-test_it.py-test_speed-1.0",
+    folders = sorted(path.parent.name for path in pytester.path.glob("out/*/report.html"))
+    assert [re.sub("-[0-9a-f]{8}-", " ", name) for name in folders] == [
+        "tests-test_it.py-test_a_scenario_of_its_own 1",
+        "tests-test_it.py-test_a_scenario_of_its_own 2",
+        "tests-test_it.py-test_speed-0.0 1",
+        "tests-test_it.py-test_speed-1.0 1",
     ]
+
+
+def test_each_test_has_a_folder_of_its_own(pytester: pytest.Pytester, run: Run) -> None:
+    names = ["a b", "a-b", "前進", "後退", "前" * 120]
+    lines = "".join(f"  - name: {name}\n" for name in names)
+    write(pytester, a=f"scenarios:\n{lines}" + DRIVES.partition("\n")[2])
+    run("--sim-output", "out").assert_outcomes(passed=5)
+    found = [path.parent for path in pytester.path.glob("out/*/results.json")]
+    assert len(found) == 5
+    run("--sim-output", "out", "-k", "a-b").assert_outcomes(passed=1, deselected=4)
+    assert {path.parent for path in pytester.path.glob("out/*/results.json")} == {*found}
+
+
+def test_a_run_that_has_no_digest_has_no_property(pytester: pytest.Pytester, run: Run) -> None:
+    write(pytester, a=DRIVES.replace("twist: [{linear: 1.0}]", "script: it.py"))
+    (pytester.path / "it.py").write_text("def control(observation):\n    raise ValueError\n")
+    run("--junitxml", "j.xml").assert_outcomes(failed=1)
+    assert "digest" not in (pytester.path / "j.xml").read_text()
 
 
 def test_engines_and_workers_are_chosen(pytester: pytest.Pytester, run: Run) -> None:
