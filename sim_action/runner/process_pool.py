@@ -13,10 +13,9 @@ from pathlib import Path
 from typing import Final
 
 from sim_action.core.process import Interruption
-from sim_action.core.records import dataclass, replace
+from sim_action.core.records import replace
 from sim_action.engines import ENGINES, chosen
 from sim_action.recording.export import EXPORTS
-from sim_action.results.artifacts import RunFiles, file_stems
 from sim_action.results.events import Listener, Progressed, RunEnded, Started
 from sim_action.results.outcome import ExpectationOutcome, Outcome
 from sim_action.runner.child_outcome import (
@@ -33,7 +32,7 @@ from sim_action.runner.child_outcome import (
 from sim_action.runner.isolation import child_type_here
 from sim_action.runner.isolation.capacity import cause_of, most_children
 from sim_action.runner.isolation.child_process import ChildProcess, Starter
-from sim_action.runner.job import Job, JobList
+from sim_action.runner.job import Job, JobList, JobOrder
 from sim_action.runner.process_output import muted
 from sim_action.runner.run_keys import RunKeys
 from sim_action.scenario.model import LoadedScenario
@@ -82,7 +81,7 @@ def execute(
         formats: the formats of recordings to write.
         repeat: how often the whole list is run, one time after the other; if more than once, each run has its own
             interpreter and its own seed of hashes.
-        motions: the folder for the motion of runs that are compared, see `motion_file`.
+        motions: the folder for the motion of runs that are compared, see `job.motion_file`.
         ended: the place and the turn of each run that an earlier call has ended; they get no process.
         keys: gives the keys of runs; by default, they have none.
         child_type: how child processes are started; by default, as this system allows.
@@ -97,10 +96,15 @@ def execute(
     numbered = [(place, turn) for turn in range(1, repeat + 1) for place in places or range(len(scenarios))]
     left = [loaded for index, loaded in enumerate(scenarios) if numbered[index] not in ended]
     is_warm = child_type.forks and repeat == 1 and _warmed_up(left, formats, replays=replays)
-    order = _Order(
+    order = JobOrder.of(
         scenarios,
-        list(file_stems(loaded.scenario.name for _ in range(repeat) for loaded in scenarios)),
-        *(folder.absolute(), Path.cwd(), child_type.limits_memory, replays, formats, not is_warm, motions),
+        folder,
+        repeat=repeat,
+        memory_is_limited=child_type.limits_memory,
+        replays=replays,
+        formats=formats,
+        is_fresh=not is_warm,
+        motions=motions,
     )
     every = JobList(order.job, len(numbered))
     waiting = deque(index for index in range(len(numbered)) if numbered[index] not in ended)
@@ -121,53 +125,6 @@ def execute(
     return [outcomes.get(index) or without(loaded) for index, loaded in enumerate([*scenarios] * repeat)]
 
 
-def motion_file(folder: Path, index: int) -> Path:
-    """Return the file for the motion of the run with this index in the list of scenarios."""
-    return folder / f"{index}.npz"
-
-
-@dataclass(frozen=True, slots=True)
-class _Order:
-    """The parts that the jobs of a call are made of.
-
-    Attributes:
-        scenarios: the scenarios, each of which is run once in each repetition.
-        stems: the name without an ending for the files of each run.
-        results, here, memory_is_limited: as in `Job`.
-        replays, formats, motions: as in `execute`.
-        is_fresh: True if each run has an interpreter of its own.
-    """
-
-    scenarios: Sequence[LoadedScenario]
-    stems: Sequence[str]
-    results: Path
-    here: Path
-    memory_is_limited: bool
-    replays: bool
-    formats: Sequence[str]
-    is_fresh: bool
-    motions: Path | None
-
-    def job(self, index: int) -> Job:
-        """Return the job with this index among those of all repetitions."""
-        turn, place = divmod(index, len(self.scenarios))
-        loaded = self.scenarios[place]
-        files = RunFiles.of(self.stems[index], self.results, replays=self.replays, formats=self.formats)
-        # Repeated runs are equal, or have no verdict: the motion of the first one is enough.
-        motion = motion_file(self.motions, place) if self.motions and loaded.compared and turn == 0 else None
-        return Job(
-            loaded,
-            files.trace,
-            self.results,
-            self.memory_is_limited,
-            files.replay,
-            files.recordings,
-            hash_seed=turn if self.is_fresh else None,
-            motion=motion,
-            here=self.here,
-        )
-
-
 def _warmed_up(scenarios: Sequence[LoadedScenario], formats: Iterable[str], *, replays: bool) -> bool:
     """Prepare this process for forks; return False if the system refuses it, such as for a lack of descriptors.
 
@@ -175,14 +132,19 @@ def _warmed_up(scenarios: Sequence[LoadedScenario], formats: Iterable[str], *, r
     """
     forked = [loaded for loaded in scenarios if not loaded.scenario.runs_user_code]
     try:
-        _warm_up(forked, formats, replays=replays)
+        warm_up(forked, formats, replays=replays, preloads=len(forked) > 1)
     except (OSError, ImportError, MemoryError):
         return False
     return True
 
 
-def _warm_up(scenarios: Sequence[LoadedScenario], formats: Iterable[str], *, replays: bool) -> None:
-    """Import and prepare, once for all forks, the engines and the packages that write results."""
+def warm_up(
+    scenarios: Sequence[LoadedScenario], formats: Iterable[str], *, replays: bool, preloads: bool = True
+) -> None:
+    """Import and prepare, once for all forks, the engines and the packages that write results.
+
+    `preloads`: modules that only some runs need, too. Raises OSError, ImportError, MemoryError.
+    """
     ExpectationOutcome.model_rebuild()
     Outcome.model_rebuild()
     if replays:
@@ -192,7 +154,7 @@ def _warm_up(scenarios: Sequence[LoadedScenario], formats: Iterable[str], *, rep
     with muted():
         for engine in {chosen(loaded.scenario.backend) for loaded in scenarios}:
             ENGINES.load(engine).warm_up()
-    if len(scenarios) > 1:
+    if preloads:
         from sim_action.simulation.preloading import preload
 
         preload(scenarios)

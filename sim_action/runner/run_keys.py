@@ -175,7 +175,7 @@ class RunKeys:
             "formats": sorted(options.formats),
             "replays": options.replays,
             "folder": str(Path.cwd()),
-            "sim-action": _source_digest(Path(sim_action.__file__).parent),
+            "sim-action": source_digest(Path(sim_action.__file__).parent),
             # A virtual environment may lie in another folder each time; its packages are compared.
             "python": [sys.version, sys.flags.optimize, os.path.realpath(sys.executable)],
             "machine": [sys.platform, platform.machine(), *platform.libc_ver(), cpu_model()],
@@ -239,7 +239,7 @@ def _scenario(loaded: LoadedScenario) -> list[object]:
     ]
 
 
-def _source_digest(folder: Path) -> str:
+def source_digest(folder: Path) -> str:
     """Return a digest of the files of sim-action that a run may depend on."""
     digest = hashlib.sha256()
     _add_source(os.fspath(folder), "", digest)

@@ -50,6 +50,7 @@ _ENDING_TIMEOUT_S: Final = 10.0
 class _Call:
     function: Function
     arguments: Sequence[Any]
+    prepare: Callable[..., object] | None
     folder: str
     environment: Mapping[str, str]
     path: Sequence[str]
@@ -100,8 +101,17 @@ class WarmProcess:
             self._connection = Connection(ours.detach())
         self._modules: Sequence[str] = ()
 
-    def call(self, function: Function, arguments: Sequence[Any], listen: Emit) -> Any:
+    def call(
+        self,
+        function: Function,
+        arguments: Sequence[Any],
+        listen: Emit,
+        prepare: Callable[..., object] | None = None,
+    ) -> Any:
         """Run a function of a module in a fork, and return what it returns, or raise what it raises.
+
+        `prepare` is called with the same arguments in the warm process itself: what it imports and makes is there for
+        the forks of all later calls, too.
 
         `listen` receives its events. If it raises an exception, or the caller is interrupted, the call and this process
         end first. Raise InternalError if the call ends without an answer.
@@ -109,7 +119,7 @@ class WarmProcess:
         answer: _Returned | _Raised | None = None
         folder, environment = os.getcwd(), dict(os.environ)  # noqa: PTH109 - a text
         try:
-            self._connection.send(_Call(function, arguments, folder, environment, sys.path, self._modules))
+            self._connection.send(_Call(function, arguments, prepare, folder, environment, sys.path, self._modules))
             while not isinstance(message := self._connection.recv(), _Ended):
                 if isinstance(message, _Event):
                     listen(message.event)
@@ -223,13 +233,15 @@ if sys.platform != "win32":
     os.register_at_fork(after_in_child=_POOL.forget)
 
 
-def call_beside(function: Function, arguments: Sequence[Any], listen: Emit) -> Any:
+def call_beside(
+    function: Function, arguments: Sequence[Any], listen: Emit, prepare: Callable[..., object] | None = None
+) -> Any:
     """Run a function in a fork of a warm process, see `WarmProcess.call`. Several threads may call at the same time.
 
     Raises InternalError if there can be no such process.
     """
     with _POOL.taken() as process:
-        return process.call(function, arguments, listen)
+        return process.call(function, arguments, listen, prepare)
 
 
 def main() -> NoReturn:
@@ -243,6 +255,10 @@ def main() -> NoReturn:
         while True:
             call = connection.recv()
             _import(call.modules)
+            if call.prepare is not None:
+                # The call does what is left, or says why it cannot.
+                with suppress(ImportError, OSError, MemoryError):
+                    call.prepare(*call.arguments)
             gc.freeze()
             if (pid := os.fork()) == 0:
                 _run(call, connection, own)

@@ -350,7 +350,7 @@ def test_without_preparation_each_scenario_gets_an_interpreter_of_its_own(
 ) -> None:
     monkeypatch.setattr(Waiting, "ended", [])
     monkeypatch.setattr(Forking, "seeds", [])
-    monkeypatch.setattr("sim_action.runner.process_pool._warm_up", Mock(side_effect=error))
+    monkeypatch.setattr("sim_action.runner.process_pool.warm_up", Mock(side_effect=error))
     with Patient() as patient:
         execute(loaded(tmp_path, "ab"), tmp_path, 2, Listener(), patient, child_type=Forking)
     assert Forking.seeds == seeds

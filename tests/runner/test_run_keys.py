@@ -227,7 +227,7 @@ def test_variations_have_keys_of_their_own() -> None:
     assert len({keys.of(run) for run in runs} - {None}) == 4
 
 
-@pytest.mark.parametrize("part", ["_source_digest", "_packages", "cpu_model"])
+@pytest.mark.parametrize("part", ["source_digest", "_packages", "cpu_model"])
 def test_software_and_machine_count(part: str, monkeypatch: pytest.MonkeyPatch) -> None:
     before = key()
     monkeypatch.setattr(module, part, lambda *_: "another")
@@ -264,7 +264,7 @@ def test_an_installed_package_counts(tmp_path: Path, monkeypatch: pytest.MonkeyP
 
 
 def test_own_source_counts(tmp_path: Path) -> None:
-    digest = module._source_digest
+    digest = module.source_digest
     found = set()
     for name, text in (("a.py", "1"), ("a.py", "2"), ("b.py", ""), ("c/d.urdf", "")):
         (tmp_path / name).parent.mkdir(exist_ok=True)

@@ -214,3 +214,27 @@ os._exit(call_beside(prints, (), lambda _: None))
     for closed in ("0", "1", "2", "0, 2", "1, 2"):
         closing = program.replace("os.closerange(0, 3)", f"[os.close(each) for each in ({closed},)]")
         assert subprocess.run([sys.executable, "-c", closing], cwd=ROOT, check=False).returncode == 7, closed
+
+
+PREPARED: list[str] = []
+
+
+def prepares(name: str) -> None:
+    PREPARED.append(name)
+    if name == "broken":
+        raise ImportError(name)
+
+
+def prepared(name: str, *, emit: Emit) -> list[str]:
+    return PREPARED
+
+
+def test_preparations_are_there_for_all_later_calls() -> None:
+    process = WarmProcess()
+    try:
+        assert process.call(prepared, ["one"], print, prepares) == ["one"]
+        assert process.call(prepared, ["broken"], print, prepares) == ["one", "broken"]
+        assert process.call(prepared, ["other"], print) == ["one", "broken"]
+    finally:
+        process.close()
+    assert PREPARED == []
