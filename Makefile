@@ -147,6 +147,8 @@ lock: $(VENV)/.installed ## what the action installs
 	$(LOCK) --constraint requirements-rosbags.lock --extra mujoco --extra mcap --output-file requirements-mcap.lock
 	$(LOCK) --constraint requirements-mcap.lock --extra mujoco --extra video --output-file requirements-video.lock
 	$(LOCK) --constraint requirements-video.lock --extra mujoco --extra policy --output-file requirements-policy.lock
+	# For the workers of a cluster; the action has no use for it.
+	$(LOCK) --constraint requirements-policy.lock --extra mujoco --extra dask --output-file requirements-dask.lock
 	# The same versions without what simulates, for the actions that only deal, and join: reports read traces.
 	$(LOCK) --constraint requirements.lock --no-emit-package numpy --no-emit-package pybullet --no-emit-package mujoco-core --output-file requirements-core.lock
 	$(LOCK) --constraint requirements.lock --no-emit-package pybullet --no-emit-package mujoco-core --output-file requirements-reports.lock

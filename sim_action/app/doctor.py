@@ -37,6 +37,7 @@ _EXTRAS: Final = MappingProxyType(
         "video": ("av", "recordings as GIF and MP4 (--record gif, mp4)"),
         "rosbags": ("rosbags", "replays of ROS bags"),
         "policy": ("onnxruntime", "learned policies"),
+        "dask": ("distributed", "runs on a cluster (--cluster)"),
     }
 )
 """Extra -> a package that it installs, and what it is for."""

@@ -104,6 +104,7 @@ def run(
     *,
     backend: Backend | None = None,
     jobs: int | None = None,
+    cluster: str | None = None,
     seed: int | None = None,
     repeat: int = 1,
     only: Iterable[str] = (),
@@ -127,6 +128,8 @@ def run(
         scenarios: paths and scenarios; nothing runs unless all of them are valid.
         backend: the physics engine for all of them; "all" compares both; None: as each scenario says.
         jobs: how many scenarios run at the same time; None: one for each core.
+        cluster: the Dask scheduler of a cluster that runs the scenarios, such as "tcp://10.0.0.5:8786", or "local:N";
+            None: this machine runs them. `jobs` does not count on a cluster.
         seed: the random seed for all of them; None: as each scenario says.
         repeat: how often each scenario runs; it is flaky if its runs are not equal bit for bit.
         only: patterns of names to select.
@@ -185,6 +188,7 @@ def run(
         wanted_formats(_texts(record)),
         repeat,
         valid_only=True,
+        cluster=cluster,
     )
     finished = _finished(request, on_event or _ignore)
     return Results(finished.results, finished.exit_code, folder)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path
 
-from sim_action.core.errors import ExitCode, InvalidScenario, SystemRefusal, is_refusal
+from sim_action.core.errors import ExitCode, InvalidScenario, SystemRefusal, UsageError, is_refusal
 from sim_action.core.process import Interruption
 from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import note, warn
@@ -38,6 +38,7 @@ class RunRequest:
         recordings: the formats to record each run in.
         resume: True to take over outcomes of the earlier call in the output folder.
         valid_only: True if nothing runs unless all scenarios are valid.
+        cluster: the address of the cluster that runs the scenarios; None: this machine does.
     """
 
     plan: PlanRequest
@@ -48,6 +49,19 @@ class RunRequest:
     repeat: int = 1
     resume: bool = False
     valid_only: bool = False
+    cluster: str | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse options that a cluster cannot follow. Raise UsageError."""
+        permissions = self.plan.permissions
+        refused = {
+            "--resume": self.resume,
+            "--update-golden": permissions.updates_golden,
+            "--allow-outside": permissions.outside,
+        }
+        if self.cluster is not None and any(refused.values()):
+            names = " and ".join(name for name, is_set in refused.items() if is_set)
+            raise UsageError(f"--cluster cannot be combined with {names}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,8 +82,11 @@ def run_scenarios(request: RunRequest, interruption: Interruption, listener: Lis
         found = plan_runs(request.plan)
         if request.valid_only:
             refuse_invalid([plan for plan in found.plans if isinstance(plan, Refused)])
-        with open_reports(request.reports, keeps_earlier=request.resume) as options:
-            call = _Call(request, found, options, keys, started)
+        with (
+            _executor(request, found) as executor,
+            open_reports(request.reports, keeps_earlier=request.resume) as options,
+        ):
+            call = _Call(request, found, options, keys, started=started, executor=executor)
             results = call.results(interruption, listener)
             taken_over = call.taken.finals if request.resume else None
             told = replace(options, taken_over=taken_over, permissions=request.plan.permissions)
@@ -91,8 +108,34 @@ def refuse_invalid(refused: Sequence[Refused]) -> None:
 
 def _keys(request: RunRequest) -> RunKeys:
     options = RunOptions(request.plan.permissions, request.repeat, request.recordings, _has_replays(request))
-    outputs = [path for path in (request.reports.folder, request.reports.junit) if path is not None]
-    return RunKeys(request.plan.suite.files, options, outputs)
+    return RunKeys(request.plan.suite.files, options, _outputs(request))
+
+
+def _outputs(request: RunRequest) -> list[Path]:
+    return [path for path in (request.reports.folder, request.reports.junit) if path is not None]
+
+
+Executor = Callable[..., list[Outcome]]
+"""A function that runs all scenarios: `execute`, or another one that takes the arguments which `_Call` gives it."""
+
+
+@contextmanager
+def _executor(request: RunRequest, found: RunPlan) -> Iterator[Executor]:
+    """Return what runs the scenarios of a plan. Raise UsageError if the cluster cannot."""
+    if request.cluster is None:
+        yield execute
+        return
+    from sim_action.runner.cluster.address import ClusterAddress
+
+    address = ClusterAddress.parse(request.cluster)
+    every = [run for plan in found.plans if not isinstance(plan, Refused) for run in plan]
+    if not every:
+        yield execute
+        return
+    from sim_action.runner.cluster.dask_executor import opened_cluster
+
+    with opened_cluster(address, every, request.plan.permissions, _outputs(request)) as cluster:
+        yield cluster.execute
 
 
 class _Call:
@@ -103,9 +146,17 @@ class _Call:
     """
 
     def __init__(
-        self, request: RunRequest, found: RunPlan, options: ReportOptions, keys: RunKeys, started: float
+        self,
+        request: RunRequest,
+        found: RunPlan,
+        options: ReportOptions,
+        keys: RunKeys,
+        *,
+        started: float,
+        executor: Executor,
     ) -> None:
         self._request, self._found, self._options, self._keys, self._started = request, found, options, keys, started
+        self._execute = executor
         self._plans = found.plans
         if request.plan.permissions.updates_golden:
             from sim_action.runner.golden_update import refuse_shared_goldens
@@ -160,7 +211,7 @@ class _Call:
 
     def _unguarded(self, assembly: OutcomeAssembly, motions: Path | None, interruption: Interruption) -> list[Outcome]:
         request = self._request
-        return execute(
+        return self._execute(
             self._every,
             self._options.folder,
             request.jobs,

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 _OF_RUNS: Final = (
     *("fail_fast", "resume", "watch", "output_dir", "junit", "junit_strict", "report", "summary", "annotations"),
-    *("verbose", "quiet", "repeat", "unexercised", "update_golden", "jobs", "record", "pass_env"),
+    *("verbose", "quiet", "repeat", "unexercised", "update_golden", "jobs", "cluster", "record", "pass_env"),
 )
 """The options without any effect on --list."""
 
@@ -112,6 +112,13 @@ _OF_RUNS: Final = (
     help="Number of scenarios to run in parallel, 1 to 256.  [default: number of cores]",
 )
 @click.option(
+    "--cluster",
+    callback=not_empty,
+    metavar="ADDRESS",
+    help="Run the scenarios on a cluster of Dask: tcp://HOST:PORT is its scheduler; local:N starts N workers on this "
+    "machine. --jobs does not count then. It needs pip install '.[dask]'.",
+)
+@click.option(
     "--record",
     envvar="SIM_ACTION_RECORD",
     multiple=True,
@@ -137,6 +144,7 @@ def run(
     unexercised: Unexercised | None,
     update_golden: bool,
     jobs: int | None,
+    cluster: str | None,
     record: tuple[str, ...],
     packages: tuple[str, ...],
     allow_outside: bool,
@@ -167,6 +175,8 @@ def run(
             raise UsageError("--update-golden cannot be combined with --repeat")
         if resume and (update_golden or watch):
             raise UsageError("--resume cannot be combined with --update-golden or --watch")
+        if cluster is not None and watch:
+            raise UsageError("--cluster cannot be combined with --watch")
         recordings = wanted_formats(record)
         suite = discovered(paths, flags, outside=allow_outside)
         allowed = code_permissions(flags, {path.parent: None for path in suite.files})
@@ -176,7 +186,16 @@ def run(
         plan = PlanRequest(suite, permissions, shard, backend, seed, unexercised)
         if list_only:
             return _listed(plan)
-        request = RunRequest(plan, report_request(flags), jobs or usable_cores(), fail_fast, recordings, repeat, resume)
+        request = RunRequest(
+            plan,
+            report_request(flags),
+            jobs or usable_cores(),
+            fail_fast,
+            recordings,
+            repeat,
+            resume,
+            cluster=cluster,
+        )
         if not watch:
             return run_scenarios(request, interruption).exit_code
         if shard is not None or update_golden:

@@ -1,0 +1,222 @@
+"""The executor on a cluster of Dask: it takes the place of `process_pool.execute`."""
+
+from __future__ import annotations
+
+import logging
+import tempfile
+from collections import deque
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Set as AbstractSet
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Final
+
+import dask.config
+from distributed import Client, LocalCluster
+
+from sim_action.core.errors import UsageError
+from sim_action.core.permissions import Permissions
+from sim_action.core.process import Interruption
+from sim_action.core.wording import escaped_line
+from sim_action.engines import chosen
+from sim_action.results.events import Listener
+from sim_action.results.outcome import Outcome
+from sim_action.runner.child_outcome import interrupted, skipped
+from sim_action.runner.cluster.address import ClusterAddress
+from sim_action.runner.cluster.dask_runs import ClusterRuns
+from sim_action.runner.cluster.dask_worker import Reply, receive, software_there
+from sim_action.runner.cluster.software import Software, software
+from sim_action.runner.cluster.task import Output, Task
+from sim_action.runner.cluster.workspace_archive import Archive, archive_of
+from sim_action.runner.job import JobOrder
+from sim_action.runner.run_keys import RunKeys
+from sim_action.scenario.model import LoadedScenario
+from sim_action.scenario.watched_files import NamedFiles
+
+_CONNECT_TIMEOUT_S: Final = 5.0
+_MAX_WAIT_S: Final = 0.5
+_WORKERS_PERIOD_S: Final = 1.0
+_NO_WORKER_TIMEOUT_S: Final = 60.0
+_MOST_TIMES_AGAIN: Final = 3
+# A worker that dies for the third time while it runs a scenario.
+_LOCAL_SETTINGS: Final = {
+    "distributed.scheduler.allowed-failures": 2,
+    "distributed.scheduler.worker-saturation": 1.0,
+    "distributed.worker.profile.enabled": False,
+}
+
+
+@contextmanager
+def opened_cluster(
+    address: ClusterAddress, scenarios: Sequence[LoadedScenario], permissions: Permissions, outputs: Collection[Path]
+) -> Iterator[DaskExecutor]:
+    """Connect to a cluster, compare its software, and send it the workspaces of the scenarios.
+
+    `outputs`: the output folder and the files of reports, which are not sent.
+
+    Raises UsageError.
+    """
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    needed = software(tuple(sorted({chosen(loaded.scenario.backend) for loaded in scenarios})))
+    archives = _archives(scenarios, permissions, [path.absolute() for path in outputs])
+    with ExitStack() as stack:
+        client = _client(address, stack)
+        executor = DaskExecutor(client, address, archives, needed, permissions)
+        executor.prepare()
+        yield executor
+
+
+def _client(address: ClusterAddress, stack: ExitStack) -> Client:
+    """Return a connection; `stack` closes it, and ends workers on this machine. Raise UsageError."""
+    if address.workers is None:
+        try:
+            client = Client(address.text, timeout=_CONNECT_TIMEOUT_S, set_as_default=False)
+        except (OSError, ValueError, RuntimeError) as error:
+            raise UsageError(
+                f"--cluster: no Dask scheduler answers at {address.text} within {_CONNECT_TIMEOUT_S:g} s "
+                f"({_refusal(error)}); start one with dask scheduler, and look whether this machine may connect to it"
+            ) from None
+        stack.enter_context(client)
+        return client
+    folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="sim-action-", ignore_cleanup_errors=True))
+    stack.enter_context(dask.config.set(_LOCAL_SETTINGS))
+    cluster = stack.enter_context(
+        LocalCluster(
+            n_workers=address.workers,
+            threads_per_worker=1,
+            processes=True,
+            host="127.0.0.1",
+            dashboard_address=None,
+            memory_limit=0,
+            local_directory=folder,
+            silence_logs=logging.CRITICAL,
+        )
+    )
+    client = Client(cluster, set_as_default=False)
+    stack.enter_context(client)
+    return client
+
+
+def _refusal(error: Exception) -> str:
+    """Return the reason why a connection failed, without Dask's objects."""
+    return escaped_line(str(error.__cause__ or error).rpartition("Error: ")[2])
+
+
+def _archives(
+    scenarios: Sequence[LoadedScenario], permissions: Permissions, outputs: Collection[Path]
+) -> Mapping[Path, Archive]:
+    """Return the archives of the workspaces, and of packages outside of them, by their folders. Raise UsageError."""
+    here, finder = Path.cwd(), NamedFiles()
+    named: dict[Path, set[Path]] = {}
+    for loaded in scenarios:
+        named.setdefault(loaded.workspace.root, set()).update(finder.of(loaded.source))
+    for _, folder in permissions.packages:
+        if not any(Path(folder).is_relative_to(root) for root in named):
+            named[Path(folder)] = set()
+    return {root: archive_of(root, here, files, outputs) for root, files in named.items()}
+
+
+class DaskExecutor:
+    """A cluster that is ready to run the scenarios that it was opened for."""
+
+    def __init__(
+        self,
+        client: Client,
+        address: ClusterAddress,
+        archives: Mapping[Path, Archive],
+        needed: Software,
+        permissions: Permissions,
+    ) -> None:
+        self._client, self._address, self._archives = client, address, archives
+        self._needed, self._permissions = needed, permissions
+
+    def prepare(self) -> None:
+        """Refuse a cluster without workers or with other software, and send all workspaces. Raise UsageError."""
+        text = self._address.text
+        if not self._client.nthreads():
+            raise UsageError(f"--cluster: {text} has no workers; start one on each machine with dask worker {text}")
+        engines = tuple(dict(self._needed.engines))
+        found = self._client.run(software_there, engines, on_error="return")
+        refused = [f"the worker {worker} {reason}" for worker, reason in _refusals(found, self._needed)]
+        if refused:
+            raise UsageError("\n".join(escaped_line(f"--cluster: {line}") for line in refused))
+        for archive in self._archives.values():
+            self._send(archive)
+
+    def _send(self, archive: Archive, worker: str | None = None) -> None:
+        """Send a workspace to one worker, or to all. Raise UsageError."""
+        workers = None if worker is None else [worker]
+        for address, error in self._client.run(receive, archive, workers=workers, on_error="return").items():
+            if isinstance(error, BaseException):
+                raise UsageError(escaped_line(f"--cluster: the worker {address} cannot take the workspace: {error}"))
+
+    def execute(
+        self,
+        scenarios: Sequence[LoadedScenario],
+        folder: Path,
+        jobs: int,
+        emit: Listener,
+        interruption: Interruption,
+        *,
+        places: Sequence[int],
+        fail_fast: bool,
+        replays: bool,
+        formats: Sequence[str],
+        repeat: int,
+        motions: Path | None,
+        ended: AbstractSet[tuple[int, int]],
+        keys: RunKeys,
+        meanwhile: Callable[[], object],
+    ) -> list[Outcome]:
+        """Run all scenarios, and return one outcome each, as `process_pool.execute` does.
+
+        `jobs` does not count: the workers say how many. No run has a key: it depends on another machine.
+        """
+        order = JobOrder.of(scenarios, folder, repeat=repeat, replays=replays, formats=formats, motions=motions)
+        numbered = [(place, turn) for turn in range(1, repeat + 1) for place in places]
+        output, here = Output(replays, tuple(formats), repeat), Path.cwd()
+
+        def task(index: int) -> Task:
+            loaded = scenarios[index % len(scenarios)]
+            own = self._archives[loaded.workspace.root].copied
+            others = (each.copied for each in self._archives.values() if each.copied is not own)
+            return Task.of(
+                index,
+                numbered[index][1],
+                loaded,
+                self._permissions,
+                here,
+                copied=(own, *others),
+                output=output,
+                software=self._needed,
+            )
+
+        waiting = deque(index for index in range(len(numbered)) if numbered[index] not in ended)
+        runs = ClusterRuns(
+            self._client,
+            order=order,
+            task=task,
+            send=self._send_missing,
+            numbered=numbered,
+            emit=emit,
+            interruption=interruption,
+            waiting=waiting,
+            fail_fast=fail_fast,
+        )
+        outcomes = runs.outcomes(meanwhile)
+        without = interrupted if interruption.happened else skipped
+        return [outcomes.get(index) or without(loaded) for index, loaded in enumerate([*scenarios] * repeat)]
+
+    def _send_missing(self, reply: Reply) -> None:
+        """Send a worker that came later what it lacks. Raise UsageError."""
+        for archive in self._archives.values():
+            if archive.copied.digest in reply.lacks:
+                self._send(archive, reply.worker)
+
+
+def _refusals(found: Mapping[str, Software | BaseException], needed: Software) -> Iterator[tuple[str, str]]:
+    for worker, there in found.items():
+        if isinstance(there, BaseException):
+            yield worker, f"cannot run scenarios: {there}; install this version of sim-action there"
+        elif differences := "; ".join(there.differences(needed)):
+            yield worker, f"has other software: {differences}; install the same there"

@@ -1,0 +1,94 @@
+"""The functions that run in the worker processes of Dask: they keep copies of workspaces, and run tasks."""
+
+from __future__ import annotations
+
+import threading
+import time
+from pathlib import Path
+from typing import Any, Final
+
+from distributed import get_worker
+
+from sim_action.core.errors import SimActionError
+from sim_action.core.records import dataclass
+from sim_action.results.events import Event, Progressed
+from sim_action.runner.cluster.software import Software, software
+from sim_action.runner.cluster.task import Result, Task, run_task
+from sim_action.runner.cluster.workspace_archive import Archive, unpack
+from sim_action.scenario.loading import Libraries
+
+_PROGRESS_PERIOD_S: Final = 0.5
+
+_LIBRARIES: Final[dict[tuple[str, ...], Libraries]] = {}
+"""Digests of copies -> the models in them that earlier tasks have read."""
+
+_LOADING: Final = threading.Lock()
+
+
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """The answer of a worker.
+
+    Attributes:
+        worker: its address.
+        result: what the run gave; None: there was no run.
+        lacks: digests of copies that must be sent first.
+        refusal: the reason why the run cannot take place here.
+    """
+
+    worker: str
+    result: Result | None = None
+    lacks: tuple[str, ...] = ()
+    refusal: str = ""
+
+
+class CancelledError(Exception):
+    """The caller does not want the result any more."""
+
+
+def software_there(engines: tuple[str, ...]) -> Software:
+    """Return the software of this worker."""
+    return software(engines)
+
+
+def receive(archive: Archive, dask_worker: Any) -> None:
+    """Take the copy of a workspace; Dask passes the worker. Raises OSError."""
+    unpack(archive, _copies(dask_worker))
+
+
+def perform(task: Task, topic: str) -> Reply:
+    """Run a task in this worker.
+
+    `topic`: where the caller hears the task's index and this worker when it begins, and then its progress.
+    """
+    worker = get_worker()
+    if differences := "; ".join(software(tuple(dict(task.software.engines))).differences(task.software)):
+        return Reply(worker.address, refusal=f"its software is another one: {differences}")
+    copies = _copies(worker)
+    if lacks := tuple(each.digest for each in task.copied if not (copies / each.digest).exists()):
+        return Reply(worker.address, lacks=lacks)
+    key = worker.get_current_task()
+    worker.log_event(topic, (task.index, worker.address, None))
+    told_at = time.monotonic()
+
+    def listen(event: Event) -> None:
+        nonlocal told_at
+        running = worker.state.tasks.get(key)
+        # Dask cannot end a thread: the run ends from inside.
+        if running is None or running.state == "cancelled":
+            raise CancelledError
+        if isinstance(event, Progressed) and time.monotonic() - told_at >= _PROGRESS_PERIOD_S:
+            told_at = time.monotonic()
+            worker.log_event(topic, (task.index, worker.address, (event.sim_time, event.real_time_factor)))
+
+    digests = tuple(each.digest for each in task.copied)
+    with _LOADING:
+        libraries = _LIBRARIES.setdefault(digests, Libraries())
+    try:
+        return Reply(worker.address, run_task(task, copies, libraries, Path(worker.local_directory), listen))
+    except (SimActionError, OSError, MemoryError) as error:
+        return Reply(worker.address, refusal=str(error))
+
+
+def _copies(worker: Any) -> Path:
+    return Path(worker.local_directory, "sim-action")

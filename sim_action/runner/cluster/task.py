@@ -1,0 +1,190 @@
+"""A run as data: what a worker needs for it, and what comes back. A worker runs it beside itself."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Self
+
+from sim_action.core.files import open_regular
+from sim_action.core.permissions import Permissions
+from sim_action.core.process import Interruption
+from sim_action.core.records import dataclass, replace
+from sim_action.results.events import Event
+from sim_action.runner.child_outcome import engine_provenance
+from sim_action.runner.cluster.software import Software
+from sim_action.runner.cluster.workspace_archive import Copied
+from sim_action.runner.job import JobOrder
+from sim_action.runner.process_pool import execute, warm_up
+from sim_action.runner.warm_process import call_beside
+from sim_action.scenario.loading import Libraries, load_all
+from sim_action.scenario.model import LoadedScenario
+from sim_action.scenario.source import Refused, Source
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """The files that a run writes; the attributes are those of `execute`."""
+
+    replays: bool
+    formats: tuple[str, ...]
+    repeat: int
+
+    def order(self, loaded: LoadedScenario, folder: Path) -> JobOrder:
+        """Return the order for the runs of one scenario, whose motions are also written below `folder`."""
+        return JobOrder.of(
+            [loaded], folder, repeat=self.repeat, replays=self.replays, formats=self.formats, motions=folder / "motions"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """One run.
+
+    Attributes:
+        index: its index among all runs of the call.
+        turn: the number of the repetition, counted from 1.
+        source: the scenario as the caller's machine reads it.
+        changed: the keys of the scenario that options have changed, and their values.
+        compared: as in `LoadedScenario`.
+        here: the current folder of the caller.
+        copied: the workspace, and the folders of packages outside of it.
+        software: that of the caller.
+    """
+
+    index: int
+    turn: int
+    source: Source
+    changed: tuple[tuple[str, Any], ...]
+    compared: bool
+    permissions: Permissions
+    here: Path
+    copied: tuple[Copied, ...]
+    output: Output
+    software: Software
+
+    @classmethod
+    def of(
+        cls, index: int, turn: int, loaded: LoadedScenario, permissions: Permissions, here: Path, **others: Any
+    ) -> Self:
+        """Return the task for a run; `others`: the attributes `copied`, `output` and `software`."""
+        scenario, source = loaded.scenario, loaded.source
+        changed = {"name": scenario.name, "backend": scenario.backend, "seed": scenario.seed}
+        changed |= {"unexercised": scenario.unexercised, "trace": scenario.trace}
+        source = replace(source, path=source.path.absolute())
+        return cls(index, turn, source, tuple(changed.items()), loaded.compared, permissions, here, **others)
+
+    def moved(self, path: Path, copies: Path) -> Path:
+        """Return the path of a file of the caller on the worker."""
+        return next((each.moved(path, copies) for each in self.copied if each.holds(path)), path)
+
+    def loaded(self, copies: Path, libraries: Libraries) -> LoadedScenario:
+        """Load the scenario from the copy of its workspace. Raise InvalidScenario, InternalError."""
+        source, workspace = self.source, self.source.workspace
+        there = replace(
+            workspace,
+            directory=self.moved(workspace.directory, copies),
+            root=self.moved(workspace.root, copies),
+            packages=self._moved_packages(workspace.packages, copies),
+        )
+        permissions = replace(self.permissions, packages=self._moved_packages(self.permissions.packages, copies))
+        moved = replace(source, path=self.moved(source.path, copies), workspace=there)
+        [found] = load_all([moved], permissions, libraries)
+        if isinstance(found, Refused):
+            raise found.error
+        return replace(found, scenario=found.scenario.model_copy(update=dict(self.changed)), compared=self.compared)
+
+    def _moved_packages(self, packages: Sequence[tuple[str, str]], copies: Path) -> tuple[tuple[str, str], ...]:
+        return tuple((name, str(self.moved(Path(folder), copies))) for name, folder in packages)
+
+    def folder_there(self, copies: Path) -> Path:
+        """Return the folder on the worker that stands for the current folder of the caller."""
+        own = self.copied[0]
+        inside = self.here.is_relative_to(own.anchor)
+        return own.moved(self.here, copies) if inside else copies / own.digest
+
+    def as_of_caller(self, text: str, copies: Path) -> str:
+        """Return JSON with the caller's paths instead of the worker's."""
+        for each in self.copied:
+            text = text.replace(_json(str(copies / each.digest)), _json(str(each.anchor)))
+        return text
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """The result of a run: `outcome` as JSON, and files by their index in `Job.evidence`."""
+
+    outcome: str
+    files: tuple[tuple[int, bytes], ...] = ()
+
+
+def run_task(task: Task, copies: Path, libraries: Libraries, scratch: Path, listen: Callable[[Event], None]) -> Result:
+    """Run a task beside this process and return its result. Raise InvalidScenario, SimActionError, OSError.
+
+    Args:
+        task: the task.
+        copies: the folder with the copies of workspaces.
+        libraries: what scenarios of the same workspace have read before.
+        scratch: a folder for temporary files.
+        listen: receives the events of the run; if it raises an exception, the run ends.
+    """
+    loaded = task.loaded(copies, libraries)
+    there = task.folder_there(copies)
+    there.mkdir(parents=True, exist_ok=True)
+    folder = Path(tempfile.mkdtemp(prefix="run-", dir=scratch))
+    try:
+        arguments = (loaded, str(there), folder, task.turn, task.output)
+        if sys.platform == "linux":
+            result: Result = call_beside(_run_here, arguments, listen, _prepare)
+        else:
+            # Each scenario has an interpreter of its own there.
+            result = _run_here(*arguments, emit=listen)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+    return replace(result, outcome=task.as_of_caller(result.outcome, copies))
+
+
+def _prepare(loaded: LoadedScenario, _here: str, _folder: Path, _turn: int, output: Output) -> None:
+    """Prepare the warm process for its forks. Raises OSError, ImportError, MemoryError."""
+    if output.repeat == 1 and not loaded.scenario.runs_user_code:
+        warm_up([loaded], output.formats, replays=output.replays)
+    engine_provenance(loaded.scenario.backend)
+
+
+def _run_here(
+    loaded: LoadedScenario, here: str, folder: Path, turn: int, output: Output, *, emit: Callable[[Event], None]
+) -> Result:
+    """Run one repetition of a scenario in this process, and read the files that it wrote."""
+    if sys.platform == "linux":
+        os.chdir(here)
+    order = output.order(loaded, folder)
+    assert order.motions is not None
+    order.motions.mkdir()
+    with Interruption() as interruption:
+        outcomes = execute(
+            [loaded],
+            folder,
+            1,
+            emit,
+            interruption,
+            replays=output.replays,
+            formats=output.formats,
+            repeat=output.repeat,
+            motions=order.motions,
+            ended={(0, each) for each in range(1, output.repeat + 1) if each != turn},
+        )
+    files = []
+    for number, path in enumerate(order.job(turn - 1).evidence):
+        with suppress(OSError), open_regular(path, follow_link=False) as file:
+            files.append((number, file.read()))
+    return Result(outcomes[turn - 1].model_dump_json(), tuple(files))
+
+
+def _json(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False)[1:-1]

@@ -1,0 +1,328 @@
+"""Runs on a cluster of Dask on this machine: the same results as without it, whatever happens to its workers."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final
+
+import pytest
+
+import sim_action
+from sim_action.engines import installed
+from sim_action.runner.isolation.process_control import processes
+from tests.soak import soaked
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="it looks for processes in /proc")
+
+ROOT: Final = Path(__file__).parents[2]
+ENVIRONMENT: Final = {**os.environ, "PYTHONPATH": str(ROOT), "GITHUB_ACTIONS": ""}
+PATIENCE: Final = 120
+"""s; as long as no call of these takes."""
+
+DRIVES: Final = """\
+name: burger drives on what it finds
+robot: {{model: turtlebot3_burger}}
+commands: {{rate: 10 Hz, twist: [{{linear: 1.0}}]}}
+expect: [{{travel: {{at_least: 1.5 m}}}}]
+duration: 4 s
+time_limit: 4 s
+variations:
+  world.ground.friction: {{uniform: [0.4, 1.2], samples: {samples}}}
+"""
+SCRIPTED: Final = """\
+name: {name}
+robot: {{model: box.urdf}}
+commands: {{script: controllers/{name}.py}}
+expect: [{{settled: {{}}}}]
+duration: 0.5 s
+time_limit: 1 s
+"""
+BOX: Final = """\
+<robot name="box">
+  <link name="base">
+    <inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
+    <collision><geometry><box size="1 1 1"/></geometry></collision>
+  </link>
+</robot>
+"""
+RAISES: Final = "def control(observation):\n    raise ValueError(__file__)\n"
+# The worker of Dask is the nearest process above that Python has spawned.
+KILLS: Final = """\
+import os
+import signal
+from pathlib import Path
+
+
+def control(observation):
+    pid = os.getpid()
+    while b"spawn_main" not in Path(f"/proc/{pid}/cmdline").read_bytes():
+        pid = int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1])
+    os.kill(pid, signal.SIGKILL)
+"""
+
+
+def arguments(*options: str) -> list[str]:
+    return [sys.executable, "-m", "sim_action", "run", *options]
+
+
+def run(folder: Path, *options: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        arguments(*options), cwd=folder, env=ENVIRONMENT, capture_output=True, text=True, timeout=PATIENCE, check=False
+    )
+
+
+def outcomes(folder: Path) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = json.loads((folder / "results.json").read_text())["outcomes"]
+    return found
+
+
+def timeless(value: Any) -> Any:
+    """Results without times, and without what depends on the machine."""
+    if isinstance(value, dict):
+        left_out = {"wall_time", "real_time_factor", "provenance"}
+        return {key: timeless(each) for key, each in value.items() if key not in left_out}
+    return [timeless(each) for each in value] if isinstance(value, list) else value
+
+
+def same_results(one: Path, other: Path) -> bool:
+    first, second = (timeless(json.loads((folder / "results.json").read_text())) for folder in (one, other))
+    return bool(first == second)
+
+
+def files(folder: Path) -> set[str]:
+    return {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}
+
+
+def script(folder: Path, name: str, text: str) -> None:
+    (folder / "controllers").mkdir(exist_ok=True)
+    (folder / "controllers" / f"{name}.py").write_text(text)
+    (folder / "box.urdf").write_text(BOX)
+    (folder / f"{name}.sim.yml").write_text(SCRIPTED.format(name=name))
+
+
+@pytest.mark.parametrize("samples", soaked((6, 200), (6,)))
+def test_results_are_those_of_a_run_without_a_cluster(tmp_path: Path, samples: int) -> None:
+    (tmp_path / "drives.sim.yml").write_text(DRIVES.format(samples=samples))
+    script(tmp_path, "raises", RAISES)
+    here = run(tmp_path, "-j", "2", "--output-dir", "here", "--record", "csv")
+    there = run(tmp_path, "--cluster", "local:2", "--output-dir", "there", "--record", "csv")
+    assert here.returncode == there.returncode == 1, there.stderr
+    assert same_results(tmp_path / "here", tmp_path / "there")
+    assert len(outcomes(tmp_path / "there")) == samples + 1
+    assert files(tmp_path / "here") == files(tmp_path / "there")
+    assert "controllers/raises.py:2" in there.stdout
+    assert there.stderr.count("] passed") == samples
+
+
+def test_repetitions_and_engines_are_compared(tmp_path: Path) -> None:
+    (tmp_path / "drives.sim.yml").write_text(DRIVES.format(samples=1).replace("4 s", "1 s").replace("1.5 m", "0.1 m"))
+    options = ("--repeat", "2", "--backend", "all" if len(installed()) > 1 else installed()[0])
+    run(tmp_path, *options, "--output-dir", "here")
+    run(tmp_path, *options, "--output-dir", "there", "--cluster", "local:1")
+    assert same_results(tmp_path / "here", tmp_path / "there")
+    assert files(tmp_path / "here") == files(tmp_path / "there")
+
+
+@contextmanager
+def started(folder: Path, *options: str) -> Iterator[subprocess.Popen[str]]:
+    """A call on two workers of this machine, whose standard error can be read."""
+    command = arguments("--cluster", "local:2", "--output-dir", "there", *options)
+    process = subprocess.Popen(
+        command, cwd=folder, env=ENVIRONMENT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+    )
+    watchdog = threading.Timer(PATIENCE, process.kill)
+    watchdog.start()
+    try:
+        yield process
+    finally:
+        watchdog.cancel()
+        process.kill()
+        process.wait()
+        assert process.stderr is not None
+        process.stderr.close()
+
+
+def wait_for(process: subprocess.Popen[str], lines: int) -> None:
+    assert process.stderr is not None
+    for _ in range(lines):
+        assert process.stderr.readline()
+
+
+def children_of(parent: int) -> list[int]:
+    return [each.number for each in processes() if each.parent == parent]
+
+
+def workers_of(process: subprocess.Popen[str]) -> list[int]:
+    def found() -> list[int]:
+        return [pid for pid in children_of(process.pid) if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+
+    assert soon(lambda: len(found()) == 2)
+    return found()
+
+
+def gone(pids: Sequence[int]) -> bool:
+    return not any(Path(f"/proc/{pid}").exists() for pid in pids)
+
+
+def soon(holds: Callable[[], bool]) -> bool:
+    patience = time.monotonic() + PATIENCE
+    while not holds() and time.monotonic() < patience:
+        time.sleep(0.05)
+    return holds()
+
+
+@pytest.mark.parametrize("samples", soaked((12, 200), (12,)))
+def test_a_worker_that_is_killed_costs_no_outcome_and_doubles_none(tmp_path: Path, samples: int) -> None:
+    (tmp_path / "drives.sim.yml").write_text(DRIVES.format(samples=samples))
+    run(tmp_path, "-j", "2", "--output-dir", "here")
+    with started(tmp_path) as process:
+        wait_for(process, 3)
+        os.kill(workers_of(process)[0], signal.SIGKILL)
+        _, told = process.communicate()
+    assert process.returncode == 0, told
+    assert same_results(tmp_path / "here", tmp_path / "there")
+    names = [outcome["name"] for outcome in outcomes(tmp_path / "there")]
+    assert len(set(names)) == len(names) == samples
+
+
+def test_a_signal_ends_all_workers_and_keeps_what_has_ended(tmp_path: Path) -> None:
+    (tmp_path / "drives.sim.yml").write_text(DRIVES.format(samples=100))
+    with started(tmp_path) as process:
+        wait_for(process, 2)
+        pids = workers_of(process)
+        pids += [each for pid in pids for each in children_of(pid)]
+        process.send_signal(signal.SIGINT)
+        process.communicate()
+    assert process.returncode == 130
+    found = outcomes(tmp_path / "there")
+    assert len(found) == 100
+    assert {outcome["status"] for outcome in found} == {"passed", "error"}
+    kinds = {failure["kind"] for outcome in found for failure in outcome["failures"]}
+    assert kinds == {"interrupted"}
+    assert soon(lambda: gone(pids))
+
+
+def test_a_caller_that_is_killed_leaves_no_worker_behind(tmp_path: Path) -> None:
+    (tmp_path / "drives.sim.yml").write_text(DRIVES.format(samples=100))
+    with started(tmp_path) as process:
+        wait_for(process, 2)
+        pids = workers_of(process)
+        pids += [each for pid in pids for each in children_of(pid)]
+        process.kill()
+        process.communicate()
+    assert soon(lambda: gone(pids))
+
+
+def test_a_scenario_that_kills_its_worker_three_times_is_an_error(tmp_path: Path) -> None:
+    script(tmp_path, "kills", KILLS)
+    (tmp_path / "drives.sim.yml").write_text(DRIVES.format(samples=3))
+    result = run(tmp_path, "--cluster", "local:1", "--output-dir", "there")
+    assert result.returncode == 1, result.stderr
+    *others, killer = sorted(outcomes(tmp_path / "there"), key=lambda outcome: outcome["name"] == "kills")
+    assert [outcome["status"] for outcome in others] == ["passed"] * 3
+    [failure] = killer["failures"]
+    assert failure["title"] == "cluster"
+    assert "3 workers died while running this scenario, the last one at tcp://127.0.0.1:" in failure["message"]
+
+
+def test_no_scenario_starts_after_a_failure_with_fail_fast(tmp_path: Path) -> None:
+    script(tmp_path, "a_raises", RAISES)
+    (tmp_path / "drives.sim.yml").write_text(DRIVES.format(samples=30))
+    run(tmp_path, "--cluster", "local:1", "--fail-fast", "--output-dir", "there")
+    found = [outcome["status"] for outcome in outcomes(tmp_path / "there")]
+    assert found[0] == "error"
+    assert found.count("skipped") >= 28
+
+
+@contextmanager
+def dask(*options: str, path: Path = ROOT) -> Iterator[None]:
+    environment = {**ENVIRONMENT, "PYTHONPATH": str(path)}
+    process = subprocess.Popen(
+        [sys.executable, "-m", "dask", *options],
+        cwd=path,
+        env=environment,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    try:
+        yield
+    finally:
+        process.terminate()
+        process.wait(PATIENCE)
+
+
+@pytest.fixture
+def scheduler(tmp_path: Path) -> Iterator[str]:
+    """The address of a scheduler."""
+    file = tmp_path / "scheduler.json"
+    with dask("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(file)):
+        assert soon(file.exists)
+        yield json.loads(file.read_text())["address"]
+
+
+@contextmanager
+def worker(scheduler: str, folder: Path, path: Path = ROOT) -> Iterator[None]:
+    folder.mkdir()
+    options = ("--host", "127.0.0.1", "--nthreads", "1", "--no-dashboard", "--local-directory", str(folder))
+    with dask("worker", scheduler, *options, path=path):
+        assert soon(lambda: any(folder.rglob("worker-*")))
+        yield
+
+
+def test_a_cluster_that_is_there_runs_scenarios_and_keeps_their_workspace(tmp_path: Path, scheduler: str) -> None:
+    project = tmp_path / "project"
+    project.mkdir()
+    (project / "drives.sim.yml").write_text(DRIVES.format(samples=2))
+    with worker(scheduler, tmp_path / "scratch"):
+        results = [run(project, "--cluster", scheduler, "--output-dir", "there") for _ in range(2)]
+        assert [result.returncode for result in results] == [0, 0], results[0].stderr
+        assert len(list((tmp_path / "scratch").rglob("drives.sim.yml"))) == 1
+
+
+def test_a_worker_with_other_files_of_sim_action_is_refused_by_name(tmp_path: Path, scheduler: str) -> None:
+    other = tmp_path / "other"
+    shutil.copytree(ROOT / "sim_action", other / "sim_action", ignore=shutil.ignore_patterns("__pycache__"))
+    with (other / "sim_action/errors.py").open("a") as file:
+        file.write("# changed\n")
+    project = tmp_path / "project"
+    project.mkdir()
+    (project / "drives.sim.yml").write_text(DRIVES.format(samples=2))
+    with worker(scheduler, tmp_path / "scratch", other):
+        result = run(project, "--cluster", scheduler, "--output-dir", "there")
+    assert result.returncode == 2
+    assert "the worker tcp://127.0.0.1:" in result.stderr
+    assert "has other software: the files of sim-action have the digest" in result.stderr
+    assert not (project / "there").exists()
+
+
+def test_a_cluster_without_workers_is_refused(tmp_path: Path, scheduler: str) -> None:
+    (tmp_path / "drives.sim.yml").write_text(DRIVES.format(samples=2))
+    result = run(tmp_path, "--cluster", scheduler)
+    assert result.returncode == 2
+    assert f"{scheduler} has no workers; start one on each machine with dask worker {scheduler}" in result.stderr
+
+
+def test_a_scheduler_that_does_not_answer_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "drives.sim.yml").write_text(DRIVES.format(samples=2))
+    result = run(tmp_path, "--cluster", "tcp://127.0.0.1:9")
+    assert result.returncode == 2
+    assert "no Dask scheduler answers at tcp://127.0.0.1:9 within 5 s" in result.stderr
+    assert "Traceback" not in result.stderr
+
+
+def test_programs_use_a_cluster(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "drives.sim.yml").write_text(DRIVES.format(samples=2))
+    results = sim_action.run("drives.sim.yml", cluster="local:1", output_dir="there")
+    assert results.passed
+    assert [outcome.status for outcome in results.outcomes] == ["passed", "passed"]
