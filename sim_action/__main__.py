@@ -6,17 +6,14 @@ import os
 import sys
 from typing import NoReturn
 
-
-def _current_folder() -> str:
+if __name__ == "__main__":
     try:
-        return os.getcwd()  # noqa: PTH109 - quicker than pathlib
+        here = os.getcwd()  # noqa: PTH109 - quicker than pathlib
     except FileNotFoundError:
-        return ""
-
-
-if __name__ == "__main__" and sys.path[0] in ("", _current_folder()):
+        here = ""
     # `python -m` looks for modules in the current folder first, where a file of a stranger may be called `yaml.py`.
-    del sys.path[0]
+    if sys.path[0] in ("", here):
+        del sys.path[0]
 
 from sim_action.core.process import collect_garbage_rarely, hold_signals
 

@@ -91,7 +91,7 @@ class RunFolder:
         print_outcomes(outcomes, options, shown)
 
 
-def _taken_over(path: Path, is_temporary: bool) -> RunFolder:  # noqa: FBT001 - pickle names no arguments
+def _taken_over(path: Path, is_temporary: bool) -> RunFolder:
     folder = RunFolder(path)
     if is_temporary:
         folder.own()
