@@ -2,7 +2,8 @@
 
 Programs that embed sim-action may have threads, large memories and settings of their own. A fork of such a process is
 not safe, and a fresh interpreter for each scenario takes most of a second. So a call runs in a fork of the warm
-process, with the current folder, the environment and the module path of the caller. It ends with the caller.
+process, with the current folder, the environment, the umask and the module path of the caller. It ends with the
+caller.
 
     caller          a call ->                     <- events, and what the call returns or raises
     warm process    forks, waits for the fork     passes a wish to stop on as SIGTERM
@@ -25,6 +26,7 @@ import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection, wait
+from pathlib import Path
 from pickle import PicklingError
 from typing import Any, Final, NoReturn
 
@@ -53,6 +55,7 @@ class _Call:
     prepare: Callable[..., object] | None
     folder: str
     environment: Mapping[str, str]
+    umask: int
     path: Sequence[str]
     modules: Sequence[str]
 
@@ -119,7 +122,8 @@ class WarmProcess:
         answer: _Returned | _Raised | None = None
         folder, environment = os.getcwd(), dict(os.environ)  # noqa: PTH109 - a text
         try:
-            self._connection.send(_Call(function, arguments, prepare, folder, environment, sys.path, self._modules))
+            call = _Call(function, arguments, prepare, folder, environment, _umask(), sys.path, self._modules)
+            self._connection.send(call)
             while not isinstance(message := self._connection.recv(), _Ended):
                 if isinstance(message, _Event):
                     listen(message.event)
@@ -176,6 +180,12 @@ def _is_open(descriptor: int) -> bool:
     except OSError:
         return False
     return True
+
+
+def _umask() -> int:
+    """Return the umask of this process. `os.umask` would change it for other threads."""
+    status = Path("/proc/self/status").read_text(encoding="utf-8")
+    return int(status.partition("\nUmask:")[2].partition("\n")[0], 8)
 
 
 class _Pool:
@@ -297,6 +307,7 @@ def _run(call: _Call, connection: Connection, parent: int) -> NoReturn:
         answer: _Returned | _Raised
         try:
             os.chdir(call.folder)
+            os.umask(call.umask)
             value = call.function(*call.arguments, emit=lambda event: connection.send(_Event(event)))
             answer = _Returned(value, [name for name in sys.modules if name.partition(".")[0] in _ROOTS])
         except BaseException as error:  # noqa: BLE001 - the caller raises it

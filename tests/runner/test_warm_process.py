@@ -34,6 +34,7 @@ def seen(name: str, *, emit: Emit) -> dict[str, Any]:
         "variable": os.environ.get(name),
         "blas": os.environ["OPENBLAS_NUM_THREADS"],
         "path": sys.path[0],
+        "umask": os.umask(0),
         "threads": len(list(tasks.iterdir())),
         "parent": os.getppid(),
         "numpy": "numpy" in sys.modules,
@@ -89,6 +90,15 @@ def test_a_call_has_the_folder_and_the_variables_of_its_caller(tmp_path: Path, m
     monkeypatch.delenv("OF_CALLER")
     again = call_beside(seen, ("OF_CALLER",), ignore)
     assert (again["variable"], again["parent"]) == (None, found["parent"])
+
+
+def test_a_call_has_the_umask_of_its_caller() -> None:
+    call_beside(seen, ("HOME",), ignore)
+    former = os.umask(0o027)
+    try:
+        assert call_beside(seen, ("HOME",), ignore)["umask"] == 0o027
+    finally:
+        os.umask(former)
 
 
 def test_a_call_finds_imported_what_an_earlier_one_has_imported() -> None:
