@@ -107,8 +107,21 @@ def sim_run(request: pytest.FixtureRequest) -> SimRun:
     `variations`, with their new values. The report of scenarios that did not pass is shown if the test fails.
     """
     import sim_action
+    import sim_action.errors
 
     def run(scenario: str | os.PathLike[str] | sim_action.Scenario, **overrides: Any) -> sim_action.Results:
+        __tracebackhide__ = True
+        try:
+            return results_of(scenario, overrides)
+        except sim_action.errors.SimActionError as error:
+            if isinstance(error, sim_action.errors.InternalError):
+                raise
+            # The message is for the author of the test, who sees the line of the call.
+            raise error.with_traceback(None) from None
+
+    def results_of(
+        scenario: str | os.PathLike[str] | sim_action.Scenario, overrides: dict[str, Any]
+    ) -> sim_action.Results:
         if isinstance(scenario, sim_action.Scenario):
             several: tuple[sim_action.Scenario, ...] = (scenario,)
         else:

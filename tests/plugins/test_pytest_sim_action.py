@@ -168,6 +168,14 @@ def test_a_run_that_has_no_digest_has_no_property(pytester: pytest.Pytester, run
     assert "digest" not in (pytester.path / "j.xml").read_text()
 
 
+def test_a_wrong_call_of_the_fixture_shows_the_line_of_the_test(pytester: pytest.Pytester, run: Run) -> None:
+    pytester.makepyfile("def test_it(sim_run):\n    sim_run('nowhere.sim.yml')\n")
+    result = run()
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines([">*sim_run('nowhere.sim.yml')", "E *there is no file or folder 'nowhere.sim.yml'*"])
+    result.stdout.no_fnmatch_line("*sim_action/*.py:*")
+
+
 def test_engines_and_workers_are_chosen(pytester: pytest.Pytester, run: Run) -> None:
     if "mujoco" not in installed():
         pytest.skip("MuJoCo is not installed")
