@@ -165,6 +165,16 @@ def parallel(folder: Path) -> Ratio:
     return Ratio(f"{SUITE} scenarios, one job against two", one, two, 1.6, at_most=False)
 
 
+def cluster(folder: Path) -> Ratio:
+    """Variations on two workers of Dask against two jobs, with the start of the workers."""
+    scenario = folder / "cluster.sim.yml"
+    varied = f"variations: {{world.ground.friction: {{uniform: [0.4, 1.2], samples: {VARIATIONS}}}}}\n"
+    scenario.write_text(SCENARIO.format(number=0).replace("30 s", "4 s") + varied)
+    ways = (("--cluster", "local:2"), ("--jobs", "2"))
+    ours, jobs = least_seconds(2, *(command("sim-action", "run", *way, str(scenario), cwd=folder) for way in ways))
+    return Ratio(f"{VARIATIONS} variations on two workers of Dask, against two jobs", ours, jobs, 1.3)
+
+
 def start_up(folder: Path) -> Iterator[Ratio]:
     """Commands that need no engine against an interpreter that does nothing."""
     scenario = str(write_suite(folder / "start-up", 1))
@@ -303,6 +313,7 @@ def measurements(folder: Path) -> Sequence[Measurement]:
         Measurement("variations", lambda: [variations(folder)]),
         Measurement("journal", lambda: [journal_cost(folder)]),
         Measurement("two jobs", lambda: [parallel(folder)]),
+        Measurement("a cluster", lambda: [cluster(folder)]),
         Measurement("a program", partial(embedding_costs, folder / "program")),
         # A quarter of an hour.
         *by_hand.measurements(Settings(folder)),
