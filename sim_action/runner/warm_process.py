@@ -96,7 +96,8 @@ class WarmProcess:
                 pass_fds=(theirs.fileno(),),
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
-                stderr=None if _is_open(_STDERR) else subprocess.DEVNULL,
+                # A file that has got the number of a closed standard error is not inherited.
+                stderr=None if _is_open(_STDERR) and os.get_inheritable(_STDERR) else subprocess.DEVNULL,
                 env=environment,
                 # Ctrl-C is for the caller, which asks the call to stop.
                 start_new_session=True,

@@ -224,6 +224,8 @@ os._exit(call_beside(prints, (), lambda _: None))
     for closed in ("0", "1", "2", "0, 2", "1, 2"):
         closing = program.replace("os.closerange(0, 3)", f"[os.close(each) for each in ({closed},)]")
         assert subprocess.run([sys.executable, "-c", closing], cwd=ROOT, check=False).returncode == 7, closed
+    taken = program.replace("os.closerange(0, 3)", "os.close(2); os.open(os.devnull, os.O_RDWR)")
+    assert subprocess.run([sys.executable, "-c", taken], cwd=ROOT, check=False).returncode == 7
 
 
 PREPARED: list[str] = []
