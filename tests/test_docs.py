@@ -22,6 +22,7 @@ from sim_action.assertions import ASSERTIONS
 from sim_action.cli import SUBCOMMANDS
 from sim_action.robot.audit.rules import RULES
 from sim_action.scenario.loading import load_scenario
+from tests.examples import EXAMPLES
 
 ROOT = Path(__file__).parents[1]
 PAGES = {page.relative_to(ROOT).as_posix(): page.read_text(encoding="utf-8") for page in pages()}
@@ -158,7 +159,7 @@ def test_each_section_of_the_reference_has_an_example_of_it(family: str, key: st
 
 SINGLE_EXAMPLES = [
     with_marker(path, path.relative_to(ROOT))
-    for path in sorted((ROOT / "examples").glob("**/*.sim.yml"))
+    for path in EXAMPLES
     if not re.search("^(extends|scenarios|variations):", path.read_text(encoding="utf-8"), re.MULTILINE)
 ]
 

@@ -10,11 +10,13 @@ import click
 from pydantic import BaseModel, JsonValue
 from pydantic.fields import FieldInfo
 
+from sim_action.app.package_parts import package_parts
 from sim_action.assertions import ASSERTIONS, Assertion
 from sim_action.commands import COMMANDS
 from sim_action.core import units
 from sim_action.core.field_types import Quantity, Without, bounds_text
 from sim_action.core.records import dataclass
+from sim_action.core.registry import PackageProblem, Table
 from sim_action.drives import DRIVES
 from sim_action.robot.built_in import BUILT_IN
 from sim_action.sensors import SENSORS
@@ -57,6 +59,16 @@ def drives() -> tuple[Entry, ...]:
 def sensors() -> tuple[Entry, ...]:
     """Return the sensors for `sensors:`."""
     return tuple(_entry(name, SENSORS.load(name)) for name in SENSORS)
+
+
+def of_packages(table: Table[Any]) -> tuple[Entry, ...]:
+    """Return what installed packages add to a table; a part that cannot be used has the reason as its summary."""
+    return tuple(
+        Entry(part.name, str(found))
+        if isinstance(found, PackageProblem)
+        else Entry(part.name, f"{summary(found)} (of {part.package})", fields(found))
+        for part, found in package_parts(table)
+    )
 
 
 def models() -> tuple[Entry, ...]:

@@ -15,18 +15,22 @@ from typing import Final, Literal
 
 import sim_action
 from sim_action.app.library import run
+from sim_action.app.package_parts import package_parts
+from sim_action.assertions import ASSERTIONS
 from sim_action.assertions.distance import Travel
 from sim_action.core.content_cache import cache_folder
 from sim_action.core.errors import SimActionError
 from sim_action.core.process import usable_cores
 from sim_action.core.provenance import platform_name
 from sim_action.core.records import dataclass
+from sim_action.core.registry import PackageProblem
 from sim_action.core.wording import counted, system_reason
 from sim_action.engines import ENGINES, INSTALL_HINTS, installed, named_version
 from sim_action.runner.isolation import child_type_here
 from sim_action.runner.isolation.capacity import most_children
 from sim_action.scenario.model import MEMORY
 from sim_action.scenario.written import Scenario
+from sim_action.sensors import SENSORS
 
 State = Literal["good", "missing", "bad"]
 """good: it works; missing: it is not there, and only what needs it does not work; bad: scenarios cannot run."""
@@ -71,6 +75,7 @@ def findings() -> Iterator[Finding]:
         is_there = find_spec(package) is not None
         how = purpose if is_there else f"not installed; pip install 'sim-action[{extra}]' adds {purpose}"
         yield Finding("good" if is_there else "missing", extra, how)
+    yield from _package_parts()
     yield from _limits()
     yield from _folders()
 
@@ -92,6 +97,18 @@ def _engine(engine: str) -> Finding:
     if outcome.passed:
         return Finding("good", engine, f"{named_version(engine)}: a robot drove")
     return Finding("bad", engine, f"{named_version(engine)}: a robot should have driven; {outcome.record.ending}")
+
+
+def _package_parts() -> Iterator[Finding]:
+    """Import the assertions and sensors of installed packages. Scenarios that use none run without them."""
+    for table in (ASSERTIONS, SENSORS):
+        for part, found in package_parts(table):
+            is_good = not isinstance(found, PackageProblem)
+            yield Finding(
+                "good" if is_good else "missing",
+                part.name,
+                f"{table.kind} of {part.package}" if is_good else str(found),
+            )
 
 
 def _limits() -> Iterator[Finding]:

@@ -13,11 +13,12 @@ import click
 from pydantic import BaseModel
 
 from sim_action.app.catalogue import FieldEntry, fields
+from sim_action.app.package_parts import package_parts
 from sim_action.assertions import ASSERTIONS
 from sim_action.commands import COMMANDS
 from sim_action.core.errors import UsageError
 from sim_action.core.records import dataclass
-from sim_action.core.registry import Table
+from sim_action.core.registry import PackageProblem, Table
 from sim_action.core.wording import did_you_mean
 from sim_action.drives import DRIVES
 from sim_action.scenario.model import ExpectationOptions, Scenario
@@ -58,12 +59,14 @@ _LIST_ITEM: Final = re.compile(r"\n(?=- )")
 
 def names() -> list[str]:
     """Return all names that can be explained."""
-    return [*(name for table in _TABLES for name in table), *_KEYS]
+    return [*(name for table in _TABLES for name in table.all_names()), *_KEYS]
 
 
 def explanation(name: str, width: int) -> str:
     """Return the explanation of a name in lines of at most `width` columns. Raise UsageError for an unknown name."""
     found = [table for table in _TABLES if name in table]
+    if not found and name not in _KEYS:
+        found = [table for table in _TABLES if name in table.installed()]
     if not found and name not in _KEYS:
         hint = did_you_mean(name, names())
         raise UsageError(f"no part of a scenario is called '{name}'{hint}; 'sim-action explain' lists all names")
@@ -74,17 +77,27 @@ def explanation(name: str, width: int) -> str:
 
 def overview() -> str:
     """Return all names, by their kind."""
-    lines = [f"{table.kind}s: {', '.join(table)}" for table in _TABLES]
+    lines = [f"{table.kind}s: {', '.join(table.all_names())}" for table in _TABLES]
     return "\n".join([*lines, f"keys: {', '.join(_KEYS)}"])
 
 
 def _of_table(table: Table[Any], name: str, width: int) -> Iterator[str]:
-    kind, model = _KINDS[table.kind], table.load(name)
-    yield f"{click.style(name, bold=True)}: {table.kind}, below {kind.place}"
+    kind, (model, origin) = _KINDS[table.kind], _loaded(table, name)
+    yield f"{click.style(name, bold=True)}: {table.kind}{origin}, below {kind.place}"
     yield from _text(model, width)
     yield from _keys("keys", fields(model), width)
     if kind.beside is not None:
         yield from _keys(f"keys beside '{name}'", fields(kind.beside), width)
+
+
+def _loaded(table: Table[Any], name: str) -> tuple[type[BaseModel], str]:
+    """Return the class of a name, and the package that it is of as text. Raise UsageError if there is no class."""
+    if name in table:
+        return table.load(name), ""
+    part, found = next(each for each in package_parts(table) if each[0].name == name)
+    if isinstance(found, PackageProblem):
+        raise UsageError(str(found))
+    return found, f" of {part.package}"
 
 
 def _of_model(name: str, model: type[BaseModel], width: int) -> Iterator[str]:

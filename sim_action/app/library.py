@@ -89,8 +89,13 @@ def validate(
 
     Raises InvalidScenario with all problems, UsageError if no scenario is found.
     """
-    permissions = Permissions(allow_outside, packages=package_folders(packages or {}))
-    found = load_all(_suite(scenarios, outside=allow_outside).scenarios(permissions), permissions)
+    suite = _suite(scenarios, outside=allow_outside)
+    permissions = Permissions(
+        allow_outside,
+        imports_refused=scripts_refused("auto", os.environ, _folders_of(suite)),
+        packages=package_folders(packages or {}),
+    )
+    found = load_all(suite.scenarios(permissions), permissions)
     refuse_invalid([each for each in found if isinstance(each, Refused)])
     valid = [each for each in found if not isinstance(each, Refused)]
     warnings = [f"{each.file}: not checked: {remark}" for each in valid for remark in each.unchecked]
@@ -168,9 +173,10 @@ def run(
     selection = _selection(only, exclude, tags, exclude_tags)
     suite = _suite(scenarios, selection, outside=allow_outside)
     names = checked_names(_texts(pass_env))
-    folders = (here, *{path.parent: None for path in suite.files})
-    refused = scripts_refused(allow_scripts, os.environ, folders)
-    permissions = Permissions(allow_outside, refused, pass_env=names, packages=package_folders(packages or {}))
+    refused = scripts_refused(allow_scripts, os.environ, _folders_of(suite))
+    permissions = Permissions(
+        allow_outside, scripts_refused=refused, pass_env=names, packages=package_folders(packages or {})
+    )
     folder = RunFolder(output_dir)
     reports = ReportRequest(
         folder=folder.path,
@@ -227,6 +233,11 @@ def _suite(scenarios: Scenarios, selection: Selection | None = None, *, outside:
         lines = [f"no scenario found at '{pattern}'" for pattern in suite.empty]
         raise UsageError("\n".join(map(escaped_line, lines)) or "there is no scenario in the list")
     return replace(suite, written=written)
+
+
+def _folders_of(suite: Suite) -> tuple[Path, ...]:
+    """Return the folders of the files that may run code."""
+    return (current_folder(), *{path.parent: None for path in suite.files})
 
 
 def _selection(

@@ -8,14 +8,15 @@ from collections.abc import Callable, Iterator, Mapping
 from types import MappingProxyType
 from typing import Any, Final
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, PydanticUserError, ValidationError
 from pydantic.json_schema import GenerateJsonSchema, models_json_schema
 
 from sim_action.app.editor_schema import EditorSchemas, Schema, chosen_by_key
+from sim_action.app.package_parts import package_parts
 from sim_action.assertions import ASSERTIONS, Assertion
 from sim_action.assertions.combined import Combined
 from sim_action.commands import COMMANDS, CommandSource
-from sim_action.core.registry import Table
+from sim_action.core.registry import PackageProblem, Table
 from sim_action.drives import DRIVES
 from sim_action.results.results_json import Results
 from sim_action.scenario.model import ExpectationOptions, Scenario
@@ -23,6 +24,13 @@ from sim_action.sensors import SENSORS, Mounting
 
 SITE: Final = "https://sim-action.github.io/sim-action"
 """The address of the documents, where the schemas are published."""
+
+
+Kinds = Mapping[str, type[BaseModel]]
+"""Names that a scenario can use, and their classes."""
+
+Added = Mapping[str, Kinds]
+"""The kind of a table -> the classes of installed packages."""
 
 
 class _Untitled(GenerateJsonSchema):
@@ -45,9 +53,26 @@ def results_schema() -> Schema:
     return {**head, **_described(schema), "$defs": definitions}
 
 
-def scenario_schema() -> Schema:
-    """The schema of a scenario file, for editors: one scenario, or several, or one that other keys complete."""
-    scenario, schemas = _for_editors()
+def schema_here(kind: str) -> Schema:
+    """The schema of a kind in `SCHEMAS`, with the assertions and sensors of the packages that are installed here."""
+    if kind == "results":
+        return results_schema()
+    added = {table.kind: _added(table) for table in (ASSERTIONS, SENSORS)}
+    return scenario_schema(added) if kind == "scenario" else base_schema(added)
+
+
+def _added(table: Table[Any]) -> Kinds:
+    """Return the classes that installed packages add to a table; those without a schema are left out."""
+    found = {part.name: kind for part, kind in package_parts(table) if not isinstance(kind, PackageProblem)}
+    return {name: kind for name, kind in found.items() if _definitions_of(kind)}
+
+
+def scenario_schema(added: Added = MappingProxyType({})) -> Schema:
+    """The schema of a scenario file, for editors: one scenario, or several, or one that other keys complete.
+
+    `added`: classes of installed packages.
+    """
+    scenario, schemas = _for_editors(added)
     root = {
         "type": "object",
         "if": {"anyOf": [{"required": [key], "properties": {key: {}}} for key in _COMPLETING]},
@@ -57,9 +82,12 @@ def scenario_schema() -> Schema:
     return schemas.document(_head("scenario", "simulation scenario", scenario["description"]), root)
 
 
-def base_schema() -> Schema:
-    """The schema of a base file, for editors: keys that scenarios share with `extends`, none of which is required."""
-    scenario, schemas = _for_editors()
+def base_schema(added: Added = MappingProxyType({})) -> Schema:
+    """The schema of a base file, for editors: keys that scenarios share with `extends`, none of which is required.
+
+    `added`: classes of installed packages.
+    """
+    scenario, schemas = _for_editors(added)
     head = _head(
         "base", "base of simulation scenarios", "Keys that scenarios share: they name this file with `extends`."
     )
@@ -76,8 +104,8 @@ def _head(kind: str, title: str, description: str) -> Schema:
     return {"$id": f"{SITE}/{kind}.schema.json", "title": f"sim-action {title}", "description": description}
 
 
-def _for_editors() -> tuple[Schema, EditorSchemas]:
-    scenario, definitions = _models()
+def _for_editors(added: Added) -> tuple[Schema, EditorSchemas]:
+    scenario, definitions = _models(added)
     description = scenario["properties"]["commands"]["description"]
     for name in COMMANDS:
         kind = definitions[COMMANDS.load(name).__name__]
@@ -111,29 +139,56 @@ def _merged(scenario: Schema, schemas: EditorSchemas, of_a_file: tuple[str, ...]
     return {**entry, "properties": {key: properties[key] for key in described if key in properties}}
 
 
-def _models() -> tuple[Schema, Schema]:
+def _models(added: Added = MappingProxyType({})) -> tuple[Schema, Schema]:
     """Return the schema of one scenario and the definitions that it refers to."""
+    assertions, sensors = (_kinds(table, added) for table in (ASSERTIONS, SENSORS))
     families = [table.load(name) for table in (ASSERTIONS, COMMANDS, DRIVES, SENSORS) for name in table]
     models: list[type[BaseModel]] = [Scenario, ExpectationOptions, Mounting, *families]
     _, schema = models_json_schema(
         [(model, "validation") for model in models], ref_template="#/$defs/{model}", schema_generator=_Untitled
     )
     definitions = schema["$defs"]
+    for kind in (kind for kinds in added.values() for kind in kinds.values()):
+        definitions |= _definitions_of(kind)
     for definition in definitions.values():
         definition.pop("title", None)
     scenario = definitions.pop(Scenario.__name__)
     scenario["properties"]["expect"]["items"] = {"$ref": "#/$defs/Expectation"}
     scenario["properties"]["sensors"]["items"] = {"$ref": "#/$defs/Sensor"}
     scenario["properties"]["commands"] = _commands(scenario["properties"]["commands"]["description"])
-    definitions["Expectation"] = _one_of(ASSERTIONS, definitions.pop(ExpectationOptions.__name__)["properties"])
-    definitions |= _combined_assertions(definitions)
-    definitions["Sensor"] = _one_of(SENSORS, definitions.pop(Mounting.__name__)["properties"])
+    definitions["Expectation"] = _one_of(assertions, definitions.pop(ExpectationOptions.__name__)["properties"])
+    definitions |= _combined_assertions(definitions, assertions)
+    definitions["Sensor"] = _one_of(sensors, definitions.pop(Mounting.__name__)["properties"])
     for name in COMMANDS:
         _let_map_hold_keys(name, COMMANDS.load(name), definitions)
     _let_world_name_robot(scenario, definitions["DrivenRobot"])
     robot = definitions["DrivenRobot"]["properties"]
     robot["drive"] = {"description": robot["drive"]["description"], **_choice(_drive_keys())}
     return scenario, definitions
+
+
+def _kinds(table: Table[Any], added: Added) -> Kinds:
+    return {**{name: table.load(name) for name in table}, **added.get(table.kind, {})}
+
+
+def _definitions_of(kind: type[BaseModel]) -> Schema:
+    """Return the definitions of a class of an installed package; their names differ from all others. Empty: none."""
+    prefix = _prefix(kind)
+    try:
+        schema = kind.model_json_schema(ref_template=f"#/$defs/{prefix}{{model}}", schema_generator=_Untitled)
+    except (PydanticUserError, ValueError, TypeError):  # a field of a type that JSON does not have
+        return {}
+    inner = {f"{prefix}{name}": each for name, each in schema.pop("$defs", {}).items()}
+    return {**inner, _name(kind): {"description": "", **schema}}
+
+
+def _prefix(kind: type[BaseModel]) -> str:
+    return "" if kind.__module__.startswith("sim_action.") else f"{getattr(kind, 'key', '')}."
+
+
+def _name(kind: type[BaseModel]) -> str:
+    """Return the name of the definition of a class."""
+    return f"{_prefix(kind)}{kind.__name__}"
 
 
 _KEYWORDS: Final[Mapping[str, frozenset[str]]] = {
@@ -180,15 +235,15 @@ def _let_world_name_robot(scenario: Schema, robot: Schema) -> None:
     scenario["else"] = {"required": ["robot"], "properties": {"robot": of_robot}}
 
 
-def _combined_assertions(definitions: Schema) -> Schema:
+def _combined_assertions(definitions: Schema, assertions: Kinds) -> Schema:
     """Assertions that consist of others, which have no options of their own."""
     part = {"$ref": f"#/$defs/{Assertion.__name__}"}
-    kinds = [kind for name in ASSERTIONS if issubclass(kind := ASSERTIONS.load(name), Combined)]
+    kinds = [kind for kind in assertions.values() if issubclass(kind, Combined)]
     combined = {
         kind.__name__: {"description": definitions[kind.__name__]["description"], **kind.value_schema(part)}
         for kind in kinds
     }
-    return {Assertion.__name__: _one_of(ASSERTIONS, {}), **combined}
+    return {Assertion.__name__: _one_of(assertions, {}), **combined}
 
 
 def _list(description: str, items: Schema) -> Schema:
@@ -221,10 +276,10 @@ def _drive_keys() -> Schema:
     return {name: _ref(DRIVES.load(name)) for name in DRIVES}
 
 
-def _one_of(table: Table[Any], options: Schema) -> Schema:
+def _one_of(kinds: Kinds, options: Schema) -> Schema:
     """A name alone, where it needs nothing more; else a map of the name and what may stand beside it."""
-    alone = [name for name in table if _needs_nothing(table.load(name))]
-    specs: Schema = {name: _value(table.load(name)) for name in table}
+    alone = [name for name, kind in kinds.items() if _needs_nothing(kind)]
+    specs: Schema = {name: _value(kind) for name, kind in kinds.items()}
     for name in alone:
         specs[name] = {"anyOf": [specs[name], {"type": "null"}]}
     return {"anyOf": [{"enum": alone}, _choice(specs, options)]}
@@ -255,7 +310,7 @@ def _needs_nothing(model: type[BaseModel]) -> bool:
 
 
 def _ref(model: type[BaseModel]) -> Schema:
-    return {"$ref": f"#/$defs/{model.__name__}"}
+    return {"$ref": f"#/$defs/{_name(model)}"}
 
 
 def _reachable(definitions: Schema, root: Schema) -> Schema:

@@ -42,6 +42,12 @@ class Assertion(FrozenModel):
     runs_user_code: ClassVar[bool] = False
     """True if the monitor runs user code. Such a scenario gets an interpreter of its own."""
 
+    @classmethod
+    def __pydantic_init_subclass__(cls, **_: object) -> None:
+        """Let the assertions of installed packages count as user code."""
+        if not cls.__module__.startswith("sim_action."):
+            cls.runs_user_code = True
+
     @property
     def channels(self) -> Channels:
         """The data that the monitor reads in addition to the robot's state. Only these channels are computed."""
@@ -201,4 +207,6 @@ ASSERTIONS: Final = Table[type[Assertion]](
         "not": "sim_action.assertions.combined:Negation",
         "assertion": "sim_action.assertions.user_assertion:UserAssertion",
     },
+    group="sim_action.assertions",
+    base=Assertion,
 )

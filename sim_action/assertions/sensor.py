@@ -19,7 +19,7 @@ from sim_action.core.units import Dimension
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.joint_selection import as_written
-from sim_action.state.readings import READING_COLUMNS, ReadingColumn
+from sim_action.state.readings import READING_COLUMNS, ReadingColumn, columns_of
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Judged, Signal, Verdict
 from sim_action.world.scene import Scene
@@ -101,7 +101,7 @@ class SensorReading(Assertion):
         if self.name not in kinds:
             yield ("name",), f"the scenario has no sensor '{self.name}'{did_you_mean(self.name, kinds)}"
             return
-        columns = READING_COLUMNS[kinds[self.name]]
+        columns = columns_of(kinds[self.name])
         if self.reading not in columns:
             hint = did_you_mean(self.reading, columns)
             yield ("reading",), f"a reading of '{self.name}' has no column '{self.reading}'{hint}"
@@ -216,7 +216,7 @@ class SensorMonitor:
         return (Signal(self.what, self._unit_of(record), record.time, finite, self.at_least, self.at_most),)
 
     def _unit_of(self, record: SensorRecord) -> str:
-        return READING_COLUMNS[record.kind][self.reading].dimension.si
+        return columns_of(record.kind)[self.reading].dimension.si
 
     def verdict(self) -> Verdict:
         """Return the verdict. `measured` is the reading at the deciding time; None if it is infinite."""

@@ -23,8 +23,8 @@ def init(folder: str, robot: str, force: bool) -> None:
     from pathlib import Path
 
     from sim_action.app.init import write_scaffold
-    from sim_action.app.schema import scenario_schema, schema_text
+    from sim_action.app.schema import schema_here, schema_text
 
-    for path in write_scaffold(Path(folder), schema_text(scenario_schema()), force=force, robot=robot):
+    for path in write_scaffold(Path(folder), schema_text(schema_here("scenario")), force=force, robot=robot):
         click.echo(f"wrote {path}")
     click.echo(f"next: sim-action run {Path(folder) / 'simulation'}")

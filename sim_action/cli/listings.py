@@ -21,8 +21,9 @@ def models() -> None:
 def assertions() -> None:
     """List the assertions for `expect:`."""
     from sim_action.app import catalogue
+    from sim_action.assertions import ASSERTIONS
 
-    click.echo(catalogue.listing(catalogue.assertions()))
+    click.echo(catalogue.listing((*catalogue.assertions(), *catalogue.of_packages(ASSERTIONS))))
 
 
 @click.command(short_help="List what can drive the robot.")
@@ -37,8 +38,9 @@ def commands() -> None:
 def sensors() -> None:
     """List the sensors for `sensors:`."""
     from sim_action.app import catalogue
+    from sim_action.sensors import SENSORS
 
-    click.echo(catalogue.listing(catalogue.sensors()))
+    click.echo(catalogue.listing((*catalogue.sensors(), *catalogue.of_packages(SENSORS))))
 
 
 @click.command(short_help="Explain an assertion, command source, drive or sensor.")
@@ -61,9 +63,10 @@ def explain(names: tuple[str, ...]) -> None:
 def schema(kind: str) -> None:
     """Print the JSON Schema of scenario files (the default), of base files (*.base.yml), or of results.json.
 
-    Editors use the first two to complete keys, to explain them and to mark mistakes. Save the schema as a file, and
-    name the file in the first line of a scenario: "# yaml-language-server: $schema=scenario.schema.json".
+    Editors use the first two to complete keys, to explain them and to mark mistakes. They include the assertions and
+    sensors of installed packages. Save the schema as a file, and name the file in the first line of a scenario: "#
+    yaml-language-server: $schema=scenario.schema.json".
     """
-    from sim_action.app.schema import SCHEMAS, schema_text
+    from sim_action.app.schema import schema_here, schema_text
 
-    click.echo(schema_text(SCHEMAS[kind]()), nl=False)
+    click.echo(schema_text(schema_here(kind)), nl=False)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -28,13 +30,14 @@ def validate(paths: Sequence[str], packages: Sequence[str], allow_outside: bool)
     Exit code: 0 all scenarios are valid; 2 a scenario or the command line is invalid; 3 internal error of sim-action; 5
     no scenario found.
     """
-    from sim_action.core.permissions import Permissions
+    from sim_action.core.permissions import Permissions, scripts_refused
     from sim_action.core.wording import log_line
     from sim_action.scenario.loading import load_all
     from sim_action.scenario.source import Refused
 
     suite = discovered(paths, outside=allow_outside)
-    permissions = Permissions(allow_outside, packages=named_packages(packages))
+    refused_here = scripts_refused("auto", os.environ, (Path.cwd(), *(path.parent for path in suite.files)))
+    permissions = Permissions(allow_outside, imports_refused=refused_here, packages=named_packages(packages))
     found = load_all(suite.scenarios(permissions), permissions)
     refused = [scenario for scenario in found if isinstance(scenario, Refused)]
     valid = [scenario for scenario in found if not isinstance(scenario, Refused)]

@@ -15,7 +15,7 @@ from sim_action.core.wording import FirstFew, counted, did_you_mean, shown
 from sim_action.core.yaml_errors import SpecProblem, SpecProblems
 from sim_action.robot.joint_selection import chosen, matches_name, name_problem
 from sim_action.robot.robot_model import Joint, RobotModel
-from sim_action.state.readings import READING_COLUMNS
+from sim_action.state.readings import columns_of
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -236,7 +236,7 @@ def sensor_sizes(scene: Scene) -> dict[tuple[str, str], int]:
     return {
         (fitted.name, name): len(column.axes) or 1
         for fitted in scene.sensors
-        for name, column in READING_COLUMNS.get(fitted.kind, {}).items()
+        for name, column in columns_of(fitted.kind).items()
         if not column.many
     }
 
@@ -245,7 +245,7 @@ def _sensor_problem(scene: Scene, name: str, column: str) -> str | None:
     kinds = {fitted.name: fitted.kind for fitted in scene.sensors}
     if name not in kinds:
         return f"the scenario has no sensor '{name}'{did_you_mean(name, kinds)}"
-    columns = {} if kinds[name] in _UNREADABLE else READING_COLUMNS.get(kinds[name], {})
+    columns = {} if kinds[name] in _UNREADABLE else columns_of(kinds[name])
     return None if column in columns else f"sensor '{name}' has no column '{column}'{did_you_mean(column, columns)}"
 
 

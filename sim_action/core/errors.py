@@ -2,7 +2,8 @@
 
     SimActionError                3    an internal error of sim-action, unless a subclass says otherwise
     ├── InternalError                  an internal error while one scenario was handled
-    │   └── SystemRefusal         1    the system lacks open files, memory or space
+    │   ├── SystemRefusal         1    the system lacks open files, memory or space
+    │   └── PackageFault          1    an assertion or a sensor of an installed package raised an exception
     ├── UsageError                2    the command line asks for something that is not possible
     ├── InvalidScenario           2    a scenario cannot be run as it is written
     │   └── MissingScenario            no file or folder has the name of the scenario
@@ -27,7 +28,7 @@ from __future__ import annotations
 
 import errno
 from enum import IntEnum
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, ClassVar, Final, Literal
 
 from sim_action.core.records import dataclass
 
@@ -91,7 +92,13 @@ def _unpickled(kind: type[SimActionError], arguments: tuple[object, ...], state:
 
 
 class InternalError(SimActionError):
-    """An internal error of sim-action while it handled one scenario; `details`: the traceback."""
+    """An internal error of sim-action while it handled one scenario; `details`: the traceback.
+
+    `kind` and `title` are those of the failure in reports.
+    """
+
+    kind: ClassVar[Literal["internal", "crash", "script"]] = "internal"
+    title: ClassVar[str] = "internal error"
 
     def __init__(self, message: str, details: str = "") -> None:
         self.details = details
@@ -99,19 +106,40 @@ class InternalError(SimActionError):
 
     @classmethod
     def of(cls, error: Exception) -> InternalError:
-        """Return the error that reports an unexpected exception; a `SystemRefusal` if the system is the cause."""
+        """Return the error that reports an unexpected exception.
+
+        It is a `SystemRefusal` if the system is the cause, and a `PackageFault` if an installed package is.
+        """
         if is_refusal(error):
             return SystemRefusal(error)
         from traceback import format_exception
 
-        what = f"an internal error of sim-action: {type(error).__name__}: {error}; please report it"
-        return cls(what, "".join(format_exception(error)))
+        from sim_action.core.registry import blame
+
+        details = "".join(format_exception(error))
+        if (found := blame(error)) is not None:
+            return PackageFault(found.message, details, found.name)
+        return cls(f"an internal error of sim-action: {type(error).__name__}: {error}; please report it", details)
+
+
+class PackageFault(InternalError):
+    """An assertion or a sensor of an installed package raised an exception; `part`: its name in scenarios."""
+
+    exit_code = ExitCode.FAILED
+    kind = "script"
+    title = "package error"
+
+    def __init__(self, message: str, details: str, part: str) -> None:
+        self.part = part
+        super().__init__(message, details)
 
 
 class SystemRefusal(InternalError):
     """The system lacks something that every program needs, such as open files or memory: sim-action is not at fault."""
 
     exit_code = ExitCode.FAILED
+    kind = "crash"
+    title = "system error"
 
     def __init__(self, error: Exception) -> None:
         from sim_action.core.wording import system_reason

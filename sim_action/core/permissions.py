@@ -1,7 +1,8 @@
 """The permissions that the caller gives, and the gate for code of the repository.
 
 Code of the repository is everything that can run a command of its author: controllers (`script`, `process`, `policy`),
-assertion classes, xacro, and nodes, launch files and tests of ROS 1. All subcommands that run it ask this module.
+assertion classes, assertions and sensors of installed packages, xacro, and nodes, launch files and tests of ROS 1. All
+subcommands that run it ask this module.
 """
 
 from __future__ import annotations
@@ -53,6 +54,8 @@ class Permissions:
     Attributes:
         outside: True if files may be outside the workspace.
         scripts_refused: the reason why code of the repository is not run; None: it is run.
+        imports_refused: the reason why assertions and sensors of installed packages are not imported, although nothing
+            is run; None: `scripts_refused` decides.
         updates_golden: True if golden trajectories are written, inside the workspace.
         pass_env: names of environment variables that code of the repository may see, in addition to the harmless ones.
         packages: names of ROS packages with their folders, absolute and without links; they may be outside the
@@ -61,6 +64,7 @@ class Permissions:
 
     outside: bool = False
     scripts_refused: str | None = None
+    imports_refused: str | None = None
     updates_golden: bool = False
     pass_env: tuple[str, ...] = ()
     packages: tuple[tuple[str, str], ...] = ()

@@ -95,6 +95,14 @@ class Document:
         dotted = ".".join(str(step) for step in self._as_written(path))
         return Problem(self.location(path), escaped_line(f"{dotted}: {message}" if dotted else message))
 
+    def problem_at_key(self, key: str, message: str) -> Problem:
+        """Return a problem at the first place where a key stands; at the beginning if it stands nowhere."""
+        return self.problem(self.path_of_key(key), message)
+
+    def path_of_key(self, key: str) -> KeyPath:
+        """Return the path of the first key of this name; an empty path if there is none."""
+        return next((path for path in self.marks if path and path[-1] == key), ())
+
 
 def read_document(file: str, text: str) -> Document:
     """Read one YAML document. Raise InvalidScenario."""

@@ -16,7 +16,6 @@ from sim_action.core.errors import (
     Location,
     MissingScenario,
     Problem,
-    SystemRefusal,
 )
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.provenance import Provenance
@@ -93,10 +92,8 @@ class Failure(FrozenModel):
 
     @classmethod
     def of_fault(cls, fault: InternalError) -> Self:
-        """Return the failure for an error inside sim-action itself, or for what the system refused it."""
-        if isinstance(fault, SystemRefusal):
-            return cls(kind="crash", title="system error", message=str(fault))
-        return cls(kind="internal", title="internal error", message=str(fault), details=fault.details)
+        """Return the failure for an error that no scenario explains."""
+        return cls(kind=fault.kind, title=fault.title, message=str(fault), details=fault.details)
 
 
 class Diagnostic(FrozenModel):

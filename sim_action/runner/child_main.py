@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import mmap
 import os
-import pickle
 import signal
 import sys
 import tempfile
@@ -25,6 +24,7 @@ from sim_action.core.errors import (
     Location,
     MissedContact,
     ModelError,
+    PackageFault,
     Problem,
     RefusedModel,
     RunError,
@@ -54,12 +54,6 @@ if TYPE_CHECKING:
 
 _PROGRESS_PERIOD_S: Final = 0.1
 _RESERVE_BYTES: Final = 32 << 20  # bytes of address space; nothing is written there
-
-
-def received_job() -> tuple[Job, ChildFiles]:
-    """Return the job and its files from standard input, in a fresh interpreter."""
-    received: tuple[Job, ChildFiles] = pickle.load(sys.stdin.buffer)  # noqa: S301 - from the parent, before any user code
-    return received
 
 
 def become_child(files: ChildFiles, progress_descriptor: int) -> None:
@@ -196,7 +190,14 @@ def _outcome(job: Job, progress: _Progress, kept: _Kept) -> Outcome:
     except Exception as error:  # noqa: BLE001 - an internal error is an outcome too
         if isinstance(error, OSError) and error.errno in _REFUSALS:
             return _refused_by_system(job, error)
-        return _failed(job, Failure.of_fault(InternalError.of(error)))
+        return _of_fault(job, InternalError.of(error))
+
+
+def _of_fault(job: Job, fault: InternalError) -> Outcome:
+    failure, document = Failure.of_fault(fault), job.loaded.document
+    if isinstance(fault, PackageFault):
+        failure = failure.model_copy(update={"location": document.location(document.path_of_key(fault.part))})
+    return _failed(job, failure)
 
 
 def _of_run_error(job: Job, error: RunError | ModelError) -> Outcome:

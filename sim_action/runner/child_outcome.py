@@ -298,6 +298,8 @@ def _stuck(child: ChildProcess, place: Location | None) -> Iterator[str]:
         yield "a stuck controller"
     if any(assertion.runs_user_code for assertion in scenario.assertions):
         yield "a stuck assertion"
+    if any(mounted.sensor.runs_user_code for mounted in scenario.sensors):
+        yield "a stuck sensor"
 
 
 def _cause_of_signal(child: ChildProcess, title: str, output: str) -> tuple[FailureKind, str, str]:

@@ -108,26 +108,43 @@ def python_folders() -> list[Path]:
 
 def observed_inputs(job: Job, scratch: Path) -> ObservedInputs | None:
     """Observe this process from now on, if it runs user code. The audit hook of Python cannot be removed."""
+    early = _Hook.early
+    _Hook.early = None
     if not job.loaded.scenario.runs_user_code:
         return None
     inputs = ObservedInputs(job, scratch)
+    for event, arguments in early or ():
+        inputs.take(event, arguments)
     _Hook.receivers.append(inputs.take)
-    if not _Hook.is_set:
-        _Hook.is_set = True
-        sys.addaudithook(_heard)
+    _set_hook()
     return inputs
 
 
+def hear_early() -> None:
+    """Keep what this process reads until `observed_inputs`: to receive a job may import code of installed packages."""
+    _Hook.early = []
+    _set_hook()
+
+
+def _set_hook() -> None:
+    if not _Hook.is_set:
+        _Hook.is_set = True
+        sys.addaudithook(_heard)
+
+
 class _Hook:
-    """The state of the audit hook of this process."""
+    """The state of the audit hook of this process; `early`: the events before there is a job, while they are kept."""
 
     is_set = False
+    early: list[tuple[str, tuple[Any, ...]]] | None = None
     receivers: Final[list[Callable[[str, tuple[Any, ...]], None]]] = []
 
 
 def _heard(event: str, arguments: tuple[Any, ...]) -> None:
     if event not in _HEARD:
         return
+    if _Hook.early is not None:
+        _Hook.early.append((event, arguments))
     for receive in _Hook.receivers:
         try:
             receive(event, arguments)

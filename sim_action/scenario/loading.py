@@ -10,7 +10,15 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from sim_action.core.errors import InternalError, InvalidScenario, ModelError, Problem, RefusedModel, UsageError
+from sim_action.core.errors import (
+    InternalError,
+    InvalidScenario,
+    ModelError,
+    PackageFault,
+    Problem,
+    RefusedModel,
+    UsageError,
+)
 from sim_action.core.permissions import Permissions
 from sim_action.core.records import dataclass, field, replace
 from sim_action.core.yaml_errors import ProblemList, SpecProblems
@@ -179,7 +187,10 @@ def _loaded_or_refused(
     except UsageError:
         raise
     except Exception as error:  # noqa: BLE001 - the other scenarios have results to give
-        return source.refused(InternalError.of(error))
+        fault = InternalError.of(error)
+        if not isinstance(fault, PackageFault):
+            return source.refused(fault)
+        return source.refused(InvalidScenario([source.document.problem_at_key(fault.part, str(fault))]))
 
 
 def build_scene(loaded: LoadedScenario) -> Scene:

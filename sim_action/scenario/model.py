@@ -293,7 +293,9 @@ class Scenario(FrozenModel):
     def runs_user_code(self) -> bool:
         """Return True if the scenario needs an interpreter of its own."""
         of_sources = any(source.runs_user_code for source in self.commands)
-        return self.robot.is_xacro or of_sources or any(assertion.runs_user_code for assertion in self.assertions)
+        of_sensors = any(mounted.sensor.runs_user_code for mounted in self.sensors)
+        of_assertions = any(assertion.runs_user_code for assertion in self.assertions)
+        return self.robot.is_xacro or of_sources or of_sensors or of_assertions
 
     @property
     def python_files(self) -> tuple[str, ...]:

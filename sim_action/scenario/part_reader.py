@@ -14,7 +14,7 @@ from sim_action.commands import COMMANDS, CommandSource
 from sim_action.core.field_types import BARE_ANGLE_RULE
 from sim_action.core.permissions import Permissions
 from sim_action.core.records import replace
-from sim_action.core.registry import Table
+from sim_action.core.registry import PackageProblem, Table
 from sim_action.core.wording import did_you_mean, shown
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import Document, KeyPath
@@ -110,10 +110,11 @@ class PartReader:
     def _command(self, data: Any, path: KeyPath) -> CommandSource | None:
         if path in self._refused:
             return None
-        key = self._family_key(COMMANDS, data, path, beside=CommandSource)
-        if key is None:
+        found = self._kind(COMMANDS, data, path, beside=CommandSource)
+        if found is None:
             return None
-        source = self.validated(COMMANDS.load(key), data, path)
+        key, kind = found
+        source = self.validated(kind, data, path)
         if source is not None:
             self._problems.note_all(path, source.problems(self._workspace))
             if source.runs_user_code and self._permissions.scripts_refused:
@@ -145,10 +146,11 @@ class PartReader:
     ) -> tuple[Model, Options] | None:
         """Return a spec and the options next to its key. A bare key is enough if the spec needs no value."""
         data = {data: None} if isinstance(data, str) else data
-        key = self._family_key(table, data, path, beside=beside)
-        if key is None:
+        found = self._kind(table, data, path, beside=beside)
+        if found is None:
             return None
-        spec = read(table.load(key), {} if data[key] is None else data[key], (*path, key))
+        key, kind = found
+        spec = read(kind, {} if data[key] is None else data[key], (*path, key))
         options = self.validated(beside, {name: value for name, value in data.items() if name != key}, path)
         return None if spec is None or options is None else (spec, options)
 
@@ -218,35 +220,56 @@ class PartReader:
                 (*path, option), f"'{option}' belongs to the outermost assertion, not into '{whole.key}'"
             )
             return None
-        key = self._family_key(ASSERTIONS, data, path)
-        if key is None:
+        found = self._kind(ASSERTIONS, data, path)
+        if found is None:
             return None
-        return self._assertion(ASSERTIONS.load(key), {} if data[key] is None else data[key], (*path, key))
+        key, kind = found
+        return self._assertion(kind, {} if data[key] is None else data[key], (*path, key))
 
     def _drive(self, data: Any, path: KeyPath) -> Drive | None:
-        key = self._family_key(DRIVES, data, path)
-        return None if key is None else self.validated(DRIVES.load(key), data[key], (*path, key))
+        found = self._kind(DRIVES, data, path)
+        return None if found is None else self.validated(found[1], data[found[0]], (*path, found[0]))
 
-    def _family_key(
-        self, table: Table[Any], data: Any, path: KeyPath, beside: type[BaseModel] | None = None
-    ) -> str | None:
-        """Return the one key of `data` that the table knows; `beside`: the class of the keys allowed next to it."""
-        names = ", ".join(table)
+    def _kind(
+        self, table: Table[type[Model]], data: Any, path: KeyPath, beside: type[BaseModel] | None = None
+    ) -> tuple[str, type[Model]] | None:
+        """Return the one key of `data` that the table knows, and its class. That of a package may be refused.
+
+        `beside`: the class of the keys allowed next to it.
+        """
+        key = self._family_key(table, data, path, beside)
+        if key is None:
+            return None
+        if key not in table and (refused := self._permissions.imports_refused or self._permissions.scripts_refused):
+            self._problems.note((*path, key), f"{table.installed()[key]} is not imported: {refused}")
+            return None
+        try:
+            return key, table.load(key)
+        except PackageProblem as error:
+            self._problems.note((*path, key), str(error))
+            return None
+
+    def _family_key(self, table: Table[Any], data: Any, path: KeyPath, beside: type[BaseModel] | None) -> str | None:
+        """Return the one key of `data` that the table knows."""
         if not isinstance(data, dict):
+            names = ", ".join(table.all_names())
             self._problems.note(path, f"expected a map with one {table.kind} ({names}), found {shown(data)}")
             return None
         known = [key for key in data if key in table]
-        if len(known) == 1 and (beside or len(data) == 1):
+        if len(known) == 1 and len(data) == 1:
             return str(known[0])
         others = [key for key in data if key not in table and key not in (_keys_of(beside) if beside else ())]
+        # Installed packages are searched for a name that nothing else explains.
+        known += [key for key in others if key in table.installed()]
+        if len(known) == 1 and (beside or len(data) == 1):
+            return str(known[0])
         if len(known) > 1:
             self._note_two(path, *known[:2])
         elif others:
-            self._problems.note(
-                (*path, others[0]), f"unknown {table.kind} '{others[0]}'{did_you_mean(others[0], table)}"
-            )
+            hint = did_you_mean(others[0], table.all_names())
+            self._problems.note((*path, others[0]), f"unknown {table.kind} '{others[0]}'{hint}")
         else:
-            self._problems.note(path, f"names no {table.kind}; give one of {names}")
+            self._problems.note(path, f"names no {table.kind}; give one of {', '.join(table.all_names())}")
         return None
 
     def _note_two(self, path: KeyPath, *keys: str) -> None:

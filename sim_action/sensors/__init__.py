@@ -7,7 +7,7 @@ the commands of the same moment, and only if a controller accesses it or the tra
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from numpy.random import Generator
 
     from sim_action.state.observation import Observation
-    from sim_action.state.readings import Reading
+    from sim_action.state.readings import Reading, ReadingColumn
     from sim_action.state.sensor_inputs import EngineQueries, WheelMotion
 
 
@@ -84,6 +84,21 @@ class Sensor(FrozenModel):
     reads_wheels: ClassVar[bool] = False
     """True if it reads the wheels of the robot's drive; it then sits on the base link."""
 
+    runs_user_code: ClassVar[bool] = False
+    """True for sensors of installed packages. A scenario with one gets an interpreter of its own."""
+
+    columns: ClassVar[Mapping[str, ReadingColumn]] = {}
+    """The columns of the readings of a sensor of an installed package; those of sim-action are in READING_COLUMNS."""
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **_: object) -> None:
+        """Let the sensors of installed packages count as user code, and make their columns known."""
+        if not cls.__module__.startswith("sim_action."):
+            from sim_action.state.readings import know_columns
+
+            cls.runs_user_code = True
+            know_columns(getattr(cls, "key", ""), cls.columns)
+
     @property
     def reading_bytes(self) -> int:
         """The size of a reading in a trace, in bytes; 0 if negligible."""
@@ -107,6 +122,8 @@ SENSORS: Final = Table[type[Sensor]](
         "lidar": "sim_action.sensors.lidar:Lidar",
         "odometry": "sim_action.sensors.odometry:Odometry",
     },
+    group="sim_action.sensors",
+    base=Sensor,
 )
 
 

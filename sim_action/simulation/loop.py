@@ -122,7 +122,7 @@ def _judged_channels(scenario: Scenario) -> Channels:
     # A formula cannot say which of its names are links.
     objects = channels.objects.intersection(body.name for body in scenario.world.objects)
     channels = replace(channels, objects=objects)
-    if not any(assertion.runs_user_code for assertion in scenario.assertions):
+    if not any(assertion.python_file for assertion in scenario.assertions):
         return channels
     sensors = (mounted.name for mounted in scenario.sensors if mounted.sensor.key != "camera")
     return channels | Channels(bodies=frozenset(moving_bodies(scenario.world)), sensors=frozenset(sensors))

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 
+from sim_action.core.errors import ScriptError
 from sim_action.core.records import dataclass, field, replace
+from sim_action.core.wording import shown
 from sim_action.drives import recognise
 from sim_action.engines import Engine
 from sim_action.scenario.model import Scenario
-from sim_action.sensors import Measure, Mount, MountedSensor, Sight
+from sim_action.sensors import Measure, Mount, MountedSensor, Sensor, Sight
 from sim_action.state.observation import ByName, Observation
 from sim_action.state.readings import Reading
 from sim_action.state.sensor_inputs import WheelMotion
@@ -135,10 +137,28 @@ class Sensing:
 
 def _open(mounted: MountedSensor, scenario: Scenario, scene: Scene) -> _Running:
     measure = mounted.sensor.open(_mount(mounted, scenario, scene))
+    if mounted.sensor.runs_user_code:
+        measure = _checked(measure, mounted.sensor)
     sent = mounted.transmission
     random = None if sent.is_perfect else scene.generator(f"transmission of sensor {mounted.name}")
     line: Line[Reading] | None = None if random is None else Line(sent, scenario.physics.rate, random)
     return _Running(mounted, measure, scenario.steps_between_ticks(mounted.rate), line)
+
+
+def _checked(measure: Measure, sensor: Sensor) -> Measure:
+    """Return the function of a sensor of an installed package, with a check of its readings. It raises ScriptError."""
+    names = set(sensor.columns)
+
+    def checked(sight: Sight) -> Reading:
+        reading = measure(sight)
+        if not hasattr(reading, "time") or not callable(getattr(reading, "columns", None)):
+            raise ScriptError(f"sensor '{sensor.key}' gave {shown(reading)}, which is no sim_action.extending.Values")
+        if (found := set(reading.columns())) != names:
+            told = f"has the columns {', '.join(sorted(found)) or 'none'}; its class states {', '.join(sorted(names))}"
+            raise ScriptError(f"a reading of sensor '{sensor.key}' {told}")
+        return reading
+
+    return checked
 
 
 def _mount(mounted: MountedSensor, scenario: Scenario, scene: Scene) -> Mount:

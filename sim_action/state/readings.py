@@ -65,7 +65,19 @@ READING_COLUMNS: Final[Mapping[str, Mapping[str, ReadingColumn]]] = MappingProxy
         },
     }
 )
-"""The columns of each kind of sensor, by name."""
+"""The columns of each kind of sensor of sim-action, by name."""
+
+_OF_PACKAGES: Final[dict[str, Mapping[str, ReadingColumn]]] = {}
+
+
+def know_columns(kind: str, columns: Mapping[str, ReadingColumn]) -> None:
+    """Take the columns of a kind of sensor that an installed package brings; its class was imported."""
+    _OF_PACKAGES[kind] = columns
+
+
+def columns_of(kind: str) -> Mapping[str, ReadingColumn]:
+    """Return the columns of a kind of sensor, by name; none if it is unknown."""
+    return READING_COLUMNS.get(kind) or _OF_PACKAGES.get(kind, {})
 
 
 _FULL_CIRCLE: Final = 2 * math.pi
@@ -82,6 +94,22 @@ class Reading(Protocol):
 
     def columns(self) -> Mapping[str, ArrayLike]:
         """Return the values that change from one reading to the next, by the names of their columns in a trace."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Values:
+    """The reading of a sensor of an installed package.
+
+    Attributes:
+        values: column name -> a number, or an array of numbers that always has the same shape.
+    """
+
+    time: float
+    values: Mapping[str, Any]
+
+    def columns(self) -> Mapping[str, Any]:
+        """Return the stored values; see Reading.columns."""
+        return self.values
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,6 +24,7 @@ from sim_action.results.results_json import Results
 from sim_action.scenario.loading import load_scenario
 from sim_action.state.verdict import Verdict
 from tests.app.typos import SCENARIO, TYPOS, Typo
+from tests.examples import EXAMPLES
 from tests.scenarios import FULL
 
 ROOT = Path(__file__).parents[2]
@@ -80,9 +81,7 @@ def test_the_page_about_editors_names_the_published_schemas() -> None:
         assert page.count(address) >= 2
 
 
-@pytest.mark.parametrize(
-    "path", sorted([*ROOT.glob("examples/**/*.sim.yml"), *ROOT.glob("demo/**/*.sim.yml")]), ids=lambda path: path.stem
-)
+@pytest.mark.parametrize("path", sorted([*EXAMPLES, *ROOT.glob("demo/**/*.sim.yml")]), ids=lambda path: path.stem)
 def test_the_examples_are_valid(path: Path, validator: jsonschema.Draft7Validator) -> None:
     validator.validate(yaml.safe_load(path.read_text()))
 

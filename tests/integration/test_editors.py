@@ -18,13 +18,14 @@ from sim_action.app.init import write_scaffold
 from sim_action.app.schema import base_schema, scenario_schema, schema_text
 from sim_action.robot.built_in import BUILT_IN
 from tests.app.typos import SCENARIO, TYPOS
+from tests.examples import EXAMPLES
 from tests.integration.language_server import LanguageServer
 from tests.integration.node import ENVIRONMENT, MODULES
 
 ROOT: Final = Path(__file__).parents[2]
 OF_SCENARIOS: Final = ROOT / "docs/scenario.schema.json"
 OF_BASES: Final = ROOT / "docs/base.schema.json"
-SCENARIOS: Final = sorted([*ROOT.glob("examples/**/*.sim.yml"), *ROOT.glob("demo/**/*.sim.yml")])
+SCENARIOS: Final = sorted([*EXAMPLES, *ROOT.glob("demo/**/*.sim.yml")])
 BASES: Final = sorted(ROOT.glob("examples/**/*.base.yml"))
 
 

@@ -12,6 +12,7 @@ import pytest
 
 from sim_action.assertions import ASSERTIONS
 from sim_action.engines import installed
+from tests import examples
 from tests.integration.conftest import fresh_sim_action
 from tests.integration.conftest import sim_action as warm_sim_action
 from tests.ros.ros1.launches import missing_ros
@@ -24,9 +25,7 @@ def can_run(text: str) -> bool:
     return not (missing_ros() and "  ros1:" in text) and not (shutil.which("cc") is None and "- cc " in text)
 
 
-EXAMPLES = [
-    path for path in sorted((ROOT / "examples").glob("**/*.sim.yml")) if can_run(path.read_text(encoding="utf-8"))
-]
+EXAMPLES = [path for path in examples.EXAMPLES if can_run(path.read_text(encoding="utf-8"))]
 
 
 def sim_action(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:

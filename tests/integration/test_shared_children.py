@@ -36,6 +36,7 @@ from sim_action.scenario.loading import load_all, load_scenario
 from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.source import Refused
 from sim_action.simulation import loop
+from tests.examples import EXAMPLES
 from tests.soak import examples, soaked
 
 pytestmark = [
@@ -318,8 +319,7 @@ def test_with_fail_fast_a_run_that_is_repeated_has_its_own_outcome(tmp_path: Pat
 
 def examples_without_code(engine: str) -> list[LoadedScenario]:
     """The examples without user code that run on this engine."""
-    paths = sorted((ROOT / "examples").glob("**/*.sim.yml"))
-    sources = [source for path in paths for source in read_file(path, Permissions())]
+    sources = [source for path in EXAMPLES for source in read_file(path, Permissions())]
     loaded = [each for each in load_all(sources, Permissions()) if not isinstance(each, Refused)]
     runs = [each for one in loaded if not one.scenario.runs_user_code for each in engine_runs(one, "all")]
     return [each for each in runs if chosen(each.scenario.backend) == engine]

@@ -8,7 +8,7 @@ from sim_action.assertions.temporal_logic.dimensions import RATES
 from sim_action.assertions.temporal_logic.formula import Formula, Signal, signals_of
 from sim_action.core.wording import did_you_mean
 from sim_action.robot.joint_selection import links_with_shapes
-from sim_action.state.readings import READING_COLUMNS
+from sim_action.state.readings import columns_of
 from sim_action.state.trace_channels import Channels, ClearanceWatch
 from sim_action.world.ground import GROUND
 from sim_action.world.scene import Scene
@@ -87,6 +87,6 @@ def sensor_problems(formula: Formula, kinds: Mapping[str, str]) -> Iterator[tupl
         name = signal.names[0]
         if name not in kinds:
             yield signal.at, f"the scenario has no sensor '{name}'{did_you_mean(name, kinds)}"
-        elif signal.name not in (columns := READING_COLUMNS[kinds[name]]):
+        elif signal.name not in (columns := columns_of(kinds[name])):
             hint = did_you_mean(signal.name, columns)
             yield signal.at, f"a reading of '{name}' has no column '{signal.name}'{hint}"

@@ -1,0 +1,400 @@
+"""Tests for the authors of packages with assertions and sensors, see `sim_action.extending`.
+
+Example:
+    def test_wobble():
+        check_assertion(Wobble(at_most=0.1), passes="straight_line.sim.yml", fails="bumps.sim.yml")
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import pickle
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, ClassVar, Final
+
+from pydantic import PydanticUserError
+
+from sim_action.app.library import load, run
+from sim_action.app.library_results import Outcome
+from sim_action.assertions import ASSERTIONS, Assertion
+from sim_action.assertions.monitors import Monitor, State, begun, has_truth, is_decided, is_sampled
+from sim_action.core.errors import SimActionError
+from sim_action.core.permissions import Permissions
+from sim_action.core.records import dataclass, field, replace
+from sim_action.core.registry import PackageProblem, Table
+from sim_action.core.wording import escaped_line
+from sim_action.core.yaml_document import read_document
+from sim_action.scenario.loading import build_scene, checked
+from sim_action.scenario.model import Expectation
+from sim_action.scenario.source import Refused
+from sim_action.scenario.written import Scenario
+from sim_action.sensors import SENSORS, Sensor
+from sim_action.simulation.loop import simulate
+from sim_action.simulation.recorder import RunRecorder
+from sim_action.state.observation import Observation
+from sim_action.state.trace import Trace
+from sim_action.state.trace_channels import Channels
+from sim_action.state.verdict import Verdict
+from sim_action.world.scene import Scene
+
+__all__ = ["BrokenRules", "check_assertion", "check_sensor"]
+
+OneScenario = str | os.PathLike[str] | Scenario
+
+# Steps in one call of a monitor; they take turns.
+_BLOCKS: Final = (1, 2, 7, 64, 240)
+_MAX_TITLE: Final = 100
+_CLOSE: Final = 1e-9
+
+
+class BrokenRules(AssertionError):
+    """An assertion or a sensor breaks rules, without which it would give wrong verdicts somewhere; `problems`: all."""
+
+    def __init__(self, key: str, problems: Sequence[str]) -> None:
+        self.problems = tuple(problems)
+        super().__init__("\n".join(f"{key}: {problem}" for problem in self.problems))
+
+
+def check_assertion(spec: Assertion, *, passes: OneScenario, fails: OneScenario) -> None:
+    """Check that an assertion of an installed package keeps the rules of assertions. Raise BrokenRules.
+
+    Args:
+        spec: an example of the assertion.
+        passes: a scenario in which it is expected, and holds.
+        fails: a scenario in which it is expected, and does not hold.
+    """
+    problems = _Problems()
+    _check_part(spec, ASSERTIONS, problems)
+    with problems.of("title"):
+        problems.add_if(_why_no_line(spec.title, _MAX_TITLE), "title ")
+    if not problems.found:
+        for scenario, wanted in ((passes, "passed"), (fails, "failed")):
+            with problems.of(f"the scenario in which it should have {wanted}"):
+                _check_run(spec, _one(scenario), wanted, problems)
+    problems.raise_for(spec.key)
+
+
+def check_sensor(spec: Sensor, *, scenario: OneScenario) -> None:
+    """Check that a sensor of an installed package keeps the rules of sensors. Raise BrokenRules.
+
+    Args:
+        spec: an example of the sensor.
+        scenario: a scenario that has the sensor, with `trace: true`.
+    """
+    problems = _Problems()
+    _check_part(spec, SENSORS, problems)
+    if not problems.found:
+        with problems.of("its scenario"):
+            _check_readings(spec, _one(scenario), problems)
+    problems.raise_for(spec.key)
+
+
+class _Problems:
+    """The problems found so far."""
+
+    def __init__(self) -> None:
+        self.found: list[str] = []
+
+    def add_if(self, problem: str | None, beginning: str = "") -> None:
+        """Add a problem, if there is one; each is kept once."""
+        if problem is not None and (told := f"{beginning}{problem}") not in self.found:
+            self.found.append(told)
+
+    @contextmanager
+    def of(self, what: str) -> Iterator[None]:
+        """Turn an exception in this context into a problem."""
+        try:
+            yield
+        except Exception as error:  # noqa: BLE001 - the code of an author may raise anything
+            self.add_if(f"{what} raised {type(error).__name__}: {error}")
+
+    def raise_for(self, key: str) -> None:
+        """Raise BrokenRules if there are problems."""
+        if self.found:
+            raise BrokenRules(key, self.found)
+
+
+def _check_part(spec: Assertion | Sensor, table: Table[Any], problems: _Problems) -> None:
+    """Check the rules that assertions and sensors share."""
+    for name, problem in _RULES.items():
+        with problems.of(name):
+            problems.add_if(problem(spec, table))
+
+
+def _why_not_installed(spec: Assertion | Sensor, table: Table[Any]) -> str | None:
+    if spec.key in table:
+        return f"sim-action has {table.kind} '{spec.key}' itself; choose another key"
+    if spec.key not in table.installed():
+        where = f'[project.entry-points."{table.group}"]'
+        return f"no installed package has it; name the class below {where}, and install the package (pip install -e .)"
+    try:
+        found = table.load(spec.key)
+    except PackageProblem as problem:
+        return str(problem)
+    return None if found is type(spec) else f"{table.installed()[spec.key]} is another class: {found.__module__}"
+
+
+def _why_not_frozen(spec: Assertion | Sensor, _: Table[Any]) -> str | None:
+    if type(spec).model_config.get("frozen"):
+        return None
+    return "is not frozen; a monitor could change it, so leave model_config as it is"
+
+
+def _why_not_pickled(spec: Assertion | Sensor, _: Table[Any]) -> str | None:
+    copy = pickle.loads(pickle.dumps(spec))  # noqa: S301 - its own bytes
+    return None if copy == spec else f"is {copy!r} after pickling, and was {spec!r}"
+
+
+def _why_not_written(spec: Assertion | Sensor, _: Table[Any]) -> str | None:
+    text = Scenario(parts=[spec]).to_yaml()
+    data: Any = read_document("example", text).data
+    copy = type(spec).model_validate(data["parts"][0][spec.key])
+    return None if copy == spec else f"is {copy!r} when it is read from YAML, and was {spec!r}"
+
+
+def _why_no_schema(spec: Assertion | Sensor, _: Table[Any]) -> str | None:
+    try:
+        schema = type(spec).model_json_schema()
+    except (PydanticUserError, ValueError) as error:
+        return f"has no JSON schema, so editors cannot complete its keys: {escaped_line(str(error))}"
+    named = {field.alias or name for name, field in type(spec).model_fields.items()}
+    return None if set(schema.get("properties", {})) == named else "has a JSON schema with other keys than its fields"
+
+
+_RULES: Final[dict[str, Callable[[Assertion | Sensor, Table[Any]], str | None]]] = {
+    "its entry point": _why_not_installed,
+    "its class": _why_not_frozen,
+    "pickle": _why_not_pickled,
+    "YAML": _why_not_written,
+    "the JSON schema": _why_no_schema,
+}
+
+
+def _why_no_line(text: object, most: int) -> str | None:
+    """Return what is wrong with a text that must be one line."""
+    if not isinstance(text, str) or not text.strip():
+        return f"is {text!r}; it must be a text"
+    if escaped_line(text) != text:
+        return f"has several lines, or signs that cannot be printed: {text!r}"
+    return None if len(text) <= most else f"has {len(text)} characters; at most {most} are allowed"
+
+
+def _one(scenario: OneScenario) -> Scenario:
+    """Return a scenario; the first one of a file with several."""
+    return scenario if isinstance(scenario, Scenario) else load(scenario, allow_outside=True)[0]
+
+
+def _outcome(scenario: Scenario, repeat: int = 1) -> Outcome:
+    """Run a scenario as users do. Raise SimActionError if it has no verdict."""
+    outcome = run(scenario, report=False, repeat=repeat, allow_outside=True)[0]
+    if outcome.status == "error":
+        raise SimActionError(outcome.text)
+    return outcome
+
+
+def _check_run(spec: Assertion, scenario: Scenario, wanted: str, problems: _Problems) -> None:
+    found = [each for each in _outcome(scenario).expectations if each.assertion == spec.key]
+    if not found:
+        problems.add_if(f"'{scenario.name}' does not expect it")
+        return
+    states = [each.verdict.status for each in found]
+    is_right = wanted in states if wanted == "failed" else set(states) == {wanted}
+    if not is_right:
+        problems.add_if(f"should have {wanted} in '{scenario.name}', and {states[0]}: {found[0].verdict.message}")
+    for watched in _watched(spec, scenario):
+        _check_monitor(watched, problems)
+
+
+@dataclass(frozen=True, eq=False)
+class _Watched:
+    """The steps that a monitor of an assertion was shown in a run."""
+
+    expected: Expectation
+    scene: Scene
+    start: Observation
+    trace: Trace
+
+    def opened(self) -> Monitor:
+        """Return the monitor that has seen nothing."""
+        return self.expected.assertion.opened(self.scene, self.start, self.expected.span)
+
+
+def _watched(spec: Assertion, scenario: Scenario) -> list[_Watched]:
+    """Return what each assertion of this kind would be shown, over the whole run. The run is in this process."""
+    (source, *_) = scenario.sources(Permissions(outside=True))
+    if isinstance(source, Refused):
+        raise source.error
+    loaded = checked(source, Permissions(outside=True), evaluate=True)
+    kept = [each for each in loaded.scenario.expect if each.assertion.key == spec.key]
+    shown = [_Shown.model_construct(inner=each.assertion, seen=_Seen()) for each in kept]
+    expect = tuple(
+        replace(each, assertion=spy, after=0.0, before=math.inf, span=None)
+        for each, spy in zip(kept, shown, strict=True)
+    )
+    silent = loaded.scenario.model_copy(update={"expect": expect})
+    simulate(
+        silent, build_scene(loaded), lambda _: None, RunRecorder(silent, filmed=False, recorded=False, compared=False)
+    )
+    return [
+        _Watched(each, spy.seen.scene, spy.seen.start, Trace.concatenate(spy.seen.traces))
+        for each, spy in zip(kept, shown, strict=True)
+        if spy.seen.scene is not None and spy.seen.start is not None
+    ]
+
+
+@dataclass(slots=True, eq=False)
+class _Seen:
+    """The arguments of a monitor's calls."""
+
+    scene: Scene | None = None
+    start: Observation | None = None
+    traces: tuple[Trace, ...] = ()
+
+
+class _Shown(Assertion):
+    """Keeps what the monitor of another assertion would be shown."""
+
+    key: ClassVar[str] = "shown"
+
+    inner: Any
+    seen: Any
+
+    @property
+    def channels(self) -> Channels:
+        """See Assertion.channels."""
+        channels: Channels = self.inner.channels
+        return channels
+
+    @property
+    def title(self) -> str:
+        """See Assertion.title."""
+        return self.key
+
+    def monitor(self, scene: Scene, start: Observation) -> Monitor:
+        """See Assertion.monitor."""
+        self.seen.scene, self.seen.start = scene, start
+        return _Keeper(self.seen)
+
+
+@dataclass(frozen=True, eq=False)
+class _Keeper:
+    """The monitor that keeps the steps, and never ends a run."""
+
+    seen: _Seen
+    traces: tuple[Trace, ...] = field(default_factory=tuple)
+
+    state: ClassVar[State] = State.HOLDS
+
+    def observe(self, trace: Trace) -> _Keeper:
+        """See Monitor.observe."""
+        return replace(self, traces=(*self.traces, trace))
+
+    def verdict(self) -> Verdict:
+        """See Monitor.verdict."""
+        self.seen.traces = self.traces
+        return Verdict(passed=True)
+
+
+def _check_monitor(watched: _Watched, problems: _Problems) -> None:
+    """Check a monitor with the steps of a run."""
+    spec, trace = watched.expected.assertion, watched.trace
+    began = watched.opened().state
+    if began is not (wanted := State.PENDING if spec.is_goal else State.HOLDS):
+        problems.add_if(f"its monitor begins as {began.name}; with is_goal {spec.is_goal}, it begins as {wanted.name}")
+    with problems.of("verdict() before the first step"):
+        problems.add_if(_why_no_verdict(watched.opened().verdict()))
+    whole = begun(watched.opened(), trace.first(0)).observe(trace)
+    problems.add_if(_why_no_verdict(whole.verdict()))
+    _check_blocks(watched, whole, problems)
+    with problems.of("signals()"):
+        for signal in spec.signals(watched.scene, watched.start, trace):
+            if signal.time.ndim != 1 or signal.values.shape != signal.time.shape:
+                shapes = f"time {signal.time.shape} and values {signal.values.shape}"
+                problems.add_if(f"its signal '{signal.name}' has {shapes}; both must have the same length")
+    if spec.has_truth:
+        with problems.of("truth()"):
+            problems.add_if(_why_no_truth(spec.monitor(watched.scene, watched.start), trace))
+
+
+def _check_blocks(watched: _Watched, whole: Monitor, problems: _Problems) -> None:
+    """Check the verdicts on a trace in blocks: all are those on the trace in one piece."""
+    monitor, at, turn = watched.opened(), 0, 0
+    began, decided = monitor.state, None
+    while at < len(watched.trace):
+        end = min(len(watched.trace), at + _BLOCKS[turn % len(_BLOCKS)])
+        before, told = monitor, monitor.verdict()
+        monitor = begun(monitor, watched.trace.first(0)).observe(watched.trace.rows(slice(at, end)))
+        if not _is_same(before.verdict(), told):
+            problems.add_if("observe() changes the monitor that it is called on; return a new one")
+        if decided is not None and (monitor.state is not decided[0] or monitor.verdict().passed != decided[1]):
+            problems.add_if(f"it was decided as {decided[0].name}, and later steps change that")
+        if decided is None and is_decided(monitor, began):
+            decided = (monitor.state, monitor.verdict().passed)
+        at, turn = end, turn + 1
+    if monitor.state is not whole.state or not _is_same(monitor.verdict(), whole.verdict()):
+        texts = f"{_in_words(monitor.verdict())}, and for all steps at once {_in_words(whole.verdict())}"
+        problems.add_if(f"its verdict depends on the blocks in which steps are observed: in small blocks {texts}")
+
+
+def _in_words(verdict: Verdict) -> str:
+    return f"{'passed' if verdict.passed else 'failed'} ({verdict.message})"
+
+
+def _is_same(first: Verdict, second: Verdict) -> bool:
+    numbers = [(getattr(first, name), getattr(second, name)) for name in _NUMBERS]
+    texts = first.passed == second.passed and first.message == second.message and first.unit == second.unit
+    return texts and all(_is_close(*pair) for pair in numbers)
+
+
+def _is_close(first: float | None, second: float | None) -> bool:
+    if first is None or second is None:
+        return first is second
+    return math.isclose(first, second, rel_tol=_CLOSE, abs_tol=_CLOSE)
+
+
+_NUMBERS: Final = ("measured", "limit", "margin", "time")
+
+
+def _why_no_verdict(verdict: object) -> str | None:
+    """Return what is wrong with a verdict."""
+    if not isinstance(verdict, Verdict):
+        return f"verdict() returned {verdict!r}; it must be a Verdict"
+    if type(verdict.passed) is not bool:
+        return f"its verdict has passed = {verdict.passed!r}, which is no bool of Python; write bool(...)"
+    for name in _NUMBERS:
+        value = getattr(verdict, name)
+        if value is not None and (not isinstance(value, int | float) or not math.isfinite(value)):
+            return f"its verdict has {name} = {value!r}; it must be a finite number of Python, or None"
+    if verdict.passed and verdict.margin is not None and verdict.margin < 0:
+        return f"its verdict passed with the margin {verdict.margin:g}; a margin below 0 means that it failed"
+    return _why_no_line(verdict.message, 1000) and f"the message of its verdict {_why_no_line(verdict.message, 1000)}"
+
+
+def _why_no_truth(monitor: Monitor, trace: Trace) -> str | None:
+    """Return what is wrong with the truth of a condition."""
+    if not has_truth(monitor):
+        return "has_truth is True, and its monitor has no truth()"
+    truth = monitor.truth(trace)
+    if truth.holds.dtype != bool or truth.holds.shape != truth.time.shape:
+        return f"truth() must give a bool for each time, found {truth.holds.dtype} of shape {truth.holds.shape}"
+    if not is_sampled(monitor) and len(truth.time) != len(trace):
+        return f"truth() has {len(truth.time)} moments for {len(trace)} steps"
+    return None
+
+
+def _check_readings(spec: Sensor, scenario: Scenario, problems: _Problems) -> None:
+    outcome = _outcome(scenario, repeat=2)
+    if outcome.status == "flaky":
+        problems.add_if("two runs with the same seed differ; draw random numbers from mount.random only")
+        return
+    records = [record for record in outcome.trace.sensors.values() if record.kind == spec.key]
+    if not records:
+        problems.add_if(f"the trace of '{scenario.name}' has no readings of it; give it 'trace: true'")
+    for record in records:
+        for name, values in record.columns.items():
+            column = spec.columns[name]
+            wanted = (len(record), len(column.axes)) if column.axes else (len(record),)
+            if not column.many and values.shape != wanted:
+                problems.add_if(f"its column '{name}' has the shape {values.shape}; its class states {wanted}")
