@@ -74,6 +74,8 @@ CALLS: Final[Mapping[str, list[str]]] = {
     "commands": ["commands"],
     "sensors": ["sensors"],
     "schema": ["schema"],
+    "explain": ["explain", "upright"],
+    "doctor": ["doctor"],
 }
 LAUNCH: Final = """\
 <launch>
