@@ -89,10 +89,11 @@ def validate(
 
     Raises InvalidScenario with all problems, UsageError if no scenario is found.
     """
+    here = current_folder()
     suite = _suite(scenarios, outside=allow_outside)
     permissions = Permissions(
         allow_outside,
-        imports_refused=scripts_refused("auto", os.environ, _folders_of(suite)),
+        imports_refused=scripts_refused("auto", os.environ, _folders_of(here, suite)),
         packages=package_folders(packages or {}),
     )
     found = load_all(suite.scenarios(permissions), permissions)
@@ -173,7 +174,7 @@ def run(
     selection = _selection(only, exclude, tags, exclude_tags)
     suite = _suite(scenarios, selection, outside=allow_outside)
     names = checked_names(_texts(pass_env))
-    refused = scripts_refused(allow_scripts, os.environ, _folders_of(suite))
+    refused = scripts_refused(allow_scripts, os.environ, _folders_of(here, suite))
     permissions = Permissions(
         allow_outside, scripts_refused=refused, pass_env=names, packages=package_folders(packages or {})
     )
@@ -235,9 +236,9 @@ def _suite(scenarios: Scenarios, selection: Selection | None = None, *, outside:
     return replace(suite, written=written)
 
 
-def _folders_of(suite: Suite) -> tuple[Path, ...]:
-    """Return the folders of the files that may run code."""
-    return (current_folder(), *{path.parent: None for path in suite.files})
+def _folders_of(here: Path, suite: Suite) -> tuple[Path, ...]:
+    """Return the current folder, and those of the files that may run code."""
+    return (here, *{path.parent: None for path in suite.files})
 
 
 def _selection(
