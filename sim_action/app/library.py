@@ -10,6 +10,7 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Mapping
 from numbers import Integral
+from pathlib import Path
 from typing import Final, Literal, get_args
 
 from sim_action.app.library_results import Results, RunFolder
