@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import tempfile
+import warnings
 from collections import deque
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
@@ -43,6 +44,11 @@ _LOCAL_SETTINGS: Final = {
     "distributed.scheduler.allowed-failures": 2,
     "distributed.scheduler.worker-saturation": 1.0,
     "distributed.worker.profile.enabled": False,
+    # Nobody looks at what Dask would measure many times a second.
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "5s",
+    "distributed.admin.system-monitor.gil.enabled": False,
+    "distributed.worker.memory.monitor-interval": "5s",
 }
 
 
@@ -56,7 +62,9 @@ def opened_cluster(
 
     Raises UsageError.
     """
+    # They are for who runs the cluster, such as that a disk is slow.
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    warnings.filterwarnings("ignore", module=r"distributed\.")
     needed = software(tuple(sorted({chosen(loaded.scenario.backend) for loaded in scenarios})))
     archives = _archives(scenarios, permissions, [path.absolute() for path in outputs])
     with ExitStack() as stack:
