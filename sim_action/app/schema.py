@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from types import MappingProxyType
 from typing import Any, Final
 
-from pydantic import BaseModel, PydanticUserError, ValidationError
+from pydantic import BaseModel, PydanticUserError
 from pydantic.json_schema import GenerateJsonSchema, models_json_schema
 
 from sim_action.app.editor_schema import EditorSchemas, Schema, chosen_by_key
@@ -304,7 +304,7 @@ def _choice(keys: Schema, beside: Schema | None = None) -> Schema:
 def _needs_nothing(model: type[BaseModel]) -> bool:
     try:
         model()
-    except ValidationError:
+    except ValueError:
         return False
     return True
 

@@ -177,6 +177,10 @@ class InvalidScenario(SimActionError):
         super().__init__("\n".join(str(problem) for problem in self.problems))
 
 
+class InvalidPart(InvalidScenario, ValueError):
+    """A part that a program has built with invalid values; a validator of pydantic may raise it as a ValueError."""
+
+
 class MissingScenario(InvalidScenario):
     """The name of a scenario file or folder that does not exist; the place of its problem is where the name stands."""
 

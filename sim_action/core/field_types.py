@@ -19,18 +19,37 @@ from pydantic import (
     Field,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
+    ValidationError,
     ValidationInfo,
 )
 from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from sim_action.core import geometry, units
+from sim_action.core.errors import InvalidPart, Location, Problem
 from sim_action.core.records import dataclass
 from sim_action.core.units import Dimension
 from sim_action.core.wording import escaped_line
 
 
-class FrozenModel(BaseModel):
+def _built(model: Any, /, *positional: Any, **keys: Any) -> Any:
+    """Return a model that Python code builds; pydantic builds the parts of a file without it. Raise InvalidPart."""
+    try:
+        return type(BaseModel).__call__(model, *positional, **keys)
+    except ValidationError as error:
+        from sim_action.core.yaml_errors import spec_errors
+
+        place = Location(f"{model.__name__} (Python)")
+        found = [(".".join(map(str, path)), message) for path, message in spec_errors(model, keys, error)]
+    raise InvalidPart([Problem(place, f"{key}: {message}" if key else message) for key, message in found])
+
+
+def _model_type() -> Any:
+    """Return the type of `FrozenModel`: that of all models, for which pydantic has no public name."""
+    return type("ModelType", (type(BaseModel),), {"__call__": _built})
+
+
+class FrozenModel(BaseModel, metaclass=_model_type()):  # type: ignore[metaclass]  # mypy sees the type of all models
     """The base class of all parts of a scenario: immutable, strict about types, closed to unknown keys."""
 
     # A validator is built at its first use: most models are only parts of others. Default parts are therefore made by

@@ -134,7 +134,7 @@ class AckermannDrive(Drive):
     def _of(cls, stated: StatedSteering) -> Self | None:
         """Return the drive that a plugin states; None if it is invalid, for example with three steered wheels."""
         try:
-            return cls(steering=stated.steering, wheels=stated.wheels, **stated.figures)
+            return cls.model_validate({"steering": stated.steering, "wheels": stated.wheels, **stated.figures})
         except ValidationError:
             return None
 

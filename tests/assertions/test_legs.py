@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from pydantic import ValidationError
 
 from sim_action.assertions import Assertion
 from sim_action.assertions.legs import FeetOnGround, SupportMargin
 from sim_action.assertions.monitors import State
+from sim_action.core.errors import InvalidPart
 from sim_action.robot.robot_model import Link
 from sim_action.robot.spec import Robot
 from sim_action.state.trace import Trace
@@ -149,7 +149,7 @@ def test_robots_that_do_not_stand_are_refused(kind: type[Assertion]) -> None:
 
 
 def test_limits_are_in_order() -> None:
-    with pytest.raises(ValidationError, match="swap the two"):
+    with pytest.raises(InvalidPart, match="swap the two"):
         FeetOnGround(links=FEET, at_least=3, at_most=2)
 
 

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
 from sim_action.assertions.monitors import State
 from sim_action.assertions.monitors.window import Window
 from sim_action.assertions.odometry_error import OdometryError, _around
 from sim_action.core import units
+from sim_action.core.errors import InvalidPart
 from sim_action.core.geometry import quaternion_from_rpy
 from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import Channels
@@ -150,7 +150,7 @@ def test_a_sensor_that_is_not_there_is_told(kinds: dict[str, str], problem: str 
 
 
 def test_it_asks_for_something_and_is_titled_by_that() -> None:
-    with pytest.raises(ValidationError, match="give 'position', 'yaw', 'drift' or several of them"):
+    with pytest.raises(InvalidPart, match="give 'position', 'yaw', 'drift' or several of them"):
         OdometryError()
     spec = OdometryError.model_validate({"position": "5 cm", "yaw": "3 deg", "drift": "2 %"})
     assert spec.title == "odometry_error position at most 0.05 m, yaw at most 3 deg, drift at most 2 %"

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
 from sim_action.assertions.monitors import State
 from sim_action.assertions.sensor import SensorReading
+from sim_action.core.errors import InvalidPart
 from sim_action.sensors import SENSORS
 from sim_action.state.readings import READING_COLUMNS
 from sim_action.state.trace import Trace
@@ -137,7 +137,7 @@ def test_what_fits_is_no_problem() -> None:
     [({}, "give 'at_least', 'at_most' or both"), ({"at_least": "2 m", "at_most": "30 cm"}, "nothing is at least 2")],
 )
 def test_bounds_that_ask_nothing_are_refused(bounds: dict[str, Any], problem: str) -> None:
-    with pytest.raises(ValidationError, match=problem):
+    with pytest.raises(InvalidPart, match=problem):
         least(**bounds)
 
 

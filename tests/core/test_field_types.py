@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import json
 import math
+import pickle
 import re
 from typing import Annotated, Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError, model_validator
 
 from sim_action.core import field_types, units
+from sim_action.core.errors import InvalidPart, InvalidScenario
 from sim_action.core.field_types import (
     FrozenModel,
     JointPosition,
@@ -43,6 +45,31 @@ def messages(**data: Any) -> list[str]:
     with pytest.raises(ValidationError) as raised:
         Spec.model_validate(data)
     return [error["msg"] for error in raised.value.errors()]
+
+
+def test_a_program_gets_sentences_and_their_problems() -> None:
+    with pytest.raises(InvalidScenario) as raised:
+        Spec(limit=-1, limits=2)  # type: ignore[call-arg]
+    assert [(each.location.file, each.message) for each in raised.value.problems] == [
+        ("Spec (Python)", "limit: must be greater than 0, found -1"),
+        ("Spec (Python)", "limits: unknown key; did you mean 'limit'? (allowed: limit, name, title, x)"),
+    ]
+    assert raised.value.__context__ is None
+    copy = pickle.loads(pickle.dumps(raised.value))
+    assert (type(copy), copy.problems) == (InvalidPart, raised.value.problems)
+
+
+def test_a_validator_may_build_a_part() -> None:
+    class Whole(FrozenModel):
+        spec: Spec
+
+        @model_validator(mode="before")
+        @classmethod
+        def _read(cls, data: Any) -> Any:
+            return {"spec": Spec(**data)}
+
+    with pytest.raises(ValidationError, match="limit: must be greater than 0, found -1"):
+        Whole.model_validate({"limit": -1})
 
 
 def test_a_quantity_is_a_float_in_si() -> None:
@@ -121,7 +148,7 @@ def test_a_name_has_1_to_120_characters_of_text(name: Any) -> None:
 def test_a_name_that_is_accepted_is_one_printable_line(name: str) -> None:
     try:
         accepted = Spec(name=name).name
-    except ValidationError:
+    except InvalidPart:
         return
     assert accepted == name
     assert accepted.isprintable()

@@ -10,9 +10,8 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pydantic import ValidationError
 
-from sim_action.core.errors import ExitCode, InvalidScenario, UsageError
+from sim_action.core.errors import ExitCode, InvalidPart, InvalidScenario, UsageError
 from sim_action.results.outcome import Failure, Outcome
 from sim_action.results.results_json import Results, ResultsFile
 from sim_action.results.shard_results import Listing, merge_shards
@@ -42,7 +41,7 @@ def test_what_is_no_shard_is_told_with_what_is_one(text: str) -> None:
 
 
 def test_results_of_a_shard_that_cannot_be_are_refused() -> None:
-    with pytest.raises(ValidationError, match="there is no shard 3 of 2"):
+    with pytest.raises(InvalidPart, match="there is no shard 3 of 2"):
         Shard(index=3, count=2, total=9)
 
 

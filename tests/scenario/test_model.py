@@ -13,6 +13,7 @@ from pydantic import ValidationError
 from sim_action.assertions.distance import Travel
 from sim_action.commands.script import ScriptCommands
 from sim_action.commands.twist import TwistCommands, TwistSegment
+from sim_action.core.errors import InvalidPart
 from sim_action.core.yaml_document import Document
 from sim_action.scenario.model import LoadedScenario, Scenario, rate_divides
 from sim_action.scenario.source import Source
@@ -110,13 +111,13 @@ def test_a_script_is_code_of_the_users() -> None:
 
 
 def test_an_empty_expect_is_no_scenario() -> None:
-    with pytest.raises(ValidationError, match="at least 1 item"):
+    with pytest.raises(InvalidPart, match="must not be empty"):
         scenario()
 
 
 @pytest.mark.parametrize("limit", [0.0, -1.0, 86_401.0])
 def test_a_time_limit_is_within_a_day(limit: float) -> None:
-    with pytest.raises(ValidationError):
+    with pytest.raises(InvalidPart):
         scenario(expectation(Travel(at_least=1.0)), time_limit=limit)
 
 

@@ -8,8 +8,8 @@ from contextlib import suppress
 from typing import Final
 
 import numpy as np
-from pydantic import ValidationError
 
+from sim_action.core.errors import InvalidPart
 from sim_action.core.records import replace
 from sim_action.recording.replay.columns import MAX_MOMENTS, Column, FloatArray, fine_scale
 from sim_action.recording.replay.frames import thinned
@@ -57,7 +57,7 @@ def stored_marks(scenario: Scenario, scene: Scene, start: Observation) -> tuple[
             if mark.link and not links:
                 _, links = skeleton(scene.model)
             # A place beyond the range of a replay is not visible.
-            with suppress(ValidationError):
+            with suppress(InvalidPart):
                 found.append(_stored_mark(number, mark).model_copy(update={"link": links.get(mark.link)}))
     return tuple(found[:MAX_MARKS])
 

@@ -191,7 +191,7 @@ class ShapeReader:
             from sim_action.world.shape_files.shape_error import ShapeError
 
             try:
-                spec = MeshFile(file=path.name, scale=scale)
+                spec = MeshFile.model_validate({"file": path.name, "scale": scale})
                 parts = tuple(read_mesh_parts(path, spec, moves=moves))
                 self._meshes[key] = self._with_fewer_triangles(key, parts)
             except (ShapeError, ValidationError) as error:
