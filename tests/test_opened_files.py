@@ -44,6 +44,7 @@ GATED: Final = {
 
 OWN: Final = frozenset(
     {
+        "app/library_results.py",
         "cli/pyproject.py",  # only if it lies in the workspace, with links resolved
         "core/checkout.py",
         "core/content_cache.py",
@@ -56,10 +57,13 @@ OWN: Final = frozenset(
         "results/journal.py",
         "results/results_json.py",
         "results/written_files.py",
+        "runner/cluster/task.py",
+        "runner/cluster/workspace_archive.py",  # regular files of the workspace, links as links
         "runner/isolation/capacity.py",
         "runner/isolation/portable_child.py",
         "runner/isolation/process_control.py",
         "runner/run_keys.py",
+        "runner/warm_process.py",
         "state/motion_record.py",
         "state/trace_storage.py",
     }

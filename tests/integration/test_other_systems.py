@@ -40,16 +40,21 @@ SCRIPTS: Final = {
     "threads": (f"threading.Thread(target=time.sleep, args=(600,)).start()\n{DRIVE}", ""),
 }
 # By what they are made of, they are Linux's alone.
-ELSEWHERE: Final = tuple(
-    f"sim_action.runner.isolation.{name}"
-    for name in (
-        "command_supervisor",
-        "linux_child",
-        "memory_files",
-        "process_control",
-        "scenario_supervisor",
-        "shared_child",
-    )
+ELSEWHERE: Final = (
+    "sim_action.runner.warm_process",
+    # Packages of Dask for that system are not installed here.
+    *(f"sim_action.runner.cluster.dask_{name}" for name in ("executor", "runs", "worker")),
+    *(
+        f"sim_action.runner.isolation.{name}"
+        for name in (
+            "command_supervisor",
+            "linux_child",
+            "memory_files",
+            "process_control",
+            "scenario_supervisor",
+            "shared_child",
+        )
+    ),
 )
 # The command that needs it is refused there, and before any of it is imported.
 ROS: Final = "sim_action.ros."

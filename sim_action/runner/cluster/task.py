@@ -22,7 +22,6 @@ from sim_action.runner.cluster.software import Software
 from sim_action.runner.cluster.workspace_archive import Copied
 from sim_action.runner.job import JobOrder
 from sim_action.runner.process_pool import execute, warm_up
-from sim_action.runner.warm_process import call_beside
 from sim_action.scenario.loading import Libraries, load_all
 from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.source import Refused, Source
@@ -141,6 +140,8 @@ def run_task(task: Task, copies: Path, libraries: Libraries, scratch: Path, list
     try:
         arguments = (loaded, str(there), folder, task.turn, task.output)
         if sys.platform == "linux":
+            from sim_action.runner.warm_process import call_beside
+
             result: Result = call_beside(_run_here, arguments, listen, _prepare)
         else:
             # Each scenario has an interpreter of its own there.
