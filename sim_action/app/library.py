@@ -206,12 +206,12 @@ _MAX_REPEATS: Final = 1000
 
 def _finished(request: RunRequest, listen: Callable[[Event], None]) -> FinishedRun:
     """Run scenarios in a process that may fork: this one may have threads, and settings of its own."""
-    if sys.platform != "linux":
-        return _run_here(request, emit=listen)
-    from sim_action.runner.warm_process import call_beside
+    if sys.platform == "linux":
+        from sim_action.runner.warm_process import call_beside
 
-    finished: FinishedRun = call_beside(_run_here, (request,), listen)
-    return finished
+        finished: FinishedRun = call_beside(_run_here, (request,), listen)
+        return finished
+    return _run_here(request, emit=listen)
 
 
 def _run_here(request: RunRequest, *, emit: Callable[[Event], None]) -> FinishedRun:

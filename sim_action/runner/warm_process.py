@@ -37,6 +37,8 @@ from sim_action.runner.isolation import process_control
 from sim_action.runner.isolation.child_process import PACKAGE_ROOT
 from sim_action.runner.process_output import muted
 
+assert sys.platform == "linux"
+
 Emit = Callable[[Any], None]
 Function = Callable[..., Any]
 """A function of a module. It gets the arguments of the call, and `emit`, which sends an event to the caller."""
@@ -240,8 +242,7 @@ class _Pool:
 
 _POOL: Final = _Pool()
 atexit.register(_POOL.close)
-if sys.platform != "win32":
-    os.register_at_fork(after_in_child=_POOL.forget)
+os.register_at_fork(after_in_child=_POOL.forget)
 
 
 def call_beside(
@@ -257,7 +258,6 @@ def call_beside(
 
 def main() -> NoReturn:
     """Run the warm process until its caller closes the connection, whose descriptor is the argument."""
-    assert sys.platform == "linux"
     connection = Connection(int(sys.argv[1]))
     os.set_inheritable(connection.fileno(), False)
     collect_garbage_rarely()

@@ -138,7 +138,8 @@ def load_robot(client: int, scene: Scene) -> int:
 
 def _load_from_memory(client: int, scene: Scene) -> int:
     """Load the robot as `load_robot` does, once: a folder takes twice the time of the robot itself."""
-    assert sys.platform == "linux", "only Linux has files in memory"
+    if sys.platform != "linux":
+        raise OSError("only Linux has files in memory")
     number = os.memfd_create("robot.urdf")
     with open(number, "wb") as file:  # noqa: PTH123 - `Path` opens no file by its number
         file.write(_text(scene))
