@@ -5,8 +5,10 @@ What is about PyBullet, or takes its robots, has the marker `pybullet`, and is s
 
 from __future__ import annotations
 
+import ctypes
 import gc
 import os
+import sys
 from collections.abc import Generator, Iterator
 
 import pytest
@@ -14,6 +16,9 @@ import pytest
 from sim_action.engines import installed
 
 pytest_plugins = ["pytester", "tests.soak", "tests.child_processes", "tests.balance", "tests.reached_assertions"]
+
+# A parameter of mallopt(3).
+_M_ARENA_MAX = -8
 
 
 @pytest.fixture(autouse=True, scope="session")
@@ -27,6 +32,12 @@ def cache_of_the_session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[N
 def pytest_xdist_auto_num_workers() -> int:
     """More than there are processors: many tests wait, for programs to start and for limits of wall time to pass."""
     return (os.cpu_count() or 1) * 3 // 2
+
+
+def pytest_configure() -> None:
+    """Reserve no address space for each thread that a test had: runs that are forked have a limit of it."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).mallopt(_M_ARENA_MAX, 1)
 
 
 @pytest.hookimpl(wrapper=True)
