@@ -40,6 +40,8 @@ Backend = Literal["pybullet", "mujoco", "all"]
 _CALL: Final = Location("sim_action")
 """The place of a problem with a path: that of a file which does not exist is the call."""
 
+_MAX_REPEATS: Final = 1000
+
 _SILENCED: Final = frozenset({"terminal", "annotations", "summary", "outputs"})
 """Reports that are for the command line only."""
 
@@ -199,9 +201,6 @@ def run(
     )
     finished = _finished(request, on_event or _ignore)
     return Results(finished.results, finished.exit_code, folder)
-
-
-_MAX_REPEATS: Final = 1000
 
 
 def _finished(request: RunRequest, listen: Callable[[Event], None]) -> FinishedRun:

@@ -38,8 +38,9 @@ class Scenario:
     """A scenario of a program, with the keys of a scenario file.
 
     Values are what YAML has (text, numbers, booleans, None, lists, maps), paths, or parts such as
-    `sim_action.assertions.distance.Travel`. Numbers without a unit are in SI units. The scenario is checked by
-    `validate` and `run`.
+    `sim_action.parts.Travel`. Numbers without a unit are in SI units. `validate` and `run` check the scenario.
+
+    `scenario.model.Scenario` is what a checked document becomes.
 
     Example:
         Scenario(
