@@ -28,12 +28,18 @@ from sim_action.core.wording import counted, system_reason
 from sim_action.engines import ENGINES, INSTALL_HINTS, installed, named_version
 from sim_action.runner.isolation import child_type_here
 from sim_action.runner.isolation.capacity import most_children
+from sim_action.runner.isolation.child_process import scratch_folder
 from sim_action.scenario.model import MEMORY
 from sim_action.scenario.written import Scenario
 from sim_action.sensors import SENSORS
 
 State = Literal["good", "missing", "bad"]
-"""good: it works; missing: it is not there, and only what needs it does not work; bad: scenarios cannot run."""
+"""The state of one thing.
+
+- good: it works.
+- missing: it is not there, or is less than usual; scenarios that do not need it run.
+- bad: scenarios cannot run.
+"""
 
 _EXTRAS: Final = MappingProxyType(
     {
@@ -45,8 +51,6 @@ _EXTRAS: Final = MappingProxyType(
     }
 )
 """Extra -> a package that it installs, and what it is for."""
-
-_PROBE_BYTES: Final = 4096
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +121,7 @@ def _limits() -> Iterator[Finding]:
     text = f"{counted(cores, 'core')}; {counted(children, 'scenario')} at the same time"
     if children < cores:
         yield Finding(
-            "bad", "parallel runs", f'{text}: raise the limits of open files and processes ("ulimit -n", "-u")'
+            "missing", "parallel runs", f'{text}: raise the limits of open files and processes ("ulimit -n", "-u")'
         )
     else:
         yield Finding("good", "parallel runs", text)
@@ -128,11 +132,13 @@ def _limits() -> Iterator[Finding]:
     _, most = resource.getrlimit(resource.RLIMIT_AS)
     if most not in (resource.RLIM_INFINITY, -1) and most < MEMORY:
         allowed = f"{most / 2**30:.3g} GiB of address space, and a scenario may use {MEMORY >> 30}"
-        yield Finding("bad", "memory", f'{allowed}: raise the limit ("ulimit -v"), or set memory_limit in scenarios')
+        yield Finding(
+            "missing", "memory", f'{allowed}: raise the limit ("ulimit -v"), or set memory_limit in scenarios'
+        )
 
 
 def _folders() -> Iterator[Finding]:
-    yield _folder("temporary files", Path(tempfile.gettempdir()), "set TMPDIR to another folder")
+    yield _temporary_files()
     if (cache := cache_folder("meshes")) is None:
         yield Finding("missing", "cache", "there is no home folder; hulls of meshes are made in each run")
         return
@@ -144,12 +150,13 @@ def _folders() -> Iterator[Finding]:
     yield Finding("good" if writable else "missing", "cache", used + remedy)
 
 
-def _folder(name: str, folder: Path, remedy: str) -> Finding:
-    """Write a file, as each scenario does."""
+def _temporary_files() -> Finding:
+    """Make the folder that each scenario has for its files."""
     try:
-        with tempfile.TemporaryFile(dir=folder) as file:
-            file.write(bytes(_PROBE_BYTES))
-        free = shutil.disk_usage(folder).free
+        with scratch_folder() as name:
+            folder = Path(name).parent
+            free = shutil.disk_usage(folder).free
     except OSError as error:
-        return Finding("bad", name, f"{folder} cannot be written: {system_reason(error)}; {remedy}")
-    return Finding("good", name, f"{folder}, {free / 1e9:.3g} GB free")
+        told = f"{tempfile.gettempdir()} cannot be written: {system_reason(error)}; set TMPDIR to another folder"
+        return Finding("bad", "temporary files", told)
+    return Finding("good", "temporary files", f"{folder}, {free / 1e9:.3g} GB free")

@@ -38,15 +38,14 @@ def test_engines_drive_a_robot() -> None:
     assert {"sim-action", "mcap", "parallel runs", "temporary files", "cache", "ROS 1"} <= set(told)
 
 
-def test_a_folder_that_cannot_be_written_is_told(tmp_path: Path) -> None:
-    (tmp_path / "a file").write_text("")
+def test_the_folders_of_temporary_files_and_of_the_cache_are_told(tmp_path: Path) -> None:
     code, told = doctor(TMPDIR=str(tmp_path), XDG_CACHE_HOME=str(tmp_path / "cache"))
     assert code == 0
     assert told["temporary files"][1].startswith(f"{tmp_path}, ")
     assert told["cache"] == ("ok", f"0 MB of hulls of meshes in {tmp_path / 'cache/sim-action'}")
 
 
-def test_limits_that_prevent_runs_are_told() -> None:
+def test_a_limit_below_that_of_a_scenario_is_told() -> None:
     command = [sys.executable, "-m", "sim_action", "doctor"]
     found = subprocess.run(
         command,
@@ -56,8 +55,10 @@ def test_limits_that_prevent_runs_are_told() -> None:
         check=False,
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (2 << 30, 2 << 30)),
     )
-    assert found.returncode == 1, found.stdout + found.stderr
-    assert "!  memory           2 GiB of address space, and a scenario may use 4" in found.stdout
+    # Scenarios run all the same: the engines have driven a robot.
+    assert found.returncode == 0, found.stdout + found.stderr
+    assert "a robot drove" in found.stdout
+    assert "-  memory           2 GiB of address space, and a scenario may use 4" in found.stdout
 
 
 def test_a_missing_engine_and_a_missing_extra_say_how_to_get_them(tmp_path: Path) -> None:
