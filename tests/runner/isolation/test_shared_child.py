@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
+import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import pytest
 
@@ -109,40 +109,31 @@ def test_models_that_only_a_child_reads_share_no_process_with_other_files(
     assert forks([found[0], found[0], found[1]], tmp_path, monkeypatch) == 2
 
 
-class MallocInfo(ctypes.Structure):
-    """What mallinfo2(3) returns."""
+def greedy(*arguments: Any) -> object:
+    """Let a large block grow, which its memory limit allows only outside the heap; then simulate."""
+    import resource
 
-    _fields_: ClassVar = [
-        *((name, ctypes.c_size_t) for name in ("arena", "ordblks", "smblks", "hblks", "hblkhd", "usmblks", "fsmblks")),
-        *((name, ctypes.c_size_t) for name in ("uordblks", "fordblks", "keepcost")),
-    ]
+    mapped = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    limits = resource.getrlimit(resource.RLIMIT_AS)
+    size = 60 << 20
+    resource.setrlimit(resource.RLIMIT_AS, (mapped + size + size // 2, limits[1]))
+    # A mapped block grows in place, which the heap cannot do below another block.
+    grows, _other = bytearray(size), bytearray(1 << 20)
+    grows.extend(bytes(1 << 20))
+    del grows
+    resource.setrlimit(resource.RLIMIT_AS, limits)
+    return simulate(*arguments)
 
 
-def free_heap() -> int:
-    """The bytes of all free blocks of this process's heap."""
-    mallinfo2 = ctypes.CDLL(None).mallinfo2
-    mallinfo2.restype = MallocInfo
-    return int(mallinfo2().fordblks)
+def count_forks_of_greedy_runs(folder: Path) -> int:
+    """Return how many processes two runs take that let a block grow."""
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setattr("sim_action.runner.child_main.simulate", greedy)
+        return forks(loaded(folder, [""] * 2), folder, monkeypatch)
 
 
-def test_the_first_run_of_a_process_reaches_its_memory_limit_where_a_run_alone_does(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def greedy(*arguments: Any) -> object:
-        import resource
-
-        mapped = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-        limits = resource.getrlimit(resource.RLIMIT_AS)
-        # Earlier tests may have left free blocks in the heap: both of these are larger.
-        free = free_heap()
-        size, other = free + (60 << 20), free + (1 << 20)
-        resource.setrlimit(resource.RLIMIT_AS, (mapped + size + other + size // 2, limits[1]))
-        # A mapped block grows in place, which the heap cannot do below another block.
-        grows, _other = bytearray(size), bytearray(other)
-        grows.extend(bytes(1 << 20))
-        del grows
-        resource.setrlimit(resource.RLIMIT_AS, limits)
-        return simulate(*arguments)
-
-    monkeypatch.setattr("sim_action.runner.child_main.simulate", greedy)
-    assert forks(loaded(tmp_path, [""] * 2), tmp_path, monkeypatch) == 2
+def test_the_first_run_of_a_process_reaches_its_memory_limit_where_a_run_alone_does(tmp_path: Path) -> None:
+    # The heap of this process has free blocks of other tests, in which a block may grow: a new process has few.
+    code = f"from {__name__} import count_forks_of_greedy_runs as count, Path; print(count(Path({str(tmp_path)!r})))"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout == "2\n"
