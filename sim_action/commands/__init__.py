@@ -21,6 +21,7 @@ from sim_action.world.scene import Scene
 if TYPE_CHECKING:
     from sim_action.sensors import MountedSensor
     from sim_action.state.observation import Observation
+    from sim_action.state.reproducibility import Transcript
 
 
 def _nothing() -> None:
@@ -54,6 +55,8 @@ class ClosedLoop:
         notes: notes for the user, complete after `close`.
         losses: parts of its files that were not run, as the scenario allows.
         repeats: True if its answer is the same object until there is a new command.
+        transcript: the messages that it received, which the digest of the run covers; complete during the run.
+        not_reproducible: reasons why another run may differ, complete during the run.
     """
 
     command: Callable[[Observation], Answer]
@@ -63,6 +66,8 @@ class ClosedLoop:
     notes: Sequence[str] = ()
     losses: Sequence[str] = ()
     repeats: bool = False
+    transcript: Transcript | None = None
+    not_reproducible: Sequence[str] = ()
 
 
 Controller = OpenLoop | ClosedLoop

@@ -251,7 +251,7 @@ class Outcome(FrozenModel):
         travelled: the distance in m between the first and the last position of the robot on the ground plane.
         seed: the random seed of the run.
         scenario_seed: the seed of the scenario, from which `seed` is derived, if this is one of its samples.
-        digest: the SHA-256 hash of the state at every physics step.
+        digest: the SHA-256 hash of the state at every physics step, and of the messages that nodes sent.
         engine: name and version of the engine that ran it, also if there is no verdict; None if none was selected.
         repeats: the repeated runs; this outcome describes the first run, or the first of the runs that agree.
         provenance: the versions and the machine that produced the run.

@@ -49,6 +49,9 @@ SINGLE_ROW: Final = "single-row-golden"
 NOT_SIMULATED: Final = "not-simulated"
 """The rule about parts of launch files and world files that are not simulated."""
 
+NOT_REPRODUCIBLE: Final = "not-reproducible"
+"""The rule about runs whose nodes could not be kept in lock-step with sim time."""
+
 INCOMPLETE_WORLD: Final = "incomplete-world"
 """The rule about files of a world that cannot be used, so that an obstacle is missing."""
 
@@ -120,6 +123,11 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         NOT_SIMULATED: Rule(
             "warning",
             "a part of a world file that is not simulated; a part of a launch file, where `allow_losses` is true",
+        ),
+        NOT_REPRODUCIBLE: Rule(
+            "warning",
+            "ROS nodes that could not be kept in lock-step with sim time, so that another run may differ: "
+            "a node that is never quiet, or `pace: realtime`",
         ),
         INCOMPLETE_WORLD: Rule(
             "error", "a model or a mesh of a world file that is not found or cannot be used: an obstacle is missing"

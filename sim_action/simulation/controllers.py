@@ -19,6 +19,7 @@ from sim_action.sensors import MountedSensor
 from sim_action.simulation.run_audit import CommandLog
 from sim_action.state.command import Answer, Command, JointTargets, LinkWrench, commands_of
 from sim_action.state.observation import Observation
+from sim_action.state.reproducibility import Transcript
 from sim_action.state.transmission import Line
 from sim_action.world.scene import Scene
 
@@ -125,6 +126,19 @@ class Controls:
         """The parts of files that controllers did not run, as the scenario allows."""
         controllers = [source.controller for source in self._sources]
         return tuple(loss for live in controllers if isinstance(live, ClosedLoop) for loss in live.losses)
+
+    @property
+    def transcripts(self) -> tuple[Transcript, ...]:
+        """The messages that controllers received from programs of the user."""
+        controllers = (source.controller for source in self._sources)
+        found = (live.transcript for live in controllers if isinstance(live, ClosedLoop))
+        return tuple(transcript for transcript in found if transcript is not None)
+
+    @property
+    def not_reproducible(self) -> tuple[str, ...]:
+        """The reasons why another run may differ."""
+        controllers = [source.controller for source in self._sources]
+        return tuple(why for live in controllers if isinstance(live, ClosedLoop) for why in live.not_reproducible)
 
     def close(self) -> None:
         """Close the sources after the run, and end the programs that they started."""

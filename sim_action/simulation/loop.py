@@ -18,7 +18,7 @@ from sim_action.drives.wheels import axis_in_base, opposed_note
 from sim_action.engines import ENGINES, Engine, chosen
 from sim_action.engines.observers import arrivals
 from sim_action.robot.audit.rules import announced, unannounced
-from sim_action.scenario.claim_audit import NOT_SIMULATED, ClaimFinding
+from sim_action.scenario.claim_audit import NOT_REPRODUCIBLE, NOT_SIMULATED, ClaimFinding
 from sim_action.scenario.model import Scenario
 from sim_action.simulation.accuracy import AccuracyWatch, links_with_springs
 from sim_action.simulation.controllers import Controls, padded
@@ -66,7 +66,7 @@ class SimulationRun:
     Attributes:
         trace: the trace at `Scenario.trace_rate`, from t = 0 to the end.
         verdicts: one verdict for each expectation, in their order.
-        digest: SHA-256 of the state at full rate.
+        digest: SHA-256 of the state at full rate, and of the messages that nodes sent.
         travelled: the distance in m between the first and last position of the base, on the ground plane.
         wall_time: the duration of the loop in s, without loading and settling.
         notes: assumptions and observations, for people.
@@ -264,8 +264,10 @@ class _Loop:
         kept = footage.trace()
         assert kept is not None
         x, y, _ = start.pose.position_xyz
+        for transcript in self._controls.transcripts:
+            digest.add_transcript(transcript, panel.time)
         losses = (ClaimFinding(NOT_SIMULATED, ("commands",), loss) for loss in self._controls.losses)
-        findings = (*self._audited(panel, motion, kept), *losses)
+        findings = (*self._audited(panel, motion, kept), *losses, *self._races())
         told = {finding.message for finding in findings}
         missed = (message for _, message in unreached_events(self._scenario, panel.time))
         unreached = (message for message in missed if message not in told)
@@ -291,6 +293,12 @@ class _Loop:
         facts = RunFacts(panel.time, motion, self._controls.log, kept, unmet, panel.verdicts(), undelivered)
         found = audit_run(self._scenario, self._scene, facts)
         return tuple(finding for finding in found if finding.rule not in self._scenario.allow)
+
+    def _races(self) -> Iterator[ClaimFinding]:
+        """Yield a finding for each reason why another run may differ."""
+        if NOT_REPRODUCIBLE not in self._scenario.allow:
+            for reason in self._controls.not_reproducible:
+                yield ClaimFinding(NOT_REPRODUCIBLE, ("commands",), f"the run is not reproducible: {reason}")
 
     def _all_notes(self) -> tuple[str, ...]:
         of_drive = self._motion.notes if self._motion else ()

@@ -1,14 +1,32 @@
-"""Reproducibility of runs: a digest of all states of a run, and the first difference between two runs."""
+"""Reproducibility of runs: a digest of all states and messages of a run, and the first difference of two runs."""
 
 from __future__ import annotations
 
 import hashlib
+import struct
 from collections.abc import Iterator
 
 import numpy as np
 
 from sim_action.core.records import dataclass
 from sim_action.state.trace import COLUMNS, Trace
+
+
+class Transcript:
+    """The messages that a controller received from programs of the user, in their order, as hashes."""
+
+    def __init__(self) -> None:
+        self._received: list[tuple[float, bytes]] = []
+
+    def add(self, time: float, sender: str, message: bytes) -> None:
+        """Add a message that was received at a sim time in s; `sender`: such as the name of a topic."""
+        head = f"{sender} {len(message)}\n".encode(errors="surrogateescape")
+        self._received.append((time, hashlib.sha256(head + message).digest()))
+
+    def before(self, end: float) -> bytes:
+        """Return a digest of all messages before a sim time in s, with their times."""
+        kept = (each for each in self._received if each[0] < end)
+        return hashlib.sha256(b"".join(struct.pack("<d", time) + message for time, message in kept)).digest()
 
 
 class Digest:
@@ -20,6 +38,10 @@ class Digest:
     def add(self, trace: Trace) -> None:
         """Add the following steps."""
         self._hash.update(trace.state.astype("<f8", order="C", copy=False).tobytes())
+
+    def add_transcript(self, transcript: Transcript, end: float) -> None:
+        """Add the messages before the end of the run in s of sim time: a period may have gone on after it."""
+        self._hash.update(transcript.before(end))
 
     def hexdigest(self) -> str:
         """Return the digest as 64 hexadecimal digits."""

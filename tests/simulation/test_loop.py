@@ -10,12 +10,16 @@ from typing import ClassVar
 
 import pytest
 
-from sim_action.core.geometry import Pose
+from sim_action.commands import ClosedLoop
+from sim_action.commands.twist import TwistCommands
+from sim_action.core.geometry import Pose, Twist
 from sim_action.scenario.loading import build_scene
 from sim_action.scenario.model import LoadedScenario
 from sim_action.sensors import Measure, Mount, MountedSensor, Sensor
 from sim_action.simulation import monitors
 from sim_action.simulation.loop import SimulationRun, simulate
+from sim_action.state.observation import Observation
+from sim_action.state.reproducibility import Transcript
 from tests.scenarios import LEAST, load
 
 # Answers until its input ends, as programs do.
@@ -101,3 +105,29 @@ def test_the_length_of_a_period_changes_no_result(
     assert usual.end == other.end == end
     assert (usual.digest, usual.verdicts, usual.findings) == (other.digest, other.verdicts, other.findings)
     assert usual.trace.time.tolist() == other.trace.time.tolist()
+
+
+@pytest.mark.parametrize("allowed", [False, True])
+def test_messages_of_nodes_and_reasons_why_they_may_differ(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, allowed: bool
+) -> None:
+    runs = list[SimulationRun]()
+    for message in (None, b"1", b"1", b"2"):
+        transcript, reasons = Transcript(), list[str]()
+
+        def command(seen: Observation, transcript: Transcript = transcript, message: bytes | None = message) -> Twist:
+            if message is not None:
+                transcript.add(seen.time, "/cmd_vel", message)
+            return Twist.planar(1.0)
+
+        driven = ClosedLoop(command, transcript=transcript, not_reproducible=reasons)
+        monkeypatch.setattr(TwistCommands, "open", lambda *_, driven=driven: driven)
+        loaded = load(tmp_path, LEAST + ("allow: [not-reproducible]\n" if allowed else ""))
+        reasons.append("a node was never quiet")
+        runs.append(simulate(loaded.scenario, build_scene(loaded), lambda _: None))
+    without, first, same, other = (run.digest for run in runs)
+    assert first == same
+    assert len({without, first, other}) == 3
+    found = [(finding.rule, finding.message) for finding in runs[0].findings]
+    told = ("not-reproducible", "the run is not reproducible: a node was never quiet")
+    assert found == ([] if allowed else [told])

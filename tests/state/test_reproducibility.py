@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from sim_action.state.reproducibility import Divergence, first_divergence
+from sim_action.state.reproducibility import Digest, Divergence, Transcript, first_divergence
 from sim_action.state.trace import Trace
 from tests.traces import trace
 
@@ -66,3 +66,18 @@ def test_traces_of_other_robots_have_nothing_in_common() -> None:
     seen = trace(TIME)
     with pytest.raises(ValueError, match="different joints"):
         first_divergence(seen, dataclasses.replace(seen, joint_names=("a", "b")))
+
+
+def digest_of(*received: tuple[float, str, bytes], end: float = 1.0) -> str:
+    found, transcript = Digest(), Transcript()
+    for time, sender, message in received:
+        transcript.add(time, sender, message)
+    found.add_transcript(transcript, end)
+    return found.hexdigest()
+
+
+def test_a_digest_covers_messages() -> None:
+    first = (0.5, "/cmd_vel", b"1")
+    others = [(0.6, "/cmd_vel", b"1"), (0.5, "/cmd", b"1"), (0.5, "/cmd_vel", b"2")]
+    assert digest_of(first) == digest_of(first, (1.0, "/cmd_vel", b"after the end"))
+    assert len({digest_of(), digest_of(first), digest_of(first, first), *map(digest_of, others)}) == 6
