@@ -24,11 +24,11 @@ from sim_action.ros.ros1.command import free_port
 from sim_action.ros.ros1.command_source.file_problems import Packages, why_no_ros
 from sim_action.ros.ros1.command_source.launch_events import Event, Events, LaunchErrors
 from sim_action.ros.ros1.command_source.node_spec import launch_text
-from sim_action.ros.ros1.command_source.spec import topics_of
 from sim_action.ros.ros1.installation import Ros, find_ros
 from sim_action.ros.ros1.launch.launch_process import Launch
 from sim_action.ros.ros1.launch.overlay import Overlay, build_overlay, scratch_parent
 from sim_action.ros.ros1.verdicts.launch_output import callback_errors
+from sim_action.ros.topic_names import topics_of
 
 if TYPE_CHECKING:
     from sim_action.ros.ros1.command_source.spec import RosCommands, RosNodes

@@ -2,71 +2,20 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Annotated, ClassVar, Final
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
 from sim_action.commands import CommandSource, Controller
 from sim_action.core.field_types import FrozenModel, NamesFile, PositiveHertz, PositiveSeconds
-from sim_action.core.wording import did_you_mean
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.ros.ros1.command_source.node_spec import GraphName, NodeSpec
-from sim_action.world.scene import Fitting, Scene
-
-COMMANDS: Final = "cmd_vel"
-JOINTS: Final = "joint_states"
-ODOMETRY: Final = "odom"
-
-_SENSOR_TOPICS: Final = {
-    "lidar": "scan",
-    "imu": "imu",
-    "odometry": ODOMETRY,
-    "camera": "image_raw",
-    "contact": "contact",
-}
+from sim_action.ros.topic_names import topic_problems, topics_of
+from sim_action.world.scene import Scene
 
 # In s: as long as anybody can mean.
 _MAX_START_S = 86_400
-
-
-def topics_of(sensors: Sequence[Fitting], stated: Mapping[str, str]) -> dict[str, str]:
-    """Return the topics of a robot, by their keys.
-
-    The keys are `cmd_vel`, `joint_states`, `odom` (unless a sensor measures odometry) and the names of sensors.
-    """
-    found = {COMMANDS: "/cmd_vel", JOINTS: "/joint_states"}
-    if not any(sensor.kind == "odometry" for sensor in sensors):
-        found[ODOMETRY] = "/odom"
-    found |= {sensor.name: _topic(sensor, sensors) for sensor in sensors if sensor.kind in _SENSOR_TOPICS}
-    return {name: f"/{stated.get(name, topic).lstrip('/')}" for name, topic in found.items()}
-
-
-def topic_problems(stated: Mapping[str, str], sensors: Sequence[Fitting]) -> SpecProblems:
-    """Yield problems of stated topics, by their keys: unknown names, and topics that are used twice."""
-    topics = topics_of(sensors, stated)
-    for name in stated:
-        if name not in topics:
-            yield (name,), f"the robot has no '{name}'{did_you_mean(name, topics)}"
-    yield from (((name,), message) for name, message in _twice(stated, topics))
-
-
-def _twice(stated: Mapping[str, str], topics: Mapping[str, str]) -> Iterator[tuple[str, str]]:
-    for name in stated:
-        others = [other for other, topic in topics.items() if other != name and topic == topics.get(name)]
-        if others:
-            yield name, f"'{topics[name]}' is already the topic of '{others[0]}'"
-
-
-def _topic(sensor: Fitting, sensors: Sequence[Fitting]) -> str:
-    kind = _SENSOR_TOPICS[sensor.kind]
-    is_alone = sum(other.kind == sensor.kind for other in sensors) == 1
-    if sensor.kind == "camera" or not is_alone:
-        plain = re.sub(r"\W", "_", sensor.name, flags=re.ASCII)
-        return f"/{plain if plain[:1].isalpha() else f'sensor_{plain}'}/{kind}"
-    return f"/{kind}"
 
 
 class RosNodes(FrozenModel):
@@ -163,9 +112,8 @@ class RosCommands(CommandSource):
 
     def model_problems(self, scene: Scene) -> SpecProblems:
         """See CommandSource.model_problems: problems of the topics."""
-        return (
-            (("ros1", "topics", *path), message) for path, message in topic_problems(self.ros1.topics, scene.sensors)
-        )
+        topics = topics_of(scene.sensors, self.ros1.topics)
+        return ((("ros1", "topics", *path), message) for path, message in topic_problems(self.ros1.topics, topics))
 
     def open(self, scene: Scene) -> Controller:
         """See CommandSource.open. Raises SourceProblem if ROS is not installed, ScriptError."""

@@ -12,8 +12,9 @@ from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
 from sim_action.core.geometry import Twist
+from sim_action.ros.message_values import diagonal, in_frame_of
 from sim_action.ros.ros1.gazebo_plugins import Plugin
-from sim_action.ros.ros1.node.messages import diagonal, header, in_frame_of, pose_message, twist_message, twist_of
+from sim_action.ros.ros1.node.messages import header, pose_message, twist_message, twist_of
 from sim_action.ros.ros1.node.plugins import Device, Wiring, schedule_of
 from sim_action.ros.ros1.node.topics import Subscription
 from sim_action.state.observation import Observation

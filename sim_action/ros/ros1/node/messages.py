@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from geometry_msgs.msg import Point, Pose, Quaternion, Twist, Vector3
 from rospy import Time
 from sensor_msgs.msg import Image, Imu, LaserScan
 from std_msgs.msg import Header
 
 from sim_action.core import geometry
+from sim_action.ros.message_values import diagonal, seconds_and_nanoseconds
 from sim_action.state.readings import CameraImage, ImuReading, LidarScan
-
-_BILLION = 1_000_000_000
 
 
 def time_of(seconds: float) -> Time:
-    """Return a sim time as ROS time, rounded to 1 ns: 0.57 s is not 0.569999999."""
-    whole, rest = divmod(round(seconds * _BILLION), _BILLION)
-    return Time(whole, rest)
+    """Return a sim time as ROS time, rounded to 1 ns."""
+    return Time(*seconds_and_nanoseconds(seconds))
 
 
 def header(seconds: float, frame: str) -> Header:
@@ -47,18 +43,6 @@ def twist_of(message: Twist) -> geometry.Twist:
     """Return the twist of a message."""
     linear, angular = message.linear, message.angular
     return geometry.Twist((linear.x, linear.y, linear.z), (angular.x, angular.y, angular.z))
-
-
-def in_frame_of(pose: geometry.Pose, twist: geometry.Twist) -> geometry.Twist:
-    """Return a twist in the world frame, in the frame of a pose (nav_msgs/Odometry's child frame)."""
-    back = geometry.conjugate(pose.orientation_xyzw)
-    return geometry.Twist(geometry.rotate(back, twist.linear_xyz), geometry.rotate(back, twist.angular_xyz))
-
-
-def diagonal(variances: Sequence[float]) -> tuple[float, ...]:
-    """Return a square covariance matrix, row by row, with these variances on its diagonal."""
-    size = len(variances)
-    return tuple(float(variances[row]) if row == column else 0.0 for row in range(size) for column in range(size))
 
 
 def scan_message(reading: LidarScan, head: Header, period: float) -> LaserScan:

@@ -12,8 +12,8 @@ from sim_action.robot.robot_model import RobotModel
 from sim_action.ros.ros1.gazebo_plugins import Plugin
 from sim_action.ros.ros1.node.current_state import ModelFrame
 from sim_action.ros.ros1.node.internal_sensors import OnDemandSensor
-from sim_action.ros.ros1.node.schedule import Schedule
 from sim_action.ros.ros1.node.topics import Publisher, Subscription, Traffic
+from sim_action.ros.schedule import Schedule
 from sim_action.sensors import MountedSensor, Sensor
 from sim_action.state.command import Answer, commands_of
 from sim_action.state.observation import Observation

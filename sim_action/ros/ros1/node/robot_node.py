@@ -22,22 +22,22 @@ from sim_action.core.geometry import Pose, Twist
 from sim_action.core.records import dataclass
 from sim_action.robot.robot_model import RobotModel
 from sim_action.ros.lockstep import Lockstep
+from sim_action.ros.message_values import in_frame_of
 from sim_action.ros.ros1.command_source.launched_nodes import LaunchedNodes
-from sim_action.ros.ros1.command_source.spec import COMMANDS, JOINTS, ODOMETRY
 from sim_action.ros.ros1.master import Master
 from sim_action.ros.ros1.node.internal_sensors import states_in, states_sensor
 from sim_action.ros.ros1.node.messages import (
     header,
     image_message,
     imu_message,
-    in_frame_of,
     pose_message,
     scan_message,
     twist_message,
     twist_of,
 )
-from sim_action.ros.ros1.node.schedule import Schedule
 from sim_action.ros.ros1.node.topics import GazeboTopics, Publisher, Subscription, Traffic
+from sim_action.ros.schedule import Schedule
+from sim_action.ros.topic_names import COMMANDS, JOINTS, ODOMETRY
 from sim_action.state.command import Answer
 from sim_action.state.observation import Observation
 from sim_action.state.readings import OdometryReading

@@ -12,9 +12,8 @@ from sim_action.core.permissions import Permissions
 from sim_action.core.workspace import Workspace
 from sim_action.ros.ros1 import installation
 from sim_action.ros.ros1.command_source.file_problems import why_no_ros
-from sim_action.ros.ros1.command_source.spec import RosCommands, topic_problems, topics_of
+from sim_action.ros.ros1.command_source.spec import RosCommands
 from sim_action.scenario.loading import load_scenario
-from sim_action.world.scene import Fitting
 from tests.ros.ros1.launches import needs_ros, package
 from tests.scenarios import LEAST, load, told
 from tests.traces import scene
@@ -141,57 +140,3 @@ def test_where_ros_is_absent_a_file_is_valid_and_cannot_be_run(tmp_path: Path, m
         assert raised.value.key == "ros1"
     finally:
         why_no_ros.cache_clear()
-
-
-LIDAR = Fitting("lidar", "lidar", "base_scan", 5.0)
-REAR = Fitting("rear lidar", "lidar", "rear", 5.0)
-WHEELS = Fitting("wheels", "odometry", "base_link", 20.0)
-EYE = Fitting("eye", "camera", "head", 10.0)
-
-
-def test_without_sensors_a_robot_is_commanded_and_tells_where_it_and_its_joints_are() -> None:
-    assert topics_of([], {}) == {"cmd_vel": "/cmd_vel", "joint_states": "/joint_states", "odom": "/odom"}
-
-
-def test_a_sensor_that_is_the_only_one_of_its_kind_has_the_usual_topic() -> None:
-    assert topics_of([LIDAR], {})["lidar"] == "/scan"
-    assert topics_of([EYE], {})["eye"] == "/eye/image_raw"
-
-
-def test_several_of_a_kind_have_their_names_before_it() -> None:
-    topics = topics_of([LIDAR, REAR], {})
-
-    assert (topics["lidar"], topics["rear lidar"]) == ("/lidar/scan", "/rear_lidar/scan")
-
-
-def test_odometry_that_a_sensor_tells_is_in_place_of_the_truth() -> None:
-    topics = topics_of([WHEELS], {})
-
-    assert topics["wheels"] == "/odom"
-    assert "odom" not in topics
-
-
-def test_stated_topics_are_absolute() -> None:
-    assert topics_of([LIDAR], {"cmd_vel": "arm/cmd_vel", "lidar": "/front"}) == {
-        "cmd_vel": "/arm/cmd_vel",
-        "joint_states": "/joint_states",
-        "odom": "/odom",
-        "lidar": "/front",
-    }
-
-
-@pytest.mark.parametrize(
-    ("stated", "sensors", "key", "message"),
-    [
-        ({"lidr": "/scan"}, [LIDAR], "lidr", "did you mean 'lidar'"),
-        ({"odom": "/odom"}, [WHEELS], "odom", "allowed: cmd_vel, joint_states, wheels"),
-        ({"lidar": "/odom"}, [LIDAR], "lidar", "'/odom' is already the topic of 'odom'"),
-    ],
-)
-def test_topics_that_cannot_be_are_named(
-    stated: dict[str, str], sensors: list[Fitting], key: str, message: str
-) -> None:
-    ((path, said),) = topic_problems(stated, sensors)
-
-    assert path == (key,)
-    assert message in said

@@ -10,6 +10,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Float64MultiArray
 
 from sim_action.robot.robot_model import Joint, Reading
+from sim_action.ros.joint_commands import targets, within_limits
 from sim_action.ros.ros1.node.control import Controller, ControllerSetup
 from sim_action.ros.ros1.node.messages import header
 from sim_action.ros.ros1.node.plugins import Device
@@ -90,25 +91,6 @@ class ForwardController:
             return None
         pairs = zip(self._joints, values, strict=True)
         return {joint.name: within_limits(joint, self._told, value) for joint, value in pairs}
-
-
-def targets(told: Reading, values: Mapping[str, float]) -> JointTargets:
-    """Return joint targets of one kind."""
-    return JointTargets(
-        position=values if told == "position" else {},
-        velocity=values if told == "velocity" else {},
-        effort=values if told == "effort" else {},
-    )
-
-
-def within_limits(joint: Joint, told: Reading, value: float) -> float:
-    """Return a command cut off at the limits of the joint, as gazebo_ros_control does."""
-    if told == "position":
-        lower = value if joint.lower is None else joint.lower
-        upper = value if joint.upper is None else joint.upper
-        return max(lower, min(upper, value))
-    most = joint.max_velocity if told == "velocity" else joint.max_effort
-    return value if most is None else max(-most, min(most, value))
 
 
 def open_joint_states(setup: ControllerSetup) -> Controller:

@@ -9,10 +9,11 @@ from typing import Any, Final
 from trajectory_msgs.msg import JointTrajectory
 
 from sim_action.robot.robot_model import Joint, Reading
+from sim_action.ros.joint_commands import JointCurve, TrajectoryPoint, Waypoint, joint_curves, within_limits
 from sim_action.ros.ros1.node.control import Controller, ControllerSetup
-from sim_action.ros.ros1.node.control.joint_controllers import SERVO_NOTE, within_limits
+from sim_action.ros.ros1.node.control.joint_controllers import SERVO_NOTE
 from sim_action.ros.ros1.node.topics import Subscription
-from sim_action.ros.ros1.ros_control import INTERFACES, JointCurve, Waypoint, joint_curves
+from sim_action.ros.ros1.ros_control import INTERFACES
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import Observation
 
@@ -76,8 +77,13 @@ class TrajectoryFollower:
             )
             return
         begins = told.header.stamp.to_sec() or seconds
-        start = [Waypoint(seconds, *self._curves[name].at(seconds)) for name in told.joint_names]
-        points = [(begins + point.time_from_start.to_sec(), point.positions, point.velocities) for point in told.points]
+        start = [self._curves[name].state(seconds) for name in told.joint_names]
+        points = [
+            TrajectoryPoint(
+                begins + point.time_from_start.to_sec(), point.positions, point.velocities, point.accelerations
+            )
+            for point in told.points
+        ]
         try:
             self._curves = joint_curves(told.joint_names, start, points)
         except ValueError as error:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.ros.ros1.node.schedule import Schedule
+from sim_action.ros.schedule import Schedule
 
 
 @pytest.mark.parametrize(("rate", "intervals"), [(30, {3, 4}), (40, {2, 3}), (50, {2}), (5, {20}), (100, {1})])
