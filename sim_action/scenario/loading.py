@@ -211,7 +211,14 @@ def _scene(
         scenario.seed,
         parts=parts,
         sensors=tuple(
-            Fitting(mounted.name, mounted.sensor.key, mounted.link or model.root, mounted.rate)
+            Fitting(
+                mounted.name,
+                mounted.sensor.key,
+                mounted.link or model.root,
+                mounted.rate,
+                mounted.pose,
+                mounted.sensor,
+            )
             for mounted in scenario.sensors
         ),
         file=source.document.file,

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Final
 
 from sim_action.core import units
 from sim_action.core.errors import Location
-from sim_action.core.field_types import Placement
-from sim_action.core.geometry import rpy_from_quaternion
+from sim_action.core.field_types import FrozenModel, Placement
+from sim_action.core.geometry import Pose, rpy_from_quaternion
 from sim_action.core.records import dataclass, field
 from sim_action.core.workspace import Workspace
 from sim_action.robot.kinematics import Mobility, why_no_link
@@ -36,12 +36,16 @@ class Fitting:
         kind: its YAML key.
         link: link of the robot that carries it.
         rate: readings per second, in Hz.
+        pose: of the sensor in the frame of the link.
+        keys: its own YAML keys, such as the noise; a `Sensor`.
     """
 
     name: str
     kind: str
     link: str
     rate: float
+    pose: Pose = Pose()
+    keys: FrozenModel | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,10 +9,13 @@ from typing import Any
 import pytest
 
 from sim_action.core.field_types import Placement
+from sim_action.core.geometry import Pose
 from sim_action.core.workspace import Workspace
 from sim_action.robot.spec import Robot
 from sim_action.robot.urdf import read_urdf
 from sim_action.scenario.loading import build_scene
+from sim_action.sensors.contact import ContactSensor
+from sim_action.sensors.lidar import Lidar
 from sim_action.world import Physics, World
 from sim_action.world.scene import Fitting, Scene
 from tests.robot.bad_models import GOOD
@@ -131,9 +134,10 @@ def test_what_is_drawn_at_random_depends_on_seed_and_purpose_alone(tmp_path: Pat
 
 
 def test_a_scene_knows_where_the_sensors_of_its_scenario_sit(tmp_path: Path) -> None:
-    loaded = load(tmp_path, f"{LEAST}sensors: [{{lidar: {{}}, link: base_scan, rate: 5 Hz}}, contact]\n")
+    lidar = "{lidar: {rays: 90}, link: base_scan, rate: 5 Hz, pose: {z: 0.1 m}}"
+    loaded = load(tmp_path, f"{LEAST}sensors: [{lidar}, contact]\n")
 
     assert build_scene(loaded).sensors == (
-        Fitting("lidar", "lidar", "base_scan", 5.0),
-        Fitting("contact", "contact", "base_footprint", 10.0),
+        Fitting("lidar", "lidar", "base_scan", 5.0, Pose((0.0, 0.0, 0.1)), Lidar(rays=90)),
+        Fitting("contact", "contact", "base_footprint", 10.0, Pose(), ContactSensor()),
     )

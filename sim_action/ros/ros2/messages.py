@@ -1,0 +1,189 @@
+"""Messages of ROS 2 as plain data: field -> value, with `array.array` for arrays of numbers.
+
+The functions need no ROS. Fields that are left out keep the defaults of the message.
+"""
+
+from __future__ import annotations
+
+import math
+from array import array
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Final
+
+from sim_action.core.geometry import Pose, Quaternion, Twist, Vector3
+from sim_action.ros.message_values import diagonal, seconds_and_nanoseconds
+from sim_action.sensors.camera import Camera
+from sim_action.state.observation import JointState
+from sim_action.state.readings import CameraImage, ImuReading, LidarScan
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+Message = dict[str, Any]
+"""A message: field -> number, text, message, list of messages, or array of numbers."""
+
+PlacedFrame = tuple[str, str, Pose]
+"""Parent frame, child frame, and the pose of the child in the parent."""
+
+OPTICAL: Final = Pose(orientation_xyzw=(-0.5, 0.5, -0.5, 0.5))
+"""The optical frame of a camera in the frame of its sensor: x to the right, y down, z ahead (REP 103)."""
+
+_NO_DISTORTION: Final = (0.0,) * 5
+_NO_ROTATION: Final = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+
+
+def stamp(time: float) -> Message:
+    """Return builtin_interfaces/Time of a sim time in s."""
+    seconds, nanoseconds = seconds_and_nanoseconds(time)
+    return {"sec": seconds, "nanosec": nanoseconds}
+
+
+def clock_message(time: float) -> Message:
+    """Return rosgraph_msgs/Clock of a sim time in s."""
+    return {"clock": stamp(time)}
+
+
+def header(time: float, frame: str) -> Message:
+    """Return std_msgs/Header of a measurement at a sim time in s."""
+    return {"stamp": stamp(time), "frame_id": frame}
+
+
+def vector(xyz: Vector3) -> Message:
+    """Return geometry_msgs/Vector3 or Point."""
+    return dict(zip("xyz", xyz, strict=True))
+
+
+def quaternion(xyzw: Quaternion) -> Message:
+    """Return geometry_msgs/Quaternion."""
+    return dict(zip("xyzw", xyzw, strict=True))
+
+
+def transforms_message(time: float, frames: Iterable[PlacedFrame]) -> Message:
+    """Return tf2_msgs/TFMessage of frames at a sim time in s."""
+    return {
+        "transforms": [
+            {
+                "header": header(time, parent),
+                "child_frame_id": child,
+                "transform": {
+                    "translation": vector(pose.position_xyz),
+                    "rotation": quaternion(pose.orientation_xyzw),
+                },
+            }
+            for parent, child, pose in frames
+        ]
+    }
+
+
+def odometry_message(time: float, frames: tuple[str, str], pose: Pose, twist: Twist) -> Message:
+    """Return nav_msgs/Odometry; `frames`: that of the pose, and the base, in which the twist is."""
+    frame, base = frames
+    return {
+        "header": header(time, frame),
+        "child_frame_id": base,
+        "pose": {"pose": {"position": vector(pose.position_xyz), "orientation": quaternion(pose.orientation_xyzw)}},
+        "twist": {"twist": {"linear": vector(twist.linear_xyz), "angular": vector(twist.angular_xyz)}},
+    }
+
+
+def joint_states_message(time: float, joints: Mapping[str, JointState]) -> Message:
+    """Return sensor_msgs/JointState."""
+    return {
+        "header": header(time, ""),
+        "name": list(joints),
+        "position": array("d", (joint.position for joint in joints.values())),
+        "velocity": array("d", (joint.velocity for joint in joints.values())),
+        "effort": array("d", (joint.effort for joint in joints.values())),
+    }
+
+
+def scan_message(reading: LidarScan, frame: str, period: float) -> Message:
+    """Return sensor_msgs/LaserScan; all rays are measured at once. `period`: s between two scans."""
+    return {
+        "header": header(reading.time, frame),
+        "angle_min": reading.angle_min,
+        "angle_max": reading.angle_min + reading.angle_increment * (len(reading.ranges) - 1),
+        "angle_increment": reading.angle_increment,
+        "time_increment": 0.0,
+        "scan_time": period,
+        "range_min": reading.range_min,
+        "range_max": reading.range_max,
+        "ranges": array("f", reading.ranges.tolist()),
+    }
+
+
+def imu_message(reading: ImuReading, frame: str, gyro_noise: float, accelerometer_noise: float) -> Message:
+    """Return sensor_msgs/Imu; the noise is a standard deviation in rad/s and m/s^2.
+
+    The orientation has no noise: its covariance of zeros means "unknown", as with Gazebo.
+    """
+    return {
+        "header": header(reading.time, frame),
+        "orientation": quaternion(reading.orientation_xyzw),
+        "angular_velocity": vector(reading.angular_velocity_xyz),
+        "angular_velocity_covariance": _variances((gyro_noise**2,) * 3),
+        "linear_acceleration": vector(reading.linear_acceleration_xyz),
+        "linear_acceleration_covariance": _variances((accelerometer_noise**2,) * 3),
+    }
+
+
+def _variances(values: Sequence[float]) -> array[float]:
+    return array("d", diagonal(values))
+
+
+def image_message(reading: CameraImage, frame: str) -> Message:
+    """Return sensor_msgs/Image of the colours, "rgb8"."""
+    return _image(header(reading.time, frame), "rgb8", reading.rgb)
+
+
+def depth_message(reading: CameraImage, frame: str) -> Message:
+    """Return sensor_msgs/Image of the depth in m, "32FC1"; inf where nothing is seen (REP 118)."""
+    return _image(header(reading.time, frame), "32FC1", reading.depth.astype("<f4", copy=False))
+
+
+def _image(head: Message, encoding: str, pixels: NDArray[Any]) -> Message:
+    height, width = pixels.shape[:2]
+    return {
+        "header": head,
+        "height": height,
+        "width": width,
+        "encoding": encoding,
+        "is_bigendian": 0,
+        "step": pixels.nbytes // height,
+        "data": array("B", pixels.tobytes()),
+    }
+
+
+def camera_info_message(time: float, frame: str, camera: Camera) -> Message:
+    """Return sensor_msgs/CameraInfo of a camera without distortion.
+
+    The centre of the first pixel is at (0, 0), as in OpenCV and image_geometry, so that the optical axis passes through
+    `((width - 1) / 2, (height - 1) / 2)`.
+    """
+    focal = camera.width / 2 / math.tan(camera.field_of_view / 2)
+    cx, cy = (camera.width - 1) / 2, (camera.height - 1) / 2
+    return {
+        "header": header(time, frame),
+        "height": camera.height,
+        "width": camera.width,
+        "distortion_model": "plumb_bob",
+        "d": array("d", _NO_DISTORTION),
+        "k": array("d", (focal, 0.0, cx, 0.0, focal, cy, 0.0, 0.0, 1.0)),
+        "r": array("d", _NO_ROTATION),
+        "p": array("d", (focal, 0.0, cx, 0.0, 0.0, focal, cy, 0.0, 0.0, 0.0, 1.0, 0.0)),
+    }
+
+
+def twist_of(message: Mapping[str, Any]) -> Twist:
+    """Return the twist of a geometry_msgs/Twist, or of a TwistStamped, whose stamp and frame are ignored."""
+    told = message.get("twist", message)
+    return Twist(_xyz(told["linear"]), _xyz(told["angular"]))
+
+
+def _xyz(told: Mapping[str, float]) -> Vector3:
+    return told["x"], told["y"], told["z"]
+
+
+def seconds_of(told: Mapping[str, int]) -> float:
+    """Return a Time or a Duration in s."""
+    return told["sec"] + told["nanosec"] / 1e9

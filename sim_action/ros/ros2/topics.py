@@ -1,0 +1,280 @@
+"""The topics of a robot in ROS 2, as users of ros_gz_bridge know them: what it publishes, and what commands it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Final, TypeVar
+
+from sim_action.core.records import dataclass
+from sim_action.core.yaml_errors import SpecProblems
+from sim_action.drives import recognise
+from sim_action.recording.export.ros2.robot_description import urdf_of
+from sim_action.ros import topic_names
+from sim_action.ros.message_values import in_frame_of
+from sim_action.ros.ros2 import messages
+from sim_action.ros.ros2.messages import Message, PlacedFrame
+from sim_action.ros.ros2.quality import LATCHED, TRANSFORMS, USUAL, Qos
+from sim_action.ros.ros2.received_commands import Subscription, twist_subscription
+from sim_action.ros.ros2.robot_frames import RobotFrames
+from sim_action.ros.schedule import Schedule
+from sim_action.ros.topic_names import COMMANDS, JOINTS, ODOMETRY
+from sim_action.scenario.model import DrivenRobot
+from sim_action.sensors.camera import Camera
+from sim_action.sensors.imu import Imu
+from sim_action.state.observation import Observation
+from sim_action.state.readings import CameraImage, ContactReading, ImuReading, LidarScan, OdometryReading
+from sim_action.world.scene import Fitting, Scene
+
+STATES_RATE_HZ: Final = 50.0
+"""The rate of odometry, transforms and joint states; Gazebo's differential drive has it by default."""
+
+_Read = TypeVar("_Read")
+
+
+@dataclass(frozen=True, slots=True)
+class Publisher:
+    """A topic that the robot publishes.
+
+    Attributes:
+        type: such as "nav_msgs/msg/Odometry".
+        message: tick and observation -> the message of this moment; None if nothing is due. The ticks of a run must be
+            given in their order, each once.
+    """
+
+    topic: str
+    type: str
+    message: Callable[[int, Observation], Message | None]
+    qos: Qos = USUAL
+
+    @property
+    def package(self) -> str:
+        """The message package that ROS needs for it."""
+        return package_of(self.type)
+
+
+def package_of(kind: str) -> str:
+    """Return the package of a message type."""
+    return kind.partition("/")[0]
+
+
+_TRANSFORMS_TYPE: Final = "tf2_msgs/msg/TFMessage"
+
+CLOCK_TYPE: Final = "rosgraph_msgs/msg/Clock"
+CLOCK_QOS: Final = USUAL
+
+
+@dataclass(frozen=True, slots=True)
+class Channels:
+    """All topics of a robot except its clock."""
+
+    publishers: tuple[Publisher, ...]
+    subscriptions: tuple[Subscription, ...]
+
+
+def topics_of(scene: Scene, stated: Mapping[str, str]) -> dict[str, str]:
+    """Return the topics of a robot by their keys, with the stated ones.
+
+    The keys are `cmd_vel` (with a drive), `odom` (unless the base is fixed, or a sensor measures odometry),
+    `joint_states` (with joints), and the names of sensors.
+    """
+    usual = dict(topic_names.ROBOT_TOPICS)
+    if not _has_drive(scene):
+        del usual[COMMANDS]
+    if scene.bolted:
+        del usual[ODOMETRY]
+    if not scene.model.moving_joints:
+        del usual[JOINTS]
+    return topic_names.topics_of(scene.sensors, stated, usual)
+
+
+def topic_problems(scene: Scene, stated: Mapping[str, str]) -> SpecProblems:
+    """Yield problems of stated topics, by their keys: unknown names, and topics that are used twice."""
+    return topic_names.topic_problems(stated, topics_of(scene, stated))
+
+
+def channels(scene: Scene, stated: Mapping[str, str], rate: float, *, described: bool = False) -> Channels:
+    """Return the topics of a robot, of which the scenario states some by their keys; `rate`: ticks per second.
+
+    `described`: True if another node publishes /robot_description. Then it is a robot_state_publisher, which publishes
+    the frames of links, too.
+    """
+    topics, frames = topics_of(scene, stated), RobotFrames.of(scene)
+    publishers = [*_states(scene, topics, frames, rate, described=described), *_sensors(scene, topics, frames)]
+    subscriptions = [twist_subscription(COMMANDS, topics[COMMANDS])] if COMMANDS in topics else []
+    return Channels(tuple(publishers), tuple(subscriptions))
+
+
+def _has_drive(scene: Scene) -> bool:
+    stated = scene.robot.drive if isinstance(scene.robot, DrivenRobot) else None
+    return (stated or recognise(scene.model)) is not None
+
+
+def states_schedule(rate: float) -> Schedule:
+    """Return the ticks of odometry, transforms and joint states: evenly spaced, at most STATES_RATE_HZ."""
+    return Schedule.of(rate / math.ceil(rate / STATES_RATE_HZ - 1e-9), rate)
+
+
+def _states(
+    scene: Scene, topics: Mapping[str, str], frames: RobotFrames, rate: float, *, described: bool
+) -> Iterator[Publisher]:
+    schedule = states_schedule(rate)
+    if JOINTS in topics:
+        yield Publisher(topics[JOINTS], "sensor_msgs/msg/JointState", _joint_states(scene, schedule))
+    if ODOMETRY in topics:
+        yield Publisher(topics[ODOMETRY], "nav_msgs/msg/Odometry", _truth(frames, schedule))
+    links = () if described else frames.fixed
+    fixed = [*links, *frames.mounted]
+    yield Publisher(
+        "/tf", "tf2_msgs/msg/TFMessage", _transforms(scene, frames, schedule, links=not described), TRANSFORMS
+    )
+    if fixed:
+        static = messages.transforms_message(0.0, fixed)
+        yield Publisher("/tf_static", "tf2_msgs/msg/TFMessage", _once(static), LATCHED)
+    if not described:
+        text = scene.model.urdf or urdf_of(scene.model)
+        yield Publisher("/robot_description", "std_msgs/msg/String", _once({"data": text}), LATCHED)
+
+
+def _once(message: Message) -> Callable[[int, Observation], Message | None]:
+    return lambda tick, _: message if tick == 0 else None
+
+
+def _joint_states(scene: Scene, schedule: Schedule) -> Callable[[int, Observation], Message | None]:
+    names = [joint.name for joint in scene.model.moving_joints]
+
+    def message(tick: int, seen: Observation) -> Message | None:
+        if not schedule.is_due(tick):
+            return None
+        return messages.joint_states_message(seen.time, {name: seen.joints[name] for name in names})
+
+    return message
+
+
+def _truth(frames: RobotFrames, schedule: Schedule) -> Callable[[int, Observation], Message | None]:
+    def message(tick: int, seen: Observation) -> Message | None:
+        if not schedule.is_due(tick):
+            return None
+        twist = in_frame_of(seen.pose, seen.twist)
+        return messages.odometry_message(seen.time, (frames.odom, frames.base), seen.pose, twist)
+
+    return message
+
+
+def _transforms(
+    scene: Scene, frames: RobotFrames, schedule: Schedule, *, links: bool
+) -> Callable[[int, Observation], Message | None]:
+    """Return the messages of /tf: odom to base at each state or reading of odometry, and links at each state."""
+    odometry = next((sensor.name for sensor in scene.sensors if sensor.kind == "odometry"), None)
+    new_reading = None if odometry is None else _readings(odometry, OdometryReading)
+
+    def message(tick: int, seen: Observation) -> Message | None:
+        found: list[Message] = []
+        is_due = schedule.is_due(tick)
+        if new_reading is not None:
+            reading = new_reading(seen)
+            if reading is not None:
+                found += _placed(reading.time, [(frames.odom, frames.base, reading.pose)])
+        elif is_due and not scene.bolted:
+            found += _placed(seen.time, [(frames.odom, frames.base, seen.pose)])
+        if is_due and links:
+            found += _placed(seen.time, frames.of_joints(seen.joints))
+        return {"transforms": found} if found else None
+
+    return message
+
+
+def _placed(time: float, frames: Iterable[PlacedFrame]) -> list[Message]:
+    found: list[Message] = messages.transforms_message(time, frames)["transforms"]
+    return found
+
+
+def _readings(name: str, kind: type[_Read]) -> Callable[[Observation], _Read | None]:
+    """Return a function that returns each reading of a sensor once."""
+    last: float | None = None
+
+    def new(seen: Observation) -> _Read | None:
+        nonlocal last
+        reading = seen.sensors[name]
+        if reading.time == last or not isinstance(reading, kind):
+            return None
+        last = reading.time
+        return reading
+
+    return new
+
+
+def _sensors(scene: Scene, topics: Mapping[str, str], frames: RobotFrames) -> Iterator[Publisher]:
+    for sensor in scene.sensors:
+        if sensor.name in topics:
+            yield from _SENSORS[sensor.kind](sensor, topics[sensor.name], frames)
+
+
+def _each(
+    sensor: Fitting, kind: type[_Read], made: Callable[[_Read], Message]
+) -> Callable[[int, Observation], Message | None]:
+    """Return the messages of the readings of a sensor."""
+    new = _readings(sensor.name, kind)
+
+    def message(_: int, seen: Observation) -> Message | None:
+        reading = new(seen)
+        return None if reading is None else made(reading)
+
+    return message
+
+
+def _lidar(sensor: Fitting, topic: str, frames: RobotFrames) -> Iterator[Publisher]:
+    frame, period = frames.sensors[sensor.name], 1 / sensor.rate
+    made = _each(sensor, LidarScan, lambda reading: messages.scan_message(reading, frame, period))
+    yield Publisher(topic, "sensor_msgs/msg/LaserScan", made)
+
+
+def _imu(sensor: Fitting, topic: str, frames: RobotFrames) -> Iterator[Publisher]:
+    frame, imu = frames.sensors[sensor.name], sensor.keys
+    assert isinstance(imu, Imu)
+    noise = imu.gyro_noise, imu.accelerometer_noise
+    made = _each(sensor, ImuReading, lambda reading: messages.imu_message(reading, frame, *noise))
+    yield Publisher(topic, "sensor_msgs/msg/Imu", made)
+
+
+def _odometry(sensor: Fitting, topic: str, frames: RobotFrames) -> Iterator[Publisher]:
+    def made(reading: OdometryReading) -> Message:
+        return messages.odometry_message(reading.time, (frames.odom, frames.base), reading.pose, reading.twist)
+
+    yield Publisher(topic, "nav_msgs/msg/Odometry", _each(sensor, OdometryReading, made))
+
+
+def _contact(sensor: Fitting, topic: str, _: RobotFrames) -> Iterator[Publisher]:
+    made = _each(sensor, ContactReading, lambda reading: {"data": reading.touching})
+    yield Publisher(topic, "std_msgs/msg/Bool", made)
+
+
+def _camera(sensor: Fitting, topic: str, frames: RobotFrames) -> Iterator[Publisher]:
+    """Yield the image, the depth and their camera_info, which has the namespace of each image."""
+    frame, camera, space = frames.sensors[sensor.name], sensor.keys, topic.rpartition("/")[0]
+    assert isinstance(camera, Camera)
+    image, info = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
+
+    def info_of(reading: CameraImage) -> Message:
+        return messages.camera_info_message(reading.time, frame, camera)
+
+    def image_of(reading: CameraImage) -> Message:
+        return messages.image_message(reading, frame)
+
+    def depth_of(reading: CameraImage) -> Message:
+        return messages.depth_message(reading, frame)
+
+    yield Publisher(topic, image, _each(sensor, CameraImage, image_of))
+    yield Publisher(f"{space}/camera_info", info, _each(sensor, CameraImage, info_of))
+    yield Publisher(f"{space}/depth/image_raw", image, _each(sensor, CameraImage, depth_of))
+    yield Publisher(f"{space}/depth/camera_info", info, _each(sensor, CameraImage, info_of))
+
+
+_SENSORS: Final[Mapping[str, Callable[[Fitting, str, RobotFrames], Iterator[Publisher]]]] = {
+    "lidar": _lidar,
+    "imu": _imu,
+    "odometry": _odometry,
+    "contact": _contact,
+    "camera": _camera,
+}
+"""Kind of a sensor -> its publishers."""
