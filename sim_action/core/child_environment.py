@@ -68,6 +68,8 @@ PASSED: Final = (
             *("SDF_PATH", "OGRE_RESOURCE_PATH"),
         ),
     ),
+    # In the action, its path differs from job to job.
+    Variables("Python of ROS 2", ("SIM_ACTION_ROS2_PYTHON",), is_compared=False),
     Variables("choice of a robot", ("TURTLEBOT3_MODEL", "LDS_MODEL"), may_be_set=True),
     Variables(
         "native libraries and processor",

@@ -1,1 +1,5 @@
-"""Nodes of ROS 2 in the loop: the bridge to them, their processes, and their lock-step with sim time."""
+"""ROS 2: unmodified nodes of a workspace drive the simulated robot, in lock-step with sim time.
+
+Real rclpy and Fast DDS run in processes of their own, on the Python of ROS 2 (`installation`): the bridge and the
+nodes. The executables of a workspace are found in `packages`.
+"""

@@ -1,0 +1,187 @@
+"""Checks of the packages, executables and files that a scenario names; none of them is run.
+
+A package that is not in the workspace may belong to ROS 2. Where ROS 2 is not installed, it is not checked.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+from typing import Final, Protocol
+
+from sim_action.core.errors import UsageError
+from sim_action.core.wording import did_you_mean
+from sim_action.core.workspace import PathError, Workspace
+from sim_action.core.yaml_errors import SpecProblems
+from sim_action.ros.ros2.installation import Ros2, find_ros
+from sim_action.ros.ros2.node_spec import NodeSpec
+from sim_action.ros.ros2.packages import INSTALL, Packages, is_python, workspace_of
+
+_LAUNCH_SUFFIXES: Final = (".py", ".xml", ".yaml", ".yml")
+_BUILD: Final = "run colcon build"
+
+
+class CheckedSpec(Protocol):
+    """The keys below `ros2` that name packages, executables and files."""
+
+    @property
+    def nodes(self) -> tuple[NodeSpec, ...] | None:
+        """The nodes to start."""
+
+    @property
+    def launch(self) -> tuple[str, ...] | None:
+        """The package, the launch file and its arguments."""
+
+    @property
+    def workspace(self) -> str | None:
+        """The folder of the workspace; None: it is looked for."""
+
+
+def unchecked(spec: CheckedSpec) -> tuple[str, ...]:
+    """Return the notes on everything that cannot be checked before the nodes are started."""
+    why = why_no_ros()
+    what = "launch file is read" if spec.launch else "nodes are started"
+    return (f"ros2: the {what} when the scenario runs", *([f"ros2: {why}"] if why else []))
+
+
+def why_no_ros() -> str | None:
+    """Return the reason why nodes cannot run here; None if they can."""
+    return _installation()[1]
+
+
+@cache
+def _installation() -> tuple[Ros2 | None, str | None]:
+    """Return the installation, or None and the reason why there is none."""
+    if sys.platform != "linux":
+        return None, "nodes of ROS 2 run on Linux only: sim-action watches their threads in /proc"
+    try:
+        return find_ros(), None
+    except UsageError as error:
+        return None, str(error)
+
+
+def file_problems(spec: CheckedSpec, workspace: Workspace) -> SpecProblems:
+    """Yield problems, by their keys below `ros2`."""
+    if (spec.launch is None) == (spec.nodes is None):
+        hint = "remove one of them" if spec.launch else "give one of them"
+        yield (), f"needs either 'launch' or 'nodes'; {hint}"
+        return
+    if spec.launch and len(spec.launch) < 2:
+        yield ("launch",), "needs a package and a launch file, such as [my_robot, drive.launch.py]"
+        return
+    try:
+        folder = workspace_of(spec.workspace, workspace)
+    except PathError as error:
+        yield ("workspace",), f"{error}{_build_hint(spec.workspace, workspace)}"
+        return
+    packages = Packages.around(folder, _installation()[0])
+    if spec.workspace is not None and not packages.installed and not packages.sources:
+        yield ("workspace",), f"'{spec.workspace}' has no packages; {_BUILD} in the workspace, or name another folder"
+    elif spec.launch:
+        yield from _launch_problems(spec.launch, packages)
+    else:
+        yield from _node_problems(spec.nodes or (), packages, workspace)
+
+
+def _build_hint(stated: str | None, workspace: Workspace) -> str:
+    """Return the end of a message about a missing folder: how to make an install folder."""
+    path = workspace.directory / (stated or "")
+    if path.name != INSTALL or not path.parent.is_dir():
+        return ""
+    return f"; the workspace is not built: {_BUILD} in {path.parent}"
+
+
+def _launch_problems(launch: Sequence[str], packages: Packages) -> SpecProblems:
+    package, name, *arguments = launch
+    if problem := package_problem(package, packages):
+        yield ("launch", 0), problem
+        return
+    share = _share(package, packages)
+    if share is None:
+        return
+    files = {path.name for path in share.rglob("*") if "launch" in path.name and path.suffix in _LAUNCH_SUFFIXES}
+    if name not in files:
+        near = did_you_mean(name, files) if files else ", and no other one"
+        yield ("launch", 1), f"the package '{package}' has no launch file '{name}'{near}"
+    for index, argument in enumerate(arguments):
+        key, sign, _ = argument.partition(":=")
+        if not (sign and key.isidentifier()):
+            yield ("launch", index + 2), f"'{argument}' is not an argument of a launch file; write NAME:=VALUE"
+
+
+def _share(package: str, packages: Packages) -> Path | None:
+    source, prefix = packages.sources.get(package), packages.prefix(package)
+    return source.folder if source else prefix and prefix / "share" / package
+
+
+def _node_problems(nodes: Sequence[NodeSpec], packages: Packages, workspace: Workspace) -> SpecProblems:
+    started: dict[tuple[str, str], str] = {}
+    for index, node in enumerate(nodes):
+        key = ("/" + (node.namespace or "").strip("/"), node.called)
+        if key in started:
+            same = f"'{started[key]}' and '{node.program}' are both named '{node.called}'"
+            yield ("nodes", index), f"two nodes of one name: {same}; give each its own 'name' or 'namespace'"
+        started.setdefault(key, node.program)
+        if node.file is not None:
+            problem = _file_problem(node.file, workspace)
+        else:
+            problem = executable_problem(str(node.package), str(node.executable), packages)
+            problem = f"{problem}{_file_hint(node, workspace)}" if problem else None
+        if problem:
+            yield ("nodes", index), problem
+
+
+def _file_hint(node: NodeSpec, workspace: Workspace) -> str:
+    """Return the end of a message about a package if a file of this name exists."""
+    is_file = (workspace.directory / node.program).is_file()
+    return f"; if you mean the file, write ./{node.program}" if is_file else ""
+
+
+def _file_problem(file: str, workspace: Workspace) -> str | None:
+    try:
+        path = workspace.file(file)
+    except PathError as error:
+        return str(error)
+    if is_python(path) or os.access(path, os.X_OK):
+        return None
+    fix = f"run chmod +x {file} and git update-index --chmod=+x {file}"
+    return f"'{file}' is not executable, and is not a file of Python (.py); {fix}"
+
+
+def package_problem(name: str, packages: Packages) -> str | None:
+    """Return the reason why a package cannot be used; None if it can, or cannot be checked."""
+    source = packages.sources.get(name)
+    if source is not None and not source.is_python:
+        kind = f"its build type is {source.build_type}, and only packages of ament_python run without a build"
+        place = packages.workspace.parent if packages.workspace.name == INSTALL else packages.workspace
+        return f"the package '{name}' in {source.folder} is not built: {kind}; {_BUILD} in {place}"
+    if source is not None or packages.prefix(name) is not None or packages.ros is None:
+        return None
+    near = did_you_mean(name, packages.names)
+    return f"there is no package '{name}' in {packages.workspace} or ROS 2{near}"
+
+
+def executable_problem(package: str, name: str, packages: Packages) -> str | None:
+    """Return the reason why an executable of a package cannot be a node; None if it can, or cannot be checked."""
+    if problem := package_problem(package, packages):
+        return problem
+    source = packages.sources.get(package)
+    if source is None and packages.prefix(package) is None:
+        return None
+    programs = packages.executables(package)
+    if name in programs:
+        path = programs[name]
+        can_run = path is None or is_python(path) or os.access(path, os.X_OK)
+        return None if can_run else f"'{name}' of '{package}' is not executable; run chmod +x {path}"
+    near = did_you_mean(name, programs) if programs else ""
+    missing = f"the package '{package}' has no executable '{name}'"
+    if source is None:
+        fix = "; add it to entry_points in setup.py or to install() in CMakeLists.txt, and build again"
+        return f"{missing}{near}{fix if package in packages.installed else ''}"
+    if source.unread:
+        missing += f" that can be read from {source.folder / source.unread}, which computes its entry points"
+    fix = f"write them as constants, or {_BUILD}" if source.unread else "add it to console_scripts in setup.py"
+    return f"{missing}{near}; {fix}"

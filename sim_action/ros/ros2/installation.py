@@ -1,0 +1,256 @@
+"""The installation of ROS 2: a sourced or RoboStack environment, /opt/ros, or the wheels of PyPI.
+
+Files alone are looked at; no process is started. The release is the one of rclpy, which each distribution raises.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Final
+
+from sim_action.core.errors import UsageError
+from sim_action.core.files import read_at_most
+from sim_action.core.programs import program_on_path
+from sim_action.core.records import dataclass
+from sim_action.ros.ros2.environment_hooks import set_up
+
+PYTHON_VARIABLE: Final = "SIM_ACTION_ROS2_PYTHON"
+"""The environment variable that names the Python of ROS 2, such as one with the wheels."""
+
+DISTRIBUTIONS: Final = ("jazzy", "kilted")
+"""The distributions that sim-action supports. The first of them counts if several are in /opt/ros."""
+
+RMW: Final = "rmw_fastrtps_cpp"
+"""The middleware: Fast DDS, whose processes become observably quiet between two ticks."""
+
+WHEELS: Final = {
+    "jazzy": (
+        *("ros-jazzy-rclpy", "ros-jazzy-rmw-fastrtps-cpp", "ros-jazzy-rmw-implementation", "ros-jazzy-geometry-msgs"),
+        *("ros-jazzy-sensor-msgs", "ros-jazzy-nav-msgs", "ros-jazzy-trajectory-msgs", "ros-jazzy-rosgraph-msgs"),
+        "ros-jazzy-std-srvs",
+    ),
+    "kilted": (
+        *("ros-rclpy[fastrtps]", "ros-geometry-msgs", "ros-sensor-msgs", "ros-nav-msgs", "ros-trajectory-msgs"),
+        *("ros-rosgraph-msgs", "ros-std-srvs"),
+    ),
+}
+"""The packages of PyPI with all that the bridge needs, by distribution."""
+
+INSTALLING: Final = (
+    "source the setup.bash of a ROS 2 that is installed, or install the wheels (Linux x86-64, Python 3.10 to 3.13): "
+    f"python3 -m venv ~/ros2 && ~/ros2/bin/pip install {' '.join(WHEELS[DISTRIBUTIONS[0]])} && "
+    f"export {PYTHON_VARIABLE}=~/ros2/bin/python"
+)
+
+_ROOT: Final = Path("/opt/ros")
+_PACKAGE_ROOT: Final = str(Path(__file__).resolve().parents[3])
+_RELEASES: Final = {"1": "foxy", "3": "humble", "4": "iron", "7": "jazzy", "9": "kilted"}
+"""Major version of rclpy -> distribution. Foxy and Galactic share one."""
+
+_MESSAGES: Final = ("geometry_msgs", "nav_msgs", "rosgraph_msgs", "sensor_msgs", "std_msgs", "trajectory_msgs")
+_VERSION: Final = re.compile(rb"<version>\s*(\d+)\.([\d.]+)\s*</version>")
+_MAX_PACKAGE_BYTES: Final = 100_000
+# The bootstrap of the wheels starts each interpreter a second time, to extend LD_LIBRARY_PATH; this variable ends it.
+_IS_BOOTSTRAPPED: Final = {"_ROS_WHEELS_BOOTSTRAP_COMPLETE": "1"}
+
+
+@dataclass(frozen=True, slots=True)
+class Ros2:
+    """An installation of ROS 2.
+
+    Attributes:
+        prefixes: the install prefixes, the ones of the user first.
+        python: the interpreter that has rclpy.
+        distribution: its name, such as "jazzy".
+        rmw: the middleware, as in RMW_IMPLEMENTATION.
+        source: where it was found, in words.
+        variables: environment variables of all processes of ROS 2.
+        unread: scripts of its setup.bash that only a shell can run, and that were not run.
+    """
+
+    prefixes: tuple[Path, ...]
+    python: Path
+    distribution: str
+    rmw: str
+    source: str
+    variables: Mapping[str, str]
+    unread: tuple[str, ...] = ()
+
+    @property
+    def prefix(self) -> Path:
+        """The prefix that has rclpy."""
+        return next(filter(_has_rclpy, self.prefixes))
+
+    def __str__(self) -> str:
+        """Return one line for messages."""
+        return f"{self.distribution} in {self.prefix} (from {self.source}), Fast DDS ({self.rmw}), for {self.python}"
+
+
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """A place to look at: its prefixes, where it was found, and its Python if it is known."""
+
+    prefixes: tuple[Path, ...]
+    source: str
+    python: Path | None = None
+
+
+def find_ros(environment: Mapping[str, str] | None = None, root: Path = _ROOT) -> Ros2:
+    """Return the ROS 2 to run nodes with. Raise UsageError if there is none, or none that can be used.
+
+    :param environment: environment variables; default: those of this process.
+    :param root: the folder of the distributions that are installed for the whole system.
+    """
+    variables = os.environ if environment is None else environment
+    stated = variables.get("RMW_IMPLEMENTATION") or RMW
+    if stated != RMW:
+        raise UsageError(
+            f"RMW_IMPLEMENTATION is {stated}, and lock-step needs Fast DDS; set RMW_IMPLEMENTATION={RMW}, or unset it"
+        )
+    place = next(_places(variables, root), None)
+    if place is None:
+        raise UsageError(f"ROS 2 is not installed; {INSTALLING}")
+    return _checked(place, variables)
+
+
+def _places(variables: Mapping[str, str], root: Path) -> Iterator[_Place]:
+    """Yield the places with rclpy, best first. Raise UsageError if the named Python has none."""
+    prefixes = _prefixes(variables)
+    sourced = _Place(prefixes, "the sourced environment")
+    # Without rclpy, these are workspaces on top of one of the other places.
+    users = () if any(map(_has_rclpy, prefixes)) else prefixes
+    if named := variables.get(PYTHON_VARIABLE):
+        yield _of_named(Path(named).expanduser(), sourced, users)
+    installed = [root / name for name in DISTRIBUTIONS] + sorted(root.glob("*"), reverse=True)
+    others = [_Place((*users, Path(sys.prefix)), "the environment of this Python")]
+    others += [_Place((*users, path), str(root)) for path in installed]
+    yield from (place for place in (sourced, *others) if any(map(_has_rclpy, place.prefixes)))
+
+
+def _of_named(python: Path, sourced: _Place, users: tuple[Path, ...]) -> _Place:
+    """Return the place of the Python that the variable names. Raise UsageError."""
+    if not (python.is_file() and os.access(python, os.X_OK)):
+        raise UsageError(f"{PYTHON_VARIABLE} is {python}, which is not a program; set it to the Python of ROS 2")
+    # A link to the interpreter of the system is part of a virtual environment, so it is not resolved.
+    prefix = Path(os.path.abspath(python)).parent.parent  # noqa: PTH100
+    if _has_rclpy(prefix):
+        return _Place((*users, prefix), PYTHON_VARIABLE, python.absolute())
+    if any(map(_has_rclpy, sourced.prefixes)):
+        return _Place(sourced.prefixes, f"{sourced.source} and {PYTHON_VARIABLE}", python.absolute())
+    raise UsageError(
+        f"{PYTHON_VARIABLE} is {python}, and {prefix} has no rclpy; run {python} -m pip install "
+        f"{' '.join(WHEELS[DISTRIBUTIONS[0]])}, or unset {PYTHON_VARIABLE}"
+    )
+
+
+def _checked(place: _Place, variables: Mapping[str, str]) -> Ros2:
+    """Return the installation of a place. Raise UsageError if it cannot be used."""
+    prefix = next(filter(_has_rclpy, place.prefixes))
+    found = f"{prefix} (from {place.source})"
+    distribution, version = _distribution(prefix)
+    if distribution not in DISTRIBUTIONS:
+        name = distribution or "of an unknown distribution"
+        raise UsageError(
+            f"the ROS 2 in {found} is {name} (rclpy {version}), and sim-action supports {' and '.join(DISTRIBUTIONS)}; "
+            f"use one of them: {INSTALLING}"
+        )
+    python = place.python or _python(prefix, found)
+    _check_parts(place, found, distribution)
+    base = _wheel_variables(prefix, variables) if _is_of_wheels(prefix) else _inherited(variables)
+    hooked = [path for path in place.prefixes if path != prefix] if _is_of_wheels(prefix) else place.prefixes
+    sourced = set_up(hooked, {**variables, **base})
+    changed = {**base, **_names(distribution), **sourced.variables}
+    return Ros2(place.prefixes, python, distribution, RMW, place.source, changed, sourced.unread)
+
+
+def _check_parts(place: _Place, found: str, distribution: str) -> None:
+    """Raise UsageError if messages or Fast DDS are missing."""
+    prefix = next(filter(_has_rclpy, place.prefixes))
+    shares = [prefix / "share" for prefix in place.prefixes]
+    missing = [name for name in (*_MESSAGES, RMW) if not any((share / name).is_dir() for share in shares)]
+    if missing:
+        wheels = f"{prefix}/bin/python -m pip install {' '.join(WHEELS[distribution])}"
+        apt = f"sudo apt-get install {' '.join(f'ros-{distribution}-{name}' for name in missing).replace('_', '-')}"
+        fix = wheels if _is_of_wheels(prefix) else apt
+        raise UsageError(f"the ROS 2 {distribution} in {found} has no {', no '.join(missing)}; run {fix}")
+
+
+def _prefixes(variables: Mapping[str, str]) -> tuple[Path, ...]:
+    stated = variables.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+    return tuple(dict.fromkeys(path for path in map(Path, filter(None, stated)) if path.is_absolute()))
+
+
+def _has_rclpy(prefix: Path) -> bool:
+    return (prefix / "share/rclpy/package.xml").is_file()
+
+
+def _distribution(prefix: Path) -> tuple[str | None, str]:
+    """Return the distribution of a prefix, None if it is not known, and the version of its rclpy."""
+    try:
+        content = read_at_most(prefix / "share/rclpy/package.xml", _MAX_PACKAGE_BYTES) or b""
+    except OSError:
+        content = b""
+    match = _VERSION.search(content)
+    if match is None:
+        return None, "without a version"
+    major, rest = match[1].decode(), match[2].decode()
+    return _RELEASES.get(major), f"{major}.{rest}"
+
+
+def _python(prefix: Path, found: str) -> Path:
+    """Return the interpreter that the rclpy of a prefix was built for. Raise UsageError."""
+    modules = next(iter(sorted(prefix.glob("lib/python3*/*-packages/rclpy"))), None)
+    if modules is None:
+        raise UsageError(f"the ROS 2 in {found} has no Python module rclpy; install it again")
+    name = modules.parents[1].name
+    for path in (prefix / "bin" / name, Path("/usr/bin") / name):
+        if path.is_file() and os.access(path, os.X_OK):
+            return path
+    on_path = program_on_path(name, Path.cwd())
+    if on_path is None:
+        raise UsageError(
+            f"the ROS 2 in {found} needs {name}, which is not on PATH; install it, or set {PYTHON_VARIABLE} to it"
+        )
+    return on_path
+
+
+def _is_of_wheels(prefix: Path) -> bool:
+    return any(True for _ in _library_folders(prefix))
+
+
+def _library_folders(prefix: Path) -> Iterator[Path]:
+    return iter(sorted(prefix.glob("lib/python3*/site-packages/ros_*.libs")))
+
+
+def _wheel_variables(prefix: Path, variables: Mapping[str, str]) -> dict[str, str]:
+    """Return the variables that the bootstrap of the wheels sets, and those that tools of ROS 2 read.
+
+    Other ROS 2 environments are left out: their modules and libraries would be mixed with those of the wheels.
+    """
+    libraries = [prefix / "lib", *_library_folders(prefix)]
+    return {
+        **_IS_BOOTSTRAPPED,
+        "AMENT_PREFIX_PATH": str(prefix),
+        "LD_LIBRARY_PATH": os.pathsep.join(map(str, libraries)),
+        "PATH": os.pathsep.join((str(prefix / "bin"), variables.get("PATH") or os.defpath)),
+        "PYTHONPATH": "",
+    }
+
+
+def _inherited(variables: Mapping[str, str]) -> dict[str, str]:
+    """Return the PYTHONPATH of the caller without the folder of sim-action, which the action puts there."""
+    paths = variables.get("PYTHONPATH", "").split(os.pathsep)
+    return {"PYTHONPATH": os.pathsep.join(path for path in paths if path and path != _PACKAGE_ROOT)}
+
+
+def _names(distribution: str) -> dict[str, str]:
+    return {
+        "ROS_DISTRO": distribution,
+        "ROS_VERSION": "2",
+        "ROS_PYTHON_VERSION": "3",
+        "RMW_IMPLEMENTATION": RMW,
+    }

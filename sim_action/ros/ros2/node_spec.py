@@ -1,0 +1,156 @@
+"""The nodes that a scenario lists: executables of packages and files, with their start options."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import PurePosixPath
+from typing import Annotated, Any, Final
+
+from pydantic import AfterValidator, BeforeValidator, Field, GetJsonSchemaHandler, JsonValue, model_validator
+from pydantic_core import CoreSchema
+
+from sim_action.core.field_types import FrozenModel, NamesFile
+from sim_action.core.wording import shown
+
+# design.ros2.org/articles/topic_and_service_names.html
+_TOKEN: Final = r"[A-Za-z_][A-Za-z0-9_]*"  # noqa: S105 - a part of a name
+_NODE: Final = re.compile(_TOKEN)
+_GRAPH: Final = re.compile(rf"(?:/|~/)?{_TOKEN}(?:/{_TOKEN})*")
+_NAMESPACE: Final = re.compile(rf"/|/?{_TOKEN}(?:/{_TOKEN})*")
+_FILE_STARTS: Final = ("./", "../", "/")
+
+
+def _node_name(name: str) -> str:
+    """Return a valid name of a node. Raise ValueError."""
+    if not _NODE.fullmatch(name):
+        raise ValueError(f"the name of a node has letters, digits and '_' and starts with no digit, found {name!r}")
+    return name
+
+
+def _graph_name(name: str) -> str:
+    """Return a valid name of a topic or service. Raise ValueError."""
+    if not _GRAPH.fullmatch(name):
+        raise ValueError(
+            f"a name in ROS 2 has letters, digits and '_' between its '/', such as /arm/cmd_vel, found {name!r}"
+        )
+    return name
+
+
+def _namespace(name: str) -> str:
+    """Return a valid namespace. Raise ValueError."""
+    if not _NAMESPACE.fullmatch(name):
+        raise ValueError(f"a namespace has letters, digits and '_' between its '/', such as /robot1, found {name!r}")
+    return name
+
+
+def _arguments(text: str) -> str:
+    """Return arguments that can be split as a shell does. Raise ValueError."""
+    try:
+        shlex.split(text)
+    except ValueError as error:
+        raise ValueError(f"cannot be split into arguments: {str(error).lower()}") from None
+    return text
+
+
+def _with_lists(value: Any) -> Any:
+    """Return a value with lists in place of the tuples of frozen YAML."""
+    if isinstance(value, tuple):
+        return [_with_lists(each) for each in value]
+    return {key: _with_lists(each) for key, each in value.items()} if isinstance(value, dict) else value
+
+
+def _parameters(values: dict[str, JsonValue]) -> dict[str, JsonValue]:
+    """Return values that ROS 2 has types for. Raise ValueError."""
+    for name, value in values.items():
+        _check_parameter(name, value)
+    return values
+
+
+def _check_parameter(name: str, value: JsonValue) -> None:
+    if isinstance(value, dict):
+        for key, each in value.items():
+            _check_parameter(f"{name}.{key}", each)
+    elif isinstance(value, list):
+        kinds = {type(each) for each in value}
+        if len(kinds) > 1 or not kinds <= {bool, int, float, str}:
+            wanted = "a list of a parameter has values of one type: bool, integer, float or text"
+            raise ValueError(f"{wanted}; '{name}' has {', '.join(map(shown, value[:5]))}")
+    elif value is None:
+        raise ValueError(f"'{name}' has no value; remove it, or give it one")
+
+
+NodeName = Annotated[str, AfterValidator(_node_name)]
+GraphName = Annotated[str, AfterValidator(_graph_name)]
+Namespace = Annotated[str, AfterValidator(_namespace)]
+Parameters = Annotated[dict[str, JsonValue], BeforeValidator(_with_lists), AfterValidator(_parameters)]
+
+
+class NodeSpec(FrozenModel):
+    """A node: an executable of a package, or a file, and its start options."""
+
+    package: Annotated[str | None, Field(min_length=1, description="package of the executable")] = None
+    executable: Annotated[
+        str | None, Field(min_length=1, description="name of the executable, as `ros2 run` takes it")
+    ] = None
+    file: Annotated[
+        str | None, NamesFile(), Field(min_length=1, description="program, instead of a package and an executable")
+    ] = None
+    name: Annotated[NodeName | None, Field(description="name of the node; default: the one in its code")] = None
+    namespace: Annotated[Namespace | None, Field(description="namespace of the node")] = None
+    args: Annotated[
+        str, AfterValidator(_arguments), Field(description="arguments of the program, as on a command line")
+    ] = ""
+    parameters: Annotated[Parameters, Field(description="parameters of the node")] = Field(default_factory=dict)
+    remap: Annotated[
+        dict[GraphName, GraphName], Field(description="name that the node uses -> name that replaces it")
+    ] = Field(default_factory=dict)
+    required: Annotated[bool, Field(description="if true, the run fails when this node ends")] = False
+
+    @model_validator(mode="before")
+    @classmethod
+    def _spelled_out(cls, value: Any) -> Any:
+        """Expand the short form of a node. Raise ValueError."""
+        if not isinstance(value, str):
+            return value
+        if value.startswith(_FILE_STARTS):
+            return {"file": value}
+        package, slash, executable = value.partition("/")
+        if not (package and slash and executable) or "/" in executable:
+            wanted = "the short form of a node is package/executable, or a file such as ./mover.py"
+            hint = f"; did you mean './{value}'?" if value.endswith(".py") else ""
+            raise ValueError(f"{wanted}, found '{value}'{hint}")
+        return {"package": package, "executable": executable}
+
+    @model_validator(mode="after")
+    def _has_one_program(self) -> NodeSpec:
+        """Raise ValueError unless there is either a file, or a package and an executable."""
+        if self.file is not None and (self.package is not None or self.executable is not None):
+            raise ValueError("a node has either a 'file', or a 'package' and an 'executable'; remove one of them")
+        if self.file is None and (self.package is None or self.executable is None):
+            missing = "'package'" if self.package is None else "'executable'"
+            wanted = "a node needs a 'package' and an 'executable', or a 'file'"
+            raise ValueError(f"{wanted}; add {missing}" if self.package or self.executable else wanted)
+        return self
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """Add the short form of a node, a text, to the schema."""
+        full = handler.resolve_ref_schema(handler(schema))
+        full.pop("title", None)
+        return {"anyOf": [{"type": "string", "pattern": r"^[^/]+/[^/]+$|^\.{0,2}/"}, full]}
+
+    @property
+    def program(self) -> str:
+        """The program in the short form, for messages."""
+        return self.file or f"{self.package}/{self.executable}"
+
+    @property
+    def called(self) -> str:
+        """The stated name of the node, else the name of its program, which is mostly the same."""
+        return self.name or PurePosixPath(self.file or self.executable or "").stem
+
+    @property
+    def arguments(self) -> tuple[str, ...]:
+        """The arguments of the program."""
+        return tuple(shlex.split(self.args))

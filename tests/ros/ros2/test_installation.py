@@ -1,0 +1,180 @@
+"""Where ROS 2 is found, and the messages about one that cannot be used."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+from sim_action.core.errors import UsageError
+from sim_action.ros.ros2 import installation
+from sim_action.ros.ros2.installation import PYTHON_VARIABLE, find_ros
+from tests.ros.ros2.prefixes import HUMBLE, KILTED, installed, program, ros_prefix
+from tests.ros_workspace import written
+
+
+def problem(environment: dict[str, str], root: Path) -> str:
+    with pytest.raises(UsageError) as caught:
+        find_ros(environment, root)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def test_without_ros_one_message_says_what_to_type(tmp_path: Path) -> None:
+    message = problem({}, tmp_path)
+
+    assert re.search(
+        rf"^ROS 2 is not installed; .*setup\.bash.*pip install ros-jazzy-rclpy .*{PYTHON_VARIABLE}=", message
+    )
+
+
+def test_a_sourced_environment_comes_before_others(tmp_path: Path) -> None:
+    sourced = ros_prefix(tmp_path / "sourced", KILTED)
+    ros_prefix(tmp_path / "root/jazzy")
+    users = installed(tmp_path / "ws/install/p", "p", "prepend-non-duplicate;PYTHONPATH;lib/python3.12/site-packages\n")
+    ros = find_ros({"AMENT_PREFIX_PATH": f"{users}:{sourced}", "PYTHONPATH": "/mine"}, tmp_path / "root")
+
+    assert (ros.distribution, ros.prefix, ros.prefixes) == ("kilted", sourced, (users, sourced))
+    assert ros.python == sourced / "bin/python3.12"
+    assert ros.variables["AMENT_PREFIX_PATH"] == f"{users}:{sourced}"
+    modules = "lib/python3.12/site-packages"
+    assert ros.variables["PYTHONPATH"] == f"{users}/{modules}:{sourced}/{modules}:/mine"
+    assert str(ros) == (
+        f"kilted in {sourced} (from the sourced environment), Fast DDS (rmw_fastrtps_cpp), for {sourced}/bin/python3.12"
+    )
+
+
+def test_an_installed_distribution_needs_no_sourcing(tmp_path: Path) -> None:
+    jazzy = ros_prefix(tmp_path / "jazzy")
+    ros_prefix(tmp_path / "kilted", KILTED)
+    ros_prefix(tmp_path / "humble", HUMBLE)
+    users = installed(tmp_path / "ws/install", "p")
+    ros = find_ros({"AMENT_PREFIX_PATH": str(users)}, tmp_path)
+
+    assert (ros.distribution, ros.prefixes, ros.source) == ("jazzy", (users, jazzy), str(tmp_path))
+    assert ros.variables["LD_LIBRARY_PATH"] == f"{jazzy}/lib"
+    assert ros.variables["ROS_DISTRO"] == "jazzy"
+
+
+def test_the_environment_of_this_python_may_have_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "prefix", str(ros_prefix(tmp_path / "env", KILTED)))
+    ros = find_ros({}, tmp_path / "absent")
+
+    assert (ros.distribution, ros.python) == ("kilted", tmp_path / "env/bin/python3.12")
+
+
+def test_the_wheels_of_a_named_python_start_at_once(tmp_path: Path) -> None:
+    wheels = ros_prefix(tmp_path / "env", wheels=True)
+    sourced = ros_prefix(tmp_path / "sourced", HUMBLE)
+    named = {PYTHON_VARIABLE: str(wheels / "bin/python"), "AMENT_PREFIX_PATH": str(sourced), "PYTHONPATH": "/mine"}
+    ros = find_ros({**named, "PATH": "/usr/bin"}, tmp_path / "absent")
+
+    # A Python in a virtual environment is a link; its own path finds the modules.
+    assert (ros.python, ros.prefixes, ros.source) == (wheels / "bin/python", (wheels,), PYTHON_VARIABLE)
+    assert ros.variables["_ROS_WHEELS_BOOTSTRAP_COMPLETE"] == "1"
+    assert ros.variables["LD_LIBRARY_PATH"] == f"{wheels}/lib:{wheels}/lib/python3.12/site-packages/ros_rcl.libs"
+    assert ros.variables["PATH"] == f"{wheels}/bin:/usr/bin"
+    assert (ros.variables["AMENT_PREFIX_PATH"], ros.variables["PYTHONPATH"]) == (str(wheels), "")
+
+
+def test_a_workspace_may_be_sourced_on_top_of_the_wheels(tmp_path: Path) -> None:
+    wheels = ros_prefix(tmp_path / "env", wheels=True)
+    users = installed(tmp_path / "ws/install/p", "p", "prepend-non-duplicate;PYTHONPATH;lib/python\n")
+    named = {PYTHON_VARIABLE: str(wheels / "bin/python"), "AMENT_PREFIX_PATH": str(users)}
+    ros = find_ros(named, tmp_path / "absent")
+
+    assert ros.variables["AMENT_PREFIX_PATH"] == f"{users}:{wheels}"
+    assert ros.variables["PYTHONPATH"] == f"{users}/lib/python"
+
+
+def test_a_named_python_may_run_a_sourced_ros(tmp_path: Path) -> None:
+    sourced, python = ros_prefix(tmp_path / "sourced"), program(tmp_path / "venv/bin/python")
+    ros = find_ros({PYTHON_VARIABLE: str(python), "AMENT_PREFIX_PATH": str(sourced)}, tmp_path / "absent")
+
+    assert (ros.python, ros.prefix) == (python, sourced)
+
+
+def test_nodes_do_not_find_sim_action(tmp_path: Path) -> None:
+    root = str(Path(installation.__file__).parents[3])
+    ros = find_ros({"AMENT_PREFIX_PATH": str(ros_prefix(tmp_path)), "PYTHONPATH": f"{root}:/mine"}, tmp_path / "absent")
+
+    assert ros.variables["PYTHONPATH"] == f"{tmp_path}/lib/python3.12/site-packages:/mine"
+
+
+@pytest.mark.parametrize(
+    ("name", "message"), [("absent", "is not a program"), ("python", "has no rclpy; run .* -m pip")]
+)
+def test_a_named_python_that_cannot_be_used_is_refused(name: str, message: str, tmp_path: Path) -> None:
+    program(tmp_path / "bin/python")
+
+    found = problem({PYTHON_VARIABLE: f"{tmp_path}/bin/{name}"}, ros_prefix(tmp_path / "root/jazzy").parent)
+    assert re.search(rf"^{PYTHON_VARIABLE} is {tmp_path}/bin/{name}, .*{message}", found)
+
+
+def test_other_distributions_are_refused(tmp_path: Path) -> None:
+    environment = {"AMENT_PREFIX_PATH": str(ros_prefix(tmp_path / "humble", HUMBLE))}
+
+    message = problem(environment, ros_prefix(tmp_path / "root/jazzy").parent)
+    assert "humble (from the sourced environment) is humble (rclpy 3.3.16)" in message
+    assert "supports jazzy and kilted" in message
+
+
+@pytest.mark.parametrize(
+    ("text", "said"), [("<version>99.1.0</version>", "(rclpy 99.1.0)"), ("nothing", "(rclpy without a version)")]
+)
+def test_an_unknown_distribution_is_refused(text: str, said: str, tmp_path: Path) -> None:
+    written(ros_prefix(tmp_path) / "share/rclpy/package.xml", text)
+
+    assert f"of an unknown distribution {said}" in problem({"AMENT_PREFIX_PATH": str(tmp_path)}, tmp_path / "absent")
+
+
+@pytest.mark.parametrize("wheels", [False, True])
+def test_missing_parts_are_named(wheels: bool, tmp_path: Path) -> None:
+    prefix = ros_prefix(tmp_path, missing="rmw_fastrtps_cpp", wheels=wheels)
+
+    message = problem({"AMENT_PREFIX_PATH": str(prefix)}, tmp_path / "absent")
+    install = f"run {prefix}/bin/python -m pip install ros-jazzy-rclpy" if wheels else "ros-jazzy-rmw-fastrtps-cpp"
+    assert "has no rmw_fastrtps_cpp; run" in message
+    assert install in message
+
+
+def test_a_missing_interpreter_is_named(tmp_path: Path) -> None:
+    prefix = ros_prefix(tmp_path)
+    (prefix / "lib/python3.12").rename(prefix / "lib/python3.99")
+
+    message = problem({"AMENT_PREFIX_PATH": str(prefix)}, tmp_path / "absent")
+    assert "needs python3.99, which is not on PATH" in message
+
+
+def test_an_interpreter_on_path_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    prefix = ros_prefix(tmp_path / "ros")
+    (prefix / "lib/python3.12").rename(prefix / "lib/python3.99")
+    python = program(tmp_path / "bin/python3.99")
+    monkeypatch.setenv("PATH", str(python.parent))
+
+    assert find_ros({"AMENT_PREFIX_PATH": str(prefix)}, tmp_path / "absent").python == python
+
+
+def test_a_prefix_without_its_module_is_refused(tmp_path: Path) -> None:
+    prefix = ros_prefix(tmp_path)
+    (prefix / "lib/python3.12/site-packages/rclpy").rmdir()
+
+    assert "has no Python module rclpy" in problem({"AMENT_PREFIX_PATH": str(prefix)}, tmp_path / "absent")
+
+
+def test_other_middleware_is_refused(tmp_path: Path) -> None:
+    message = problem({"RMW_IMPLEMENTATION": "rmw_cyclonedds_cpp"}, tmp_path)
+
+    assert message == (
+        "RMW_IMPLEMENTATION is rmw_cyclonedds_cpp, and lock-step needs Fast DDS; set "
+        "RMW_IMPLEMENTATION=rmw_fastrtps_cpp, or unset it"
+    )
+
+
+def test_relative_prefixes_do_not_count(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    ros_prefix(tmp_path / "ros")
+    monkeypatch.chdir(tmp_path)
+
+    assert "not installed" in problem({"AMENT_PREFIX_PATH": "ros"}, tmp_path / "absent")

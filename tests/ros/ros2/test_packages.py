@@ -1,0 +1,175 @@
+"""The packages of workspaces: built, and in source."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from sim_action.core.workspace import PathError, Workspace
+from sim_action.ros.ros2.installation import Ros2, find_ros
+from sim_action.ros.ros2.packages import Packages, command_of, is_python, prefixes_in, workspace_of
+from tests.ros.ros2.prefixes import SETUP, installed, manifest, program, ros_prefix, source
+from tests.ros_workspace import written
+
+
+def ros(folder: Path) -> Ros2:
+    return find_ros({"AMENT_PREFIX_PATH": str(ros_prefix(folder))}, folder / "absent")
+
+
+def isolated(workspace: Path, *names: str) -> list[Path]:
+    """Builds packages as colcon does."""
+    written(workspace / "install/.colcon_install_layout", "isolated\n")
+    written(workspace / "install/COLCON_IGNORE", "")
+    return [installed(workspace / "install" / name, name, "prepend-non-duplicate;A;lib\n") for name in names]
+
+
+def test_isolated_and_merged_layouts_are_found(tmp_path: Path) -> None:
+    first = isolated(tmp_path / "isolated", "a", "b")
+    written(tmp_path / "isolated/install/other/share/x", "")
+    merged = installed(installed(tmp_path / "merged/install", "a"), "b")
+
+    for folder in (tmp_path / "isolated", tmp_path / "isolated/install"):
+        assert prefixes_in(folder) == tuple(first)
+    for folder in (tmp_path / "merged", merged):
+        assert prefixes_in(folder) == (merged,)
+        assert Packages.around(folder, None).installed == {"a": merged, "b": merged}
+    assert prefixes_in(tmp_path) == ()
+
+
+def test_a_built_package_hides_its_source(tmp_path: Path) -> None:
+    built, _ = isolated(tmp_path, "built", "other")
+    for name in ("built", "plain"):
+        source(tmp_path, name)
+    for folder in (tmp_path, tmp_path / "install"):
+        packages = Packages.around(folder, None)
+        assert packages.installed["built"] == built
+        assert list(packages.sources) == ["plain"]
+        assert packages.names == {"built", "other", "plain"}
+
+
+def test_sources_are_found_anywhere_but_in_what_a_build_has_left(tmp_path: Path) -> None:
+    manifest(tmp_path / "deep/robot", "robot")
+    manifest(tmp_path / "build/copy", "copy")
+    manifest(tmp_path / "ignored/p", "p")
+    written(tmp_path / "ignored/COLCON_IGNORE", "")
+
+    assert list(Packages.around(tmp_path, None).sources) == ["robot"]
+
+
+def test_the_nearest_workspace_around_a_scenario_counts(tmp_path: Path) -> None:
+    root, inner = tmp_path / "root", tmp_path / "root/inner"
+    source(root)
+    isolated(inner, "p")
+    scenario = written(inner / "tests/deep/drive.sim.yml", "").parent
+    assert workspace_of(None, Workspace(scenario, root)) == inner
+    assert workspace_of(None, Workspace(root / "other", root)) == root
+    assert workspace_of("install", Workspace(inner, root)) == inner / "install"
+    with pytest.raises(PathError, match="does not exist"):
+        workspace_of("absent", Workspace(scenario, root))
+    with pytest.raises(PathError, match="is not a folder"):
+        workspace_of("drive.sim.yml", Workspace(scenario, root))
+
+
+def test_without_a_workspace_the_root_counts(tmp_path: Path) -> None:
+    package = source(tmp_path, "p").parent
+    written(package / "p/src/package.xml", "")
+    (tmp_path / "src").rename(tmp_path / "robots")
+
+    assert workspace_of(None, Workspace(tmp_path / "robots/p", tmp_path)) == tmp_path
+
+
+def test_executables_are_installed_files_and_entry_points(tmp_path: Path) -> None:
+    prefix, *_ = isolated(tmp_path, "built")
+    talker = program(prefix / "lib/built/sub/talker")
+    written(prefix / "lib/built/__pycache__/x.pyc", "")
+    folder = source(
+        tmp_path, files={"setup.py": SETUP.replace("entry", "scripts=['bin/run.py'], entry"), "bin/run.py": ""}
+    )
+    packages = Packages.around(tmp_path, None)
+
+    assert packages.executables("built") == {"talker": talker}
+    assert packages.executables("my_robot") == {"mover": None, "run.py": folder / "bin/run.py"}
+    assert packages.executables("absent") == {}
+
+
+def test_packages_of_ros_have_executables(tmp_path: Path) -> None:
+    here = ros(tmp_path / "ros")
+    talker = program(tmp_path / "ros/lib/geometry_msgs/talker")
+    packages = Packages.around(tmp_path / "ws", here)
+
+    assert packages.executables("geometry_msgs") == {"talker": talker}
+    assert packages.names >= {"geometry_msgs", "rclpy"}
+
+
+def test_the_environment_has_workspaces_before_ros(tmp_path: Path) -> None:
+    here = ros(tmp_path / "ros")
+    built, _ = isolated(tmp_path / "ws", "built", "other")
+    folder = source(tmp_path / "ws")
+    (tmp_path / "scratch").mkdir()
+    variables = Packages.around(tmp_path / "ws", here).set_up(tmp_path / "scratch")
+
+    prefixes = variables["AMENT_PREFIX_PATH"].split(":")
+    overlay = Path(prefixes[0])
+    assert prefixes[1:] == [str(built), str(built.with_name("other")), str(here.prefix)]
+    assert variables["A"] == f"{built}/lib:{built.with_name('other')}/lib"
+    assert variables["PYTHONPATH"].split(":")[:1] == [str(folder)]
+    assert (overlay / "share/my_robot").resolve() == folder
+    assert (overlay / "share/ament_index/resource_index/packages/my_robot").is_file()
+
+
+def test_without_packages_in_source_there_is_no_overlay(tmp_path: Path) -> None:
+    here = ros(tmp_path / "ros")
+    (tmp_path / "scratch").mkdir()
+
+    assert Packages.around(tmp_path / "ws", here).set_up(tmp_path / "scratch") == here.variables
+    assert list((tmp_path / "scratch").iterdir()) == []
+
+
+@pytest.mark.process
+def test_an_entry_point_runs_as_it_would_when_installed(tmp_path: Path) -> None:
+    folder = source(tmp_path / "a workspace")
+    written(folder / "my_robot/mover.py", "import sys\n\n\ndef main():\n    print(sys.argv[1:])\n    return 3\n")
+    here = ros(tmp_path / "ros")
+    python = tmp_path / "a Python/python"
+    python.parent.mkdir()
+    python.symlink_to(sys.executable)
+    installation = Ros2(here.prefixes, python, "jazzy", here.rmw, here.source, here.variables)
+    packages = Packages.around(tmp_path / "a workspace", installation)
+    scratch = tmp_path / "scratch"
+    scratch.mkdir()
+    environment = {**os.environ, "PYTHONPATH": packages.set_up(scratch)["PYTHONPATH"]}
+    command = packages.command("my_robot", "mover", scratch)
+    assert command[0] == str(python)
+    # Launch files run the program itself.
+    for words in (command, command[1:]):
+        done = subprocess.run([*words, "a b"], env=environment, capture_output=True, text=True, check=False)
+        assert (done.returncode, done.stdout) == (3, "['a b']\n"), done.stderr
+
+
+def test_the_command_of_a_program_is_that_of_its_kind(tmp_path: Path) -> None:
+    here = ros(tmp_path / "ros")
+    prefix, *_ = isolated(tmp_path, "p")
+    for name, text in {
+        "talker": "\x7fELF",
+        "mover": "#!/opt/other/bin/python3.11 -E\n",
+        "run.sh": "#!/bin/sh\n",
+    }.items():
+        program(prefix / "lib/p" / name, text)
+    packages = Packages.around(tmp_path, here)
+    lib = prefix / "lib/p"
+
+    assert packages.command("p", "talker", tmp_path) == [str(lib / "talker")]
+    assert packages.command("p", "run.sh", tmp_path) == [str(lib / "run.sh")]
+    assert packages.command("p", "mover", tmp_path) == [str(here.python), str(lib / "mover")]
+    assert command_of(tmp_path / "x.py", here.python) == [str(here.python), str(tmp_path / "x.py")]
+    with pytest.raises(PathError, match="'p/absent' does not exist any more"):
+        packages.command("p", "absent", tmp_path)
+
+
+def test_a_program_that_cannot_be_read_is_not_python(tmp_path: Path) -> None:
+    assert not is_python(tmp_path / "absent")
+    assert is_python(program(tmp_path / "a", "#!/usr/bin/env python3\n"))
