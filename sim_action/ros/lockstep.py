@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Final, Protocol
@@ -118,6 +118,21 @@ class Lockstep:
             self._end_if_over()
             time.sleep(_POLL_S)
         self.settle(0.0)
+
+    def deliver(self, seconds: float, deliveries: Iterable[Callable[[], None]]) -> None:
+        """Deliver messages one by one, and wait after each until no node has work left at a sim time.
+
+        Two nodes that work at the same time may send to a third one in any order. Raises ControllersFinished when no
+        node is left.
+        """
+        is_settled = False
+        for deliver in deliveries:
+            deliver()
+            is_settled = self.is_kept
+            if is_settled:
+                self.settle(seconds)
+        if not is_settled:
+            self.settle(seconds)
 
     def settle(self, seconds: float) -> None:
         """Wait until no node has work left at a sim time. Raises ControllersFinished when no node is left."""

@@ -220,7 +220,13 @@ def open_nodes(source: RosCommands, scene: Scene) -> ClosedLoop:
         nodes.close()
         raise
     return ClosedLoop(
-        node.tick, sensors=node.sensors, close=node.close, notes=node.notes, losses=nodes.losses, repeats=True
+        node.tick,
+        sensors=node.sensors,
+        close=node.close,
+        notes=node.notes,
+        losses=nodes.losses,
+        repeats=True,
+        transcript=node.transcript,
     )
 
 

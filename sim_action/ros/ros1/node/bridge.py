@@ -18,6 +18,7 @@ from sim_action.ros.ros1.node.topics import GazeboTopics, Traffic
 from sim_action.ros.ros1.node.world_models import ChangeQueue, JointEfforts, WorldChanged
 from sim_action.state.command import Answer
 from sim_action.state.observation import Observation
+from sim_action.state.reproducibility import Transcript
 
 # The interval of checks whether a paused world may go on.
 _POLL_S: Final = 0.01
@@ -61,6 +62,7 @@ class Bridge:
         self._session, self._robot, self._frame = session, robot, frame
         self._devices, self.commands = tuple(devices), commands
         self._start = session.current.time
+        self.transcript = Transcript()
         self.first_command: float | None = None
         self.over: ControllersFinished | None = None
 
@@ -79,12 +81,10 @@ class Bridge:
         session, seconds, tick = self._session, self._start + seen.time, round(seen.time * TICKS)
         self._note(seconds, seen)
         self._hold()
-        has_subscribers = self._publish(seconds, tick, seen)
-        if has_subscribers:
-            session.lockstep.settle(seconds)
-        session.topics.publish_time(seconds)
-        session.lockstep.settle(seconds)
+        self._publish(seconds, tick, seen)
+        session.lockstep.deliver(seconds, session.traffic.undelivered())
         self._stand_still(seconds)
+        session.traffic.move_to(self.transcript, seen.time)
         if session.changes.has_pending():
             raise WorldChanged("the world changed")
         session.pace.keep(seconds)
@@ -101,15 +101,18 @@ class Bridge:
         if session.changes.has_pending():
             raise WorldChanged("the world changed")
         self.commands.begin()
-        session.traffic.clear()
+        session.traffic.begin()
         session.current.started = time.monotonic()
 
-    def _publish(self, seconds: float, tick: int, seen: Observation) -> bool:
-        """Publish a moment, and return True if a node subscribes."""
+    def _publish(self, seconds: float, tick: int, seen: Observation) -> None:
+        """Publish a moment, the clock last."""
         topics, current = self._session.topics, self._session.current
-        heard = [device.publish_if_due(tick, seconds, seen) for device in self._devices]
-        links_are_heard = bool(current.link_states) and topics.publish_links(current.link_states)
-        return any([*heard, topics.publish_models(current.model_states), links_are_heard])
+        for device in self._devices:
+            device.publish_if_due(tick, seconds, seen)
+        topics.publish_models(current.model_states)
+        if current.link_states:
+            topics.publish_links(current.link_states)
+        topics.publish_time(seconds)
 
     def _note(self, seconds: float, seen: Observation) -> None:
         states, current = states_in(seen), self._session.current

@@ -56,7 +56,7 @@ class NodeCommands(CommandSource):
 
     def open(self, scene: Scene) -> Controller:
         """See CommandSource.open."""
-        return ClosedLoop(self._bridge.tick)
+        return ClosedLoop(self._bridge.tick, transcript=self._bridge.transcript)
 
 
 @dataclass(eq=False)

@@ -6,7 +6,6 @@ import os
 import signal
 import threading
 import time
-from collections import Counter
 from pathlib import Path
 from threading import Event
 from typing import Final
@@ -34,7 +33,7 @@ from sim_action.ros.ros1.node.current_state import CurrentState
 from sim_action.ros.ros1.node.episode import Episode, EpisodeFactory
 from sim_action.ros.ros1.node.episode_record import EpisodeRecord
 from sim_action.ros.ros1.node.query_services import QueryServices
-from sim_action.ros.ros1.node.topics import GazeboTopics
+from sim_action.ros.ros1.node.topics import GazeboTopics, Traffic
 from sim_action.ros.ros1.node.world_models import ChangeQueue, JointEfforts, SpawnedRobot, WorldChanged, WorldModels
 from sim_action.simulation.loop import SimulationRun
 from sim_action.world import World
@@ -70,7 +69,7 @@ class _Server:
         self._missing_world: str | None = None
         self._services: ModelServices | None = None
         self._record = EpisodeRecord()
-        self._traffic = Counter[str]()
+        self._traffic = Traffic()
         self._changes, self._current = ChangeQueue(), CurrentState(WorldModels(World()))
         self._lockstep = Lockstep(Master(os.environ["ROS_MASTER_URI"], NAME), NAME, os.getppid(), rospy.is_shutdown)
         paused, topics = Event(), GazeboTopics(self._traffic)
@@ -191,7 +190,7 @@ class _Server:
             starting=started - self._began,
             engine=record.engine,
             notes=tuple(dict.fromkeys((*self._notes, *self._stage.notes, *record.notes, *self._lockstep.notes))),
-            messages=dict(sorted(self._traffic.items())),
+            messages=dict(sorted(self._traffic.counts.items())),
             in_step=self._lockstep.is_kept,
             losses=self._all_losses(),
             missing_world=self._missing_world,

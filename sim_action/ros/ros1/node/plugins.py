@@ -69,7 +69,7 @@ class Wiring:
         description: description of the robot, as it was spawned.
         frame: frame of the robot's model, for odometry.
         commands: receives the subscriptions and movers of the plugin.
-        traffic: counts messages.
+        traffic: delivers messages, and notes what is heard.
         is_clock_held: returns True before the clock starts; the subscribers are not known then.
         warn: takes notes for the user.
         lose: takes messages on parts of a plugin that are not simulated.
@@ -148,12 +148,10 @@ class Device:
     sensor: MountedSensor | None = None
     reads_links: bool = False
 
-    def publish_if_due(self, tick: int, seconds: float, seen: Observation) -> bool:
-        """Publish if it is due; return True if a node subscribes."""
-        if not self.schedule.is_due(tick) or not any(publisher.has_subscribers for publisher in self.publishers):
-            return False
-        self.publish(seconds, seen)
-        return True
+    def publish_if_due(self, tick: int, seconds: float, seen: Observation) -> None:
+        """Publish if it is due and a node subscribes."""
+        if self.schedule.is_due(tick) and any(publisher.has_subscribers for publisher in self.publishers):
+            self.publish(seconds, seen)
 
 
 class Opener(Protocol):

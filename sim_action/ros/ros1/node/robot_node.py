@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Final, Protocol
 
@@ -41,6 +40,7 @@ from sim_action.ros.topic_names import COMMANDS, JOINTS, ODOMETRY
 from sim_action.state.command import Answer
 from sim_action.state.observation import Observation
 from sim_action.state.readings import OdometryReading
+from sim_action.state.reproducibility import Transcript
 from sim_action.world.scene import Fitting
 
 NAME: Final = "/gazebo"
@@ -87,7 +87,8 @@ class RobotNode:
         self._lockstep = Lockstep(
             self._master, NAME, nodes.launcher, rospy.is_shutdown, gone=nodes.await_exits, newcomers_within=start_within
         )
-        traffic = Counter[str]()
+        self._traffic = traffic = Traffic()
+        self.transcript = Transcript()
         self._states = GazeboTopics(traffic)
         self._others = open_publishers(robot.model, robot.sensors, robot.topics, robot.rate, traffic)
         self._subscription = Subscription(robot.topics[COMMANDS], TwistMessage, twist_of, traffic)
@@ -105,13 +106,12 @@ class RobotNode:
         try:
             if not self._has_begun:
                 self._begin()
-            if self._publish(seen):
-                self._lockstep.settle(seen.time)
-            self._states.publish_time(seen.time)
-            self._lockstep.settle(seen.time)
+            self._publish(seen)
+            self._lockstep.deliver(seen.time, self._traffic.undelivered())
             self._await_leaving_nodes()
         except OSError:
             raise self._nodes.end_error() from None
+        self._traffic.move_to(self.transcript, seen.time)
         twist: geometry.Twist | None = self._subscription.value
         self._is_driven = self._is_driven or twist is not None
         if twist is not None and (problem := twist_problem(twist)):
@@ -129,6 +129,7 @@ class RobotNode:
         self._lockstep.begin(lambda: frozenset({self._subscription.topic}), lambda: False)
         # Commands from before the start arrive or not, depending on which node came up first.
         self._subscription.begin()
+        self._traffic.begin()
         self._listeners, self._exit_count = self._states.subscriber_count, self._nodes.exit_count
         self._has_begun = True
 
@@ -144,16 +145,17 @@ class RobotNode:
         if leaving > 0 or subscriber_count > self._listeners:
             self._listeners, self._exit_count = subscriber_count, self._nodes.exit_count
 
-    def _publish(self, seen: Observation) -> bool:
-        """Publish a moment, and return True if a node subscribes."""
+    def _publish(self, seen: Observation) -> None:
+        """Publish a moment, the clock last."""
         name, states = self._robot.model.name, states_in(seen)
-        heard = [topic.publish_if_due(round(seen.time * self._robot.rate), seen) for topic in self._others]
-        heard.append(self._states.publish_models({**states.bodies, name: (seen.pose, seen.twist)}))
+        for topic in self._others:
+            topic.publish_if_due(round(seen.time * self._robot.rate), seen)
+        self._states.publish_models({**states.bodies, name: (seen.pose, seen.twist)})
         if states.links:
             bodies = {f"{body}::link": state for body, state in states.bodies.items()}
             links = {f"{name}::{link}": state for link, state in states.links.items()}
-            heard.append(self._states.publish_links({**bodies, **links}))
-        return any(heard)
+            self._states.publish_links({**bodies, **links})
+        self._states.publish_time(seen.time)
 
     def _why_not_driven(self) -> tuple[str, ...]:
         """Return the note on a robot that no node drove, with other topics of type Twist."""
@@ -171,8 +173,8 @@ class RobotNode:
 class TopicPublisher(Protocol):
     """A source of messages on a topic."""
 
-    def publish_if_due(self, tick: int, seen: Observation) -> bool:
-        """Publish if something is new at a tick; return True if a node subscribes."""
+    def publish_if_due(self, tick: int, seen: Observation) -> None:
+        """Publish if something is new at a tick."""
 
 
 def open_publishers(
@@ -207,13 +209,12 @@ class _Joints:
         self._publisher, self._schedule = publisher, schedule
         self._names = [joint.name for joint in model.moving_joints]
 
-    def publish_if_due(self, tick: int, seen: Observation) -> bool:
+    def publish_if_due(self, tick: int, seen: Observation) -> None:
         """See TopicPublisher.publish_if_due."""
         if not self._schedule.is_due(tick) or not self._publisher.has_subscribers or not self._names:
-            return False
+            return
         positions, velocities, efforts = zip(*(seen.joints[name] for name in self._names), strict=True)
         self._publisher.send(JointState(header(seen.time, ""), self._names, positions, velocities, efforts))
-        return True
 
 
 class _Odometry:
@@ -224,7 +225,7 @@ class _Odometry:
         self._publisher = Publisher(topic, Odometry, traffic)
         self._frames = Publisher("/tf", TFMessage, traffic) if publishes_tf else None
 
-    def publish(self, seconds: float, pose: Pose, twist: Twist) -> bool:
+    def publish(self, seconds: float, pose: Pose, twist: Twist) -> None:
         """Publish a pose and a twist, the twist in the frame of the base."""
         publishers = [
             publisher
@@ -232,18 +233,17 @@ class _Odometry:
             if publisher is not None and publisher.has_subscribers
         ]
         if not publishers:
-            return False
+            return
         message = Odometry(header=header(seconds, _ODOMETRY_FRAME), child_frame_id=self._base)
         message.pose.pose, message.twist.twist = pose_message(pose), twist_message(twist)
         self._publisher.send(message)
         if self._frames is not None:
             moved = Transform(Vector3(*pose.position_xyz), message.pose.pose.orientation)
             self._frames.send(TFMessage([TransformStamped(message.header, self._base, moved)]))
-        return True
 
-    def publish_reading(self, reading: OdometryReading) -> bool:
+    def publish_reading(self, reading: OdometryReading) -> None:
         """Publish a reading of an odometry sensor."""
-        return self.publish(reading.time, reading.pose, reading.twist)
+        self.publish(reading.time, reading.pose, reading.twist)
 
 
 class _Truth:
@@ -252,36 +252,32 @@ class _Truth:
     def __init__(self, odometry: _Odometry, schedule: Schedule) -> None:
         self._odometry, self._schedule = odometry, schedule
 
-    def publish_if_due(self, tick: int, seen: Observation) -> bool:
+    def publish_if_due(self, tick: int, seen: Observation) -> None:
         """See TopicPublisher.publish_if_due."""
-        if not self._schedule.is_due(tick):
-            return False
-        return self._odometry.publish(seen.time, seen.pose, in_frame_of(seen.pose, seen.twist))
+        if self._schedule.is_due(tick):
+            self._odometry.publish(seen.time, seen.pose, in_frame_of(seen.pose, seen.twist))
 
 
 class _Sensor:
     """Publishes each reading of a sensor once."""
 
-    def __init__(self, name: str, send: Callable[[Any], bool]) -> None:
+    def __init__(self, name: str, send: Callable[[Any], None]) -> None:
         self._name, self._send = name, send
         self._last: float | None = None
 
-    def publish_if_due(self, tick: int, seen: Observation) -> bool:
+    def publish_if_due(self, tick: int, seen: Observation) -> None:
         """See TopicPublisher.publish_if_due."""
         reading = seen.sensors[self._name]
-        if reading.time == self._last:
-            return False
-        self._last = reading.time
-        return self._send(reading)
+        if reading.time != self._last:
+            self._last = reading.time
+            self._send(reading)
 
 
 def _sending(
     publisher: Publisher, made: Callable[[Any, Header, Fitting], Any], sensor: Fitting
-) -> Callable[[Any], bool]:
-    def send(reading: Any) -> bool:
-        if not publisher.has_subscribers:
-            return False
-        publisher.send(made(reading, header(reading.time, sensor.link), sensor))
-        return True
+) -> Callable[[Any], None]:
+    def send(reading: Any) -> None:
+        if publisher.has_subscribers:
+            publisher.send(made(reading, header(reading.time, sensor.link), sensor))
 
     return send

@@ -1,31 +1,107 @@
 """Publishers and subscriptions, and the topics of Gazebo itself: clock, model states and link states.
 
-A publisher returns once a message is sent, so that every subscriber is awake by then.
+Messages to nodes are delivered one by one, each to one node, because two nodes that work at the same time may send to
+a third one in any order. A delivery returns once the message is sent, so that the node is awake by then.
 """
 
 from __future__ import annotations
 
 import select
+import threading
 import warnings
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import partial
+from io import BytesIO
+from operator import attrgetter
 from typing import Any, Final
 
 import rospy
 from gazebo_msgs.msg import LinkStates, ModelStates
 from rosgraph_msgs.msg import Clock
+from rospy.msg import serialize_message
 
 from sim_action.core.geometry import Pose, Twist
 from sim_action.ros.ros1.node.current_state import States
 from sim_action.ros.ros1.node.messages import pose_message, time_of, twist_message
-
-Traffic = Counter[str]
-"""Topic -> number of messages sent or received since the clock started."""
+from sim_action.state.reproducibility import Transcript
 
 GROUND: Final = "ground_plane"
 """Gazebo's name of the ground."""
 
 _AT_REST: Final = Pose(), Twist()
+# It reads the clock to stamp the log, and no node gets anything from it because of the clock.
+_LOG_NODE: Final = "/rosout"
+
+
+class Traffic:
+    """The messages between the simulation and the nodes.
+
+    Attributes:
+        counts: topic -> number of messages sent or received since the clock started.
+        deliveries: number of deliveries so far. What nodes send between two of them may arrive in any order.
+    """
+
+    def __init__(self) -> None:
+        self.counts = Counter[str]()
+        self.deliveries = 0
+        self._posted: list[tuple[Any, Any]] = []
+        self._heard: list[tuple[int, str, str, bytes]] = []
+
+    def begin(self) -> None:
+        """Forget all that was heard and counted before the clock started."""
+        self.counts.clear()
+        self._heard.clear()
+
+    def post(self, topic: Any, message: Any) -> None:
+        """Have a message delivered later; `topic`: implementation of a publisher of rospy."""
+        self._posted.append((topic, message))
+
+    def undelivered(self) -> Iterator[Callable[[], None]]:
+        """Yield the deliveries of all posted messages, in the order of posting and then of the names of nodes."""
+        posted, self._posted = self._posted, []
+        ourselves = rospy.get_name()
+        for topic, message in posted:
+            data = _serialized(topic, message)
+            connections = sorted(topic.connections, key=attrgetter("endpoint_id"))
+            for connection in connections:
+                if connection.endpoint_id in (ourselves, _LOG_NODE):
+                    _write(connection, data)
+            for connection in connections:
+                if connection.endpoint_id not in (ourselves, _LOG_NODE):
+                    yield partial(self._deliver, connection, data)
+
+    def hear(self, topic: str, node: str, message: Any) -> None:
+        """Note a message from a node."""
+        buffer = BytesIO()
+        message.serialize(buffer)
+        self.counts[topic] += 1
+        self._heard.append((self.deliveries, topic, node, buffer.getvalue()))
+
+    def move_to(self, transcript: Transcript, seconds: float) -> None:
+        """Add the messages that were heard since the last call to a transcript, in an order that does not vary."""
+        heard, self._heard = self._heard, []
+        for _, topic, node, message in sorted(heard, key=lambda each: each[:3]):
+            transcript.add(seconds, f"{topic} {node}", message)
+
+    def _deliver(self, connection: Any, data: bytes) -> None:
+        self.deliveries += 1
+        _write(connection, data)
+
+
+def _serialized(topic: Any, message: Any) -> bytes:
+    buffer = BytesIO()
+    topic.seq += 1
+    serialize_message(buffer, topic.seq, message)
+    return buffer.getvalue()
+
+
+def _write(connection: Any, data: bytes) -> None:
+    """Write to one subscriber, as rospy's `publish` does to all of them."""
+    try:
+        connection.write_data(data)
+    except Exception:  # noqa: BLE001 - rospy raises exceptions of any type when the other side has left
+        connection.close()
 
 
 class Publisher:
@@ -46,11 +122,11 @@ class Publisher:
         return bool(self._publisher.get_num_connections())
 
     def send(self, message: Any) -> None:
-        """Publish a message, and return once all subscribers have it."""
+        """Have a message delivered."""
         if not self.has_subscribers:
             return
-        self._traffic[self._topic] += 1
-        self._publisher.publish(message)
+        self._traffic.counts[self._topic] += 1
+        self._traffic.post(self._publisher.impl, message)
 
 
 def _is_there(connection: Any) -> bool:
@@ -77,6 +153,8 @@ def _publisher(topic: str, kind: type[Any]) -> rospy.Publisher:
 class Subscription:
     """A subscription to a topic, which keeps the last message.
 
+    Of messages from several nodes between two deliveries, that of the node whose name sorts last counts as the last.
+
     Attributes:
         topic: its name.
         value: value of the last message; None: there was none.
@@ -88,8 +166,10 @@ class Subscription:
         self.value: Any = None
         self.count = 0
         self._is_latched = False
+        self._newest = (0, "")
+        self._lock = threading.Lock()
         self._read, self._traffic = read, traffic
-        self._subscriber = rospy.Subscriber(topic, kind, self._hear, queue_size=1, tcp_nodelay=True)
+        self._subscriber = rospy.Subscriber(topic, kind, self._hear, tcp_nodelay=True)
 
     def begin(self) -> None:
         """Drop a message from before the start, unless it is latched: a latched one arrives in any case."""
@@ -105,10 +185,15 @@ class Subscription:
         self._subscriber.unregister()
 
     def _hear(self, message: Any) -> None:
-        self.value = self._read(message)
-        self.count += 1
-        self._is_latched = message._connection_header.get("latching") == "1"  # noqa: SLF001 - documented by rospy
-        self._traffic[self.topic] += 1
+        header = message._connection_header  # noqa: SLF001 - documented by rospy
+        value, node = self._read(message), header["callerid"]
+        self._traffic.hear(self.topic, node, message)
+        place = self._traffic.deliveries, node
+        with self._lock:
+            self.count += 1
+            if place >= self._newest:
+                self._newest, self.value = place, value
+                self._is_latched = header.get("latching") == "1"
 
 
 class GazeboTopics:
@@ -133,19 +218,15 @@ class GazeboTopics:
         """Publish the clock."""
         self._clock.send(Clock(time_of(seconds)))
 
-    def publish_models(self, models: States) -> bool:
-        """Publish the states of models; return True if a node subscribes."""
-        if not self._models.has_subscribers:
-            return False
-        self._models.send(ModelStates(*_columns({GROUND: _AT_REST, **models})))
-        return True
+    def publish_models(self, models: States) -> None:
+        """Publish the states of models, if a node subscribes."""
+        if self._models.has_subscribers:
+            self._models.send(ModelStates(*_columns({GROUND: _AT_REST, **models})))
 
-    def publish_links(self, links: States) -> bool:
-        """Publish the states of links, by `model::link`; return True if a node subscribes."""
-        if not self._links.has_subscribers:
-            return False
-        self._links.send(LinkStates(*_columns({f"{GROUND}::link": _AT_REST, **links})))
-        return True
+    def publish_links(self, links: States) -> None:
+        """Publish the states of links, by `model::link`, if a node subscribes."""
+        if self._links.has_subscribers:
+            self._links.send(LinkStates(*_columns({f"{GROUND}::link": _AT_REST, **links})))
 
 
 def _columns(states: States) -> tuple[list[str], list[object], list[object]]:

@@ -66,11 +66,11 @@ class ControllerManager:
             service = rospy.Service(f"{self.space}/controller_manager/{name}", kind, answer)
             self.wiring.closing.callback(service.shutdown)
 
-    def publish_if_due(self, tick: int, seconds: float, seen: Observation) -> bool:
+    def publish_if_due(self, tick: int, seconds: float, seen: Observation) -> None:
         """Publish for all running controllers; see Device.publish_if_due."""
-        devices = [loaded.controller.device for loaded in self._running() if loaded.controller.device is not None]
-        heard = [device.publish_if_due(tick, seconds, seen) for device in devices]
-        return any(heard)
+        for loaded in self._running():
+            if loaded.controller.device is not None:
+                loaded.controller.device.publish_if_due(tick, seconds, seen)
 
     def move(self, seconds: float, seen: Observation) -> JointTargets | None:
         """Return the targets of all running controllers; see Mover."""
@@ -194,11 +194,11 @@ def _claimed(wanted: dict[str, Loaded]) -> Iterator[tuple[str, str]]:
 class Managed(Device):
     """The publishers of a controller manager, as a device."""
 
-    publish_managed: Callable[[int, float, Observation], bool] = lambda _tick, _seconds, _seen: False
+    publish_managed: Callable[[int, float, Observation], None] = lambda _tick, _seconds, _seen: None
 
-    def publish_if_due(self, tick: int, seconds: float, seen: Observation) -> bool:
+    def publish_if_due(self, tick: int, seconds: float, seen: Observation) -> None:
         """See Device.publish_if_due."""
-        return self.publish_managed(tick, seconds, seen)
+        self.publish_managed(tick, seconds, seen)
 
 
 def open_control(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
