@@ -5,6 +5,8 @@ BIN := $(VENV)/bin
 COMPILE := $(BIN)/uv pip compile --quiet --universal --generate-hashes --python-version 3.11 \
   --only-binary :all: --no-annotate --no-emit-index-url --no-emit-find-links --custom-compile-command 'make lock'
 LOCK := $(COMPILE) pyproject.toml
+# No wheel of ROS 2 is for another system, so there is no lock file for all of them.
+ROS2_LOCK := $(subst --universal,--python-platform x86_64-manylinux_2_28,$(COMPILE)) --override .ci/ros2/overrides.txt
 RELEASE_LOCK := $(COMPILE) .ci/release/requirements.in
 
 ACTIONS := $(wildcard action.yml */action.yml)
@@ -152,6 +154,9 @@ lock: $(VENV)/.installed ## what the action installs
 	# The same versions without what simulates, for the actions that only deal, and join: reports read traces.
 	$(LOCK) --constraint requirements.lock --no-emit-package numpy --no-emit-package pybullet --no-emit-package mujoco-core --output-file requirements-core.lock
 	$(LOCK) --constraint requirements.lock --no-emit-package pybullet --no-emit-package mujoco-core --output-file requirements-reports.lock
+	# ROS 2 for the action and the tests, each in an environment of its own.
+	$(ROS2_LOCK) .ci/ros2/jazzy.in --upgrade --output-file requirements-ros2.lock
+	$(ROS2_LOCK) .ci/ros2/kilted.in --upgrade --output-file requirements-ros2-kilted.lock
 	# The tools of release.yml.
 	$(RELEASE_LOCK) --upgrade --output-file .ci/release/requirements.txt
 
