@@ -73,6 +73,12 @@ class TrajectoryPoint:
     velocities: Sequence[float] = ()
     accelerations: Sequence[float] = ()
 
+    def of_joint(self, index: int) -> Waypoint:
+        """Return the point of one joint."""
+        velocity = self.velocities[index] if self.velocities else None
+        acceleration = self.accelerations[index] if self.accelerations else None
+        return Waypoint(self.time, self.positions[index], velocity, acceleration)
+
 
 def joint_curves(
     names: Sequence[str], start: Sequence[Waypoint], points: Sequence[TrajectoryPoint]
@@ -90,19 +96,13 @@ def joint_curves(
     if any(len(point.positions) != len(names) or not _fits(point, len(names)) for point in points):
         raise ValueError(f"each point needs {len(names)} positions, and as many velocities and accelerations or none")
     return {
-        name: JointCurve((start[index], *(_waypoint(point, index) for point in points)))
+        name: JointCurve((start[index], *(point.of_joint(index) for point in points)))
         for index, name in enumerate(names)
     }
 
 
 def _fits(point: TrajectoryPoint, count: int) -> bool:
     return all(len(values) in (0, count) for values in (point.velocities, point.accelerations))
-
-
-def _waypoint(point: TrajectoryPoint, index: int) -> Waypoint:
-    velocity = point.velocities[index] if point.velocities else None
-    acceleration = point.accelerations[index] if point.accelerations else None
-    return Waypoint(point.time, point.positions[index], velocity, acceleration)
 
 
 def _straight(first: Waypoint, last: Waypoint, time: float) -> Waypoint:

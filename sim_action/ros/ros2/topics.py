@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from types import MappingProxyType
 from typing import Final, TypeVar
 
 from sim_action.core.records import dataclass
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.drives import recognise
+from sim_action.drives import Drive, recognise
 from sim_action.recording.export.ros2.robot_description import urdf_of
+from sim_action.robot.robot_model import Joint
 from sim_action.ros import topic_names
 from sim_action.ros.message_values import in_frame_of
 from sim_action.ros.ros2 import messages
+from sim_action.ros.ros2.joint_controllers import JointController, any_joints_subscription, joint_problems
 from sim_action.ros.ros2.messages import Message, PlacedFrame
 from sim_action.ros.ros2.quality import LATCHED, TRANSFORMS, USUAL, Qos
 from sim_action.ros.ros2.received_commands import Subscription, twist_subscription
@@ -28,6 +31,10 @@ from sim_action.world.scene import Fitting, Scene
 
 STATES_RATE_HZ: Final = 50.0
 """The rate of odometry, transforms and joint states; Gazebo's differential drive has it by default."""
+
+TRAJECTORIES: Final = "joint_trajectory"
+
+_NO_CONTROLLERS: Final[Mapping[str, JointController]] = MappingProxyType({})
 
 _Read = TypeVar("_Read")
 
@@ -72,14 +79,20 @@ class Channels:
     subscriptions: tuple[Subscription, ...]
 
 
-def topics_of(scene: Scene, stated: Mapping[str, str]) -> dict[str, str]:
+def topics_of(
+    scene: Scene, stated: Mapping[str, str], controllers: Mapping[str, JointController] = _NO_CONTROLLERS
+) -> dict[str, str]:
     """Return the topics of a robot by their keys, with the stated ones.
 
     The keys are `cmd_vel` (with a drive), `odom` (unless the base is fixed, or a sensor measures odometry),
-    `joint_states` (with joints), and the names of sensors.
+    `joint_states` (with joints), the names of controllers, or else `joint_trajectory` (with joints that are not those
+    of the drive), and the names of sensors.
     """
     usual = dict(topic_names.ROBOT_TOPICS)
-    if not _has_drive(scene):
+    usual |= {name: controller.topic(name) for name, controller in controllers.items()}
+    if not controllers and _free_joints(scene):
+        usual[TRAJECTORIES] = "/joint_trajectory"
+    if _drive_of(scene) is None:
         del usual[COMMANDS]
     if scene.bolted:
         del usual[ODOMETRY]
@@ -88,26 +101,61 @@ def topics_of(scene: Scene, stated: Mapping[str, str]) -> dict[str, str]:
     return topic_names.topics_of(scene.sensors, stated, usual)
 
 
-def topic_problems(scene: Scene, stated: Mapping[str, str]) -> SpecProblems:
+def topic_problems(
+    scene: Scene, stated: Mapping[str, str], controllers: Mapping[str, JointController] = _NO_CONTROLLERS
+) -> SpecProblems:
     """Yield problems of stated topics, by their keys: unknown names, and topics that are used twice."""
-    return topic_names.topic_problems(stated, topics_of(scene, stated))
+    return topic_names.topic_problems(stated, topics_of(scene, stated, controllers))
 
 
-def channels(scene: Scene, stated: Mapping[str, str], rate: float, *, described: bool = False) -> Channels:
+def controller_problems(scene: Scene, controllers: Mapping[str, JointController]) -> SpecProblems:
+    """Yield problems of controllers, by their names and keys: names of other topics, and joints that do not fit."""
+    taken = topics_of(scene, {}).keys() - {TRAJECTORIES}
+    for name in sorted(taken & controllers.keys()):
+        yield (name,), f"'{name}' is already the name of another topic of the robot; choose another name"
+    yield from joint_problems(controllers, scene.model)
+
+
+def channels(
+    scene: Scene,
+    stated: Mapping[str, str],
+    rate: float,
+    controllers: Mapping[str, JointController] = _NO_CONTROLLERS,
+    *,
+    described: bool = False,
+) -> Channels:
     """Return the topics of a robot, of which the scenario states some by their keys; `rate`: ticks per second.
 
     `described`: True if another node publishes /robot_description. Then it is a robot_state_publisher, which publishes
     the frames of links, too.
     """
-    topics, frames = topics_of(scene, stated), RobotFrames.of(scene)
+    topics, frames = topics_of(scene, stated, controllers), RobotFrames.of(scene)
     publishers = [*_states(scene, topics, frames, rate, described=described), *_sensors(scene, topics, frames)]
-    subscriptions = [twist_subscription(COMMANDS, topics[COMMANDS])] if COMMANDS in topics else []
-    return Channels(tuple(publishers), tuple(subscriptions))
+    return Channels(tuple(publishers), tuple(_subscriptions(scene, topics, controllers)))
 
 
-def _has_drive(scene: Scene) -> bool:
+def _subscriptions(
+    scene: Scene, topics: Mapping[str, str], controllers: Mapping[str, JointController]
+) -> Iterator[Subscription]:
+    if COMMANDS in topics:
+        yield twist_subscription(COMMANDS, topics[COMMANDS])
+    for name, controller in controllers.items():
+        yield controller.subscription(name, topics[name], scene.model)
+    if TRAJECTORIES in topics and TRAJECTORIES not in controllers:
+        yield any_joints_subscription(TRAJECTORIES, topics[TRAJECTORIES], _free_joints(scene))
+
+
+def _drive_of(scene: Scene) -> Drive | None:
     stated = scene.robot.drive if isinstance(scene.robot, DrivenRobot) else None
-    return (stated or recognise(scene.model)) is not None
+    return stated or recognise(scene.model)
+
+
+def _free_joints(scene: Scene) -> tuple[Joint, ...]:
+    """Return the joints that can be driven, except those of the drive."""
+    drive, model = _drive_of(scene), scene.model
+    is_valid = drive is not None and not any(drive.problems(model))
+    driven = drive.open(model, scene.physics.rate).joints if drive is not None and is_valid else frozenset()
+    return tuple(joint for joint in model.motor_joints if joint.mimic is None and joint.name not in driven)
 
 
 def states_schedule(rate: float) -> Schedule:

@@ -1,0 +1,246 @@
+"""Controllers that nodes command by topics, as those of ros2_control: trajectories, and values for groups of joints.
+
+Their topics and messages are those of joint_trajectory_controller and forward_command_controller.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from typing import Annotated, Any, Final, Self
+
+from pydantic import Field, model_validator
+
+from sim_action.core.field_types import FrozenModel
+from sim_action.core.wording import FirstFew, did_you_mean
+from sim_action.core.yaml_errors import SpecProblems
+from sim_action.robot.joint_selection import joints_set_by, setting_problems
+from sim_action.robot.robot_model import Joint, Reading, RobotModel
+from sim_action.ros.joint_commands import JointCurve, TrajectoryPoint, Waypoint, joint_curves, targets, within_limits
+from sim_action.ros.ros2.messages import seconds_of
+from sim_action.ros.ros2.received_commands import BadMessage, Subscription
+from sim_action.state.command import JointTargets
+from sim_action.state.observation import Observation
+
+TRAJECTORY: Final = "trajectory_msgs/msg/JointTrajectory"
+VALUES: Final = "std_msgs/msg/Float64MultiArray"
+
+# joint_trajectory_controller allows no more, as the single-precision epsilon.
+_REST: Final = 1.1920929e-07
+
+Names = Annotated[tuple[str, ...], Field(min_length=1)]
+
+
+class JointController(FrozenModel):
+    """A controller: the joints that it moves, by name, by pattern such as `'*_hip'`, or by group of the SRDF."""
+
+    trajectory: Annotated[
+        Names | None,
+        Field(description="joints that follow a `trajectory_msgs/JointTrajectory` on `/NAME/joint_trajectory`"),
+    ] = None
+    position: Annotated[
+        Names | None, Field(description="joints whose positions are a `std_msgs/Float64MultiArray` on `/NAME/commands`")
+    ] = None
+    velocity: Annotated[Names | None, Field(description="joints whose velocities are, likewise")] = None
+    effort: Annotated[Names | None, Field(description="joints whose efforts are, likewise")] = None
+
+    @model_validator(mode="after")
+    def _has_one_kind(self) -> Self:
+        if len(self.model_fields_set) != 1 or not self.names:
+            raise ValueError("a controller needs exactly one of 'trajectory', 'position', 'velocity' and 'effort'")
+        return self
+
+    @property
+    def kind(self) -> str:
+        """The key that is stated."""
+        (kind,) = self.model_fields_set
+        return kind
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names, patterns and groups of its joints."""
+        names: tuple[str, ...] | None = getattr(self, self.kind)
+        return names or ()
+
+    def topic(self, name: str) -> str:
+        """Return its usual topic; `name`: that of the controller."""
+        return f"/{name.strip('/')}/{'joint_trajectory' if self.kind == 'trajectory' else 'commands'}"
+
+    def joints(self, model: RobotModel) -> tuple[str, ...]:
+        """Return its joints, in the order of the names, and in that of the model for patterns and groups."""
+        found = joints_set_by(model, dict.fromkeys(self.names))
+        return tuple(dict.fromkeys(joint for name in self.names for joint in found[name]))
+
+    def subscription(self, name: str, topic: str, model: RobotModel) -> Subscription:
+        """Return the subscription to its commands."""
+        joints = [model.joints_by_name[joint] for joint in self.joints(model)]
+        if self.kind == "trajectory":
+            return Subscription(name, topic, TRAJECTORY, partial(TrajectoryReceiver, joints))
+        return Subscription(name, topic, VALUES, partial(ValuesReceiver, joints, _READINGS[self.kind]))
+
+
+_READINGS: Final[Mapping[str, Reading]] = {"position": "position", "velocity": "velocity", "effort": "effort"}
+
+
+def joint_problems(controllers: Mapping[str, JointController], model: RobotModel) -> SpecProblems:
+    """Yield unknown joints, joints without a motor, and joints of two controllers."""
+    hinted, first = FirstFew(), dict[str, str]()
+    for name, controller in controllers.items():
+        key = (name, controller.kind)
+        problems = list(setting_problems(model, dict.fromkeys(controller.names, 0.0), hinted))
+        yield from ((key, message) for _, message in problems)
+        for joint in controller.joints(model):
+            if (why := model.why_not_driven(joint)) is not None:
+                yield key, why
+            elif (other := first.setdefault(joint, name)) != name:
+                yield key, f"joint '{joint}' already obeys the controller '{other}'"
+
+
+def any_joints_subscription(key: str, topic: str, joints: Sequence[Joint]) -> Subscription:
+    """Return a subscription to trajectories of any of some joints; the others are left as they are."""
+    return Subscription(key, topic, TRAJECTORY, partial(TrajectoryReceiver, joints, needs_all=False))
+
+
+class TrajectoryReceiver:
+    """Follows the last trajectory, as joint_trajectory_controller does. Joints hold still after its end.
+
+    A controller that needs all its joints also holds them still before the first trajectory.
+    """
+
+    def __init__(self, joints: Sequence[Joint], *, needs_all: bool = True) -> None:
+        self._joints = {joint.name: joint for joint in joints}
+        self._needs_all = needs_all
+        self._curves: dict[str, JointCurve] = {}
+
+    def take(self, message: Mapping[str, Any], seen: Observation) -> None:
+        """See Receiver.take."""
+        names = list(message["joint_names"])
+        self._check_names(names)
+        begins = seconds_of(message["header"]["stamp"])
+        points = [_later(point, begins or seen.time) for point in _points(message, names)]
+        if self._needs_all:
+            _check_end(points[-1], names)
+        past = [point for point in points if point.time <= seen.time]
+        if begins and len(past) == len(points):
+            raise BadMessage(
+                f"a trajectory that ended at {points[-1].time:g} s, before the present, {seen.time:g} s; let its stamp "
+                "be the time of the node's clock, or 0 to start it at once"
+            )
+        # A trajectory that has begun goes on from its own points.
+        start = _waypoints(past[-1], names) if past else [self._state(name, seen) for name in names]
+        if len(past) == len(points):
+            self._curves |= {name: JointCurve((end,)) for name, end in zip(names, start, strict=True)}
+        else:
+            self._curves |= joint_curves(names, start, points[len(past) :])
+
+    def answer(self, seen: Observation) -> JointTargets | None:
+        """See Receiver.answer."""
+        if self._needs_all and not self._curves:
+            self._curves = {name: JointCurve((self._state(name, seen),)) for name in self._joints}
+        if not self._curves:
+            return None
+        now = {name: curve.at(seen.time) for name, curve in self._curves.items()}
+        return JointTargets(
+            position={name: within_limits(self._joints[name], "position", state[0]) for name, state in now.items()},
+            velocity={name: within_limits(self._joints[name], "velocity", state[1]) for name, state in now.items()},
+        )
+
+    def _state(self, name: str, seen: Observation) -> Waypoint:
+        """Return the state from which a trajectory starts: that of the last one, if there is one."""
+        if name in self._curves:
+            return self._curves[name].state(seen.time)
+        return Waypoint(seen.time, seen.joints[name].position, 0.0, 0.0)
+
+    def _check_names(self, names: Sequence[str]) -> None:
+        if not names:
+            raise BadMessage("a trajectory without joint_names")
+        for name in names:
+            if name not in self._joints:
+                raise BadMessage(f"a trajectory of the unknown joint '{name}'{did_you_mean(name, self._joints)}")
+        if len(set(names)) < len(names):
+            raise BadMessage(f"a trajectory with a joint twice in joint_names: {', '.join(names)}")
+        if self._needs_all and (missing := [name for name in self._joints if name not in names]):
+            raise BadMessage(f"a trajectory without {', '.join(missing)}; it needs all joints of the controller")
+
+
+def _points(message: Mapping[str, Any], names: Sequence[str]) -> Iterator[TrajectoryPoint]:
+    if not message["points"]:
+        raise BadMessage("a trajectory without points")
+    before = -math.inf
+    for number, point in enumerate(message["points"]):
+        found = [list(point[group]) for group in ("positions", "velocities", "accelerations")]
+        for group, values in zip(("positions", "velocities", "accelerations"), found, strict=True):
+            if values and len(values) != len(names):
+                raise BadMessage(
+                    f"a trajectory whose points[{number}] has {len(values)} {group} for {len(names)} joints"
+                )
+            _check_finite(values, f"points[{number}].{group}")
+        if not found[0]:
+            raise BadMessage(f"a trajectory whose points[{number}] has no positions")
+        if list(point.get("effort", ())):
+            raise BadMessage(f"a trajectory whose points[{number}] has efforts, which no joint follows")
+        time = seconds_of(point["time_from_start"])
+        if time <= before:
+            raise BadMessage(
+                f"a trajectory whose points[{number}] is at {time:g} s, not later than the point before, at "
+                f"{before:g} s"
+            )
+        before = time
+        yield TrajectoryPoint(time, *found)
+
+
+def _check_end(last: TrajectoryPoint, names: Sequence[str]) -> None:
+    """Check that joints rest at the end of a trajectory, as joint_trajectory_controller does by default."""
+    for name, velocity in zip(names, last.velocities, strict=False):
+        if abs(velocity) > _REST:
+            raise BadMessage(
+                f"a trajectory at whose end joint '{name}' has the velocity {velocity:g}; joint_trajectory_controller "
+                "refuses trajectories that do not end at rest"
+            )
+
+
+def _check_finite(values: Sequence[float], place: str) -> None:
+    for index, value in enumerate(values):
+        if not math.isfinite(value):
+            raise BadMessage(f"{place}[{index}] is {value}, which is not finite")
+
+
+def _waypoints(point: TrajectoryPoint, names: Sequence[str]) -> list[Waypoint]:
+    return [point.of_joint(index) for index in range(len(names))]
+
+
+def _later(point: TrajectoryPoint, begins: float) -> TrajectoryPoint:
+    return TrajectoryPoint(begins + point.time, point.positions, point.velocities, point.accelerations)
+
+
+class ValuesReceiver:
+    """Passes the last values on to joints, as forward_command_controller does.
+
+    Before the first command, positions hold still, velocities are 0, and efforts are left as they are.
+    """
+
+    def __init__(self, joints: Sequence[Joint], reading: Reading) -> None:
+        self._joints, self._reading = joints, reading
+        self._values: dict[str, float] | None = None
+
+    def take(self, message: Mapping[str, Any], seen: Observation) -> None:
+        """See Receiver.take."""
+        values = list(message["data"])
+        if len(values) != len(self._joints):
+            names = ", ".join(joint.name for joint in self._joints)
+            raise BadMessage(f"{len(values)} values in data for {len(self._joints)} joints: {names}")
+        _check_finite(values, "data")
+        self._values = {
+            joint.name: within_limits(joint, self._reading, value)
+            for joint, value in zip(self._joints, values, strict=True)
+        }
+
+    def answer(self, seen: Observation) -> JointTargets | None:
+        """See Receiver.answer."""
+        if self._values is None:
+            if self._reading == "effort":
+                return None
+            holds = self._reading == "position"
+            self._values = {joint.name: seen.joints[joint.name].position if holds else 0.0 for joint in self._joints}
+        return targets(self._reading, self._values)
