@@ -10,6 +10,17 @@ from sim_action.ros.ros2.messages import OPTICAL
 from sim_action.ros.ros2.robot_frames import RobotFrames
 from tests.ros.ros2.scenes import SENSORS, resting, scene
 
+ROBOT = """
+<robot name="r">
+  <link name="odom">
+    <inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
+    <collision><geometry><sphere radius="1"/></geometry></collision>
+  </link>
+  <link name="eye_optical_frame"/>
+  <joint name="j" type="fixed"><parent link="odom"/><child link="eye_optical_frame"/></joint>
+</robot>
+"""
+
 
 def test_sensors_without_a_pose_measure_in_the_frame_of_their_link(tmp_path: Path) -> None:
     frames = RobotFrames.of(scene(tmp_path, more=SENSORS))
@@ -31,11 +42,7 @@ def test_a_sensor_with_a_pose_has_a_frame_of_its_own(tmp_path: Path) -> None:
 
 
 def test_names_of_links_are_not_used_twice(tmp_path: Path) -> None:
-    (tmp_path / "r.urdf").write_text(
-        '<robot name="r"><link name="odom"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" '
-        'izz="1"/></inertial></link><link name="eye_optical_frame"/><joint name="j" type="fixed"><parent link="odom"/>'
-        '<child link="eye_optical_frame"/></joint></robot>'
-    )
+    (tmp_path / "r.urdf").write_text(ROBOT, encoding="utf-8")
     frames = RobotFrames.of(scene(tmp_path, "r.urdf", "sensors: [{camera: {}, name: eye}]\n"))
 
     assert (frames.odom, frames.base) == ("odom_", "odom")
