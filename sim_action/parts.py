@@ -93,6 +93,7 @@ __all__ = [
     "ProcessCommands",
     "Reach",
     "ReplayCommands",
+    "Ros2Commands",
     "RosCommands",
     "ScriptCommands",
     "SelfCollision",

@@ -178,6 +178,7 @@ COMMANDS: Final = Table[type[CommandSource]](
         "policy": "sim_action.commands.policy:PolicyCommands",
         "replay": "sim_action.commands.replay:ReplayCommands",
         "ros1": "sim_action.ros.ros1.command_source.spec:RosCommands",
+        "ros2": "sim_action.ros.ros2.spec:Ros2Commands",
     },
 )
 """The YAML key of each command source -> its class."""

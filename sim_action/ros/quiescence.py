@@ -77,6 +77,20 @@ class WatchedProcesses:
                 return False
         return True
 
+    def busy(self, seconds: float) -> frozenset[int]:
+        """Return the processes that run during some s of wall time."""
+        before = self._ran()
+        time.sleep(seconds)
+        return frozenset(thread.pid for thread, ran in self._ran().items() if before.get(thread, ran) != ran)
+
+    def _ran(self) -> dict[_Thread, bytes]:
+        """Return how long each thread has run."""
+        found = dict[_Thread, bytes]()
+        for thread in [thread for pid in tuple(self._threads) for thread in self._threads_of(pid)]:
+            with suppress(OSError):
+                found[thread] = thread.ran()
+        return found
+
     def _is_quiet(self, deadline: float) -> bool:
         """Return True if no thread ran while all were looked at. If one runs, wait until it sleeps and return False.
 

@@ -307,7 +307,7 @@ def _place_of(error: RunError, job: Job) -> Location | None:
     return loaded.document.location((*_path_of_source(loaded.document, error.source), key))
 
 
-_OF_USERS: Final = frozenset({"script", "process", "ros1"})
+_OF_USERS: Final = frozenset({"script", "process", "ros1", "ros2"})
 """The command sources that run code of the user, whose errors are all called "script error"."""
 
 

@@ -16,7 +16,7 @@ from tests.traces import HERE
 
 def test_the_table_holds_what_a_scenario_can_say() -> None:
     written = ["twist", "waypoints", "joints", "pose", "wrench"]
-    assert list(COMMANDS) == [*written, "script", "process", "policy", "replay", "ros1"]
+    assert list(COMMANDS) == [*written, "script", "process", "policy", "replay", "ros1", "ros2"]
 
 
 @pytest.mark.parametrize(

@@ -105,7 +105,7 @@ def _drawn(chance: Chance) -> Any:
     optional = {"type": "object", "properties": {**properties, "commands": {}}}
     data = value(optional, schema, chance)
     if chance.random() < 0.5:
-        command = COMMANDS.load(chance.choice([name for name in COMMANDS if name not in ("ros1", "process")]))
+        command = COMMANDS.load(chance.choice([name for name in COMMANDS if name not in ("ros1", "ros2", "process")]))
         data["commands"] = value(schema["$defs"][command.__name__], schema, chance)
     if "robot" not in data or chance.random() < 0.7:
         data["robot"] = {"model": "turtlebot3_burger"}

@@ -102,7 +102,7 @@ def _is_safe(loaded: LoadedScenario) -> bool:
     scenario = loaded.scenario
     programs = [source for source in scenario.commands if isinstance(source, ProcessCommands)]
     ours = all(source.process == ("python3", "answer.py") for source in programs)
-    no_ros = not any(type(source).__name__ == "RosCommands" for source in scenario.commands)
+    no_ros = not any(type(source).__name__ in ("RosCommands", "Ros2Commands") for source in scenario.commands)
     steps = scenario.time_limit * scenario.physics.rate
     short = scenario.time_limit <= _MAX_RUN_SIM_S and steps < _MAX_STEPS
     return ours and no_ros and short and scenario.wall_limit is None and scenario.memory_limit is None

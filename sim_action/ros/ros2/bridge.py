@@ -1,0 +1,341 @@
+"""The bridge: one participant in ROS 2, which publishes and takes messages that its parent describes as plain data.
+
+It imports nothing of this package, and runs on the Python of ROS, which may be an old one. `bridge_link` has the other
+end of its socket, and describes the requests.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import struct
+import sys
+import time
+from array import array
+from collections.abc import Callable
+from contextlib import suppress
+from importlib import import_module
+from typing import Any
+
+import rclpy
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.utilities import get_rmw_implementation_identifier
+
+Json = dict[str, Any]
+_LENGTH = struct.Struct("!I")
+_POLL_S = 0.002
+# Message packages write the types of their fields like this: sequence<double>, double[36], geometry_msgs/Point.
+_NUMBERS = {
+    "float": "f", "double": "d", "int8": "b", "uint8": "B", "octet": "B", "int16": "h", "uint16": "H", "int32": "i",
+    "uint32": "I", "int64": "q", "uint64": "Q",
+}  # fmt: skip
+_INTEGERS = ("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64")
+
+
+class _Frames:
+    """Frames on a socket: the length of the JSON text, the text, the length of the blob, the blob."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._socket = socket.socket(fileno=descriptor)
+
+    def receive(self) -> tuple[Json, memoryview]:
+        """Return the next request and its blob. Raises EOFError when the parent has closed its end."""
+        text = self._part()
+        return json.loads(text), memoryview(self._part())
+
+    def send(self, answer: Json, blob: bytes = b"") -> None:
+        """Send an answer."""
+        text = json.dumps(answer).encode()
+        self._socket.sendall(_LENGTH.pack(len(text)) + text + _LENGTH.pack(len(blob)) + blob)
+
+    def _part(self) -> bytes:
+        (length,) = _LENGTH.unpack(self._exactly(_LENGTH.size))
+        return self._exactly(length)
+
+    def _exactly(self, count: int) -> bytes:
+        parts, left = [], count
+        while left:
+            part = self._socket.recv(left)
+            if not part:
+                raise EOFError
+            parts.append(part)
+            left -= len(part)
+        return b"".join(parts)
+
+
+def _message_class(name: str) -> Any:
+    """Return the class of a type such as "nav_msgs/msg/Odometry". Raises ImportError, AttributeError."""
+    package, _, kind = name.partition("/")
+    return getattr(import_module(f"{package}.msg"), kind.rpartition("/")[2])
+
+
+def _array(value: Any, blob: memoryview) -> Any:
+    """Return a value with the numbers of a part of the blob in place of its description."""
+    if isinstance(value, dict) and "$array" in value:
+        numbers = array(value["$array"])
+        numbers.frombytes(blob[value["at"] : value["at"] + value["count"] * numbers.itemsize])
+        return numbers
+    return value
+
+
+_fillers: dict[str, list[tuple[str, Callable[[Any, memoryview], Any]]]] = {}
+
+
+def _fields_of(kind: Any) -> dict[str, str]:
+    fields: dict[str, str] = kind.get_fields_and_field_types()
+    return fields
+
+
+def _filled(kind: Any, name: str, data: Json, blob: memoryview) -> Any:
+    """Return a message with the fields of a dict; fields that it lacks keep their defaults."""
+    if name not in _fillers:
+        _fillers[name] = [(field, _filler(spelled)) for field, spelled in _fields_of(kind).items()]
+    message = kind()
+    for field, made in _fillers[name]:
+        if field in data:
+            setattr(message, field, made(data[field], blob))
+    return message
+
+
+def _filler(spelled: str) -> Callable[[Any, memoryview], Any]:
+    """Return a function that makes the value of a field of a type from plain data."""
+    element, is_sequence, length = _parsed(spelled)
+    if element in _NUMBERS and (is_sequence or length):
+        code = _NUMBERS[element]
+        if length:
+            return lambda value, blob: _numpy(_numbers(code, value, blob))
+        return lambda value, blob: _numbers(code, value, blob)
+    one = _single(element)
+    if is_sequence or length:
+        return lambda value, blob: [one(each, blob) for each in value]
+    return one
+
+
+def _parsed(spelled: str) -> tuple[str, bool, int]:
+    """Return the type of an element, whether there is a sequence of them, and the length of a fixed array or 0."""
+    if spelled.startswith("sequence<"):
+        return spelled[len("sequence<") : -1].partition(",")[0].strip(), True, 0
+    if spelled.endswith("]"):
+        element, _, length = spelled[:-1].partition("[")
+        return element, False, int(length)
+    return spelled, False, 0
+
+
+def _single(element: str) -> Callable[[Any, memoryview], Any]:
+    if element in ("float", "double"):
+        return lambda value, _: float(value)
+    if element in _INTEGERS:
+        return lambda value, _: int(value)
+    if element == "boolean":
+        return lambda value, _: bool(value)
+    if element == "octet":
+        return lambda value, _: bytes([value])
+    if element.startswith(("string", "wstring")):
+        return lambda value, _: str(value)
+    kind = _message_class(element)
+    return lambda value, blob: _filled(kind, element, value, blob)
+
+
+def _numbers(code: str, value: Any, blob: memoryview) -> Any:
+    """Return an array of numbers; the setters of messages take one of the right type without a look at each."""
+    given = _array(value, blob)
+    return given if isinstance(given, array) and given.typecode == code else array(code, given)
+
+
+def _numpy(numbers: Any) -> Any:
+    import numpy as np
+
+    return np.frombuffer(numbers, dtype=numbers.typecode)
+
+
+class _Plain:
+    """Turns messages into plain data, and their arrays of numbers into parts of one blob."""
+
+    def __init__(self) -> None:
+        self.blob = bytearray()
+
+    def of(self, message: Any) -> Json:
+        return {field: self._value(getattr(message, field)) for field in _fields_of(message)}
+
+    def _value(self, value: Any) -> Any:
+        if isinstance(value, (bool, int, float, str)):
+            return value
+        if isinstance(value, array):
+            return self._part(value.typecode, len(value), value.tobytes())
+        if hasattr(value, "get_fields_and_field_types"):
+            return self.of(value)
+        if isinstance(value, bytes):
+            return value[0] if len(value) == 1 else list(value)
+        if hasattr(value, "dtype"):
+            return self._part(value.dtype.char, value.size, value.tobytes())
+        return [self._value(each) for each in value]
+
+    def _part(self, code: str, count: int, content: bytes) -> Json:
+        at = len(self.blob)
+        self.blob += content
+        return {"$array": code, "at": at, "count": count}
+
+
+class _Bridge:
+    """The participant, its publishers and its subscriptions."""
+
+    def __init__(self, request: Json) -> None:
+        rclpy.init(args=[])
+        self._node = Node(request["node"], start_parameter_services=False, enable_rosout=False)
+        self._publishers: list[tuple[Any, Any, str]] = []
+        self._subscriptions: list[Any] = []
+        self._clients: dict[str, Any] = {}
+
+    def types(self, request: Json) -> Json:
+        """Return those of the types whose packages are installed."""
+        return {"types": _known_types(request["names"])}
+
+    def open(self, request: Json) -> Json:
+        """Create publishers and subscriptions; their numbers are their places in all requests."""
+        for each in request["publishers"]:
+            kind = _message_class(each["type"])
+            publisher = self._node.create_publisher(kind, each["topic"], _profile(each["qos"]))
+            self._publishers.append((publisher, kind, each["type"]))
+        for each in request["subscriptions"]:
+            kind = _message_class(each["type"])
+            subscription = self._node.create_subscription(kind, each["topic"], _ignore, _profile(each["qos"]))
+            self._subscriptions.append(subscription)
+        return {}
+
+    def matched(self, _: Json) -> Json:
+        """Return the number of subscriptions that each publisher knows, and the reverse."""
+        return {
+            "publishers": [publisher.get_subscription_count() for publisher, _, _ in self._publishers],
+            "subscriptions": [subscription.get_publisher_count() for subscription in self._subscriptions],
+        }
+
+    def publish(self, request: Json, blob: memoryview) -> None:
+        """Publish a message."""
+        publisher, kind, name = self._publishers[request["number"]]
+        publisher.publish(_filled(kind, name, request["message"], blob))
+
+    def take(self) -> tuple[Json, bytes]:
+        """Return all messages since the last time, by the time of their arrival."""
+        found, plain = [], _Plain()
+        for number, subscription in enumerate(self._subscriptions):
+            while (taken := _taken(subscription)) is not None:
+                message, info = taken
+                found.append((info.get("received_timestamp", 0), number, plain.of(message)))
+        found.sort(key=lambda each: each[:2])
+        return {"messages": [each[1:] for each in found]}, bytes(plain.blob)
+
+    def graph(self, request: Json) -> Json:
+        """Return the names of nodes, and who publishes and subscribes to topics."""
+        node = self._node
+        known = dict(node.get_topic_names_and_types())
+        topics = request["topics"]
+        return {
+            "nodes": sorted({_full(name, space) for name, space in node.get_node_names_and_namespaces()}),
+            "types": {topic: list(types) for topic, types in known.items()},
+            "publishers": {topic: _ends(node.get_publishers_info_by_topic(topic)) for topic in topics},
+            "subscriptions": {topic: _ends(node.get_subscriptions_info_by_topic(topic)) for topic in topics},
+        }
+
+    def parameters(self, request: Json) -> Json:
+        """Return the value of a parameter of each node that answers within a time; null if the node lacks it."""
+        from rcl_interfaces.srv import GetParameters
+
+        deadline = time.monotonic() + request["within"]
+        values: Json = {}
+        asked: dict[str, int] = {}
+        while len(values) < len(request["nodes"]) and time.monotonic() < deadline:
+            for name in request["nodes"]:
+                if name not in self._clients:
+                    self._clients[name] = self._node.create_client(GetParameters, f"{name}/get_parameters")
+                client = self._clients[name]
+                if name not in asked and client.service_is_ready():
+                    with client.handle:
+                        asked[name] = client.handle.send_request(GetParameters.Request(names=[request["name"]]))
+                if name in asked and name not in values:
+                    with client.handle:
+                        header, answer = client.handle.take_response(GetParameters.Response)
+                    if header is not None and answer is not None:
+                        values[name] = _parameter(answer.values)
+            time.sleep(_POLL_S)
+        return {"values": values}
+
+    def close(self) -> None:
+        with suppress(Exception):
+            self._node.destroy_node()
+            rclpy.shutdown()
+
+
+def _ignore(_: Any) -> None:
+    """Ignore a message; messages are taken without callbacks."""
+
+
+def _taken(subscription: Any) -> Any:
+    with subscription.handle:
+        return subscription.handle.take_message(subscription.msg_type, False)
+
+
+def _full(name: str, space: str) -> str:
+    return f"{space.rstrip('/')}/{name}"
+
+
+def _profile(qos: Json) -> QoSProfile:
+    return QoSProfile(
+        depth=qos.get("depth", 10),
+        reliability=ReliabilityPolicy[qos.get("reliability", "reliable").upper()],
+        durability=DurabilityPolicy[qos.get("durability", "volatile").upper()],
+    )
+
+
+def _ends(found: Any) -> list[Json]:
+    """Return the nodes at one side of a topic, with the types and the QoS that they chose."""
+    return [
+        {
+            "node": _full(each.node_name, each.node_namespace),
+            "type": each.topic_type,
+            "reliability": each.qos_profile.reliability.name.lower(),
+            "durability": each.qos_profile.durability.name.lower(),
+        }
+        for each in found
+    ]
+
+
+def _parameter(values: Any) -> Any:
+    """Return the value of a parameter, if it is a bool; else None."""
+    return values[0].bool_value if values and values[0].type == 1 else None
+
+
+def _known_types(names: list[str]) -> list[str]:
+    """Return the types whose packages are installed."""
+    known = []
+    for name in names:
+        with suppress(ImportError, AttributeError):
+            _message_class(name)
+            known.append(name)
+    return known
+
+
+def main(descriptor: int) -> None:
+    """Answer requests until the parent closes its end."""
+    frames = _Frames(descriptor)
+    request, blob = frames.receive()
+    bridge = _Bridge(request)
+    about = {"rmw": get_rmw_implementation_identifier(), "distribution": os.environ.get("ROS_DISTRO", "")}
+    frames.send(about)
+    try:
+        while True:
+            request, blob = frames.receive()
+            kind = request["op"]
+            if kind == "publish":
+                bridge.publish(request, blob)
+            elif kind == "take":
+                frames.send(*bridge.take())
+            else:
+                frames.send(getattr(bridge, kind)(request))
+    except EOFError:
+        bridge.close()
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]))

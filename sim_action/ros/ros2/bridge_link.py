@@ -1,0 +1,210 @@
+"""The link to the bridge: frames of JSON and of arrays on a socket, and the process at its other end.
+
+A frame has the length of a JSON text, the text, the length of a blob, and the blob. An array of numbers is a part of
+the blob, and `{"$array": "f", "at": 0, "count": 360}` in the text. The requests, by their key `op`:
+
+- the first one: the name of its `node`; the answer has the RMW;
+- `types`: the answer has those of the `names` whose packages are installed;
+- `open`: creates more `publishers` and `subscriptions`, each with `topic`, `type` and `qos`;
+- `matched`: the answer has the number of ends that each publisher and each subscription is connected to;
+- `publish`: a `message` by the publisher with a `number`; it has no answer;
+- `take`: the answer has all `messages` since the last one, each with the number of its subscription;
+- `graph`: nodes, types of topics, and the ends of `topics`;
+- `parameters`: the value of a parameter `name` of `nodes`, as far as they answer `within` some s.
+"""
+
+from __future__ import annotations
+
+import json
+import socket
+import struct
+from array import array
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Final
+
+from sim_action.core.records import dataclass
+from sim_action.ros.ros2.messages import Message
+from sim_action.ros.ros2.node_processes import NodeProcess, ProcessFolder
+from sim_action.ros.ros2.quality import USUAL, Qos
+
+_BRIDGE: Final = Path(__file__).with_name("bridge.py")
+_NAME: Final = "sim_action"
+_LENGTH: Final = struct.Struct("!I")
+# Wall time for an answer: a loaded machine starts Python slowly.
+_MAX_ANSWER_S: Final = 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class Endpoint:
+    """A topic that the bridge publishes or subscribes to.
+
+    Attributes:
+        type: such as "nav_msgs/msg/Odometry".
+    """
+
+    topic: str
+    type: str
+    qos: Qos = USUAL
+
+
+@dataclass(frozen=True, slots=True)
+class TopicEnd:
+    """A node that publishes or subscribes to a topic, and how."""
+
+    node: str
+    type: str
+    reliability: str
+    durability: str
+
+
+@dataclass(frozen=True, slots=True)
+class Graph:
+    """The nodes that are up, as the bridge knows them.
+
+    Attributes:
+        nodes: full names, without the bridge.
+        types: topic -> its types.
+        publishers, subscriptions: topic -> its ends, without the bridge; only topics that were asked for.
+    """
+
+    nodes: tuple[str, ...]
+    types: Mapping[str, Sequence[str]]
+    publishers: Mapping[str, Sequence[TopicEnd]]
+    subscriptions: Mapping[str, Sequence[TopicEnd]]
+
+
+class BridgeEnded(Exception):
+    """The bridge does not answer any more."""
+
+
+class Bridge:
+    """The bridge as the simulation sees it."""
+
+    def __init__(self, python: Path, folder: ProcessFolder) -> None:
+        """Start the bridge, and return at once."""
+        self._socket, theirs = socket.socketpair()
+        self._socket.settimeout(_MAX_ANSWER_S)
+        with theirs:
+            # With -O, the setters of messages do not check each element of a list.
+            words = [str(python), "-O", str(_BRIDGE), str(theirs.fileno())]
+            self.process: NodeProcess = folder.start("bridge", words, kept=(theirs.fileno(),))
+        self._send({"node": _NAME})
+
+    def await_start(self) -> str:
+        """Wait until it is up, and return the RMW. Raises BridgeEnded."""
+        answer, _ = self._receive()
+        rmw: str = answer["rmw"]
+        return rmw
+
+    def known_types(self, names: Iterable[str]) -> frozenset[str]:
+        """Return those of the types whose packages are installed. Raises BridgeEnded."""
+        answer, _ = self._ask(op="types", names=list(names))
+        return frozenset(answer["types"])
+
+    def matched(self) -> tuple[list[int], list[int]]:
+        """Return the number of connected ends of each publisher, and of each subscription. Raises BridgeEnded."""
+        answer, _ = self._ask(op="matched")
+        return answer["publishers"], answer["subscriptions"]
+
+    def open(self, publishers: Iterable[Endpoint], subscriptions: Iterable[Endpoint]) -> None:
+        """Create publishers and subscriptions. Raises BridgeEnded."""
+        self._ask(op="open", publishers=list(map(_plain, publishers)), subscriptions=list(map(_plain, subscriptions)))
+
+    def publish(self, number: int, message: Message) -> None:
+        """Publish a message by the publisher with a number. Raises BridgeEnded."""
+        blob = bytearray()
+        self._send({"op": "publish", "number": number, "message": _packed(message, blob)}, bytes(blob))
+
+    def take(self) -> list[tuple[int, Message]]:
+        """Return the messages since the last call, each with the number of its subscription. Raises BridgeEnded."""
+        answer, blob = self._ask(op="take")
+        return [(number, _unpacked(message, blob)) for number, message in answer["messages"]]
+
+    def graph(self, topics: Iterable[str]) -> Graph:
+        """Return the nodes that are up, with the ends of some topics. Raises BridgeEnded."""
+        answer, _ = self._ask(op="graph", topics=list(topics))
+        own = f"/{_NAME}"
+        ends = (
+            {topic: [TopicEnd(**end) for end in found if end["node"] != own] for topic, found in answer[side].items()}
+            for side in ("publishers", "subscriptions")
+        )
+        return Graph(tuple(name for name in answer["nodes"] if name != own), answer["types"], *ends)
+
+    def parameters(self, nodes: Iterable[str], name: str, within: float) -> Mapping[str, bool | None]:
+        """Return a parameter of each node that answers within some s of wall time. Raises BridgeEnded."""
+        answer, _ = self._ask(op="parameters", nodes=list(nodes), name=name, within=within)
+        values: dict[str, bool | None] = answer["values"]
+        return values
+
+    def close(self) -> None:
+        """Close the socket, at which the bridge ends."""
+        self._socket.close()
+
+    def _ask(self, **request: Any) -> tuple[Any, bytes]:
+        self._send(request)
+        return self._receive()
+
+    def _send(self, request: Mapping[str, Any], blob: bytes = b"") -> None:
+        text = json.dumps(request).encode()
+        try:
+            self._socket.sendall(_LENGTH.pack(len(text)) + text + _LENGTH.pack(len(blob)) + blob)
+        except OSError as error:
+            raise BridgeEnded(str(error)) from None
+
+    def _receive(self) -> tuple[Any, bytes]:
+        return json.loads(self._part()), self._part()
+
+    def _part(self) -> bytes:
+        (length,) = _LENGTH.unpack(self._exactly(_LENGTH.size))
+        return self._exactly(length)
+
+    def _exactly(self, count: int) -> bytes:
+        parts, left = [], count
+        while left:
+            part = b""
+            with suppress(ConnectionError):
+                try:
+                    part = self._socket.recv(left)
+                except TimeoutError:
+                    raise BridgeEnded(f"no answer within {_MAX_ANSWER_S:g} s of wall time") from None
+            if not part:
+                raise BridgeEnded("it ended")
+            parts.append(part)
+            left -= len(part)
+        return b"".join(parts)
+
+
+def _plain(endpoint: Endpoint) -> dict[str, Any]:
+    return {"topic": endpoint.topic, "type": endpoint.type, "qos": endpoint.qos.as_dict()}
+
+
+def _packed(value: Any, blob: bytearray) -> Any:
+    """Return plain data for JSON; arrays of numbers go into the blob."""
+    if isinstance(value, dict):
+        return {key: _packed(each, blob) for key, each in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_packed(each, blob) for each in value]
+    if isinstance(value, array):
+        return _part(value.typecode, len(value), value.tobytes(), blob)
+    if isinstance(value, bytes):
+        return _part("B", len(value), value, blob)
+    return value
+
+
+def _part(code: str, count: int, content: bytes, blob: bytearray) -> dict[str, Any]:
+    at = len(blob)
+    blob += content
+    return {"$array": code, "at": at, "count": count}
+
+
+def _unpacked(value: Any, blob: bytes) -> Any:
+    """Return plain data with the arrays of a blob."""
+    if isinstance(value, dict):
+        if "$array" in value:
+            numbers = array(value["$array"])
+            numbers.frombytes(blob[value["at"] : value["at"] + value["count"] * numbers.itemsize])
+            return numbers
+        return {key: _unpacked(each, blob) for key, each in value.items()}
+    return [_unpacked(each, blob) for each in value] if isinstance(value, list) else value

@@ -1,0 +1,126 @@
+"""The processes of nodes and of the bridge: started in groups of their own, watched, and ended.
+
+The output of each goes to a file. A pipe that is full would put a node to sleep although it has work left.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+
+from sim_action.core.errors import ScriptError
+
+# The wall time that nodes get to save something after SIGINT, and after SIGTERM.
+_SIGINT_WAIT_S: Final = 2.0
+_SIGTERM_WAIT_S: Final = 0.5
+_POLL_S: Final = 0.005
+_STANDARD_OUTPUT: Final = 1
+# The output that is kept for messages, and the size of a file from which on it is emptied after it was forwarded.
+_MAX_KEPT_BYTES: Final = 100_000
+_MAX_FILE_BYTES: Final = 10_000_000
+
+
+class NodeProcess:
+    """A running program and its output."""
+
+    def __init__(self, label: str, process: subprocess.Popen[bytes], output: Path) -> None:
+        self.label = label
+        self._process = process
+        self._output = output.open("rb")
+        self._path = output
+        self._kept = b""
+
+    @property
+    def pid(self) -> int:
+        """The id of the process."""
+        return self._process.pid
+
+    def exit_code(self) -> int | None:
+        """Return the exit code once it has ended, negative for a signal; else None."""
+        return self._process.poll()
+
+    def text(self) -> str:
+        """Return the end of all output so far."""
+        self.forward()
+        return self._kept.decode("utf-8", errors="replace")
+
+    def forward(self) -> None:
+        """Write new output to our standard output. Call it while the process waits."""
+        while data := self._output.read(1 << 20):
+            self._kept = (self._kept + data)[-_MAX_KEPT_BYTES:]
+            with suppress(OSError):
+                _write_all(_STANDARD_OUTPUT, data)
+        if self._output.tell() > _MAX_FILE_BYTES:
+            os.truncate(self._path, 0)
+            self._output.seek(0)
+
+    def signal_group(self, number: signal.Signals) -> None:
+        """Send a signal to the process and to all that it has started in its group."""
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(self.pid, number)
+
+    def close(self) -> None:
+        """Kill what is left of the group, reap the process, and forward its last output."""
+        self.signal_group(signal.SIGKILL)
+        self._process.wait()
+        self.forward()
+        self._output.close()
+
+
+class ProcessFolder:
+    """A scratch folder in which processes of one run are started, all with the same environment."""
+
+    def __init__(self, working_directory: Path, environment: Mapping[str, str]) -> None:
+        self._scratch = tempfile.TemporaryDirectory(prefix="sim-action-ros2-")
+        self._working_directory = working_directory
+        self.path = Path(self._scratch.name)
+        self.environment = dict(environment)
+        self._started: list[NodeProcess] = []
+
+    def start(self, label: str, words: Sequence[str], *, kept: Sequence[int] = ()) -> NodeProcess:
+        """Start a program; `kept`: descriptors that it inherits. Raise ScriptError."""
+        output = self.path / f"output-{len(self._started)}.txt"
+        with output.open("ab") as file:
+            try:
+                process = subprocess.Popen(  # noqa: S603 - what the user asks for; no shell is used
+                    words,
+                    cwd=self._working_directory,
+                    env=self.environment,
+                    stdin=subprocess.DEVNULL,
+                    stdout=file,
+                    stderr=subprocess.STDOUT,
+                    pass_fds=kept,
+                    process_group=0,
+                )
+            except OSError as error:
+                raise ScriptError(f"'{label}' could not be started: {error.strerror}: {words[0]}") from None
+        self._started.append(NodeProcess(label, process, output))
+        return self._started[-1]
+
+    def close(self) -> None:
+        """End all processes: interrupt them, wait a moment, terminate them, and kill the rest."""
+        for number, wait_s in ((signal.SIGINT, _SIGINT_WAIT_S), (signal.SIGTERM, _SIGTERM_WAIT_S)):
+            for process in self._started:
+                if process.exit_code() is None:
+                    process.signal_group(number)
+            self._await_ends(wait_s)
+        for process in self._started:
+            process.close()
+        self._scratch.cleanup()
+
+    def _await_ends(self, seconds: float) -> None:
+        deadline = time.monotonic() + seconds
+        while any(process.exit_code() is None for process in self._started) and time.monotonic() < deadline:
+            time.sleep(_POLL_S)
+
+
+def _write_all(descriptor: int, data: bytes) -> None:
+    while data:
+        data = data[os.write(descriptor, data) :]

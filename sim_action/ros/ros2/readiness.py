@@ -1,0 +1,97 @@
+"""The wait for nodes at the start: sim time begins when all of them are up and know each other.
+
+A node whose publishers are known may still not spin, so each must answer a question. At t = 0, no node has lost a
+message because another one was not connected yet.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Final
+
+from sim_action.ros.ros2.bridge_link import Bridge, Endpoint, Graph
+from sim_action.ros.ros2.lockstep import Node, clock_of
+
+_USE_SIM_TIME: Final = "use_sim_time"
+_POLL_S: Final = 0.01
+# The wall time of one question, during which ended processes go unnoticed.
+_ASK_S: Final = 0.2
+# The wall time without a change after which all participants know each other: some announcements of each.
+_CALM_S: Final = 0.1
+# The wall time that connections may take.
+_MAX_CONNECTION_S: Final = 3.0
+
+
+class Readiness:
+    """The wait for all nodes.
+
+    Attributes:
+        ignoring: reasons why nodes do not follow sim time.
+    """
+
+    def __init__(
+        self, bridge: Bridge, nodes: Sequence[Node], refuse_ended: Callable[[], None], start_within: float
+    ) -> None:
+        """Prepare the wait.
+
+        :param refuse_ended: raises the error of a node that has failed.
+        :param start_within: s of wall time that nodes may take.
+        """
+        self._bridge, self._nodes, self._refuse_ended = bridge, nodes, refuse_ended
+        self._start_within = start_within
+        self._deadline = time.monotonic() + start_within
+        self._clocks = {clock_of(node.number): node for node in nodes}
+        self.ignoring: list[str] = []
+
+    def await_clocks(self) -> None:
+        """Wait until each process listens to its clock, or is late. Raise ScriptError, BridgeEnded."""
+        while True:
+            self._refuse_ended()
+            graph = self._bridge.graph(self._clocks)
+            deaf = [node for topic, node in self._clocks.items() if not graph.subscriptions[topic]]
+            deaf = [node for node in deaf if node.process.exit_code() is None]
+            if not deaf:
+                return
+            if time.monotonic() > self._deadline:
+                within = f"within {self._start_within:g} s of wall time"
+                self.ignoring += [
+                    f"the node '{node.process.label}' did not subscribe to its clock {within}" for node in deaf
+                ]
+                return
+            time.sleep(_POLL_S)
+
+    def await_answers(self) -> None:
+        """Wait until each node answers, or is late. Raise ScriptError, BridgeEnded."""
+        values: dict[str, bool | None] = {}
+        while left := [name for name in self._bridge.graph(()).nodes if name not in values]:
+            self._refuse_ended()
+            values |= self._bridge.parameters(left, _USE_SIM_TIME, _ASK_S)
+            if time.monotonic() > self._deadline:
+                break
+        silent = (name for name in self._bridge.graph(()).nodes if name not in values)
+        self.ignoring += [f"the node '{name}' did not answer {name}/get_parameters" for name in silent]
+        on_wall_time = (name for name, value in values.items() if value is False)
+        self.ignoring += [f"the node '{name}' has set use_sim_time to false" for name in on_wall_time]
+
+    def await_connections(self, published: Sequence[Endpoint], heard: Sequence[Endpoint]) -> None:
+        """Wait until the bridge is connected to all nodes, and the graph has not changed for a while.
+
+        Ends that cannot connect, because their type or their QoS differs, delay the start. Raise ScriptError,
+        BridgeEnded.
+        """
+        before: Graph | None = None
+        calm_since = time.monotonic()
+        late = min(self._deadline, calm_since + _MAX_CONNECTION_S)
+        while time.monotonic() < calm_since + _CALM_S:
+            self._refuse_ended()
+            graph = self._bridge.graph({end.topic for end in (*published, *heard)})
+            publishers, subscriptions = self._bridge.matched()
+            ours = zip(published, publishers, strict=True)
+            theirs = zip(heard, subscriptions, strict=True)
+            is_connected = all(count >= len(graph.subscriptions[end.topic]) for end, count in ours) and all(
+                count >= len(graph.publishers[end.topic]) for end, count in theirs
+            )
+            if graph != before or not (is_connected or time.monotonic() > late):
+                before, calm_since = graph, time.monotonic()
+            time.sleep(_POLL_S)

@@ -1,0 +1,108 @@
+"""Nodes of ROS 2 as commands: `ros2: {nodes: [package/executable]}`."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar, Final, Literal
+
+from pydantic import Field
+
+from sim_action.commands import CommandSource, Controller
+from sim_action.core.field_types import FrozenModel, NamesFile, PositiveHertz, PositiveSeconds
+from sim_action.core.workspace import Workspace
+from sim_action.core.yaml_errors import SpecProblems
+from sim_action.ros.ros2.node_spec import GraphName, NodeSpec
+from sim_action.world.scene import Scene
+
+# In s: as long as anybody can mean.
+_MAX_START_S: Final = 86_400
+
+
+class Ros2Nodes(FrozenModel):
+    """The nodes to start, and the names of the robot's topics."""
+
+    nodes: Annotated[
+        tuple[NodeSpec, ...] | None,
+        Field(
+            min_length=1, description="list of nodes; each is package/executable, a file such as ./mover.py, or a map"
+        ),
+    ] = None
+    workspace: Annotated[
+        str | None,
+        NamesFile(),
+        Field(
+            min_length=1,
+            description="folder of the workspace, or its install folder; default: the nearest one around the scenario, "
+            "else its repository",
+        ),
+    ] = None
+    topics: Annotated[
+        dict[str, GraphName],
+        Field(description="cmd_vel, odom, joint_states, or the name of a sensor -> topic name"),
+    ] = Field(default_factory=dict)
+    start_within: Annotated[
+        PositiveSeconds,
+        Field(le=_MAX_START_S, description="wall time that nodes may take to start; sim time waits for them"),
+    ] = 20.0
+    pace: Annotated[
+        Literal["lockstep", "realtime"],
+        Field(
+            description="lockstep: sim time waits for the nodes, and every run is the same; realtime: sim time follows "
+            "the wall clock, for nodes that must"
+        ),
+    ] = "lockstep"
+
+    @property
+    def launch(self) -> tuple[str, ...] | None:
+        """The launch file; nodes are only listed yet."""
+        return None
+
+
+class Ros2Commands(CommandSource):
+    """Drives the robot by unmodified nodes of ROS 2: real rclpy and Fast DDS, without Gazebo.
+
+    Each node of the list is `package/executable`, a file such as `./mover.py`, or a map of `package` and `executable`
+    or `file`, `name`, `namespace`, `args`, `parameters`, `remap` and `required`. Packages are found in `workspace`. A
+    `geometry_msgs/Twist` or `TwistStamped` on `/cmd_vel` drives the robot, and holds until the next one. The nodes can
+    subscribe to `/clock`, published at `rate`, to `/odom`, `/tf`, `/joint_states` and `/robot_description`, and to the
+    sensors of the scenario. `topics` sets other topics: `topics: {cmd_vel: /diff_cont/cmd_vel}`.
+
+    Sim time starts at 0 when all nodes are up and connected to each other; `use_sim_time` is set. From then on, it goes
+    on only when every node has handled all messages that it received, and nodes hear of the time one after the other.
+    So every run is the same, as fast as the nodes can follow. A node that does not follow sim time, or that is still
+    busy after 10 s of wall time, is named in a warning: the run is then not reproducible. `pace: realtime` lets nodes
+    run by the wall clock.
+
+    A node that ends with an exit code other than 0 or by a signal is an error, and so is any end of a required node.
+    Nodes are user code, as scripts are: they run with the rights of the job and the same environment variables as
+    scripts, each within `memory_limit`, and are refused where scripts are refused.
+    """
+
+    runs_user_code: ClassVar[bool] = True
+
+    ros2: Annotated[Ros2Nodes, Field(description="list of nodes")]
+    rate: Annotated[PositiveHertz, Field(description="rate of /clock, and of reading commands")] = 100.0
+
+    def problems(self, workspace: Workspace) -> SpecProblems:
+        """See CommandSource.problems. This starts nothing and works without ROS 2."""
+        from sim_action.ros.ros2.file_problems import file_problems
+
+        return ((("ros2", *path), message) for path, message in file_problems(self.ros2, workspace))
+
+    @property
+    def unchecked(self) -> tuple[str, ...]:
+        """See CommandSource.unchecked."""
+        from sim_action.ros.ros2.file_problems import unchecked
+
+        return unchecked(self.ros2)
+
+    def model_problems(self, scene: Scene) -> SpecProblems:
+        """See CommandSource.model_problems: problems of the topics."""
+        from sim_action.ros.ros2.topics import topic_problems
+
+        return ((("ros2", "topics", *path), message) for path, message in topic_problems(scene, self.ros2.topics))
+
+    def open(self, scene: Scene) -> Controller:
+        """See CommandSource.open. Raises SourceProblem if ROS 2 is not installed, ScriptError."""
+        from sim_action.ros.ros2.driven_nodes import open_nodes
+
+        return open_nodes(self, scene)

@@ -1,0 +1,103 @@
+"""The start of the nodes that a scenario lists: their environment, their command lines, and errors of ended ones."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import yaml
+
+from sim_action.core.errors import ScriptError, SourceProblem
+from sim_action.core.wording import escaped_line
+from sim_action.core.workspace import PathError
+from sim_action.ros.ros1.verdicts.launch_output import signal_name, traceback_location
+from sim_action.ros.ros2.installation import RMW, Ros2
+from sim_action.ros.ros2.lockstep import CLOCK, Node, clock_of
+from sim_action.ros.ros2.node_processes import NodeProcess, ProcessFolder
+from sim_action.ros.ros2.packages import Packages, command_of, workspace_of
+
+if TYPE_CHECKING:
+    from sim_action.core.workspace import Workspace
+    from sim_action.ros.ros2.domain import Domain
+    from sim_action.ros.ros2.node_spec import NodeSpec
+    from sim_action.ros.ros2.spec import Ros2Nodes
+
+_PROFILE: Final = Path(__file__).with_name("discovery.xml")
+_TRACEBACK: Final = "Traceback (most recent call last)"
+_MAX_DETAILS_CHARS: Final = 4_000
+
+
+def scratch_of(domain: Domain, workspace: Workspace) -> ProcessFolder:
+    """Return the folder in which all processes of a run are started, with what is common to their environments."""
+    variables = {
+        "ROS_DOMAIN_ID": str(domain.number),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "RMW_IMPLEMENTATION": RMW,
+        # Shared memory cannot be observed.
+        "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4",
+        "FASTRTPS_DEFAULT_PROFILES_FILE": str(_PROFILE),
+        "FASTDDS_DEFAULT_PROFILES_FILE": str(_PROFILE),
+        # What nodes print is in their files at once.
+        "PYTHONUNBUFFERED": "1",
+        "RCUTILS_COLORIZED_OUTPUT": "0",
+    }
+    folder = ProcessFolder(workspace.directory, {**os.environ, **variables})
+    folder.environment["ROS_LOG_DIR"] = str(folder.path / "log")
+    return folder
+
+
+def set_up_packages(spec: Ros2Nodes, ros: Ros2, workspace: Workspace, folder: ProcessFolder) -> Packages:
+    """Return the packages of a scenario, and add their variables to the environment. Raise SourceProblem."""
+    try:
+        packages = Packages.around(workspace_of(spec.workspace, workspace), ros)
+    except PathError as error:
+        raise SourceProblem(str(error), "ros2") from None
+    common = dict(folder.environment)
+    folder.environment |= packages.set_up(folder.path)
+    folder.environment |= {name: common[name] for name in ("RMW_IMPLEMENTATION", "ROS_DOMAIN_ID")}
+    return packages
+
+
+def start_node(node: NodeSpec, number: int, packages: Packages, workspace: Workspace, folder: ProcessFolder) -> Node:
+    """Start a node with a clock of its own. Raise SourceProblem, ScriptError."""
+    assert packages.ros is not None
+    try:
+        if node.file is not None:
+            command = command_of(workspace.file(node.file), packages.ros.python)
+        else:
+            command = packages.command(node.package or "", node.executable or "", folder.path)
+    except PathError as error:
+        raise SourceProblem(str(error), "ros2") from None
+    words = [*command, *node.arguments, "--ros-args"]
+    named = {"__node": node.name, "__ns": node.namespace and f"/{node.namespace.strip('/')}"}
+    for name, other in {**named, **node.remap, CLOCK: clock_of(number)}.items():
+        words += ["-r", f"{name}:={other}"] if other else []
+    if node.parameters:
+        path = folder.path / f"parameters-{number}.yaml"
+        path.write_text(yaml.safe_dump({"/**": {"ros__parameters": _plain(node.parameters)}}), encoding="utf-8")
+        words += ["--params-file", str(path)]
+    process = folder.start(node.called, [*words, "-p", "use_sim_time:=true"])
+    return Node(number, process, required=node.required)
+
+
+def node_error(process: NodeProcess, code: int, directory: Path) -> ScriptError:
+    """Return the error for a node that has ended; `directory`: that of the user's code."""
+    text = process.text()
+    how = "finished during the run, and it is required"
+    if code:
+        how = f"ended with {f'exit code {code}' if code > 0 else signal_name(-code)}"
+    traceback = text[text.rfind(_TRACEBACK) :] if code and _TRACEBACK in text else ""
+    said = f": {traceback.strip().splitlines()[-1]}" if traceback else ""
+    error = ScriptError(
+        escaped_line(f"the node '{process.label}' {how}{said}"), details=text.strip("\n")[-_MAX_DETAILS_CHARS:]
+    )
+    error.location = traceback_location(traceback, directory)
+    return error
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, Mapping):
+        return {key: _plain(each) for key, each in value.items()}
+    return [_plain(each) for each in value] if isinstance(value, (list, tuple)) else value
