@@ -51,6 +51,7 @@ from sim_action.drives.diff import DiffDrive
 from sim_action.drives.mecanum import MecanumDrive
 from sim_action.drives.skid import SkidSteer
 from sim_action.ros.ros1.command_source.spec import RosCommands
+from sim_action.ros.ros2.spec import Ros2Commands
 from sim_action.scenario.model import DrivenRobot
 from sim_action.sensors.camera import Camera
 from sim_action.sensors.contact import ContactSensor

@@ -216,7 +216,7 @@ class _Bridge:
         publisher, kind, name = self._publishers[request["number"]]
         publisher.publish(_filled(kind, name, request["message"], blob))
 
-    def take(self) -> tuple[Json, bytes]:
+    def take(self, request: Json) -> tuple[Json, bytes]:
         """Return all messages since the last time, by the time of their arrival."""
         found, plain = [], _Plain()
         for number, subscription in enumerate(self._subscriptions):
@@ -224,7 +224,8 @@ class _Bridge:
                 message, info = taken
                 found.append((info.get("received_timestamp", 0), number, plain.of(message)))
         found.sort(key=lambda each: each[:2])
-        return {"messages": [each[1:] for each in found]}, bytes(plain.blob)
+        clocks = [publisher.get_subscription_count() for publisher, _, _ in self._publishers[: request["clocks"]]]
+        return {"messages": [each[1:] for each in found], "clocks": clocks}, bytes(plain.blob)
 
     def graph(self, request: Json) -> Json:
         """Return the names of nodes, and who publishes and subscribes to topics."""
@@ -330,7 +331,7 @@ def main(descriptor: int) -> None:
             if kind == "publish":
                 bridge.publish(request, blob)
             elif kind == "take":
-                frames.send(*bridge.take())
+                frames.send(*bridge.take(request))
             else:
                 frames.send(getattr(bridge, kind)(request))
     except EOFError:

@@ -8,7 +8,8 @@ the blob, and `{"$array": "f", "at": 0, "count": 360}` in the text. The requests
 - `open`: creates more `publishers` and `subscriptions`, each with `topic`, `type` and `qos`;
 - `matched`: the answer has the number of ends that each publisher and each subscription is connected to;
 - `publish`: a `message` by the publisher with a `number`; it has no answer;
-- `take`: the answer has all `messages` since the last one, each with the number of its subscription;
+- `take`: the answer has all `messages` since the last one, each with the number of its subscription, and the number of
+  ends of the first publishers, as many as it says in `clocks`;
 - `graph`: nodes, types of topics, and the ends of `topics`;
 - `parameters`: the value of a parameter `name` of `nodes`, as far as they answer `within` some s.
 """
@@ -117,10 +118,13 @@ class Bridge:
         blob = bytearray()
         self._send({"op": "publish", "number": number, "message": _packed(message, blob)}, bytes(blob))
 
-    def take(self) -> list[tuple[int, Message]]:
-        """Return the messages since the last call, each with the number of its subscription. Raises BridgeEnded."""
-        answer, blob = self._ask(op="take")
-        return [(number, _unpacked(message, blob)) for number, message in answer["messages"]]
+    def take(self, clocks: int) -> tuple[list[tuple[int, Message]], list[int]]:
+        """Return the messages since the last call, each with the number of its subscription. Raises BridgeEnded.
+
+        The second list has the number of subscriptions of each of the first publishers, `clocks` of them.
+        """
+        answer, blob = self._ask(op="take", clocks=clocks)
+        return [(number, _unpacked(message, blob)) for number, message in answer["messages"]], answer["clocks"]
 
     def graph(self, topics: Iterable[str]) -> Graph:
         """Return the nodes that are up, with the ends of some topics. Raises BridgeEnded."""

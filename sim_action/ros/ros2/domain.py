@@ -1,4 +1,4 @@
-"""The domain of a run: an own ROS_DOMAIN_ID, so that parallel scenarios and other ROS systems do not hear each other."""
+"""The domain of a run: an own ROS_DOMAIN_ID, so that parallel scenarios do not hear each other."""
 
 from __future__ import annotations
 

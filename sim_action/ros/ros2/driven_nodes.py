@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 _KEY: Final = "ros2"
 _DESCRIPTION: Final = "/robot_description"
+# The wall time that a node may take to end after it has left the graph.
+_MAX_LEAVE_S: Final = 5.0
 _REALTIME: Final = "with pace: realtime, nodes run by the wall clock"
 
 
@@ -88,11 +90,11 @@ class DrivenNodes:
         """Publish a moment, let the nodes handle it, and return the last command. Raise ScriptError."""
         try:
             self._publish(seen)
-            received = self._bridge.take()
+            received, listeners = self._bridge.take(len(self._nodes))
         except BridgeEnded as error:
             self._refuse_ended()
             raise self._bridge_error(error) from None
-        self._refuse_ended()
+        self._await_leaving(listeners)
         for number, message in received:
             topic, node = self._senders[number]
             self.transcript.add(seen.time, topic, _bytes_of(message))
@@ -120,7 +122,7 @@ class DrivenNodes:
         else:
             self._lockstep.settle(0.0)
         # Commands from before the start arrive or not, depending on which node came up first.
-        self._bridge.take()
+        _, self._listeners = self._bridge.take(len(self._nodes))
 
     def _open_topics(self, first: int) -> None:
         """Open the topics of the robot; `first`: number of the first publisher."""
@@ -172,6 +174,18 @@ class DrivenNodes:
         if self._started_at is None:
             self._started_at = now - seconds
         time.sleep(max(0.0, self._started_at + seconds - now))
+
+    def _await_leaving(self, listeners: list[int]) -> None:
+        """Hold sim time while a node ends: it leaves the graph first, and then ends by the wall clock.
+
+        Raise ScriptError if a node has failed.
+        """
+        if listeners != self._listeners:
+            for node, before, now in zip(self._nodes, self._listeners, listeners, strict=True):
+                if now < before:
+                    node.process.await_end(_MAX_LEAVE_S)
+            self._listeners = listeners
+        self._refuse_ended()
 
     def _refuse_ended(self) -> None:
         """Raise ScriptError if a node has failed, or a required one has finished."""

@@ -46,6 +46,11 @@ class NodeProcess:
         """Return the exit code once it has ended, negative for a signal; else None."""
         return self._process.poll()
 
+    def await_end(self, seconds: float) -> None:
+        """Wait until it has ended, for at most some s of wall time."""
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(seconds)
+
     def text(self) -> str:
         """Return the end of all output so far."""
         self.forward()

@@ -1,0 +1,70 @@
+"""Scenarios that real nodes of ROS 2 drive, in lock-step."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.ros.ros2.nodes import MOVER, SMOOTHER, needs_ros2, outcomes, scenario
+
+pytestmark = needs_ros2
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_the_same_result_every_time(tmp_path: Path, jobs: int) -> None:
+    (tmp_path / "mover.py").write_text(MOVER)
+    (tmp_path / "planner.py").write_text(MOVER.replace('"cmd_vel"', '"cmd_raw"'))
+    (tmp_path / "smoother.py").write_text(SMOOTHER)
+    nodes = {"one": "[./mover.py]", "chain": "[./planner.py, ./smoother.py]"}
+    digests = dict[str, set[str]]()
+    for name, listed in nodes.items():
+        for number in "12":
+            scenario(tmp_path, f"{name}{number}", f"{{nodes: {listed}}}")
+    for name, outcome in outcomes(tmp_path, ".", "--jobs", str(jobs)).items():
+        assert (outcome["status"], outcome["warnings"]) == ("passed", []), outcome
+        assert outcome["travelled"] > 0.5
+        digests.setdefault(name[:-1], set()).add(outcome["digest"])
+    assert {name: len(found) for name, found in digests.items()} == {"one": 1, "chain": 1}
+
+
+FAILING = """\
+import rclpy
+from rclpy.node import Node
+
+
+class Failing(Node):
+    def __init__(self):
+        super().__init__("failing")
+        self.create_timer(0.5, self.on_timer)
+
+    def on_timer(self):
+        raise ValueError("no plan")
+
+
+rclpy.init()
+rclpy.spin(Failing())
+"""
+
+
+def test_a_node_that_raises_or_ends_is_named(tmp_path: Path) -> None:
+    endings = {"dies": "os._exit(3)", "killed": "os.kill(os.getpid(), 9)", "leaves": "os._exit(0)"}
+    (tmp_path / "failing.py").write_text(FAILING)
+    for name, ending in endings.items():
+        text = FAILING.replace('raise ValueError("no plan")', ending)
+        (tmp_path / f"{name}.py").write_text(f"import os\n{text}")
+    scenario(tmp_path, "raises", "{nodes: [./failing.py]}")
+    scenario(tmp_path, "dies", "{nodes: [./dies.py]}")
+    scenario(tmp_path, "killed", "{nodes: [./killed.py]}")
+    scenario(tmp_path, "leaves", "{nodes: [{file: ./leaves.py, required: true}]}")
+    found = outcomes(tmp_path, ".")
+    told = {
+        name: (outcome["failures"][0]["message"], (outcome["failures"][0]["location"] or {}).get("line"))
+        for name, outcome in found.items()
+    }
+    assert told == {
+        "raises": ("at 0.5 s of sim time, the node 'failing' ended with exit code 1: ValueError: no plan", 11),
+        "dies": ("at 0.5 s of sim time, the node 'dies' ended with exit code 3", 5),
+        "killed": ("at 0.5 s of sim time, the node 'killed' ended with SIGKILL", 5),
+        "leaves": ("at 0.5 s of sim time, the node 'leaves' finished during the run, and it is required", 5),
+    }

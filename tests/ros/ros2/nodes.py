@@ -1,0 +1,120 @@
+"""Scenarios with real nodes of ROS 2: where ROS 2 comes from, nodes to drive robots with, and their runs."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+from typing import Any, Final
+
+import pytest
+
+from sim_action.core.errors import UsageError
+from sim_action.ros.ros2.installation import PYTHON_VARIABLE, find_ros
+
+ROOT: Final = Path(__file__).parents[3]
+WHEELS: Final = ROOT / ".venv/ros2/bin/python"
+"""The Python with the wheels of ROS 2 that `make test` installs."""
+
+
+def variables() -> dict[str, str]:
+    """Return the environment of commands: with the wheels, unless the variable names another Python."""
+    stated = os.environ.get(PYTHON_VARIABLE) or (str(WHEELS) if WHEELS.exists() else "")
+    return {**os.environ, "PYTHONPATH": str(ROOT), **({PYTHON_VARIABLE: stated} if stated else {})}
+
+
+@cache
+def missing_ros() -> str:
+    """Why nodes cannot run here; empty if they can."""
+    if sys.platform != "linux":
+        return "nodes are watched by Linux's /proc"
+    try:
+        find_ros(variables())
+    except UsageError as error:
+        return str(error)
+    return ""
+
+
+needs_ros2 = pytest.mark.skipif(bool(missing_ros()), reason=missing_ros())
+
+MOVER: Final = """\
+import rclpy
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
+
+
+class Mover(Node):
+    def __init__(self):
+        super().__init__("mover")
+        self.x = 0.0
+        self.publisher = self.create_publisher(Twist, "cmd_vel", 10)
+        self.create_subscription(Odometry, "odom", self.on_odometry, 10)
+        self.create_timer(0.1, self.on_timer)
+
+    def on_odometry(self, message):
+        self.x = message.pose.pose.position.x
+
+    def on_timer(self):
+        twist = Twist()
+        twist.linear.x = max(0.0, min(1.0, 2.0 * (1.0 - self.x)))
+        self.publisher.publish(twist)
+
+
+rclpy.init()
+rclpy.spin(Mover())
+"""
+"""Drives 1 m, in a loop closed by odometry."""
+
+SMOOTHER: Final = """\
+import rclpy
+from geometry_msgs.msg import Twist
+from rclpy.node import Node
+
+
+class Smoother(Node):
+    def __init__(self):
+        super().__init__("smoother")
+        self.speed = self.target = 0.0
+        self.publisher = self.create_publisher(Twist, "cmd_vel", 10)
+        self.create_subscription(Twist, "cmd_raw", self.on_command, 10)
+        self.create_timer(0.02, self.on_timer)
+
+    def on_command(self, message):
+        self.target = message.linear.x
+
+    def on_timer(self):
+        self.speed += 0.2 * (self.target - self.speed)
+        twist = Twist()
+        twist.linear.x = self.speed
+        self.publisher.publish(twist)
+
+
+rclpy.init()
+rclpy.spin(Smoother())
+"""
+"""Follows the commands of another node slowly; at some ticks, the timers of both are due."""
+
+
+def scenario(folder: Path, name: str, ros2: str, more: str = "", seconds: float = 2.0) -> None:
+    """Write a scenario of a robot that nodes drive."""
+    text = f"name: {name}\nrobot: {{model: turtlebot3_burger}}\nphysics: {{rate: 200 Hz}}\ncommands:\n  ros2: {ros2}\n"
+    more = more or "expect:\n  - path_length: {at_most: 100 m}\n"
+    (folder / f"{name}.sim.yml").write_text(f"{text}{more}time_limit: {seconds} s\n", encoding="utf-8")
+
+
+def run(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    """Run scenarios as typed in a folder."""
+    command = [sys.executable, "-m", "sim_action", "run", *words]
+    return subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder, env=variables())
+
+
+def outcomes(folder: Path, *words: str) -> dict[str, dict[str, Any]]:
+    """Run scenarios, and return their outcomes by their names."""
+    done = run(folder, *words)
+    results = folder / "sim-results/results.json"
+    assert results.exists(), done.stdout + done.stderr
+    return {outcome["name"]: outcome for outcome in json.loads(results.read_text(encoding="utf-8"))["outcomes"]}
