@@ -14,6 +14,8 @@ from collections.abc import Generator, Iterator
 import pytest
 
 from sim_action.engines import installed
+from sim_action.ros.ros2.installation import PYTHON_VARIABLE
+from tests.ros.ros2.nodes import WHEELS
 
 pytest_plugins = ["pytester", "tests.soak", "tests.child_processes", "tests.balance", "tests.reached_assertions"]
 
@@ -23,9 +25,11 @@ _M_ARENA_MAX = -8
 
 @pytest.fixture(autouse=True, scope="session")
 def cache_of_the_session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """What is kept between runs is not the user's."""
+    """What is kept between runs is not the user's, and ROS 2 is the one of `make test`."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+        if WHEELS.exists() and PYTHON_VARIABLE not in os.environ:
+            patch.setenv(PYTHON_VARIABLE, str(WHEELS))
         yield
 
 

@@ -36,8 +36,8 @@ MAX_PAGE_LINES = 600
 
 
 def with_marker(path: Path, *parameters: Any) -> Any:
-    """Parameters of a test that loads a scenario: where nodes of ROS 1 drive, a process looks for them."""
-    drives = "  ros1:" in path.read_text(encoding="utf-8")
+    """Parameters of a test that loads a scenario: where nodes of ROS drive, a process looks for them."""
+    drives = re.search(r"  ros[12]:", path.read_text(encoding="utf-8")) is not None
     return pytest.param(*parameters, marks=[pytest.mark.process] if drives else [], id="-".join(map(str, parameters)))
 
 

@@ -140,6 +140,14 @@ class CommandSource(Transmission):
         """Return the controller. Raises RunError, or SourceProblem for problems that only running can show."""
 
 
+def fitting_rate(rate: float, physics_rate: float) -> float:
+    """Return the lowest rate in Hz that is not below `rate` and divides that of the physics."""
+    most = max(1, int(physics_rate / rate))
+    # A rate in whole Hz has its ticks at round times.
+    whole = (steps for steps in range(most, most // 2, -1) if physics_rate % steps == 0)
+    return physics_rate / next(whole, most)
+
+
 class LinkCommands(CommandSource):
     """The base class of sources that command a link at a higher rate: its commands change smoothly.
 
@@ -158,10 +166,7 @@ class LinkCommands(CommandSource):
         """See CommandSource.fitted."""
         if "rate" in self.model_fields_set:
             return self
-        most = max(1, int(physics_rate / self.rate))
-        # A rate in whole Hz has its ticks at round times.
-        whole = (steps for steps in range(most, most // 2, -1) if physics_rate % steps == 0)
-        rate = physics_rate / next(whole, most)
+        rate = fitting_rate(self.rate, physics_rate)
         return self if rate == self.rate else self.model_copy(update={"rate": rate})
 
 

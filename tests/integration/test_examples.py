@@ -16,13 +16,15 @@ from tests import examples
 from tests.integration.conftest import fresh_sim_action
 from tests.integration.conftest import sim_action as warm_sim_action
 from tests.ros.ros1.launches import missing_ros
+from tests.ros.ros2.nodes import missing_ros as missing_ros2
 
 ROOT = Path(__file__).parents[2]
 
 
 def can_run(text: str) -> bool:
-    """Where ROS 1 or a compiler is not, what needs them cannot be run."""
-    return not (missing_ros() and "  ros1:" in text) and not (shutil.which("cc") is None and "- cc " in text)
+    """Where ROS or a compiler is not, what needs them cannot be run."""
+    missing = [key for key, why in (("ros1", missing_ros()), ("ros2", missing_ros2())) if why]
+    return not any(f"  {key}:" in text for key in missing) and not (shutil.which("cc") is None and "- cc " in text)
 
 
 EXAMPLES = [path for path in examples.EXAMPLES if can_run(path.read_text(encoding="utf-8"))]

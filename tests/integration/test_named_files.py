@@ -41,7 +41,7 @@ for file in sorted(Path("examples").rglob("*.sim.yml")):
         loaded = checked(source, Permissions(), Libraries(), evaluate=True)
         build_scene(loaded)
         # Nodes of ROS are processes: their runs have no key.
-        if "ros1" not in json.dumps(source.document.data):
+        if not any(key in json.dumps(source.document.data) for key in ("ros1", "ros2")):
             count += 1
             left[str(file)] = sorted(opened - {os.path.realpath(path) for path in named.of(source)})
 print(json.dumps([count, {file: paths for file, paths in left.items() if paths}]))

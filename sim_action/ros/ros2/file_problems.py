@@ -17,7 +17,7 @@ from sim_action.core.wording import did_you_mean
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.ros.ros2.installation import Ros2, find_ros
-from sim_action.ros.ros2.node_spec import NodeSpec
+from sim_action.ros.ros2.node_spec import Ros2NodeSpec
 from sim_action.ros.ros2.packages import INSTALL, Packages, is_python, workspace_of
 
 _LAUNCH_SUFFIXES: Final = (".py", ".xml", ".yaml", ".yml")
@@ -28,7 +28,7 @@ class CheckedSpec(Protocol):
     """The keys below `ros2` that name packages, executables and files."""
 
     @property
-    def nodes(self) -> tuple[NodeSpec, ...] | None:
+    def nodes(self) -> tuple[Ros2NodeSpec, ...] | None:
         """The nodes to start."""
 
     @property
@@ -117,7 +117,7 @@ def _share(package: str, packages: Packages) -> Path | None:
     return source.folder if source else prefix and prefix / "share" / package
 
 
-def _node_problems(nodes: Sequence[NodeSpec], packages: Packages, workspace: Workspace) -> SpecProblems:
+def _node_problems(nodes: Sequence[Ros2NodeSpec], packages: Packages, workspace: Workspace) -> SpecProblems:
     started: dict[tuple[str, str], str] = {}
     for index, node in enumerate(nodes):
         key = ("/" + (node.namespace or "").strip("/"), node.called)
@@ -134,7 +134,7 @@ def _node_problems(nodes: Sequence[NodeSpec], packages: Packages, workspace: Wor
             yield ("nodes", index), problem
 
 
-def _file_hint(node: NodeSpec, workspace: Workspace) -> str:
+def _file_hint(node: Ros2NodeSpec, workspace: Workspace) -> str:
     """Return the end of a message about a package if a file of this name exists."""
     is_file = (workspace.directory / node.program).is_file()
     return f"; if you mean the file, write ./{node.program}" if is_file else ""

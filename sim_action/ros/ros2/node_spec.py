@@ -86,7 +86,7 @@ Namespace = Annotated[str, AfterValidator(_namespace)]
 Parameters = Annotated[dict[str, JsonValue], BeforeValidator(_with_lists), AfterValidator(_parameters)]
 
 
-class NodeSpec(FrozenModel):
+class Ros2NodeSpec(FrozenModel):
     """A node: an executable of a package, or a file, and its start options."""
 
     package: Annotated[str | None, Field(min_length=1, description="package of the executable")] = None
@@ -123,7 +123,7 @@ class NodeSpec(FrozenModel):
         return {"package": package, "executable": executable}
 
     @model_validator(mode="after")
-    def _has_one_program(self) -> NodeSpec:
+    def _has_one_program(self) -> Ros2NodeSpec:
         """Raise ValueError unless there is either a file, or a package and an executable."""
         if self.file is not None and (self.package is not None or self.executable is not None):
             raise ValueError("a node has either a 'file', or a 'package' and an 'executable'; remove one of them")

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Final, Literal
+from typing import Annotated, ClassVar, Final, Literal, Self
 
 from pydantic import Field
 
-from sim_action.commands import CommandSource, Controller
+from sim_action.commands import CommandSource, Controller, fitting_rate
 from sim_action.core.field_types import FrozenModel, NamesFile, PositiveHertz, PositiveSeconds
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.ros.ros2.node_spec import GraphName, NodeSpec
+from sim_action.ros.ros2.node_spec import GraphName, Ros2NodeSpec
 from sim_action.world.scene import Scene
 
 # In s: as long as anybody can mean.
@@ -21,7 +21,7 @@ class Ros2Nodes(FrozenModel):
     """The nodes to start, and the names of the robot's topics."""
 
     nodes: Annotated[
-        tuple[NodeSpec, ...] | None,
+        tuple[Ros2NodeSpec, ...] | None,
         Field(
             min_length=1, description="list of nodes; each is package/executable, a file such as ./mover.py, or a map"
         ),
@@ -80,7 +80,20 @@ class Ros2Commands(CommandSource):
     runs_user_code: ClassVar[bool] = True
 
     ros2: Annotated[Ros2Nodes, Field(description="list of nodes")]
-    rate: Annotated[PositiveHertz, Field(description="rate of /clock, and of reading commands")] = 100.0
+    rate: Annotated[
+        PositiveHertz,
+        Field(
+            description="rate of /clock, and of reading commands; if 100 Hz does not divide `physics.rate`, the default is "
+            "the next higher rate that does, such as 120 Hz at 240 Hz"
+        ),
+    ] = 100.0
+
+    def fitted(self, physics_rate: float) -> Self:
+        """See CommandSource.fitted."""
+        if "rate" in self.model_fields_set:
+            return self
+        rate = fitting_rate(self.rate, physics_rate)
+        return self if rate == self.rate else self.model_copy(update={"rate": rate})
 
     def problems(self, workspace: Workspace) -> SpecProblems:
         """See CommandSource.problems. This starts nothing and works without ROS 2."""

@@ -21,7 +21,7 @@ from sim_action.ros.ros2.packages import Packages, command_of, workspace_of
 if TYPE_CHECKING:
     from sim_action.core.workspace import Workspace
     from sim_action.ros.ros2.domain import Domain
-    from sim_action.ros.ros2.node_spec import NodeSpec
+    from sim_action.ros.ros2.node_spec import Ros2NodeSpec
     from sim_action.ros.ros2.spec import Ros2Nodes
 
 _PROFILE: Final = Path(__file__).with_name("discovery.xml")
@@ -60,7 +60,9 @@ def set_up_packages(spec: Ros2Nodes, ros: Ros2, workspace: Workspace, folder: Pr
     return packages
 
 
-def start_node(node: NodeSpec, number: int, packages: Packages, workspace: Workspace, folder: ProcessFolder) -> Node:
+def start_node(
+    node: Ros2NodeSpec, number: int, packages: Packages, workspace: Workspace, folder: ProcessFolder
+) -> Node:
     """Start a node with a clock of its own. Raise SourceProblem, ScriptError."""
     assert packages.ros is not None
     try:

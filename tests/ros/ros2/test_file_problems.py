@@ -13,16 +13,16 @@ from sim_action.core.workspace import Workspace
 from sim_action.ros.ros2 import file_problems as module
 from sim_action.ros.ros2.file_problems import file_problems, unchecked, why_no_ros
 from sim_action.ros.ros2.installation import find_ros
-from sim_action.ros.ros2.node_spec import NodeSpec
+from sim_action.ros.ros2.node_spec import Ros2NodeSpec
 from tests.ros.ros2.prefixes import installed, manifest, program, ros_prefix, source
 from tests.ros_workspace import written
 
-NODES: TypeAdapter[tuple[NodeSpec, ...]] = TypeAdapter(tuple[NodeSpec, ...])
+NODES: TypeAdapter[tuple[Ros2NodeSpec, ...]] = TypeAdapter(tuple[Ros2NodeSpec, ...])
 
 
 @dataclass(frozen=True)
 class Spec:
-    nodes: tuple[NodeSpec, ...] | None = None
+    nodes: tuple[Ros2NodeSpec, ...] | None = None
     launch: tuple[str, ...] | None = None
     workspace: str | None = None
 

@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from sim_action.ros.ros2.node_spec import NodeSpec
+from sim_action.ros.ros2.node_spec import Ros2NodeSpec
 
-NODE: TypeAdapter[NodeSpec] = TypeAdapter(NodeSpec)
+NODE: TypeAdapter[Ros2NodeSpec] = TypeAdapter(Ros2NodeSpec)
 
 
 def refusal(value: Any) -> str:

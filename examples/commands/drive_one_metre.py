@@ -1,0 +1,34 @@
+"""A node of ROS 2: drives one metre ahead, more slowly the nearer it is."""
+
+import rclpy
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
+
+GOAL_M = 1.0
+
+
+class DriveOneMetre(Node):
+    def __init__(self):
+        super().__init__("drive_one_metre")
+        self.x = 0.0
+        self.publisher = self.create_publisher(Twist, "cmd_vel", 10)
+        self.create_subscription(Odometry, "odom", self.on_odometry, 10)
+        self.create_timer(0.1, self.on_timer)
+
+    def on_odometry(self, message):
+        self.x = message.pose.pose.position.x
+
+    def on_timer(self):
+        twist = Twist()
+        twist.linear.x = max(0.0, min(0.5, 1.5 * (GOAL_M - self.x)))
+        self.publisher.publish(twist)
+
+
+def main():
+    rclpy.init()
+    rclpy.spin(DriveOneMetre())
+
+
+if __name__ == "__main__":
+    main()
