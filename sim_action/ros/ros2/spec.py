@@ -83,8 +83,8 @@ class Ros2Commands(CommandSource):
     rate: Annotated[
         PositiveHertz,
         Field(
-            description="rate of /clock, and of reading commands; if 100 Hz does not divide `physics.rate`, the default is "
-            "the next higher rate that does, such as 120 Hz at 240 Hz"
+            description="rate of /clock, and of reading commands; if 100 Hz does not divide `physics.rate`, the "
+            "default is the next higher rate that does, such as 120 Hz at 240 Hz"
         ),
     ] = 100.0
 
