@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import tempfile
 import warnings
-from collections import deque
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from contextlib import ExitStack, contextmanager
@@ -24,10 +23,11 @@ from sim_action.results.events import Listener
 from sim_action.results.outcome import Outcome
 from sim_action.runner.child_outcome import interrupted, skipped
 from sim_action.runner.cluster.address import ClusterAddress
+from sim_action.runner.cluster.batches import Batches
 from sim_action.runner.cluster.dask_runs import ClusterRuns
 from sim_action.runner.cluster.dask_worker import Reply, receive, software_there
 from sim_action.runner.cluster.software import Software, software
-from sim_action.runner.cluster.task import Output, Task
+from sim_action.runner.cluster.task import Output, Run, Task
 from sim_action.runner.cluster.workspace_archive import Archive, archive_of
 from sim_action.runner.job import JobOrder
 from sim_action.runner.run_keys import RunKeys
@@ -35,10 +35,6 @@ from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.watched_files import NamedFiles
 
 _CONNECT_TIMEOUT_S: Final = 5.0
-_MAX_WAIT_S: Final = 0.5
-_WORKERS_PERIOD_S: Final = 1.0
-_NO_WORKER_TIMEOUT_S: Final = 60.0
-_MOST_TIMES_AGAIN: Final = 3
 # A worker that dies for the third time while it runs a scenario.
 _LOCAL_SETTINGS: Final = {
     "distributed.scheduler.allowed-failures": 2,
@@ -184,14 +180,13 @@ class DaskExecutor:
         numbered = [(place, turn) for turn in range(1, repeat + 1) for place in places]
         output, here = Output(replays, tuple(formats), repeat), Path.cwd()
 
-        def task(index: int) -> Task:
-            loaded = scenarios[index % len(scenarios)]
-            own = self._archives[loaded.workspace.root].copied
+        def task(indices: Sequence[int]) -> Task:
+            several = [scenarios[index % len(scenarios)] for index in indices]
+            own = self._archives[several[0].workspace.root].copied
             others = (each.copied for each in self._archives.values() if each.copied is not own)
-            return Task.of(
-                index,
-                numbered[index][1],
-                loaded,
+            return Task(
+                tuple(map(Run.of, indices, several)),
+                numbered[indices[0]][1],
                 self._permissions,
                 here,
                 copied=(own, *others),
@@ -199,7 +194,8 @@ class DaskExecutor:
                 software=self._needed,
             )
 
-        waiting = deque(index for index in range(len(numbered)) if numbered[index] not in ended)
+        waiting = (index for index in range(len(numbered)) if numbered[index] not in ended)
+        shares = repeat == 1 and not fail_fast
         runs = ClusterRuns(
             self._client,
             order=order,
@@ -208,7 +204,7 @@ class DaskExecutor:
             numbered=numbered,
             emit=emit,
             interruption=interruption,
-            waiting=waiting,
+            batches=Batches(waiting, [_kind(loaded) if shares else None for loaded in scenarios] * repeat),
             fail_fast=fail_fast,
         )
         outcomes = runs.outcomes(meanwhile)
@@ -220,6 +216,11 @@ class DaskExecutor:
         for archive in self._archives.values():
             if archive.copied.digest in reply.lacks:
                 self._send(archive, reply.worker)
+
+
+def _kind(loaded: LoadedScenario) -> Path | None:
+    """Return a value that is equal for runs that one task may have; None: each needs an interpreter of its own."""
+    return None if loaded.scenario.runs_user_code else loaded.workspace.root
 
 
 def _refusals(found: Mapping[str, Software | BaseException], needed: Software) -> Iterator[tuple[str, str]]:

@@ -6,8 +6,8 @@ import queue
 import socket
 import time
 import uuid
-from collections import Counter, deque
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
@@ -17,12 +17,13 @@ from distributed import Client, Future, KilledWorker
 from sim_action.core.errors import UsageError
 from sim_action.core.files import whole_file
 from sim_action.core.process import Interruption
-from sim_action.core.records import dataclass
+from sim_action.core.records import dataclass, field
 from sim_action.core.wording import counted, escaped_line
 from sim_action.results.events import Listener, Progressed, RunEnded, Started
 from sim_action.results.outcome import Failure, Outcome
 from sim_action.runner.child_outcome import without_verdict
-from sim_action.runner.cluster.dask_worker import Reply, perform
+from sim_action.runner.cluster.batches import Batches
+from sim_action.runner.cluster.dask_worker import Reply, Report, perform
 from sim_action.runner.cluster.task import Result, Task
 from sim_action.runner.job import JobOrder
 
@@ -32,15 +33,21 @@ _NO_WORKER_TIMEOUT_S: Final = 60.0
 _MOST_DEATHS: Final = 3
 _MOST_TIMES_AGAIN: Final = 6
 
-_Report = tuple[int, str, tuple[float, float] | None]
-"""The index of a run, the address of its worker, and its sim time and real time factor; None: it begins."""
+
+@dataclass(frozen=True, eq=False)
+class _Submitted:
+    """A task of Dask: the indices of its runs, and those of them that have begun."""
+
+    indices: tuple[int, ...]
+    future: Future[Reply]
+    begun: list[int] = field(default_factory=list)
 
 
 @dataclass(frozen=True, slots=True)
 class _Answer:
-    """The end of a run, as a thread of Dask has heard of it."""
+    """The end of a task, by its key, as a thread of Dask has heard of it."""
 
-    index: int
+    task: str
     reply: Reply | None
     error: BaseException | None
 
@@ -53,12 +60,12 @@ class ClusterRuns:
         client: Client,
         *,
         order: JobOrder,
-        task: Callable[[int], Task],
+        task: Callable[[Sequence[int]], Task],
         send: Callable[[Reply], None],
         numbered: Sequence[tuple[int, int]],
         emit: Listener,
         interruption: Interruption,
-        waiting: deque[int],
+        batches: Batches,
         fail_fast: bool,
     ) -> None:
         """Take the runs of a call.
@@ -66,24 +73,26 @@ class ClusterRuns:
         Args:
             client: the connection to the scheduler.
             order: makes their jobs.
-            task: returns the task of a run, by its index.
+            task: returns the task of runs, by their indices.
             send: sends a worker the workspaces that it lacks; it raises UsageError.
             numbered: the place and the turn of each run.
             emit: receives the events of the runs.
             interruption: ends the call early.
-            waiting: the indices of the runs to submit.
+            batches: the runs to submit.
             fail_fast: start no run after the first one that has not passed.
         """
         self._client, self._send = client, send
         self._order, self._task, self._numbered = order, task, numbered
         self._emit, self._interruption, self._fail_fast = emit, interruption, fail_fast
-        self._waiting = waiting
-        self._running: dict[int, Future[Reply]] = {}
+        self._batches = batches
+        # By their keys at Dask.
+        self._tasks: dict[str, _Submitted] = {}
         self._outcomes: dict[int, Outcome] = {}
+        self._started: set[int] = set()
         # The workers on which a run has begun, and how often it was given to Dask again without that.
         self._begun: dict[int, list[str]] = {}
         self._again: Counter[int] = Counter()
-        self._answers: queue.SimpleQueue[_Answer | _Report] = queue.SimpleQueue()
+        self._answers: queue.SimpleQueue[_Answer | Report] = queue.SimpleQueue()
         self._threads = self._threads_now()
         self._looked_at = self._last_worker_at = time.monotonic()
         self._topic = f"sim-action-{uuid.uuid4()}"
@@ -98,41 +107,47 @@ class ClusterRuns:
             self._submit()
             with suppress(OSError, ImportError):
                 meanwhile()
-            while (self._running or self._waiting) and not self._interruption.happened:
+            while (self._tasks or self._batches) and not self._interruption.happened:
                 self._interruption.wait(_MAX_WAIT_S, self._wakened)
                 self._collect()
                 self._look_at_workers()
                 self._submit()
         finally:
             with suppress(Exception):
-                self._client.cancel(list(self._running.values()), force=True)
+                self._cancel(tuple(self._tasks.values()))
                 self._client.unsubscribe_topic(self._topic)
             self._waker.close()
             self._wakened.close()
         return self._outcomes
 
     def _submit(self) -> None:
-        """Give Dask a run for each thread, and another one that waits there: no worker waits for this process then."""
-        while self._waiting and len(self._running) < 2 * self._threads and not self._interruption.happened:
-            index = self._waiting.popleft()
-            future = self._client.submit(perform, self._task(index), self._topic, pure=False)
-            self._running[index] = future
-            future.add_done_callback(lambda done, index=index: self._heard(index, done))
+        """Give Dask a task for each thread, and another one that waits there: no worker waits for this process then."""
+        while self._batches and len(self._tasks) < 2 * self._threads and not self._interruption.happened:
+            indices = self._batches.take(self._threads)
+            task = _Submitted(indices, self._client.submit(perform, self._task(indices), self._topic, pure=False))
+            self._tasks[str(task.future.key)] = task
+            task.future.add_done_callback(self._heard)
 
-    def _heard(self, index: int, done: Future[Reply]) -> None:
-        """Take the answer of a run; called in a thread of Dask."""
+    def _cancel(self, tasks: Collection[_Submitted]) -> None:
+        """End tasks, of which nothing counts any more."""
+        self._client.cancel([each.future for each in tasks], force=True)
+        for each in tasks:
+            del self._tasks[str(each.future.key)]
+
+    def _heard(self, done: Future[Reply]) -> None:
+        """Take the answer of a task; called in a thread of Dask."""
         reply, error = None, None
         try:
             reply = done.result()
         except BaseException as raised:  # noqa: BLE001 - the other thread judges it
             error = raised
-        self._tell(_Answer(index, reply, error))
+        self._tell(_Answer(str(done.key), reply, error))
 
-    def _progressed(self, event: tuple[Any, _Report]) -> None:
+    def _progressed(self, event: tuple[Any, tuple[Any, ...]]) -> None:
         """Take a report of a running task; called in a thread of Dask."""
-        self._tell(event[1])
+        self._tell(Report(*event[1]))
 
-    def _tell(self, told: _Answer | _Report) -> None:
+    def _tell(self, told: _Answer | Report) -> None:
         self._answers.put(told)
         # It is full: the other thread wakes anyway. It is closed: nobody waits any more.
         with suppress(OSError):
@@ -143,51 +158,86 @@ class ClusterRuns:
             self._wakened.recv(4096)
         while not self._answers.empty():
             told = self._answers.get()
-            if isinstance(told, _Answer):
-                if self._running.pop(told.index, None) is not None:
-                    self._judge(told)
+            task = self._tasks.get(told.task)
+            if task is None:
+                # It was cancelled.
+                continue
+            if isinstance(told, Report):
+                self._hear(task, told.index, told.worker, told.progress)
             else:
-                index, worker, progress = told
-                if progress is None:
-                    self._begin(index, worker)
-                elif index in self._running:
-                    self._emit(Progressed(*self._numbered[index], self._name(index), *progress))
+                del self._tasks[told.task]
+                self._judge(task, told.reply, told.error)
 
-    def _begin(self, index: int, worker: str = "unknown") -> None:
-        self._begun.setdefault(index, []).append(worker)
-        if len(self._begun[index]) == 1:
+    def _hear(self, task: _Submitted, index: int, worker: str, progress: tuple[float, float] | None) -> None:
+        if progress is not None:
+            self._emit(Progressed(*self._numbered[index], self._name(index), *progress))
+        elif index in task.begun and len(task.indices) > 1:
+            # Its worker has died, and Dask has given the whole task to another one.
+            self._cancel([task])
+            self._split(task)
+        elif len(dead := self._begun.get(index, [])) >= _MOST_DEATHS:
+            self._cancel([task])
+            self._finish(index, self._error(index, _killed(dead)))
+        else:
+            task.begun.append(index)
+            self._begun.setdefault(index, []).append(worker)
+            self._start(index)
+
+    def _start(self, index: int) -> None:
+        if index not in self._started:
+            self._started.add(index)
             self._emit(Started(*self._numbered[index], self._name(index)))
+
+    def _split(self, task: _Submitted) -> None:
+        """Give each run of a task that has no result a task of its own."""
+        # These have ended: the worker has died while it ran the next one.
+        for index in task.begun[:-1]:
+            self._begun[index].pop()
+        self._batches.put_back_alone(task.indices)
 
     def _name(self, index: int) -> str:
         return self._order.scenarios[index % len(self._order.scenarios)].scenario.name
 
-    def _judge(self, answer: _Answer) -> None:
-        """Place the outcome of a run, or give it to Dask again."""
-        index, reply = answer.index, answer.reply
+    def _judge(self, task: _Submitted, reply: Reply | None, error: BaseException | None) -> None:
+        """Place the outcomes of a task, or give its runs to Dask again."""
+        if reply is not None and reply.results:
+            placed = [self._placed(*pair) for pair in zip(task.indices, reply.results, strict=True)]
+            self._batches.took([outcome.wall_time or 0.0 for outcome in placed])
+            for index, outcome in zip(task.indices, placed, strict=True):
+                self._finish(index, outcome)
+        elif reply is not None and reply.lacks and max(self._again[each] for each in task.indices) < _MOST_TIMES_AGAIN:
+            self._again.update(task.indices)
+            self._send_missing(task, reply)
+        elif len(task.indices) > 1:
+            self._split(task)
+        else:
+            self._judge_one(task.indices[0], reply, error)
+
+    def _send_missing(self, task: _Submitted, reply: Reply) -> None:
+        """Send a worker what it lacks for a task, and give the task to Dask again."""
+        try:
+            self._send(reply)
+        except UsageError as error:
+            for index in task.indices:
+                self._finish(index, self._error(index, str(error)))
+        else:
+            self._batches.put_back(task.indices)
+
+    def _judge_one(self, index: int, reply: Reply | None, error: BaseException | None) -> None:
+        """Judge a run without a result that had a task of its own."""
         dead = self._begun.get(index, [])
-        is_last = self._again[index] >= _MOST_TIMES_AGAIN
-        is_killed = isinstance(answer.error, KilledWorker)
+        is_killed = isinstance(error, KilledWorker)
         if (is_killed and dead) or (reply is not None and reply.lacks and len(dead) >= _MOST_DEATHS):
             self._finish(index, self._error(index, _killed(dead)))
-        elif is_killed and not is_last:
+        elif is_killed and self._again[index] < _MOST_TIMES_AGAIN:
             # Another run has killed the workers; this one waited there.
             self._again[index] += 1
-            self._waiting.append(index)
+            self._batches.put_last(index)
         elif reply is None:
-            self._finish(index, self._error(index, str(answer.error or "the cluster has given it up")))
-        elif reply.lacks and not is_last:
-            self._again[index] += 1
-            try:
-                self._send(reply)
-            except UsageError as error:
-                self._finish(index, self._error(index, str(error)))
-            else:
-                self._waiting.appendleft(index)
-        elif reply.result is None:
+            self._finish(index, self._error(index, str(error or "the cluster has given it up")))
+        else:
             reason = reply.refusal or "it has lost the workspace again and again"
             self._finish(index, self._error(index, f"the worker {reply.worker} cannot run it: {reason}"))
-        else:
-            self._finish(index, self._placed(index, reply.result))
 
     def _placed(self, index: int, result: Result) -> Outcome:
         """Write the files of a run, and return its outcome with their names."""
@@ -212,14 +262,12 @@ class ClusterRuns:
         return without_verdict(self._order.job(index).loaded, failure)
 
     def _finish(self, index: int, outcome: Outcome) -> None:
-        if index not in self._begun:
-            self._begin(index)
+        self._start(index)
         self._outcomes[index] = outcome
         self._emit(RunEnded(*self._numbered[index], outcome))
         if self._fail_fast and outcome.status != "passed":
-            self._waiting.clear()
-            not_begun = [each for each in self._running if each not in self._begun]
-            self._client.cancel([self._running.pop(each) for each in not_begun], force=True)
+            self._batches.clear()
+            self._cancel([task for task in self._tasks.values() if self._started.isdisjoint(task.indices)])
 
     def _look_at_workers(self) -> None:
         """Use workers that came, and give up without any."""
@@ -240,10 +288,9 @@ class ClusterRuns:
         return sum(self._client.nthreads().values())
 
     def _give_up(self, cause: str) -> None:
-        left = [*self._running, *self._waiting]
-        self._waiting.clear()
-        for index in left:
-            self._running.pop(index, None)
+        left = [index for task in self._tasks.values() for index in task.indices]
+        self._tasks.clear()
+        for index in (*left, *self._batches.clear()):
             self._finish(index, self._error(index, cause))
 
 

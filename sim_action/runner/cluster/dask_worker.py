@@ -11,7 +11,7 @@ from distributed import get_worker
 
 from sim_action.core.errors import SimActionError
 from sim_action.core.records import dataclass
-from sim_action.results.events import Event, Progressed
+from sim_action.results.events import Event, Progressed, Started
 from sim_action.runner.cluster.software import Software, software
 from sim_action.runner.cluster.task import Result, Task, run_task
 from sim_action.runner.cluster.workspace_archive import Archive, unpack
@@ -31,15 +31,32 @@ class Reply:
 
     Attributes:
         worker: its address.
-        result: what the run gave; None: there was no run.
+        results: what the runs gave; none if there was no run.
         lacks: digests of copies that must be sent first.
-        refusal: the reason why the run cannot take place here.
+        refusal: the reason why the runs cannot take place here.
     """
 
     worker: str
-    result: Result | None = None
+    results: tuple[Result, ...] = ()
     lacks: tuple[str, ...] = ()
     refusal: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """What a worker tells while it works; it is sent as a tuple of these.
+
+    Attributes:
+        task: the key of the task at Dask.
+        index: that of the run among all runs of the call.
+        worker: its address.
+        progress: the sim time and the real time factor of the run; None: the run begins.
+    """
+
+    task: str
+    index: int
+    worker: str
+    progress: tuple[float, float] | None
 
 
 class CancelledError(Exception):
@@ -59,7 +76,7 @@ def receive(archive: Archive, dask_worker: Any) -> None:
 def perform(task: Task, topic: str) -> Reply:
     """Run a task in this worker.
 
-    `topic`: where the caller hears the task's index and this worker when it begins, and then its progress.
+    `topic`: where the caller hears a `Report` when a run begins, and then of its progress.
     """
     worker = get_worker()
     if differences := "; ".join(software(tuple(dict(task.software.engines))).differences(task.software)):
@@ -68,7 +85,12 @@ def perform(task: Task, topic: str) -> Reply:
     if lacks := tuple(each.digest for each in task.copied if not (copies / each.digest).exists()):
         return Reply(worker.address, lacks=lacks)
     key = worker.get_current_task()
-    worker.log_event(topic, (task.index, worker.address, None))
+
+    def tell(place: int, progress: tuple[float, float] | None) -> None:
+        worker.log_event(topic, (key, task.runs[place].index, worker.address, progress))
+
+    # Loading may end this worker, too.
+    tell(0, None)
     told_at = time.monotonic()
 
     def listen(event: Event) -> None:
@@ -77,9 +99,11 @@ def perform(task: Task, topic: str) -> Reply:
         # Dask cannot end a thread: the run ends from inside.
         if running is None or running.state == "cancelled":
             raise CancelledError
-        if isinstance(event, Progressed) and time.monotonic() - told_at >= _PROGRESS_PERIOD_S:
+        if isinstance(event, Started) and event.place > 0:
+            tell(event.place, None)
+        elif isinstance(event, Progressed) and time.monotonic() - told_at >= _PROGRESS_PERIOD_S:
             told_at = time.monotonic()
-            worker.log_event(topic, (task.index, worker.address, (event.sim_time, event.real_time_factor)))
+            tell(event.place, (event.sim_time, event.real_time_factor))
 
     digests = tuple(each.digest for each in task.copied)
     with _LOADING:

@@ -1,4 +1,4 @@
-"""A run as data: what a worker needs for it, and what comes back. A worker runs it beside itself."""
+"""Runs as data: what a worker needs for them, and what comes back. A worker runs them beside itself."""
 
 from __future__ import annotations
 
@@ -16,76 +16,96 @@ from sim_action.core.files import open_regular
 from sim_action.core.permissions import Permissions
 from sim_action.core.process import Interruption
 from sim_action.core.records import dataclass, replace
-from sim_action.results.events import Event
+from sim_action.results.events import Event, RunEnded
+from sim_action.results.outcome import Outcome
 from sim_action.runner.child_outcome import engine_provenance
 from sim_action.runner.cluster.software import Software
 from sim_action.runner.cluster.workspace_archive import Copied
-from sim_action.runner.job import JobOrder
+from sim_action.runner.job import Job, JobOrder
 from sim_action.runner.process_pool import execute, warm_up
-from sim_action.scenario.loading import Libraries, load_all
+from sim_action.scenario.loading import Libraries, load_all, shared
 from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.source import Refused, Source
 
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """The files that a run writes; the attributes are those of `execute`."""
+    """The files that runs write; the attributes are those of `execute`."""
 
     replays: bool
     formats: tuple[str, ...]
     repeat: int
 
-    def order(self, loaded: LoadedScenario, folder: Path) -> JobOrder:
-        """Return the order for the runs of one scenario, whose motions are also written below `folder`."""
+    def order(self, scenarios: Sequence[LoadedScenario], folder: Path) -> JobOrder:
+        """Return the order for the runs of scenarios, whose motions are also written below `folder`."""
         return JobOrder.of(
-            [loaded], folder, repeat=self.repeat, replays=self.replays, formats=self.formats, motions=folder / "motions"
+            *(scenarios, folder),
+            repeat=self.repeat,
+            replays=self.replays,
+            formats=self.formats,
+            motions=folder / "motions",
         )
 
 
 @dataclass(frozen=True, slots=True)
-class Task:
+class Run:
     """One run.
 
     Attributes:
         index: its index among all runs of the call.
-        turn: the number of the repetition, counted from 1.
         source: the scenario as the caller's machine reads it.
         changed: the keys of the scenario that options have changed, and their values.
         compared: as in `LoadedScenario`.
+    """
+
+    index: int
+    source: Source
+    changed: tuple[tuple[str, Any], ...]
+    compared: bool
+
+    @classmethod
+    def of(cls, index: int, loaded: LoadedScenario) -> Self:
+        """Return a run of a scenario."""
+        scenario, source = loaded.scenario, loaded.source
+        changed = {"name": scenario.name, "backend": scenario.backend, "seed": scenario.seed}
+        changed |= {"unexercised": scenario.unexercised, "trace": scenario.trace}
+        return cls(index, replace(source, path=source.path.absolute()), tuple(changed.items()), loaded.compared)
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """Runs that a worker takes together, one after the other.
+
+    Attributes:
+        runs: the runs; they are of the same workspace.
+        turn: the number of their repetition, counted from 1.
         here: the current folder of the caller.
         copied: the workspace, and the folders of packages outside of it.
         software: that of the caller.
     """
 
-    index: int
+    runs: tuple[Run, ...]
     turn: int
-    source: Source
-    changed: tuple[tuple[str, Any], ...]
-    compared: bool
     permissions: Permissions
     here: Path
     copied: tuple[Copied, ...]
     output: Output
     software: Software
 
-    @classmethod
-    def of(
-        cls, index: int, turn: int, loaded: LoadedScenario, permissions: Permissions, here: Path, **others: Any
-    ) -> Self:
-        """Return the task for a run; `others`: the attributes `copied`, `output` and `software`."""
-        scenario, source = loaded.scenario, loaded.source
-        changed = {"name": scenario.name, "backend": scenario.backend, "seed": scenario.seed}
-        changed |= {"unexercised": scenario.unexercised, "trace": scenario.trace}
-        source = replace(source, path=source.path.absolute())
-        return cls(index, turn, source, tuple(changed.items()), loaded.compared, permissions, here, **others)
-
     def moved(self, path: Path, copies: Path) -> Path:
         """Return the path of a file of the caller on the worker."""
         return next((each.moved(path, copies) for each in self.copied if each.holds(path)), path)
 
-    def loaded(self, copies: Path, libraries: Libraries) -> LoadedScenario:
-        """Load the scenario from the copy of its workspace. Raise InvalidScenario, InternalError."""
-        source, workspace = self.source, self.source.workspace
+    def loaded(self, copies: Path, libraries: Libraries) -> list[LoadedScenario]:
+        """Load the scenarios from the copy of their workspace. Raise InvalidScenario, InternalError."""
+        found: list[LoadedScenario] = []
+        for run in self.runs:
+            loaded = self._loaded(run, copies, libraries)
+            found.append(shared(loaded, found[-1]) if found else loaded)
+        return found
+
+    def _loaded(self, run: Run, copies: Path, libraries: Libraries) -> LoadedScenario:
+        source, workspace = run.source, run.source.workspace
         there = replace(
             workspace,
             directory=self.moved(workspace.directory, copies),
@@ -97,7 +117,7 @@ class Task:
         [found] = load_all([moved], permissions, libraries)
         if isinstance(found, Refused):
             raise found.error
-        return replace(found, scenario=found.scenario.model_copy(update=dict(self.changed)), compared=self.compared)
+        return replace(found, scenario=found.scenario.model_copy(update=dict(run.changed)), compared=run.compared)
 
     def _moved_packages(self, packages: Sequence[tuple[str, str]], copies: Path) -> tuple[tuple[str, str], ...]:
         return tuple((name, str(self.moved(Path(folder), copies))) for name, folder in packages)
@@ -123,68 +143,86 @@ class Result:
     files: tuple[tuple[int, bytes], ...] = ()
 
 
-def run_task(task: Task, copies: Path, libraries: Libraries, scratch: Path, listen: Callable[[Event], None]) -> Result:
-    """Run a task beside this process and return its result. Raise InvalidScenario, SimActionError, OSError.
+def run_task(
+    task: Task, copies: Path, libraries: Libraries, scratch: Path, listen: Callable[[Event], None]
+) -> tuple[Result, ...]:
+    """Run a task beside this process and return the results. Raise InvalidScenario, SimActionError, OSError.
 
     Args:
         task: the task.
         copies: the folder with the copies of workspaces.
         libraries: what scenarios of the same workspace have read before.
         scratch: a folder for temporary files.
-        listen: receives the events of the run; if it raises an exception, the run ends.
+        listen: receives the events of the runs, except their outcomes, with the place in `task.runs`; if it raises an
+            exception, the task ends.
     """
-    loaded = task.loaded(copies, libraries)
+    scenarios = task.loaded(copies, libraries)
     there = task.folder_there(copies)
     there.mkdir(parents=True, exist_ok=True)
     folder = Path(tempfile.mkdtemp(prefix="run-", dir=scratch))
     try:
-        arguments = (loaded, str(there), folder, task.turn, task.output)
+        arguments = (scenarios, str(there), folder, task.turn, task.output)
         if sys.platform == "linux":
             from sim_action.runner.warm_process import call_beside
 
-            result: Result = call_beside(_run_here, arguments, listen, _prepare)
+            results: list[Result] = call_beside(_run_here, arguments, listen, _prepare)
         else:
             # Each scenario has an interpreter of its own there.
-            result = _run_here(*arguments, emit=listen)
+            results = _run_here(*arguments, emit=listen)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
-    return replace(result, outcome=task.as_of_caller(result.outcome, copies))
+    return tuple(replace(result, outcome=task.as_of_caller(result.outcome, copies)) for result in results)
 
 
-def _prepare(loaded: LoadedScenario, _here: str, _folder: Path, _turn: int, output: Output) -> None:
+def _prepare(scenarios: Sequence[LoadedScenario], _here: str, _folder: Path, _turn: int, output: Output) -> None:
     """Prepare the warm process for its forks. Raises OSError, ImportError, MemoryError."""
-    if output.repeat == 1 and not loaded.scenario.runs_user_code:
-        warm_up([loaded], output.formats, replays=output.replays)
-    engine_provenance(loaded.scenario.backend)
+    if output.repeat == 1 and not any(loaded.scenario.runs_user_code for loaded in scenarios):
+        warm_up(scenarios, output.formats, replays=output.replays)
+    for backend in {loaded.scenario.backend for loaded in scenarios}:
+        engine_provenance(backend)
 
 
 def _run_here(
-    loaded: LoadedScenario, here: str, folder: Path, turn: int, output: Output, *, emit: Callable[[Event], None]
-) -> Result:
-    """Run one repetition of a scenario in this process, and read the files that it wrote."""
+    scenarios: Sequence[LoadedScenario],
+    here: str,
+    folder: Path,
+    turn: int,
+    output: Output,
+    *,
+    emit: Callable[[Event], None],
+) -> list[Result]:
+    """Run one repetition of scenarios in this process, and read the files that they wrote."""
     if sys.platform == "linux":
         os.chdir(here)
-    order = output.order(loaded, folder)
+    order = output.order(scenarios, folder)
     assert order.motions is not None
     order.motions.mkdir()
+    others = (each for each in range(1, output.repeat + 1) if each != turn)
+
+    def tell(event: Event) -> None:
+        # The outcome follows with its files.
+        if not isinstance(event, RunEnded):
+            emit(event)
+
     with Interruption() as interruption:
         outcomes = execute(
-            [loaded],
-            folder,
-            1,
-            emit,
-            interruption,
+            *(scenarios, folder, 1, tell, interruption),
             replays=output.replays,
             formats=output.formats,
             repeat=output.repeat,
             motions=order.motions,
-            ended={(0, each) for each in range(1, output.repeat + 1) if each != turn},
+            ended={(place, other) for other in others for place in range(len(scenarios))},
         )
+    first = (turn - 1) * len(scenarios)
+    return [_result(outcomes[index], order.job(index)) for index in range(first, first + len(scenarios))]
+
+
+def _result(outcome: Outcome, job: Job) -> Result:
     files = []
-    for number, path in enumerate(order.job(turn - 1).evidence):
+    for number, path in enumerate(job.evidence):
         with suppress(OSError), open_regular(path, follow_link=False) as file:
             files.append((number, file.read()))
-    return Result(outcomes[turn - 1].model_dump_json(), tuple(files))
+    return Result(outcome.model_dump_json(), tuple(files))
 
 
 def _json(text: str) -> str:

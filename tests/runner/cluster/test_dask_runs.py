@@ -1,0 +1,162 @@
+"""The runs of a call on a cluster that a test plays: workers that die, and tasks that Dask gives to another one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+from unittest.mock import Mock
+
+from distributed import KilledWorker
+
+from sim_action.core.process import Interruption
+from sim_action.results.events import Event, RunEnded, Started
+from sim_action.results.outcome import Outcome
+from sim_action.runner.cluster.batches import Batches
+from sim_action.runner.cluster.dask_runs import ClusterRuns
+from sim_action.runner.cluster.dask_worker import Reply
+from sim_action.runner.cluster.task import Result
+from sim_action.runner.job import JobOrder
+from tests.scenarios import load
+
+SCENARIO = "name: falls\nrobot: {model: turtlebot3_burger}\nexpect: [upright]\ntime_limit: 1 s\n"
+
+Played = Callable[["Cluster", str, tuple[int, ...]], Reply | BaseException | None]
+"""Plays a task, by its key and the indices of its runs: its end, or None, after which it is cancelled."""
+
+
+class Future:
+    def __init__(self, key: str, end: Reply | BaseException | None) -> None:
+        self.key, self.end = key, end
+
+    def result(self) -> Reply:
+        assert self.end is not None
+        if isinstance(self.end, BaseException):
+            raise self.end
+        return self.end
+
+    def add_done_callback(self, hear: Callable[[Any], None]) -> None:
+        if self.end is not None:
+            hear(self)
+
+
+class Cluster:
+    """A connection to one worker with one thread, and what was submitted."""
+
+    def __init__(self, play: Played) -> None:
+        self.play = play
+        self.submitted: list[tuple[int, ...]] = []
+        self.cancelled: list[str] = []
+
+    def nthreads(self) -> dict[str, int]:
+        return {"one": 1}
+
+    def subscribe_topic(self, _topic: str, hear: Callable[[Any], None]) -> None:
+        self.hear = hear
+
+    def unsubscribe_topic(self, _topic: str) -> None: ...
+
+    def begin(self, key: str, index: int, worker: str) -> None:
+        self.hear((0.0, (key, index, worker, None)))
+
+    def submit(self, _function: object, indices: tuple[int, ...], _topic: str, *, pure: bool) -> Future:
+        assert not pure
+        self.submitted.append(indices)
+        key = f"task {len(self.submitted)}"
+        return Future(key, self.play(self, key, indices))
+
+    def cancel(self, futures: Sequence[Future], *, force: bool) -> None:
+        assert force
+        self.cancelled += [future.key for future in futures]
+
+
+def passed(indices: Sequence[int]) -> Reply:
+    outcome = Outcome(name="falls", file="falls.sim.yml", status="passed", wall_time=0.01)
+    return Reply("one", tuple(Result(outcome.model_dump_json()) for _ in indices))
+
+
+def outcomes(folder: Path, count: int, play: Played) -> tuple[dict[int, Outcome], Cluster, list[Event]]:
+    """The outcomes of a call whose runs are so short that they may all share a task."""
+    scenarios = [load(folder, SCENARIO)] * count
+    batches = Batches(range(count), ["one workspace"] * count)
+    batches.took([0.01])
+    cluster, events = Cluster(play), list[Event]()
+    client: Any = cluster
+    task: Any = tuple
+    with Interruption() as interruption:
+        runs = ClusterRuns(
+            client,
+            order=JobOrder.of(scenarios, folder),
+            task=task,
+            send=lambda _: None,
+            numbered=[(index, 1) for index in range(count)],
+            emit=events.append,
+            interruption=interruption,
+            batches=batches,
+            fail_fast=False,
+        )
+        return runs.outcomes(lambda: None), cluster, events
+
+
+def places(events: Sequence[Event], kind: type[Started | RunEnded]) -> list[int]:
+    return [event.place for event in events if isinstance(event, kind)]
+
+
+def test_runs_of_a_worker_that_died_run_again_alone_and_count_once(tmp_path: Path) -> None:
+    def play(cluster: Cluster, key: str, indices: tuple[int, ...]) -> Reply | None:
+        if len(indices) == 1:
+            return passed(indices)
+        for index in indices[:2]:
+            cluster.begin(key, index, "one")
+        cluster.begin(key, indices[0], "another")
+        return None
+
+    found, cluster, events = outcomes(tmp_path, 4, play)
+    assert {index: outcome.status for index, outcome in found.items()} == dict.fromkeys(range(4), "passed")
+    assert cluster.submitted == [(0, 1, 2, 3), (0,), (1,), (2,), (3,)]
+    assert cluster.cancelled == ["task 1"]
+    assert sorted(places(events, Started)) == sorted(places(events, RunEnded)) == [0, 1, 2, 3]
+
+
+def test_the_death_of_a_batch_counts_for_the_run_that_it_had_begun_last(tmp_path: Path) -> None:
+    def play(cluster: Cluster, key: str, indices: tuple[int, ...]) -> Reply | BaseException | None:
+        if len(indices) > 1:
+            for index in indices[:2]:
+                cluster.begin(key, index, "first")
+            return KilledWorker(key, Mock(), 0)
+        if indices == (1,):
+            for worker in ("second", "third", "fourth"):
+                cluster.begin(key, 1, worker)
+            return None
+        cluster.begin(key, indices[0], "last")
+        return passed(indices)
+
+    found, _, events = outcomes(tmp_path, 3, play)
+    assert [found[index].status for index in range(3)] == ["passed", "error", "passed"]
+    [failure] = found[1].failures
+    assert "3 workers died while running this scenario, the last one at third" in failure.message
+    assert sorted(places(events, Started)) == sorted(places(events, RunEnded)) == [0, 1, 2]
+
+
+def test_a_batch_that_cannot_be_run_is_split_and_only_one_run_is_refused(tmp_path: Path) -> None:
+    def play(_cluster: Cluster, _key: str, indices: tuple[int, ...]) -> Reply:
+        return Reply("one", refusal="no space is left") if 1 in indices else passed(indices)
+
+    found, _, _ = outcomes(tmp_path, 3, play)
+    assert [found[index].status for index in range(3)] == ["passed", "error", "passed"]
+    assert "the worker one cannot run it: no space is left" in found[1].failures[0].message
+
+
+def test_a_batch_is_sent_again_with_the_workspace_that_its_worker_lacks(tmp_path: Path) -> None:
+    def play(cluster: Cluster, _key: str, indices: tuple[int, ...]) -> Reply:
+        return passed(indices) if len(cluster.submitted) > 1 else Reply("one", lacks=("digest",))
+
+    found, cluster, _ = outcomes(tmp_path, 3, play)
+    assert len(found) == 3
+    assert cluster.submitted == [(0, 1, 2)] * 2
+
+
+def test_a_worker_that_lacks_its_workspace_for_ever_is_an_error_of_each_run(tmp_path: Path) -> None:
+    found, cluster, _ = outcomes(tmp_path, 2, lambda *_: Reply("one", lacks=("digest",)))
+    assert all("has lost the workspace again and again" in found[index].failures[0].message for index in range(2))
+    assert len(cluster.submitted) < 20
