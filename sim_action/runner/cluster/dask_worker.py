@@ -44,7 +44,7 @@ class Reply:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """What a worker tells while it works; it is sent as a tuple of these.
+    """The progress of a task, which is sent as a tuple of its attributes.
 
     Attributes:
         task: the key of the task at Dask.
