@@ -132,9 +132,13 @@ def install(packages: Sequence[Entry], plan: Plan, temp: Path) -> dict[str, obje
         folder, size, fetched = _made(chosen, plan, temp)
         placeholders = [entry for entry in packages if entry not in chosen]
         _complete(folder, chosen, placeholders)
-        engines = ", ".join(locks.engines_of(chosen)) or "no engine"
-        print(f"Installed {size / 1e6:.0f} MB of wheels in {time.time() - began:.1f} s ({engines}).")
+        print(f"Installed {size / 1e6:.0f} MB of wheels in {time.time() - began:.1f} s ({_content(chosen)}).")
     return {"python": _python(folder), "fetched": fetched and bool(plan.kept), "began": began, "ended": time.time()}
+
+
+def _content(packages: Sequence[Entry]) -> str:
+    has_ros = any(entry.name == "ros-rclpy" for entry in packages)
+    return "ROS 2" if has_ros else ", ".join(locks.engines_of(packages)) or "no engine"
 
 
 def add(folder: Path, lock: Path, engine: str) -> None:
@@ -259,7 +263,7 @@ def _home() -> str:
     return "" if home == "~" else home
 
 
-def _say(outputs: Mapping[str, object]) -> None:
+def say(outputs: Mapping[str, object]) -> None:
     """Write outputs: booleans as expressions compare them, times in milliseconds."""
     with Path(os.environ["GITHUB_OUTPUT"]).open("a", encoding="utf-8", newline="\n") as file:
         for name, value in outputs.items():
@@ -278,9 +282,9 @@ def main() -> None:
         chosen = locks.chosen_locks(Path(os.environ["LOCK"]), os.environ.get("INPUT_EXTRAS", ""))
         packages = locks.entries_here(chosen)
         if sys.argv[1] == "look":
-            _say(look(packages, temp, os.environ))
+            say(look(packages, temp, os.environ))
         else:
-            _say(install(packages, Plan.parse(os.environ["PLAN"]), temp))
+            say(install(packages, Plan.parse(os.environ["PLAN"]), temp))
     except LockError as error:
         sys.exit(f"{_TITLE}{error}")
     except InstallError:

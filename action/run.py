@@ -218,13 +218,15 @@ def _left_workspace(folder: str, workspace: str) -> str | None:
 def set_up_time(instants: str) -> str:
     """Return the times of the steps before this one, as text.
 
-    `instants` in s: the start, with Python, before and after the installation.
+    `instants` in s: the start, with Python, before and after the installation, and of that of ROS 2 if there is one.
     """
-    start, with_python, began, installed = map(float, instants.split())
-    python, install = with_python - start, installed - began
+    start, with_python, began, installed, *of_ros = map(float, instants.split())
+    parts = {"Python": with_python - start, "install": installed - began}
+    if len(of_ros) == 2:
+        parts["ROS 2"] = of_ros[1] - of_ros[0]
     total = time.time() - start
-    cache = max(0.0, total - python - install)
-    return f"Set-up took {total:.0f} s: Python {python:.0f} s, install {install:.0f} s, cache {cache:.0f} s"
+    parts["cache"] = max(0.0, total - sum(parts.values()))
+    return f"Set-up took {total:.0f} s: {', '.join(f'{name} {seconds:.0f} s' for name, seconds in parts.items())}"
 
 
 def run(name: str, inputs: Mapping[str, str]) -> int:

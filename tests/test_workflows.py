@@ -378,7 +378,7 @@ def test_an_input_without_a_default_of_its_own_is_empty_and_each_other_one_is_re
     subcommand = SUBCOMMANDS["run" if file.parent == ROOT else file.parent.name]
     inputs = load(file)["inputs"].items()
     filled = {name for name, entry in inputs if entry.get("required") or entry["default"]}
-    decided_before = {"cache", "ros1", "working-directory", "fail-on-failure"}
+    decided_before = {"cache", "ros1", "ros2", "working-directory", "fail-on-failure"}
     assert filled - decided_before == set(subcommand.required)
 
 
@@ -388,7 +388,7 @@ def test_every_input_reaches_the_command_and_every_output_comes_back(file: Path)
     last = action["runs"]["steps"][-1]
     passed = {name: value for name, value in last["env"].items() if name.startswith("INPUT_")}
     # What is installed, and whether wheels are kept, is decided before.
-    inputs = action["inputs"].keys() - {"cache", "extras", "ros1"}
+    inputs = action["inputs"].keys() - {"cache", "extras", "ros1", "ros2"}
     assert passed == {f"INPUT_{name.upper().replace('-', '_')}": f"${{{{ inputs.{name} }}}}" for name in inputs}
     outputs = {name: output["value"] for name, output in action["outputs"].items()}
     assert outputs == {name: f"${{{{ steps.{last['id']}.outputs.{name} }}}}" for name in outputs}

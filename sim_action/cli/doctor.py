@@ -27,7 +27,7 @@ def doctor() -> ExitCode:
     marks = {"good": "ok", "missing": "-", "bad": "!"}
     colours = {"good": "green", "missing": None, "bad": "red"}
     worst = ExitCode.PASSED
-    for finding in (*findings(), _ros()):
+    for finding in (*findings(), _ros(), _ros2()):
         mark = click.style(f"{marks[finding.state]:<3}", fg=colours[finding.state])
         click.echo(f"{mark}{finding.name:<16} {log_line(finding.text)}")
         if finding.state == "bad":
@@ -47,3 +47,17 @@ def _ros() -> Finding:
     except UsageError as error:
         return Finding("missing", "ROS 1", str(error))
     return Finding("good", "ROS 1", f"in {ros.prefix}, for {ros.python}")
+
+
+def _ros2() -> Finding:
+    from sim_action.app.doctor import Finding
+
+    if sys.platform != "linux":
+        return Finding("missing", "ROS 2", "its nodes run on Linux only")
+    from sim_action.ros.ros2.installation import find_ros
+
+    try:
+        ros = find_ros()
+    except UsageError as error:
+        return Finding("missing", "ROS 2", str(error))
+    return Finding("good", "ROS 2", str(ros))

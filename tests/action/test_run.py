@@ -300,6 +300,8 @@ def test_set_up_time_is_split() -> None:
     now = time.time()
     text = set_up_time(f"{now - 30} {now - 27} {now - 20} {now - 6}")
     assert text == "Set-up took 30 s: Python 3 s, install 14 s, cache 13 s"
+    text = set_up_time(f"{now - 30} {now - 27} {now - 20} {now - 10} {now - 9} {now - 3}")
+    assert text == "Set-up took 30 s: Python 3 s, install 10 s, ROS 2 6 s, cache 11 s"
 
 
 @pytest.mark.process

@@ -235,3 +235,18 @@ def test_settings_of_pip_that_a_job_has_lead_no_package_elsewhere(settings: dict
     result = Runner(tmp_path, tmp_path, variables=settings).run(action, {"cache": "false"})
     assert list(tmp_path.glob("sim-action-*/lib/python3.11/site-packages/annotated_types")), result.log
     assert not (tmp_path / "elsewhere").exists()
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("distribution", ["jazzy", "kilted"])
+def test_ros_2_is_installed_and_kept_between_runs(distribution: str, tmp_path: Path, runner_temp: Path) -> None:
+    cache = CacheStore(tmp_path / "cache")
+    for name, is_saved in (("first", True), ("second", False)):
+        runner = new_machine(tmp_path / name, cache)
+        write(runner.workspace / "a.sim.yml", TUTORIAL)
+        result = runner.run(ACTION, {"ros2": distribution, "report": "false"})
+        assert result.exit_code == 0, result.log
+        assert ("Save wheels of ROS 2" in result.steps) == is_saved
+        [python] = re.findall(r"^ROS 2: .* for (.*)$", result.log, re.MULTILINE)
+        imported = [python, "-c", "import rclpy; print(rclpy.get_rmw_implementation_identifier())"]
+        assert subprocess.check_output(imported, text=True).strip() == "rmw_fastrtps_cpp"

@@ -35,7 +35,7 @@ def test_engines_drive_a_robot() -> None:
     for engine in installed():
         mark, text = told[engine]
         assert (mark, text.rpartition(": ")[2]) == ("ok", "a robot drove")
-    assert {"sim-action", "mcap", "parallel runs", "temporary files", "cache", "ROS 1"} <= set(told)
+    assert {"sim-action", "mcap", "parallel runs", "temporary files", "cache", "ROS 1", "ROS 2"} <= set(told)
 
 
 def test_the_folders_of_temporary_files_and_of_the_cache_are_told(tmp_path: Path) -> None:

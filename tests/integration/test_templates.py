@@ -12,9 +12,12 @@ from urllib.parse import parse_qs
 import pytest
 from junitparser import JUnitXml
 
+from sim_action.ros.ros2.installation import PYTHON_VARIABLE
 from tests.integration.conftest import ACTION, write
 from tests.integration.github import CacheStore, JobResult, Run, WorkflowResult, run_workflow
 from tests.ros.ros1.launches import needs_ros
+from tests.ros.ros2.nodes import MOVER, needs_ros2, variables
+from tests.ros.ros2.prefixes import source
 
 TEMPLATES = ACTION / "examples/workflows"
 TUTORIAL = (ACTION / "examples/turtlebot3/straight_line.sim.yml").read_text(encoding="utf-8")
@@ -201,8 +204,23 @@ def test_rostest(run_template: RunTemplate, repository: Path) -> None:
     assert outcome["file"] == "catkin_ws/src/my_turtlebot_sim/my_turtlebot_sim.test"
 
 
+@needs_ros2
+def test_nodes_of_ros_2(run_template: RunTemplate, repository: Path) -> None:
+    """The wheels are on the machine, so that they are not installed again."""
+    package = source(repository / "ros2_ws")
+    write(package / "my_robot/mover.py", MOVER.replace("rclpy.init()\n", "def main():\n    rclpy.init()\n    "))
+    for scenario in repository.glob("simulation/*.sim.yml"):
+        scenario.unlink()
+    text = TUTORIAL[: TUTORIAL.index("commands:")].replace("burger drives straight", "by a node")
+    nodes = "commands: {ros2: {nodes: [my_robot/mover]}}\nexpect: [{travel: {at_least: 0.5 m}}]\ntime_limit: 5 s\n"
+    write(repository / "ros2_ws/tests/drive.sim.yml", text + nodes)
+    result = run_template("ros2", variables={PYTHON_VARIABLE: variables()[PYTHON_VARIABLE]})
+    assert result.conclusion == "success", result.jobs["simulation"].log
+    assert "ROS 2: jazzy in " in result.jobs["simulation"].log
+
+
 def test_every_template_is_tried() -> None:
-    tried = {"simulation", "pull-request-gate", "nightly", "sharded", "resume", *REPORTERS, "ros1"}
+    tried = {"simulation", "pull-request-gate", "nightly", "sharded", "resume", *REPORTERS, "ros1", "ros2"}
     tried |= {"reusable", "reusable-caller"}
     assert {path.stem for path in TEMPLATES.glob("*.yml")} == tried
 

@@ -58,6 +58,10 @@ _MAX_PACKAGE_BYTES: Final = 100_000
 _IS_BOOTSTRAPPED: Final = {"_ROS_WHEELS_BOOTSTRAP_COMPLETE": "1"}
 
 
+class NotInstalled(UsageError):
+    """There is no ROS 2 at any place."""
+
+
 @dataclass(frozen=True, slots=True)
 class Ros2:
     """An installation of ROS 2.
@@ -100,7 +104,7 @@ class _Place:
 
 
 def find_ros(environment: Mapping[str, str] | None = None, root: Path = _ROOT) -> Ros2:
-    """Return the ROS 2 to run nodes with. Raise UsageError if there is none, or none that can be used.
+    """Return the ROS 2 to run nodes with. Raise NotInstalled, or UsageError if the one that was found cannot be used.
 
     :param environment: environment variables; default: those of this process.
     :param root: the folder of the distributions that are installed for the whole system.
@@ -113,7 +117,7 @@ def find_ros(environment: Mapping[str, str] | None = None, root: Path = _ROOT) -
         )
     place = next(_places(variables, root), None)
     if place is None:
-        raise UsageError(f"ROS 2 is not installed; {INSTALLING}")
+        raise NotInstalled(f"ROS 2 is not installed; {INSTALLING}")
     return _checked(place, variables)
 
 

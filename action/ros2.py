@@ -1,0 +1,100 @@
+"""ROS 2 for the action's input `ros2`: that of the runner, else wheels in an environment of their own.
+
+    ros2.py look      prints the ROS 2 of the runner, or the plan of the installation and the cache to use
+    ros2.py install   installs the wheels of the lock file that LOCK names
+
+Both write outputs of their step. This needs the standard library alone.
+"""
+
+from __future__ import annotations
+
+if __name__ == "__main__":
+    import sys
+    from pathlib import Path
+
+    # -I leaves out the folder of this file.
+    sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+import os
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Final
+
+from action import environment
+from action import lock as locks
+from action.lock import LockError
+from action.wheels import InstallError, WheelError
+from sim_action.core.errors import UsageError
+from sim_action.ros.ros2.installation import PYTHON_VARIABLE, NotInstalled, Ros2, find_ros
+
+LOCKS: Final = {"jazzy": "requirements-ros2.lock", "kilted": "requirements-ros2-kilted.lock"}
+"""Distribution -> the lock file of its wheels. The first one is that of `true`."""
+
+_ANY: Final = "true"
+_WITH_WHEELS: Final = ("Linux", "X64")
+_TITLE: Final = "::error title=sim-action::"
+
+
+def look(folder: Path, variables: Mapping[str, str]) -> dict[str, object]:
+    """Return the outputs that the next steps need. Raise UsageError, LockError.
+
+    `folder`: the one with the lock files.
+    """
+    wanted = variables["INPUT_ROS2"]
+    if wanted not in (_ANY, *LOCKS):
+        raise UsageError(f"the input ros2 must be true, {', '.join(LOCKS)} or false; found '{wanted}'")
+    ros = _present(wanted, variables)
+    if ros is not None:
+        print(f"ROS 2: {ros}")
+        return {"lock": "", "cache": False}
+    distribution = next(iter(LOCKS)) if wanted == _ANY else wanted
+    runner = (variables["RUNNER_OS"], variables["RUNNER_ARCH"])
+    if runner != _WITH_WHEELS:
+        raise UsageError(
+            f"ros2: {wanted} needs a runner with Linux x86-64, such as ubuntu-latest, or one with ROS 2 "
+            f"({' or '.join(LOCKS)}), such as the container ros:{distribution}; this one is {' '.join(runner)}"
+        )
+    lock = folder / LOCKS[distribution]
+    return {"lock": lock, **environment.look(locks.entries_here([lock]), Path(variables["RUNNER_TEMP"]), variables)}
+
+
+def _present(wanted: str, variables: Mapping[str, str]) -> Ros2 | None:
+    """Return the ROS 2 of the runner; None if there is none, or none of the distribution that is wanted."""
+    try:
+        ros = find_ros(variables)
+    except NotInstalled:
+        return None
+    except UsageError as error:
+        if wanted == _ANY:
+            raise UsageError(f"{error}; set ros2: {next(iter(LOCKS))} to use the wheels") from None
+        return None
+    return ros if wanted in (_ANY, ros.distribution) else None
+
+
+def install(lock: Path, variables: Mapping[str, str]) -> dict[str, object]:
+    """Install the wheels, and return the outputs of the step. Raise UsageError, InstallError, WheelError, OSError."""
+    plan = environment.Plan.parse(variables["PLAN"])
+    outputs = environment.install(locks.entries_here([lock]), plan, Path(variables["RUNNER_TEMP"]))
+    print(f"ROS 2: {find_ros({PYTHON_VARIABLE: str(outputs['python'])})}")
+    return outputs
+
+
+def main() -> None:
+    """Run the subcommand that the first argument names. Exit with 2 if it is not possible."""
+    try:
+        if sys.argv[1] == "look":
+            environment.say(look(Path(__file__).resolve().parent.parent, os.environ))
+        else:
+            environment.say(install(Path(os.environ["LOCK"]), os.environ))
+    except (UsageError, LockError) as error:
+        print(f"{_TITLE}{error}", file=sys.stderr)
+        sys.exit(2)
+    except InstallError:
+        sys.exit(f"{_TITLE}ROS 2 could not be installed; the log above says why")
+    except (WheelError, OSError) as error:
+        sys.exit(f"{_TITLE}ROS 2 could not be installed: {error}")
+
+
+if __name__ == "__main__":
+    main()

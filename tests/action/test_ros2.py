@@ -1,0 +1,114 @@
+"""The ROS 2 that the action uses: that of the runner, else the wheels of a distribution."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from action import environment, ros2
+from action.ros2 import LOCKS, install, look, main
+from sim_action.core.errors import UsageError
+from sim_action.ros.ros2 import installation
+from sim_action.ros.ros2.installation import DISTRIBUTIONS
+from tests.ros.ros2.prefixes import HUMBLE, KILTED, ros_prefix
+
+ROOT = Path(__file__).parents[2]
+
+
+def variables(temp: Path, wanted: str, **more: str) -> dict[str, str]:
+    machine = {"RUNNER_OS": "Linux", "RUNNER_ARCH": "X64", "RUNNER_TEMP": str(temp), "INPUT_CACHE": "false"}
+    return {**machine, "INPUT_ROS2": wanted, **more}
+
+
+@pytest.fixture(autouse=True)
+def without_installed_ros(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A ROS 2 of this machine does not count."""
+    find = installation.find_ros
+    monkeypatch.setattr(ros2, "find_ros", lambda environment: find(environment, tmp_path / "no root"))
+
+
+def test_each_distribution_has_its_lock_file() -> None:
+    assert tuple(LOCKS) == DISTRIBUTIONS
+
+
+@pytest.mark.parametrize(("wanted", "lock"), [("true", "jazzy"), ("jazzy", "jazzy"), ("kilted", "kilted")])
+def test_without_ros_the_wheels_are_installed(wanted: str, lock: str, tmp_path: Path) -> None:
+    found = look(ROOT, variables(tmp_path, wanted))
+
+    assert (found["lock"], found["cache"]) == (ROOT / LOCKS[lock], False)
+    assert environment.Plan.parse(str(found["plan"])).ready == ""
+
+
+def test_wheels_are_cached_as_those_of_other_packages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    keys = {
+        str(look(ROOT, variables(tmp_path, wanted, INPUT_CACHE="true", GITHUB_WORKSPACE=str(tmp_path)))["key"])
+        for wanted in LOCKS
+    }
+    assert len(keys) == 2
+    assert all(key.startswith("sim-action-Linux-X64-") for key in keys)
+
+
+@pytest.mark.parametrize("wanted", ["true", "kilted"])
+def test_the_ros_of_the_runner_is_used_and_named(
+    wanted: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    prefix = ros_prefix(tmp_path / "kilted", KILTED)
+    # Such as a container on a runner that has no wheels.
+    found = look(ROOT, variables(tmp_path, wanted, AMENT_PREFIX_PATH=str(prefix), RUNNER_ARCH="ARM64"))
+
+    assert found == {"lock": "", "cache": False}
+    assert capsys.readouterr().out.startswith(f"ROS 2: kilted in {prefix} (from the sourced environment), Fast DDS")
+
+
+@pytest.mark.parametrize("version", [HUMBLE, KILTED])
+def test_a_named_distribution_is_installed_although_the_runner_has_another_one(version: str, tmp_path: Path) -> None:
+    prefix = ros_prefix(tmp_path / "other", version)
+
+    assert look(ROOT, variables(tmp_path, "jazzy", AMENT_PREFIX_PATH=str(prefix)))["lock"] == ROOT / LOCKS["jazzy"]
+
+
+def test_a_distribution_that_is_not_supported_is_not_replaced_silently(tmp_path: Path) -> None:
+    prefix = ros_prefix(tmp_path / "humble", HUMBLE)
+    with pytest.raises(UsageError, match=r"is humble .*; set ros2: jazzy to use the wheels$"):
+        look(ROOT, variables(tmp_path, "true", AMENT_PREFIX_PATH=str(prefix)))
+
+
+@pytest.mark.parametrize(("system", "arch"), [("Linux", "ARM64"), ("macOS", "ARM64"), ("Windows", "X64")])
+def test_machines_without_wheels_are_refused(system: str, arch: str, tmp_path: Path) -> None:
+    with pytest.raises(UsageError) as caught:
+        look(ROOT, variables(tmp_path, "true", RUNNER_OS=system, RUNNER_ARCH=arch))
+    assert str(caught.value) == (
+        "ros2: true needs a runner with Linux x86-64, such as ubuntu-latest, or one with ROS 2 (jazzy or kilted), such "
+        f"as the container ros:jazzy; this one is {system} {arch}"
+    )
+
+
+@pytest.mark.parametrize("wanted", ["", "yes", "humble"])
+def test_other_values_are_one_line(
+    wanted: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.argv", ["ros2.py", "look"])
+    monkeypatch.setattr("os.environ", variables(tmp_path, wanted))
+    with pytest.raises(SystemExit) as caught:
+        main()
+    assert caught.value.code == 2
+    message = f"the input ros2 must be true, jazzy, kilted or false; found '{wanted}'"
+    assert capsys.readouterr().err == f"::error title=sim-action::{message}\n"
+
+
+def test_the_installation_is_checked_and_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    prefix = ros_prefix(tmp_path / "env", wheels=True)
+    monkeypatch.setattr(environment, "install", lambda *_: {"python": prefix / "bin/python"})
+    plan = json.dumps({"ready": "", "left_out": [], "kept": ""})
+    outputs = install(ROOT / LOCKS["jazzy"], variables(tmp_path, "jazzy", PLAN=plan))
+
+    assert outputs == {"python": prefix / "bin/python"}
+    assert capsys.readouterr().out.startswith(f"ROS 2: jazzy in {prefix}")
+    (prefix / "share/rclpy/package.xml").unlink()
+    with pytest.raises(UsageError, match="has no rclpy"):
+        install(ROOT / LOCKS["jazzy"], variables(tmp_path, "jazzy", PLAN=plan))
