@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Any, Literal, get_args, get_origin
+from types import MappingProxyType
+from typing import Any, Final, Literal, get_args, get_origin
 
 import click
 from pydantic import BaseModel, JsonValue
@@ -19,7 +20,12 @@ from sim_action.core.records import dataclass
 from sim_action.core.registry import PackageProblem, Table
 from sim_action.drives import DRIVES
 from sim_action.robot.built_in import BUILT_IN
-from sim_action.sensors import SENSORS
+from sim_action.scenario.model import Expectation
+from sim_action.sensors import SENSORS, MountedSensor
+
+_PARTS: Final[Mapping[Any, str]] = MappingProxyType(
+    {Assertion: "assertion", Expectation: "expectation", MountedSensor: "sensor"}
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,8 +125,8 @@ def _kind_of(annotation: Any, metadata: Iterable[Any]) -> str:  # noqa: PLR0911 
         return f"map of name to {_takes(parts[1])}"
     if parts:
         return " or ".join(_takes(part) for part in parts)
-    if annotation is Assertion:
-        return "assertion"
+    if (name := _PARTS.get(annotation)) is not None:
+        return name
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return _keys(annotation, metadata)
     plain: dict[Any, str] = {str: "text", bool: "true or false", int: "whole number", float: "number", Any: "anything"}

@@ -7,10 +7,11 @@ import re
 import textwrap
 from collections.abc import Iterator, Mapping
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Any, Final, get_args
 
 import click
 from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
 from sim_action.app.catalogue import FieldEntry, fields
 from sim_action.app.package_parts import package_parts
@@ -51,7 +52,7 @@ _KINDS: Final = MappingProxyType(
 )
 
 _KEYS: Final[Mapping[str, type[BaseModel]]] = MappingProxyType({"scenario": Scenario, "world": World})
-"""Other names -> the model whose keys are explained."""
+"""Other names -> the model whose keys are explained, together and each alone."""
 
 _INDENT: Final = "  "
 _LIST_ITEM: Final = re.compile(r"\n(?=- )")
@@ -59,26 +60,30 @@ _LIST_ITEM: Final = re.compile(r"\n(?=- )")
 
 def names() -> list[str]:
     """Return all names that can be explained."""
-    return [*(name for table in _TABLES for name in table.all_names()), *_KEYS]
+    return list(dict.fromkeys([*(name for table in _TABLES for name in table.all_names()), *_KEYS, *_single_keys()]))
+
+
+def _single_keys() -> Iterator[str]:
+    for model in _KEYS.values():
+        yield from (entry.name for entry in fields(model))
 
 
 def explanation(name: str, width: int) -> str:
     """Return the explanation of a name in lines of at most `width` columns. Raise UsageError for an unknown name."""
     found = [table for table in _TABLES if name in table]
-    if not found and name not in _KEYS:
+    texts = ["\n".join(_of_model(name, _KEYS[name], width))] if name in _KEYS else list(_of_keys(name, width))
+    if not found and not texts:
         found = [table for table in _TABLES if name in table.installed()]
-    if not found and name not in _KEYS:
+    if not found and not texts:
         hint = did_you_mean(name, names())
         raise UsageError(f"no part of a scenario is called '{name}'{hint}; 'sim-action explain' lists all names")
-    texts = ["\n".join(_of_table(table, name, width)) for table in found]
-    texts += ["\n".join(_of_model(name, _KEYS[name], width))] if name in _KEYS else []
-    return "\n\n".join(texts)
+    return "\n\n".join([*("\n".join(_of_table(table, name, width)) for table in found), *texts])
 
 
 def overview() -> str:
     """Return all names, by their kind."""
     lines = [f"{table.kind}s: {', '.join(table.all_names())}" for table in _TABLES]
-    return "\n".join([*lines, f"keys: {', '.join(_KEYS)}"])
+    return "\n".join([*lines, f"keys: {', '.join(dict.fromkeys([*_KEYS, *_single_keys()]))}"])
 
 
 def _of_table(table: Table[Any], name: str, width: int) -> Iterator[str]:
@@ -104,6 +109,37 @@ def _of_model(name: str, model: type[BaseModel], width: int) -> Iterator[str]:
     yield f"{click.style(name, bold=True)}: keys"
     yield from _text(model, width)
     yield from _keys("keys", fields(model), width)
+
+
+def _of_keys(name: str, width: int) -> Iterator[str]:
+    """Yield a text for each place where a single key has this name."""
+    for place, model in _KEYS.items():
+        for entry, field in zip(fields(model), _by_entry(model), strict=True):
+            if entry.name == name:
+                yield "\n".join(_of_key(place, entry, field, width))
+
+
+def _by_entry(model: type[BaseModel]) -> Iterator[FieldInfo]:
+    """Yield the fields of a model in the order of its entries."""
+    named = {field.alias or name: field for name, field in model.model_fields.items()}
+    yield from (named[entry.name] for entry in fields(model))
+
+
+def _of_key(place: str, entry: FieldEntry, field: FieldInfo, width: int) -> Iterator[str]:
+    where = "a scenario" if place == "scenario" else place
+    yield f"{click.style(entry.name, bold=True)}: key of {where}"
+    yield from _keys("key", (entry,), width)
+    for model in _models_in(field.annotation):
+        yield from _text(model, width)
+        yield from _keys(f"keys below '{entry.name}'", fields(model), width)
+
+
+def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
+    """Yield the models of keys in a type."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for part in get_args(annotation):
+        yield from _models_in(part)
 
 
 def _text(model: type[BaseModel], width: int) -> Iterator[str]:

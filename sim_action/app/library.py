@@ -13,6 +13,7 @@ from numbers import Integral
 from pathlib import Path
 from typing import Final, Literal, get_args
 
+from sim_action.app.argument_names import naming_arguments
 from sim_action.app.library_results import Results, RunFolder
 from sim_action.app.run import FinishedRun, RunRequest, refuse_invalid, run_scenarios
 from sim_action.core.errors import Location, UsageError
@@ -46,6 +47,7 @@ _SILENCED: Final = frozenset({"terminal", "annotations", "summary", "outputs"})
 """Reports that are for the command line only."""
 
 
+@naming_arguments()
 def load(
     scenarios: Scenarios = ".",
     *,
@@ -80,6 +82,7 @@ def load(
     return tuple(Scenario.of(each) for each in found if not isinstance(each, Refused))
 
 
+@naming_arguments()
 def validate(
     scenarios: Scenarios = ".", *, packages: Mapping[str, str] | None = None, allow_outside: bool = False
 ) -> tuple[str, ...]:
@@ -107,6 +110,7 @@ def validate(
     return tuple(dict.fromkeys(warnings))
 
 
+@naming_arguments()
 def run(
     scenarios: Scenarios = ".",
     *,

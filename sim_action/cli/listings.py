@@ -43,10 +43,10 @@ def sensors() -> None:
     click.echo(catalogue.listing((*catalogue.sensors(), *catalogue.of_packages(SENSORS))))
 
 
-@click.command(short_help="Explain an assertion, command source, drive or sensor.")
+@click.command(short_help="Explain an assertion, command source, drive, sensor or key.")
 @click.argument("names", nargs=-1, metavar="[NAME]...")
 def explain(names: tuple[str, ...]) -> None:
-    """Explain what a scenario can name, with all of its keys: an assertion, a command source, a drive or a sensor.
+    """Explain what a scenario can name: an assertion, a command source, a drive, a sensor or a key, with its own keys.
 
     Without a NAME, all names are listed.
 

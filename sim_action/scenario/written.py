@@ -15,11 +15,11 @@ import yaml
 
 from sim_action.assertions import Assertion
 from sim_action.assertions.combined import Combined
-from sim_action.core.errors import InvalidScenario, Location, Problem
+from sim_action.core.errors import InvalidScenario, Location, Problem, UsageError
 from sim_action.core.field_types import FrozenModel, is_title
 from sim_action.core.permissions import Permissions
 from sim_action.core.records import replace
-from sim_action.core.wording import escaped_line
+from sim_action.core.wording import escaped_line, shown
 from sim_action.core.yaml_document import MAX_DEPTH, Document, KeyPath, is_plain_text, read_document
 from sim_action.drives import Drive
 from sim_action.scenario.files import numbered_runs, workspace_around
@@ -108,8 +108,10 @@ class Scenario:
         """Return the scenario with other values.
 
         `changes`: key path, as in `variations`, such as "robot.pose.yaw" -> value. Raises InvalidScenario for a path
-        that leads nowhere.
+        that leads nowhere, UsageError for what is no map of key paths.
         """
+        if not isinstance(changes, Mapping) or not all(isinstance(written, str) for written in changes):
+            raise UsageError(f"changes: expected a map of key paths to values, found {shown(changes)}")
         document = self._source.document
         for written, value in changes.items():
             document = _placed(document, written, value)

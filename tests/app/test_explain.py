@@ -35,6 +35,26 @@ def test_a_name_of_several_kinds_is_explained_as_each() -> None:
     assert "contact: sensor, below sensors" in text
 
 
+@pytest.mark.parametrize(
+    ("name", "place", "below"),
+    [("ground", "world", "friction: number"), ("physics", "a scenario", "rate: frequency"), ("seed", "a scenario", "")],
+)
+def test_a_single_key_is_explained_with_the_keys_below_it(name: str, place: str, below: str) -> None:
+    text = click.unstyle(explanation(name, 80))
+    assert text.startswith(f"{name}: key of {place}\n")
+    assert below in text
+
+
+def test_a_key_of_two_places_is_explained_in_both() -> None:
+    text = click.unstyle(explanation("robot", 80))
+    assert "robot: key of a scenario" in text
+    assert "robot: key of world" in text
+
+
+def test_no_class_of_python_is_shown() -> None:
+    assert not [name for name in names() if "<class" in explanation(name, 200)]
+
+
 def test_an_unknown_name_is_told_with_the_nearest() -> None:
     with pytest.raises(UsageError, match=r"no part of a scenario is called 'uprigt'; did you mean 'upright'\?"):
         explanation("uprigt", 80)

@@ -233,7 +233,7 @@ def test_a_run_that_is_invalid_says_why_and_nothing_runs(folder: Path) -> None:
         (lambda: run("nowhere.sim.yml"), MissingScenario, "there is no file or folder 'nowhere.sim.yml'"),
         (lambda: run("nowhere/*.yml"), UsageError, r"no scenario found at 'nowhere/\*\.yml'"),
         (lambda: run([]), UsageError, "there is no scenario"),
-        (lambda: run(burger(), only="other"), UsageError, "no scenario is named 'other'"),
+        (lambda: run(burger(), only="other"), UsageError, "^only: no scenario is named 'other'"),
         (lambda: run(burger(), jobs=0), UsageError, "jobs: "),
         (lambda: run(burger(), repeat=0), UsageError, "repeat: "),
         (lambda: run(burger(), **wrong(jobs="2")), UsageError, "jobs: expected a whole number, found '2'"),

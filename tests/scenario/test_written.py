@@ -12,7 +12,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.core.errors import InvalidScenario
+from sim_action.core.errors import InvalidScenario, UsageError
 from sim_action.core.permissions import Permissions
 from sim_action.core.yaml_document import read_document
 from sim_action.parts import AllOf, AnyOf, DiffDrive, DrivenRobot, Lidar, Negation, Reach, Travel, Upright
@@ -125,6 +125,14 @@ def test_a_change_leaves_the_scenario_as_it_was() -> None:
 def test_a_path_that_leads_nowhere_is_refused() -> None:
     with pytest.raises(InvalidScenario, match=r"expect\.1\.travel: expect is a list without '1'"):
         Scenario(**BURGER).changed({"expect.1.travel": 3})
+
+
+@pytest.mark.parametrize(
+    ("changes", "found"), [(None, "nothing"), (["seed"], "a list of 1"), ({3: 4}, "a map of keys")]
+)
+def test_changes_that_are_no_map_of_key_paths_are_refused(changes: Any, found: str) -> None:
+    with pytest.raises(UsageError, match=f"changes: expected a map of key paths to values, found {found}"):
+        Scenario(**BURGER).changed(changes)
 
 
 def test_variations_have_their_names() -> None:
