@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -19,6 +20,12 @@ from sim_action.ros.quiescence import WatchedProcesses
 MAX_SETTLE_S: Final = 10.0
 # Wall time of the wait at each tick, once lock-step is lost.
 _SETTLE_AFTER_LOSS_S: Final = 0.05
+# Wall time for which the work of busy processes is compared.
+_BUSY_S: Final = 0.1
+# Processes that wake up at least that often while the clock stands still poll the wall clock. Nodes that wait for sim
+# time wake up twice per second with rospy, and ten times with roscpp; a timer of roscpp polls 1,000 times.
+_MIN_POLLS: Final = 10
+_MIN_POLLS_HZ: Final = 50.0
 _POLL_S: Final = 0.01
 # Wall time without a change in the graph, after which the clock starts although no node drives the robot.
 _CALM_S: Final = 2.0
@@ -69,6 +76,10 @@ class Lockstep:
         is_shutdown: returns True once our own node was asked to leave.
         gone: called with the ids of processes of the launcher that have ended.
         newcomers_within: s of wall time that processes may take to become nodes.
+
+    Attributes:
+        notes: notes for the user.
+        not_reproducible: reasons why another run may differ, each with the name of a node.
     """
 
     def __init__(
@@ -90,7 +101,13 @@ class Lockstep:
         self._joined: set[int] = set()
         self._tests: dict[int, Path] = {}
         self._patience = MAX_SETTLE_S
+        self._pids: Mapping[str, int] = {}
+        self._suspects: set[str] = set()
+        self._awakenings = Counter[int]()
+        self._quiet_since: float | None = None
+        self._stood_s = 0.0
         self.notes: list[str] = []
+        self.not_reproducible: list[str] = []
 
     @property
     def is_kept(self) -> bool:
@@ -125,6 +142,7 @@ class Lockstep:
         Two nodes that work at the same time may send to a third one in any order. Raises ControllersFinished when no
         node is left.
         """
+        self._look_for_polls()
         is_settled = False
         for deliver in deliveries:
             deliver()
@@ -133,6 +151,14 @@ class Lockstep:
                 self.settle(seconds)
         if not is_settled:
             self.settle(seconds)
+        self._quiet_since = time.monotonic()
+
+    def suspect(self, node: str, conduct: str) -> None:
+        """Note that a node does not wait for sim time; the first reason for each node is kept."""
+        name = node.removeprefix("/")
+        if self.is_kept and name not in self._suspects:
+            self._suspects.add(name)
+            self.not_reproducible.append(f"the node '{name}' does not wait for sim time: {conduct}")
 
     def settle(self, seconds: float) -> None:
         """Wait until no node has work left at a sim time. Raises ControllersFinished when no node is left."""
@@ -181,6 +207,7 @@ class Lockstep:
         self._siblings = siblings
         self._note_tests(siblings)
         graph = self._master.graph()
+        self._pids = graph.pids
         nodes = frozenset(graph.pids.values())
         self._joined |= siblings & nodes
         self._watched.watch({*nodes, graph.master, os.getpid()})
@@ -208,11 +235,33 @@ class Lockstep:
 
     def _lose(self, seconds: float) -> None:
         if self.is_kept:
-            self.notes.append(
-                f"lock-step was lost at {seconds:g} s of sim time: nodes were still busy after {MAX_SETTLE_S:g} s of "
-                "wall time; from there on the run is not deterministic"
+            names = sorted(set(map(self._name, self._watched.busy(_BUSY_S) - {os.getpid()})))
+            who = f"{' and '.join(names)} {'were' if len(names) > 1 else 'was'}" if names else "nodes were"
+            self.not_reproducible.append(
+                f"lock-step was lost at {seconds:g} s of sim time: {who} still busy after {MAX_SETTLE_S:g} s of wall "
+                "time"
             )
         self._patience = _SETTLE_AFTER_LOSS_S
+
+    def _name(self, pid: int) -> str:
+        """Return the node of a process, or the process if it is no node."""
+        nodes = sorted(name for name, each in self._pids.items() if each == pid)
+        return f"the node '{nodes[0].removeprefix('/')}'" if nodes else f"'{process_name(pid)}'"
+
+    def _look_for_polls(self) -> None:
+        """Suspect nodes that run by themselves between two ticks, when they have received nothing."""
+        if self._quiet_since is None:
+            return
+        self._stood_s += time.monotonic() - self._quiet_since
+        self._quiet_since = None
+        for pid, runs in self._watched.awakenings().items():
+            self._awakenings[pid] += runs
+            rate = self._awakenings[pid] / self._stood_s
+            if self._awakenings[pid] >= _MIN_POLLS and rate >= _MIN_POLLS_HZ:
+                for node in (name for name, each in self._pids.items() if each == pid and name != self._node):
+                    self.suspect(
+                        node, f"it wakes up {rate:.0f} times per second of wall time while the clock stands still"
+                    )
 
     def _end_if_over(self) -> None:
         if self._is_shutdown():

@@ -19,6 +19,9 @@ _SLEEPING: Final = (b"S", b"I")
 # The time of looking at a thread without a pause, and one pause.
 _BUSY_WAIT_S: Final = 2e-4
 _NAP_S: Final = 5e-5
+# The part of the time for which a busy process runs; one that waits runs for less than a thousandth.
+_BUSY_PART: Final = 0.02
+_NANOSECONDS: Final = 1e9
 # /proc/PID/task has one link per thread, and two of its own: its name and its dot.
 _OWN_LINKS: Final = 2
 
@@ -51,6 +54,8 @@ class _Thread:
         """Close the files."""
         os.close(self._stat)
         os.close(self._schedstat)
+        # Another file may get the numbers.
+        self._stat = self._schedstat = -1
 
 
 class WatchedProcesses:
@@ -60,6 +65,7 @@ class WatchedProcesses:
         _allow_many_files()
         self._spared = spared
         self._threads: dict[int, dict[int, _Thread]] = {}
+        self._quiet: list[tuple[_Thread, bytes]] = []
 
     def watch(self, pids: Iterable[int]) -> None:
         """Watch exactly these processes from now on."""
@@ -78,18 +84,30 @@ class WatchedProcesses:
         return True
 
     def busy(self, seconds: float) -> frozenset[int]:
-        """Return the processes that run during some s of wall time."""
-        before = self._ran()
-        time.sleep(seconds)
-        return frozenset(thread.pid for thread, ran in self._ran().items() if before.get(thread, ran) != ran)
+        """Return the processes that run for a notable part of some s of wall time, or else those that do not sleep.
 
-    def _ran(self) -> dict[_Thread, bytes]:
-        """Return how long each thread has run."""
-        found = dict[_Thread, bytes]()
+        On a machine with too much load, a process that never sleeps may hardly run.
+        """
+        before = dict(self._run_times())
+        time.sleep(seconds)
+        least, after = _BUSY_PART * seconds * _NANOSECONDS, list(self._run_times())
+        found = frozenset(thread.pid for thread, ran in after if ran - before.get(thread, 0) >= least)
+        return found or frozenset(thread.pid for thread, _ in after if _is_awake(thread))
+
+    def awakenings(self) -> dict[int, int]:
+        """Return how often processes ran since the last `wait` found all quiet: id -> runs of its busiest thread."""
+        found: dict[int, int] = {}
+        for thread, ran in self._quiet:
+            with suppress(OSError):
+                if (now := thread.ran()) != ran:
+                    found[thread.pid] = max(found.get(thread.pid, 0), _runs(now) - _runs(ran))
+        return found
+
+    def _run_times(self) -> Iterable[tuple[_Thread, int]]:
+        """Yield the ns that each thread has run."""
         for thread in [thread for pid in tuple(self._threads) for thread in self._threads_of(pid)]:
             with suppress(OSError):
-                found[thread] = thread.ran()
-        return found
+                yield thread, int(thread.ran().split()[0])
 
     def _is_quiet(self, deadline: float) -> bool:
         """Return True if no thread ran while all were looked at. If one runs, wait until it sleeps and return False.
@@ -114,6 +132,7 @@ class WatchedProcesses:
             assert thread is not None
             self._forget_thread(thread)
             return False
+        self._quiet = list(zip(threads, before, strict=True))
         return True
 
     def _threads_of(self, pid: int) -> Iterable[_Thread]:
@@ -149,6 +168,18 @@ class WatchedProcesses:
     def _forget(self, pid: int) -> None:
         for thread in self._threads.pop(pid).values():
             thread.close()
+
+
+def _is_awake(thread: _Thread) -> bool:
+    try:
+        return not thread.is_asleep()
+    except OSError:
+        return False
+
+
+def _runs(ran: bytes) -> int:
+    """Return how often a thread has run, from its schedstat."""
+    return int(ran.split()[2])
 
 
 def _allow_many_files() -> None:

@@ -127,7 +127,7 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
         NOT_REPRODUCIBLE: Rule(
             "warning",
             "ROS nodes that could not be kept in lock-step with sim time, so that another run may differ: "
-            "a node that is never quiet, or `pace: realtime`",
+            "a node that is never quiet or acts by the wall clock, or `pace: realtime`",
         ),
         INCOMPLETE_WORLD: Rule(
             "error", "a model or a mesh of a world file that is not found or cannot be used: an obstacle is missing"

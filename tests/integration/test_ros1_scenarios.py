@@ -253,7 +253,29 @@ def test_a_node_that_never_waits_costs_lock_step_and_that_is_told(tmp_path: Path
 
     _, outcome = ran(tmp_path)
 
-    assert [note for note in outcome["notes"] if "lock-step was lost at 0 s" in note and "not deterministic" in note]
+    (warning,) = [each for each in outcome["warnings"] if each["rule"] == "not-reproducible"]
+    assert "lock-step was lost at 0 s of sim time: the node 'spinner' was still busy" in warning["message"]
+
+
+# Statement of a loop -> what is said of a node that waits by it.
+BY_THE_WALL_CLOCK = {
+    "time.sleep(0.05)": "it calls time.sleep again and again at ws/src/nodes/clocked.py:10",
+    # Such as a timer of roscpp.
+    "threading.Event().wait(0.001)": "times per second of wall time while the clock stands still",
+}
+
+
+@pytest.mark.parametrize("waits", BY_THE_WALL_CLOCK)
+def test_a_node_that_acts_by_the_wall_clock_is_named_and_others_are_not(waits: str, tmp_path: Path) -> None:
+    scenario(tmp_path, "{nodes: [nodes/mover.py, nodes/clocked.py]}")
+    loop = f'import threading\nimport time\n\nrospy.init_node("clocked")\nwhile not rospy.is_shutdown():\n    {waits}\n'
+    package(tmp_path / "ws", "nodes", {"clocked.py": f"{HEAD}{loop}"})
+
+    _, outcome = ran(tmp_path)
+
+    (warning,) = [each for each in outcome["warnings"] if each["rule"] == "not-reproducible"]
+    assert "the node 'clocked' does not wait for sim time" in warning["message"]
+    assert BY_THE_WALL_CLOCK[waits] in warning["message"]
 
 
 def test_where_ros_is_absent_one_message_says_what_to_type(tmp_path: Path) -> None:

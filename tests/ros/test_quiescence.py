@@ -130,6 +130,44 @@ def test_a_process_that_was_never_there_is_not_waited_for() -> None:
     assert watched(gone.pid).wait(LONG)
 
 
+def test_processes_that_are_busy_are_named() -> None:
+    with process(SLEEPS) as sleeper, process(RUNS_IN_A_THREAD) as runner:
+        both = watched(sleeper.pid, runner.pid)
+        both.wait(SHORT)
+
+        assert both.busy(SHORT) == {runner.pid}
+
+
+# Waits for a line, and then wakes up ten times without another one.
+WAKES = """\
+import sys, time
+print('up', flush=True)
+for line in sys.stdin:
+    for _ in range(10):
+        time.sleep(0.001)
+    print('done', flush=True)
+"""
+
+
+def test_processes_that_ran_since_all_were_quiet_are_counted() -> None:
+    with process(SLEEPS) as sleeper, process(WAKES) as waker:
+        assert waker.stdin is not None
+        assert waker.stdout is not None
+        both = watched(sleeper.pid, waker.pid)
+        assert both.wait(LONG)
+        assert both.awakenings() == {}
+
+        waker.stdin.write("go\n")
+        waker.stdin.flush()
+        assert waker.stdout.readline() == "done\n"
+
+        found = both.awakenings()
+        assert set(found) == {waker.pid}
+        assert found[waker.pid] >= 10
+        assert both.wait(LONG)
+        assert both.awakenings() == {}
+
+
 def test_threads_that_come_and_go_are_followed() -> None:
     with process(STARTS_THREADS) as starter:
         assert starter.stdin is not None

@@ -227,6 +227,7 @@ def open_nodes(source: RosCommands, scene: Scene) -> ClosedLoop:
         losses=nodes.losses,
         repeats=True,
         transcript=node.transcript,
+        not_reproducible=node.not_reproducible,
     )
 
 

@@ -78,8 +78,8 @@ class RosCommands(CommandSource):
     Sim time starts at 0 when all nodes are up and connected to each other. A process that does not become a node within
     `start_within` is no longer waited for, and a note says so. After the start, sim time goes on only when every node
     has handled all messages that it received. So every run is the same, as fast as the nodes can follow, and only sim
-    time counts. Nodes that are still busy after 10 s of wall time break the lock-step: the run goes on without it, and
-    a note says that the run is not deterministic.
+    time counts. Nodes that are still busy after 10 s of wall time break the lock-step, and the run goes on without
+    it. The warning `not-reproducible` names them, and nodes that act by the wall clock.
 
     A node that ends with an exit code other than 0 or by a signal is an error, and so is any end of a required node.
     The error has the exception of the node and the line of the package that raised it. A node that has finished its

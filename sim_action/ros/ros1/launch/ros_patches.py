@@ -9,6 +9,8 @@ every run. Three parts of ROS are replaced for that:
 - TCP may hold a small message back until the one before it is acknowledged, up to 40 ms of wall time (RFC 896, RFC
   1122 in 4.2.3.2), unless the subscriber asks for no delay. The patch asks for no delay everywhere.
 
+A node that calls `time.sleep` again and again acts by the wall clock. It leaves a file with the place of the call.
+
 rosunit writes a skipped test method as one that passed. The patch writes it as skipped.
 
 Python imports this file as `sitecustomize` at start, in every process of a launch. It imports nothing of this package.
@@ -27,7 +29,11 @@ from importlib.machinery import ModuleSpec, PathFinder
 from types import ModuleType
 from typing import Any
 
+SLEEPERS = "wall_clock"  # folder of files of nodes that sleep, in that of the logs
+
 _POLL_S = 0.1  # of wall time, for the check whether the node has to leave
+# A node that only waits for something to come up sleeps less often, or for less wall time.
+_MIN_SLEEPS, _MIN_SLEPT_S = 3, 0.2
 
 
 def wait_for_message(topic: str, topic_type: Any, timeout: Any = None) -> Any:
@@ -122,6 +128,57 @@ def _replace_results(runner: dict[str, Any]) -> None:
     result.addSkip, result.stopTest, runner["_TestInfo"].xml = add_skip, stop_test, xml
 
 
+def _note_sleeps() -> None:
+    """Replace `time.sleep` by one that notes calls of the user's code after the start of the clock."""
+    sleep: Any = time.sleep
+    slept = dict[tuple[str, int], list[float]]()
+    is_noted = False
+
+    def sleep_and_note(seconds: Any) -> None:
+        nonlocal is_noted
+        sleep(seconds)
+        rospy = sys.modules.get("rospy")
+        if is_noted or rospy is None or not _is_clock_started():
+            return
+        frame = sys._getframe(1)  # noqa: SLF001 - as documented for CPython
+        file, line = frame.f_code.co_filename, frame.f_lineno
+        # Code of Python and of ROS may wait for something that does not depend on the clock.
+        if file.startswith((_folder_of(os), _folder_of(rospy.core, 2))):
+            return
+        calls = slept.setdefault((file, line), [])
+        calls.append(seconds)
+        if len(calls) >= _MIN_SLEEPS and sum(calls) >= _MIN_SLEPT_S:
+            is_noted = True
+            _leave_note(f"{rospy.get_name()}\n{file}\n{line}\n")
+
+    time.sleep = sleep_and_note
+
+
+def _is_clock_started() -> bool:
+    """Return True if this process is a node that has received a sim time other than 0."""
+    rostime: Any = sys.modules.get("rospy.rostime")
+    if rostime is None or not rostime.is_rostime_initialized() or rostime.is_wallclock():
+        return False
+    return bool(rostime.get_time())
+
+
+def _folder_of(module: Any, levels: int = 1) -> str:
+    """Return the folder of a module, or one above it."""
+    path = str(module.__file__)
+    for _ in range(levels):
+        path = os.path.dirname(path)  # noqa: PTH120 - see _read_next
+    return path
+
+
+def _leave_note(text: str) -> None:
+    folder = os.path.join(os.environ["ROS_LOG_DIR"], SLEEPERS)  # noqa: PTH118 - see _read_next
+    path = os.path.join(folder, str(os.getpid()))  # noqa: PTH118 - see _read_next
+    os.makedirs(folder, exist_ok=True)  # noqa: PTH103 - see _read_next
+    with open(path + ".part", "w", encoding="utf-8") as file:  # noqa: PTH123 - see _read_next
+        file.write(text)
+    os.replace(path + ".part", path)  # noqa: PTH105 - see _read_next
+
+
 # Module of ROS -> function that patches its namespace.
 _REPLACED = {
     "rospy.client": _replace_waiting,
@@ -161,4 +218,5 @@ def _read_next() -> None:
 
 if __name__ == "sitecustomize":
     sys.meta_path.insert(0, _Finder())
+    _note_sleeps()
     _read_next()

@@ -15,6 +15,7 @@ from sim_action.ros.ros1.node.current_state import CurrentState, ModelFrame
 from sim_action.ros.ros1.node.internal_sensors import states_in
 from sim_action.ros.ros1.node.plugins import TICKS, Device, RobotCommands
 from sim_action.ros.ros1.node.topics import GazeboTopics, Traffic
+from sim_action.ros.ros1.node.wall_clock import WallClockWatch
 from sim_action.ros.ros1.node.world_models import ChangeQueue, JointEfforts, WorldChanged
 from sim_action.state.command import Answer
 from sim_action.state.observation import Observation
@@ -62,6 +63,7 @@ class Bridge:
         self._session, self._robot, self._frame = session, robot, frame
         self._devices, self.commands = tuple(devices), commands
         self._start = session.current.time
+        self._wall_clock = WallClockWatch(session.traffic, session.lockstep)
         self.transcript = Transcript()
         self.first_command: float | None = None
         self.over: ControllersFinished | None = None
@@ -81,6 +83,7 @@ class Bridge:
         session, seconds, tick = self._session, self._start + seen.time, round(seen.time * TICKS)
         self._note(seconds, seen)
         self._hold()
+        self._wall_clock.look()
         self._publish(seconds, tick, seen)
         session.lockstep.deliver(seconds, session.traffic.undelivered())
         self._stand_still(seconds)

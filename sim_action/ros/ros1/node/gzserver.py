@@ -35,6 +35,7 @@ from sim_action.ros.ros1.node.episode_record import EpisodeRecord
 from sim_action.ros.ros1.node.query_services import QueryServices
 from sim_action.ros.ros1.node.topics import GazeboTopics, Traffic
 from sim_action.ros.ros1.node.world_models import ChangeQueue, JointEfforts, SpawnedRobot, WorldChanged, WorldModels
+from sim_action.scenario.claim_audit import NOT_REPRODUCIBLE
 from sim_action.simulation.loop import SimulationRun
 from sim_action.world import World
 from sim_action.world.world_files.losses import Loss
@@ -176,6 +177,11 @@ class _Server:
         spawned = self._services.losses if self._services else ()
         return tuple(dict.fromkeys((*self._losses, *spawned, *self._stage.losses)))
 
+    def _races(self) -> dict[str, str]:
+        """Return the finding on nodes that could not be kept in lock-step, if there are any."""
+        reasons = self._lockstep.not_reproducible
+        return {NOT_REPRODUCIBLE: f"the run is not reproducible: {'; '.join(reasons)}"} if reasons else {}
+
     def _told(self, end: End, failure: Failure | None) -> SimulationResult:
         now, record = time.monotonic(), self._record
         started = self._current.started or now
@@ -194,7 +200,7 @@ class _Server:
             in_step=self._lockstep.is_kept,
             losses=self._all_losses(),
             missing_world=self._missing_world,
-            claims=record.claims,
+            claims={**record.claims, **self._races()},
         )
 
 

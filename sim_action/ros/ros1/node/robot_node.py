@@ -35,6 +35,7 @@ from sim_action.ros.ros1.node.messages import (
     twist_of,
 )
 from sim_action.ros.ros1.node.topics import GazeboTopics, Publisher, Subscription, Traffic
+from sim_action.ros.ros1.node.wall_clock import WallClockWatch
 from sim_action.ros.schedule import Schedule
 from sim_action.ros.topic_names import COMMANDS, JOINTS, ODOMETRY
 from sim_action.state.command import Answer
@@ -92,6 +93,7 @@ class RobotNode:
         self._states = GazeboTopics(traffic)
         self._others = open_publishers(robot.model, robot.sensors, robot.topics, robot.rate, traffic)
         self._subscription = Subscription(robot.topics[COMMANDS], TwistMessage, twist_of, traffic)
+        self._wall_clock = WallClockWatch(self._traffic, self._lockstep)
         self._has_begun = False
         self._listeners = self._exit_count = 0
         self._is_driven = False
@@ -106,6 +108,7 @@ class RobotNode:
         try:
             if not self._has_begun:
                 self._begin()
+            self._wall_clock.look()
             self._publish(seen)
             self._lockstep.deliver(seen.time, self._traffic.undelivered())
             self._await_leaving_nodes()
@@ -117,6 +120,11 @@ class RobotNode:
         if twist is not None and (problem := twist_problem(twist)):
             raise ScriptError(f"a node sent a bad command on {self._subscription.topic}: {problem}")
         return twist
+
+    @property
+    def not_reproducible(self) -> Sequence[str]:
+        """The reasons why another run may differ, complete during the run."""
+        return self._lockstep.not_reproducible
 
     def close(self) -> None:
         """End the nodes, and collect notes."""

@@ -47,6 +47,7 @@ class Traffic:
         self.deliveries = 0
         self._posted: list[tuple[Any, Any]] = []
         self._heard: list[tuple[int, str, str, bytes]] = []
+        self._stands_still = False
 
     def begin(self) -> None:
         """Forget all that was heard and counted before the clock started."""
@@ -81,8 +82,15 @@ class Traffic:
     def move_to(self, transcript: Transcript, seconds: float) -> None:
         """Add the messages that were heard since the last call to a transcript, in an order that does not vary."""
         heard, self._heard = self._heard, []
+        self._stands_still = True
         for _, topic, node, message in sorted(heard, key=lambda each: each[:3]):
             transcript.add(seconds, f"{topic} {node}", message)
+
+    def unasked(self) -> frozenset[str]:
+        """Return the nodes that sent a message after `move_to`, although nothing was delivered to any node."""
+        nodes = frozenset(node for _, _, node, _ in self._heard) if self._stands_still else frozenset[str]()
+        self._stands_still = False
+        return nodes
 
     def _deliver(self, connection: Any, data: bytes) -> None:
         self.deliveries += 1
