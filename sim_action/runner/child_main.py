@@ -221,7 +221,9 @@ def _stored_run(job: Job, progress: _Progress, kept: _Kept) -> SimulationRun:
         footage = RunRecorder(loaded.scenario, filmed=filmed, recorded=recorded, compared=compared)
         try:
             run = _simulated(loaded, scene, footage, progress)
-        except RunError:
+        except Exception as error:
+            if not isinstance(error, RunError) and not isinstance(InternalError.of(error), PackageFault):
+                raise
             # The recorded part shows the problem.
             kept.notes += store_evidence(job, scene, footage)
             kept.runs += run_to_record(job, scene, footage)
