@@ -323,6 +323,14 @@ def test_a_scheduler_that_does_not_answer_is_refused(tmp_path: Path) -> None:
     assert "Traceback" not in result.stderr
 
 
+def test_an_encrypted_connection_without_certificates_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "drives.sim.yml").write_text(DRIVES.format(samples=2))
+    result = run(tmp_path, "--cluster", "tls://127.0.0.1:9")
+    assert result.returncode == 2
+    assert "tls://127.0.0.1:9 needs the certificates of the cluster in the settings of Dask" in result.stderr
+    assert "Traceback" not in result.stderr
+
+
 def test_programs_use_a_cluster(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "drives.sim.yml").write_text(DRIVES.format(samples=2))

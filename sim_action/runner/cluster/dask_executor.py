@@ -75,6 +75,12 @@ def _client(address: ClusterAddress, stack: ExitStack) -> Client:
     if address.workers is None:
         try:
             client = Client(address.text, timeout=_CONNECT_TIMEOUT_S, set_as_default=False)
+        except TypeError:
+            # Dask has no SSL context.
+            raise UsageError(
+                f"--cluster: {address.text} needs the certificates of the cluster in the settings of Dask, such as "
+                "distributed.comm.tls.ca-file; see https://distributed.dask.org/en/stable/tls.html"
+            ) from None
         except (OSError, ValueError, RuntimeError) as error:
             raise UsageError(
                 f"--cluster: no Dask scheduler answers at {address.text} within {_CONNECT_TIMEOUT_S:g} s "
