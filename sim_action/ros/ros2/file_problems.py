@@ -14,7 +14,7 @@ from typing import Final, Protocol
 
 from sim_action.core.errors import UsageError
 from sim_action.core.wording import did_you_mean
-from sim_action.core.workspace import PathError, Workspace
+from sim_action.core.workspace import PathError, Workspace, similar_name
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.ros.ros2.installation import Ros2, find_ros
 from sim_action.ros.ros2.node_spec import Ros2NodeSpec
@@ -91,7 +91,8 @@ def _build_hint(stated: str | None, workspace: Workspace) -> str:
     path = workspace.directory / (stated or "")
     if path.name != INSTALL or not path.parent.is_dir():
         return ""
-    return f"; the workspace is not built: {_BUILD} in {path.parent}"
+    unneeded = "or leave out 'workspace' if all packages are of ament_python, which need no build"
+    return f"; the workspace is not built: {_BUILD} in {path.parent}, {unneeded}"
 
 
 def _launch_problems(launch: Sequence[str], packages: Packages) -> SpecProblems:
@@ -122,7 +123,8 @@ def _node_problems(nodes: Sequence[Ros2NodeSpec], packages: Packages, workspace:
     for index, node in enumerate(nodes):
         key = ("/" + (node.namespace or "").strip("/"), node.called)
         if key in started:
-            same = f"'{started[key]}' and '{node.program}' are both named '{node.called}'"
+            other = "another one" if started[key] == node.program else f"'{started[key]}'"
+            same = f"'{node.program}' has the name '{node.called}', as {other}"
             yield ("nodes", index), f"two nodes of one name: {same}; give each its own 'name' or 'namespace'"
         started.setdefault(key, node.program)
         if node.file is not None:
@@ -144,7 +146,7 @@ def _file_problem(file: str, workspace: Workspace) -> str | None:
     try:
         path = workspace.file(file)
     except PathError as error:
-        return str(error)
+        return f"{error}{similar_name(workspace.directory / file)}"
     if is_python(path) or os.access(path, os.X_OK):
         return None
     fix = f"run chmod +x {file} and git update-index --chmod=+x {file}"

@@ -131,7 +131,7 @@ def test_a_workspace_that_is_not_built_says_so(tmp_path: Path) -> None:
     absent = only(tmp_path, "p/e", workspace="install")
 
     assert absent.startswith("workspace: 'install' does not exist")
-    assert absent.endswith(f"; the workspace is not built: run colcon build in {tmp_path}")
+    assert f"; the workspace is not built: run colcon build in {tmp_path}, or leave out 'workspace' if" in absent
     assert only(tmp_path, "p/e", workspace="absent/install").endswith(f"(looked for {tmp_path}/absent/install)")
     assert only(tmp_path, "p/e", workspace="empty") == (
         "workspace: 'empty' has no packages; run colcon build in the workspace, or name another folder"
@@ -151,6 +151,7 @@ def test_a_program_that_is_not_executable_says_so(tmp_path: Path) -> None:
     talker = tmp_path / "install/lib/built/talker"
     assert only(tmp_path, "built/talker") == f"nodes.0: 'talker' of 'built' is not executable; run chmod +x {talker}"
     assert only(tmp_path, "./absent.py").startswith("nodes.0: './absent.py' does not exist")
+    assert only(tmp_path, "./compile").endswith("; did you mean 'compiled'?")
 
 
 @pytest.mark.usefixtures("with_ros")
@@ -166,9 +167,12 @@ def test_two_nodes_have_two_names(tmp_path: Path) -> None:
     mover = {"package": "my_robot", "executable": "mover"}
 
     assert only(tmp_path, "my_robot/mover", "my_robot/mover") == (
-        "nodes.1: two nodes of one name: 'my_robot/mover' and 'my_robot/mover' are both named 'mover'; give each its "
-        "own 'name' or 'namespace'"
+        "nodes.1: two nodes of one name: 'my_robot/mover' has the name 'mover', as another one; give each its own "
+        "'name' or 'namespace'"
     )
+    named = {"file": "./x.py", "name": "mover"}
+    written(tmp_path / "x.py", "")
+    assert "'./x.py' has the name 'mover', as 'my_robot/mover';" in only(tmp_path, mover, named)
     assert problems(tmp_path, mover, {**mover, "name": "other"}, {**mover, "namespace": "/left"}) == []
 
 
