@@ -224,7 +224,7 @@ class _Bridge:
                 message, info = taken
                 found.append((info.get("received_timestamp", 0), number, plain.of(message)))
         found.sort(key=lambda each: each[:2])
-        clocks = [publisher.get_subscription_count() for publisher, _, _ in self._publishers[: request["clocks"]]]
+        clocks = [self._publishers[number][0].get_subscription_count() for number in request["clocks"]]
         return {"messages": [each[1:] for each in found], "clocks": clocks}, bytes(plain.blob)
 
     def graph(self, request: Json) -> Json:

@@ -81,7 +81,11 @@ class BridgeEnded(Exception):
 
 
 class Bridge:
-    """The bridge as the simulation sees it."""
+    """The bridge as the simulation sees it.
+
+    Attributes:
+        published, heard: its publishers and subscriptions, in the order of their numbers.
+    """
 
     def __init__(self, python: Path, folder: ProcessFolder) -> None:
         """Start the bridge, and return at once."""
@@ -91,6 +95,8 @@ class Bridge:
             # With -O, the setters of messages do not check each element of a list.
             words = [str(python), "-O", str(_BRIDGE), str(theirs.fileno())]
             self.process: NodeProcess = folder.start("bridge", words, kept=(theirs.fileno(),))
+        self.published: list[Endpoint] = []
+        self.heard: list[Endpoint] = []
         self._send({"node": _NAME})
 
     def await_start(self) -> str:
@@ -109,21 +115,25 @@ class Bridge:
         answer, _ = self._ask(op="matched")
         return answer["publishers"], answer["subscriptions"]
 
-    def open(self, publishers: Iterable[Endpoint], subscriptions: Iterable[Endpoint]) -> None:
-        """Create publishers and subscriptions. Raises BridgeEnded."""
+    def open(self, publishers: Sequence[Endpoint], subscriptions: Sequence[Endpoint]) -> int:
+        """Create publishers and subscriptions, and return the number of the first publisher. Raises BridgeEnded."""
         self._ask(op="open", publishers=list(map(_plain, publishers)), subscriptions=list(map(_plain, subscriptions)))
+        first = len(self.published)
+        self.published += publishers
+        self.heard += subscriptions
+        return first
 
     def publish(self, number: int, message: Message) -> None:
         """Publish a message by the publisher with a number. Raises BridgeEnded."""
         blob = bytearray()
         self._send({"op": "publish", "number": number, "message": _packed(message, blob)}, bytes(blob))
 
-    def take(self, clocks: int) -> tuple[list[tuple[int, Message]], list[int]]:
+    def take(self, clocks: Sequence[int]) -> tuple[list[tuple[int, Message]], list[int]]:
         """Return the messages since the last call, each with the number of its subscription. Raises BridgeEnded.
 
-        The second list has the number of subscriptions of each of the first publishers, `clocks` of them.
+        The second list has the number of subscriptions of each of the publishers `clocks`.
         """
-        answer, blob = self._ask(op="take", clocks=clocks)
+        answer, blob = self._ask(op="take", clocks=list(clocks))
         return [(number, _unpacked(message, blob)) for number, message in answer["messages"]], answer["clocks"]
 
     def graph(self, topics: Iterable[str]) -> Graph:

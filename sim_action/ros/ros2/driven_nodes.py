@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Final
 
@@ -12,18 +13,22 @@ from sim_action.core.errors import ScriptError, SourceProblem, UsageError
 from sim_action.ros.ros2.bridge_link import Bridge, BridgeEnded, Endpoint
 from sim_action.ros.ros2.domain import Domain
 from sim_action.ros.ros2.installation import RMW, Ros2, find_ros
-from sim_action.ros.ros2.lockstep import Lockstep
+from sim_action.ros.ros2.launch.launched_nodes import LaunchedNodes, LaunchSpec, RobotTopics
+from sim_action.ros.ros2.lockstep import CLOCK, Lockstep
 from sim_action.ros.ros2.messages import Message
+from sim_action.ros.ros2.node_group import Node, NodeGroup
 from sim_action.ros.ros2.quality import subscriber_problems
 from sim_action.ros.ros2.readiness import Readiness
 from sim_action.ros.ros2.received_commands import ReceivedCommands
-from sim_action.ros.ros2.started_nodes import node_error, scratch_of, set_up_packages, start_node
+from sim_action.ros.ros2.started_nodes import ListedNodes, scratch_of, set_up_packages
 from sim_action.ros.ros2.topics import channels
 from sim_action.state.command import Answer
 from sim_action.state.observation import Observation
 from sim_action.state.reproducibility import Transcript
 
 if TYPE_CHECKING:
+    from sim_action.ros.ros2.node_processes import ProcessFolder
+    from sim_action.ros.ros2.packages import Packages
     from sim_action.ros.ros2.spec import Ros2Commands
     from sim_action.world.scene import Scene
 
@@ -45,6 +50,7 @@ def open_nodes(source: Ros2Commands, scene: Scene) -> ClosedLoop:
         nodes.tick,
         close=nodes.close,
         notes=nodes.notes,
+        losses=nodes.losses,
         repeats=True,
         transcript=nodes.transcript,
         not_reproducible=nodes.not_reproducible,
@@ -58,6 +64,7 @@ class DrivenNodes:
         transcript: all messages of nodes that command the robot.
         not_reproducible: reasons why another run may differ.
         notes: notes for the user, complete after `close`.
+        losses: parts of a launch file that are not simulated, if they are allowed.
     """
 
     def __init__(self, source: Ros2Commands, scene: Scene, ros: Ros2) -> None:
@@ -74,12 +81,9 @@ class DrivenNodes:
             packages = set_up_packages(source.ros2, ros, scene.workspace, folder)
             self._bridge = Bridge(ros.python, folder)
             undo.callback(self._bridge.close)
-            self._nodes = [
-                start_node(node, number, packages, scene.workspace, folder)
-                for number, node in enumerate(source.ros2.nodes or ())
-            ]
-            self._lockstep = Lockstep(self._bridge, self._nodes)
-            self.not_reproducible = self._lockstep.losses
+            self._group = self._started(packages, folder)
+            undo.callback(self._group.close)
+            self.losses = self._group.losses
             try:
                 self._begin()
             except BridgeEnded as error:
@@ -89,12 +93,15 @@ class DrivenNodes:
     def tick(self, seen: Observation) -> Answer:
         """Publish a moment, let the nodes handle it, and return the last command. Raise ScriptError."""
         try:
+            self._group.tell_time(seen.time)
+            self._admit_new_nodes()
             self._publish(seen)
-            received, listeners = self._bridge.take(len(self._nodes))
+            received, listeners = self._bridge.take(self._lockstep.clocks)
+            self._await_leaving(listeners)
+            self._admit_new_nodes()
         except BridgeEnded as error:
-            self._refuse_ended()
+            self._group.refuse_ended()
             raise self._bridge_error(error) from None
-        self._await_leaving(listeners)
         for number, message in received:
             topic, node = self._senders[number]
             self.transcript.add(seen.time, topic, _bytes_of(message))
@@ -104,28 +111,55 @@ class DrivenNodes:
     def close(self) -> None:
         """End the nodes, and collect notes."""
         self._closing.close()
+        self.notes += self._group.notes
+
+    def _started(self, packages: Packages, folder: ProcessFolder) -> NodeGroup:
+        """Start the nodes that the scenario lists, or its launch file. Raise SourceProblem, ScriptError."""
+        spec, scene = self._source.ros2, self._scene
+        if spec.launch is None:
+            return ListedNodes(spec.nodes or (), packages, scene.workspace, folder)
+        found = channels(scene, spec.topics, self._rate, described=False)
+        topics = RobotTopics(
+            frozenset(each.topic for each in found.subscriptions),
+            frozenset(each.topic for each in found.publishers) | {CLOCK},
+        )
+        return LaunchedNodes(LaunchSpec.of(spec, packages, scene.workspace, topics), folder)
 
     def _begin(self) -> None:
         """Hold the clock until all nodes are up, know each other, and are connected to the robot."""
         if (rmw := self._bridge.await_start()) != RMW:
             raise SourceProblem(f"the bridge runs on {rmw}; set RMW_IMPLEMENTATION={RMW}", _KEY)
-        clocks = Lockstep.clocks(self._nodes)
-        self._bridge.open(clocks, ())
-        readiness = Readiness(self._bridge, self._nodes, self._refuse_ended, self._source.ros2.start_within)
-        readiness.await_clocks()
-        self._open_topics(len(clocks))
-        readiness.await_answers()
-        readiness.await_connections([*clocks, *self._endpoints], self._heard)
-        self._lockstep.losses += readiness.ignoring
+        self._group.await_start()
+        self._lockstep = Lockstep(self._bridge, self._group.roots)
+        self.not_reproducible = self._lockstep.losses
+        self._admit(self._group.new_nodes(), self._open_topics)
+        self._admit_new_nodes()
         if self._is_realtime:
             self._lockstep.losses.append(_REALTIME)
         else:
             self._lockstep.settle(0.0)
         # Commands from before the start arrive or not, depending on which node came up first.
-        _, self._listeners = self._bridge.take(len(self._nodes))
+        self._bridge.take(())
 
-    def _open_topics(self, first: int) -> None:
-        """Open the topics of the robot; `first`: number of the first publisher."""
+    def _admit_new_nodes(self) -> None:
+        """Hold sim time until nodes that were started meanwhile are up. Raise ScriptError, BridgeEnded."""
+        while new := self._group.new_nodes():
+            self._admit(new)
+
+    def _admit(self, new: Sequence[Node], meanwhile: Callable[[], None] = lambda: None) -> None:
+        """Wait until new nodes are up, and all know each other; `meanwhile`: called once they have clocks."""
+        self._lockstep.add(new)
+        readiness = Readiness(self._bridge, new, self._group.refuse_ended, self._source.ros2.start_within)
+        readiness.await_clocks()
+        meanwhile()
+        readiness.await_answers()
+        readiness.await_connections()
+        self._lockstep.losses += (each for each in readiness.ignoring if each not in self._lockstep.losses)
+        publishers, _ = self._bridge.matched()
+        self._listeners = [publishers[number] for number in self._lockstep.clocks]
+
+    def _open_topics(self) -> None:
+        """Open the topics of the robot."""
         stated, scene = self._source.ros2.topics, self._scene
         described = bool(self._bridge.graph([_DESCRIPTION]).publishers[_DESCRIPTION])
         found = channels(scene, stated, self._rate, described=described)
@@ -137,20 +171,22 @@ class DrivenNodes:
             topics = [each.topic for each in found.publishers if each.type == kind]
             if topics:
                 self.notes.append(f"not published, because ROS 2 has no {kind}: {', '.join(topics)}")
-        self._publishers = [(first + k, each) for k, each in enumerate(p for p in found.publishers if p.type in known)]
+        publishers = [each for each in found.publishers if each.type in known]
         graph = self._bridge.graph(
             [*(each.topic for each in found.publishers), *(each.topic for each in found.subscriptions)]
         )
         subscriptions = [each.matched(graph.publishers[each.topic]) for each in found.subscriptions]
-        for _, each in self._publishers:
+        for each in publishers:
             self.notes += subscriber_problems(each.topic, each.type, each.qos, graph.subscriptions[each.topic])
         self._senders = [
             (each.topic, next((end.node for end in graph.publishers[each.topic]), "a node")) for each in subscriptions
         ]
-        self._endpoints = [Endpoint(each.topic, each.type, each.qos) for _, each in self._publishers]
-        self._heard = [Endpoint(each.topic, each.type, each.qos) for each in subscriptions]
         self._commands = ReceivedCommands(subscriptions)
-        self._bridge.open(self._endpoints, self._heard)
+        first = self._bridge.open(
+            [Endpoint(each.topic, each.type, each.qos) for each in publishers],
+            [Endpoint(each.topic, each.type, each.qos) for each in subscriptions],
+        )
+        self._publishers = list(enumerate(publishers, first))
 
     def _publish(self, seen: Observation) -> None:
         tick = round(seen.time * self._rate)
@@ -181,18 +217,11 @@ class DrivenNodes:
         Raise ScriptError if a node has failed.
         """
         if listeners != self._listeners:
-            for node, before, now in zip(self._nodes, self._listeners, listeners, strict=True):
+            for node, before, now in zip(self._lockstep.nodes, self._listeners, listeners, strict=True):
                 if now < before:
                     node.process.await_end(_MAX_LEAVE_S)
             self._listeners = listeners
-        self._refuse_ended()
-
-    def _refuse_ended(self) -> None:
-        """Raise ScriptError if a node has failed, or a required one has finished."""
-        for node in self._nodes:
-            code = node.process.exit_code()
-            if code or (code == 0 and node.required):
-                raise node_error(node.process, code, self._scene.workspace.root)
+        self._group.refuse_ended()
 
     def _bridge_error(self, error: BridgeEnded) -> ScriptError:
         return ScriptError(f"the bridge to ROS 2 failed: {error}", details=self._bridge.process.text())

@@ -9,7 +9,6 @@ import os
 import sys
 from collections.abc import Sequence
 from functools import cache
-from pathlib import Path
 from typing import Final, Protocol
 
 from sim_action.core.errors import UsageError
@@ -20,7 +19,6 @@ from sim_action.ros.ros2.installation import Ros2, find_ros
 from sim_action.ros.ros2.node_spec import Ros2NodeSpec
 from sim_action.ros.ros2.packages import INSTALL, Packages, is_python, workspace_of
 
-_LAUNCH_SUFFIXES: Final = (".py", ".xml", ".yaml", ".yml")
 _BUILD: Final = "run colcon build"
 
 
@@ -100,10 +98,9 @@ def _launch_problems(launch: Sequence[str], packages: Packages) -> SpecProblems:
     if problem := package_problem(package, packages):
         yield ("launch", 0), problem
         return
-    share = _share(package, packages)
-    if share is None:
+    if package not in packages.sources and packages.prefix(package) is None:
         return
-    files = {path.name for path in share.rglob("*") if "launch" in path.name and path.suffix in _LAUNCH_SUFFIXES}
+    files = packages.launch_files(package)
     if name not in files:
         near = did_you_mean(name, files) if files else ", and no other one"
         yield ("launch", 1), f"the package '{package}' has no launch file '{name}'{near}"
@@ -111,11 +108,6 @@ def _launch_problems(launch: Sequence[str], packages: Packages) -> SpecProblems:
         key, sign, _ = argument.partition(":=")
         if not (sign and key.isidentifier()):
             yield ("launch", index + 2), f"'{argument}' is not an argument of a launch file; write NAME:=VALUE"
-
-
-def _share(package: str, packages: Packages) -> Path | None:
-    source, prefix = packages.sources.get(package), packages.prefix(package)
-    return source.folder if source else prefix and prefix / "share" / package
 
 
 def _node_problems(nodes: Sequence[Ros2NodeSpec], packages: Packages, workspace: Workspace) -> SpecProblems:

@@ -7,11 +7,10 @@ import threading
 from collections.abc import Sequence
 from typing import Final
 
-from sim_action.core.records import dataclass
 from sim_action.ros.processes import ChildProcesses, descendants
 from sim_action.ros.quiescence import WatchedProcesses
 from sim_action.ros.ros2.bridge_link import Bridge, Endpoint
-from sim_action.ros.ros2.node_processes import NodeProcess
+from sim_action.ros.ros2.node_group import Node
 from sim_action.ros.ros2.topics import CLOCK_QOS, CLOCK_TYPE
 
 CLOCK: Final = "/clock"
@@ -23,40 +22,40 @@ _BUSY_S: Final = 0.1
 _NANOSECONDS: Final = 10**9
 
 
-def clock_of(number: int) -> str:
+def clock_of(number: int | str) -> str:
     """Return the hidden topic on which a node hears of the time."""
     return f"/_clock_{number}"
-
-
-@dataclass(frozen=True, slots=True)
-class Node:
-    """A process that the scenario lists; `number`: its place in the list."""
-
-    number: int
-    process: NodeProcess
-    required: bool
 
 
 class Lockstep:
     """The clocks of all nodes.
 
     Attributes:
+        nodes: the nodes with a clock, in the order in which they hear of the time.
+        clocks: the numbers of their publishers.
         losses: reasons why another run may differ.
     """
 
-    def __init__(self, bridge: Bridge, nodes: Sequence[Node]) -> None:
-        self._bridge, self._nodes = bridge, nodes
+    def __init__(self, bridge: Bridge, roots: Sequence[int]) -> None:
+        """Open the clock of all tools. Raise BridgeEnded.
+
+        :param roots: ids of the processes from which all nodes descend.
+        """
+        self._bridge, self._roots = bridge, roots
         self._watched = WatchedProcesses(spared=threading.get_native_id())
-        self._children = {node.process.pid: ChildProcesses(node.process.pid) for node in nodes}
+        self._children: dict[int, ChildProcesses] = {}
         self._known: dict[int, frozenset[int]] = {}
         self._patience = MAX_SETTLE_S
+        self.nodes: list[Node] = []
+        self.clocks: list[int] = []
         self.losses: list[str] = []
+        self._all = bridge.open([Endpoint(CLOCK, CLOCK_TYPE, CLOCK_QOS)], ())
 
-    @staticmethod
-    def clocks(nodes: Sequence[Node]) -> list[Endpoint]:
-        """Return the clocks to open: one of each node, and then the one of all tools."""
-        topics = [*(clock_of(node.number) for node in nodes), CLOCK]
-        return [Endpoint(topic, CLOCK_TYPE, CLOCK_QOS) for topic in topics]
+    def add(self, nodes: Sequence[Node]) -> None:
+        """Open the clocks of nodes. Raise BridgeEnded."""
+        first = self._bridge.open([Endpoint(clock_of(node.number), CLOCK_TYPE, CLOCK_QOS) for node in nodes], ())
+        self.nodes += nodes
+        self.clocks += range(first, first + len(nodes))
 
     def settle(self, seconds: float) -> None:
         """Wait until no process has work left at a sim time in s."""
@@ -72,14 +71,14 @@ class Lockstep:
         """Tell the time to one node after the other."""
         whole, rest = divmod(round(seconds * _NANOSECONDS), _NANOSECONDS)
         message = {"clock": {"sec": whole, "nanosec": rest}}
-        for number in range(len(self._nodes) + 1):
+        for number in (*self.clocks, self._all):
             self._bridge.publish(number, message)
             self.settle(seconds)
 
     def tell_time(self, seconds: float) -> None:
         """Tell the time to all nodes at once."""
         whole, rest = divmod(round(seconds * _NANOSECONDS), _NANOSECONDS)
-        for number in range(len(self._nodes) + 1):
+        for number in (*self.clocks, self._all):
             self._bridge.publish(number, {"clock": {"sec": whole, "nanosec": rest}})
 
     def _has_changed(self) -> bool:
@@ -89,16 +88,18 @@ class Lockstep:
         """Watch the bridge, this process, and the nodes with all that they have started."""
         if self._known and not self._has_changed():
             return
+        # A process between a root and a node, such as a shell, may start the node later.
+        alive = {*self._roots, *(each for pid in self._roots for each in descendants(pid))}
+        self._children = {pid: self._children.get(pid) or ChildProcesses(pid) for pid in alive}
         self._known = {pid: children.look() for pid, children in self._children.items()}
-        below = {each for pid, found in self._known.items() if found for each in descendants(pid)}
-        self._watched.watch({*self._children, *below, self._bridge.process.pid, os.getpid()})
+        self._watched.watch({*alive, self._bridge.process.pid, os.getpid()})
 
     def _lose(self, seconds: float) -> None:
         if self._patience == MAX_SETTLE_S:
             self._patience = _SETTLE_AFTER_LOSS_S
             busy = self._watched.busy(_BUSY_S)
             names = [
-                node.process.label for node in self._nodes if {node.process.pid, *descendants(node.process.pid)} & busy
+                node.process.label for node in self.nodes if {node.process.pid, *descendants(node.process.pid)} & busy
             ]
             who = f"the node {' and '.join(map(repr, names))} was" if names else "nodes were"
             self.losses.append(

@@ -23,6 +23,7 @@ INSTALL: Final = "install"
 _SOURCES: Final = "src"
 _LAYOUT_FILE: Final = ".colcon_install_layout"
 _INDEX: Final = "share/ament_index/resource_index/packages"
+_LAUNCH_SUFFIXES: Final = (".py", ".xml", ".yaml", ".yml", ".launch")
 _MAX_FIRST_LINE_BYTES: Final = 300
 _OVERLAY: Final = "overlay"
 
@@ -90,6 +91,15 @@ class Packages:
             return {**dict.fromkeys(source.entry_points), **{path.name: path for path in source.scripts}}
         prefix = self.prefix(name)
         return {path.name: path for path in _files(prefix / "lib" / name)} if prefix else {}
+
+    def launch_files(self, name: str) -> dict[str, Path]:
+        """Return the launch files of a package by their names."""
+        source, prefix = self.sources.get(name), self.prefix(name)
+        share = source.folder if source else prefix and prefix / "share" / name
+        if share is None:
+            return {}
+        files = (path for path in _files(share) if path.suffix in _LAUNCH_SUFFIXES)
+        return {path.name: path for path in files if "launch" in path.name or path.parent.name == "launch"}
 
     def set_up(self, folder: Path) -> dict[str, str]:
         """Return the environment variables of all processes, and write the overlay into an empty folder.

@@ -10,8 +10,9 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from sim_action.ros.ros2.bridge_link import Bridge, Endpoint, Graph
-from sim_action.ros.ros2.lockstep import Node, clock_of
+from sim_action.ros.ros2.bridge_link import Bridge, Graph
+from sim_action.ros.ros2.lockstep import clock_of
+from sim_action.ros.ros2.node_group import Node
 
 _USE_SIM_TIME: Final = "use_sim_time"
 _POLL_S: Final = 0.01
@@ -74,12 +75,13 @@ class Readiness:
         on_wall_time = (name for name, value in values.items() if value is False)
         self.ignoring += [f"the node '{name}' has set use_sim_time to false" for name in on_wall_time]
 
-    def await_connections(self, published: Sequence[Endpoint], heard: Sequence[Endpoint]) -> None:
+    def await_connections(self) -> None:
         """Wait until the bridge is connected to all nodes, and the graph has not changed for a while.
 
         Ends that cannot connect, because their type or their QoS differs, delay the start. Raise ScriptError,
         BridgeEnded.
         """
+        published, heard = self._bridge.published, self._bridge.heard
         before: Graph | None = None
         calm_since = time.monotonic()
         late = min(self._deadline, calm_since + _MAX_CONNECTION_S)

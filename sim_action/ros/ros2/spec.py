@@ -1,4 +1,4 @@
-"""Nodes of ROS 2 as commands: `ros2: {nodes: [package/executable]}`."""
+"""Nodes of ROS 2 as commands: `ros2: {nodes: [package/executable]}` or `ros2: {launch: [package, file]}`."""
 
 from __future__ import annotations
 
@@ -20,12 +20,24 @@ _MAX_START_S: Final = 86_400
 class Ros2Nodes(FrozenModel):
     """The nodes to start, and the names of the robot's topics."""
 
+    launch: Annotated[
+        tuple[str, ...] | None,
+        Field(
+            min_length=1,
+            description="launch file (experimental): its package, its name, and NAME:=VALUE for each argument",
+        ),
+    ] = None
     nodes: Annotated[
         tuple[Ros2NodeSpec, ...] | None,
         Field(
-            min_length=1, description="list of nodes; each is package/executable, a file such as ./mover.py, or a map"
+            min_length=1,
+            description="list of nodes, instead of a launch file; each is package/executable, a file such as "
+            "./mover.py, or a map",
         ),
     ] = None
+    allow_losses: Annotated[
+        bool, Field(description="run without parts of the launch file that are not simulated; they are warnings then")
+    ] = False
     workspace: Annotated[
         str | None,
         NamesFile(),
@@ -51,11 +63,6 @@ class Ros2Nodes(FrozenModel):
         ),
     ] = "lockstep"
 
-    @property
-    def launch(self) -> tuple[str, ...] | None:
-        """The launch file; nodes are only listed yet."""
-        return None
-
 
 class Ros2Commands(CommandSource):
     """Drives the robot by unmodified nodes of ROS 2: real rclpy and Fast DDS, without Gazebo.
@@ -65,6 +72,7 @@ class Ros2Commands(CommandSource):
     `geometry_msgs/Twist` or `TwistStamped` on `/cmd_vel` drives the robot, and holds until the next one. The nodes can
     subscribe to `/clock`, published at `rate`, to `/odom`, `/tf`, `/joint_states` and `/robot_description`, and to the
     sensors of the scenario. `topics` sets other topics: `topics: {cmd_vel: /diff_cont/cmd_vel}`.
+    `launch` is experimental: see [launch files](/docs/ros2/launch.md).
 
     Sim time starts at 0 when all nodes are up and connected to each other; `use_sim_time` is set. From then on, it goes
     on only when every node has handled all messages that it received, and nodes hear of the time one after the other.
@@ -79,7 +87,7 @@ class Ros2Commands(CommandSource):
 
     runs_user_code: ClassVar[bool] = True
 
-    ros2: Annotated[Ros2Nodes, Field(description="list of nodes")]
+    ros2: Annotated[Ros2Nodes, Field(description="launch file or list of nodes")]
     rate: Annotated[
         PositiveHertz,
         Field(

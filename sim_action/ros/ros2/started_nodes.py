@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -14,7 +14,8 @@ from sim_action.core.wording import escaped_line
 from sim_action.core.workspace import PathError
 from sim_action.ros.ros1.verdicts.launch_output import signal_name, traceback_location
 from sim_action.ros.ros2.installation import RMW, Ros2
-from sim_action.ros.ros2.lockstep import CLOCK, Node, clock_of
+from sim_action.ros.ros2.lockstep import CLOCK, clock_of
+from sim_action.ros.ros2.node_group import Node
 from sim_action.ros.ros2.node_processes import NodeProcess, ProcessFolder
 from sim_action.ros.ros2.packages import Packages, command_of, workspace_of
 
@@ -60,9 +61,51 @@ def set_up_packages(spec: Ros2Nodes, ros: Ros2, workspace: Workspace, folder: Pr
     return packages
 
 
-def start_node(
+class ListedNodes:
+    """The nodes that a scenario lists (see NodeGroup)."""
+
+    def __init__(
+        self, nodes: Sequence[Ros2NodeSpec], packages: Packages, workspace: Workspace, folder: ProcessFolder
+    ) -> None:
+        """Start the nodes, and return at once. Raise SourceProblem, ScriptError."""
+        self._directory = workspace.root
+        self._started = [_start_node(node, number, packages, workspace, folder) for number, node in enumerate(nodes)]
+        self._new = [Node(number, process) for number, process in enumerate(self._started)]
+        self._required = [node.required for node in nodes]
+        self.notes: list[str] = []
+        self.losses: list[str] = []
+
+    @property
+    def roots(self) -> list[int]:
+        """See NodeGroup.roots."""
+        return [process.pid for process in self._started]
+
+    def await_start(self) -> None:
+        """See NodeGroup.await_start."""
+
+    def tell_time(self, seconds: float) -> None:
+        """See NodeGroup.tell_time."""
+
+    def new_nodes(self) -> list[Node]:
+        """See NodeGroup.new_nodes."""
+        self.refuse_ended()
+        found, self._new = self._new, []
+        return found
+
+    def refuse_ended(self) -> None:
+        """See NodeGroup.refuse_ended."""
+        for process, is_required in zip(self._started, self._required, strict=True):
+            code = process.exit_code()
+            if code or (code == 0 and is_required):
+                raise node_error(process, code, self._directory)
+
+    def close(self) -> None:
+        """See NodeGroup.close. The folder of the processes ends them."""
+
+
+def _start_node(
     node: Ros2NodeSpec, number: int, packages: Packages, workspace: Workspace, folder: ProcessFolder
-) -> Node:
+) -> NodeProcess:
     """Start a node with a clock of its own. Raise SourceProblem, ScriptError."""
     assert packages.ros is not None
     try:
@@ -80,8 +123,7 @@ def start_node(
         path = folder.path / f"parameters-{number}.yaml"
         path.write_text(yaml.safe_dump({"/**": {"ros__parameters": _plain(node.parameters)}}), encoding="utf-8")
         words += ["--params-file", str(path)]
-    process = folder.start(node.called, [*words, "-p", "use_sim_time:=true"])
-    return Node(number, process, required=node.required)
+    return folder.start(node.called, [*words, "-p", "use_sim_time:=true"])
 
 
 def node_error(process: NodeProcess, code: int, directory: Path) -> ScriptError:

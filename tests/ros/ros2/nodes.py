@@ -38,6 +38,16 @@ def missing_ros() -> str:
     return ""
 
 
+def missing_launch() -> str:
+    """Why launch files cannot run here; empty if they can."""
+    if missing := missing_ros():
+        return missing
+    prefixes = find_ros(variables()).prefixes
+    has_launch = any(path for prefix in prefixes for path in prefix.glob("lib/python3*/site-packages/launch_ros"))
+    return "" if has_launch else "this ROS 2 has no launch_ros: the wheels of PyPI have none"
+
+
+needs_launch = pytest.mark.skipif(bool(missing_launch()), reason=missing_launch())
 needs_ros2 = pytest.mark.skipif(bool(missing_ros()), reason=missing_ros())
 
 MOVER: Final = """\

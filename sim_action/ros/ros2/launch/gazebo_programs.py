@@ -1,0 +1,167 @@
+"""The programs of Gazebo in a launch file: a scenario replaces most of them, and the others are losses.
+
+The scenario is the robot, the world, the drive and the sensors. Further models and other worlds are missing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from itertools import pairwise
+from pathlib import Path, PurePath
+from typing import Any, Final
+
+import yaml
+
+from sim_action.core.files import read_at_most
+from sim_action.core.records import dataclass
+
+_ENDS: Final = ("true",)
+_STAYS: Final = ("sleep", "infinity")
+
+STAND_INS: Final[Mapping[str, Sequence[str]]] = {
+    **dict.fromkeys(
+        (
+            "ros_gz_sim/create",
+            "ros_gz_sim/remove",
+            "ros_gz_sim/set_entity_pose",
+            "ros_ign_gazebo/create",
+            "gazebo_ros/spawn_entity.py",
+            "controller_manager/spawner",
+            "controller_manager/spawner.py",
+            "controller_manager/unspawner",
+        ),
+        _ENDS,
+    ),
+    **dict.fromkeys(
+        (
+            *("ros_gz_sim", "ros_gz_bridge", "ros_gz_image", "ros_gz_point_cloud"),
+            *("ros_ign_gazebo", "ros_ign_bridge", "ros_ign_image"),
+            *("gazebo_ros", "controller_manager", "rviz2", "joint_state_publisher_gui"),
+            *("gz", "ign", "gazebo", "gzserver", "gzclient", "rviz2", "rqt"),
+        ),
+        _STAYS,
+    ),
+}
+"""PACKAGE/PROGRAM, a package or a program -> the command that runs instead.
+
+A program that ends by itself does so at once, because event handlers wait for its end. The others do nothing until the
+launch is over.
+"""
+
+_SERVERS: Final = frozenset({"gz", "ign", "gazebo", "gzserver"})
+_SPAWNERS: Final = frozenset({"ros_gz_sim/create", "ros_ign_gazebo/create", "gazebo_ros/spawn_entity.py"})
+_CONTROLLER_SPAWNERS: Final = frozenset({"controller_manager/spawner", "controller_manager/spawner.py"})
+_WORLD_SUFFIXES: Final = frozenset({".sdf", ".world"})
+_EMPTY_WORLDS: Final = frozenset({"empty", "empty_world"})
+# Models from these sources are robots as a rule; files hold robots and objects.
+_FROM_FILE: Final = frozenset({"-file", "--file", "-database"})
+_NAMES: Final = ("-name", "--name", "-entity", "entity_name")
+_VALUED: Final = frozenset(
+    {
+        *("-c", "--controller-manager", "-p", "--param-file", "-n", "--namespace", "-t", "--controller-type"),
+        *("--controller-manager-timeout", "--service-call-timeout", "--switch-timeout", "--controller-ros-args"),
+    }
+)
+_PARAMETER_FILES: Final = frozenset({"-p", "--param-file"})
+_MAX_PARAMETER_BYTES: Final = 1_000_000
+_JOINT_STATES: Final = "joint_state_broadcaster"
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOutProgram:
+    """A program that is not started; `program`: PACKAGE/PROGRAM, or the program alone."""
+
+    program: str
+    args: tuple[str, ...]
+
+
+def lost_parts(programs: Sequence[LeftOutProgram], command_topics: Collection[str]) -> Iterator[str]:
+    """Yield a message for each part of a launch file that the scenario does not replace.
+
+    `command_topics`: the topics on which the robot of the scenario takes commands.
+    """
+    for world in dict.fromkeys(world for each in programs for world in _worlds(each)):
+        if PurePath(world).stem not in _EMPTY_WORLDS:
+            yield f"the world '{PurePath(world).name}' of the launch file is not simulated: add its objects to 'world'"
+    spawned = [each for each in programs if each.program in _SPAWNERS]
+    robots = [each for each in spawned if not _FROM_FILE.intersection(each.args)] or spawned
+    for each in spawned:
+        if each is not robots[0]:
+            name = _model_name(each)
+            yield f"the model '{name}' is not spawned: the scenario has one robot, and its objects are in 'world'"
+    for each in programs:
+        if each.program in _CONTROLLER_SPAWNERS:
+            yield from _lost_controllers(each, command_topics)
+
+
+def _worlds(program: LeftOutProgram) -> Iterator[str]:
+    """Yield the world files in the arguments of a simulator. Launch files pass several arguments in one text."""
+    if PurePath(program.program).name in _SERVERS:
+        words = (word for argument in program.args for word in argument.split())
+        yield from (word for word in words if PurePath(word).suffix in _WORLD_SUFFIXES)
+
+
+def _model_name(program: LeftOutProgram) -> str:
+    return next((value for option, value in pairwise(program.args) if option in _NAMES), "without a name")
+
+
+def _lost_controllers(program: LeftOutProgram, command_topics: Collection[str]) -> Iterator[str]:
+    types = dict(_types(program.args))
+    for name in _controllers(program.args):
+        kind = types.get(name, "")
+        is_replaced = name == _JOINT_STATES or kind.startswith(f"{_JOINT_STATES}/")
+        if not is_replaced and not any(topic.startswith(f"/{name}/") for topic in command_topics):
+            known = f" ({kind})" if kind else ""
+            yield (
+                f"the controller '{name}'{known} does not run, and the robot takes no commands on /{name}/...: name "
+                "its topic in 'topics'"
+            )
+
+
+def _controllers(args: Sequence[str]) -> Iterator[str]:
+    """Yield the names of the controllers that a spawner would load."""
+    is_value = False
+    for word in args:
+        if word == "--ros-args":
+            return
+        if not is_value and not word.startswith("-"):
+            yield word
+        is_value = word in _VALUED
+
+
+def _types(args: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """Yield name and type of each controller in the parameter files of a spawner."""
+    for option, value in pairwise(args):
+        if option in _PARAMETER_FILES:
+            yield from _types_in(_parameters(Path(value)), "")
+
+
+def _types_in(value: Any, name: str) -> Iterator[tuple[str, str]]:
+    if not isinstance(value, dict):
+        return
+    if isinstance(value.get("type"), str):
+        yield name, value["type"]
+    for key, each in value.items():
+        yield from _types_in(each, name if key == "ros__parameters" else str(key).rpartition("/")[2])
+
+
+def _parameters(path: Path) -> Any:
+    try:
+        return yaml.safe_load(read_at_most(path, _MAX_PARAMETER_BYTES) or b"")
+    except (OSError, yaml.YAMLError, UnicodeDecodeError):
+        return None
+
+
+def unheard_bridges(programs: Iterable[LeftOutProgram], topics: Collection[str]) -> Iterator[str]:
+    """Yield a note for each topic that a bridge would carry to ROS 2 and the robot does not publish."""
+    for each in programs:
+        if each.program.rpartition("/")[2] != "parameter_bridge":
+            continue
+        remapped = dict(
+            value.split(":=", 1) for option, value in pairwise(each.args) if option == "-r" and ":=" in value
+        )
+        for argument in each.args:
+            topic, at, rest = argument.partition("@")
+            name = remapped.get(topic, topic)
+            if at and "[" in rest and f"/{name.lstrip('/')}" not in topics:
+                yield f"the launch file bridges {name} to ROS 2, and the robot does not publish it"

@@ -1,0 +1,229 @@
+"""The nodes that a launch file starts: read from the events of the launcher, which runs in ROS's Python."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from sim_action.core.errors import ScriptError, SourceProblem
+from sim_action.core.records import dataclass
+from sim_action.ros.processes import descendants
+from sim_action.ros.ros2.launch.gazebo_programs import STAND_INS, LeftOutProgram, lost_parts, unheard_bridges
+from sim_action.ros.ros2.launch.launch_errors import LaunchErrors
+from sim_action.ros.ros2.launch.launch_events import Event, Events
+from sim_action.ros.ros2.launch.stand_in_packages import write_prefix
+from sim_action.ros.ros2.lockstep import clock_of
+from sim_action.ros.ros2.node_group import Node
+
+if TYPE_CHECKING:
+    from sim_action.core.workspace import Workspace
+    from sim_action.ros.ros2.node_processes import NodeProcess, ProcessFolder
+    from sim_action.ros.ros2.packages import Packages
+    from sim_action.ros.ros2.spec import Ros2Nodes
+
+_LAUNCHER: Final = Path(__file__).with_name("launcher.py")
+# Wall time for reading a launch file and starting its processes, and for a timer that is due.
+_MAX_START_S: Final = 60.0
+# Wall time for nodes that save something at the end.
+_MAX_SHUTDOWN_S: Final = 3.0
+_POLL_S: Final = 0.005
+_KEY: Final = "ros2"
+
+
+@dataclass(frozen=True, slots=True)
+class RobotTopics:
+    """The topics on which the robot of the scenario takes commands, and those that it publishes."""
+
+    commands: frozenset[str]
+    published: frozenset[str]
+
+
+@dataclass(frozen=True, slots=True)
+class LaunchSpec:
+    """The input of a launch.
+
+    Attributes:
+        python: of ROS 2.
+        arguments: NAME:=VALUE.
+        workspace: the folder of the user's own code.
+        allows_losses: True if parts of the launch file that are not simulated are warnings instead of errors.
+    """
+
+    file: Path
+    python: Path
+    arguments: Sequence[str]
+    workspace: Path
+    topics: RobotTopics
+    allows_losses: bool = False
+
+    @classmethod
+    def of(cls, spec: Ros2Nodes, packages: Packages, workspace: Workspace, topics: RobotTopics) -> LaunchSpec:
+        """Return the input for the launch file of a scenario. Raise SourceProblem."""
+        assert spec.launch is not None
+        assert packages.ros is not None
+        package, name, *arguments = spec.launch
+        file = packages.launch_files(package).get(name)
+        if file is None:
+            raise SourceProblem(f"'{package}/{name}' does not exist any more", _KEY)
+        return cls(file, packages.ros.python, arguments, workspace.root, topics, spec.allow_losses)
+
+
+class LaunchedProcess:
+    """A process of a launch with a clock of its own.
+
+    Attributes:
+        label: how messages name it: "mover-1", or the name of a node in a container.
+    """
+
+    def __init__(self, label: str, pid: int, look: Callable[[], object]) -> None:
+        self.label, self.pid = label, pid
+        self.code: int | None = None
+        self._look = look
+
+    def exit_code(self) -> int | None:
+        """See Process.exit_code."""
+        return self.code
+
+    def await_end(self, seconds: float) -> None:
+        """See Process.await_end. Raise ScriptError if it has failed."""
+        deadline = time.monotonic() + seconds
+        while self.code is None and time.monotonic() < deadline:
+            self._look()
+            time.sleep(_POLL_S)
+
+
+class LaunchedNodes:
+    """All processes of a launch (see NodeGroup)."""
+
+    def __init__(self, spec: LaunchSpec, folder: ProcessFolder) -> None:
+        """Start the launcher, and return at once. Raise ScriptError."""
+        self._spec = spec
+        self._errors = LaunchErrors(spec.workspace)
+        self._events = Events(folder.path / "events")
+        self._times = folder.path / "times"
+        os.mkfifo(self._times)
+        self._writer = os.open(self._times, os.O_RDWR | os.O_CLOEXEC)
+        self._launcher = self._start(folder)
+        self._timers: list[float] = []
+        self._calm_at = -1.0
+        self._left_out: list[LeftOutProgram] = []
+        self._new: list[tuple[tuple[str, ...], Node]] = []
+        self._processes: dict[int, LaunchedProcess] = {}
+        self.notes: list[str] = []
+        self.losses: list[str] = []
+
+    def _start(self, folder: ProcessFolder) -> NodeProcess:
+        task: dict[str, Any] = {
+            "events": str(folder.path / "events"),
+            "times": str(self._times),
+            "file": str(self._spec.file),
+            "arguments": list(self._spec.arguments),
+            "clock": clock_of("{}"),
+            "stand_ins": {key: list(command) for key, command in STAND_INS.items()},
+            "results": "",
+        }
+        path = folder.path / "task.json"
+        path.write_text(json.dumps(task), encoding="utf-8")
+        prefixes = (str(write_prefix(folder.path / "gazebo")), folder.environment.get("AMENT_PREFIX_PATH", ""))
+        folder.environment["AMENT_PREFIX_PATH"] = os.pathsep.join(filter(None, prefixes))
+        # All output of nodes, wherever the launch file sends it.
+        folder.environment["OVERRIDE_LAUNCH_PROCESS_OUTPUT"] = "both"
+        return folder.start("ros2 launch", [str(self._spec.python), str(_LAUNCHER), str(path)])
+
+    @property
+    def roots(self) -> list[int]:
+        """See NodeGroup.roots."""
+        return [self._launcher.pid]
+
+    def await_start(self) -> None:
+        """See NodeGroup.await_start."""
+        self._await_calm(0.0)
+        losses = list(lost_parts(self._left_out, self._spec.topics.commands))
+        if losses and not self._spec.allows_losses:
+            raise SourceProblem(f"{'; '.join(losses)}; to run without it, set allow_losses: true", _KEY)
+        self.losses += losses
+        if self._left_out:
+            left = ", ".join(dict.fromkeys(each.program for each in self._left_out))
+            self.notes.append(f"not started, because sim-action is the simulator: {left}")
+        self.notes += unheard_bridges(self._left_out, self._spec.topics.published)
+
+    def tell_time(self, seconds: float) -> None:
+        """See NodeGroup.tell_time: let timers of the launch file end."""
+        if not any(due <= seconds for due in self._timers):
+            return
+        self._timers = [due for due in self._timers if due > seconds]
+        os.write(self._writer, b"%r\n" % seconds)
+        self._await_calm(seconds)
+
+    def new_nodes(self) -> list[Node]:
+        """See NodeGroup.new_nodes: sorted by the names of nodes and programs."""
+        self.refuse_ended()
+        found, self._new = sorted(self._new, key=lambda each: each[0]), []
+        return [node for _, node in found]
+
+    def refuse_ended(self) -> None:
+        """See NodeGroup.refuse_ended."""
+        code = self._launcher.exit_code()
+        for event in self._events.new():
+            self._take(event)
+        if code is not None:
+            raise self._errors.of_end(code, self._launcher.text())
+
+    def close(self) -> None:
+        """See NodeGroup.close. A node may have left the process group that the folder ends."""
+        processes = descendants(self._launcher.pid)
+        self._launcher.signal_group(signal.SIGINT)
+        self._launcher.await_end(_MAX_SHUTDOWN_S)
+        for pid in processes:
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        self._events.close()
+        os.close(self._writer)
+
+    def _await_calm(self, seconds: float) -> None:
+        deadline = time.monotonic() + _MAX_START_S
+        while self._calm_at < seconds:
+            self.refuse_ended()
+            if time.monotonic() > deadline:
+                error = f"the processes of the launch file were not started within {_MAX_START_S:g} s of wall time"
+                raise ScriptError(error, details=self._launcher.text())
+            time.sleep(_POLL_S)
+
+    def _take(self, event: Event) -> None:
+        """Handle an event. Raise ScriptError."""
+        if event.event == "refused":
+            raise self._errors.of_refusal(event, self._launcher.text())
+        if event.event == "shutdown":
+            raise self._errors.of_shutdown(event, self._launcher.text())
+        if event.event == "died" and event.exit_code:
+            raise self._errors.of_death(event, self._launcher.text())
+        if event.event == "calm":
+            self._calm_at = event.time
+        elif event.event == "timer":
+            self._timers.append(event.time)
+        elif event.event == "left out":
+            self._left_out.append(LeftOutProgram(event.program, event.args))
+        elif event.event == "died" and event.pid in self._processes:
+            self._processes[event.pid].code = event.exit_code
+        elif event.clock is not None:
+            self._add(event)
+        elif event.event == "process" and not any(each.program == event.program for each in self._left_out):
+            self.notes.append(
+                f"the process '{event.process}' of the launch file is no node for launch: it gets no clock of its own, "
+                "and use_sim_time is not set for it"
+            )
+
+    def _add(self, event: Event) -> None:
+        """Add a node of its own process, or of a container."""
+        assert event.clock is not None
+        process = LaunchedProcess(event.process or event.node or event.program, event.pid, self.refuse_ended)
+        if event.pid:
+            self._processes[event.pid] = process
+        order = (event.node, Path(event.program).name, event.process)
+        self._new.append((order, Node(event.clock, process)))

@@ -1,0 +1,156 @@
+"""Scenarios whose nodes are started by real launch files of ROS 2, in lock-step."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.ros.ros2.nodes import MOVER, SMOOTHER, missing_launch, needs_launch, needs_ros2, outcomes, scenario
+from tests.ros.ros2.prefixes import source
+
+START = """\
+import os
+
+from ament_index_python.packages import get_package_share_directory
+from launch import LaunchDescription
+from launch.actions import *
+from launch.event_handlers import OnProcessExit
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+
+
+def generate_launch_description():
+"""
+
+DIES = "raise ValueError('no plan')\n"
+
+# A planner after 0.5 s of sim time, and a smoother as soon as the robot is spawned.
+CHAIN = """\
+    gazebo = os.path.join(get_package_share_directory("ros_gz_sim"), "launch", "gz_sim.launch.py")
+    create = Node(package="ros_gz_sim", executable="create", arguments=["-topic", "robot_description"])
+    topics = ["/clock@rosgraph_msgs/msg/Clock[gz.msgs.Clock", "/depth@sensor_msgs/msg/Image[gz.msgs.Image"]
+    planner = Node(package="robot", executable="mover", remappings=[("cmd_vel", "cmd_raw")])
+    smoother = Node(package="robot", executable="smoother", parameters=[{"use_sim_time": False}])
+    return LaunchDescription([
+        IncludeLaunchDescription(PythonLaunchDescriptionSource(gazebo), launch_arguments=[("gz_args", "-r empty.sdf")]),
+        Node(package="ros_gz_bridge", executable="parameter_bridge", arguments=topics),
+        create,
+        RegisterEventHandler(OnProcessExit(target_action=create, on_exit=[smoother])),
+        TimerAction(period=0.5, actions=[planner]),
+    ])
+"""
+
+INCLUDED = """\
+launch:
+- arg: {name: topic, default: none}
+- group:
+  - push-ros-namespace: {namespace: a}
+  - node:
+      pkg: robot
+      exec: mover
+      param: [{name: use_sim_time, value: false}]
+      remap: [{from: cmd_vel, to: $(var topic)}, {from: odom, to: /odom}]
+"""
+
+INCLUDING = """\
+<launch>
+  <arg name="topic" default="none"/>
+  <include file="$(find-pkg-share robot)/launch/included.launch.yaml"><arg name="topic" value="$(var topic)"/></include>
+</launch>
+"""
+
+
+def workspace(folder: Path, **launches: str) -> None:
+    """Write a package `robot` with nodes and launch files; those in Python by their bodies."""
+    programs = {"mover": MOVER, "smoother": SMOOTHER, "dies": DIES}
+    entries = [f"{name} = robot.{name}" for name in programs]
+    files = {f"robot/{name}.py": text for name, text in programs.items()}
+    files |= {"setup.py": f"from setuptools import setup\n\nsetup(entry_points={{'console_scripts': {entries}}})\n"}
+    files |= {f"launch/{name}.launch.py": START + text for name, text in launches.items()}
+    files |= {"launch/included.launch.yaml": INCLUDED, "launch/including.launch.xml": INCLUDING}
+    source(folder, "robot", files)
+    (folder / ".git").mkdir()
+
+
+@needs_launch
+def test_launched_nodes_have_the_same_result_every_time(tmp_path: Path) -> None:
+    workspace(tmp_path, chain=CHAIN)
+    for number in "12":
+        scenario(tmp_path, f"chain{number}", "{launch: [robot, chain.launch.py]}", PATIENT)
+        scenario(tmp_path, f"xml{number}", "{launch: [robot, including.launch.xml, 'topic:=/cmd_vel']}", PATIENT)
+    digests = dict[str, set[str]]()
+    for name, outcome in outcomes(tmp_path, ".", "--jobs", "2").items():
+        assert (outcome["status"], outcome["warnings"]) == ("passed", []), outcome
+        assert outcome["travelled"] > 0.5
+        digests.setdefault(name[:-1], set()).add(outcome["digest"])
+        if name == "chain1":
+            programs = "gz, ros_gz_bridge/parameter_bridge, ros_gz_sim/create"
+            assert outcome["notes"][-2:] == [
+                f"not started, because sim-action is the simulator: {programs}",
+                "the launch file bridges /depth to ROS 2, and the robot does not publish it",
+            ]
+    assert {name: len(found) for name, found in digests.items()} == {"chain": 1, "xml": 1}
+
+
+# Sim time begins when all nodes are up, which may take long on a busy machine.
+PATIENT = "wall_limit: 600 s\nexpect:\n  - path_length: {at_most: 100 m}\n"
+
+LIST = "    return LaunchDescription([{}])\n"
+FAILING = {
+    "dies": (LIST.format('Node(package="robot", executable="dies")'), "ended with exit code 1: ValueError: no plan", 1),
+    "ends": (
+        LIST.format('ExecuteProcess(cmd=["sh", "-c", "exit 0"], on_exit=Shutdown(reason="sh is required"))'),
+        "the launch file ended the launch during the run: sh is required",
+        4,
+    ),
+    "raises": ("    return 1 / 0\n", "ZeroDivisionError: division by zero", 13),
+    "package": (
+        LIST.format('Node(package="robto", executable="mover")'),
+        "there is no package 'robto' in the workspace or ROS 2; did you mean 'robot'?",
+        4,
+    ),
+    "program": (
+        LIST.format('Node(package="robot", executable="moover")'),
+        "the package 'robot' has no executable 'moover'; did you mean 'mover'?",
+        4,
+    ),
+    "start": (
+        LIST.format('ExecuteProcess(cmd=["/no/such/program"])'),
+        "'/no/such/program' cannot be started: No such file or directory",
+        4,
+    ),
+    "lost": (
+        LIST.format('ExecuteProcess(cmd=["gz", "sim", "house.sdf"])'),
+        "is not simulated: add its objects to 'world'; to run without it, set allow_losses: true",
+        4,
+    ),
+}
+"""Name -> body of the launch file, a part of the message, and the line that it names."""
+
+
+@needs_launch
+def test_one_message_says_why_a_launch_failed(tmp_path: Path) -> None:
+    workspace(tmp_path, **{name: body for name, (body, _, _) in FAILING.items()})
+    for name in FAILING:
+        scenario(tmp_path, name, f"{{launch: [robot, {name}.launch.py]}}", PATIENT)
+    scenario(tmp_path, "argument", "{launch: [robot, including.launch.xml, 'topci:=/cmd_vel']}", PATIENT)
+    found = outcomes(tmp_path, ".", "--jobs", "2")
+    messages = {"argument": "it has no argument 'topci'; did you mean 'topic'?"}
+    messages |= {name: message for name, (_, message, _) in FAILING.items()}
+    assert {
+        name: messages[name] in outcome["failures"][0]["message"] for name, outcome in found.items()
+    } == dict.fromkeys(messages, True), {name: outcome["failures"] for name, outcome in found.items()}
+    lines = {name: (outcome["failures"][0]["location"] or {}).get("line") for name, outcome in found.items()}
+    assert lines == {"argument": 4, **{name: line for name, (_, _, line) in FAILING.items()}}
+
+
+@needs_ros2
+@pytest.mark.skipif(not missing_launch(), reason="launch is installed")
+def test_a_ros_without_launch_is_explained(tmp_path: Path) -> None:
+    workspace(tmp_path, chain=CHAIN)
+    scenario(tmp_path, "chain", "{launch: [robot, chain.launch.py]}", PATIENT)
+    (failure,) = outcomes(tmp_path, ".")["chain"]["failures"]
+    assert "launch files need the Python package" in failure["message"]
+    assert "list the nodes under 'nodes'" in failure["message"]

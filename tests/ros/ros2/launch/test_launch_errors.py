@@ -1,0 +1,82 @@
+"""The messages for launch files that cannot be run, and for processes that end."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sim_action.ros.ros2.launch.launch_errors import LaunchErrors, text_of
+from sim_action.ros.ros2.launch.launch_events import Event
+
+REFUSED = "the launch file cannot be run: "
+
+
+@pytest.mark.parametrize(
+    ("about", "message"),
+    [
+        (
+            {"kind": "package", "name": "my_robto", "names": ("my_robot",)},
+            "there is no package 'my_robto' in the workspace or ROS 2; did you mean 'my_robot'? (allowed: my_robot)",
+        ),
+        (
+            {
+                "kind": "PackageNotFoundError",
+                "message": "package 'nav' not found, searching: ['/opt']",
+                "names": ("nav2",),
+            },
+            "there is no package 'nav' in the workspace or ROS 2; did you mean 'nav2'? (allowed: nav2)",
+        ),
+        (
+            {"kind": "program", "package": "my_robot", "name": "moover", "names": ("mover",)},
+            "the package 'my_robot' has no executable 'moover'; did you mean 'mover'? (allowed: mover)",
+        ),
+        (
+            {"kind": "argument", "name": "sped", "names": ("speed",)},
+            "it has no argument 'sped'; did you mean 'speed'? (allowed: speed)",
+        ),
+        (
+            {"kind": "start", "name": "/bin/x", "message": "[Errno 13] Permission denied"},
+            "'/bin/x' cannot be started: [Errno 13] Permission denied",
+        ),
+        ({"kind": "ValueError", "message": "no plan\nand more"}, "ValueError: no plan"),
+    ],
+)
+def test_why_a_launch_file_cannot_be_run(tmp_path: Path, about: dict[str, Any], message: str) -> None:
+    error = LaunchErrors(tmp_path).of_refusal(Event(event="refused", **about), "all output")
+    assert str(error) == REFUSED + message
+    assert error.details == "all output"
+
+
+def test_the_place_is_the_innermost_one_in_the_workspace(tmp_path: Path) -> None:
+    places = (("/opt/launch.py", 1), (str(tmp_path / "a.launch.py"), 7), ("/opt/other.py", 9))
+    error = LaunchErrors(tmp_path).of_refusal(Event(event="refused", kind="KeyError", places=places), "")
+    assert error.location is not None
+    assert (Path(error.location.file).name, error.location.line) == ("a.launch.py", 7)
+    assert LaunchErrors(tmp_path).of_refusal(Event(event="refused", places=places[:1]), "").location is None
+
+
+def test_a_process_that_fails_is_named_with_its_exception(tmp_path: Path) -> None:
+    output = (
+        "[INFO] [launch]: hello\n[other-2] Traceback (most recent call last):\n[other-2] KeyError: 1\n"
+        "[mover-1] Traceback (most recent call last):\n"
+        f'[mover-1]   File "{tmp_path}/mover.py", line 7, in on_timer\n[mover-1] ValueError: no plan\n'
+    )
+    errors = LaunchErrors(tmp_path)
+    error = errors.of_death(Event(event="died", process="mover-1", exit_code=1), output)
+    assert str(error) == "the node 'mover-1' of the launch file ended with exit code 1: ValueError: no plan"
+    assert error.location is not None
+    assert error.location.line == 7
+    killed = errors.of_death(Event(event="died", process="mover-1", exit_code=-9), "")
+    assert str(killed) == "the node 'mover-1' of the launch file ended with SIGKILL"
+    assert text_of("other-2", output) == "Traceback (most recent call last):\nKeyError: 1"
+
+
+def test_ends_of_the_launch(tmp_path: Path) -> None:
+    errors = LaunchErrors(tmp_path)
+    shutdown = errors.of_shutdown(Event(event="shutdown", message="mover is required"), "")
+    assert str(shutdown) == "the launch file ended the launch during the run: mover is required"
+    assert str(errors.of_end(-9, "")) == "the launcher ended with SIGKILL, and its nodes ended with it"
+    missing = errors.of_end(1, "Traceback\nModuleNotFoundError: No module named 'launch'\n")
+    assert str(missing).startswith("launch files need the Python package 'launch' of ROS 2, which this ROS 2 lacks")
