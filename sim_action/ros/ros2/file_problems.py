@@ -9,6 +9,7 @@ import os
 import sys
 from collections.abc import Sequence
 from functools import cache
+from pathlib import Path
 from typing import Final, Protocol
 
 from sim_action.core.errors import UsageError
@@ -87,7 +88,7 @@ def file_problems(spec: CheckedSpec, workspace: Workspace) -> SpecProblems:
 def _build_hint(stated: str | None, workspace: Workspace) -> str:
     """Return the end of a message about a missing folder: how to make an install folder."""
     path = workspace.directory / (stated or "")
-    if path.name != INSTALL or not path.parent.is_dir():
+    if path.name != INSTALL or not _exists(path.parent):
         return ""
     unneeded = "or leave out 'workspace' if all packages are of ament_python, which need no build"
     return f"; the workspace is not built: {_BUILD} in {path.parent}, {unneeded}"
@@ -130,8 +131,15 @@ def _node_problems(nodes: Sequence[Ros2NodeSpec], packages: Packages, workspace:
 
 def _file_hint(node: Ros2NodeSpec, workspace: Workspace) -> str:
     """Return the end of a message about a package if a file of this name exists."""
-    is_file = (workspace.directory / node.program).is_file()
+    is_file = _exists(workspace.directory / node.program)
     return f"; if you mean the file, write ./{node.program}" if is_file else ""
+
+
+def _exists(path: Path) -> bool:
+    try:
+        return path.exists()
+    except OSError:  # too long, or in a folder that cannot be read
+        return False
 
 
 def _file_problem(file: str, workspace: Workspace) -> str | None:

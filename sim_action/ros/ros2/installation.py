@@ -115,10 +115,13 @@ def find_ros(environment: Mapping[str, str] | None = None, root: Path = _ROOT) -
         raise UsageError(
             f"RMW_IMPLEMENTATION is {stated}, and lock-step needs Fast DDS; set RMW_IMPLEMENTATION={RMW}, or unset it"
         )
-    place = next(_places(variables, root), None)
-    if place is None:
-        raise NotInstalled(f"ROS 2 is not installed; {INSTALLING}")
-    return _checked(place, variables)
+    try:
+        place = next(_places(variables, root), None)
+        if place is not None:
+            return _checked(place, variables)
+    except OSError as error:  # a name that is too long, or a folder that cannot be read
+        raise UsageError(f"ROS 2 cannot be read: {error}") from None
+    raise NotInstalled(f"ROS 2 is not installed; {INSTALLING}")
 
 
 def _places(variables: Mapping[str, str], root: Path) -> Iterator[_Place]:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from functools import cache
 from pathlib import Path
 from typing import Final
 
@@ -175,7 +174,6 @@ def _source_folders(workspace: Path) -> dict[str, Path]:
     return _found_below(below if below.is_dir() and not (workspace / PACKAGE_FILE).exists() else workspace)
 
 
-@cache
 def _found_below(folder: Path) -> dict[str, Path]:
     if not folder.is_dir():
         return {}

@@ -162,6 +162,18 @@ def test_a_file_without_its_dot_is_suggested(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("with_ros")
+@pytest.mark.parametrize("odd", ["a\0b", "x" * 5000, "..", "*", "\n", "é"])
+def test_odd_names_are_problems(odd: str, tmp_path: Path) -> None:
+    source(tmp_path)
+
+    assert problems(tmp_path, {"package": odd, "executable": odd})
+    assert problems(tmp_path, {"package": "my_robot", "executable": odd})
+    assert problems(tmp_path, {"file": f"./{odd}"})
+    assert problems(tmp_path, launch=(odd, odd, odd))
+    assert problems(tmp_path, "my_robot/mover", workspace=f"{odd}/install")
+
+
+@pytest.mark.usefixtures("with_ros")
 def test_two_nodes_have_two_names(tmp_path: Path) -> None:
     source(tmp_path)
     mover = {"package": "my_robot", "executable": "mover"}

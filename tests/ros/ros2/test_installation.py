@@ -178,3 +178,8 @@ def test_relative_prefixes_do_not_count(tmp_path: Path, monkeypatch: pytest.Monk
     monkeypatch.chdir(tmp_path)
 
     assert "not installed" in problem({"AMENT_PREFIX_PATH": "ros"}, tmp_path / "absent")
+
+
+@pytest.mark.parametrize("variable", [PYTHON_VARIABLE, "AMENT_PREFIX_PATH"])
+def test_a_path_that_no_system_can_have_is_one_line(variable: str, tmp_path: Path) -> None:
+    assert problem({variable: "/" + "x" * 5000}, tmp_path).startswith("ROS 2 cannot be read: ")
