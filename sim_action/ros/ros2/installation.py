@@ -148,10 +148,10 @@ def _of_named(python: Path, sourced: _Place, users: tuple[Path, ...]) -> _Place:
         return _Place((*users, prefix), PYTHON_VARIABLE, python.absolute())
     if any(map(_has_rclpy, sourced.prefixes)):
         return _Place(sourced.prefixes, f"{sourced.source} and {PYTHON_VARIABLE}", python.absolute())
-    raise UsageError(
-        f"{PYTHON_VARIABLE} is {python}, and {prefix} has no rclpy; run {python} -m pip install "
-        f"{' '.join(WHEELS[DISTRIBUTIONS[0]])}, or unset {PYTHON_VARIABLE}"
-    )
+    # Wheels do not belong into the Python of the system.
+    is_own = (prefix / "pyvenv.cfg").is_file()
+    fix = f"run {python} -m pip install {' '.join(WHEELS[DISTRIBUTIONS[0]])}" if is_own else INSTALLING
+    raise UsageError(f"{PYTHON_VARIABLE} is {python}, and {prefix} has no rclpy; {fix}; or unset {PYTHON_VARIABLE}")
 
 
 def _checked(place: _Place, variables: Mapping[str, str]) -> Ros2:

@@ -104,13 +104,20 @@ def test_nodes_do_not_find_sim_action(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "message"), [("absent", "is not a program"), ("python", "has no rclpy; run .* -m pip")]
+    ("name", "message"), [("absent", "is not a program"), ("python", "has no rclpy; source .* venv ~/ros2")]
 )
 def test_a_named_python_that_cannot_be_used_is_refused(name: str, message: str, tmp_path: Path) -> None:
     program(tmp_path / "bin/python")
 
     found = problem({PYTHON_VARIABLE: f"{tmp_path}/bin/{name}"}, ros_prefix(tmp_path / "root/jazzy").parent)
     assert re.search(rf"^{PYTHON_VARIABLE} is {tmp_path}/bin/{name}, .*{message}", found)
+
+
+def test_wheels_are_suggested_for_a_virtual_environment(tmp_path: Path) -> None:
+    python = program(tmp_path / "bin/python")
+    written(tmp_path / "pyvenv.cfg", "")
+
+    assert f"has no rclpy; run {python} -m pip install ros-" in problem({PYTHON_VARIABLE: str(python)}, tmp_path)
 
 
 def test_other_distributions_are_refused(tmp_path: Path) -> None:
