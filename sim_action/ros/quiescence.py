@@ -9,8 +9,10 @@ from __future__ import annotations
 import os
 import resource
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
+from functools import cached_property
+from pathlib import Path
 from typing import Final
 
 _READ_BYTES: Final = 1024
@@ -26,8 +28,8 @@ _NANOSECONDS: Final = 1e9
 _OWN_LINKS: Final = 2
 
 
-class _Thread:
-    """The files of one thread. They stay open, because opening takes as long as ten reads.
+class WatchedThread:
+    """A thread, with its files. They stay open, because opening takes as long as ten reads.
 
     Raises OSError when the thread has ended.
     """
@@ -40,6 +42,13 @@ class _Thread:
         except OSError:
             os.close(self._stat)
             raise
+
+    @cached_property
+    def name(self) -> str:
+        """The name that the thread has given itself; empty if it has ended."""
+        with suppress(OSError):
+            return Path(f"/proc/{self.pid}/task/{self.tid}/comm").read_text(errors="replace").strip()
+        return ""
 
     def is_asleep(self) -> bool:
         """Return True if the thread waits for something. Raises OSError when it has ended."""
@@ -59,13 +68,17 @@ class _Thread:
 
 
 class WatchedProcesses:
-    """The processes to wait for; `spared`: id of the thread of this process that waits, and so may run."""
+    """The processes to wait for; `spared`: id of the thread of this process that waits, and so may run.
+
+    Attributes:
+        at_rest: the threads when all processes waited last -> how long and how often each has run.
+    """
 
     def __init__(self, spared: int) -> None:
         _allow_many_files()
         self._spared = spared
-        self._threads: dict[int, dict[int, _Thread]] = {}
-        self._quiet: list[tuple[_Thread, bytes]] = []
+        self._threads: dict[int, dict[int, WatchedThread]] = {}
+        self.at_rest: Mapping[WatchedThread, bytes] = {}
 
     def watch(self, pids: Iterable[int]) -> None:
         """Watch exactly these processes from now on."""
@@ -83,6 +96,15 @@ class WatchedProcesses:
                 return False
         return True
 
+    def stirred(self) -> frozenset[WatchedThread]:
+        """Return the threads that have run since all processes waited last, although nothing was sent to them."""
+        found = set[WatchedThread]()
+        for thread, ran in self.at_rest.items():
+            with suppress(OSError):
+                if thread.ran() != ran:
+                    found.add(thread)
+        return frozenset(found)
+
     def busy(self, seconds: float) -> frozenset[int]:
         """Return the processes that run for a notable part of some s of wall time, or else those that do not sleep.
 
@@ -97,13 +119,13 @@ class WatchedProcesses:
     def awakenings(self) -> dict[int, int]:
         """Return how often processes ran since the last `wait` found all quiet: id -> runs of its busiest thread."""
         found: dict[int, int] = {}
-        for thread, ran in self._quiet:
+        for thread, ran in self.at_rest.items():
             with suppress(OSError):
                 if (now := thread.ran()) != ran:
                     found[thread.pid] = max(found.get(thread.pid, 0), _runs(now) - _runs(ran))
         return found
 
-    def _run_times(self) -> Iterable[tuple[_Thread, int]]:
+    def _run_times(self) -> Iterable[tuple[WatchedThread, int]]:
         """Yield the ns that each thread has run."""
         for thread in [thread for pid in tuple(self._threads) for thread in self._threads_of(pid)]:
             with suppress(OSError):
@@ -132,10 +154,10 @@ class WatchedProcesses:
             assert thread is not None
             self._forget_thread(thread)
             return False
-        self._quiet = list(zip(threads, before, strict=True))
+        self.at_rest = dict(zip(threads, before, strict=True))
         return True
 
-    def _threads_of(self, pid: int) -> Iterable[_Thread]:
+    def _threads_of(self, pid: int) -> Iterable[WatchedThread]:
         """Return the current threads of a process."""
         if not self._knows_all_of(pid):
             try:
@@ -160,9 +182,9 @@ class WatchedProcesses:
             self._forget_thread(known[tid])
         for tid in found - set(known):
             with suppress(*_ENDED):
-                known[tid] = _Thread(pid, tid)
+                known[tid] = WatchedThread(pid, tid)
 
-    def _forget_thread(self, thread: _Thread) -> None:
+    def _forget_thread(self, thread: WatchedThread) -> None:
         self._threads[thread.pid].pop(thread.tid).close()
 
     def _forget(self, pid: int) -> None:
@@ -170,7 +192,7 @@ class WatchedProcesses:
             thread.close()
 
 
-def _is_awake(thread: _Thread) -> bool:
+def _is_awake(thread: WatchedThread) -> bool:
     try:
         return not thread.is_asleep()
     except OSError:
@@ -188,7 +210,7 @@ def _allow_many_files() -> None:
     resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
 
 
-def _wait_for(thread: _Thread, deadline: float) -> None:
+def _wait_for(thread: WatchedThread, deadline: float) -> None:
     """Wait until the thread sleeps; the others need no look before that. Raises OSError when it has ended."""
     began = time.monotonic()
     while not thread.is_asleep() and (now := time.monotonic()) < deadline:

@@ -10,6 +10,8 @@ from tests.ros.ros2.nodes import MOVER, SMOOTHER, needs_ros2, outcomes, scenario
 
 pytestmark = needs_ros2
 
+RULE = "not-reproducible"
+
 
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_the_same_result_every_time(tmp_path: Path, jobs: int) -> None:
@@ -68,3 +70,45 @@ def test_a_node_that_raises_or_ends_is_named(tmp_path: Path) -> None:
         "killed": ("at 0.5 s of sim time, the node 'killed' ended with SIGKILL", 5),
         "leaves": ("at 0.5 s of sim time, the node 'leaves' finished during the run, and it is required", 5),
     }
+
+
+WALL_TIME = """\
+import rclpy
+from geometry_msgs.msg import Twist
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+
+rclpy.init()
+node = Node("by_wall_time")
+publisher = node.create_publisher(Twist, "cmd_vel", 10)
+node.create_timer(0.001, lambda: publisher.publish(Twist()), clock=Clock(clock_type=ClockType.STEADY_TIME))
+rclpy.spin(node)
+"""
+THREADS = MOVER.replace(
+    "rclpy.spin(Mover())", "executor = MultiThreadedExecutor(3)\nexecutor.add_node(Mover())\nexecutor.spin()"
+)
+THREADS = THREADS.replace("import Node", "import Node\nfrom rclpy.executors import MultiThreadedExecutor")
+BUSY = WALL_TIME.replace("rclpy.spin(node)", "while True:\n    rclpy.spin_once(node, timeout_sec=0)")
+DEAF = MOVER.replace("rclpy.init()", "rclpy.init(args=[])")
+
+
+def test_nodes_that_lockstep_cannot_order_are_named(tmp_path: Path) -> None:
+    nodes = {"wall": WALL_TIME, "threads": THREADS, "busy": BUSY, "deaf": DEAF, "paced": MOVER}
+    for name, text in nodes.items():
+        (tmp_path / f"{name}.py").write_text(text)
+        more = {"deaf": ", start_within: 2", "paced": ", pace: realtime"}.get(name, "")
+        scenario(tmp_path, name, f"{{nodes: [./{name}.py]{more}}}", seconds=0.5)
+    told = {
+        name: (outcome["status"], [warning["message"] for warning in outcome["warnings"] if warning["rule"] == RULE])
+        for name, outcome in outcomes(tmp_path, ".").items()
+    }
+    for name, reason in {
+        "wall": "the node 'wall' ran although nothing was sent to it",
+        "threads": "the node 'threads' handles messages on several threads",
+        "busy": "because the node 'busy' was still busy after 10 s of wall time",
+        "deaf": "the node 'deaf' did not subscribe to its clock within 2 s of wall time",
+        "paced": "with pace: realtime, nodes run by the wall clock",
+    }.items():
+        status, reasons = told[name]
+        assert status == "passed"
+        assert any(reason in each for each in reasons), (name, reasons)

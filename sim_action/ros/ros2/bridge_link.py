@@ -94,7 +94,7 @@ class Bridge:
         with theirs:
             # With -O, the setters of messages do not check each element of a list.
             words = [str(python), "-O", str(_BRIDGE), str(theirs.fileno())]
-            self.process: NodeProcess = folder.start("bridge", words, kept=(theirs.fileno(),))
+            self.process: NodeProcess = folder.start("bridge", words, kept=(theirs.fileno(),), forwards=False)
         self.published: list[Endpoint] = []
         self.heard: list[Endpoint] = []
         self._send({"node": _NAME})

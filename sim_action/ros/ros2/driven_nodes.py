@@ -76,7 +76,7 @@ class DrivenNodes:
         with ExitStack() as undo:
             domain = Domain.free()
             undo.callback(domain.close)
-            folder = scratch_of(domain, scene.workspace)
+            folder = self._folder = scratch_of(domain, scene.workspace)
             undo.callback(folder.close)
             packages = set_up_packages(source.ros2, ros, scene.workspace, folder)
             self._bridge = Bridge(ros.python, folder)
@@ -106,10 +106,13 @@ class DrivenNodes:
             topic, node = self._senders[number]
             self.transcript.add(seen.time, topic, _bytes_of(message))
             self._commands.take(topic, message, node, seen)
+        if round(seen.time * self._rate) % round(self._rate) == 0:
+            self._folder.forward()
         return self._commands.answer(seen)
 
     def close(self) -> None:
         """End the nodes, and collect notes."""
+        self._folder.forward()
         self._closing.close()
         self.notes += self._group.notes
 
@@ -191,6 +194,8 @@ class DrivenNodes:
     def _publish(self, seen: Observation) -> None:
         tick = round(seen.time * self._rate)
         is_due = False
+        if tick and not self._is_realtime:
+            self._lockstep.notice_wakes()
         for number, publisher in self._publishers:
             message = publisher.message(tick, seen)
             if message is not None:

@@ -12,6 +12,7 @@ from sim_action.ros.quiescence import WatchedProcesses
 from sim_action.ros.ros2.bridge_link import Bridge, Endpoint
 from sim_action.ros.ros2.node_group import Node
 from sim_action.ros.ros2.topics import CLOCK_QOS, CLOCK_TYPE
+from sim_action.ros.ros2.unordered_nodes import UnorderedNodes
 
 CLOCK: Final = "/clock"
 # Wall time that nodes may compute between two ticks, and the wait at each tick once lock-step is lost.
@@ -45,6 +46,7 @@ class Lockstep:
         self._watched = WatchedProcesses(spared=threading.get_native_id())
         self._children: dict[int, ChildProcesses] = {}
         self._known: dict[int, frozenset[int]] = {}
+        self._unordered = UnorderedNodes()
         self._patience = MAX_SETTLE_S
         self.nodes: list[Node] = []
         self.clocks: list[int] = []
@@ -55,17 +57,25 @@ class Lockstep:
         """Open the clocks of nodes. Raise BridgeEnded."""
         first = self._bridge.open([Endpoint(clock_of(node.number), CLOCK_TYPE, CLOCK_QOS) for node in nodes], ())
         self.nodes += nodes
+        self._unordered.labels |= {node.process.pid: node.process.label for node in nodes}
         self.clocks += range(first, first + len(nodes))
 
     def settle(self, seconds: float) -> None:
         """Wait until no process has work left at a sim time in s."""
+        before = self._watched.at_rest
         while True:
             self._watch()
             if not self._watched.wait(self._patience):
                 self._lose(seconds)
                 return
             if not self._has_changed():
+                self.losses += self._unordered.notice_work(before, self._watched.at_rest)
                 return
+
+    def notice_wakes(self) -> None:
+        """Notice nodes that run at the beginning of a tick, before anything is sent to them."""
+        if self._patience == MAX_SETTLE_S:
+            self.losses += self._unordered.notice_wakes(self._watched.stirred())
 
     def advance(self, seconds: float) -> None:
         """Tell the time to one node after the other."""

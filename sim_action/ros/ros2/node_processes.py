@@ -35,7 +35,7 @@ class NodeProcess:
         self._process = process
         self._output = output.open("rb")
         self._path = output
-        self._kept = b""
+        self._kept = self._line = b""
 
     @property
     def pid(self) -> int:
@@ -57,11 +57,13 @@ class NodeProcess:
         return self._kept.decode("utf-8", errors="replace")
 
     def forward(self) -> None:
-        """Write new output to our standard output. Call it while the process waits."""
+        """Write new lines to our standard output, each with the name of the node. Call it while the process waits."""
         while data := self._output.read(1 << 20):
             self._kept = (self._kept + data)[-_MAX_KEPT_BYTES:]
+            *lines, self._line = (self._line + data).split(b"\n")
+            label = self.label.encode(errors="replace")
             with suppress(OSError):
-                _write_all(_STANDARD_OUTPUT, data)
+                _write_all(_STANDARD_OUTPUT, b"".join(b"[%s] %s\n" % (label, line) for line in lines))
         if self._output.tell() > _MAX_FILE_BYTES:
             os.truncate(self._path, 0)
             self._output.seek(0)
@@ -72,10 +74,9 @@ class NodeProcess:
             os.killpg(self.pid, number)
 
     def close(self) -> None:
-        """Kill what is left of the group, reap the process, and forward its last output."""
+        """Kill what is left of the group, and reap the process."""
         self.signal_group(signal.SIGKILL)
         self._process.wait()
-        self.forward()
         self._output.close()
 
 
@@ -88,9 +89,16 @@ class ProcessFolder:
         self.path = Path(self._scratch.name)
         self.environment = dict(environment)
         self._started: list[NodeProcess] = []
+        self._forwarded: list[NodeProcess] = []
 
-    def start(self, label: str, words: Sequence[str], *, kept: Sequence[int] = ()) -> NodeProcess:
-        """Start a program; `kept`: descriptors that it inherits. Raise ScriptError."""
+    def start(
+        self, label: str, words: Sequence[str], *, kept: Sequence[int] = (), forwards: bool = True
+    ) -> NodeProcess:
+        """Start a program. Raise ScriptError.
+
+        :param kept: descriptors that it inherits.
+        :param forwards: True if its output is for the user.
+        """
         output = self.path / f"output-{len(self._started)}.txt"
         with output.open("ab") as file:
             try:
@@ -107,10 +115,20 @@ class ProcessFolder:
             except OSError as error:
                 raise ScriptError(f"'{label}' could not be started: {error.strerror}: {words[0]}") from None
         self._started.append(NodeProcess(label, process, output))
+        if forwards:
+            self._forwarded.append(self._started[-1])
         return self._started[-1]
 
+    def forward(self) -> None:
+        """Write new lines of all programs to our standard output. Call it while they wait."""
+        for process in self._forwarded:
+            process.forward()
+
     def close(self) -> None:
-        """End all processes: interrupt them, wait a moment, terminate them, and kill the rest."""
+        """End all processes: interrupt them, wait a moment, terminate them, and kill the rest.
+
+        Many programs print a traceback when they are interrupted. It is not forwarded.
+        """
         for number, wait_s in ((signal.SIGINT, _SIGINT_WAIT_S), (signal.SIGTERM, _SIGTERM_WAIT_S)):
             for process in self._started:
                 if process.exit_code() is None:

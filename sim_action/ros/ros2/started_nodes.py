@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from sim_action.ros.ros2.node_spec import Ros2NodeSpec
     from sim_action.ros.ros2.spec import Ros2Nodes
 
-_PROFILE: Final = Path(__file__).with_name("discovery.xml")
+_PROFILE: Final = Path(__file__).with_name("fast_dds.xml")
 _TRACEBACK: Final = "Traceback (most recent call last)"
 _MAX_DETAILS_CHARS: Final = 4_000
 
@@ -34,10 +34,10 @@ def scratch_of(domain: Domain, workspace: Workspace) -> ProcessFolder:
     """Return the folder in which all processes of a run are started, with what is common to their environments."""
     variables = {
         "ROS_DOMAIN_ID": str(domain.number),
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        # The profile says all about transports and discovery: LOCALHOST would add shared memory.
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT",
+        "ROS_STATIC_PEERS": "",
         "RMW_IMPLEMENTATION": RMW,
-        # Shared memory cannot be observed.
-        "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4",
         "FASTRTPS_DEFAULT_PROFILES_FILE": str(_PROFILE),
         "FASTDDS_DEFAULT_PROFILES_FILE": str(_PROFILE),
         # What nodes print is in their files at once.
