@@ -140,6 +140,7 @@ class DrivenNodes:
         if self._is_realtime:
             self._lockstep.losses.append(_REALTIME)
         else:
+            self._lockstep.hold()
             self._lockstep.settle(0.0)
         # Commands from before the start arrive or not, depending on which node came up first.
         self._bridge.take(())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
+import time
 from collections.abc import Sequence
 from typing import Final
 
@@ -20,6 +21,9 @@ MAX_SETTLE_S: Final = 10.0
 _SETTLE_AFTER_LOSS_S: Final = 0.05
 # Wall time for which the work of busy processes is compared.
 _BUSY_S: Final = 0.1
+# Wall time for which the clock stands still before it starts, in parts.
+_HOLD_S: Final = 0.01
+_HOLDS: Final = 10
 _NANOSECONDS: Final = 10**9
 
 
@@ -71,6 +75,13 @@ class Lockstep:
             if not self._has_changed():
                 self.losses += self._unordered.notice_work(before, self._watched.at_rest)
                 return
+
+    def hold(self) -> None:
+        """Hold the clock for a moment, to notice nodes that run by the wall clock."""
+        for _ in range(_HOLDS):
+            self.settle(0.0)
+            time.sleep(_HOLD_S)
+            self.notice_wakes()
 
     def notice_wakes(self) -> None:
         """Notice nodes that run at the beginning of a tick, before anything is sent to them."""
