@@ -66,9 +66,9 @@ def test_a_node_that_raises_or_ends_is_named(tmp_path: Path) -> None:
     }
     assert told == {
         "raises": ("at 0.5 s of sim time, the node 'failing' ended with exit code 1: ValueError: no plan", 11),
-        "dies": ("at 0.5 s of sim time, the node 'dies' ended with exit code 3", 5),
-        "killed": ("at 0.5 s of sim time, the node 'killed' ended with SIGKILL", 5),
-        "leaves": ("at 0.5 s of sim time, the node 'leaves' finished during the run, and it is required", 5),
+        "dies": ("at 0.5 s of sim time, the node 'dies' ended with exit code 3", 4),
+        "killed": ("at 0.5 s of sim time, the node 'killed' ended with SIGKILL", 4),
+        "leaves": ("at 0.5 s of sim time, the node 'leaves' finished during the run, and it is required", 4),
     }
 
 
