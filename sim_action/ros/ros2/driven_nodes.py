@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Final
 
@@ -21,7 +21,7 @@ from sim_action.ros.ros2.quality import subscriber_problems
 from sim_action.ros.ros2.readiness import Readiness
 from sim_action.ros.ros2.received_commands import ReceivedCommands
 from sim_action.ros.ros2.started_nodes import ListedNodes, scratch_of, set_up_packages
-from sim_action.ros.ros2.topics import channels
+from sim_action.ros.ros2.topics import channels, topics_of
 from sim_action.state.command import Answer
 from sim_action.state.observation import Observation
 from sim_action.state.reproducibility import Transcript
@@ -121,7 +121,7 @@ class DrivenNodes:
         spec, scene = self._source.ros2, self._scene
         if spec.launch is None:
             return ListedNodes(spec.nodes or (), packages, scene.workspace, folder)
-        found = channels(scene, spec.topics, self._rate, described=False)
+        found = channels(scene, spec.topics, self._rate, spec.controllers, described=False)
         topics = RobotTopics(
             frozenset(each.topic for each in found.subscriptions),
             frozenset(each.topic for each in found.publishers) | {CLOCK},
@@ -135,8 +135,10 @@ class DrivenNodes:
         self._group.await_start()
         self._lockstep = Lockstep(self._bridge, self._group.roots)
         self.not_reproducible = self._lockstep.losses
-        self._admit(self._group.new_nodes(), self._open_topics)
         self._admit_new_nodes()
+        # The types and the nodes of commands are known only when all nodes are.
+        self._open_topics()
+        self._admit(())
         if self._is_realtime:
             self._lockstep.losses.append(_REALTIME)
         else:
@@ -150,14 +152,15 @@ class DrivenNodes:
         while new := self._group.new_nodes():
             self._admit(new)
 
-    def _admit(self, new: Sequence[Node], meanwhile: Callable[[], None] = lambda: None) -> None:
-        """Wait until new nodes are up, and all know each other; `meanwhile`: called once they have clocks."""
+    def _admit(self, new: Sequence[Node]) -> None:
+        """Wait until new nodes are up, and all know each other. Raise ScriptError, BridgeEnded."""
         self._lockstep.add(new)
         readiness = Readiness(self._bridge, new, self._group.refuse_ended, self._source.ros2.start_within)
         readiness.await_clocks()
-        meanwhile()
         readiness.await_answers()
-        readiness.await_connections()
+        ros2 = self._source.ros2
+        commands = topics_of(self._scene, ros2.topics, ros2.controllers)
+        readiness.await_connections({_DESCRIPTION, *commands.values()})
         self._lockstep.losses += (each for each in readiness.ignoring if each not in self._lockstep.losses)
         publishers, _ = self._bridge.matched()
         self._listeners = [publishers[number] for number in self._lockstep.clocks]
@@ -166,7 +169,7 @@ class DrivenNodes:
         """Open the topics of the robot."""
         stated, scene = self._source.ros2.topics, self._scene
         described = bool(self._bridge.graph([_DESCRIPTION]).publishers[_DESCRIPTION])
-        found = channels(scene, stated, self._rate, described=described)
+        found = channels(scene, stated, self._rate, self._source.ros2.controllers, described=described)
         wanted = {each.type for each in found.publishers} | {
             kind for each in found.subscriptions for kind in each.types
         }

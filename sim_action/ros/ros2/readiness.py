@@ -7,7 +7,7 @@ message because another one was not connected yet.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Final
 
 from sim_action.ros.ros2.bridge_link import Bridge, Graph
@@ -75,11 +75,11 @@ class Readiness:
         on_wall_time = (name for name, value in values.items() if value is False)
         self.ignoring += [f"the node '{name}' has set use_sim_time to false" for name in on_wall_time]
 
-    def await_connections(self) -> None:
+    def await_connections(self, watched: Collection[str]) -> None:
         """Wait until the bridge is connected to all nodes, and the graph has not changed for a while.
 
-        Ends that cannot connect, because their type or their QoS differs, delay the start. Raise ScriptError,
-        BridgeEnded.
+        `watched`: topics besides those of the bridge that may not change. Ends that cannot connect, because their type
+        or their QoS differs, delay the start. Raise ScriptError, BridgeEnded.
         """
         published, heard = self._bridge.published, self._bridge.heard
         before: Graph | None = None
@@ -87,7 +87,7 @@ class Readiness:
         late = min(self._deadline, calm_since + _MAX_CONNECTION_S)
         while time.monotonic() < calm_since + _CALM_S:
             self._refuse_ended()
-            graph = self._bridge.graph({end.topic for end in (*published, *heard)})
+            graph = self._bridge.graph({*watched, *(end.topic for end in (*published, *heard))})
             publishers, subscriptions = self._bridge.matched()
             ours = zip(published, publishers, strict=True)
             theirs = zip(heard, subscriptions, strict=True)

@@ -10,6 +10,7 @@ from sim_action.commands import CommandSource, Controller, fitting_rate
 from sim_action.core.field_types import FrozenModel, NamesFile, PositiveHertz, PositiveSeconds
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_errors import SpecProblems
+from sim_action.ros.ros2.controller_spec import JointController
 from sim_action.ros.ros2.node_spec import GraphName, Ros2NodeSpec
 from sim_action.world.scene import Scene
 
@@ -49,7 +50,17 @@ class Ros2Nodes(FrozenModel):
     ] = None
     topics: Annotated[
         dict[str, GraphName],
-        Field(description="cmd_vel, odom, joint_states, or the name of a sensor -> topic name"),
+        Field(
+            description="cmd_vel, odom, joint_states, joint_trajectory, or the name of a sensor or a controller -> "
+            "topic name"
+        ),
+    ] = Field(default_factory=dict)
+    controllers: Annotated[
+        dict[GraphName, JointController],
+        Field(
+            description="name of a controller of ros2_control -> the joints that nodes command by its topic; default: "
+            "`/joint_trajectory` for all joints that are not those of the drive"
+        ),
     ] = Field(default_factory=dict)
     start_within: Annotated[
         PositiveSeconds,
@@ -117,10 +128,19 @@ class Ros2Commands(CommandSource):
         return unchecked(self.ros2)
 
     def model_problems(self, scene: Scene) -> SpecProblems:
-        """See CommandSource.model_problems: problems of the topics."""
-        from sim_action.ros.ros2.topics import topic_problems
+        """See CommandSource.model_problems: problems of controllers and topics."""
+        from sim_action.ros.ros2.topics import controller_problems, topic_problems
 
-        return ((("ros2", "topics", *path), message) for path, message in topic_problems(scene, self.ros2.topics))
+        ros2 = self.ros2
+        for path, message in controller_problems(scene, ros2.controllers):
+            yield ("ros2", "controllers", *path), message
+        for path, message in topic_problems(scene, ros2.topics, ros2.controllers):
+            yield ("ros2", "topics", *path), message
+
+    def joints(self, scene: Scene) -> frozenset[str]:
+        """See CommandSource.joints: those of controllers."""
+        each = (controller.joints(scene.model) for controller in self.ros2.controllers.values())
+        return frozenset(joint for joints in each for joint in joints)
 
     def open(self, scene: Scene) -> Controller:
         """See CommandSource.open. Raises SourceProblem if ROS 2 is not installed, ScriptError."""

@@ -15,7 +15,8 @@ from sim_action.robot.robot_model import Joint
 from sim_action.ros import topic_names
 from sim_action.ros.message_values import in_frame_of
 from sim_action.ros.ros2 import messages
-from sim_action.ros.ros2.joint_controllers import JointController, any_joints_subscription, joint_problems
+from sim_action.ros.ros2.controller_spec import JointController, joint_problems
+from sim_action.ros.ros2.joint_controllers import any_joints_subscription, controller_subscription
 from sim_action.ros.ros2.messages import Message, PlacedFrame
 from sim_action.ros.ros2.quality import LATCHED, TRANSFORMS, USUAL, Qos
 from sim_action.ros.ros2.received_commands import Subscription, twist_subscription
@@ -140,7 +141,7 @@ def _subscriptions(
     if COMMANDS in topics:
         yield twist_subscription(COMMANDS, topics[COMMANDS])
     for name, controller in controllers.items():
-        yield controller.subscription(name, topics[name], scene.model)
+        yield controller_subscription(name, topics[name], controller, scene.model)
     if TRAJECTORIES in topics and TRAJECTORIES not in controllers:
         yield any_joints_subscription(TRAJECTORIES, topics[TRAJECTORIES], _free_joints(scene))
 

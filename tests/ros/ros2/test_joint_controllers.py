@@ -18,7 +18,8 @@ from sim_action.core.errors import ScriptError
 from sim_action.core.geometry import Pose
 from sim_action.robot.robot_model import Joint
 from sim_action.ros.joint_commands import TrajectoryPoint, Waypoint, joint_curves
-from sim_action.ros.ros2.joint_controllers import JointController, TrajectoryReceiver, ValuesReceiver
+from sim_action.ros.ros2.controller_spec import JointController
+from sim_action.ros.ros2.joint_controllers import TrajectoryReceiver, ValuesReceiver
 from sim_action.ros.ros2.messages import Message
 from sim_action.ros.ros2.received_commands import BadMessage, ReceivedCommands
 from sim_action.ros.ros2.topics import channels, controller_problems, topics_of
