@@ -183,7 +183,7 @@ $(VENV)/.node: $(VENV)/.dev .ci/workflows/package.json .ci/workflows/package-loc
 $(VENV)/.ros2: $(VENV)/bin/python requirements-ros2.lock
 	@if $(BIN)/python -c 'import platform, sys; sys.exit(not (platform.system() == "Linux" and platform.machine() == "x86_64" and sys.version_info < (3, 14)))'; then \
 	  $(BIN)/python -m venv $(VENV)/ros2 && $(VENV)/ros2/bin/python -m pip install --quiet --disable-pip-version-check \
-	    --require-hashes --only-binary :all: --requirement requirements-ros2.lock; \
+	    --require-hashes --only-binary :all: --no-deps --requirement requirements-ros2.lock; \
 	else echo "ROS 2 has wheels for Linux x86-64 with CPython 3.11 to 3.13 alone: tests of its nodes are skipped, unless it is installed"; fi
 	@touch $@
 
