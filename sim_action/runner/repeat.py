@@ -112,6 +112,11 @@ def _differences(first: _Run, other: _Run, parted: Divergence | None) -> Iterato
     """Yield the differences between two runs."""
     if parted is not None:
         yield f"run {other.number} differs from run {first.number} {_where(parted)}"
+    elif first.outcome.trace and other.outcome.trace and first.outcome.digest != other.outcome.digest:
+        yield (
+            f"run {other.number} differs from run {first.number} in messages that nodes sent, or between two moments "
+            "of its trace"
+        )
     if first.outcome.digest == other.outcome.digest or first.outcome.status != other.outcome.status:
         yield from _endings(first, other)
 

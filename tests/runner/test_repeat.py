@@ -43,6 +43,15 @@ def test_runs_that_are_the_same_are_one_that_took_as_long(loaded: LoadedScenario
     assert (told.status, told.wall_time, told.repeats.count, told.simulated) == ("passed", 3.0, 2, 0.0)
 
 
+def test_traces_may_be_equal_where_messages_of_nodes_differ(loaded: LoadedScenario, tmp_path: Path) -> None:
+    (tmp_path / "traces").mkdir()
+    for number in (1, 2):
+        save_trace(trace([0.0, 0.25], x=[0.0, 1.0]), tmp_path / f"traces/{number}.npz")
+    runs = [ran("a", trace="traces/1.npz"), ran("b", trace="traces/2.npz")]
+    message = merge_repeats(loaded, runs, tmp_path).failures[0].message
+    assert "run 2 differs from run 1 in messages that nodes sent, or between two moments of its trace" in message
+
+
 def test_the_most_that_agree_are_held_against_the_first_that_does_not(loaded: LoadedScenario, tmp_path: Path) -> None:
     (tmp_path / "traces").mkdir()
     runs = []

@@ -162,8 +162,7 @@ class DrivenNodes:
         commands = topics_of(self._scene, ros2.topics, ros2.controllers)
         readiness.await_connections({_DESCRIPTION, *commands.values()})
         self._lockstep.losses += (each for each in readiness.ignoring if each not in self._lockstep.losses)
-        publishers, _ = self._bridge.matched()
-        self._listeners = [publishers[number] for number in self._lockstep.clocks]
+        self._listeners = self._lockstep.listeners()
 
     def _open_topics(self) -> None:
         """Open the topics of the robot."""

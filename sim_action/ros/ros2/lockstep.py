@@ -55,6 +55,8 @@ class Lockstep:
         self.nodes: list[Node] = []
         self.clocks: list[int] = []
         self.losses: list[str] = []
+        # True if nodes have no clock of their own, and listen to that of all tools.
+        self._is_heard = True
         self._all = bridge.open([Endpoint(CLOCK, CLOCK_TYPE, CLOCK_QOS)], ())
 
     def add(self, nodes: Sequence[Node]) -> None:
@@ -63,6 +65,12 @@ class Lockstep:
         self.nodes += nodes
         self._unordered.labels |= {node.process.pid: node.process.label for node in nodes}
         self.clocks += range(first, first + len(nodes))
+
+    def listeners(self) -> list[int]:
+        """Return the number of subscriptions of each clock, and notice nodes without one. Raise BridgeEnded."""
+        publishers, _ = self._bridge.matched()
+        self._is_heard = publishers[self._all] > 0
+        return [publishers[number] for number in self.clocks]
 
     def settle(self, seconds: float) -> None:
         """Wait until no process has work left at a sim time in s."""
@@ -92,8 +100,11 @@ class Lockstep:
         """Tell the time to one node after the other."""
         whole, rest = divmod(round(seconds * _NANOSECONDS), _NANOSECONDS)
         message = {"clock": {"sec": whole, "nanosec": rest}}
-        for number in (*self.clocks, self._all):
+        for number in self.clocks:
             self._bridge.publish(number, message)
+            self.settle(seconds)
+        self._bridge.publish(self._all, message)
+        if self._is_heard:
             self.settle(seconds)
 
     def tell_time(self, seconds: float) -> None:
