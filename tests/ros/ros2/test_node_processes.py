@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -54,6 +55,10 @@ def test_nothing_survives(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
     child = int(stubborn.text().split()[1])
     folder.close()
     assert not is_there(stubborn.pid)
+    # It is not our child, so nobody here can wait for its end.
+    deadline = time.monotonic() + 60
+    while is_there(child) and time.monotonic() < deadline:
+        time.sleep(0.01)
     assert not is_there(child)
     assert not folder.path.exists()
 
