@@ -16,7 +16,7 @@ from sim_action.cli.listings import assertions, commands, explain, models, schem
 from sim_action.cli.matrix import matrix
 from sim_action.cli.merge import merge
 from sim_action.cli.report import report
-from sim_action.cli.ros import roslaunch, rostest
+from sim_action.cli.ros import launchtest, roslaunch, rostest
 from sim_action.cli.run import run
 from sim_action.cli.validate import validate
 from sim_action.cli.view import view
@@ -34,6 +34,7 @@ SUBCOMMANDS: Final[tuple[click.Command, ...]] = (
     view,
     rostest,
     roslaunch,
+    launchtest,
     init,
     inspect,
     explain,
@@ -45,8 +46,19 @@ SUBCOMMANDS: Final[tuple[click.Command, ...]] = (
     schema,
 )
 
-TAKE_DEFAULTS: Final = ("run", "validate", "matrix", "merge", "report", "view", "compare", "rostest", "roslaunch")
+TAKE_DEFAULTS: Final = (
+    "run",
+    "validate",
+    "matrix",
+    "merge",
+    "report",
+    "view",
+    "compare",
+    "rostest",
+    "roslaunch",
+    "launchtest",
+)
 """The subcommands whose options can be set in pyproject.toml."""
 
-INTERRUPTIBLE: Final = ("run", "rostest", "roslaunch")
+INTERRUPTIBLE: Final = ("run", "rostest", "roslaunch", "launchtest")
 """The subcommands that handle signals themselves, by an `Interruption`; a signal ends each other one at once."""

@@ -46,6 +46,7 @@ _OPTIONS: Final[Mapping[str, tuple[str, ...]]] = {
     "compare": ("output_dir", "summary"),
     "rostest": _REPORTS,
     "roslaunch": _REPORTS,
+    "launchtest": _REPORTS,
 }
 """Subcommand -> the keys that it takes."""
 

@@ -1,4 +1,4 @@
-"""`sim-action rostest` and `sim-action roslaunch`."""
+"""`sim-action rostest`, `roslaunch` and `launchtest`."""
 
 from __future__ import annotations
 
@@ -21,6 +21,28 @@ Command = Callable[..., ExitCode]
 
 _POSITIVE: Final = Bounded(click.FloatRange(min=0, min_open=True, max=1e9))
 
+_BACKEND: Final = click.option(
+    "--backend",
+    envvar="SIM_ACTION_BACKEND",
+    type=click.Choice(("pybullet", "mujoco")),
+    help="Physics engine.  [default: pybullet if it is installed, else mujoco]",
+)
+_SEED: Final = click.option(
+    "--seed",
+    envvar="SIM_ACTION_SEED",
+    type=SEED,
+    default=0,
+    show_default=True,
+    metavar="N",
+    help="Random seed.",
+)
+_ALLOW_LOSSES: Final = click.option(
+    "--allow-losses/--no-allow-losses",
+    envvar="SIM_ACTION_ALLOW_LOSSES",
+    default=False,
+    help="Warn about parts of the launch that are not simulated.  [default: they are an error]",
+)
+
 _OPTIONS: Final = (
     click.argument("package"),
     click.argument("file"),
@@ -33,21 +55,8 @@ _OPTIONS: Final = (
         type=click.Path(exists=True, file_okay=False),
         help="Catkin workspace. Its packages are searched in src and need no build.  [default: the current folder]",
     ),
-    click.option(
-        "--backend",
-        envvar="SIM_ACTION_BACKEND",
-        type=click.Choice(("pybullet", "mujoco")),
-        help="Physics engine.  [default: pybullet if it is installed, else mujoco]",
-    ),
-    click.option(
-        "--seed",
-        envvar="SIM_ACTION_SEED",
-        type=SEED,
-        default=0,
-        show_default=True,
-        metavar="N",
-        help="Random seed.",
-    ),
+    _BACKEND,
+    _SEED,
     click.option(
         "--rtf",
         type=_POSITIVE,
@@ -60,12 +69,7 @@ _OPTIONS: Final = (
         metavar="S",
         help="Stop after S seconds of real time.  [default: enough for all time limits]",
     ),
-    click.option(
-        "--allow-losses/--no-allow-losses",
-        envvar="SIM_ACTION_ALLOW_LOSSES",
-        default=False,
-        help="Warn about parts of the launch that are not simulated.  [default: they are an error]",
-    ),
+    _ALLOW_LOSSES,
 )
 
 
@@ -108,6 +112,60 @@ def roslaunch(**flags: Any) -> ExitCode:
     Exit code: as for `run`.
     """
     return _called("roslaunch", flags)
+
+
+@click.command(short_help="Run a launch test of ROS 2 (experimental).")
+@click.argument("package")
+@click.argument("file")
+@click.argument("arguments", nargs=-1, metavar="[ARG:=VALUE]...")
+@click.option(
+    "--workspace",
+    envvar="SIM_ACTION_WORKSPACE",
+    default=".",
+    metavar="FOLDER",
+    type=click.Path(exists=True, file_okay=False),
+    help="Workspace of ROS 2, or its install folder.  [default: the current folder]",
+)
+@_BACKEND
+@_SEED
+@click.option(
+    "--sim-time-limit", type=_POSITIVE, metavar="S", help="End the simulation after this sim time in s.  [default: 60]"
+)
+@_ALLOW_LOSSES
+@report_flags
+@code_flags
+def launchtest(**flags: Any) -> ExitCode:
+    """Run a launch test of a ROS 2 package, with sim-action as simulator instead of Gazebo. Experimental.
+
+    FILE is a test for launch_testing in PACKAGE, or its path. The robot is the one that the test spawns by `create` of
+    ros_gz_sim. An installed ROS 2 with launch_testing is needed.
+
+    Exit code: as for `run`.
+    """
+    from pathlib import Path
+
+    from sim_action.core.process import Interruption
+
+    permissions = code_permissions(flags, [Path(flags["workspace"])])
+    permissions.require_scripts("launchtest runs nodes and launch files")
+    if sys.platform != "linux":
+        raise UsageError("nodes of ROS 2 need Linux: sim-action watches their threads in /proc")
+    _check(flags["arguments"])
+    with Interruption() as interruption:
+        from sim_action.ros.ros2.launch import launch_test
+
+        request = launch_test.LaunchTestRequest(
+            flags["package"],
+            flags["file"],
+            tuple(flags["arguments"]),
+            Path(flags["workspace"]),
+            flags["backend"] or "auto",
+            flags["seed"],
+            flags["sim_time_limit"],
+            allows_losses=flags["allow_losses"],
+            pass_env=permissions.pass_env,
+        )
+        return launch_test.run(request, report_request(flags), interruption)
 
 
 def _called(program: Program, flags: dict[str, Any]) -> ExitCode:

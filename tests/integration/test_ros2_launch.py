@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
+from subprocess import CompletedProcess
+from typing import Any, Final
 
 import pytest
 
-from tests.ros.ros2.nodes import MOVER, SMOOTHER, missing_launch, needs_launch, needs_ros2, outcomes, scenario
+from tests.ros.ros2.nodes import MOVER, SMOOTHER, command, missing_launch, needs_launch, needs_ros2, outcomes, scenario
 from tests.ros.ros2.prefixes import source
+
+BUILT_IN: Final = Path(__file__).parents[2] / "sim_action/robot/built_in"
 
 START = """\
 import os
@@ -144,6 +149,104 @@ def test_one_message_says_why_a_launch_failed(tmp_path: Path) -> None:
     } == dict.fromkeys(messages, True), {name: outcome["failures"] for name, outcome in found.items()}
     lines = {name: (outcome["failures"][0]["location"] or {}).get("line") for name, outcome in found.items()}
     assert lines == {"argument": 4, **{name: line for name, (_, _, line) in FAILING.items()}}
+
+
+DESCRIBES = """\
+import rclpy
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import String
+
+rclpy.init()
+node = Node("describes")
+latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+text = node.declare_parameter("robot_description", "").value
+node.create_publisher(String, "robot_description", latched).publish(String(data=text))
+rclpy.spin(node)
+"""
+
+LAUNCH_TEST = """\
+import os
+import time
+import unittest
+
+import launch_testing.actions
+import rclpy
+from ament_index_python.packages import get_package_share_directory
+from launch import LaunchDescription
+from launch.actions import IncludeLaunchDescription, TimerAction
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+from launch_ros.actions import Node
+from nav_msgs.msg import Odometry
+from rclpy.parameter import Parameter
+
+
+def generate_test_description():
+    gazebo = os.path.join(get_package_share_directory("ros_gz_sim"), "launch", "gz_sim.launch.py")
+    urdf = open(os.path.join(get_package_share_directory("robot"), "robot.urdf")).read()
+    topics = ["/cmd_vel@geometry_msgs/msg/Twist]gz.msgs.Twist", "/odom@nav_msgs/msg/Odometry[gz.msgs.Odometry"]
+    return LaunchDescription([
+        IncludeLaunchDescription(PythonLaunchDescriptionSource(gazebo), launch_arguments=[("gz_args", "-r empty.sdf")]),
+        Node(package="robot", executable="describes", parameters=[{"robot_description": urdf}]),
+        Node(package="ros_gz_sim", executable="create", arguments=["-topic", "robot_description", "-x", "-1.0"]),
+        Node(package="ros_gz_bridge", executable="parameter_bridge", arguments=topics),
+        Node(package="robot", executable="mover"),
+        TimerAction(period=0.2, actions=[launch_testing.actions.ReadyToTest()]),
+    ])
+
+
+class TestDrive(unittest.TestCase):
+    def test_drives(self):
+        rclpy.init()
+        node = rclpy.create_node("tester", parameter_overrides=[Parameter("use_sim_time", value=True)])
+        seen = []
+        node.create_subscription(Odometry, "odom", seen.append, 10)
+        while not seen or seen[-1].pose.pose.position.x < 0.5:
+            rclpy.spin_once(node, timeout_sec=0.1)
+        assert node.get_clock().now().nanoseconds > 0
+
+    def test_flies(self):
+        self.fail("it does not fly")
+
+    @unittest.skip("no water")
+    def test_swims(self):
+        pass
+"""
+
+
+def results(folder: Path, done: CompletedProcess[str]) -> list[dict[str, Any]]:
+    file = folder / "sim-results/results.json"
+    assert file.exists(), done.stdout + done.stderr
+    found: list[dict[str, Any]] = json.loads(file.read_text(encoding="utf-8"))["outcomes"]
+    return found
+
+
+@needs_launch
+def test_a_launch_test_gets_the_robot_that_it_spawns(tmp_path: Path) -> None:
+    workspace(tmp_path)
+    package = tmp_path / "src/robot"
+    (package / "robot/describes.py").write_text(DESCRIBES)
+    (package / "setup.py").write_text(
+        "from setuptools import setup\n\n"
+        "setup(entry_points={'console_scripts': ['mover = robot.mover', 'describes = robot.describes']})\n"
+    )
+    (package / "robot.urdf").write_text((BUILT_IN / "turtlebot3_burger.urdf").read_text())
+    (package / "test").mkdir()
+    (package / "test/drive_test.py").write_text(LAUNCH_TEST)
+    done = command(tmp_path, "launchtest", "robot", "drive_test.py", "--sim-time-limit", "600")
+    (outcome,) = results(tmp_path, done)
+    verdicts = {each["name"]: each["verdict"] for each in outcome["expectations"]}
+    assert {name: verdict["passed"] for name, verdict in verdicts.items()} == {
+        "test_drives": True,
+        "test_flies": False,
+        "test_swims": False,
+    }, outcome
+    assert verdicts["test_flies"]["message"] == "AssertionError: it does not fly"
+    assert verdicts["test_swims"]["message"] == "never checked: the test skipped this case (no water)"
+    assert (outcome["status"], done.returncode) == ("failed", 1)
+    missing = command(tmp_path, "launchtest", "robot", "drive_tset.py")
+    assert "did you mean 'drive_test.py'?" in missing.stdout
+    assert missing.returncode == 2
 
 
 @needs_ros2

@@ -95,15 +95,17 @@ class Bridge:
             # With -O, the setters of messages do not check each element of a list.
             words = [str(python), "-O", str(_BRIDGE), str(theirs.fileno())]
             self.process: NodeProcess = folder.start("bridge", words, kept=(theirs.fileno(),), forwards=False)
+        self._rmw = ""
         self.published: list[Endpoint] = []
         self.heard: list[Endpoint] = []
         self._send({"node": _NAME})
 
     def await_start(self) -> str:
         """Wait until it is up, and return the RMW. Raises BridgeEnded."""
-        answer, _ = self._receive()
-        rmw: str = answer["rmw"]
-        return rmw
+        if not self._rmw:
+            answer, _ = self._receive()
+            self._rmw = answer["rmw"]
+        return self._rmw
 
     def known_types(self, names: Iterable[str]) -> frozenset[str]:
         """Return those of the types whose packages are installed. Raises BridgeEnded."""

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
+import os
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Final
 
 from sim_action.commands import ClosedLoop
 from sim_action.core.errors import ScriptError, SourceProblem, UsageError
+from sim_action.core.records import dataclass
 from sim_action.ros.ros2.bridge_link import Bridge, BridgeEnded, Endpoint
 from sim_action.ros.ros2.domain import Domain
 from sim_action.ros.ros2.installation import RMW, Ros2, find_ros
@@ -27,15 +29,18 @@ from sim_action.state.observation import Observation
 from sim_action.state.reproducibility import Transcript
 
 if TYPE_CHECKING:
+    from sim_action.core.workspace import Workspace
     from sim_action.ros.ros2.node_processes import ProcessFolder
     from sim_action.ros.ros2.packages import Packages
-    from sim_action.ros.ros2.spec import Ros2Commands
+    from sim_action.ros.ros2.spec import Ros2Commands, Ros2Nodes
     from sim_action.world.scene import Scene
 
 _KEY: Final = "ros2"
 _DESCRIPTION: Final = "/robot_description"
 # The wall time that a node may take to end after it has left the graph.
 _MAX_LEAVE_S: Final = 5.0
+# The calms after the first one, in which nodes of a launch get to know all others.
+_MORE_CALMS: Final = 2
 _REALTIME: Final = "with pace: realtime, nodes run by the wall clock"
 
 
@@ -45,7 +50,17 @@ def open_nodes(source: Ros2Commands, scene: Scene) -> ClosedLoop:
         ros = find_ros()
     except UsageError as error:
         raise SourceProblem(str(error), _KEY) from None
-    nodes = DrivenNodes(source, scene, ros)
+    with ExitStack() as undo:
+        session = Session.open(source.ros2, ros, scene.workspace, os.environ, undo)
+        group = _started(source, scene, session)
+        undo.callback(group.close)
+        nodes = DrivenNodes(source, scene, session, group)
+        nodes.closing = undo.pop_all()
+    return controller_of(nodes)
+
+
+def controller_of(nodes: DrivenNodes) -> ClosedLoop:
+    """Return the controller by which nodes drive a robot."""
     return ClosedLoop(
         nodes.tick,
         close=nodes.close,
@@ -57,41 +72,78 @@ def open_nodes(source: Ros2Commands, scene: Scene) -> ClosedLoop:
     )
 
 
+def _started(source: Ros2Commands, scene: Scene, session: Session) -> NodeGroup:
+    """Start the nodes that the scenario lists, or its launch file. Raise SourceProblem, ScriptError."""
+    spec = source.ros2
+    if spec.launch is None:
+        return ListedNodes(spec.nodes or (), session.packages, scene.workspace, session.folder)
+    launched = LaunchSpec.of(spec, session.packages, scene.workspace, robot_topics(source, scene))
+    return LaunchedNodes(launched, session.folder)
+
+
+def robot_topics(source: Ros2Commands, scene: Scene) -> RobotTopics:
+    """Return the names of the topics of the robot."""
+    found = channels(scene, source.ros2.topics, source.rate, source.ros2.controllers, described=False)
+    published = {each.topic for each in found.publishers} | {CLOCK}
+    return RobotTopics(frozenset(each.topic for each in found.subscriptions), frozenset(published))
+
+
+@dataclass(frozen=True, slots=True)
+class Session:
+    """The folder of the processes of a run, its packages, and its bridge."""
+
+    folder: ProcessFolder
+    packages: Packages
+    bridge: Bridge
+
+    @classmethod
+    def open(
+        cls, spec: Ros2Nodes, ros: Ros2, workspace: Workspace, inherited: Mapping[str, str], undo: ExitStack
+    ) -> Session:
+        """Start the bridge, and return at once. Raise SourceProblem.
+
+        `inherited`: variables that all processes see; `undo`: gets what ends the session.
+        """
+        domain = Domain.free()
+        undo.callback(domain.close)
+        folder = scratch_of(domain, workspace, inherited)
+        undo.callback(folder.close)
+        packages = set_up_packages(spec, ros, workspace, folder)
+        bridge = Bridge(ros.python, folder)
+        undo.callback(bridge.close)
+        return cls(folder, packages, bridge)
+
+
 class DrivenNodes:
     """The nodes of a scenario, and the bridge to them.
 
     Attributes:
+        closing: what ends the nodes.
         transcript: all messages of nodes that command the robot.
         not_reproducible: reasons why another run may differ.
         notes: notes for the user, complete after `close`.
         losses: parts of a launch file that are not simulated, if they are allowed.
     """
 
-    def __init__(self, source: Ros2Commands, scene: Scene, ros: Ros2) -> None:
-        """Start the nodes, and wait until they are ready. Raise SourceProblem, ScriptError."""
+    def __init__(self, source: Ros2Commands, scene: Scene, session: Session, group: NodeGroup) -> None:
+        """Wait until the nodes are ready. Raise SourceProblem, ScriptError."""
         self._source, self._scene, self._rate = source, scene, source.rate
         self._is_realtime = source.ros2.pace == "realtime"
         self.transcript, self.notes = Transcript(), list[str]()
         self._started_at: float | None = None
-        with ExitStack() as undo:
-            domain = Domain.free()
-            undo.callback(domain.close)
-            folder = self._folder = scratch_of(domain, scene.workspace)
-            undo.callback(folder.close)
-            packages = set_up_packages(source.ros2, ros, scene.workspace, folder)
-            self._bridge = Bridge(ros.python, folder)
-            undo.callback(self._bridge.close)
-            self._group = self._started(packages, folder)
-            undo.callback(self._group.close)
-            self.losses = self._group.losses
-            try:
-                self._begin()
-            except BridgeEnded as error:
-                raise self._bridge_error(error) from None
-            self._closing = undo.pop_all()
+        self._seconds = 0.0
+        self._bridge, self._group = session.bridge, group
+        self._forward = session.folder.forward
+        self.losses = group.losses
+        self.closing = ExitStack()
+        try:
+            self._begin()
+        except BridgeEnded as error:
+            raise self._bridge_error(error) from None
 
     def tick(self, seen: Observation) -> Answer:
         """Publish a moment, let the nodes handle it, and return the last command. Raise ScriptError."""
+        self._seconds = seen.time
         try:
             self._group.tell_time(seen.time)
             self._admit_new_nodes()
@@ -102,31 +154,20 @@ class DrivenNodes:
         except BridgeEnded as error:
             self._group.refuse_ended()
             raise self._bridge_error(error) from None
-        for number, message in received:
+        for place, message in received:
+            number = place - self._first_heard
             topic, node = self._senders[number]
             self.transcript.add(seen.time, topic, _bytes_of(message))
             self._commands.take(topic, message, node, seen)
         if round(seen.time * self._rate) % round(self._rate) == 0:
-            self._folder.forward()
+            self._forward()
         return self._commands.answer(seen)
 
     def close(self) -> None:
         """End the nodes, and collect notes."""
-        self._folder.forward()
-        self._closing.close()
+        self._forward()
+        self.closing.close()
         self.notes += self._group.notes
-
-    def _started(self, packages: Packages, folder: ProcessFolder) -> NodeGroup:
-        """Start the nodes that the scenario lists, or its launch file. Raise SourceProblem, ScriptError."""
-        spec, scene = self._source.ros2, self._scene
-        if spec.launch is None:
-            return ListedNodes(spec.nodes or (), packages, scene.workspace, folder)
-        found = channels(scene, spec.topics, self._rate, spec.controllers, described=False)
-        topics = RobotTopics(
-            frozenset(each.topic for each in found.subscriptions),
-            frozenset(each.topic for each in found.publishers) | {CLOCK},
-        )
-        return LaunchedNodes(LaunchSpec.of(spec, packages, scene.workspace, topics), folder)
 
     def _begin(self) -> None:
         """Hold the clock until all nodes are up, know each other, and are connected to the robot."""
@@ -161,6 +202,10 @@ class DrivenNodes:
         ros2 = self._source.ros2
         commands = topics_of(self._scene, ros2.topics, ros2.controllers)
         readiness.await_connections({_DESCRIPTION, *commands.values()})
+        # On a busy machine, nodes of a launch may not have been able to announce themselves during one calm.
+        for _ in range(_MORE_CALMS if ros2.launch and not self._is_realtime else 0):
+            self._lockstep.settle(self._seconds)
+            readiness.await_connections({_DESCRIPTION, *commands.values()})
         self._lockstep.losses += (each for each in readiness.ignoring if each not in self._lockstep.losses)
         self._listeners = self._lockstep.listeners()
 
@@ -188,6 +233,7 @@ class DrivenNodes:
             (each.topic, next((end.node for end in graph.publishers[each.topic]), "a node")) for each in subscriptions
         ]
         self._commands = ReceivedCommands(subscriptions)
+        self._first_heard = len(self._bridge.heard)
         first = self._bridge.open(
             [Endpoint(each.topic, each.type, each.qos) for each in publishers],
             [Endpoint(each.topic, each.type, each.qos) for each in subscriptions],

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -30,7 +29,7 @@ _TRACEBACK: Final = "Traceback (most recent call last)"
 _MAX_DETAILS_CHARS: Final = 4_000
 
 
-def scratch_of(domain: Domain, workspace: Workspace) -> ProcessFolder:
+def scratch_of(domain: Domain, workspace: Workspace, inherited: Mapping[str, str]) -> ProcessFolder:
     """Return the folder in which all processes of a run are started, with what is common to their environments."""
     variables = {
         "ROS_DOMAIN_ID": str(domain.number),
@@ -44,7 +43,7 @@ def scratch_of(domain: Domain, workspace: Workspace) -> ProcessFolder:
         "PYTHONUNBUFFERED": "1",
         "RCUTILS_COLORIZED_OUTPUT": "0",
     }
-    folder = ProcessFolder(workspace.directory, {**os.environ, **variables})
+    folder = ProcessFolder(workspace.directory, {**inherited, **variables})
     folder.environment["ROS_LOG_DIR"] = str(folder.path / "log")
     return folder
 

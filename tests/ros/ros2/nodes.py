@@ -118,8 +118,13 @@ def scenario(folder: Path, name: str, ros2: str, more: str = "", seconds: float 
 
 def run(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
     """Run scenarios as typed in a folder."""
-    command = [sys.executable, "-m", "sim_action", "run", *words]
-    return subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder, env=variables())
+    return command(folder, "run", *words)
+
+
+def command(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    """Run a command of sim-action as typed in a folder."""
+    typed = [sys.executable, "-m", "sim_action", *words]
+    return subprocess.run(typed, capture_output=True, text=True, check=False, cwd=folder, env=variables())
 
 
 def outcomes(folder: Path, *words: str) -> dict[str, dict[str, Any]]:

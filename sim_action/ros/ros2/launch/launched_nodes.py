@@ -11,7 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from sim_action.core.errors import ScriptError, SourceProblem
+from sim_action.core.errors import ControllersFinished, ScriptError, SourceProblem
 from sim_action.core.records import dataclass
 from sim_action.ros.processes import descendants
 from sim_action.ros.ros2.launch.gazebo_programs import STAND_INS, LeftOutProgram, lost_parts, unheard_bridges
@@ -32,6 +32,8 @@ _LAUNCHER: Final = Path(__file__).with_name("launcher.py")
 _MAX_START_S: Final = 60.0
 # Wall time for nodes that save something at the end.
 _MAX_SHUTDOWN_S: Final = 3.0
+# Wall time for the part of a launch test after the shutdown.
+_MAX_RESULTS_S: Final = 30.0
 _POLL_S: Final = 0.005
 _KEY: Final = "ros2"
 
@@ -53,6 +55,8 @@ class LaunchSpec:
         arguments: NAME:=VALUE.
         workspace: the folder of the user's own code.
         allows_losses: True if parts of the launch file that are not simulated are warnings instead of errors.
+        results: the file for the results of a launch test; None: it is a launch file.
+        package: the package, which the results name.
     """
 
     file: Path
@@ -61,6 +65,8 @@ class LaunchSpec:
     workspace: Path
     topics: RobotTopics
     allows_losses: bool = False
+    results: Path | None = None
+    package: str = ""
 
     @classmethod
     def of(cls, spec: Ros2Nodes, packages: Packages, workspace: Workspace, topics: RobotTopics) -> LaunchSpec:
@@ -99,11 +105,16 @@ class LaunchedProcess:
 
 
 class LaunchedNodes:
-    """All processes of a launch (see NodeGroup)."""
+    """All processes of a launch (see NodeGroup).
+
+    Attributes:
+        topics: those of the robot, which a launch test spawns after the start.
+    """
 
     def __init__(self, spec: LaunchSpec, folder: ProcessFolder) -> None:
         """Start the launcher, and return at once. Raise ScriptError."""
         self._spec = spec
+        self.topics = spec.topics
         self._errors = LaunchErrors(spec.workspace)
         self._events = Events(folder.path / "events")
         self._times = folder.path / "times"
@@ -112,6 +123,7 @@ class LaunchedNodes:
         self._launcher = self._start(folder)
         self._timers: list[float] = []
         self._calm_at = -1.0
+        self._has_finished = False
         self._left_out: list[LeftOutProgram] = []
         self._new: list[tuple[tuple[str, ...], Node]] = []
         self._processes: dict[int, LaunchedProcess] = {}
@@ -126,7 +138,8 @@ class LaunchedNodes:
             "arguments": list(self._spec.arguments),
             "clock": clock_of("{}"),
             "stand_ins": {key: list(command) for key, command in STAND_INS.items()},
-            "results": "",
+            "results": str(self._spec.results or ""),
+            "package": self._spec.package,
         }
         path = folder.path / "task.json"
         path.write_text(json.dumps(task), encoding="utf-8")
@@ -143,15 +156,23 @@ class LaunchedNodes:
 
     def await_start(self) -> None:
         """See NodeGroup.await_start."""
-        self._await_calm(0.0)
-        losses = list(lost_parts(self._left_out, self._spec.topics.commands))
+        self.await_programs()
+        losses = list(lost_parts(self._left_out, self.topics.commands))
         if losses and not self._spec.allows_losses:
             raise SourceProblem(f"{'; '.join(losses)}; to run without it, set allow_losses: true", _KEY)
         self.losses += losses
         if self._left_out:
             left = ", ".join(dict.fromkeys(each.program for each in self._left_out))
             self.notes.append(f"not started, because sim-action is the simulator: {left}")
-        self.notes += unheard_bridges(self._left_out, self._spec.topics.published)
+        self.notes += unheard_bridges(self._left_out, self.topics.published)
+
+    def await_programs(self) -> list[LeftOutProgram]:
+        """Wait until the file is read and its processes are started; return the programs that are left out.
+
+        Raise ScriptError.
+        """
+        self._await_calm(0.0)
+        return list(self._left_out)
 
     def tell_time(self, seconds: float) -> None:
         """See NodeGroup.tell_time: let timers of the launch file end."""
@@ -172,11 +193,16 @@ class LaunchedNodes:
         code = self._launcher.exit_code()
         for event in self._events.new():
             self._take(event)
+        if code is not None and self._spec.results:
+            raise ControllersFinished("the test has finished")
         if code is not None:
             raise self._errors.of_end(code, self._launcher.text())
 
     def close(self) -> None:
         """See NodeGroup.close. A node may have left the process group that the folder ends."""
+        if self._has_finished:
+            # It has still to write its results.
+            self._launcher.await_end(_MAX_RESULTS_S)
         processes = descendants(self._launcher.pid)
         self._launcher.signal_group(signal.SIGINT)
         self._launcher.await_end(_MAX_SHUTDOWN_S)
@@ -197,12 +223,7 @@ class LaunchedNodes:
 
     def _take(self, event: Event) -> None:
         """Handle an event. Raise ScriptError."""
-        if event.event == "refused":
-            raise self._errors.of_refusal(event, self._launcher.text())
-        if event.event == "shutdown":
-            raise self._errors.of_shutdown(event, self._launcher.text())
-        if event.event == "died" and event.exit_code:
-            raise self._errors.of_death(event, self._launcher.text())
+        self._refuse(event)
         if event.event == "calm":
             self._calm_at = event.time
         elif event.event == "timer":
@@ -218,6 +239,20 @@ class LaunchedNodes:
                 f"the process '{event.process}' of the launch file is no node for launch: it gets no clock of its own, "
                 "and use_sim_time is not set for it"
             )
+
+    def _refuse(self, event: Event) -> None:
+        """Raise ScriptError for an event that ends the run; ControllersFinished at the end of a launch test."""
+        output = self._launcher.text()
+        if event.event == "refused":
+            raise self._errors.of_refusal(event, output)
+        if event.event == "shutdown" and self._spec.results is None:
+            raise self._errors.of_shutdown(event, output)
+        if event.event == "shutdown":
+            self._has_finished = True
+            raise ControllersFinished("the test has finished")
+        # A launch test judges the exit codes of its processes itself.
+        if event.event == "died" and event.exit_code and self._spec.results is None:
+            raise self._errors.of_death(event, output)
 
     def _add(self, event: Event) -> None:
         """Add a node of its own process, or of a container."""
