@@ -242,21 +242,19 @@ class DrivenNodes:
 
     def _publish(self, seen: Observation) -> None:
         tick = round(seen.time * self._rate)
-        is_due = False
         if tick and not self._is_realtime:
             self._lockstep.notice_wakes()
         for number, publisher in self._publishers:
             message = publisher.message(tick, seen)
             if message is not None:
                 self._bridge.publish(number, message)
-                is_due = True
+                # One message after the other, and then the time: else two callbacks of a node race.
+                if not self._is_realtime:
+                    self._lockstep.settle(seen.time)
         if self._is_realtime:
             self._lockstep.tell_time(seen.time)
             self._sleep_until(seen.time)
             return
-        # What is known comes first, and then the time: else a timer and a message of the same tick race.
-        if is_due:
-            self._lockstep.settle(seen.time)
         self._lockstep.advance(seen.time)
 
     def _sleep_until(self, seconds: float) -> None:
