@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-import tempfile
+import socket
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -12,12 +12,10 @@ from typing import Final, Self
 from sim_action.core.errors import SourceProblem
 from sim_action.core.records import dataclass
 
-if os.name == "posix":
-    import fcntl
-
 DOMAINS: Final = range(1, 102)
 """The domains whose ports are below those that Linux gives to any program. 0 is the default of all ROS systems."""
 
+_LOCK: Final = "sim-action-ros2-domain"
 # Of DDS: the ports of a domain begin here, and each domain has so many.
 _FIRST_PORT: Final = 7400
 _PORTS: Final = 250
@@ -30,35 +28,32 @@ class Domain:
 
     Attributes:
         number: the ROS_DOMAIN_ID.
-        lock: descriptor of the locked file.
+        lock: a socket whose name nothing else on this machine can have.
     """
 
     number: int
-    lock: int
+    lock: socket.socket
 
     @classmethod
-    def free(cls, folder: Path | None = None) -> Self:
+    def free(cls, name: str = _LOCK) -> Self:
         """Return a domain without participants, locked for all processes of this machine. Raise SourceProblem.
 
-        :param folder: the folder of the locks; default: that of temporary files.
+        :param name: the beginning of the names of the locks.
         """
-        parent = folder or Path(tempfile.gettempdir())
         used = frozenset(_used())
         # Processes that start at the same time begin their search at different places.
         start = os.getpid() % len(DOMAINS)
         for number in (*DOMAINS[start:], *DOMAINS[:start]):
             if number in used:
                 continue
-            with suppress(OSError):
-                descriptor = os.open(
-                    parent / f"sim-action-ros2-domain-{number}.lock", os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666
-                )
-                try:
-                    fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                except OSError:
-                    os.close(descriptor)
-                    continue
-                return cls(number, descriptor)
+            # A name in no folder: each process has a folder of its own for temporary files.
+            lock = socket.socket(socket.AF_UNIX)
+            try:
+                lock.bind(f"\0{name}-{number}")
+            except OSError:
+                lock.close()
+                continue
+            return cls(number, lock)
         raise SourceProblem(
             f"all {len(DOMAINS)} domains of ROS 2 are in use on this machine; end other ROS 2 systems, or run fewer "
             "scenarios at the same time (--jobs)",
@@ -67,7 +62,7 @@ class Domain:
 
     def close(self) -> None:
         """Release the domain."""
-        os.close(self.lock)
+        self.lock.close()
 
 
 def _used() -> Iterator[int]:

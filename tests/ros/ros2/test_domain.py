@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -15,18 +16,38 @@ from sim_action.ros.ros2.domain import DOMAINS, Domain
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="nodes are watched by Linux's /proc")
 
 
-def test_each_has_its_own_until_it_is_closed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture
+def name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Names of locks that no other test has; only the domains 5 and 6 are not in use."""
     monkeypatch.setattr(domain, "_used", lambda: iter(number for number in DOMAINS if number not in (5, 6)))
-    held = [Domain.free(tmp_path), Domain.free(tmp_path)]
+    return str(tmp_path)[-80:]
+
+
+def test_each_has_its_own_until_it_is_closed(name: str) -> None:
+    held = [Domain.free(name), Domain.free(name)]
     assert {each.number for each in held} == {5, 6}
     with pytest.raises(SourceProblem, match="all 101 domains of ROS 2 are in use on this machine"):
-        Domain.free(tmp_path)
+        Domain.free(name)
     number = held[0].number
     held[0].close()
-    again = Domain.free(tmp_path)
+    again = Domain.free(name)
     assert again.number == number
     again.close()
     held[1].close()
+
+
+def test_a_domain_is_locked_for_processes_with_other_folders_for_temporary_files(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    held = []
+    for number in range(2):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        monkeypatch.setattr(tempfile, "tempdir", str(folder))
+        held.append(Domain.free(name))
+    assert {each.number for each in held} == {5, 6}
+    for each in held:
+        each.close()
 
 
 def test_ports_in_use_belong_to_domains() -> None:
@@ -34,12 +55,3 @@ def test_ports_in_use_belong_to_domains() -> None:
         taken.bind(("127.0.0.1", 0))
         port = taken.getsockname()[1]
         assert (port - 7400) // 250 in set(domain._used())
-
-
-def test_a_lock_that_cannot_be_opened_is_passed_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(domain, "_used", lambda: iter(number for number in DOMAINS if number not in (5, 6)))
-    (tmp_path / "sim-action-ros2-domain-5.lock").symlink_to(tmp_path / "elsewhere")
-    found = Domain.free(tmp_path)
-    assert found.number == 6
-    assert not (tmp_path / "elsewhere").exists()
-    found.close()
