@@ -57,6 +57,8 @@ class ClosedLoop:
         repeats: True if its answer is the same object until there is a new command.
         transcript: the messages that it received, which the digest of the run covers; complete during the run.
         not_reproducible: reasons why another run may differ, complete during the run.
+        logged_errors: errors that programs of the user logged, complete during the run.
+        why_silent: returns why it has given no command, called before `close`; empty if that is not known.
     """
 
     command: Callable[[Observation], Answer]
@@ -68,6 +70,8 @@ class ClosedLoop:
     repeats: bool = False
     transcript: Transcript | None = None
     not_reproducible: Sequence[str] = ()
+    logged_errors: Sequence[str] = ()
+    why_silent: Callable[[], str] = str
 
 
 Controller = OpenLoop | ClosedLoop

@@ -17,7 +17,8 @@ from typing import Final
 
 _READ_BYTES: Final = 1024
 _ENDED: Final = (FileNotFoundError, ProcessLookupError)
-_SLEEPING: Final = (b"S", b"I")
+# A process that has ended, and that its parent has not waited for, has no work left either.
+_SLEEPING: Final = (b"S", b"I", b"Z")
 # The time of looking at a thread without a pause, and one pause.
 _BUSY_WAIT_S: Final = 2e-4
 _NAP_S: Final = 5e-5

@@ -52,6 +52,9 @@ NOT_SIMULATED: Final = "not-simulated"
 NOT_REPRODUCIBLE: Final = "not-reproducible"
 """The rule about runs whose nodes could not be kept in lock-step with sim time."""
 
+LOGGED_ERROR: Final = "logged-error"
+"""The rule about errors that nodes log."""
+
 INCOMPLETE_WORLD: Final = "incomplete-world"
 """The rule about files of a world that cannot be used, so that an obstacle is missing."""
 
@@ -129,6 +132,7 @@ RULES: Final[Mapping[str, Rule]] = MappingProxyType(
             "ROS nodes that could not be kept in lock-step with sim time, so that another run may differ: "
             "a node that is never quiet or acts by the wall clock, or `pace: realtime`",
         ),
+        LOGGED_ERROR: Rule("warning", "a ROS 2 node that logged at the level ERROR or FATAL"),
         INCOMPLETE_WORLD: Rule(
             "error", "a model or a mesh of a world file that is not found or cannot be used: an obstacle is missing"
         ),

@@ -135,6 +135,17 @@ class Controls:
         return tuple(transcript for transcript in found if transcript is not None)
 
     @property
+    def logged_errors(self) -> tuple[str, ...]:
+        """The errors that programs of the user logged."""
+        controllers = [source.controller for source in self._sources]
+        return tuple(each for live in controllers if isinstance(live, ClosedLoop) for each in live.logged_errors)
+
+    def why_silent(self) -> str:
+        """Return why controllers have given no command, as far as they know."""
+        controllers = [source.controller for source in self._sources]
+        return "; ".join(why for live in controllers if isinstance(live, ClosedLoop) if (why := live.why_silent()))
+
+    @property
     def not_reproducible(self) -> tuple[str, ...]:
         """The reasons why another run may differ."""
         controllers = [source.controller for source in self._sources]

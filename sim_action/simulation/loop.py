@@ -18,7 +18,7 @@ from sim_action.drives.wheels import axis_in_base, opposed_note
 from sim_action.engines import ENGINES, Engine, chosen
 from sim_action.engines.observers import arrivals
 from sim_action.robot.audit.rules import announced, unannounced
-from sim_action.scenario.claim_audit import NOT_REPRODUCIBLE, NOT_SIMULATED, ClaimFinding
+from sim_action.scenario.claim_audit import LOGGED_ERROR, NOT_REPRODUCIBLE, NOT_SIMULATED, ClaimFinding
 from sim_action.scenario.model import Scenario
 from sim_action.simulation.accuracy import AccuracyWatch, links_with_springs
 from sim_action.simulation.controllers import Controls, padded
@@ -267,7 +267,7 @@ class _Loop:
         for transcript in self._controls.transcripts:
             digest.add_transcript(transcript, panel.time)
         losses = (ClaimFinding(NOT_SIMULATED, ("commands",), loss) for loss in self._controls.losses)
-        findings = (*self._audited(panel, motion, kept), *losses, *self._races())
+        findings = (*self._audited(panel, motion, kept), *losses, *self._races(), *self._logged_errors())
         told = {finding.message for finding in findings}
         missed = (message for _, message in unreached_events(self._scenario, panel.time))
         unreached = (message for message in missed if message not in told)
@@ -290,7 +290,8 @@ class _Loop:
             return ()
         unmet = [monitor.unmet_premises for monitor in panel.monitors]
         undelivered = self._controls.undelivered(panel.time)
-        facts = RunFacts(panel.time, motion, self._controls.log, kept, unmet, panel.verdicts(), undelivered)
+        why_silent = self._controls.why_silent() if self._controls.log.are_zero else ""
+        facts = RunFacts(panel.time, motion, self._controls.log, kept, unmet, panel.verdicts(), undelivered, why_silent)
         found = audit_run(self._scenario, self._scene, facts)
         return tuple(finding for finding in found if finding.rule not in self._scenario.allow)
 
@@ -299,6 +300,11 @@ class _Loop:
         if NOT_REPRODUCIBLE not in self._scenario.allow:
             for reason in self._controls.not_reproducible:
                 yield ClaimFinding(NOT_REPRODUCIBLE, ("commands",), f"the run is not reproducible: {reason}")
+
+    def _logged_errors(self) -> Iterator[ClaimFinding]:
+        if LOGGED_ERROR not in self._scenario.allow:
+            for message in self._controls.logged_errors:
+                yield ClaimFinding(LOGGED_ERROR, ("commands",), message)
 
     def _all_notes(self) -> tuple[str, ...]:
         of_drive = self._motion.notes if self._motion else ()

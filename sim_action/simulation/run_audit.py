@@ -113,6 +113,7 @@ class RunFacts:
         verdicts: one verdict for each expectation.
         undelivered: index of each command source whose commands all came too late -> when the first one was due, in s;
             infinite if all were lost.
+        why_silent: why controllers gave no command; empty if that is not known.
     """
 
     end: float
@@ -122,6 +123,7 @@ class RunFacts:
     unmet: Sequence[Sequence[str]]
     verdicts: Sequence[Verdict]
     undelivered: Mapping[int, float] = field(default_factory=dict)
+    why_silent: str = ""
 
 
 def audit_run(scenario: Scenario, scene: Scene, facts: RunFacts) -> Iterator[ClaimFinding]:
@@ -138,7 +140,7 @@ def audit_run(scenario: Scenario, scene: Scene, facts: RunFacts) -> Iterator[Cla
     yield from _unmoved_links(scenario, scene, facts)
     yield from _unmoved_objects(scenario, scene, facts)
     yield from _undelivered(facts)
-    unused = [] if facts.undelivered else list(_unused_drive(scenario, scene, facts.commands))
+    unused = [] if facts.undelivered else list(_unused_drive(scenario, scene, facts))
     yield from unused
     if not unused and facts.commands.are_zero:
         yield from _silent_controllers(scenario, facts)
@@ -270,12 +272,12 @@ def _is_at_end(assertion: Assertion) -> bool:
     return assertion.key == "follow_path" and getattr(assertion, "max_error", None) is None
 
 
-def _unused_drive(scenario: Scenario, scene: Scene, commands: CommandLog) -> Iterator[ClaimFinding]:
-    if commands.drives or any(mounted.sensor.reads_wheels for mounted in scenario.sensors):
+def _unused_drive(scenario: Scenario, scene: Scene, facts: RunFacts) -> Iterator[ClaimFinding]:
+    if facts.commands.drives or any(mounted.sensor.reads_wheels for mounted in scenario.sensors):
         return
     if scenario.robot.drive is not None:
-        message = "no command used the drive; add a command source that gives twists, or remove robot.drive"
-        yield ClaimFinding("drive-never-commanded", ("robot", "drive"), message)
+        reason = facts.why_silent or "add a command source that gives twists, or remove robot.drive"
+        yield ClaimFinding("drive-never-commanded", ("robot", "drive"), f"no command used the drive; {reason}")
     elif any(source.gives_twists(scene) for source in scenario.commands):
         message = "no command source ever gave a twist, so the drive was not used"
         yield ClaimFinding("drive-never-commanded", ("commands",), message)
@@ -286,7 +288,8 @@ def _silent_controllers(scenario: Scenario, facts: RunFacts) -> Iterator[ClaimFi
     controllers = [source for source in heard if not source.is_written]
     if controllers:
         who = "the controller" if len(controllers) == 1 else "the controllers"
-        message = f"{who} gave no command other than zero in the whole run; check that it started, or run for longer"
+        reason = facts.why_silent or "check that it started, or run for longer"
+        message = f"{who} gave no command other than zero in the whole run; {reason}"
         yield ClaimFinding("silent-controller", ("commands",), message)
 
 

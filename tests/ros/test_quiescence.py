@@ -130,6 +130,13 @@ def test_a_process_that_was_never_there_is_not_waited_for() -> None:
     assert watched(gone.pid).wait(LONG)
 
 
+def test_a_process_that_has_ended_and_is_not_reaped_is_quiet() -> None:
+    with process("print('up', flush=True)") as ended:
+        os.waitid(os.P_PID, ended.pid, os.WEXITED | os.WNOWAIT)
+
+        assert watched(ended.pid).wait(LONG)
+
+
 def test_processes_that_are_busy_are_named() -> None:
     with process(SLEEPS) as sleeper, process(RUNS_IN_A_THREAD) as runner:
         both = watched(sleeper.pid, runner.pid)

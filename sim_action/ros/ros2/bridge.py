@@ -186,6 +186,7 @@ class _Bridge:
         self._node = Node(request["node"], start_parameter_services=False, enable_rosout=False)
         self._publishers: list[tuple[Any, Any, str]] = []
         self._subscriptions: list[Any] = []
+        self._least: list[Any] = []
         self._clients: dict[str, Any] = {}
 
     def types(self, request: Json) -> Json:
@@ -202,6 +203,7 @@ class _Bridge:
             kind = _message_class(each["type"])
             subscription = self._node.create_subscription(kind, each["topic"], _ignore, _profile(each["qos"]))
             self._subscriptions.append(subscription)
+            self._least.append(each["least"])
         return {}
 
     def matched(self, _: Json) -> Json:
@@ -222,6 +224,9 @@ class _Bridge:
         for number, subscription in enumerate(self._subscriptions):
             while (taken := _taken(subscription)) is not None:
                 message, info = taken
+                least = self._least[number]
+                if least is not None and getattr(message, least[0]) < least[1]:
+                    continue
                 found.append((info.get("received_timestamp", 0), number, plain.of(message)))
         found.sort(key=lambda each: each[:2])
         clocks = [self._publishers[number][0].get_subscription_count() for number in request["clocks"]]

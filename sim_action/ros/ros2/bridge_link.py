@@ -5,7 +5,8 @@ the blob, and `{"$array": "f", "at": 0, "count": 360}` in the text. The requests
 
 - the first one: the name of its `node`; the answer has the RMW;
 - `types`: the answer has those of the `names` whose packages are installed;
-- `open`: creates more `publishers` and `subscriptions`, each with `topic`, `type` and `qos`;
+- `open`: creates more `publishers` and `subscriptions`, each with `topic`, `type`, `qos` and `least`: null, or a field
+  and a number; messages with less are ignored;
 - `matched`: the answer has the number of ends that each publisher and each subscription is connected to;
 - `publish`: a `message` by the publisher with a `number`; it has no answer;
 - `take`: the answer has all `messages` since the last one, each with the number of its subscription, and the number of
@@ -43,11 +44,13 @@ class Endpoint:
 
     Attributes:
         type: such as "nav_msgs/msg/Odometry".
+        least: a field, and the least value that it has in messages that are taken; None: all are.
     """
 
     topic: str
     type: str
     qos: Qos = USUAL
+    least: tuple[str, int] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,7 +196,12 @@ class Bridge:
 
 
 def _plain(endpoint: Endpoint) -> dict[str, Any]:
-    return {"topic": endpoint.topic, "type": endpoint.type, "qos": endpoint.qos.as_dict()}
+    return {
+        "topic": endpoint.topic,
+        "type": endpoint.type,
+        "qos": endpoint.qos.as_dict(),
+        "least": endpoint.least,
+    }
 
 
 def _packed(value: Any, blob: bytearray) -> Any:

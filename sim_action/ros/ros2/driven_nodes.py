@@ -6,13 +6,15 @@ import json
 import os
 import time
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from typing import TYPE_CHECKING, Final
 
 from sim_action.commands import ClosedLoop
 from sim_action.core.errors import ScriptError, SourceProblem, UsageError
 from sim_action.core.records import dataclass
 from sim_action.ros.ros2.bridge_link import Bridge, BridgeEnded, Endpoint
+from sim_action.ros.ros2.diagnosis.logged_errors import ROSOUT, LoggedErrors, errors_endpoint
+from sim_action.ros.ros2.diagnosis.unconnected_topics import unheard, unsent, whole_graph
 from sim_action.ros.ros2.domain import Domain
 from sim_action.ros.ros2.installation import RMW, Ros2, find_ros
 from sim_action.ros.ros2.launch.launched_nodes import LaunchedNodes, LaunchSpec, RobotTopics
@@ -69,6 +71,8 @@ def controller_of(nodes: DrivenNodes) -> ClosedLoop:
         repeats=True,
         transcript=nodes.transcript,
         not_reproducible=nodes.not_reproducible,
+        logged_errors=nodes.logged_errors,
+        why_silent=nodes.why_silent,
     )
 
 
@@ -121,6 +125,7 @@ class DrivenNodes:
         closing: what ends the nodes.
         transcript: all messages of nodes that command the robot.
         not_reproducible: reasons why another run may differ.
+        logged_errors: errors that nodes logged.
         notes: notes for the user, complete after `close`.
         losses: parts of a launch file that are not simulated, if they are allowed.
     """
@@ -132,6 +137,10 @@ class DrivenNodes:
         self.transcript, self.notes = Transcript(), list[str]()
         self._started_at: float | None = None
         self._seconds = 0.0
+        self._errors = LoggedErrors(scene.workspace.root)
+        self.logged_errors = self._errors.messages
+        self._has_heard, self._finished = False, set[int]()
+        self._misfits = list[str]()
         self._bridge, self._group = session.bridge, group
         self._forward = session.folder.forward
         self.losses = group.losses
@@ -149,19 +158,37 @@ class DrivenNodes:
             self._admit_new_nodes()
             self._publish(seen)
             received, listeners = self._bridge.take(self._lockstep.clocks)
-            self._await_leaving(listeners)
+            self._hear_errors(received, seen.time)
+            self._await_leaving(listeners, seen.time)
             self._admit_new_nodes()
         except BridgeEnded as error:
             self._group.refuse_ended()
             raise self._bridge_error(error) from None
         for place, message in received:
+            if place == self._log:
+                continue
             number = place - self._first_heard
             topic, node = self._senders[number]
+            self._has_heard = True
             self.transcript.add(seen.time, topic, _bytes_of(message))
             self._commands.take(topic, message, node, seen)
         if round(seen.time * self._rate) % round(self._rate) == 0:
             self._forward()
         return self._commands.answer(seen)
+
+    def why_silent(self) -> str:
+        """Return why nodes do not move the robot, as far as the topics show."""
+        reasons = list[str]()
+        with suppress(BridgeEnded):
+            graph = whole_graph(self._bridge)
+            if not self._has_heard:
+                reasons += unsent(graph, self._subscriptions)
+            reasons += [*self._misfits, *unheard(graph, self._published)]
+        return "; ".join(reasons)
+
+    @property
+    def _published(self) -> frozenset[str]:
+        return frozenset(each.topic for each in self._bridge.published)
 
     def close(self) -> None:
         """End the nodes, and collect notes."""
@@ -186,7 +213,14 @@ class DrivenNodes:
             self._lockstep.hold()
             self._lockstep.settle(0.0)
         # Commands from before the start arrive or not, depending on which node came up first.
-        self._bridge.take(())
+        received, _ = self._bridge.take(())
+        self._hear_errors(received, None)
+        self.notes += unheard(whole_graph(self._bridge), self._published)
+
+    def _hear_errors(self, received: list[tuple[int, Message]], seconds: float | None) -> None:
+        for number, message in received:
+            if number == self._log:
+                self._errors.take(message, seconds)
 
     def _admit_new_nodes(self) -> None:
         """Hold sim time until nodes that were started meanwhile are up. Raise ScriptError, BridgeEnded."""
@@ -224,19 +258,25 @@ class DrivenNodes:
                 self.notes.append(f"not published, because ROS 2 has no {kind}: {', '.join(topics)}")
         publishers = [each for each in found.publishers if each.type in known]
         graph = self._bridge.graph(
-            [*(each.topic for each in found.publishers), *(each.topic for each in found.subscriptions)]
+            [ROSOUT, *(each.topic for each in found.publishers), *(each.topic for each in found.subscriptions)]
         )
         subscriptions = [each.matched(graph.publishers[each.topic]) for each in found.subscriptions]
         for each in publishers:
-            self.notes += subscriber_problems(each.topic, each.type, each.qos, graph.subscriptions[each.topic])
+            self._misfits += subscriber_problems(each.topic, each.type, each.qos, graph.subscriptions[each.topic])
+        self.notes += self._misfits
         self._senders = [
             (each.topic, next((end.node for end in graph.publishers[each.topic]), "a node")) for each in subscriptions
         ]
+        self._subscriptions = subscriptions
         self._commands = ReceivedCommands(subscriptions)
         self._first_heard = len(self._bridge.heard)
+        self._log = self._first_heard + len(subscriptions)
         first = self._bridge.open(
             [Endpoint(each.topic, each.type, each.qos) for each in publishers],
-            [Endpoint(each.topic, each.type, each.qos) for each in subscriptions],
+            [
+                *(Endpoint(each.topic, each.type, each.qos) for each in subscriptions),
+                errors_endpoint(graph.publishers[ROSOUT]),
+            ],
         )
         self._publishers = list(enumerate(publishers, first))
 
@@ -263,7 +303,7 @@ class DrivenNodes:
             self._started_at = now - seconds
         time.sleep(max(0.0, self._started_at + seconds - now))
 
-    def _await_leaving(self, listeners: list[int]) -> None:
+    def _await_leaving(self, listeners: list[int], seconds: float) -> None:
         """Hold sim time while a node ends: it leaves the graph first, and then ends by the wall clock.
 
         Raise ScriptError if a node has failed.
@@ -274,6 +314,15 @@ class DrivenNodes:
                     node.process.await_end(_MAX_LEAVE_S)
             self._listeners = listeners
         self._group.refuse_ended()
+        self._note_finished(seconds)
+
+    def _note_finished(self, seconds: float) -> None:
+        for node in self._lockstep.nodes:
+            if node.number not in self._finished and node.process.exit_code() is not None:
+                self._finished.add(node.number)
+                self.notes.append(
+                    f"the node '{node.process.label}' finished at {seconds:g} s of sim time; its last command holds"
+                )
 
     def _bridge_error(self, error: BridgeEnded) -> ScriptError:
         return ScriptError(f"the bridge to ROS 2 failed: {error}", details=self._bridge.process.text())

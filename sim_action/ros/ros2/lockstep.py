@@ -11,9 +11,9 @@ from typing import Final
 from sim_action.ros.processes import ChildProcesses, descendants
 from sim_action.ros.quiescence import WatchedProcesses
 from sim_action.ros.ros2.bridge_link import Bridge, Endpoint
+from sim_action.ros.ros2.diagnosis.unordered_nodes import UnorderedNodes
 from sim_action.ros.ros2.node_group import Node
 from sim_action.ros.ros2.topics import CLOCK_QOS, CLOCK_TYPE
-from sim_action.ros.ros2.unordered_nodes import UnorderedNodes
 
 CLOCK: Final = "/clock"
 # Wall time that nodes may compute between two ticks, and the wait at each tick once lock-step is lost.

@@ -11,7 +11,8 @@ import yaml
 from sim_action.core.errors import ScriptError, SourceProblem
 from sim_action.core.wording import escaped_line
 from sim_action.core.workspace import PathError
-from sim_action.ros.ros1.verdicts.launch_output import signal_name, traceback_location
+from sim_action.ros.ros1.verdicts.launch_output import signal_name
+from sim_action.ros.ros2.diagnosis.node_endings import Ending, ending_of
 from sim_action.ros.ros2.installation import RMW, Ros2
 from sim_action.ros.ros2.lockstep import CLOCK, clock_of
 from sim_action.ros.ros2.node_group import Node
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
     from sim_action.ros.ros2.spec import Ros2Nodes
 
 _PROFILE: Final = Path(__file__).with_name("fast_dds.xml")
-_TRACEBACK: Final = "Traceback (most recent call last)"
 _MAX_DETAILS_CHARS: Final = 4_000
 
 
@@ -41,6 +41,8 @@ def scratch_of(domain: Domain, workspace: Workspace, inherited: Mapping[str, str
         "FASTDDS_DEFAULT_PROFILES_FILE": str(_PROFILE),
         # What nodes print is in their files at once.
         "PYTHONUNBUFFERED": "1",
+        # A crash has a place in the user's code.
+        "PYTHONFAULTHANDLER": "1",
         "RCUTILS_COLORIZED_OUTPUT": "0",
     }
     folder = ProcessFolder(workspace.directory, {**inherited, **variables})
@@ -128,16 +130,15 @@ def _start_node(
 def node_error(process: NodeProcess, code: int, directory: Path) -> ScriptError:
     """Return the error for a node that has ended; `directory`: that of the user's code."""
     text = process.text()
-    how = "finished during the run, and it is required"
+    how, ending = "finished during the run, and it is required", Ending()
     if code:
         how = f"ended with {f'exit code {code}' if code > 0 else signal_name(-code)}"
-    traceback = text[text.rfind(_TRACEBACK) :] if code and _TRACEBACK in text else ""
-    said = f": {traceback.strip().splitlines()[-1]}" if traceback else ""
-    error = ScriptError(
-        escaped_line(f"the node '{process.label}' {how}{said}"), details=text.strip("\n")[-_MAX_DETAILS_CHARS:]
+        ending = ending_of(text, directory)
+    return ScriptError(
+        escaped_line(f"the node '{process.label}' {how}{ending.said}"),
+        ending.location,
+        details=text.strip("\n")[-_MAX_DETAILS_CHARS:],
     )
-    error.location = traceback_location(traceback, directory)
-    return error
 
 
 def _plain(value: object) -> object:

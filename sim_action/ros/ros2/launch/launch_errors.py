@@ -8,11 +8,11 @@ from typing import Final
 
 from sim_action.core.errors import Location, ScriptError
 from sim_action.core.wording import did_you_mean, escaped_line
-from sim_action.ros.ros1.verdicts.launch_output import shown_path, signal_name, traceback_location
+from sim_action.ros.ros1.verdicts.launch_output import shown_path, signal_name
+from sim_action.ros.ros2.diagnosis.node_endings import ending_of
 from sim_action.ros.ros2.launch.launch_events import Event
 
 _MAX_DETAILS_CHARS: Final = 4_000
-_TRACEBACK: Final = "Traceback (most recent call last)"
 _NO_MODULE: Final = re.compile(r"^ModuleNotFoundError: No module named '(launch\w*|ament_index_python)", re.MULTILINE)
 
 
@@ -33,10 +33,9 @@ class LaunchErrors:
         code = event.exit_code
         how = f"exit code {code}" if code > 0 else signal_name(-code)
         text = text_of(event.process, output)
-        traceback = text[text.rfind(_TRACEBACK) :] if _TRACEBACK in text else ""
-        said = f": {traceback.strip().splitlines()[-1]}" if traceback else ""
-        error = _error(f"the node '{event.process}' of the launch file ended with {how}{said}", text)
-        error.location = traceback_location(traceback, self._workspace)
+        ending = ending_of(f"{text}\n", self._workspace)
+        error = _error(f"the node '{event.process}' of the launch file ended with {how}{ending.said}", text)
+        error.location = ending.location
         return error
 
     def of_shutdown(self, event: Event, output: str) -> ScriptError:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import cast
 
 from sim_action.ros.quiescence import WatchedThread
-from sim_action.ros.ros2.unordered_nodes import UnorderedNodes
+from sim_action.ros.ros2.diagnosis.unordered_nodes import UnorderedNodes
 
 
 class Thread:
