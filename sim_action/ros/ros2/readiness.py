@@ -10,9 +10,10 @@ import time
 from collections.abc import Callable, Collection, Sequence
 from typing import Final
 
-from sim_action.ros.ros2.bridge_link import Bridge, Graph
+from sim_action.ros.ros2.bridge_link import Bridge, Endpoint, Graph, TopicEnd
 from sim_action.ros.ros2.lockstep import clock_of
 from sim_action.ros.ros2.node_group import Node
+from sim_action.ros.ros2.quality import subscriber_problems
 
 _USE_SIM_TIME: Final = "use_sim_time"
 _POLL_S: Final = 0.01
@@ -20,8 +21,6 @@ _POLL_S: Final = 0.01
 _ASK_S: Final = 0.2
 # The wall time without a change after which all participants know each other: some announcements of each.
 _CALM_S: Final = 0.1
-# The wall time that connections may take.
-_MAX_CONNECTION_S: Final = 3.0
 
 
 class Readiness:
@@ -79,21 +78,28 @@ class Readiness:
         """Wait until the bridge is connected to all nodes, and the graph has not changed for a while.
 
         `watched`: topics besides those of the bridge that may not change. Ends that cannot connect, because their type
-        or their QoS differs, delay the start. Raise ScriptError, BridgeEnded.
+        or their QoS differs, are not waited for. Raise ScriptError, BridgeEnded.
         """
         published, heard = self._bridge.published, self._bridge.heard
         before: Graph | None = None
         calm_since = time.monotonic()
-        late = min(self._deadline, calm_since + _MAX_CONNECTION_S)
         while time.monotonic() < calm_since + _CALM_S:
             self._refuse_ended()
             graph = self._bridge.graph({*watched, *(end.topic for end in (*published, *heard))})
             publishers, subscriptions = self._bridge.matched()
             ours = zip(published, publishers, strict=True)
             theirs = zip(heard, subscriptions, strict=True)
-            is_connected = all(count >= len(graph.subscriptions[end.topic]) for end, count in ours) and all(
-                count >= len(graph.publishers[end.topic]) for end, count in theirs
-            )
-            if graph != before or not (is_connected or time.monotonic() > late):
+            missing = [end.topic for end, count in ours if count < _fitting(end, graph.subscriptions[end.topic])]
+            missing += [end.topic for end, count in theirs if count < len(graph.publishers[end.topic])]
+            if missing and time.monotonic() > self._deadline:
+                within = f"within {self._start_within:g} s of wall time"
+                self.ignoring.append(f"not all nodes connected to {', '.join(sorted(missing))} {within}")
+                return
+            if missing or graph != before:
                 before, calm_since = graph, time.monotonic()
             time.sleep(_POLL_S)
+
+
+def _fitting(offered: Endpoint, ends: Sequence[TopicEnd]) -> int:
+    """Return the number of subscriptions that can connect to a topic."""
+    return len(ends) - len(list(subscriber_problems(offered.topic, offered.type, offered.qos, ends)))
