@@ -219,18 +219,16 @@ class _Bridge:
         publisher.publish(_filled(kind, name, request["message"], blob))
 
     def take(self, request: Json) -> tuple[Json, bytes]:
-        """Return all messages since the last time, by the time of their arrival."""
+        """Return all messages since the last time, one topic after the other: no order of topics is fixed."""
         found, plain = [], _Plain()
         for number, subscription in enumerate(self._subscriptions):
             while (taken := _taken(subscription)) is not None:
-                message, info = taken
+                message = taken[0]
                 least = self._least[number]
-                if least is not None and getattr(message, least[0]) < least[1]:
-                    continue
-                found.append((info.get("received_timestamp", 0), number, plain.of(message)))
-        found.sort(key=lambda each: each[:2])
+                if least is None or getattr(message, least[0]) >= least[1]:
+                    found.append((number, plain.of(message)))
         clocks = [self._publishers[number][0].get_subscription_count() for number in request["clocks"]]
-        return {"messages": [each[1:] for each in found], "clocks": clocks}, bytes(plain.blob)
+        return {"messages": found, "clocks": clocks}, bytes(plain.blob)
 
     def graph(self, request: Json) -> Json:
         """Return the names of nodes, and who publishes and subscribes to topics."""

@@ -14,6 +14,7 @@ from sim_action.core.errors import ScriptError, SourceProblem, UsageError
 from sim_action.core.records import dataclass
 from sim_action.ros.ros2.bridge_link import Bridge, BridgeEnded, Endpoint
 from sim_action.ros.ros2.diagnosis.logged_errors import ROSOUT, LoggedErrors, errors_endpoint
+from sim_action.ros.ros2.diagnosis.message_order import order_notes
 from sim_action.ros.ros2.diagnosis.unconnected_topics import unheard, unsent, whole_graph
 from sim_action.ros.ros2.domain import Domain
 from sim_action.ros.ros2.installation import RMW, Ros2, find_ros
@@ -210,6 +211,7 @@ class DrivenNodes:
         if self._is_realtime:
             self._lockstep.losses.append(_REALTIME)
         else:
+            self.notes += order_notes(self._bridge.graph(self._bridge.graph(()).types))
             self._lockstep.hold()
             self._lockstep.settle(0.0)
         # Commands from before the start arrive or not, depending on which node came up first.

@@ -1,0 +1,44 @@
+"""Notes about messages whose order lock-step does not fix."""
+
+from __future__ import annotations
+
+from sim_action.ros.ros2.bridge_link import Graph, TopicEnd
+from sim_action.ros.ros2.diagnosis.message_order import order_notes
+
+
+def notes(publishers: dict[str, str], subscriptions: dict[str, str]) -> list[str]:
+    """Return the notes about nodes, which are stated by topic."""
+
+    def ends(stated: dict[str, str]) -> dict[str, list[TopicEnd]]:
+        return {
+            topic: [TopicEnd(f"/{node}", "any", "reliable", "volatile") for node in nodes.split()]
+            for topic, nodes in stated.items()
+        }
+
+    return list(order_notes(Graph((), {}, ends(publishers), ends(subscriptions))))
+
+
+def test_a_chain_has_an_order() -> None:
+    assert notes({"/plan": "planner", "/cmd_vel": "smoother"}, {"/odom": "planner", "/plan": "smoother"}) == []
+
+
+def test_nodes_that_hear_the_same_and_do_not_meet_have_one() -> None:
+    assert notes({"/a": "one", "/b": "two"}, {"/scan": "one two", "/a": "three", "/b": "four"}) == []
+
+
+def test_what_two_nodes_send_about_the_same_message_may_meet_in_another() -> None:
+    (found,) = notes({"/a": "left", "/b": "right"}, {"/scan": "left right", "/a": "mixer", "/b": "mixer"})
+    assert found == (
+        "the order of messages in the node '/mixer' is not fixed: '/left' and '/right' hear /scan at the same time, "
+        "and what they send meets there; --repeat shows whether the order matters"
+    )
+
+
+def test_a_node_may_hear_a_message_and_what_another_one_sends_about_it() -> None:
+    (found,) = notes({"/plan": "planner"}, {"/odom": "planner smoother", "/plan": "smoother"})
+    assert "'/planner' and '/smoother' hear /odom" in found
+
+
+def test_topics_of_every_node_do_not_count() -> None:
+    both = {"/parameter_events": "one two", "/rosout": "one two"}
+    assert notes(both, both) == []
