@@ -211,7 +211,7 @@ class DrivenNodes:
         if self._is_realtime:
             self._lockstep.losses.append(_REALTIME)
         else:
-            self.notes += order_notes(self._bridge.graph(self._bridge.graph(()).types))
+            self.notes += order_notes(whole_graph(self._bridge))
             self._lockstep.hold()
             self._lockstep.settle(0.0)
         # Commands from before the start arrive or not, depending on which node came up first.
