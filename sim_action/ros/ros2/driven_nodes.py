@@ -12,9 +12,12 @@ from typing import TYPE_CHECKING, Final
 from sim_action.commands import ClosedLoop
 from sim_action.core.errors import ScriptError, SourceProblem, UsageError
 from sim_action.core.records import dataclass
+from sim_action.core.wording import escaped_line
+from sim_action.ros.ros1.verdicts.launch_output import exit_text
 from sim_action.ros.ros2.bridge_link import Bridge, BridgeEnded, Endpoint
 from sim_action.ros.ros2.diagnosis.logged_errors import ROSOUT, LoggedErrors, errors_endpoint
 from sim_action.ros.ros2.diagnosis.message_order import order_notes
+from sim_action.ros.ros2.diagnosis.node_endings import ending_of
 from sim_action.ros.ros2.diagnosis.unconnected_topics import unheard, unsent, whole_graph
 from sim_action.ros.ros2.domain import Domain
 from sim_action.ros.ros2.installation import RMW, Ros2, find_ros
@@ -327,7 +330,12 @@ class DrivenNodes:
                 )
 
     def _bridge_error(self, error: BridgeEnded) -> ScriptError:
-        return ScriptError(f"the bridge to ROS 2 failed: {error}", details=self._bridge.process.text())
+        process = self._bridge.process
+        process.await_end(_MAX_LEAVE_S)
+        code, text = process.exit_code(), process.text()
+        how = f"failed: {error}" if code is None else f"ended with {exit_text(code)}"
+        said = ending_of(text, self._scene.workspace.root).said
+        return ScriptError(escaped_line(f"the bridge to ROS 2, a process of sim-action, {how}{said}"), details=text)
 
 
 def _bytes_of(message: Message) -> bytes:

@@ -11,7 +11,7 @@ import yaml
 from sim_action.core.errors import ScriptError, SourceProblem
 from sim_action.core.wording import escaped_line
 from sim_action.core.workspace import PathError
-from sim_action.ros.ros1.verdicts.launch_output import signal_name
+from sim_action.ros.ros1.verdicts.launch_output import exit_text
 from sim_action.ros.ros2.diagnosis.node_endings import Ending, ending_of
 from sim_action.ros.ros2.installation import RMW, Ros2
 from sim_action.ros.ros2.lockstep import CLOCK, clock_of
@@ -132,7 +132,7 @@ def node_error(process: NodeProcess, code: int, directory: Path) -> ScriptError:
     text = process.text()
     how, ending = "finished during the run, and it is required", Ending()
     if code:
-        how = f"ended with {f'exit code {code}' if code > 0 else signal_name(-code)}"
+        how = f"ended with {exit_text(code)}"
         ending = ending_of(text, directory)
     return ScriptError(
         escaped_line(f"the node '{process.label}' {how}{ending.said}"),

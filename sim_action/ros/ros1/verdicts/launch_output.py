@@ -64,7 +64,7 @@ class Death:
     program: str = ""
 
     def __str__(self) -> str:
-        return f"the node '{self.node}' ended with {_ended(self.exit_code)}"
+        return f"the node '{self.node}' ended with {exit_text(self.exit_code)}"
 
 
 def cleaned_output(text: str) -> str:
@@ -131,7 +131,8 @@ def signal_name(number: int) -> str:
     return Signals(number).name if number in set(Signals) else f"signal {number}"
 
 
-def _ended(code: int) -> str:
+def exit_text(code: int) -> str:
+    """Return an exit code in words, negative for a signal: "exit code 1", or "SIGKILL"."""
     return f"exit code {code}" if code >= 0 else signal_name(-code)
 
 

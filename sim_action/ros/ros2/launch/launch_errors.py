@@ -8,7 +8,7 @@ from typing import Final
 
 from sim_action.core.errors import Location, ScriptError
 from sim_action.core.wording import did_you_mean, escaped_line
-from sim_action.ros.ros1.verdicts.launch_output import shown_path, signal_name
+from sim_action.ros.ros1.verdicts.launch_output import exit_text, shown_path
 from sim_action.ros.ros2.diagnosis.node_endings import ending_of
 from sim_action.ros.ros2.launch.launch_events import Event
 
@@ -31,10 +31,9 @@ class LaunchErrors:
     def of_death(self, event: Event, output: str) -> ScriptError:
         """Return the error for a process that has failed."""
         code = event.exit_code
-        how = f"exit code {code}" if code > 0 else signal_name(-code)
         text = text_of(event.process, output)
         ending = ending_of(f"{text}\n", self._workspace)
-        error = _error(f"the node '{event.process}' of the launch file ended with {how}{ending.said}", text)
+        error = _error(f"the node '{event.process}' of the launch file ended with {exit_text(code)}{ending.said}", text)
         error.location = ending.location
         return error
 
@@ -50,8 +49,7 @@ class LaunchErrors:
                 "PyPI have none): use ROS 2 of /opt/ros or RoboStack, or list the nodes under 'nodes'",
                 output,
             )
-        how = f"exit code {exit_code}" if exit_code >= 0 else signal_name(-exit_code)
-        return _error(f"the launcher ended with {how}, and its nodes ended with it", output)
+        return _error(f"the launcher ended with {exit_text(exit_code)}, and its nodes ended with it", output)
 
     def _place(self, event: Event) -> Location | None:
         """Return the innermost place in the user's code that led to a refusal."""
