@@ -5,8 +5,6 @@ from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 
-GOAL_M = 1.0
-
 
 class DriveOneMetre(Node):
     def __init__(self):
@@ -21,14 +19,10 @@ class DriveOneMetre(Node):
 
     def on_timer(self):
         twist = Twist()
-        twist.linear.x = max(0.0, min(0.5, 1.5 * (GOAL_M - self.x)))
+        twist.linear.x = max(0.0, min(0.5, 1.5 * (1.0 - self.x)))
         self.publisher.publish(twist)
 
 
-def main():
+if __name__ == "__main__":
     rclpy.init()
     rclpy.spin(DriveOneMetre())
-
-
-if __name__ == "__main__":
-    main()
