@@ -143,7 +143,7 @@ class DrivenNodes:
         self._seconds = 0.0
         self._errors = LoggedErrors(scene.workspace.root)
         self.logged_errors = self._errors.messages
-        self._has_heard, self._finished = False, set[int]()
+        self._has_heard, self._finished = False, dict[int, str]()
         self._misfits = list[str]()
         self._bridge, self._group = session.bridge, group
         self._forward = session.folder.forward
@@ -187,7 +187,7 @@ class DrivenNodes:
             graph = whole_graph(self._bridge)
             if not self._has_heard:
                 reasons += unsent(graph, self._subscriptions)
-            reasons += [*self._misfits, *unheard(graph, self._published)]
+            reasons += [*self._finished.values(), *self._misfits, *unheard(graph, self._published)]
         return "; ".join(reasons)
 
     @property
@@ -324,10 +324,8 @@ class DrivenNodes:
     def _note_finished(self, seconds: float) -> None:
         for node in self._lockstep.nodes:
             if node.number not in self._finished and node.process.exit_code() is not None:
-                self._finished.add(node.number)
-                self.notes.append(
-                    f"the node '{node.process.label}' finished at {seconds:g} s of sim time; its last command holds"
-                )
+                self._finished[node.number] = f"the node '{node.process.label}' finished at {seconds:g} s of sim time"
+                self.notes.append(f"{self._finished[node.number]}; its last command holds")
 
     def _bridge_error(self, error: BridgeEnded) -> ScriptError:
         process = self._bridge.process

@@ -70,7 +70,7 @@ class Readiness:
             if time.monotonic() > self._deadline:
                 break
         silent = (name for name in self._bridge.graph(()).nodes if name not in values)
-        self.ignoring += [f"the node '{name}' did not answer {name}/get_parameters" for name in silent]
+        self.ignoring += [f"the node '{name}' did not answer {name}/get_parameters; does it spin?" for name in silent]
         on_wall_time = (name for name, value in values.items() if value is False)
         self.ignoring += [f"the node '{name}' has set use_sim_time to false" for name in on_wall_time]
 

@@ -82,5 +82,10 @@ def test_the_last_of_several_tracebacks_counts(tmp_path: Path) -> None:
     assert ending_of(f"{first}{then}{first.replace('KeyError: 1', 'ValueError')}", tmp_path) == Ending(": ValueError")
 
 
+def test_a_lack_of_memory_names_the_limit(tmp_path: Path) -> None:
+    output = 'Traceback (most recent call last):\n  File "/a.py", line 1, in f\nMemoryError\n'
+    assert ending_of(output, tmp_path).said.startswith(": MemoryError; memory_limit is")
+
+
 def test_a_text_that_is_no_traceback_takes_no_time(tmp_path: Path) -> None:
     assert ending_of("Traceback (most recent call last):\n" + "  a\n" * 20_000, tmp_path) == Ending()
