@@ -245,7 +245,7 @@ class DrivenNodes:
         for _ in range(_MORE_CALMS if ros2.launch and not self._is_realtime else 0):
             self._lockstep.settle(self._seconds)
             readiness.await_connections({_DESCRIPTION, *commands.values()})
-        self._lockstep.losses += (each for each in readiness.ignoring if each not in self._lockstep.losses)
+        self._lockstep.losses += (each for each in readiness.losses if each not in self._lockstep.losses)
         self._listeners = self._lockstep.listeners()
 
     def _open_topics(self) -> None:

@@ -27,7 +27,7 @@ class Readiness:
     """The wait for all nodes.
 
     Attributes:
-        ignoring: reasons why nodes do not follow sim time.
+        losses: reasons why another run may differ.
     """
 
     def __init__(
@@ -42,7 +42,7 @@ class Readiness:
         self._start_within = start_within
         self._deadline = time.monotonic() + start_within
         self._clocks = {clock_of(node.number): node for node in nodes}
-        self.ignoring: list[str] = []
+        self.losses: list[str] = []
 
     def await_clocks(self) -> None:
         """Wait until each process listens to its clock, or is late. Raise ScriptError, BridgeEnded."""
@@ -55,7 +55,7 @@ class Readiness:
                 return
             if time.monotonic() > self._deadline:
                 within = f"within {self._start_within:g} s of wall time"
-                self.ignoring += [
+                self.losses += [
                     f"the node '{node.process.label}' did not subscribe to its clock {within}" for node in deaf
                 ]
                 return
@@ -70,9 +70,9 @@ class Readiness:
             if time.monotonic() > self._deadline:
                 break
         silent = (name for name in self._bridge.graph(()).nodes if name not in values)
-        self.ignoring += [f"the node '{name}' did not answer {name}/get_parameters; does it spin?" for name in silent]
+        self.losses += [f"the node '{name}' did not answer {name}/get_parameters; does it spin?" for name in silent]
         on_wall_time = (name for name, value in values.items() if value is False)
-        self.ignoring += [f"the node '{name}' has set use_sim_time to false" for name in on_wall_time]
+        self.losses += [f"the node '{name}' has set use_sim_time to false" for name in on_wall_time]
 
     def await_connections(self, watched: Collection[str]) -> None:
         """Wait until the bridge is connected to all nodes, and the graph has not changed for a while.
@@ -80,26 +80,36 @@ class Readiness:
         `watched`: topics besides those of the bridge that may not change. Ends that cannot connect, because their type
         or their QoS differs, are not waited for. Raise ScriptError, BridgeEnded.
         """
-        published, heard = self._bridge.published, self._bridge.heard
         before: Graph | None = None
         calm_since = time.monotonic()
         while time.monotonic() < calm_since + _CALM_S:
             self._refuse_ended()
-            graph = self._bridge.graph({*watched, *(end.topic for end in (*published, *heard))})
-            publishers, subscriptions = self._bridge.matched()
-            ours = zip(published, publishers, strict=True)
-            theirs = zip(heard, subscriptions, strict=True)
-            missing = [end.topic for end, count in ours if count < _fitting(end, graph.subscriptions[end.topic])]
-            missing += [end.topic for end, count in theirs if count < len(graph.publishers[end.topic])]
+            ends = (*self._bridge.published, *self._bridge.heard)
+            graph = self._bridge.graph({*watched, *(end.topic for end in ends)})
+            missing = self._missing_connections(graph)
             if missing and time.monotonic() > self._deadline:
                 within = f"within {self._start_within:g} s of wall time"
-                self.ignoring.append(f"not all nodes connected to {', '.join(sorted(missing))} {within}")
+                self.losses += [f"{node} was not connected to the robot on {topic} {within}" for topic, node in missing]
                 return
             if missing or graph != before:
                 before, calm_since = graph, time.monotonic()
             time.sleep(_POLL_S)
 
+    def _missing_connections(self, graph: Graph) -> list[tuple[str, str]]:
+        """Return the topics on which not all ends that can connect have done so, each with the nodes in question."""
+        publishers, subscriptions = self._bridge.matched()
+        ours = zip(self._bridge.published, publishers, strict=True)
+        theirs = zip(self._bridge.heard, subscriptions, strict=True)
+        sides = [(own.topic, count, _fitting(own, graph.subscriptions[own.topic])) for own, count in ours]
+        sides += [(own.topic, count, graph.publishers[own.topic]) for own, count in theirs]
+        return [(topic, _one_of(ends)) for topic, count, ends in sides if count < len(ends)]
 
-def _fitting(offered: Endpoint, ends: Sequence[TopicEnd]) -> int:
-    """Return the number of subscriptions that can connect to a topic."""
-    return len(ends) - len(list(subscriber_problems(offered.topic, offered.type, offered.qos, ends)))
+
+def _fitting(offered: Endpoint, ends: Sequence[TopicEnd]) -> Sequence[TopicEnd]:
+    """Return the subscriptions that can connect to a topic."""
+    return [end for end in ends if not any(subscriber_problems(offered.topic, offered.type, offered.qos, [end]))]
+
+
+def _one_of(ends: Sequence[TopicEnd]) -> str:
+    names = sorted({repr(end.node) for end in ends})
+    return f"the node {names[0]}" if len(names) == 1 else f"one of the nodes {' and '.join(names)}"
