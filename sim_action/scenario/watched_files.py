@@ -40,7 +40,15 @@ _NAMED: Final = re.compile(
 )
 _MESH_FOLDER: Final = re.compile(r"""\b(?:meshdir|assetdir)\s*=\s*["']([^"'\n]+)["']""")
 _FOUND: Final = re.compile(r"\$\(find ([\w.-]+)\)/?(.*)")
-_NODES: Final = ("**/*.py", "**/*.launch", "**/*.yaml", "package.xml")
+# The code of nodes, and what they read, in a package; C++ changes a run as soon as it is built.
+_NODES: Final = (
+    *("**/*.py", "**/*.launch", "**/*.xml", "**/*.yaml", "**/*.yml", "**/*.cpp", "**/*.hpp", "**/*.h"),
+    *("scripts/*", "setup.cfg"),
+)
+# Where colcon installs a package, below a workspace.
+_INSTALLED: Final = ("install/{0}/**/*", "install/lib/{0}/*", "install/share/{0}/**/*")
+_PACKAGE: Final = re.compile(r"[A-Za-z][\w-]*")
+_NODE_SOURCES: Final = ("ros1", "ros2")
 _LOOKS_LIKE_A_FILE: Final = re.compile(r"[^\s:]*\.[A-Za-z]\w{0,9}")
 
 Stamp = tuple[int, int, int] | None
@@ -87,20 +95,31 @@ class _Reader:
 
     def _in_scenario(self, path: Path) -> Iterator[Path]:
         data = _document(path)
-        for package in dict.fromkeys(_packages_of_nodes(data)):
-            yield from self._in_package(package, path)
+        for key in _NODE_SOURCES:
+            for spec in _specs(data, key):
+                for package in dict.fromkeys(_packages_of_nodes(spec)):
+                    yield from self._in_package(package, path)
+                    if key == "ros2":
+                        yield from self._installed(package, path.parent, spec.get("workspace"))
         for text in _texts(data):
             for name in _names_in(text):
                 yield from self.at(path.parent, name)
 
     def _in_package(self, name: str, referrer: Path) -> Iterator[Path]:
-        """Yield the files of a ROS 1 package in the workspace; other packages do not change."""
+        """Yield the files of a package of ROS in the workspace; other packages do not change."""
         try:
             folder = self.packages.find(name, referrer).path
         except (PackageError, ValueError):
             return
         if folder.is_relative_to(self.workspace.root):
             yield from _in_folder(folder, *_NODES)
+
+    def _installed(self, name: str, folder: Path, workspace: object) -> Iterator[Path]:
+        """Yield the files of a package of ROS 2 that is built; `workspace`: where, as the scenario states it."""
+        around = [folder / workspace, (folder / workspace).parent] if isinstance(workspace, str) else []
+        around += [each for each in (folder, *folder.parents) if each.is_relative_to(self.workspace.root)]
+        for place in around:
+            yield from _in_folder(place, *(pattern.format(name) for pattern in _INSTALLED))
 
     def at(self, folder: Path, name: str) -> Iterator[Path]:
         """Yield the file that a scenario in this folder names, or the files of the model in a folder of this name."""
@@ -240,15 +259,22 @@ def _mapped(data: object) -> Mapping[str, str]:
     return {name: folder for name, folder in pairs if isinstance(name, str) and isinstance(folder, str)}
 
 
-def _packages_of_nodes(data: object) -> Iterator[str]:
-    """Yield the package names of `commands: {ros1: ...}`."""
+def _specs(data: object, key: str) -> Iterator[Mapping[str, object]]:
+    """Yield the values of a key, such as `ros2`, in `commands`."""
     commands = data.get("commands") if isinstance(data, dict) else None
     for source in commands if isinstance(commands, tuple) else (commands,):
-        spec = source.get("ros1") if isinstance(source, dict) else None
-        launch, nodes = (spec.get("launch"), spec.get("nodes")) if isinstance(spec, dict) else (None, None)
-        named = [*(launch[:1] if isinstance(launch, tuple) else ()), *(nodes if isinstance(nodes, tuple) else ())]
-        names = (node.get("package") if isinstance(node, dict) else node for node in named)
-        yield from (name.partition("/")[0] for name in names if isinstance(name, str))
+        spec = source.get(key) if isinstance(source, dict) else None
+        if isinstance(spec, dict):
+            yield spec
+
+
+def _packages_of_nodes(spec: Mapping[str, object]) -> Iterator[str]:
+    """Yield the package names of the nodes and the launch file of a command source."""
+    launch, nodes = spec.get("launch"), spec.get("nodes")
+    named = [*(launch[:1] if isinstance(launch, tuple) else ()), *(nodes if isinstance(nodes, tuple) else ())]
+    names = (node.get("package") if isinstance(node, dict) else node for node in named)
+    packages = (name.partition("/")[0] for name in names if isinstance(name, str))
+    yield from filter(_PACKAGE.fullmatch, packages)
 
 
 def _texts(data: object) -> Iterator[str]:
@@ -274,7 +300,10 @@ def _words(text: str) -> list[str]:
 
 
 def _in_folder(folder: Path, *patterns: str) -> Iterator[Path]:
+    """Yield files by patterns, up to a limit, except bytecode, which changes with its source."""
     try:
-        yield from (path for pattern in patterns for path in islice(sorted(folder.glob(pattern)), MAX_FILES))
-    except OSError:
+        for pattern in patterns:
+            found = (path for path in sorted(folder.glob(pattern)) if path.suffix != ".pyc" and path.is_file())
+            yield from islice(found, MAX_FILES)
+    except (OSError, ValueError):  # a NUL in its name
         return

@@ -16,6 +16,7 @@ from sim_action.cli.main import call
 from sim_action.core.permissions import PRIVILEGED_EVENTS
 from tests.onnx_files import linear
 from tests.ros.ros1.launches import needs_ros, package
+from tests.ros.ros2.nodes import needs_ros2, variables
 
 ROOT: Final = Path(__file__).resolve().parents[2]
 
@@ -67,6 +68,7 @@ CALLS: Final[Mapping[str, list[str]]] = {
     "view": ["view", "--print"],
     "rostest": ["rostest", "--no-report", "nosy", "nosy.test"],
     "roslaunch": ["roslaunch", "--no-report", "--sim-time-limit", "1", "nosy", "nosy.launch"],
+    "launchtest": ["launchtest", "--no-report", "nosy", "nosy_test.py"],
     "init": ["init", "new"],
     "inspect": ["inspect", "nosy.urdf.xacro"],
     "models": ["models"],
@@ -85,7 +87,7 @@ LAUNCH: Final = """\
 </launch>
 """
 NODE: Final = "#!/usr/bin/env python\nimport sys\nkind = sys.argv[1]\n{mark}"
-GATED: Final = ("run", "rostest", "roslaunch", "inspect")
+GATED: Final = ("run", "rostest", "roslaunch", "launchtest", "inspect")
 """The subcommands that run code of the repository."""
 
 
@@ -104,8 +106,14 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     node = NODE.format(mark=f"open({str(tmp_path / 'marker')!r}, 'a').write(kind + chr(10))\n")
     test = '<test test-name="x" pkg="nosy" type="nosy.py" args="rostest"/>'
     launched = '<node name="x" pkg="nosy" type="nosy.py" args="roslaunch"/>'
-    files = {"scripts/nosy.py": node, "nosy.test": LAUNCH.format(test), "launch/nosy.launch": LAUNCH.format(launched)}
+    files = {"nosy_test.py": mark(tmp_path, "launchtest")} | {
+        "scripts/nosy.py": node,
+        "nosy.test": LAUNCH.format(test),
+        "launch/nosy.launch": LAUNCH.format(launched),
+    }
     package(tmp_path, "nosy", files)
+    Path("nosy_node.py").write_text(mark(tmp_path, "ros2"))
+    Path("nosy.launch.py").write_text(mark(tmp_path, "ros2_launch"))
     return tmp_path
 
 
@@ -155,6 +163,15 @@ def test_nodes_run_where_they_are_allowed(folder: Path) -> None:
     assert {"ros1", "roslaunch", "rostest"} <= markers(folder)
 
 
+@needs_ros2
+def test_nodes_of_ros_2_run_where_they_are_allowed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, value in variables().items():
+        monkeypatch.setenv(name, value)
+    Path("ros2.sim.yml").write_text(case("ros2", commands=NODES["ros2"]))
+    call(["run", "--no-report", "ros2.sim.yml"])
+    assert "ros2" in markers(folder)
+
+
 @pytest.mark.parametrize("name", sorted(set(CALLS) - set(GATED)))
 def test_other_subcommands_run_no_code_anywhere(name: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     call([*CALLS["run"], "--allow-scripts", "false"])
@@ -163,7 +180,11 @@ def test_other_subcommands_run_no_code_anywhere(name: str, folder: Path, capsys:
     assert markers(folder, capsys.readouterr().out) == set()
 
 
-NODES: Final = "commands: {rate: 10 Hz, ros1: {nodes: [nosy/nosy.py]}}"
+NODES: Final = {
+    "ros1": "commands: {rate: 10 Hz, ros1: {nodes: [nosy/nosy.py]}}",
+    "ros2": "commands: {rate: 10 Hz, ros2: {nodes: [./nosy_node.py]}}",
+    "ros2_launch": "commands: {rate: 10 Hz, ros2: {launch: [./nosy.launch.py]}}",
+}
 
 
 @pytest.mark.parametrize("name", GATED)
@@ -185,13 +206,14 @@ def test_code_is_refused(
         ref = Path(".git/refs/remotes/pull/7/merge")
         ref.parent.mkdir(parents=True)
         ref.write_text("1" * 40)
-    Path("nodes.sim.yml").write_text(case("nodes", commands=NODES))
+    for key, commands in NODES.items():
+        Path(f"{key}.sim.yml").write_text(case(key, commands=commands))
     assert call(words) == 2
     captured = capsys.readouterr()
     printed = captured.out + captured.err
     assert markers(folder, printed) == set()
     refusals = [line for line in printed.splitlines() if "allow-scripts" in line]
-    assert len(refusals) == (len(SCENARIOS) + 1 if name == "run" else 1), printed
+    assert len(refusals) == (len(SCENARIOS) + len(NODES) if name == "run" else 1), printed
     assert all("scripts are not" in line for line in refusals)
 
 

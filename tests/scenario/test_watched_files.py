@@ -75,9 +75,53 @@ def test_packages_of_nodes_are_watched(ros1: str) -> None:
     assert set(of_package) <= set(found(f"commands: [{{ros1: {ros1}}}]"))
 
 
-@pytest.mark.parametrize("ros1", ["3", "{}", "{launch: 3}", "{nodes: 3}", "{launch: []}"])
-def test_what_is_no_list_of_nodes_is_no_file(ros1: str) -> None:
-    assert found(f"commands: {{ros1: {ros1}}}") == ["sim/a.sim.yml"]
+@pytest.mark.parametrize(
+    "ros2",
+    [
+        "{launch: [driver, drive.launch.py]}",
+        "{nodes: [driver/mover]}",
+        "{nodes: [{package: driver, executable: mover}, {package: 3}, 4, nobody/a]}",
+    ],
+)
+def test_packages_of_nodes_of_ros_2_are_watched(ros2: str) -> None:
+    of_package = [
+        f"ws/src/driver/{name}"
+        for name in (
+            *("launch/drive.launch.py", "launch/arm.launch.xml", "driver/mover.py", "src/mover.cpp", "scripts/mover"),
+            *("package.xml", "setup.cfg", "config/a.yml"),
+        )
+    ]
+    for name in of_package:
+        write(name, "<package><name>driver</name></package>" if name.endswith("package.xml") else "")
+    write("ws/src/driver/scripts/mover.pyc")
+
+    for commands in (f"{{ros2: {ros2}}}", f"[{{ros2: {ros2}}}]"):
+        listed = found(f"commands: {commands}")
+        assert set(of_package) <= set(listed)
+        assert not any(name.endswith(".pyc") for name in listed)
+
+
+def test_built_packages_of_ros_2_are_watched() -> None:
+    built = ["ws/install/driver/lib/driver/mover", "ws/install/driver/share/driver/package.xml"]
+    for name in built:
+        write(name, "<package><name>driver</name></package>")
+    write("ws/install/.colcon_install_layout", "isolated")
+    assert set(built) <= set(found("commands: {ros2: {nodes: [driver/mover], workspace: ../ws}}"))
+
+
+@pytest.mark.parametrize("key", ["ros1", "ros2"])
+@pytest.mark.parametrize("spec", ["3", "{}", "{launch: 3}", "{nodes: 3}", "{launch: []}"])
+def test_what_is_no_list_of_nodes_is_no_file(key: str, spec: str) -> None:
+    assert found(f"commands: {{{key}: {spec}}}") == ["sim/a.sim.yml"]
+
+
+def test_nodes_and_launch_files_in_files_are_watched() -> None:
+    write("sim/mover.py")
+    write("sim/steering.py")
+    write("sim/drive.launch.py")
+    listed = found("commands: {ros2: {nodes: [./mover.py, {file: ./mover.py}]}}")
+    assert {"sim/mover.py", "sim/steering.py"} <= set(listed)
+    assert "sim/drive.launch.py" in found("commands: {ros2: {launch: [./drive.launch.py, 'x:=1']}}")
 
 
 def test_a_script_is_watched_with_what_it_may_import() -> None:

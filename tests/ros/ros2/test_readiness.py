@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable, Iterator
 from itertools import chain, repeat
 from typing import Final
 
 import pytest
 
-from sim_action.ros.ros2 import readiness
 from sim_action.ros.ros2.bridge_link import Endpoint, Graph, TopicEnd
 from sim_action.ros.ros2.quality import Qos
 from sim_action.ros.ros2.readiness import Readiness
@@ -47,8 +47,8 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     def sleep(seconds: float) -> None:
         now[0] += seconds
 
-    monkeypatch.setattr(readiness.time, "monotonic", lambda: now[0])
-    monkeypatch.setattr(readiness.time, "sleep", sleep)
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(time, "sleep", sleep)
     return now
 
 
