@@ -131,3 +131,21 @@ def test_messages_of_nodes_and_reasons_why_they_may_differ(
     found = [(finding.rule, finding.message) for finding in runs[0].findings]
     told = ("not-reproducible", "the run is not reproducible: a node was never quiet")
     assert found == ([] if allowed else [told])
+
+
+@pytest.mark.parametrize("allowed", [False, True])
+def test_errors_that_nodes_logged_are_findings(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, allowed: bool
+) -> None:
+    errors = list[str]()
+
+    def command(_: Observation) -> Twist:
+        errors[:] = ["the node 'mover' logged an error: no plan"]
+        return Twist.planar(1.0)
+
+    driven = ClosedLoop(command, logged_errors=errors)
+    monkeypatch.setattr(TwistCommands, "open", lambda *_: driven)
+    loaded = load(tmp_path, LEAST + ("allow: [logged-error]\n" if allowed else ""))
+    run = simulate(loaded.scenario, build_scene(loaded), lambda _: None)
+    found = [(finding.rule, finding.message) for finding in run.findings]
+    assert found == ([] if allowed else [("logged-error", errors[0])])
