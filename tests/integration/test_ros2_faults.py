@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
@@ -70,16 +71,13 @@ def warned(outcome: dict[str, Any]) -> dict[str, str]:
     return {warning["rule"]: warning["message"] for warning in outcome["warnings"]}
 
 
-def left_over() -> list[str]:
-    """Return the command lines of processes that nodes have started and nothing has ended."""
+def left_over(folder: Path) -> list[str]:
+    """Return the command lines of processes that run in a folder."""
     found = []
     for process in processes():
-        try:
-            line = Path(f"/proc/{process.number}/cmdline").read_bytes()
-        except OSError:
-            continue
-        if b"_node.py" in line or b"86399" in line:
-            found.append(line.decode())
+        with suppress(OSError):
+            if Path(f"/proc/{process.number}/cwd").readlink() == folder:
+                found.append(Path(f"/proc/{process.number}/cmdline").read_text())
     return found
 
 
@@ -121,7 +119,7 @@ def test_each_outcome_names_the_cause(tmp_path: Path) -> None:
         "kills": ("at 0.1 s of sim time, the bridge to ROS 2, a process of sim-action, ended with SIGKILL", None),
         "fatal": (f"{at} 'fatal_node' ended with exit code 3 after it logged the error: no power", None),
     }
-    assert left_over() == []
+    assert left_over(tmp_path) == []
 
 
 HOSTILE: Final = """
@@ -161,7 +159,7 @@ def test_a_run_goes_on_with_what_it_heard(tmp_path: Path, monkeypatch: pytest.Mo
         "; no node sent a message on /cmd_vel; the node 'silent_node' finished at 0.1 s of sim time"
     )
     assert "'/mover' waits for /goal, which nothing publishes" in silent["notes"]
-    assert left_over() == []
+    assert left_over(tmp_path) == []
 
 
 HANGS: Final = 'import time\nopen("up", "w").close()\ntime.sleep(600)\n'
@@ -178,4 +176,4 @@ def test_an_interrupted_command_leaves_nothing(tmp_path: Path, number: signal.Si
             time.sleep(0.02)
         os.kill(running.pid, number)
         assert running.wait(30) == 130
-    assert left_over() == []
+    assert left_over(tmp_path) == []
