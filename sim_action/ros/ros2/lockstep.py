@@ -81,7 +81,7 @@ class Lockstep:
                 self._lose(seconds)
                 return
             if not self._has_changed():
-                self.losses += self._unordered.notice_work(before, self._watched.at_rest)
+                self.losses += self._unordered.notice_work(before, self._watched.at_rest, time.monotonic())
                 return
 
     def hold(self) -> None:
@@ -94,7 +94,7 @@ class Lockstep:
     def notice_wakes(self) -> None:
         """Notice nodes that run at the beginning of a tick, before anything is sent to them."""
         if self._patience == MAX_SETTLE_S:
-            self.losses += self._unordered.notice_wakes(self._watched.stirred())
+            self.losses += self._unordered.notice_wakes(self._watched.stirred(), time.monotonic())
 
     def advance(self, seconds: float) -> None:
         """Tell the time to one node after the other."""
