@@ -19,12 +19,18 @@ _NODE: Final = re.compile(_TOKEN)
 _GRAPH: Final = re.compile(rf"(?:/|~/)?{_TOKEN}(?:/{_TOKEN})*")
 _NAMESPACE: Final = re.compile(rf"/|/?{_TOKEN}(?:/{_TOKEN})*")
 _FILE_STARTS: Final = ("./", "../", "/")
+# rmw/validate_full_topic_name.h, which also counts what a namespace adds
+_MAX_NAME_CHARS: Final = 247
+# rcl_interfaces/ParameterValue; a larger integer would become a float.
+_MIN_INTEGER: Final = -(2**63)
+_MAX_INTEGER: Final = 2**63 - 1
 
 
 def _node_name(name: str) -> str:
     """Return a valid name of a node. Raise ValueError."""
     if not _NODE.fullmatch(name):
         raise ValueError(f"the name of a node has letters, digits and '_' and starts with no digit, found {name!r}")
+    _refuse_long(name)
     return name
 
 
@@ -34,6 +40,7 @@ def _graph_name(name: str) -> str:
         raise ValueError(
             f"a name in ROS 2 has letters, digits and '_' between its '/', such as /arm/cmd_vel, found {name!r}"
         )
+    _refuse_long(name)
     return name
 
 
@@ -41,7 +48,14 @@ def _namespace(name: str) -> str:
     """Return a valid namespace. Raise ValueError."""
     if not _NAMESPACE.fullmatch(name):
         raise ValueError(f"a namespace has letters, digits and '_' between its '/', such as /robot1, found {name!r}")
+    _refuse_long(name)
     return name
+
+
+def _refuse_long(name: str) -> None:
+    """Raise ValueError if a name is too long for ROS 2."""
+    if len(name) > _MAX_NAME_CHARS:
+        raise ValueError(f"a name in ROS 2 has at most {_MAX_NAME_CHARS} characters, this one has {len(name)}")
 
 
 def _arguments(text: str) -> str:
@@ -60,24 +74,29 @@ def _with_lists(value: Any) -> Any:
     return {key: _with_lists(each) for key, each in value.items()} if isinstance(value, dict) else value
 
 
-def _parameters(values: dict[str, JsonValue]) -> dict[str, JsonValue]:
-    """Return values that ROS 2 has types for. Raise ValueError."""
+def _parameters(values: dict[str, JsonValue], space: str = "") -> dict[str, JsonValue]:
+    """Return values that ROS 2 has types for; `space`: the start of their names. Raise ValueError."""
     for name, value in values.items():
-        _check_parameter(name, value)
+        if not name:
+            raise ValueError("a parameter needs a name, found ''")
+        if isinstance(value, dict):
+            _parameters(value, f"{space}{name}.")
+        else:
+            _check_value(space + name, value)
     return values
 
 
-def _check_parameter(name: str, value: JsonValue) -> None:
-    if isinstance(value, dict):
-        for key, each in value.items():
-            _check_parameter(f"{name}.{key}", each)
-    elif isinstance(value, list):
-        kinds = {type(each) for each in value}
-        if len(kinds) > 1 or not kinds <= {bool, int, float, str}:
-            wanted = "a list of a parameter has values of one type: bool, integer, float or text"
-            raise ValueError(f"{wanted}; '{name}' has {', '.join(map(shown, value[:5]))}")
-    elif value is None:
+def _check_value(name: str, value: JsonValue) -> None:
+    if value is None:
         raise ValueError(f"'{name}' has no value; remove it, or give it one")
+    values = value if isinstance(value, list) else [value]
+    kinds = {type(each) for each in values}
+    if len(kinds) > 1 or not kinds <= {bool, int, float, str}:
+        wanted = "a list of a parameter has values of one type: bool, integer, float or text"
+        raise ValueError(f"{wanted}; '{name}' has {', '.join(map(shown, values[:5]))}")
+    for each in values:
+        if isinstance(each, int) and not _MIN_INTEGER <= each <= _MAX_INTEGER:
+            raise ValueError(f"an integer has 64 bits in ROS 2; '{name}' has {shown(each)}")
 
 
 NodeName = Annotated[str, AfterValidator(_node_name)]

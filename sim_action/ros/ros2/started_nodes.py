@@ -20,6 +20,8 @@ from sim_action.ros.ros2.node_processes import NodeProcess, ProcessFolder
 from sim_action.ros.ros2.packages import Packages, command_of, workspace_of
 
 if TYPE_CHECKING:
+    from pydantic import JsonValue
+
     from sim_action.core.workspace import Workspace
     from sim_action.ros.ros2.domain import Domain
     from sim_action.ros.ros2.node_spec import Ros2NodeSpec
@@ -122,7 +124,7 @@ def _start_node(
         words += ["-r", f"{name}:={other}"] if other else []
     if node.parameters:
         path = folder.path / f"parameters-{number}.yaml"
-        path.write_text(yaml.safe_dump({"/**": {"ros__parameters": _plain(node.parameters)}}), encoding="utf-8")
+        path.write_text(parameter_file(node.parameters), encoding="utf-8")
         words += ["--params-file", str(path)]
     return folder.start(node.called, [*words, "-p", "use_sim_time:=true"])
 
@@ -139,6 +141,20 @@ def node_error(process: NodeProcess, code: int, directory: Path) -> ScriptError:
         ending.location,
         details=text.strip("\n")[-_MAX_DETAILS_CHARS:],
     )
+
+
+class _QuotingDumper(yaml.SafeDumper):
+    """Writes texts in quotes: ROS 2 takes more plain words than YAML for numbers, such as 1e3 and nan."""
+
+
+_QuotingDumper.add_representer(
+    str, lambda dumper, text: dumper.represent_scalar("tag:yaml.org,2002:str", text, style='"')
+)
+
+
+def parameter_file(values: Mapping[str, JsonValue]) -> str:
+    """Return a file of parameters for a node, as `--params-file` takes it."""
+    return yaml.dump({"/**": {"ros__parameters": _plain(values)}}, Dumper=_QuotingDumper)
 
 
 def _plain(value: object) -> object:

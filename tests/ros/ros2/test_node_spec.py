@@ -99,6 +99,13 @@ def test_all_keys_of_a_node_are_read() -> None:
             "a list of a parameter has values of one type: bool, integer, float or text; 'a'",
         ),
         ("parameters", {"a": ((1,), (2,))}, "a list of a parameter has values of one type"),
+        ("parameters", {"": 1}, "a parameter needs a name, found ''"),
+        ("parameters", {"a": {"": 1}}, "a parameter needs a name"),
+        ("parameters", {"a": 2**63}, "an integer has 64 bits in ROS 2; 'a' has 9223372036854775808"),
+        ("parameters", {"a": (1, -(2**64))}, "an integer has 64 bits in ROS 2; 'a' has -18446744073709551616"),
+        ("name", "a" * 248, "a name in ROS 2 has at most 247 characters, this one has 248"),
+        ("namespace", "a" * 248, "a name in ROS 2 has at most 247 characters"),
+        ("remap", {"cmd_vel": "/" + "a" * 247}, "a name in ROS 2 has at most 247 characters"),
     ],
 )
 def test_what_ros_cannot_read_is_refused(key: str, value: object, message: str) -> None:
