@@ -17,6 +17,7 @@ from sim_action.core.wording import shown
 _TOKEN: Final = r"[A-Za-z_][A-Za-z0-9_]*"  # noqa: S105 - a part of a name
 _NODE: Final = re.compile(_TOKEN)
 _GRAPH: Final = re.compile(rf"(?:/|~/)?{_TOKEN}(?:/{_TOKEN})*")
+_ROBOT: Final = re.compile(rf"/?{_TOKEN}(?:/{_TOKEN})*")
 _NAMESPACE: Final = re.compile(rf"/|/?{_TOKEN}(?:/{_TOKEN})*")
 _FILE_STARTS: Final = ("./", "../", "/")
 # rmw/validate_full_topic_name.h, which also counts what a namespace adds
@@ -34,14 +35,26 @@ def _node_name(name: str) -> str:
     return name
 
 
-def _graph_name(name: str) -> str:
+def _graph_name(name: str, pattern: re.Pattern[str] = _GRAPH) -> str:
     """Return a valid name of a topic or service. Raise ValueError."""
-    if not _GRAPH.fullmatch(name):
+    if not pattern.fullmatch(name):
         raise ValueError(
             f"a name in ROS 2 has letters, digits and '_' between its '/', such as /arm/cmd_vel, found {name!r}"
         )
     _refuse_long(name)
     return name
+
+
+def _robot_name(name: str) -> str:
+    """Return a valid name of a topic of the robot, which has no node whose '~' it could have. Raise ValueError."""
+    return _graph_name(name, _ROBOT)
+
+
+def _old_name(name: str) -> str:
+    """Return a name that a node may use for another one. Raise ValueError."""
+    if name.strip("/") == "clock":
+        raise ValueError("each node has a clock of its own, so /clock cannot be remapped")
+    return _graph_name(name)
 
 
 def _namespace(name: str) -> str:
@@ -101,6 +114,8 @@ def _check_value(name: str, value: JsonValue) -> None:
 
 NodeName = Annotated[str, AfterValidator(_node_name)]
 GraphName = Annotated[str, AfterValidator(_graph_name)]
+OldName = Annotated[str, AfterValidator(_old_name)]
+RobotTopicName = Annotated[str, AfterValidator(_robot_name)]
 Namespace = Annotated[str, AfterValidator(_namespace)]
 Parameters = Annotated[dict[str, JsonValue], BeforeValidator(_with_lists), AfterValidator(_parameters)]
 
@@ -122,7 +137,7 @@ class Ros2NodeSpec(FrozenModel):
     ] = ""
     parameters: Annotated[Parameters, Field(description="parameters of the node")] = Field(default_factory=dict)
     remap: Annotated[
-        dict[GraphName, GraphName], Field(description="name that the node uses -> name that replaces it")
+        dict[OldName, GraphName], Field(description="name that the node uses -> name that replaces it")
     ] = Field(default_factory=dict)
     required: Annotated[bool, Field(description="if true, the run fails when this node ends")] = False
 

@@ -11,7 +11,7 @@ from sim_action.core.field_types import FrozenModel, NamesFile, PositiveHertz, P
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.ros.ros2.controller_spec import JointController
-from sim_action.ros.ros2.node_spec import GraphName, Ros2NodeSpec
+from sim_action.ros.ros2.node_spec import RobotTopicName, Ros2NodeSpec
 from sim_action.world.scene import Scene
 
 # In s: as long as anybody can mean.
@@ -49,14 +49,14 @@ class Ros2Nodes(FrozenModel):
         ),
     ] = None
     topics: Annotated[
-        dict[str, GraphName],
+        dict[str, RobotTopicName],
         Field(
             description="cmd_vel, odom, joint_states, joint_trajectory, or the name of a sensor or a controller -> "
             "topic name"
         ),
     ] = Field(default_factory=dict)
     controllers: Annotated[
-        dict[GraphName, JointController],
+        dict[RobotTopicName, JointController],
         Field(
             description="name of a controller of ros2_control -> the joints that nodes command by its topic; default: "
             "`/joint_trajectory` for all joints that are not those of the drive"

@@ -35,6 +35,9 @@ STATES_RATE_HZ: Final = 50.0
 
 TRAJECTORIES: Final = "joint_trajectory"
 
+# They have one type each, and no key.
+_OF_ALL_ROBOTS: Final = frozenset({"/clock", "/parameter_events", "/robot_description", "/rosout", "/tf", "/tf_static"})
+
 _NO_CONTROLLERS: Final[Mapping[str, JointController]] = MappingProxyType({})
 
 _Read = TypeVar("_Read")
@@ -106,7 +109,17 @@ def topic_problems(
     scene: Scene, stated: Mapping[str, str], controllers: Mapping[str, JointController] = _NO_CONTROLLERS
 ) -> SpecProblems:
     """Yield problems of stated topics, by their keys: unknown names, and topics that are used twice."""
-    return topic_names.topic_problems(stated, topics_of(scene, stated, controllers))
+    topics = topics_of(scene, stated, controllers)
+    yield from topic_names.topic_problems(stated, topics)
+    for name in (each for each in stated if each in topics):
+        if topics[name] in _OF_ALL_ROBOTS:
+            yield (name,), f"'{topics[name]}' is a topic that every robot has; choose another one"
+    cameras = {each.name: _beside_images(topics[each.name]) for each in scene.sensors if each.kind == "camera"}
+    for name in (each for each in stated if each in topics):
+        mine = {topics[name], *cameras.get(name, ())}
+        for other, beside in cameras.items():
+            if other != name and (shared := sorted(mine.intersection(beside))):
+                yield (name,), f"'{shared[0]}' is already a topic of the camera '{other}'"
 
 
 def controller_problems(scene: Scene, controllers: Mapping[str, JointController]) -> SpecProblems:
@@ -298,9 +311,16 @@ def _contact(sensor: Fitting, topic: str, _: RobotFrames) -> Iterator[Publisher]
     yield Publisher(topic, "std_msgs/msg/Bool", made)
 
 
+def _beside_images(topic: str) -> tuple[str, str, str]:
+    """Return the topics of camera_info, of the depth, and of its camera_info, which have the namespace of the image."""
+    space = topic.rpartition("/")[0]
+    return f"{space}/camera_info", f"{space}/depth/image_raw", f"{space}/depth/camera_info"
+
+
 def _camera(sensor: Fitting, topic: str, frames: RobotFrames) -> Iterator[Publisher]:
     """Yield the image, the depth and their camera_info, which has the namespace of each image."""
-    frame, camera, space = frames.sensors[sensor.name], sensor.keys, topic.rpartition("/")[0]
+    frame, camera = frames.sensors[sensor.name], sensor.keys
+    info_topic, depth_topic, depth_info_topic = _beside_images(topic)
     assert isinstance(camera, Camera)
     image, info = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
 
@@ -314,9 +334,9 @@ def _camera(sensor: Fitting, topic: str, frames: RobotFrames) -> Iterator[Publis
         return messages.depth_message(reading, frame)
 
     yield Publisher(topic, image, _each(sensor, CameraImage, image_of))
-    yield Publisher(f"{space}/camera_info", info, _each(sensor, CameraImage, info_of))
-    yield Publisher(f"{space}/depth/image_raw", image, _each(sensor, CameraImage, depth_of))
-    yield Publisher(f"{space}/depth/camera_info", info, _each(sensor, CameraImage, info_of))
+    yield Publisher(info_topic, info, _each(sensor, CameraImage, info_of))
+    yield Publisher(depth_topic, image, _each(sensor, CameraImage, depth_of))
+    yield Publisher(depth_info_topic, info, _each(sensor, CameraImage, info_of))
 
 
 _SENSORS: Final[Mapping[str, Callable[[Fitting, str, RobotFrames], Iterator[Publisher]]]] = {

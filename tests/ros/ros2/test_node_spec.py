@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from sim_action.ros.ros2.node_spec import Ros2NodeSpec
+from sim_action.ros.ros2.node_spec import RobotTopicName, Ros2NodeSpec
 
 NODE: TypeAdapter[Ros2NodeSpec] = TypeAdapter(Ros2NodeSpec)
 
@@ -91,6 +91,8 @@ def test_all_keys_of_a_node_are_read() -> None:
         ("namespace", "a//b", "a namespace has letters, digits and '_' between its '/', such as /robot1, found 'a//b'"),
         ("remap", {"cmd-vel": "x"}, "a name in ROS 2 has letters, digits and '_' between its '/'"),
         ("remap", {"cmd_vel": "/1"}, "a name in ROS 2 has letters"),
+        ("remap", {"clock": "/x"}, "each node has a clock of its own, so /clock cannot be remapped"),
+        ("remap", {"/clock": "/x"}, "each node has a clock of its own"),
         ("args", "'open", "cannot be split into arguments: no closing quotation"),
         ("parameters", {"a": {"b": None}}, "'a.b' has no value; remove it, or give it one"),
         (
@@ -117,3 +119,11 @@ def test_the_schema_has_both_forms() -> None:
 
     assert short["type"] == "string"
     assert set(full["properties"]) >= {"package", "executable", "file"}
+
+
+def test_topics_of_the_robot_are_not_private_to_a_node() -> None:
+    names: TypeAdapter[str] = TypeAdapter(RobotTopicName)
+
+    assert names.validate_python("base/cmd_vel") == "base/cmd_vel"
+    with pytest.raises(ValidationError, match="a name in ROS 2 has letters, digits and '_' between its '/'"):
+        names.validate_python("~/cmd_vel")

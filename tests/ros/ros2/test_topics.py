@@ -63,6 +63,37 @@ def test_unknown_keys_and_topics_used_twice_are_named(tmp_path: Path) -> None:
     assert twice == "'/scan' is already the topic of 'lidar'"
 
 
+@pytest.mark.parametrize("topic", ["/clock", "tf", "/robot_description", "/rosout"])
+def test_topics_that_every_robot_has_are_not_stated(tmp_path: Path, topic: str) -> None:
+    ((path, message),) = topic_problems(scene(tmp_path), {"cmd_vel": topic})
+
+    assert path == ("cmd_vel",)
+    assert message == f"'/{topic.strip('/')}' is a topic that every robot has; choose another one"
+
+
+@pytest.mark.parametrize(
+    ("stated", "topic"),
+    [
+        ({"lidar": "/eye/camera_info"}, "/eye/camera_info"),
+        ({"lidar": "/front/depth/image_raw", "eye": "/front/image"}, "/front/depth/image_raw"),
+    ],
+)
+def test_topics_beside_the_image_of_a_camera_are_taken(tmp_path: Path, stated: dict[str, str], topic: str) -> None:
+    ((path, message),) = topic_problems(scene(tmp_path, more=SENSORS), stated)
+
+    assert path == ("lidar",)
+    assert message == f"'{topic}' is already a topic of the camera 'eye'"
+
+
+def test_two_cameras_do_not_share_a_namespace(tmp_path: Path) -> None:
+    camera = "{{camera: {{width: 4, height: 2}}, name: {}, rate: 10 Hz}}"
+    there = scene(tmp_path, more=f"sensors: [{camera.format('left')}, {camera.format('right')}]\n")
+
+    ((path, message),) = topic_problems(there, {"right": "/left/other"})
+    assert path == ("right",)
+    assert message == "'/left/camera_info' is already a topic of the camera 'left'"
+
+
 @pytest.mark.parametrize(
     ("ticks", "interval"), [(100, 2), (120, 3), (200, 4), (240, 5), (1000, 20), (50, 1), (30, 1), (60, 2), (50.5, 2)]
 )
