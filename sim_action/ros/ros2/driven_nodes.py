@@ -62,6 +62,7 @@ def open_nodes(source: Ros2Commands, scene: Scene) -> ClosedLoop:
         undo.callback(group.close)
         nodes = DrivenNodes(source, scene, session, group)
         nodes.closing = undo.pop_all()
+        nodes.notes += ros.notes
     return controller_of(nodes)
 
 

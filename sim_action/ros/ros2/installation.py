@@ -89,6 +89,14 @@ class Ros2:
         """The prefix that has rclpy."""
         return next(filter(_has_rclpy, self.prefixes))
 
+    @property
+    def notes(self) -> list[str]:
+        """Notes for the user: what this setup of ROS 2 lacks."""
+        if not self.unread:
+            return []
+        scripts = ", ".join(self.unread)
+        return [f"not run, because only a shell can: {scripts}; if nodes need what they set, source setup.bash before"]
+
     def __str__(self) -> str:
         """Return one line for messages."""
         return f"{self.distribution} in {self.prefix} (from {self.source}), Fast DDS ({self.rmw}), for {self.python}"

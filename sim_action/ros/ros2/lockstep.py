@@ -12,6 +12,7 @@ from sim_action.ros.processes import ChildProcesses, descendants
 from sim_action.ros.quiescence import WatchedProcesses
 from sim_action.ros.ros2.bridge_link import Bridge, Endpoint
 from sim_action.ros.ros2.diagnosis.unordered_nodes import UnorderedNodes
+from sim_action.ros.ros2.messages import clock_message
 from sim_action.ros.ros2.node_group import Node
 from sim_action.ros.ros2.topics import CLOCK_QOS, CLOCK_TYPE
 
@@ -24,7 +25,6 @@ _BUSY_S: Final = 0.1
 # Wall time for which the clock stands still before it starts, in parts.
 _HOLD_S: Final = 0.01
 _HOLDS: Final = 10
-_NANOSECONDS: Final = 10**9
 
 
 def clock_of(number: int | str) -> str:
@@ -98,8 +98,7 @@ class Lockstep:
 
     def advance(self, seconds: float) -> None:
         """Tell the time to one node after the other."""
-        whole, rest = divmod(round(seconds * _NANOSECONDS), _NANOSECONDS)
-        message = {"clock": {"sec": whole, "nanosec": rest}}
+        message = clock_message(seconds)
         for number in self.clocks:
             self._bridge.publish(number, message)
             self.settle(seconds)
@@ -109,9 +108,8 @@ class Lockstep:
 
     def tell_time(self, seconds: float) -> None:
         """Tell the time to all nodes at once."""
-        whole, rest = divmod(round(seconds * _NANOSECONDS), _NANOSECONDS)
         for number in (*self.clocks, self._all):
-            self._bridge.publish(number, {"clock": {"sec": whole, "nanosec": rest}})
+            self._bridge.publish(number, clock_message(seconds))
 
     def _has_changed(self) -> bool:
         return any(children.look() != self._known.get(pid) for pid, children in self._children.items())

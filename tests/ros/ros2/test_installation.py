@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 
 from sim_action.core.errors import UsageError
+from sim_action.core.records import replace
 from sim_action.ros.ros2 import installation
-from sim_action.ros.ros2.installation import PYTHON_VARIABLE, find_ros
+from sim_action.ros.ros2.installation import PYTHON_VARIABLE, RMW, Ros2, find_ros
 from tests.ros.ros2.prefixes import HUMBLE, KILTED, installed, program, ros_prefix
 from tests.ros_workspace import written
 
@@ -190,3 +191,10 @@ def test_relative_prefixes_do_not_count(tmp_path: Path, monkeypatch: pytest.Monk
 @pytest.mark.parametrize("variable", [PYTHON_VARIABLE, "AMENT_PREFIX_PATH"])
 def test_a_path_that_no_system_can_have_is_one_line(variable: str, tmp_path: Path) -> None:
     assert problem({variable: "/" + "x" * 5000}, tmp_path).startswith("ROS 2 cannot be read: ")
+
+
+def test_scripts_that_were_not_run_are_a_note() -> None:
+    ros = Ros2((), Path("/usr/bin/python3"), "jazzy", RMW, "/opt/ros", {})
+    assert ros.notes == []
+    [note] = replace(ros, unread=("/opt/ros/jazzy/share/a/a.sh",)).notes
+    assert note.startswith("not run, because only a shell can: /opt/ros/jazzy/share/a/a.sh; ")
