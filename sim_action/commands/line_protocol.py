@@ -144,7 +144,7 @@ class LineProcess:
                 process_group=0 if sys.platform == "linux" else None,
             )
         except OSError as error:
-            hint = _hint(error, Path(arguments[0]))
+            hint = start_hint(error, Path(arguments[0]))
             raise ScriptError(f"the process '{self._name}' could not be started: {error.strerror}{hint}") from None
 
     def _write(self) -> None:
@@ -236,7 +236,7 @@ def _environment() -> dict[str, str]:
     return {**kept, "PYTHONPATH": path} if path else kept
 
 
-def _hint(error: OSError, program: Path) -> str:
+def start_hint(error: OSError, program: Path) -> str:
     """Return a likely cause if an existing program cannot be started."""
     if error.errno == errno.ENOEXEC:
         return "; check that its first line names an interpreter"

@@ -146,11 +146,21 @@ def _file_problem(file: str, workspace: Workspace) -> str | None:
     try:
         path = workspace.file(file)
     except PathError as error:
-        return f"{error}{similar_name(workspace.directory / file)}"
+        return f"{error}{_similar(file, workspace)}"
     if is_python(path) or os.access(path, os.X_OK):
         return None
     fix = f"run chmod +x {file} and git update-index --chmod=+x {file}"
     return f"'{file}' is not executable, and is not a file of Python (.py); {fix}"
+
+
+def _similar(file: str, workspace: Workspace) -> str:
+    """Return the hint at a similar name, if a missing file may be read."""
+    place = workspace.directory / file
+    try:
+        is_readable = workspace.refusal(place.resolve()) is None
+    except (OSError, ValueError, RuntimeError):  # no valid path, or a loop of links
+        return ""
+    return similar_name(place) if is_readable and not _exists(place) else ""
 
 
 def package_problem(name: str, packages: Packages) -> str | None:

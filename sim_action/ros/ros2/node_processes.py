@@ -15,6 +15,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
+from sim_action.commands.line_protocol import start_hint
 from sim_action.core.errors import ScriptError
 
 # The wall time that nodes get to save something after SIGINT, and after SIGTERM.
@@ -113,7 +114,8 @@ class ProcessFolder:
                     process_group=0,
                 )
             except OSError as error:
-                raise ScriptError(f"'{label}' could not be started: {error.strerror}: {words[0]}") from None
+                why = f"{error.strerror}{start_hint(error, Path(words[0])) or f': {words[0]}'}"
+                raise ScriptError(f"'{label}' could not be started: {why}") from None
         self._started.append(NodeProcess(label, process, output))
         if forwards:
             self._forwarded.append(self._started[-1])

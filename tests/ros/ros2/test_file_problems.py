@@ -155,6 +155,21 @@ def test_a_program_that_is_not_executable_says_so(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("with_ros")
+def test_names_are_suggested_for_missing_files_of_the_workspace_only(tmp_path: Path) -> None:
+    (tmp_path / "mover.py").mkdir()
+    (tmp_path / "repository").mkdir()
+    written(tmp_path / "secret.py", "")
+
+    assert only(tmp_path, "./mover.py") == (
+        f"nodes.0: './mover.py' is a folder, not a file (looked for {tmp_path}/mover.py)"
+    )
+    assert "did you mean" not in only(tmp_path / "repository", "../secre.py")
+    (tmp_path / "loop.py").symlink_to("loop.py")
+    for path in ("./loop.py", "./\0.py"):
+        assert "did you mean" not in only(tmp_path, path)
+
+
+@pytest.mark.usefixtures("with_ros")
 def test_a_file_without_its_dot_is_suggested(tmp_path: Path) -> None:
     written(tmp_path / "nodes/mover.py", "")
 

@@ -67,4 +67,9 @@ def test_a_program_that_cannot_be_started(tmp_path: Path) -> None:
     folder = ProcessFolder(tmp_path, os.environ)
     with pytest.raises(ScriptError, match="'ghost' could not be started: No such file or directory"):
         folder.start("ghost", [str(tmp_path / "ghost")])
+    script = tmp_path / "script"
+    script.write_text("#!/no/such/python\n")
+    script.chmod(0o700)
+    with pytest.raises(ScriptError, match="its first line names a missing interpreter, '#!/no/such/python'"):
+        folder.start("script", [str(script)])
     folder.close()
