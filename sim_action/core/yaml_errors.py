@@ -61,6 +61,7 @@ class ProblemList:
 
 # Text that needs no quotes in a YAML list.
 _PLAIN: Final = re.compile(r"[A-Za-z_][\w./*-]*")
+_BAD_KEY: Final = "[key]"
 _BOUNDS = ("gt", "ge", "lt", "le")
 _EXPECTED = {
     "model_type": "a map of keys",
@@ -93,7 +94,9 @@ def spec_errors(
     """Yield each finding of pydantic about `data` as a sentence, with the path of its key."""
     hinted = FirstFew()
     for details in error.errors(include_url=False):
-        yield details["loc"], _sentence(model, details, _written(data, details), hinted)
+        # pydantic adds a step to the path of a bad key, which the file does not have.
+        path = details["loc"][:-1] if details["loc"][-1:] == (_BAD_KEY,) else details["loc"]
+        yield path, _sentence(model, details, _written(data, details), hinted)
 
 
 def _written(data: Any, details: ErrorDetails) -> object:

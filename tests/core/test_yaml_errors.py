@@ -156,3 +156,16 @@ def test_units_and_hints_are_those_of_the_innermost_key(
     with pytest.raises(ValidationError) as raised:
         Outer.model_validate({"deep": data})
     assert list(spec_errors(Outer, {"deep": data}, raised.value)) == [(path, message)]
+
+
+def test_a_bad_key_of_a_map_is_told_at_the_key() -> None:
+    class Named(FrozenModel):
+        places: dict[Annotated[str, Field(max_length=3)], float]
+
+    data = {"places": {"kitchen": 1.0}}
+    with pytest.raises(ValidationError) as caught:
+        Named.model_validate(data)
+
+    assert list(spec_errors(Named, data, caught.value)) == [
+        (("places", "kitchen"), "must have at most 3 characters"),
+    ]
