@@ -20,12 +20,13 @@ from typing import Any
 
 import rclpy
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.utilities import get_rmw_implementation_identifier
 
 Json = dict[str, Any]
 _LENGTH = struct.Struct("!I")
 _POLL_S = 0.002
+_INFINITE_NS = 2**63 - 1
 # Message packages write the types of their fields like this: sequence<double>, double[36], geometry_msgs/Point.
 _NUMBERS = {
     "float": "f", "double": "d", "int8": "b", "uint8": "B", "octet": "B", "int16": "h", "uint16": "H", "int32": "i",
@@ -300,9 +301,19 @@ def _ends(found: Any) -> list[Json]:
             "type": each.topic_type,
             "reliability": each.qos_profile.reliability.name.lower(),
             "durability": each.qos_profile.durability.name.lower(),
+            "demands": _demands(each.qos_profile),
         }
         for each in found
     ]
+
+
+def _demands(qos: Any) -> list[str]:
+    """Return what else an end asks for; the usual periods are infinite."""
+    found = ["a deadline"] if 0 < qos.deadline.nanoseconds < _INFINITE_NS else []
+    is_usual = qos.liveliness in (LivelinessPolicy.AUTOMATIC, LivelinessPolicy.SYSTEM_DEFAULT)
+    if not is_usual or 0 < qos.liveliness_lease_duration.nanoseconds < _INFINITE_NS:
+        found.append("a liveliness")
+    return found
 
 
 def _parameter(values: Any) -> Any:

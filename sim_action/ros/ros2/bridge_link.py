@@ -61,6 +61,7 @@ class TopicEnd:
     type: str
     reliability: str
     durability: str
+    demands: Sequence[str] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -55,6 +55,10 @@ class TopicEnd(Protocol):
     def durability(self) -> str:
         """The durability policy; see Durability."""
 
+    @property
+    def demands(self) -> Sequence[str]:
+        """Further policies that it asks for, such as "a deadline"; for a publisher, those that it offers."""
+
 
 def subscriber_problems(topic: str, kind: str, offered: Qos, subscribers: Sequence[TopicEnd]) -> Iterator[str]:
     """Yield subscribers that get no message of a topic, because their type or their QoS differs."""
@@ -70,4 +74,9 @@ def subscriber_problems(topic: str, kind: str, offered: Qos, subscribers: Sequen
             yield (
                 f"'{end.node}' subscribes to {topic} with the reliability reliable, but the robot publishes it with "
                 "best_effort, so that they do not connect; subscribe with best_effort"
+            )
+        elif end.demands:
+            yield (
+                f"'{end.node}' subscribes to {topic} with {' and '.join(end.demands)}, which the robot does not offer, "
+                "so that they do not connect; subscribe without"
             )

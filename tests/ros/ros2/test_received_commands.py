@@ -27,6 +27,7 @@ class End:
     type: str = TWIST
     reliability: str = "reliable"
     durability: str = "volatile"
+    demands: tuple[str, ...] = ()
 
 
 def twist(x: float = 0.3, turn: float = 0.2) -> Message:
@@ -120,6 +121,7 @@ def test_a_base_and_its_joints_are_commanded_together() -> None:
         (TRANSFORMS, End(), None),
         (USUAL, End(type=TEXT), "as std_msgs/msg/String, but the robot publishes geometry_msgs/msg/Twist"),
         (USUAL, End(durability="transient_local"), "so that they do not connect; subscribe with volatile"),
+        (USUAL, End(demands=("a deadline", "a liveliness")), "with a deadline and a liveliness, which the robot does"),
         (Qos("best_effort"), End(), "so that they do not connect; subscribe with best_effort"),
     ],
 )
