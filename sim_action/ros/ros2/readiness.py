@@ -68,9 +68,11 @@ class Readiness:
             self._refuse_ended()
             values |= self._bridge.parameters(left, _USE_SIM_TIME, _ASK_S)
             if time.monotonic() > self._deadline:
+                silent = (name for name in left if name not in values)
+                self.losses += [
+                    f"the node '{name}' did not answer {name}/get_parameters; does it spin?" for name in silent
+                ]
                 break
-        silent = (name for name in self._bridge.graph(()).nodes if name not in values)
-        self.losses += [f"the node '{name}' did not answer {name}/get_parameters; does it spin?" for name in silent]
         on_wall_time = (name for name, value in values.items() if value is False)
         self.losses += [f"the node '{name}' has set use_sim_time to false" for name in on_wall_time]
 

@@ -79,3 +79,12 @@ def test_subscriptions_that_cannot_connect_delay_nothing(clock: list[float]) -> 
     bridge.published = [Endpoint("/odom", ODOMETRY, Qos(reliability="best_effort"))]
     assert waited(bridge) == []
     assert clock[0] < 0.2
+
+
+def test_a_node_that_appears_after_the_questions_is_not_silent(clock: list[float]) -> None:
+    bridge = KnownEnds([], [], repeat((0, 0)))
+    graphs = chain([Graph((), {}, {}, {})], repeat(Graph(("/mover",), {}, {}, {})))
+    bridge.graph = lambda _: next(graphs)  # type: ignore[method-assign]  # the nodes change from look to look
+    wait = Readiness(bridge, [], lambda: None, 5.0)  # type: ignore[arg-type]  # of a bridge, it has what is used
+    wait.await_answers()
+    assert wait.losses == []
