@@ -16,9 +16,11 @@ from sim_action.core.errors import UsageError
 from sim_action.core.wording import did_you_mean
 from sim_action.core.workspace import PathError, Workspace, similar_name
 from sim_action.core.yaml_errors import SpecProblems
+from sim_action.robot.package_search import PACKAGE_FILE
 from sim_action.ros.ros2.installation import Ros2, find_ros
 from sim_action.ros.ros2.node_spec import Ros2NodeSpec
 from sim_action.ros.ros2.packages import INSTALL, Packages, is_python, workspace_of
+from sim_action.ros.ros2.python_packages import UNREADABLE
 
 _BUILD: Final = "run colcon build"
 
@@ -166,6 +168,8 @@ def _similar(file: str, workspace: Workspace) -> str:
 def package_problem(name: str, packages: Packages) -> str | None:
     """Return the reason why a package cannot be used; None if it can, or cannot be checked."""
     source = packages.sources.get(name)
+    if source is not None and source.build_type == UNREADABLE:
+        return f"the package '{name}' cannot be read: {source.folder / PACKAGE_FILE} is not valid XML"
     if source is not None and not source.is_python:
         kind = f"its build type is {source.build_type}, and only packages of ament_python run without a build"
         place = packages.workspace.parent if packages.workspace.name == INSTALL else packages.workspace

@@ -15,6 +15,9 @@ from sim_action.core.files import read_at_most
 from sim_action.core.records import dataclass
 from sim_action.robot.package_search import PACKAGE_FILE
 
+UNREADABLE: Final = "unknown"
+"""The build type if package.xml is not valid XML."""
+
 _PYTHON: Final = "ament_python"
 _GROUP: Final = "console_scripts"
 _MAX_FILE_BYTES: Final = 1_000_000
@@ -68,7 +71,7 @@ def _build_type(folder: Path) -> str:
     try:
         root = ET.fromstring(_content(folder / PACKAGE_FILE))  # noqa: S314 - of the user's own package
     except ET.ParseError:
-        return "unknown"
+        return UNREADABLE
     stated = (root.findtext("export/build_type") or "").strip()
     is_python = (folder / "setup.py").is_file() and not (folder / "CMakeLists.txt").exists()
     return stated or (_PYTHON if is_python else "ament_cmake")

@@ -155,6 +155,14 @@ def test_a_program_that_is_not_executable_says_so(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("with_ros")
+def test_a_manifest_that_is_no_xml_is_named(tmp_path: Path) -> None:
+    written(tmp_path / "src/broken/package.xml", "<package><name>broken")
+
+    path = tmp_path / "src/broken/package.xml"
+    assert only(tmp_path, "broken/mover") == f"nodes.0: the package 'broken' cannot be read: {path} is not valid XML"
+
+
+@pytest.mark.usefixtures("with_ros")
 def test_names_are_suggested_for_missing_files_of_the_workspace_only(tmp_path: Path) -> None:
     (tmp_path / "mover.py").mkdir()
     (tmp_path / "repository").mkdir()
