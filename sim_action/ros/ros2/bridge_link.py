@@ -129,10 +129,11 @@ class Bridge:
         self.heard += subscriptions
         return first
 
-    def publish(self, number: int, message: Message) -> None:
-        """Publish a message by the publisher with a number. Raises BridgeEnded."""
+    def publish(self, number: int, message: Message) -> int:
+        """Publish a message by the publisher with a number; return the bytes of its arrays. Raises BridgeEnded."""
         blob = bytearray()
         self._send({"op": "publish", "number": number, "message": _packed(message, blob)}, bytes(blob))
+        return len(blob)
 
     def take(self, clocks: Sequence[int]) -> tuple[list[tuple[int, Message]], list[int]]:
         """Return the messages since the last call, each with the number of its subscription. Raises BridgeEnded.

@@ -25,7 +25,7 @@ from sim_action.ros.ros2.launch.launched_nodes import LaunchedNodes, LaunchSpec,
 from sim_action.ros.ros2.lockstep import CLOCK, Lockstep
 from sim_action.ros.ros2.messages import Message
 from sim_action.ros.ros2.node_group import Node, NodeGroup
-from sim_action.ros.ros2.quality import subscriber_problems
+from sim_action.ros.ros2.quality import large_message_problem, subscriber_problems
 from sim_action.ros.ros2.readiness import Readiness
 from sim_action.ros.ros2.received_commands import ReceivedCommands
 from sim_action.ros.ros2.started_nodes import ListedNodes, scratch_of, set_up_packages
@@ -47,6 +47,8 @@ _DESCRIPTION: Final = "/robot_description"
 _MAX_LEAVE_S: Final = 5.0
 # The calms after the first one, in which nodes of a launch get to know all others.
 _MORE_CALMS: Final = 2
+# Every system buffers as much.
+_SMALL_BYTES: Final = 100_000
 _REALTIME: Final = "with pace: realtime, nodes run by the wall clock"
 
 
@@ -142,6 +144,7 @@ class DrivenNodes:
         self.transcript, self.notes = Transcript(), list[str]()
         self._started_at: float | None = None
         self._seconds = 0.0
+        self._largest: dict[str, int] = {}
         self._errors = LoggedErrors(scene.workspace.root)
         self.logged_errors = self._errors.messages
         self._has_heard, self._finished = False, dict[int, str]()
@@ -293,7 +296,7 @@ class DrivenNodes:
         for number, publisher in self._publishers:
             message = publisher.message(tick, seen)
             if message is not None:
-                self._bridge.publish(number, message)
+                self._notice_size(number, publisher.topic, self._bridge.publish(number, message))
                 # One message after the other, and then the time: else two callbacks of a node race.
                 if not self._is_realtime:
                     self._lockstep.settle(seen.time)
@@ -302,6 +305,15 @@ class DrivenNodes:
             self._sleep_until(seen.time)
             return
         self._lockstep.advance(seen.time)
+
+    def _notice_size(self, number: int, topic: str, size: int) -> None:
+        """Notice messages that are too large, once for each topic that a node hears."""
+        if size <= self._largest.get(topic, _SMALL_BYTES):
+            return
+        self._largest[topic] = size
+        problem = large_message_problem(topic, size)
+        if problem and self._bridge.matched()[0][number]:
+            self.not_reproducible.append(problem)
 
     def _sleep_until(self, seconds: float) -> None:
         now = time.monotonic()

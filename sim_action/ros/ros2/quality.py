@@ -7,6 +7,7 @@ best-effort ones included.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Final, Literal, Protocol
 
 from sim_action.core.records import dataclass
@@ -34,6 +35,25 @@ LATCHED: Final = Qos(durability="transient_local", depth=1)
 
 TRANSFORMS: Final = Qos(depth=100)
 """The quality that listeners of tf2 ask for."""
+
+
+_RECEIVE_BUFFER: Final = Path("/proc/sys/net/core/rmem_max")
+# As in fast_dds.xml.
+_ASKED_BYTES: Final = 4_194_304
+
+
+def large_message_problem(topic: str, size: int, limit: Path = _RECEIVE_BUFFER) -> str | None:
+    """Return why messages of a size in bytes may get lost: the system buffers less; `limit`: the file that says so."""
+    try:
+        most = min(int(limit.read_text(encoding="ascii")), _ASKED_BYTES)
+    except (OSError, ValueError):
+        return None
+    if size <= most:
+        return None
+    fix = "make the messages smaller"
+    if most < _ASKED_BYTES:
+        fix += f", or run: sudo sysctl -w net.core.rmem_max={_ASKED_BYTES}"
+    return f"messages on {topic} have {size:,} bytes, and may get lost, because Linux buffers {most:,}; {fix}"
 
 
 class TopicEnd(Protocol):

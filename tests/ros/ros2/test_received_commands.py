@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import pytest
 
@@ -12,7 +13,7 @@ from sim_action.core.records import dataclass
 from sim_action.robot.robot_model import Joint
 from sim_action.ros.ros2.joint_controllers import any_joints_subscription
 from sim_action.ros.ros2.messages import Message, vector
-from sim_action.ros.ros2.quality import LATCHED, TRANSFORMS, USUAL, Qos, subscriber_problems
+from sim_action.ros.ros2.quality import LATCHED, TRANSFORMS, USUAL, Qos, large_message_problem, subscriber_problems
 from sim_action.ros.ros2.received_commands import ReceivedCommands, twist_subscription
 from sim_action.state.command import JointTargets
 from tests.ros.ros2.scenes import moment
@@ -130,3 +131,14 @@ def test_subscribers_that_cannot_connect_are_named(offered: Qos, end: End, probl
 
     assert len(found) == (problem is not None)
     assert all(each.startswith("'/mover' subscribes to /topic") and str(problem) in each for each in found)
+
+
+def test_messages_that_the_system_does_not_buffer_are_named(tmp_path: Path) -> None:
+    limit = tmp_path / "rmem_max"
+    limit.write_text("212992\n")
+    assert large_message_problem("/image", 200_000, limit) is None
+    assert "sudo sysctl -w net.core.rmem_max=4194304" in str(large_message_problem("/image", 921_600, limit))
+    limit.write_text("4194304\n")
+    assert large_message_problem("/image", 921_600, limit) is None
+    assert str(large_message_problem("/image", 6_220_800, limit)).endswith("make the messages smaller")
+    assert large_message_problem("/image", 921_600, tmp_path / "missing") is None
