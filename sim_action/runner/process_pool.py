@@ -18,6 +18,7 @@ from sim_action.engines import ENGINES, chosen
 from sim_action.recording.export import EXPORTS
 from sim_action.results.events import Listener, Progressed, RunEnded, Started
 from sim_action.results.outcome import ExpectationOutcome, Outcome
+from sim_action.results.output_folder import remove_unfinished_files
 from sim_action.runner.child_outcome import (
     Ending,
     Limit,
@@ -120,7 +121,11 @@ def execute(
         fail_fast=fail_fast,
         keys=keys,
     )
-    outcomes = scheduler.run(partial(_make_ready, scenarios, meanwhile))
+    try:
+        outcomes = scheduler.run(partial(_make_ready, scenarios, meanwhile))
+    finally:
+        # Child processes that were killed leave them.
+        remove_unfinished_files(folder)
     without = interrupted if interruption.happened else skipped
     return [outcomes.get(index) or without(loaded) for index, loaded in enumerate([*scenarios] * repeat)]
 

@@ -230,6 +230,17 @@ def test_a_controller_that_does_not_end_is_told_with_its_line(tmp_path: Path, ru
     assert failure.location == Location(str(tmp_path / "hang.py"), 4)
 
 
+def test_a_killed_child_leaves_no_unfinished_file(tmp_path: Path, run: Run) -> None:
+    folder = tmp_path / "results/replays"
+    body = (
+        f"folder = pathlib.Path({str(folder)!r})\nfolder.mkdir(parents=True, exist_ok=True)\n"
+        "(folder / '.0123456789abcdef.gz').touch()\nos.kill(os.getpid(), signal.SIGKILL)"
+    )
+    (outcome,) = run([script(tmp_path, "killed", body, before="import os, pathlib, signal")], tmp_path)
+    assert outcome.status == "error"
+    assert list(folder.iterdir()) == []
+
+
 FORGED = """\
 import json, os, sys
 frame = sys._getframe()
