@@ -100,5 +100,5 @@ def chain(folder: Path, nodes: str) -> None:
     (folder / ".git").mkdir()
     package(folder / "ws", "nodes", NODES)
     text = "name: chain\nrobot: {model: turtlebot3_burger}\n"
-    expected = "expect:\n  - travel: {at_least: 0.1 m}\nduration: 2 s\ntime_limit: 2 s\n"
+    expected = "expect:\n  - travel: {at_least: 0.02 m}\nduration: 0.8 s\ntime_limit: 0.8 s\n"
     (folder / "ws/s.sim.yml").write_text(f"{text}commands:\n  ros1: {{nodes: [{nodes}]}}\n{expected}")
