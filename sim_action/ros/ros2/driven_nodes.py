@@ -13,7 +13,7 @@ from sim_action.commands import ClosedLoop
 from sim_action.core.errors import ScriptError, SourceProblem, UsageError
 from sim_action.core.records import dataclass
 from sim_action.core.wording import escaped_line
-from sim_action.ros.ros1.verdicts.launch_output import exit_text
+from sim_action.ros.program_failures import exit_text
 from sim_action.ros.ros2.bridge_link import Bridge, BridgeEnded, Endpoint
 from sim_action.ros.ros2.diagnosis.logged_errors import ROSOUT, LoggedErrors, errors_endpoint
 from sim_action.ros.ros2.diagnosis.message_order import order_notes

@@ -150,8 +150,7 @@ def _of_named(python: Path, sourced: _Place, users: tuple[Path, ...]) -> _Place:
     """Return the place of the Python that the variable names. Raise UsageError."""
     if not (python.is_file() and os.access(python, os.X_OK)):
         raise UsageError(f"{PYTHON_VARIABLE} is {python}, which is not a program; set it to the Python of ROS 2")
-    # A link to the interpreter of the system is part of a virtual environment, so it is not resolved.
-    prefix = Path(os.path.abspath(python)).parent.parent  # noqa: PTH100
+    prefix = Path(os.path.abspath(python)).parent.parent  # noqa: PTH100 - links of virtual environments are kept
     if _has_rclpy(prefix):
         return _Place((*users, prefix), PYTHON_VARIABLE, python.absolute())
     if any(map(_has_rclpy, sourced.prefixes)):

@@ -11,7 +11,7 @@ import yaml
 from sim_action.core.errors import ScriptError, SourceProblem
 from sim_action.core.wording import escaped_line
 from sim_action.core.workspace import PathError
-from sim_action.ros.ros1.verdicts.launch_output import exit_text
+from sim_action.ros.program_failures import exit_text
 from sim_action.ros.ros2.diagnosis.node_endings import Ending, ending_of
 from sim_action.ros.ros2.installation import RMW, Ros2
 from sim_action.ros.ros2.lockstep import CLOCK, clock_of

@@ -10,17 +10,10 @@ from sim_action.commands.stderr_tail import StderrTail
 from sim_action.core.errors import ScriptError
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.wording import did_you_mean, escaped_line
+from sim_action.ros.program_failures import signal_name, traceback_location
 from sim_action.ros.ros1.command_source.replaced_nodes import ReplacedNode, lost_nodes
 from sim_action.ros.ros1.launch.overlay import Overlay
-from sim_action.ros.ros1.verdicts.launch_output import (
-    Death,
-    cleaned_output,
-    last_exception,
-    refusal,
-    signal_name,
-    traceback_location,
-    xacro_error,
-)
+from sim_action.ros.ros1.verdicts.launch_output import Death, cleaned_output, last_exception, refusal, xacro_error
 
 _MAX_DETAILS_CHARS: Final = 4_000
 # The exception of roslaunch for a missing package.

@@ -6,8 +6,8 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from sim_action.ros.program_failures import shown_path
 from sim_action.ros.ros1.launch.ros_patches import SLEEPERS
-from sim_action.ros.ros1.verdicts.launch_output import shown_path
 
 if TYPE_CHECKING:
     from sim_action.ros.lockstep import Lockstep

@@ -9,6 +9,7 @@ from typing import Final
 from sim_action.core.errors import Location
 from sim_action.core.wording import escaped_line
 from sim_action.results.outcome import Failure
+from sim_action.ros.program_failures import signal_name
 from sim_action.ros.ros1.verdicts.findings import Findings, Run, TestFindings
 from sim_action.ros.ros1.verdicts.launch_output import (
     Death,
@@ -18,7 +19,6 @@ from sim_action.ros.ros1.verdicts.launch_output import (
     output_tail,
     refusal,
     required_deaths,
-    signal_name,
     xacro_error,
 )
 

@@ -8,6 +8,7 @@ from typing import Final
 
 from sim_action.core.files import read_at_most
 from sim_action.core.records import dataclass
+from sim_action.ros.result_files import Case, Suite, read_suite
 from sim_action.ros.ros1.launch.launch_process import Ending
 from sim_action.ros.ros1.launch_request import (
     PROCESS_FILE,
@@ -17,7 +18,7 @@ from sim_action.ros.ros1.launch_request import (
     run_folders,
 )
 from sim_action.ros.ros1.verdicts.launch_output import CallbackError, callback_errors, cleaned_output
-from sim_action.ros.ros1.verdicts.rostest_files import Case, Suite, TestTag, read_suite
+from sim_action.ros.ros1.verdicts.rostest_files import TestTag
 
 RESULTS: Final = "results"
 """Folder of the results of rostest and its tests, in the folder of the call."""

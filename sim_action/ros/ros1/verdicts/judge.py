@@ -13,20 +13,15 @@ from sim_action.core.records import dataclass
 from sim_action.core.wording import escaped_line
 from sim_action.engines import PACKAGES
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, status_of
+from sim_action.ros.program_failures import exception_line, shown_path, traceback_location
+from sim_action.ros.result_files import Case
 from sim_action.ros.ros1.launch_request import LaunchRequest
 from sim_action.ros.ros1.losses import TITLE, loss_failures, loss_warnings
 from sim_action.ros.ros1.verdicts.absent_nodes import AbsentNodes
 from sim_action.ros.ros1.verdicts.failure_causes import LAUNCH_ERROR, cause_of, how_far, time_out
 from sim_action.ros.ros1.verdicts.findings import Findings, Run, TestFindings
-from sim_action.ros.ros1.verdicts.launch_output import (
-    deaths,
-    exception_line,
-    output_tail,
-    shown_path,
-    traceback_location,
-)
+from sim_action.ros.ros1.verdicts.launch_output import deaths, output_tail
 from sim_action.ros.ros1.verdicts.launch_tags import LaunchTags
-from sim_action.ros.ros1.verdicts.rostest_files import Case
 from sim_action.scenario.claim_audit import AuditWarning
 from sim_action.state.verdict import Judged, Verdict
 from sim_action.world.world_files.losses import Loss

@@ -1,4 +1,4 @@
-"""The output of a launch: ends of nodes, errors of roslaunch, tracebacks, and callbacks that raised.
+"""The output of a launch: ends of nodes, errors of roslaunch, and callbacks that raised.
 
 rospy logs the exceptions of callbacks and goes on. A log is `ROS_LOG_DIR/RUN/NODE-NUMBER.log`, with one folder RUN for
 each launch.
@@ -10,14 +10,13 @@ import re
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path, PurePath
-from signal import Signals
 from typing import Final
 
-from sim_action.core.discovery import file_name
 from sim_action.core.errors import Location
 from sim_action.core.files import read_at_most
 from sim_action.core.records import dataclass
 from sim_action.core.wording import escaped_line
+from sim_action.ros.program_failures import exit_text, traceback_location
 
 # Colours and window titles, as they are and as rosunit escapes them.
 _COLOURS: Final = re.compile(r"(?:\x1b|&#x001B;)(?:\[[0-9;]*m|\][^\x07\n]*(?:\x07|&#x0007;))")
@@ -41,8 +40,6 @@ _EXCEPTION: Final = re.compile(r"^[A-Za-z_][\w.]*(?:Error|Exception|Interrupt|Ex
 _XACRO: Final = re.compile(r"^xacro: (.+)$", re.MULTILINE)
 
 _MAX_TAIL_CHARS: Final = 4_000
-
-_FRAME: Final = re.compile(r'^ *File "([^"]+)", line ([0-9]{1,9})(?:, in .*)?\n(?: {4,}(\S.*))?', re.MULTILINE)
 
 _MAX_LOG_BYTES: Final = 16_000_000
 _STDOUT_SUFFIX: Final = "-stdout"
@@ -124,44 +121,6 @@ def last_exception(text: str, program: str) -> str | None:
 def output_tail(text: str) -> str:
     """Return the end of the output."""
     return text.strip("\n")[-_MAX_TAIL_CHARS:]
-
-
-def signal_name(number: int) -> str:
-    """Return the name of a signal, such as SIGKILL."""
-    return Signals(number).name if number in set(Signals) else f"signal {number}"
-
-
-def exit_text(code: int) -> str:
-    """Return an exit code in words, negative for a signal: "exit code 1", or "SIGKILL"."""
-    return f"exit code {code}" if code >= 0 else signal_name(-code)
-
-
-def traceback_location(text: str, workspace: Path) -> Location | None:
-    """Return the innermost place of a traceback that is in the workspace."""
-    root = workspace.resolve()
-    for file, line, _ in reversed(_FRAME.findall(text)):
-        try:
-            path = Path(file).resolve()
-        except (OSError, ValueError, RuntimeError):  # too long, with a NUL, or links in a circle
-            continue
-        if path.is_relative_to(root):
-            return Location(shown_path(path), int(line))
-    return None
-
-
-def exception_line(kind: str, text: str) -> str:
-    """Return the exception and its message, or the line that raised it if there is no message."""
-    said, _, _ = text.partition("\n")
-    if not said.strip() or said.startswith("  File "):
-        lines = [line for _, _, line in _FRAME.findall(text) if line]
-        said = lines[-1] if lines else ""
-    return f"{kind}: {said.strip()}" if kind and said.strip() else said.strip() or kind
-
-
-def shown_path(path: Path) -> str:
-    """Return a path relative to the current folder, if it is inside."""
-    here = Path.cwd().resolve()
-    return file_name(path.relative_to(here) if path.is_relative_to(here) else path)
 
 
 @dataclass(frozen=True, slots=True)

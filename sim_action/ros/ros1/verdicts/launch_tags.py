@@ -16,7 +16,7 @@ from typing import Final
 from sim_action.core.errors import Location
 from sim_action.core.files import read_at_most
 from sim_action.core.records import dataclass
-from sim_action.ros.ros1.verdicts.launch_output import shown_path
+from sim_action.ros.program_failures import shown_path
 
 _MAX_LAUNCH_FILE_BYTES: Final = 4_000_000
 _MAX_FILES: Final = 100

@@ -1,107 +1,21 @@
-"""The files of rostest: the `<test>` tags of a launch file, and the XML files of results.
-
-A test writes `rosunit-NAME.xml` with its methods, rostest `rostest-FILE.xml` with its tests (rosunit's xmlrunner.py).
-The files may be cut short or hold characters that XML forbids.
-"""
+"""The `<test>` tags of the launch files of rostest."""
 
 from __future__ import annotations
 
 import re
 import xml.parsers.expat
-from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Final
-from xml.etree import ElementTree as ET
 
 from sim_action.core.files import read_at_most
 from sim_action.core.records import dataclass
-
-_MAX_RESULT_BYTES: Final = 16_000_000
-_MAX_CASES: Final = 1_000
-# XML 1.0 forbids these characters, also as character references.
-_FORBIDDEN: Final = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-_REFERENCE: Final = re.compile(r"&#(?:x([0-9a-fA-F]{1,8})|([0-9]{1,8}));")
-_MAX_CODE_POINT: Final = 0x10FFFF
-_CDATA: Final = re.compile(r"\A\s*<!\[CDATA\[\n?(.*?)\n?\]\]>\s*\Z", re.DOTALL)
 
 _MAX_LAUNCH_FILE_BYTES: Final = 4_000_000
 _SUBSTITUTION: Final = re.compile(r"\$\([^)]*\)")
 
 DEFAULT_TIME_LIMIT_S: Final = 60.0
 """s that rostest gives a test without a time-limit (wiki.ros.org/roslaunch/XML/test)."""
-
-
-@dataclass(frozen=True, slots=True)
-class Case:
-    """One method of a test, or one test of a file.
-
-    Attributes:
-        problem: the tag of a case that did not pass, "failure", "error" or "skipped"; None: it passed.
-        type: type of the exception.
-        text: the message, then the traceback.
-    """
-
-    name: str
-    problem: str | None = None
-    type: str = ""
-    text: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class Suite:
-    """The content of one result file; `output`: the output of its tests."""
-
-    cases: tuple[Case, ...]
-    output: str = ""
-
-
-def read_suite(path: Path) -> Suite | None:
-    """Read a result file; None if it is empty or cannot be understood."""
-    try:
-        data = read_at_most(path, _MAX_RESULT_BYTES)
-    except OSError:
-        return None
-    root = _parsed(data) if data is not None else None
-    if root is None:
-        return None
-    cases = [case for _, case in zip(range(_MAX_CASES), root.iter("testcase"), strict=False)]
-    output = "\n".join(filter(None, (_plain(root.findtext(f"system-{name}") or "") for name in ("out", "err"))))
-    return Suite(tuple(map(_case, cases)), output)
-
-
-def _parsed(data: bytes) -> ET.Element | None:
-    text = _REFERENCE.sub(_allowed, _FORBIDDEN.sub("", data.decode("utf-8", errors="replace")))
-    # Results have no reason to declare entities.
-    if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        return None
-    try:
-        return ET.fromstring(text.encode())  # noqa: S314 - without a DTD, and of bounded size
-    except ET.ParseError:
-        return None
-
-
-def _allowed(reference: re.Match[str]) -> str:
-    number = int(reference[1], 16) if reference[1] else int(reference[2])
-    return "" if number > _MAX_CODE_POINT or _FORBIDDEN.match(chr(number)) else reference[0]
-
-
-def _case(element: ET.Element) -> Case:
-    name = element.get("name", "")
-    for problem in _problems(element):
-        return Case(name, problem.tag, problem.get("type", ""), problem.text or problem.get("message") or "")
-    # googletest writes this for a test whose name begins with DISABLED_.
-    return Case(name, "skipped", "", "it is disabled") if element.get("status") == "notrun" else Case(name)
-
-
-def _problems(element: ET.Element) -> Iterator[ET.Element]:
-    return (child for child in element if child.tag in ("error", "failure", "skipped"))
-
-
-def _plain(text: str) -> str:
-    """Return text without the CDATA marks that rosunit writes as text."""
-    found = _CDATA.match(text)
-    return (found[1] if found else text).strip("\n")
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from typing import Final
 from sim_action.core.errors import Location
 from sim_action.core.records import dataclass
 from sim_action.core.wording import escaped_line, shortened
-from sim_action.ros.ros1.verdicts.launch_output import shown_path
+from sim_action.ros.program_failures import shown_path
 from sim_action.ros.ros2.bridge_link import Endpoint
 from sim_action.ros.ros2.messages import Message
 from sim_action.ros.ros2.quality import Qos, TopicEnd

@@ -9,7 +9,7 @@ from typing import Final
 
 from sim_action.core.errors import Location
 from sim_action.core.records import dataclass
-from sim_action.ros.ros1.verdicts.launch_output import traceback_location
+from sim_action.ros.program_failures import traceback_location
 
 # The exception is the first line without indentation, and it may have more lines.
 _TRACEBACK: Final = re.compile(

@@ -8,7 +8,7 @@ from typing import Final
 
 from sim_action.core.errors import Location, ScriptError
 from sim_action.core.wording import did_you_mean, escaped_line
-from sim_action.ros.ros1.verdicts.launch_output import exit_text, shown_path
+from sim_action.ros.program_failures import exit_text, shown_path
 from sim_action.ros.ros2.diagnosis.node_endings import ending_of
 from sim_action.ros.ros2.launch.launch_events import Event
 

@@ -30,8 +30,8 @@ from sim_action.results.events import Finished
 from sim_action.results.journal import Header, Journal, Planned
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, status_of
 from sim_action.robot.loading import load_model
-from sim_action.ros.ros1.verdicts.launch_output import shown_path, traceback_location
-from sim_action.ros.ros1.verdicts.rostest_files import Case, read_suite
+from sim_action.ros.program_failures import shown_path, traceback_location
+from sim_action.ros.result_files import Case, read_suite
 from sim_action.ros.ros2.bridge_link import BridgeEnded
 from sim_action.ros.ros2.driven_nodes import DrivenNodes, Session, controller_of, robot_topics
 from sim_action.ros.ros2.installation import find_ros

@@ -9,13 +9,13 @@ import pytest
 
 from sim_action.core.errors import Location
 from sim_action.results.outcome import Failure, Outcome
+from sim_action.ros.result_files import Case, Suite
 from sim_action.ros.ros1.launch_request import LaunchRequest, Program, SimulationResult
 from sim_action.ros.ros1.verdicts import findings
 from sim_action.ros.ros1.verdicts.findings import Findings, Run
 from sim_action.ros.ros1.verdicts.judge import Judge, _with_callbacks
 from sim_action.ros.ros1.verdicts.launch_output import CallbackError
 from sim_action.ros.ros1.verdicts.launch_tags import LaunchTag, LaunchTags
-from sim_action.ros.ros1.verdicts.rostest_files import Case, Suite
 from sim_action.world.world_files.losses import Loss
 
 WORLD = LaunchTag("arg", {"name": "world_name", "value": "$(find p)/no.world"}, Location("a.launch", 2))
