@@ -1,0 +1,233 @@
+"""Bounds, verdicts and chances of a pass rate, against sums of fractions and published figures."""
+
+from __future__ import annotations
+
+import random
+from fractions import Fraction
+from math import comb, nextafter
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim_action.results.statistics.binomial import (
+    MAX_RUNS,
+    at_least,
+    at_most,
+    chances,
+    lower_bound,
+    passes_needed,
+    passes_refuting,
+    proves,
+    refutes,
+    runs_for_power,
+    runs_needed,
+    upper_bound,
+)
+
+CONFIDENCES = (0.5, 0.8, 0.9, 0.95, 0.99, 0.999)
+counts = st.integers(1, 10_000).flatmap(lambda runs: st.tuples(st.integers(0, runs), st.just(runs)))
+
+
+@pytest.mark.parametrize("eighths", range(9))
+def test_tails_equal_sums_of_fractions(eighths: int) -> None:
+    p = Fraction(eighths, 8)
+    for n in range(31):
+        terms = [comb(n, i) * p**i * (1 - p) ** (n - i) for i in range(n + 1)]
+        for k in range(-1, n + 2):
+            upper, lower = sum(terms[max(0, k) :]), sum(terms[: k + 1])
+            assert at_least(k, n, float(p)) == pytest.approx(float(upper), rel=1e-14, abs=0)
+            assert at_most(k, n, float(p)) == pytest.approx(float(lower), rel=1e-14, abs=0)
+
+
+@pytest.mark.parametrize("k", [1, 7_000, 7_500, 8_500, 9_750])
+def test_tails_of_ten_thousand_trials_equal_whole_numbers(k: int) -> None:
+    n = 10_000
+    above, term = 0, comb(n, k) * 3**k
+    for i in range(k, n + 1):
+        above += term
+        term = term * 3 * (n - i) // (i + 1)
+    assert at_least(k, n, 0.75) == pytest.approx(float(Fraction(above, 4**n)), rel=1e-12, abs=0)
+
+
+def test_a_probability_below_the_smallest_float_is_zero() -> None:
+    assert at_least(10_000, 10_000, 0.5) == 0.0
+    assert at_most(0, 10_000, 0.5) == 0.0
+
+
+@given(counts, st.floats(0, 1))
+def test_a_tail_falls_with_its_count_and_grows_with_the_probability(count: tuple[int, int], p: float) -> None:
+    k, n = count
+    assert at_least(k + 1, n, p) <= at_least(k, n, p) <= at_least(k, n, p + (1.0 - p) / 2) + 1e-12
+    assert at_least(k, n, p) + at_most(k - 1, n, p) == pytest.approx(1.0, abs=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("passes", "runs", "lower", "upper"),
+    # Quantiles of the beta distribution, from SciPy 1.17.
+    [(0, 29, 0.0, 0.0981446), (29, 29, 0.9018554, 1.0), (57, 61, 0.8561950, 0.9772933), (5, 10, 0.2224411, 0.7775589)],
+)
+def test_bounds_are_quantiles_of_the_beta_distribution(passes: int, runs: int, lower: float, upper: float) -> None:
+    assert lower_bound(passes, runs, 0.95) == pytest.approx(lower, abs=1e-7)
+    assert upper_bound(passes, runs, 0.95) == pytest.approx(upper, abs=1e-7)
+
+
+def test_nothing_is_known_without_a_run() -> None:
+    assert (lower_bound(0, 0, 0.95), upper_bound(0, 0, 0.95)) == (0.0, 1.0)
+    assert (passes_needed(0, 0.9, 0.95), passes_refuting(0, 0.9, 0.95)) == (None, None)
+
+
+@given(counts, st.sampled_from(CONFIDENCES))
+def test_bounds_enclose_the_share_and_grow_with_the_passes(count: tuple[int, int], confidence: float) -> None:
+    passes, runs = count
+    lower, upper = lower_bound(passes, runs, confidence), upper_bound(passes, runs, confidence)
+    if confidence >= 0.8:
+        assert lower <= passes / runs <= upper
+    assert lower <= upper
+    if passes:
+        assert lower_bound(passes - 1, runs, confidence) < lower
+        assert upper_bound(passes - 1, runs, confidence) < upper
+    assert upper == pytest.approx(1.0 - lower_bound(runs - passes, runs, confidence), abs=1e-11)
+
+
+@pytest.mark.parametrize("rate", [0.5, 0.8, 0.9, 0.99])
+def test_verdicts_counts_and_bounds_agree(rate: float) -> None:
+    confidence = 0.9
+    for runs in range(1, 121):
+        least, most = passes_needed(runs, rate, confidence), passes_refuting(runs, rate, confidence)
+        for passes in range(runs + 1):
+            proven, refuted = proves(passes, runs, rate, confidence), refutes(passes, runs, rate, confidence)
+            assert proven == (least is not None and passes >= least)
+            assert refuted == (most is not None and passes <= most)
+            assert not (proven and refuted)
+        # Both bounds grow with the passes: they agree everywhere if they do so at the two changes of the verdict.
+        for passes in {least or 0, (least or runs + 1) - 1, -1 if most is None else most, (most or 0) + 1}:
+            if 0 <= passes <= runs:
+                assert (lower_bound(passes, runs, confidence) >= rate) == proves(passes, runs, rate, confidence)
+                assert (upper_bound(passes, runs, confidence) < rate) == refutes(passes, runs, rate, confidence)
+
+
+@given(counts, st.sampled_from(CONFIDENCES))
+def test_a_bound_is_the_last_rate_of_its_verdict(count: tuple[int, int], confidence: float) -> None:
+    passes, runs = count
+    lower, upper = lower_bound(passes, runs, confidence), upper_bound(passes, runs, confidence)
+    assert proves(passes, runs, lower, confidence)
+    assert not proves(passes, runs, nextafter(lower, 2.0), confidence)
+    assert not refutes(passes, runs, upper, confidence)
+    assert upper == 1.0 or refutes(passes, runs, nextafter(upper, 2.0), confidence)
+
+
+def test_a_tail_at_the_limit_proves_and_does_not_refute() -> None:
+    # 1/2 to the third is 1 - 87.5 %; the sum of the tail has rounding errors.
+    assert proves(3, 3, 0.5, 0.875)
+    assert not refutes(0, 3, 0.5, 0.875)
+    # 1 - 0.9 is less than 0.1 as a float.
+    assert proves(1, 1, 0.1, 0.9)
+    assert not refutes(0, 1, 0.9, 0.9)
+
+
+@pytest.mark.parametrize(
+    ("rate", "runs"),
+    [(0.8, (14, 22, 30, 37)), (0.9, (29, 46, 61, 76)), (0.95, (59, 93, 124, 153)), (0.99, (299, 473, 628, 773))],
+)
+def test_runs_needed_are_the_published_ones(rate: float, runs: tuple[int, ...]) -> None:
+    assert tuple(runs_needed(rate, 0.95, failures) for failures in range(4)) == runs
+    for failures, needed in enumerate(runs):
+        assert passes_needed(needed, rate, 0.95) == needed - failures
+        assert passes_needed(needed - 1, rate, 0.95) == (needed - failures if failures else None)
+
+
+@pytest.mark.parametrize(
+    ("true_rate", "runs", "passed"),
+    [(0.95, 29, 0.23), (0.95, 61, 0.41), (0.95, 76, 0.47), (0.95, 100, 0.44), (0.99, 29, 0.75), (0.99, 76, 0.99)],
+)
+def test_a_good_robot_often_misses_a_gate(true_rate: float, runs: int, passed: float) -> None:
+    assert chances(true_rate, runs, 0.9, 0.95).passed == pytest.approx(passed, abs=0.005)
+
+
+def test_chances_of_too_few_runs() -> None:
+    assert chances(0.95, 28, 0.9, 0.95).passed == 0.0
+    one = chances(0.25, 1, 0.9, 0.8)
+    assert (one.passed, one.failed, one.inconclusive) == (0.0, 0.75, 0.25)
+
+
+@pytest.mark.parametrize("confidence", [0.8, 0.95, 0.99])
+@pytest.mark.parametrize("rate", [0.5, 0.9, 0.99])
+def test_a_wrong_verdict_is_at_most_as_likely_as_stated(rate: float, confidence: float) -> None:
+    # A robot at the rate, or just below it, is the worst case of each error: both tails grow towards the rate.
+    for runs in range(1, 320, 3):
+        assert chances(nextafter(rate, 0.0), runs, rate, confidence).passed <= (1.0 - confidence) * (1.0 + 1e-11)
+        assert chances(rate, runs, rate, confidence).failed <= (1.0 - confidence) * (1.0 + 1e-11)
+
+
+def test_simulated_gates_are_wrong_as_rarely_as_stated() -> None:
+    rate, runs, confidence, gates = 0.9, 61, 0.95, 2_000
+    least, most = passes_needed(runs, rate, confidence), passes_refuting(runs, rate, confidence)
+    assert least is not None
+    assert most is not None
+    draws = random.Random(20)
+    for true_rate in (0.8, 0.89, 0.9, 0.95, 0.99):
+        passes = [sum(draws.random() < true_rate for _ in range(runs)) for _ in range(gates)]
+        passed = sum(count >= least for count in passes) / gates
+        failed = sum(count <= most for count in passes) / gates
+        if true_rate < rate:
+            assert passed <= 1.0 - confidence
+        else:
+            assert failed <= 1.0 - confidence
+        exact = chances(true_rate, runs, rate, confidence)
+        assert (passed, failed) == pytest.approx((exact.passed, exact.failed), abs=0.03)
+
+
+@pytest.mark.parametrize(("true_rate", "rate"), [(0.95, 0.9), (0.6, 0.5), (0.999, 0.99)])
+def test_the_runs_for_a_power_are_the_least_ones(true_rate: float, rate: float) -> None:
+    passed = [0.0] + [chances(true_rate, runs, rate, 0.9).passed for runs in range(1, 301)]
+    for power in (0.1, 0.3, 0.5, 0.6, 0.7):
+        expected = next((runs for runs, chance in enumerate(passed) if chance >= power), None)
+        found = runs_for_power(true_rate, rate, 0.9, power)
+        assert found == expected or (expected is None and found is not None and found > 300)
+
+
+def test_more_runs_can_have_less_power() -> None:
+    assert runs_for_power(0.95, 0.9, 0.95, 0.46) == 76
+    assert chances(0.95, 75, 0.9, 0.95).passed < 0.46 > chances(0.95, 100, 0.9, 0.95).passed
+
+
+def test_many_runs_for_a_power() -> None:
+    runs = runs_for_power(0.91, 0.9, 0.95, 0.8)
+    assert runs == 5_354
+    assert chances(0.91, runs, 0.9, 0.95).passed >= 0.8
+    assert chances(0.91, runs - 1, 0.9, 0.95).passed < 0.8
+
+
+@pytest.mark.parametrize("true_rate", [0.0, 0.5, 0.9, 0.901])
+def test_no_number_of_runs_has_the_power(true_rate: float) -> None:
+    assert runs_for_power(true_rate, 0.9, 0.95, 0.8) is None
+    assert chances(true_rate, MAX_RUNS, 0.9, 0.95).passed < 0.8
+
+
+def test_a_rate_of_zero_needs_no_pass_and_a_rate_of_one_cannot_be_proven() -> None:
+    assert passes_needed(5, 0.0, 0.95) == 0
+    assert passes_refuting(5, 0.0, 0.95) is None
+    assert passes_needed(MAX_RUNS, 1.0, 0.95) is None
+    assert passes_refuting(5, 1.0, 0.95) == 4
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: lower_bound(6, 5, 0.95), "6 passes of 5 runs"),
+        (lambda: upper_bound(-1, 5, 0.95), "-1 passes of 5 runs"),
+        (lambda: passes_needed(5, 1.1, 0.95), "a rate lies between 0 and 1: 1.1"),
+        (lambda: passes_needed(5, float("nan"), 0.95), "a rate lies between 0 and 1: nan"),
+        (lambda: at_least(1, 2, -0.1), "a rate lies between 0 and 1: -0.1"),
+        (lambda: chances(0.5, 5, 0.9, 1.0), "below 1: 1.0"),
+        (lambda: lower_bound(1, 5, 0.49), "at least 0.5 and below 1: 0.49"),
+        (lambda: runs_needed(1.0, 0.95), "no number of runs proves the rate 1.0"),
+        (lambda: runs_needed(0.9, 0.95, -1), "with -1 failures"),
+        (lambda: runs_for_power(0.95, 0.9, 0.95, 1.0), "a power lies between 0 and 1"),
+    ],
+)
+def test_arguments_out_of_range_are_refused(call: object, message: str) -> None:
+    assert callable(call)
+    with pytest.raises(ValueError, match=message):
+        call()
