@@ -41,6 +41,16 @@ def file_name(path: PurePath) -> str:
     return os.fsencode(path.as_posix()).decode("utf-8", errors="backslashreplace")
 
 
+def name_beside(file: str, reference: str, path: Path) -> str:
+    """Return the name of a file in messages, relative like that of the file which refers to it.
+
+    `path`: the real path of the file that `reference` leads to.
+    """
+    as_written = Path(file).parent / reference
+    plain = Path(os.path.normpath(as_written))
+    return file_name(plain if plain.resolve() == path else as_written)
+
+
 def compared_name(name: str) -> str:
     """Return one spelling for all names of a file: its real path, relative names taken from the current folder.
 

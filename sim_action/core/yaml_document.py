@@ -47,6 +47,20 @@ def is_plain_text(text: str) -> bool:
     return text not in _CONSTANTS and not any(each.fullmatch(text) for each in (_FLOAT, _INT, _OCTAL_OR_HEX))
 
 
+def plain_value(text: str) -> object:
+    """Return the value of a scalar without quotes: a number, a constant or text. Raise ValueError."""
+    if is_plain_text(text):
+        return text
+    if text in _CONSTANTS:
+        return _CONSTANTS[text]
+    whole, based = _INT.fullmatch(text), _OCTAL_OR_HEX.fullmatch(text)
+    if (whole or based) and len(text) > MAX_DIGITS:
+        raise ValueError(f"a number of {len(text)} digits; the maximum is {MAX_DIGITS}")
+    if whole:
+        return int(text)
+    return int(text, 0) if based else float(text)
+
+
 @dataclass(frozen=True)
 class Document:
     """The content of a file as plain values (maps as dict, lists as tuple), with the place of each value.
@@ -234,19 +248,10 @@ class _Reader:
         return self._plain(event) if event.style is None else event.value
 
     def _plain(self, event: yaml.ScalarEvent) -> object:
-        text = event.value
-        if is_plain_text(text):
-            return text
-        if text in _CONSTANTS:
-            return _CONSTANTS[text]
-        whole, based = _INT.fullmatch(text), _OCTAL_OR_HEX.fullmatch(text)
-        if (whole or based) and len(text) > MAX_DIGITS:
-            raise self._refuse(event, f"a number of {len(text)} digits; the maximum is {MAX_DIGITS}")
-        if whole:
-            return int(text)
-        if based:
-            return int(text, 0)
-        return float(text)
+        try:
+            return plain_value(event.value)
+        except ValueError as error:
+            raise self._refuse(event, str(error)) from None
 
     def _count(self, event: yaml.Event, values: int) -> None:
         self._values += values

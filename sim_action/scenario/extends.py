@@ -23,6 +23,7 @@ from sim_action.core.yaml_document import Document, KeyPath
 from sim_action.drives import DRIVES
 from sim_action.robot.built_in import BUILT_IN
 from sim_action.robot.spec import Robot
+from sim_action.scenario.draws import Choice, CsvColumn
 from sim_action.sensors import SENSORS
 from sim_action.world import World
 
@@ -91,27 +92,39 @@ def seen_from(folder: Path, document: Document, own: Path) -> Document:
     def moved(name: str) -> str:
         return Path(os.path.relpath(own / name, folder)).as_posix()
 
+    def moved_file(name: str) -> str:
+        return moved(name) if _is_relative_file(name, own) else name
+
     def relocated(data: object) -> object:
         for pattern in file_keys():
-            data = _changed(data, pattern, lambda name: moved(name) if _is_relative_file(name, own) else name)
+            data = _changed(data, pattern, moved_file)
         for pattern in file_keys(if_there=True):
             data = _changed(data, pattern[:-1], _words)
             data = _changed(data, pattern, lambda word: moved(word) if _is_there(word, own) else word)
         return data
 
-    return replace(document, data=_with_variations(relocated(document.data), relocated))
+    return replace(document, data=_with_variations(relocated(document.data), relocated, moved_file))
 
 
-def _with_variations(data: object, relocated: Callable[[object], object]) -> object:
+def _with_variations(data: object, relocated: Callable[[object], object], moved: Callable[[str], str]) -> object:
     """Return the data with the file names in its variations rewritten."""
     if not isinstance(data, dict) or not isinstance(stated := data.get("variations"), dict):
         return data
-    varied = {key: _varied(key.split("."), values, relocated) for key, values in stated.items()}
+    varied = {key: _varied(key.split("."), values, relocated, moved) for key, values in stated.items()}
     return {**data, "variations": varied}
 
 
-def _varied(steps: list[str], values: object, relocated: Callable[[object], object]) -> object:
-    return tuple(_led_to(steps, value, relocated) for value in values) if isinstance(values, tuple) else values
+def _varied(
+    steps: list[str], values: object, relocated: Callable[[object], object], moved: Callable[[str], str]
+) -> object:
+    if isinstance(values, tuple):
+        return tuple(_led_to(steps, value, relocated) for value in values)
+    if not isinstance(values, dict):
+        return values
+    changed = {key: _varied(steps, values[key], relocated, moved) for key in (Choice.key,) if key in values}
+    if isinstance(file := values.get(CsvColumn.key), str):
+        changed[CsvColumn.key] = moved(file)
+    return {**values, **changed}
 
 
 def _led_to(steps: list[str], value: object, relocated: Callable[[object], object]) -> object:

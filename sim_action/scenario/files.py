@@ -6,14 +6,13 @@ file.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Iterator
 from collections.abc import Set as AbstractSet
 from itertools import count
 from pathlib import Path
 from typing import Final
 
-from sim_action.core.discovery import SUFFIXES, file_name
+from sim_action.core.discovery import SUFFIXES, file_name, name_beside
 from sim_action.core.errors import InternalError, InvalidScenario, Location, MissingScenario, Problem
 from sim_action.core.field_types import is_title
 from sim_action.core.files import read_at_most, similar_path
@@ -178,7 +177,7 @@ def _base(document: Document, workspace: Workspace, chain: tuple[Path, ...]) -> 
     except PathError as error:
         raise InvalidScenario([document.problem(("extends",), str(error))]) from None
     own = replace(workspace, directory=path.parent)
-    base = _whole(_read(path, _named(document.file, str(reference), path)), own, (*chain, path))
+    base = _whole(_read(path, name_beside(document.file, str(reference), path)), own, (*chain, path))
     if "scenarios" in _keys(base):
         message = f"{base.file} holds several scenarios; extend a file with one scenario"
         raise InvalidScenario([document.problem(("extends",), message)])
@@ -209,13 +208,6 @@ def _near(path: Path) -> str:
         return ""
     near = nearest(path.name, names)
     return "" if near in (None, path.name) else f"; did you mean '{near}'?"
-
-
-def _named(file: str, reference: str, path: Path) -> str:
-    """Return the name of a base in messages, relative like the scenario's own name."""
-    as_written = Path(file).parent / reference
-    plain = Path(os.path.normpath(as_written))
-    return file_name(plain if plain.resolve() == path else as_written)
 
 
 def _read(path: Path, name: str | None = None, named_at: Location | None = None) -> Document:

@@ -34,8 +34,9 @@ from sim_action.drives import Drive
 from sim_action.robot.robot_model import RobotModel
 from sim_action.robot.spec import Robot
 from sim_action.scenario.claim_audit import AuditWarning
+from sim_action.scenario.draws import Choice, CsvColumn, Integers, LogUniform, Normal, Sobol, Uniform
 from sim_action.scenario.source import Source
-from sim_action.scenario.variation_values import MAX_SEED, Normal, Uniform
+from sim_action.scenario.variation_values import MAX_SEED
 from sim_action.sensors import MountedSensor
 from sim_action.state.trace_channels import Channels
 from sim_action.world import Physics, World
@@ -249,7 +250,7 @@ class Scenario(FrozenModel):
         Field(description="physics engine; auto: pybullet if installed, else mujoco"),
     ] = "auto"
     variations: Annotated[
-        dict[str, tuple[JsonValue, ...] | Uniform | Normal] | None,
+        dict[str, tuple[JsonValue, ...] | Uniform | Normal | LogUniform | Integers | Choice | Sobol | CsvColumn] | None,
         Field(description="keys of the scenario and the values that each one takes; one run for each combination"),
     ] = None
     agreement: Annotated[

@@ -1,37 +1,37 @@
-"""The values of a key in its variations: a list, or samples drawn at random."""
+"""The values of a key in its variations: a list, samples drawn at random, or a column of a CSV file."""
 
 from __future__ import annotations
 
-import math
-import re
+import io
+from collections.abc import Iterator
 from random import Random
-from typing import Annotated, Any, ClassVar, Final, Self
+from typing import Any, Final
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import ValidationError
 
-from sim_action.core import units
-from sim_action.core.field_types import FrozenModel
+from sim_action.core.discovery import name_beside
+from sim_action.core.errors import Location
+from sim_action.core.files import read_at_most
 from sim_action.core.records import dataclass
-from sim_action.core.wording import did_you_mean, shown
-from sim_action.core.yaml_document import KeyPath
+from sim_action.core.wording import counted, did_you_mean, shown
+from sim_action.core.workspace import PathError, Workspace, similar_name
+from sim_action.core.yaml_document import KeyPath, plain_value
 from sim_action.core.yaml_errors import spec_errors
-
-_QUANTITY: Final = re.compile(
-    r"\s*([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*((?:[A-Za-z][A-Za-z0-9/^ ]{0,19})?)\s*"
-)
-
-# The least number that is used instead of 0, at which the inverse normal distribution is infinite.
-_LEAST: Final = 2.0**-53
+from sim_action.scenario.draws import DRAWS, OPTIONS, Choice, CsvColumn, Distribution, Draw, Integers, Sobol, Uniform
+from sim_action.scenario.sobol import BITS, scrambled_points
 
 SEED: Final = "seed"
 """The key of the random seed."""
 
 MAX_SEED: Final = 2**63 - 1
 
+MAX_CSV_BYTES: Final = 25_000_000
+
+MAX_ROWS: Final = 10_000
+"""The largest number of rows that are samples; it is that of the runs of a file."""
+
 # Many programs round larger numbers when they read JSON.
 _DRAWN_SEED_BITS: Final = 53
-
-Bounds = tuple[float | str, float | str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,139 +39,196 @@ class ValueList:
     """The values of one key.
 
     Attributes:
-        draw: advice for an invalid value if they are drawn at random.
-        whole: True if they are drawn as whole numbers.
+        drawn: True if they are samples, which all drawn keys share.
+        advice: for a sample that the key does not allow; empty if the problem is reported at its own place.
+        rounded: True if names have their numbers rounded.
+        choices: the different values that samples are chosen from, if they are listed.
+        places: of each value: keys below the varied key, or a place in another file; empty if they have none.
     """
 
     values: tuple[Any, ...]
-    draw: str = ""
-    whole: bool = False
-
-    @property
-    def drawn(self) -> bool:
-        """Return True if the values are drawn at random."""
-        return bool(self.draw)
+    drawn: bool = False
+    advice: str = ""
+    rounded: bool = False
+    choices: tuple[Any, ...] = ()
+    places: tuple[KeyPath | Location, ...] = ()
 
 
 class ValuesError(Exception):
-    """Invalid values; `path` leads to the problem."""
+    """Invalid values; `path` leads to the problem below the key, or `place` is in another file."""
 
-    def __init__(self, message: str, path: KeyPath = ()) -> None:
-        self.path = path
+    def __init__(self, message: str, path: KeyPath = (), place: Location | None = None) -> None:
+        self.path, self.place = path, place
         super().__init__(message)
 
 
-class Draw(FrozenModel):
-    """Values drawn at random. Only the seed and the key decide them: other keys change nothing."""
+class CsvFiles:
+    """The CSV files that variations of one scenario name; each is read once."""
 
-    key: ClassVar[str]
-    bounding: ClassVar[str]
-    """Advice for a sample outside the range of its key."""
+    def __init__(self, workspace: Workspace, file: str) -> None:
+        """Start; `file`: the name of the scenario's file in messages."""
+        self._workspace, self._file = workspace, file
+        self._tables: dict[str, _Table] = {}
 
-    samples: Annotated[int, Field(ge=1, le=10_000, description="number of samples; the same for all drawn keys")]
+    def table(self, reference: str) -> _Table:
+        """Return the rows of a file. Raises ValuesError."""
+        if reference not in self._tables:
+            self._tables[reference] = self._read(reference)
+        return self._tables[reference]
 
-    def drawn(self, generator: Random) -> tuple[float | str, ...]:
-        """Return the samples, in the unit of the bounds."""
-        first, second, unit = self.numbers
-        numbers = (self._one(generator, first, second) for _ in range(self.samples))
-        return tuple(f"{number!r} {unit}" if unit else number for number in numbers)
-
-    @property
-    def numbers(self) -> tuple[float, float, str]:
-        """Return both figures in one unit: that of the second, or of the first if the second is a bare 0.
-
-        Raises ValueError.
-        """
-        stated, bound = getattr(self, self.key)
-        (first, unit), (second, other) = _number(stated), _number(bound)
-        if unit == other or (unit and not other and second == 0):
-            return first, second, unit
-        if first == 0 and not unit:
-            return first, second, other
-        factor = units.conversion(unit, other) if unit and other else None
-        if factor is None or not math.isfinite(first * factor):
-            raise ValueError(
-                f"both figures must have units of one dimension, or none; found {shown(stated)} and {shown(bound)}"
+    def _read(self, reference: str) -> _Table:
+        try:
+            path = self._workspace.file(reference)
+        except PathError as error:
+            raise ValuesError(f"{error}{similar_name(self._workspace.directory / reference)}", ("csv",)) from None
+        name = name_beside(self._file, reference, path)
+        try:
+            data = read_at_most(path, MAX_CSV_BYTES)
+        except OSError as error:
+            raise ValuesError(f"{name} cannot be read: {error.strerror}", ("csv",)) from None
+        if data is None:
+            raise ValuesError(
+                f"{name} has more than {MAX_CSV_BYTES // 1_000_000} MB; keep the rows to run only", ("csv",)
             )
-        return first * factor, second, other
-
-    def __str__(self) -> str:
-        return f"{self.key}: [{', '.join(map(str, getattr(self, self.key)))}]"
-
-    def _one(self, generator: Random, first: float, second: float) -> float:
-        raise NotImplementedError
+        return _Table.of(name, data)
 
 
-class Uniform(Draw):
-    """A uniform distribution between two bounds."""
+@dataclass(frozen=True, slots=True)
+class _Table:
+    """The columns of a CSV file, and its first rows with the numbers of their lines; it has no empty rows at the end.
 
-    key = "uniform"
-    bounding = "choose bounds within the allowed range"
+    Attributes:
+        is_whole: True if there are no further rows.
+    """
 
-    uniform: Annotated[
-        Bounds, Field(description="lower and upper bound: numbers, or quantities of one dimension; 0 needs no unit")
-    ]
+    name: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[int, list[str]], ...]
+    is_whole: bool
 
-    @model_validator(mode="after")
-    def _is_a_range(self) -> Self:
-        low, high, _ = self.numbers
-        if not low < high or not math.isfinite(high - low):
-            raise ValueError("the first bound must be below the second")
-        return self
+    @classmethod
+    def of(cls, name: str, data: bytes) -> _Table:
+        """Return the table of a file. Raises ValuesError."""
+        try:
+            text = data.decode("utf-8-sig")
+        except UnicodeDecodeError as error:
+            line = data[: error.start].count(b"\n") + 1
+            message = f"the byte 0x{data[error.start]:02x} is not UTF-8 text; save the file as CSV in UTF-8"
+            raise ValuesError(message, place=Location(name, line)) from None
+        lines = _lines(name, text)
+        _, columns = next((each for each in lines if any(each[1])), (0, []))
+        if not columns:
+            raise ValuesError("the file is empty; its first line must name the columns", place=Location(name, 1))
+        rows: list[tuple[int, list[str]]] = []
+        empty: tuple[int, list[str]] | None = None
+        for row in lines:
+            if not any(row[1]):
+                empty = empty or row
+                continue
+            rows += [row] if empty is None else [empty, row]
+            empty = None
+            if len(rows) > MAX_ROWS:
+                break
+        return cls(name, tuple(columns), tuple(rows), len(rows) <= MAX_ROWS)
 
-    def _one(self, generator: Random, first: float, second: float) -> float:
-        return float(first + (second - first) * generator.random())
+    def values(self, column: str, rows: int) -> Iterator[tuple[object, Location]]:
+        """Yield the values of a column in the first rows, with their places. Raises ValuesError."""
+        index = self.columns.index(column)
+        for line, cells in self.rows[:rows]:
+            place = Location(self.name, line)
+            if any(cells) and len(cells) != len(self.columns):
+                message = (
+                    f"found {counted(len(cells), 'cell')}, but the header has {counted(len(self.columns), 'column')}"
+                )
+                raise ValuesError(message, place=place)
+            cell = cells[index] if cells else ""
+            if not cell:
+                raise ValuesError(f"the cell of column '{column}' is empty; fill it, or remove the row", place=place)
+            if not cell.isprintable():
+                raise ValuesError(f"expected one line of text in column '{column}', found {shown(cell)}", place=place)
+            try:
+                yield plain_value(cell), place
+            except ValueError as error:
+                raise ValuesError(f"column '{column}': {error}", place=place) from None
 
 
-class Normal(Draw):
-    """A normal distribution."""
+def _lines(name: str, text: str) -> Iterator[tuple[int, list[str]]]:
+    """Yield the number of each line and its cells. Raises ValuesError."""
+    # Few scenarios need it.
+    import csv
 
-    key = "normal"
-    bounding = "use 'uniform', which has bounds, or a smaller deviation"
+    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
+    try:
+        for cells in reader:
+            yield reader.line_num, [cell.strip() for cell in cells]
+    except csv.Error as error:
+        raise ValuesError(f"not valid CSV: {error}", place=Location(name, reader.line_num)) from None
 
-    normal: Annotated[
-        Bounds,
-        Field(description="mean and standard deviation: numbers, or quantities of one dimension; 0 needs no unit"),
-    ]
-
-    @model_validator(mode="after")
-    def _spreads(self) -> Self:
-        if self.numbers[1] <= 0:
-            raise ValueError("the standard deviation must be above 0")
-        return self
-
-    def _one(self, generator: Random, first: float, second: float) -> float:
-        # Few scenarios draw from it, and this takes 3 ms to import.
-        from statistics import NormalDist
-
-        return float(first + second * NormalDist().inv_cdf(generator.random() or _LEAST))
-
-
-DRAWS: Final[dict[str, type[Draw]]] = {draw.key: draw for draw in (Uniform, Normal)}
-"""The key that tells one way to draw from the others."""
 
 _EXPECTED: Final = "expected a list of values, or a draw such as {uniform: [0, 1], samples: 10}"
 
 
-def value_list(key: str, stated: object, seed: int) -> ValueList:
-    """Return the values of a key; `key` and `seed` decide random draws. Raises ValuesError."""
+def is_of(way: type[Draw], stated: object) -> bool:
+    """Return True if the value of a key states a way to draw."""
+    return isinstance(stated, dict) and way.key in stated
+
+
+def value_list(
+    key: str,
+    stated: object,
+    seed: int,
+    *,
+    runs: int | None = None,
+    dimension: int = 0,
+    files: CsvFiles | None = None,
+) -> ValueList:
+    """Return the values of a key.
+
+    Args:
+        key: as it is written; `key` and `seed` decide random draws.
+        stated: the value of the key in `variations`.
+        seed: of the scenario.
+        runs: the number of samples that a gate asks for; None without a gate.
+        dimension: the place of the key among those with `sobol`, from 0.
+        files: those that it may read.
+
+    Raises ValuesError.
+    """
     if isinstance(stated, tuple) and stated:
         _refuse_twins(stated)
-        return ValueList(stated)
+        return ValueList(stated, places=tuple((index,) for index in range(len(stated))))
+    draw = _draw(stated)
+    if isinstance(draw, CsvColumn):
+        return _of_csv(key, draw, runs, files)
+    generator, count = _generator(key, seed), _count(draw, runs)
+    if key == SEED:
+        return _seeds(draw, count, generator)
+    if isinstance(draw, Choice):
+        _refuse_twins(draw.choice, ("choice",), "; use 'weights' instead")
+        indices = tuple(draw.indices(generator.random() for _ in range(count)))
+        places = tuple(("choice", index) for index in indices)
+        return ValueList(tuple(draw.choice[each] for each in indices), True, choices=draw.choice, places=places)
+    assert isinstance(draw, Distribution)
+    if isinstance(draw, Sobol):
+        _refuse_uneven(draw, count)
+        numbers = scrambled_points(dimension, count, generator.getrandbits(BITS))
+    else:
+        numbers = (generator.random() for _ in range(count))
+    return ValueList(tuple(draw.drawn(numbers)), True, draw.advice, rounded=not isinstance(draw, Integers))
+
+
+def _draw(stated: object) -> Draw:
+    """Return the draw that a key states. Raises ValuesError."""
     if not isinstance(stated, dict):
         raise ValuesError(f"{_EXPECTED}, found {shown(stated)}")
     ways = [way for way in DRAWS if way in stated]
-    if len(ways) != 1:
-        others = [name for name in stated if name not in DRAWS and name != "samples"]
-        hint = did_you_mean(others[0], (*DRAWS, "samples")) if others else ""
+    if len(ways) > 1:
+        raise ValuesError(f"'{ways[0]}' and '{ways[1]}' cannot be combined; keep one of them")
+    if not ways:
+        others = [name for name in stated if name not in OPTIONS]
+        hint = did_you_mean(others[0] if others else "", DRAWS)
         raise ValuesError(f"{_EXPECTED}{hint}")
-    draw = _draw(DRAWS[ways[0]], stated)
-    if key == SEED:
-        return ValueList(_seeds(draw, _generator(key, seed)), _advice(draw), whole=True)
-    return ValueList(draw.drawn(_generator(key, seed)), _advice(draw))
-
-
-def _draw(model: type[Draw], stated: dict[str, object]) -> Draw:
+    model = DRAWS[ways[0]]
     try:
         return model.model_validate(stated)
     except ValidationError as error:
@@ -179,31 +236,85 @@ def _draw(model: type[Draw], stated: dict[str, object]) -> Draw:
         raise ValuesError(message, path) from None
 
 
+def _count(draw: Draw, runs: int | None) -> int:
+    """Return the number of samples. Raises ValuesError."""
+    _refuse_other_runs(draw, runs)
+    count = draw.samples or runs
+    if count is None:
+        raise ValuesError("the key 'samples' is missing; add it, or state the number of runs in 'gate.runs'")
+    return count
+
+
+def _refuse_other_runs(draw: Draw, runs: int | None) -> None:
+    if runs is not None and draw.samples not in (None, runs):
+        message = f"{counted(draw.samples or 0, 'sample')}, but the gate has {counted(runs, 'run')}"
+        raise ValuesError(f"{message}; remove 'samples', or make both equal", ("samples",))
+
+
+def _refuse_uneven(draw: Sobol, count: int) -> None:
+    if count & (count - 1):
+        above = 1 << count.bit_length()
+        near = f"{above // 2:,} or {above:,}" if above <= MAX_ROWS else f"{above // 2:,}, the greatest one"
+        where = "samples" if draw.samples else "runs of the gate"
+        message = f"'sobol' covers a space evenly with a power of 2 as the number of {where}"
+        raise ValuesError(f"{message}, such as {near}; found {count:,}", ("samples",) if draw.samples else ())
+
+
+def _of_csv(key: str, draw: CsvColumn, runs: int | None, files: CsvFiles | None) -> ValueList:
+    """Return the values of a column. Raises ValuesError."""
+    if key == SEED:
+        raise ValuesError(_NO_SEEDS, (draw.key,))
+    if files is None:
+        raise ValuesError("a CSV file can only be read for the scenario of a file", (draw.key,))
+    _refuse_other_runs(draw, runs)
+    table = files.table(draw.csv)
+    column = draw.column or key.rpartition(".")[2]
+    if (times := table.columns.count(column)) != 1:
+        found = f"{table.name} has {'no column' if not times else f'{times} columns'} {shown(column)}"
+        hint = did_you_mean(column, table.columns) if not times else "; give each column a name of its own"
+        separated = "; separate columns by commas" if len(table.columns) == 1 and not times else ""
+        remedy = "" if draw.column or times else "; name one with 'column'"
+        raise ValuesError(f"{found}{hint}{separated}{remedy}", ("column",) if draw.column else ("csv",))
+    wanted = draw.samples or runs
+    if (wanted or 1) > len(table.rows):
+        asked = "'samples' is" if draw.samples else "the gate needs" if runs else "it needs at least"
+        message = f"{table.name} has {counted(len(table.rows), 'row')} after the header, but {asked} {wanted or 1}"
+        raise ValuesError(message, ("samples",) if draw.samples else ("csv",))
+    if wanted is None and not table.is_whole:
+        raise ValuesError(
+            f"{table.name} has more than {MAX_ROWS:,} rows; choose the first ones with 'samples'", ("csv",)
+        )
+    cells = tuple(table.values(column, wanted or len(table.rows)))
+    return ValueList(tuple(value for value, _ in cells), True, places=tuple(place for _, place in cells))
+
+
 def sample_seed(seed: int, sample: int) -> int:
     """Return the seed of a sample, from the scenario's seed and the index of the sample alone."""
     return Random(f"sample {sample} of seed {seed}").getrandbits(_DRAWN_SEED_BITS)
 
 
-def _seeds(draw: Draw, generator: Random) -> tuple[int, ...]:
+_NO_SEEDS: Final = (
+    "seeds are different whole numbers: draw them with 'integers' or 'uniform', such as "
+    "{integers: [0, 1000000], samples: 20}"
+)
+
+
+def _seeds(draw: Draw, count: int, generator: Random) -> ValueList:
     """Return different whole numbers; more samples keep the first ones. Raises ValuesError."""
-    if not isinstance(draw, Uniform):
-        example = "{uniform: [0, 1000000], samples: 20}"
-        raise ValuesError(f"seeds are whole numbers: draw them with 'uniform', such as {example}", (draw.key,))
-    low, high, unit = draw.numbers
+    if not isinstance(draw, Integers | Uniform):
+        raise ValuesError(_NO_SEEDS, (draw.key,))
+    low, high, unit = (*draw.integers, "") if isinstance(draw, Integers) else draw.numbers
     if unit or low < 0 or high > 2**_DRAWN_SEED_BITS or low % 1 or high % 1:
         raise ValuesError(f"the bounds of seeds must be whole numbers from 0 to {2**_DRAWN_SEED_BITS}", (draw.key,))
     size = int(high - low) + 1
-    if draw.samples > size:
-        message = f"{draw.samples} different seeds do not fit between {low:g} and {high:g}"
-        raise ValuesError(f"{message}; choose wider bounds, such as [0, 1000000]", ("samples",))
+    if count > size:
+        message = f"{count} different seeds do not fit between {low:g} and {high:g}"
+        path = ("samples",) if draw.samples else (draw.key,)
+        raise ValuesError(f"{message}; choose wider bounds, such as [0, 1000000]", path)
     found: dict[int, None] = {}
-    while len(found) < draw.samples:
+    while len(found) < count:
         found[int(low) + int(size * generator.random())] = None
-    return tuple(found)
-
-
-def _advice(draw: Draw) -> str:
-    return f"drawn from {draw}; {draw.bounding}"
+    return ValueList(tuple(found), True, draw.advice)
 
 
 def _generator(key: str, seed: int) -> Random:
@@ -211,17 +322,9 @@ def _generator(key: str, seed: int) -> Random:
     return Random(f"variations {key} {seed}")
 
 
-def _refuse_twins(values: tuple[object, ...]) -> None:
+def _refuse_twins(values: tuple[object, ...], path: KeyPath = (), remedy: str = "") -> None:
     seen: set[str] = set()
     for index, value in enumerate(values):
         if (written := repr(value)) in seen:
-            raise ValuesError(f"{shown(value)} occurs twice", (index,))
+            raise ValuesError(f"{shown(value)} occurs twice{remedy}", (*path, index))
         seen.add(written)
-
-
-def _number(value: float | str) -> tuple[float, str]:
-    found = _QUANTITY.fullmatch(value) if isinstance(value, str) else None
-    number = float(found[1]) if found else math.nan if isinstance(value, str) else float(value)
-    if not math.isfinite(number):
-        raise ValueError(f"expected a finite number or quantity, found {shown(value)}")
-    return number, found[2] if found else ""

@@ -2,8 +2,8 @@
 
 `variations:` lists dotted keys, such as `world.objects.wall.pose.x`, and their values. A step into a list is the name
 of an entry or its index from 0. A key or name that contains dots counts as a whole. Lists are multiplied with each
-other. Random draws are joint: each sample holds a value for every drawn key, and the list of samples is one more
-factor. A variation is named `push[friction=0.4,yaw=0.031]`.
+other. Draws are joint: each sample holds a value for every drawn key, and the list of samples is one more factor. A
+variation is named `push[friction=0.4,yaw=0.031]`.
 
 Each sample has a seed of its own, so that samples are independent. Listed values are compared on the same samples.
 """
@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections import ChainMap
+from collections import ChainMap, Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import product
 from types import MappingProxyType
@@ -25,9 +25,19 @@ from sim_action.core.field_types import is_plain_name
 from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import did_you_mean, shown
 from sim_action.core.yaml_document import Document, KeyPath
+from sim_action.scenario.draws import Sobol
 from sim_action.scenario.extends import without
 from sim_action.scenario.source import Source, Varied
-from sim_action.scenario.variation_values import MAX_SEED, SEED, ValueList, ValuesError, sample_seed, value_list
+from sim_action.scenario.variation_values import (
+    MAX_SEED,
+    SEED,
+    CsvFiles,
+    ValueList,
+    ValuesError,
+    is_of,
+    sample_seed,
+    value_list,
+)
 
 
 class NoSuchKey(Exception):
@@ -108,7 +118,7 @@ _MIN_DIGITS: Final = 3
 # Two different floats always differ in this many digits.
 _MAX_DIGITS: Final = 17
 # Characters of the name's own form or of patterns.
-_NOT_IN_TEXTS: Final = re.compile(r"[][,=*?\s]")
+_NOT_IN_TEXTS: Final = re.compile(r"[][,=*?\s]|#[0-9]+$")
 _NOT_IN_KEYS: Final = re.compile(r"[][,=*?]")
 _LONGEST_KEY: Final = 200
 
@@ -125,13 +135,16 @@ def labels(keys: Sequence[str]) -> dict[str, str]:
 
 def texts(values: ValueList) -> tuple[str, ...]:
     """Return the text of each value in names; a long or structured value is replaced by its number in the list."""
-    if values.drawn and not values.whole:
+    if values.rounded:
         return _told_apart([_rounding(value) for value in values.values])
-    written = [_written(value) for value in values.values]
-    return tuple(
-        text if text is not None and written.count(text) == 1 else f"#{number}"
-        for number, text in enumerate(written, start=1)
-    )
+    listed = {repr(value): value for value in values.choices or values.values}
+    written = {key: _written(value) for key, value in listed.items()}
+    count = Counter(written.values())
+    called = {
+        key: text if text is not None and count[text] == 1 else f"#{number}"
+        for number, (key, text) in enumerate(written.items(), start=1)
+    }
+    return tuple(called[repr(value)] for value in values.values)
 
 
 def _label(steps: list[str], others: list[list[str]]) -> str:
@@ -197,14 +210,20 @@ class _Key:
     label: str
     texts: tuple[str, ...]
 
+    def place(self, document: Document, index: int) -> Location:
+        """Return the place where a value is written."""
+        below = self.values.places[index] if self.values.places else ()
+        return below if isinstance(below, Location) else document.location(("variations", self.written, *below))
 
-def expanded(source: Source, seed: int | None, most: int = MAX_RUNS) -> tuple[Source, ...]:
+
+def expanded(source: Source, seed: int | None, most: int = MAX_RUNS, *, runs: int | None = None) -> tuple[Source, ...]:
     """Return a source for each variation in the order of their values, or the scenario itself if it has none.
 
     Args:
         source: of the scenario.
         seed: for random draws; None takes the scenario's own.
         most: the largest number of variations.
+        runs: the number of samples that a gate asks for, which draws have unless they state it; None without a gate.
 
     Raises InvalidScenario.
     """
@@ -212,16 +231,18 @@ def expanded(source: Source, seed: int | None, most: int = MAX_RUNS) -> tuple[So
     if not isinstance(data, dict) or "variations" not in data:
         return (source,)
     base = without(source.document, "variations")
-    keys = _keys(source.document, base, (_seed(base) or 0) if seed is None else seed)
+    keys = _numbered(_keys(source, base, (_seed(base) or 0) if seed is None else seed, runs))
     # Indices into the values of each key; drawn keys share one index.
     drawn = [key for key in keys if key.values.drawn]
     factors = [key for key in keys if key not in drawn[1:]]
-    runs = math.prod(len(key.values.values) for key in factors)
-    if runs > most:
-        message = f"{runs:,} runs; a file may have {MAX_RUNS:,}"
+    count = math.prod(len(key.values.values) for key in factors)
+    if count > most:
+        message = f"{count:,} runs; a file may have {MAX_RUNS:,}"
         raise InvalidScenario([source.document.problem(("variations",), message)])
-    if runs * (size := base.size) > _MAX_WRITTEN_OUT:
-        message = f"{runs:,} runs of {size:,} values each, more than {_MAX_WRITTEN_OUT:,}; move long values into a file"
+    if count * (size := base.size) > _MAX_WRITTEN_OUT:
+        message = (
+            f"{count:,} runs of {size:,} values each, more than {_MAX_WRITTEN_OUT:,}; move long values into a file"
+        )
         raise InvalidScenario([source.document.problem(("variations",), message)])
     rows = product(*(range(len(key.values.values)) for key in factors))
     # The keys that all variations share exist once.
@@ -250,11 +271,9 @@ def _varied(source: Source, base: Document, keys: Sequence[_Key], indices: Mappi
     for key in keys:
         value = key.values.values[indices[key.written]]
         data, made = placed(data, key.path, value)
-        own: KeyPath = ("variations", key.written)
-        place = source.document.location(own if key.values.drawn else (*own, indices[key.written]))
-        marks |= dict.fromkeys(made, place)
+        marks |= dict.fromkeys(made, key.place(source.document, indices[key.written]))
     chained = ChainMap(marks, cast(dict[KeyPath, Location], base.marks))
-    draws = ((source.document.location(("variations", key.written)), key.values.draw) for key in keys)
+    draws = ((key.place(source.document, indices[key.written]), key.values.advice) for key in keys)
     values = ",".join(f"{key.label}={key.texts[indices[key.written]]}" for key in keys)
     return replace(
         source,
@@ -262,7 +281,7 @@ def _varied(source: Source, base: Document, keys: Sequence[_Key], indices: Mappi
         name=f"{source.name}[{values}]",
         group=source.name,
         variation=tuple(Varied(key.written, _json(key.values.values[indices[key.written]])) for key in keys),
-        draws=tuple((place, draw) for place, draw in draws if draw),
+        draws=tuple((place, advice) for place, advice in draws if advice),
     )
 
 
@@ -293,8 +312,9 @@ def _seed(document: Document) -> int | None:
     return seed if isinstance(seed, int) and not isinstance(seed, bool) and 0 <= seed <= MAX_SEED else None
 
 
-def _keys(document: Document, base: Document, seed: int) -> list[_Key]:
+def _keys(source: Source, base: Document, seed: int, runs: int | None) -> list[_Key]:
     """Return the varied keys. Raises InvalidScenario."""
+    document = source.document
     assert isinstance(document.data, dict)
     stated = document.data["variations"]
     if not isinstance(stated, dict) or not 0 < len(stated) <= MAX_KEYS:
@@ -302,20 +322,38 @@ def _keys(document: Document, base: Document, seed: int) -> list[_Key]:
         raise InvalidScenario([document.problem(("variations",), message)])
     problems: list[Problem] = []
     found: dict[str, tuple[KeyPath, ValueList]] = {}
+    files = CsvFiles(source.workspace, document.file)
+    even = [written for written, values in stated.items() if is_of(Sobol, values)]
     for written, values in stated.items():
+        dimension = even.index(written) if written in even else 0
         try:
             path = resolved(base.data, written)
             _refuse_unfit(path, written)
-            found[written] = path, value_list(written, values, seed)
+            listed = value_list(written, values, seed, runs=runs, dimension=dimension, files=files)
+            found[written] = path, listed
         except NoSuchKey as error:
             problems.append(document.problem(("variations", written), str(error)))
         except ValuesError as error:
-            problems.append(document.problem(("variations", written, *error.path), str(error)))
+            problem = document.problem(("variations", written, *error.path), str(error))
+            problems.append(problem if error.place is None else replace(problem, location=error.place))
     problems = problems or [document.problem(("variations", *path), text) for path, text in _clashes(found)]
     if problems:
         raise InvalidScenario(problems)
     called = labels(list(found))
     return [_Key(key, path, values, called[key], texts(values)) for key, (path, values) in found.items()]
+
+
+def _numbered(keys: list[_Key]) -> list[_Key]:
+    """Return the keys with the numbers of samples in the texts of those that are equal in all drawn keys."""
+    drawn = [key for key in keys if key.values.drawn]
+    rows = list(zip(*(key.texts for key in drawn), strict=True)) if drawn else []
+    count = Counter(rows)
+    if len(count) == len(rows):
+        return keys
+    first = drawn[0]
+    numbers = enumerate(zip(first.texts, rows, strict=True), start=1)
+    told = tuple(f"{text}#{number}" if count[row] > 1 else text for number, (text, row) in numbers)
+    return [replace(key, texts=told) if key is first else key for key in keys]
 
 
 def _refuse_unfit(path: KeyPath, written: str) -> None:

@@ -74,6 +74,9 @@ def test_files_that_vary_are_the_same_files(tmp_path: Path) -> None:
             "expect.0.not.assertion": (f"{folder}c.py:Level",),
             "commands.0.process.1": (f"{folder}drive.py", "1.5"),
             "robot.pose.x": {"uniform": (0, 1), "samples": 3},
+            "robot.pose.y": {"csv": f"{folder}rows.csv", "column": "y"},
+            "robot.srdf": {"choice": (f"{folder}a.srdf", f"{folder}b.srdf"), "samples": 3},
+            "robot.pose.z": {"csv": 3, "choice": 4},
             "name": "a.b",
         }
 

@@ -271,7 +271,7 @@ def test_a_name_with_dots_leads_to_its_entry(key: str, box: int) -> None:
         ),
         (
             "{seed: {normal: [5, 1], samples: 2}}",
-            "seeds are whole numbers: draw them with 'uniform', such as {uniform: [0, 1000000], samples: 20}",
+            "seeds are different whole numbers: draw them with 'integers' or 'uniform', such as {integers: [0, 10000",
         ),
         (
             "{seed: {uniform: [0, 0.5], samples: 2}}",
@@ -287,7 +287,7 @@ def test_a_name_with_dots_leads_to_its_entry(key: str, box: int) -> None:
         ("{robot.pose.x: []}", "expected a list of values, or a draw such as"),
         ("{robot.pose.x: 3}", "expected a list of values, or a draw such as {uniform: [0, 1], samples: 10}, found 3"),
         ("{robot.pose.x: {unifrm: [0, 1], samples: 2}}", "did you mean 'uniform'?"),
-        ("{robot.pose.x: {uniform: [0, 1], normal: [0, 1], samples: 2}}", "expected a list of values, or a draw"),
+        ("{robot.pose.x: {uniform: [0, 1], normal: [0, 1], samples: 2}}", "'uniform' and 'normal' cannot be combined"),
         ("{robot.pose.x: [1, 2, 1]}", "1 occurs twice"),
         ("{robot.pose.x: {uniform: [1, 1], samples: 2}}", "the first bound must be below the second"),
         (
@@ -411,6 +411,19 @@ def test_what_is_drawn_stays_the_same_for_good() -> None:
         "[yaw=0.016,x=-3.59cm]",
         "[yaw=-0.0165,x=2.34cm]",
     ]
+    text = (
+        "variations:\n  robot.pose.z: {log_uniform: [1 mm, 1 m], samples: 4}\n"
+        "  robot.pose.y: {sobol: [0, 1], samples: 4}\n"
+        "  robot.pose.yaw: {normal: [0, 1], between: [0, 9], samples: 4}\n"
+        "  robot.pose.pitch: {integers: [0, 99], samples: 4}\n"
+        "  robot.base: {choice: [free, fixed], weights: [1, 2], samples: 4}\n"
+    )
+    assert names(text) == [
+        "[z=0.6m,y=0.375,yaw=1.02,pitch=39,base=free]",
+        "[z=0.0129m,y=0.818,yaw=0.806,pitch=8,base=fixed]",
+        "[z=0.00546m,y=0.687,yaw=0.55,pitch=60,base=fixed]",
+        "[z=0.00254m,y=0.0379,yaw=1.09,pitch=55,base=free]",
+    ]
 
 
 def test_normal_draws_are_spread_as_they_say() -> None:
@@ -456,7 +469,7 @@ def test_a_draw_beyond_what_its_key_allows_stops_that_variation_alone(tmp_path: 
         (problem,) = each.problems
         assert str(problem).endswith(
             f"12:3: world.ground.friction: must be at least 0, found {each.variation[0].value} "
-            "(drawn from normal: [0.2, 0.2]; use 'uniform', which has bounds, or a smaller deviation)"
+            "(drawn from normal: [0.2, 0.2]; limit it with 'between', or use a smaller deviation)"
         )
     outcome = Outcome.of_refused(refused[0])
     assert (outcome.name, outcome.group, outcome.variation) == (refused[0].name, refused[0].group, refused[0].variation)

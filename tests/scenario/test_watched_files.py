@@ -279,3 +279,12 @@ def test_each_variation_names_files_of_its_own() -> None:
     assert len(of_runs) == 2
     assert of_runs[0] != of_runs[1]
     assert all("sim/a.sim.yml" in of_run and len(of_run) == 2 for of_run in of_runs)
+
+
+def test_tables_of_samples_are_watched_and_named_by_all_runs() -> None:
+    write("sim/rows.csv", "x,y\n1,2\n3,4\n")
+    text = "name: a\nextends: bases/b.base.yml\nvariations: {robot.pose.x: {csv: rows.csv}}\n"
+    write("sim/bases/b.base.yml", "time_limit: 9\nvariations: {robot.pose.y: {csv: ../rows.csv}}")
+    files = ["sim/a.sim.yml", "sim/bases/b.base.yml", "sim/rows.csv"]
+    assert found(text) == files
+    assert named(text) == [files, files]
