@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -93,6 +94,7 @@ def contact(time: float, body: str = "wall", link: str = "base_footprint", force
     return Contact(time, link, body, (1.0, 0.25, 0.1), force)
 
 
+@cache
 def burger() -> RobotModel:
     return load_model(Robot(model=BURGER), HERE)
 

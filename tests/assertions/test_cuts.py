@@ -206,14 +206,16 @@ def random_trace(seed: int, steps: int = STEPS) -> Trace:
 
 def random_steps(rng: np.random.Generator, foot: str, time: FloatArray) -> ContactRecord:
     """On the ground most of the time, and at a wall or on the ball now and then."""
-    ground = [(float(at), "ground", (0.0, 0.0, 1.0)) for at in time if rng.random() < rng.choice([0.9, 1.0])]
-    others = [
-        (float(at), str(rng.choice(["wall", "ball"])), (float(rng.choice([-1, 1])), 0.0, 0.0)) for at in time[::7]
-    ]
+    stands = rng.random(len(time)) < rng.choice([0.9, 1.0], len(time))
+    ground = [(at, "ground", (0.0, 0.0, 1.0)) for at in time[stands].tolist()]
+    bodies, sides = (rng.choice(these, len(time[::7])).tolist() for these in (["wall", "ball"], [-1.0, 1.0]))
+    others = [(at, body, (side, 0.0, 0.0)) for at, body, side in zip(time[::7].tolist(), bodies, sides, strict=True)]
+    touches = sorted([*ground, *others])
+    places, forces = rng.normal(size=(len(touches), 3)).tolist(), rng.uniform(1.0, 9.0, len(touches)).tolist()
     return ContactRecord.of(
         [
-            (at, LinkTouch(foot, body, tuple(rng.normal(size=3).tolist()), normal, float(rng.uniform(1.0, 9.0))))
-            for at, body, normal in sorted([*ground, *others])
+            (at, LinkTouch(foot, body, tuple(place), normal, force))
+            for (at, body, normal), place, force in zip(touches, places, forces, strict=True)
         ]
     )
 
@@ -240,11 +242,13 @@ def random_odometry(rng: np.random.Generator, time: FloatArray) -> SensorRecord:
 
 def random_clearances(rng: np.random.Generator, watch: ClearanceWatch, time: FloatArray) -> ClearanceRecord:
     """A random walk of a distance, told as the watch wants it: always, or where it is less than ever before."""
+    count = len(time)
+    links, bodies = (rng.choice(names, count).tolist() for names in (["base_scan", "base_footprint"], ["wall", "ball"]))
+    distances = (np.cumsum(rng.normal(scale=0.05, size=count)) + 0.4).tolist()
     found: list[Nearness] = []
-    for at, distance in zip(time.tolist(), np.cumsum(rng.normal(scale=0.05, size=len(time))) + 0.4, strict=True):
+    for at, distance, link, body in zip(time.tolist(), distances, links, bodies, strict=True):
         if distance <= watch.within and (watch.always or not found or distance < found[-1].distance):
-            link, body = rng.choice(["base_scan", "base_footprint"]), rng.choice(["wall", "ball"])
-            found.append(Nearness(at, float(distance), str(link), str(body)))
+            found.append(Nearness(at, distance, link, body))
     return ClearanceRecord.of(found)
 
 
