@@ -55,7 +55,7 @@ def similar_name(path: Path) -> str:
     try:
         with os.scandir(path.parent) as entries:
             names = {entry.name.lower(): entry.name for entry in islice(entries, _MAX_NAMES_READ)}
-    except OSError:
+    except (OSError, ValueError):  # too long, or a NUL in it
         return ""
     near = nearest(path.name.lower(), sorted(names))
     return "" if near is None else f"; did you mean '{names[near]}'?"

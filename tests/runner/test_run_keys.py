@@ -331,3 +331,13 @@ def test_the_reason_is_known_if_the_workspace_is_not(monkeypatch: pytest.MonkeyP
     monkeypatch.setenv("PATH", os.devnull)
     run = plan("scripted.sim.yml")
     assert "git was not found" in (RunKeys([run.source.path], OPTIONS, []).unknown(run) or "")
+
+
+def test_the_samples_of_a_table_belong_to_the_key(folder: Path) -> None:
+    Path("ignored").write_text("friction\n0.5\n", encoding="utf-8")
+    text = f"{NATIVE}variations: {{world.ground.friction: {{csv: ignored, column: friction}}}}\n"
+    Path("native.sim.yml").write_text(text, encoding="utf-8")
+    before = native()
+    assert before == native() is not None
+    Path("ignored").write_text("friction\n0.6\n", encoding="utf-8")
+    assert native() not in (before, None)

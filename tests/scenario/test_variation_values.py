@@ -187,6 +187,8 @@ def test_files_of_spreadsheets_are_read(tmp_path: Path, data: bytes) -> None:
             "12:18: variations.robot.pose.x.csv: '../rows.csv' is outside the workspace",
         ),
         ("x,y\n1,2\n", "csv: .", "'.' is a folder, not a file"),
+        ("x,y\n1,2\n", 'csv: "a\\0/b"', "is not a valid path: embedded null byte"),
+        ("x,y\n1,2\n", f"csv: {'a/' * 3000}", "csv: 'a/a/a/"),
         ("x,y\n1,2\n", "csv: 3", "12:18: variations.robot.pose.x.csv: expected text, found 3; put it in quotes"),
         ("a,xx\n1,2\n", "csv: rows.csv", "rows.csv has no column 'x'"),
         ("a,b\n1,2\n", "csv: rows.csv", "(allowed: a, b); name one with 'column'"),

@@ -449,10 +449,12 @@ def test_variations_are_drawn_where_there_is_no_numpy() -> None:
     code = (
         "import sys\nsys.modules['numpy'] = None\n"
         "from sim_action.scenario.variation_values import value_list\n"
-        "print(len(value_list('a', {'normal': (0, 1), 'samples': 3}, 0).values))"
+        "draws = [{'normal': (0, 1)}, {'normal': (0, 1), 'between': (0, 1)}, {'log_uniform': (1, 2)},\n"
+        "    {'sobol': (0, 1)}, {'integers': (1, 2)}, {'choice': (1, 2)}]\n"
+        "print(sum(len(value_list('a', {**draw, 'samples': 2}, 0).values) for draw in draws))"
     )
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert ran.stdout == "3\n"
+    assert ran.stdout == "12\n"
 
 
 def test_a_draw_beyond_what_its_key_allows_stops_that_variation_alone(tmp_path: Path) -> None:
