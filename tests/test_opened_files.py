@@ -34,7 +34,7 @@ GATED: Final = {
     "ros/ros1/catkin_packages.py": "package_name: only files of the package; the rest needs --allow-scripts",
     "ros/ros1/command_source/file_problems.py": "find_launch_file: only files of the package",
     "scenario/files.py": "Workspace.around, and Workspace.file for bases",
-    "scenario/variation_values.py": "Workspace.file",
+    "scenario/variations/values.py": "Workspace.file",
     "scenario/watched_files.py": "Packages.may_read for each path, with links resolved",
     "state/golden_trajectory.py": "Workspace.file",
     "world/shape_files/heightfield.py": "Workspace.file",

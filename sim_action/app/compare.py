@@ -17,8 +17,9 @@ from sim_action.reports.comparison import comparison_markdown, print_comparison
 from sim_action.reports.github.step_outputs import append_outputs
 from sim_action.results.comparison import Comparison, Thresholds, compare_outcomes
 from sim_action.results.outcome import Outcome
+from sim_action.results.over_variations import over_variations
 from sim_action.results.results_json import RESULTS_FILE, find_all, read_all
-from sim_action.results.shard_results import merge_shards
+from sim_action.results.shard_results import gates_of, merge_shards
 from sim_action.results.written_files import is_comparison, is_foreign
 
 STANDARD_OUTPUT: Final = "-"
@@ -70,7 +71,7 @@ def _outcomes(pattern: str) -> list[Outcome]:
     files = read_all(find_all([pattern]))
     if not files:
         raise UsageError(escaped_line(f"no {RESULTS_FILE} found at '{pattern}'; name a results file or its folder"))
-    return [entry.outcome for entry in merge_shards(files, None)]
+    return list(over_variations([entry.outcome for entry in merge_shards(files, None)], gates_of(files)))
 
 
 def _refuse_foreign(path: Path) -> None:

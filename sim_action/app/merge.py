@@ -15,9 +15,11 @@ from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import escaped_line, note, shortened
 from sim_action.reports import ReportRequest, open_reports, write_reports
 from sim_action.results.artifacts import RUN_FILE_FOLDERS, StoredFile, stored_files_of, trace_paths, with_copied_files
-from sim_action.results.outcome import Outcome, audited_over_variations
+from sim_action.results.outcome import Outcome
+from sim_action.results.over_variations import over_variations
 from sim_action.results.results_json import RESULTS_FILE, Results, ResultsFile, find_all, read_all
-from sim_action.results.shard_results import Entry, Listing, merge_shards
+from sim_action.results.shard_results import Entry, Listing, gates_of, merge_shards
+from sim_action.scenario.variations.gate import PlannedGate
 
 # A stranger may have written it, and each JUnit suite repeats it.
 _MAX_VERSION_CHARS: Final = 200
@@ -39,10 +41,14 @@ def merge_results(request: MergeRequest) -> ExitCode:
     evidence = [stored_files_of(entry.outcome, entry.origin.parent if entry.origin else None) for entry in entries]
     _refuse_to_overwrite(files, evidence, request.reports)
     with open_reports(request.reports) as options:
-        outcomes = audited_over_variations(list(_with_evidence(entries, evidence, options.folder)))
-        added = [outcome for outcome, entry in zip(outcomes, entries, strict=True) if entry.origin is None]
-        results = _results([file.results for file in files], outcomes)
-        return write_reports(results, options, annotated=results.model_copy(update={"outcomes": tuple(added)}))
+        gates = gates_of(files, request.listing)
+        outcomes = over_variations(list(_with_evidence(entries, evidence, options.folder)), gates)
+        results = _results([file.results for file in files], outcomes, gates)
+        # No shard has reported what is missing, and none could judge a gate.
+        of_shards = {place for place, entry in enumerate(entries) if entry.origin is not None}
+        runs = [outcome for place, outcome in enumerate(results.runs) if place not in of_shards]
+        added = (*runs, *(outcome for outcome in outcomes if outcome.statistics is not None))
+        return write_reports(results, options, annotated=results.model_copy(update={"outcomes": added}))
 
 
 def _read(request: MergeRequest) -> list[ResultsFile]:
@@ -86,7 +92,7 @@ def _noted(outcome: Outcome, note: str) -> Outcome:
     return outcome.model_copy(update={"notes": (*outcome.notes, note)})
 
 
-def _results(parts: Sequence[Results], outcomes: Iterable[Outcome]) -> Results:
+def _results(parts: Sequence[Results], outcomes: Iterable[Outcome], gates: Iterable[PlannedGate]) -> Results:
     parts = parts or [_nothing()]
     return Results(
         sim_action=_distinct(part.sim_action for part in parts),
@@ -94,6 +100,7 @@ def _results(parts: Sequence[Results], outcomes: Iterable[Outcome]) -> Results:
         platform=_distinct(part.platform for part in parts),
         wall_time=max(part.wall_time for part in parts),
         merged=True,
+        gates=tuple(gates),
         outcomes=tuple(outcomes),
     )
 

@@ -17,7 +17,8 @@ from sim_action.reports import ReportOptions, ReportRequest, make_ready, open_re
 from sim_action.reports.progress import ProgressListener
 from sim_action.results.artifacts import RunFiles, run_files
 from sim_action.results.events import Event, Listener
-from sim_action.results.journal import JOURNAL_FILE, Header, Journal
+from sim_action.results.journal import JOURNAL_FILE, Journal
+from sim_action.results.journal_records import Header
 from sim_action.results.outcome import Failure, Outcome
 from sim_action.results.results_json import Results
 from sim_action.runner.child_outcome import skipped, without_verdict
@@ -241,6 +242,7 @@ class _Call:
             (*options.files, *of_runs),
             found.shard,
             selected=bool(self._request.plan.suite.numbers),
+            gates=found.gates,
         )
 
     def _files(self, folder: Path) -> list[RunFiles]:

@@ -116,6 +116,17 @@ def beyond_a_turn(value: object) -> str | None:
     return f"{number:g} without a unit is in rad, and more than one turn; {meant}"
 
 
+def with_si_unit(value: object) -> tuple[float, str]:
+    """Return the SI value of a number or a text with any unit, and the SI unit; "" for a number without one.
+
+    Raise UnitError.
+    """
+    number = parse(value, *_DIMENSIONS)
+    match = _QUANTITY.fullmatch(value.strip()) if isinstance(value, str) else None
+    unit = match[2] if match is not None else None
+    return number, next((each.si for each in _DIMENSIONS if unit in each.factors), "") if unit else ""
+
+
 def conversion(unit: str, other: str) -> float | None:
     """Return how many `other` one `unit` is; None if they do not share a dimension."""
     shared = (dimension.factors for dimension in _DIMENSIONS if {unit, other} <= dimension.factors.keys())

@@ -13,7 +13,7 @@ from sim_action.results.results_json import Results
 from sim_action.results.shards import Shard
 from sim_action.state.verdict import Verdict
 
-_COUNTED: Final[tuple[Status, ...]] = ("passed", "failed", "flaky", "not_exercised", "error", "skipped")
+_COUNTED: Final[tuple[Status, ...]] = ("passed", "failed", "flaky", "inconclusive", "not_exercised", "error", "skipped")
 """All statuses of a scenario, in the order of the counts."""
 
 

@@ -18,11 +18,16 @@ _NO_MARGIN: Final = -1.0
 
 @dataclass(frozen=True, slots=True)
 class ScenarioGroup:
-    """The outcomes of one scenario in call order: one for each variation, or exactly one."""
+    """The outcomes of one scenario in call order: one for each variation, or exactly one.
+
+    Attributes:
+        gate: the outcome of the gate that judges them; None: each one counts, or another call judges the gate.
+    """
 
     name: str
     varies: bool
     outcomes: tuple[Outcome, ...]
+    gate: Outcome | None = None
 
     @property
     def worst(self) -> Outcome:
@@ -44,8 +49,8 @@ class ScenarioGroup:
 
     @property
     def status(self) -> DisplayStatus:
-        """The status of the worst outcome."""
-        return self.worst.display_status
+        """The status of the gate, or of the worst outcome."""
+        return self.worst.display_status if self.gate is None else self.gate.display_status
 
     @property
     def location(self) -> Location | None:
@@ -89,13 +94,16 @@ class ScenarioGroup:
 
 
 def grouped_scenarios(outcomes: Iterable[Outcome]) -> list[ScenarioGroup]:
-    """Group outcomes: the variations of a scenario belong together."""
+    """Group outcomes: the variations of a scenario belong together, and so do the runs of a gate."""
     found: list[ScenarioGroup] = []
-    for (_, name), several in groupby(outcomes, lambda outcome: (outcome.file, outcome.group)):
+    for (_, name), several in groupby(outcomes, lambda outcome: (outcome.file, outcome.gate or outcome.group)):
         if name is None:
             found += [ScenarioGroup(outcome.name, False, (outcome,)) for outcome in several]
-        else:
-            found.append(ScenarioGroup(name, True, tuple(several)))
+            continue
+        together = tuple(several)
+        gate = next((outcome for outcome in together if outcome.statistics is not None), None)
+        runs = tuple(outcome for outcome in together if outcome.statistics is None)
+        found.append(ScenarioGroup(name, True, runs, gate))
     return found
 
 

@@ -75,6 +75,17 @@ STATUS_DISPLAYS: Final[Mapping[DisplayStatus, StatusDisplay]] = MappingProxyType
             junit="error",
             level="error",
         ),
+        "inconclusive": StatusDisplay(
+            word="inconclusive",
+            headline="Inconclusive: too few runs to tell",
+            meaning="the runs of a gate neither show nor refute what it claims",
+            symbol="≈",
+            ascii_symbol="~",
+            icon="⚖️",
+            style="bold yellow",
+            junit="failure",
+            level="error",
+        ),
         "not_exercised": StatusDisplay(
             word="not exercised",
             headline="Not exercised: something was never checked",
@@ -100,7 +111,8 @@ STATUS_DISPLAYS: Final[Mapping[DisplayStatus, StatusDisplay]] = MappingProxyType
         "skipped": StatusDisplay(
             word="not run",
             headline="Not run",
-            meaning="not run, because another scenario did not pass and `--fail-fast` is set",
+            meaning="not run, because another scenario did not pass and `--fail-fast` is set, or because its gate was "
+            "decided",
             symbol="·",
             ascii_symbol="-",
             icon="⏭️",

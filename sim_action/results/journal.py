@@ -11,31 +11,26 @@ second later. A journal that is read may come from anywhere, so its content is v
 from __future__ import annotations
 
 import os
-import platform
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import fields
 from functools import cache, partial
 from itertools import islice
 from pathlib import Path
-from typing import Annotated, ClassVar, Final, Literal, Self
+from typing import Final
 
-from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import TypeAdapter, ValidationError
 
-from sim_action import __version__
-from sim_action.core.errors import ExitCode, UsageError
-from sim_action.core.field_types import FrozenModel
+from sim_action.core.errors import UsageError
 from sim_action.core.files import open_regular, whole_file
-from sim_action.core.provenance import platform_name
-from sim_action.core.records import dataclass, replace
+from sim_action.core.records import replace
 from sim_action.core.wording import escaped_line, system_reason
 from sim_action.results.events import Event, Finished, Progressed, RunEnded, Started
-from sim_action.results.outcome import Failure, NotNegative, Outcome, audited_over_variations
+from sim_action.results.journal_records import Header, Kind, Planned, Record
+from sim_action.results.outcome import Outcome
+from sim_action.results.over_variations import over_variations
 from sim_action.results.results_json import MAX_OUTCOMES, Results, is_inconsistent
-from sim_action.results.shards import Shard
 from sim_action.scenario.sharing import share_parts
-from sim_action.scenario.source import Varied
 
 JOURNAL_FILE: Final = "results.jsonl"
 
@@ -46,98 +41,6 @@ _MAX_RECORDS: Final = 4 * MAX_OUTCOMES
 # The content and the length of a file are enough.
 _to_disk: Final[Callable[[int], None]] = getattr(os, "fdatasync", os.fsync)
 _NO_LINK: Final = getattr(os, "O_NOFOLLOW", 0)
-
-Place = Annotated[int, Field(ge=0)]
-Kind = Literal["started", "run", "finished", "ended"]
-
-
-@dataclass(frozen=True, slots=True)
-class Planned:
-    """One planned outcome; the attributes are those of `Outcome`. A call keeps all: they are smaller than models."""
-
-    name: str
-    file: str
-    line: Annotated[int, Field(ge=1)] | None = None
-    number: Annotated[int, Field(ge=1)] | None = None
-    group: str | None = None
-    variation: tuple[Varied, ...] = ()
-    __pydantic_config__: ClassVar[ConfigDict] = FrozenModel.model_config
-
-    @classmethod
-    def of(cls, outcome: Outcome) -> Self:
-        """Return the plan of an outcome."""
-        return cls(*(getattr(outcome, each.name) for each in fields(cls)))
-
-    def unfinished(self, message: str) -> Outcome:
-        """Return the outcome of a scenario that has not finished."""
-        failure = Failure(kind="interrupted", title="not finished", message=message)
-        known = {each.name: getattr(self, each.name) for each in fields(self)}
-        return Outcome(**known, status="error", failures=(failure,))
-
-
-class Header(FrozenModel):
-    """The first line of a journal.
-
-    Attributes:
-        journal: the version of the format.
-        shard, selected: as in `Results`.
-        files: the files that the call may write, relative to the journal; the next call removes them.
-        planned: the planned outcomes, in the order of the results.
-    """
-
-    journal: Literal[1]
-    sim_action: str
-    python: str
-    platform: str
-    shard: Shard | None = None
-    selected: bool = False
-    files: tuple[str, ...] = ()
-    planned: Annotated[tuple[Planned, ...], Field(max_length=MAX_OUTCOMES)] = ()
-
-    @classmethod
-    def of_call(
-        cls, planned: Iterable[Planned], files: Iterable[str], shard: Shard | None = None, *, selected: bool = False
-    ) -> Self:
-        """Return the header of a call by this version on this machine."""
-        return cls(
-            journal=1,
-            sim_action=__version__,
-            python=platform.python_version(),
-            platform=platform_name(),
-            shard=shard,
-            selected=selected,
-            files=tuple(files),
-            planned=tuple(planned),
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class Record:
-    """A line of the journal. A call keeps several for each run, so they are smaller than models.
-
-    Attributes:
-        at: the wall time in s since the start of the call.
-        event: the kind of the record; "ended": the call has ended, and has no `place`.
-        place: the index of the planned outcome.
-        turn: the number of the repetition, counted from 1; None for a final outcome.
-        key: the digest of everything that the outcome may depend on; None: it is not known.
-        taken_over: True for an outcome of an earlier call, see `run --resume`.
-    """
-
-    at: NotNegative
-    event: Kind
-    place: Place | None = None
-    turn: Annotated[int, Field(ge=1)] | None = None
-    key: str | None = None
-    taken_over: bool = False
-    outcome: Outcome | None = None
-
-    __pydantic_config__: ClassVar[ConfigDict] = FrozenModel.model_config
-
-    @property
-    def is_interrupted(self) -> bool:
-        """Return True for the outcome of an interrupted scenario. It is not written: it is no result."""
-        return self.outcome is not None and self.outcome.exit_code is ExitCode.INTERRUPTED
 
 
 class Recorded:
@@ -183,7 +86,8 @@ class Recorded:
             wall_time=max((record.at for record in self.records), default=0.0),
             shard=header.shard,
             selected=header.selected,
-            outcomes=tuple(audited_over_variations(outcomes)),
+            gates=header.gates,
+            outcomes=over_variations(outcomes, header.gates, is_part=header.shard is not None or header.selected),
         )
 
     def _outcome(self, place: int, planned: Planned, known: Mapping[int, Sequence[str]]) -> Outcome:

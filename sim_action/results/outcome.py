@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, Literal, Self, get_args
 
@@ -20,10 +20,10 @@ from sim_action.core.errors import (
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.provenance import Provenance
 from sim_action.core.wording import escaped_line
+from sim_action.results.gate_statistics import GateStatistics
 from sim_action.scenario.claim_audit import AuditWarning
 from sim_action.scenario.model import Severity, Unexercised
 from sim_action.scenario.selection import Unmatched
-from sim_action.scenario.sharing import share_parts
 from sim_action.scenario.source import Refused, Varied
 from sim_action.state.verdict import Verdict
 
@@ -31,24 +31,26 @@ if TYPE_CHECKING:
     from sim_action.assertions import Assertion
     from sim_action.scenario.model import Expectation
 
-Status = Literal["error", "failed", "flaky", "not_exercised", "passed", "skipped"]
+Status = Literal["error", "failed", "flaky", "inconclusive", "not_exercised", "passed", "skipped"]
 """The status of a scenario, the worst first; every status before "passed" gives exit code 1 or worse.
 
 - error: there is no verdict; `Outcome.failures` gives the reasons.
 - failed: at least one expectation with severity "error" did not hold.
 - flaky: repeated runs gave different results.
+- inconclusive: the runs of a gate neither show nor refute what it claims.
 - not_exercised: nothing failed, but at least one expectation with severity "error" was never judged.
 - passed: every expectation with severity "error" was judged and held.
-- skipped: the scenario was not run because another one had failed. It stands outside the order.
+- skipped: the scenario was not run, because another one had failed or its gate was decided. It stands outside the
+  order.
 """
 
-DisplayStatus = Literal["error", "failed", "flaky", "not_exercised", "warned", "skipped", "passed"]
+DisplayStatus = Literal["error", "failed", "flaky", "inconclusive", "not_exercised", "warned", "skipped", "passed"]
 """The status as reports show it, the worst first; "warned" is a pass with a warning."""
 
 WORST_FIRST: Final[tuple[DisplayStatus, ...]] = get_args(DisplayStatus)
 """All statuses, in the order in which reports list scenarios."""
 
-ExpectationStatus = Literal["failed", "not_exercised", "warned", "passed"]
+ExpectationStatus = Literal["failed", "inconclusive", "not_exercised", "warned", "passed"]
 """The status of an expectation, the worst first; "warned": it did not pass, but it must not fail the scenario."""
 
 FailureKind = Literal[
@@ -164,8 +166,8 @@ class ExpectationOutcome(FrozenModel):
 
     @property
     def prevents_pass(self) -> bool:
-        """Return True if the scenario cannot pass because of this expectation: it failed, or was never judged."""
-        return self.status in ("failed", "not_exercised")
+        """Return True if the scenario cannot pass because of this expectation: it failed, or nothing was decided."""
+        return self.status in ("failed", "inconclusive", "not_exercised")
 
     @property
     def warned(self) -> bool:
@@ -190,31 +192,13 @@ class Measurement(FrozenModel):
     message: str = ""
 
 
-def audited_over_variations(outcomes: Sequence[Outcome]) -> list[Outcome]:
-    """Return the outcomes without the warnings that count only if all variations of a scenario have them.
-
-    A variation without a verdict, or one that a broken expectation ended early, says nothing about the others.
-    """
-    counted: dict[tuple[str, str | None], list[AuditWarning]] = {}
-    for outcome in outcomes:
-        if outcome.group is not None and outcome.has_verdict and outcome.end != "expectation failed":
-            found = [warning for warning in outcome.warnings if warning.is_over_variations]
-            same = counted.setdefault((outcome.file, outcome.group), found)
-            same[:] = [warning for warning in same if warning in found]
-    return [_audited(outcome, counted.get((outcome.file, outcome.group))) for outcome in outcomes]
-
-
-def _audited(outcome: Outcome, shared: Sequence[AuditWarning] | None) -> Outcome:
-    if shared is None or all(warning in shared for warning in outcome.warnings if warning.is_over_variations):
-        return outcome
-    kept = tuple(warning for warning in outcome.warnings if not warning.is_over_variations or warning in shared)
-    return share_parts(outcome.model_copy(update={"warnings": kept}), outcome)
+_WORSE: Final[tuple[Status, ...]] = ("failed", "inconclusive", "not_exercised")
 
 
 def status_of(expectations: Iterable[ExpectationOutcome]) -> Status:
     """Return the status of a scenario that has verdicts: that of its worst expectation."""
     statuses = {expected.status for expected in expectations}
-    return "failed" if "failed" in statuses else "not_exercised" if "not_exercised" in statuses else "passed"
+    return next((status for status in _WORSE if status in statuses), "passed")
 
 
 class Repeats(FrozenModel):
@@ -241,6 +225,8 @@ class Outcome(FrozenModel):
         number: the position of the scenario in its file, counted from 1; each variation counts as one.
         group: the name of the scenario that is varied, if this is a variation.
         variation: the exact values of this variation.
+        gate: the name of the gate that judges this run together with others; the run has no say of its own then.
+        statistics: the counts and bounds of a gate, if this is the outcome of the gate itself.
         measurements: the values that were measured for information only; nothing judged them.
         failures: the reasons why there is no verdict; empty unless `status` is "error" or "flaky".
         end: the reason for the end of the run: "goals met", "expectation failed", "duration", "time limit" or
@@ -271,6 +257,8 @@ class Outcome(FrozenModel):
     number: Annotated[int, Field(ge=1)] | None = None
     group: str | None = None
     variation: tuple[Varied, ...] = ()
+    gate: str | None = None
+    statistics: GateStatistics | None = None
     status: Status
     expectations: tuple[ExpectationOutcome, ...] = ()
     measurements: tuple[Measurement, ...] = ()
@@ -295,6 +283,11 @@ class Outcome(FrozenModel):
     replay: str | None = None
     recordings: tuple[str, ...] = ()
     call: tuple[str, ...] = ()
+
+    @property
+    def is_sample(self) -> bool:
+        """Return True if a gate judges this run together with others."""
+        return self.gate is not None and self.statistics is None
 
     @property
     def simulated(self) -> float:
@@ -328,7 +321,7 @@ class Outcome(FrozenModel):
     @property
     def has_verdict(self) -> bool:
         """Return True if the expectations were judged and the judgement is reliable."""
-        return self.status in ("passed", "failed", "not_exercised")
+        return self.status in ("passed", "failed", "inconclusive", "not_exercised")
 
     @property
     def display_status(self) -> DisplayStatus:
@@ -339,7 +332,10 @@ class Outcome(FrozenModel):
 
     @property
     def exit_code(self) -> ExitCode:
-        """The exit code of a process that has only this outcome."""
+        """The exit code of a process that has only this outcome.
+
+        A sample that did not pass has a say in its gate alone, unless it could not run.
+        """
         kinds = {failure.kind for failure in self.failures}
         if "interrupted" in kinds:
             return ExitCode.INTERRUPTED
@@ -347,7 +343,7 @@ class Outcome(FrozenModel):
             return ExitCode.INTERNAL
         if kinds & {"invalid", "missing"}:
             return ExitCode.INVALID
-        return ExitCode.PASSED if self.status == "passed" else ExitCode.FAILED
+        return ExitCode.PASSED if self.status == "passed" or self.is_sample else ExitCode.FAILED
 
     @property
     def location(self) -> Location | None:
@@ -380,7 +376,8 @@ class Outcome(FrozenModel):
         else:
             outcome = cls.of_invalid(refused.file, refused.error)
         told = ("name", "line", "number", "group", "variation")
-        return outcome.model_copy(update={key: getattr(refused, key) for key in told})
+        gate = None if refused.gate is None else refused.gate.name
+        return outcome.model_copy(update={"gate": gate, **{key: getattr(refused, key) for key in told}})
 
     @classmethod
     def of_nothing(cls, pattern: str) -> Outcome:

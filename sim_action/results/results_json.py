@@ -22,6 +22,7 @@ from sim_action.core.records import dataclass
 from sim_action.core.wording import escaped_line
 from sim_action.results.outcome import WORST_FIRST, NotNegative, Outcome, Status, status_of
 from sim_action.results.shards import Shard
+from sim_action.scenario.variations.gate import PlannedGate
 
 RESULTS_FILE = "results.json"
 
@@ -31,7 +32,7 @@ MAX_OUTCOMES: Final = 50_000
 _MAX_BYTES: Final = 64_000_000
 
 _FIRST_VERSION: Final = 1
-_VERSION: Final = 4
+_VERSION: Final = 5
 _FORMER_ENDS: Final = {
     "broken": "expectation failed",
     "nobody left": "controllers finished",
@@ -45,17 +46,19 @@ class Results(FrozenModel):
     """The results of one call of `sim-action`; `results.json` is this object as JSON.
 
     Attributes:
-        version: the version of the format. Version 4 added `measurements`, which were expectations without a limit
+        version: the version of the format. Version 5 added gates and the status "inconclusive".
+            Version 4 added `measurements`, which were expectations without a limit
             before. Version 3 added the status "not_exercised" and `judged` of a verdict.
             Version 1 also named some values of `end` and the key `selected` differently.
         sim_action: the version of sim-action; after `merge`, every version that the shards used.
         wall_time: the wall time in s of the call; after `merge`, that of the slowest shard.
         shard: the part of the list of scenarios that these results cover; null if they cover the whole list.
         selected: true if the call selected scenarios inside files by number; no scenario may be left then.
+        gates: the gates of these results; a part of the list has runs of a gate, and `merge` judges it.
         merged: true if `sim-action merge` wrote this file.
     """
 
-    version: Literal[4] = 4
+    version: Literal[5] = 5
     sim_action: str
     python: str
     platform: str
@@ -63,16 +66,27 @@ class Results(FrozenModel):
     shard: Shard | None = None
     selected: bool = False
     merged: bool = False
+    gates: tuple[PlannedGate, ...] = ()
     outcomes: tuple[Outcome, ...]
 
     @property
+    def runs(self) -> tuple[Outcome, ...]:
+        """The outcomes of scenarios and samples, without those of gates, which follow from them."""
+        return tuple(outcome for outcome in self.outcomes if outcome.statistics is None)
+
+    @property
+    def verdicts(self) -> tuple[Outcome, ...]:
+        """The outcomes that count: those of scenarios and of gates, without the runs that a gate judges."""
+        return tuple(outcome for outcome in self.outcomes if not outcome.is_sample)
+
+    @property
     def total(self) -> int:
-        """The number of scenarios."""
-        return len(self.outcomes)
+        """The number of scenarios and gates."""
+        return len(self.verdicts)
 
     def count(self, status: Status) -> int:
-        """Return the number of scenarios with a status."""
-        return sum(outcome.status == status for outcome in self.outcomes)
+        """Return the number of scenarios and gates with a status."""
+        return sum(outcome.status == status for outcome in self.verdicts)
 
     @property
     def exit_code(self) -> ExitCode:
@@ -94,17 +108,17 @@ class Results(FrozenModel):
     @property
     def travelled(self) -> float | None:
         """The distance in m that the robot travelled, if there is exactly one scenario."""
-        return self.outcomes[0].travelled if self.total == 1 else None
+        return self.verdicts[0].travelled if self.total == 1 else None
 
     @property
     def real_time_factor(self) -> float | None:
         """The sim time of all runs divided by the wall time of the call; None if nothing was simulated."""
-        sim_time = sum(outcome.simulated for outcome in self.outcomes)
+        sim_time = sum(outcome.simulated for outcome in self.outcomes if outcome.statistics is None)
         return sim_time / self.wall_time if sim_time and self.wall_time > 0 else None
 
     def worst_first(self) -> list[Outcome]:
-        """Return the outcomes, the worst status first, otherwise in call order."""
-        return sorted(self.outcomes, key=lambda outcome: WORST_FIRST.index(outcome.display_status))
+        """Return the outcomes that count, the worst status first, otherwise in call order."""
+        return sorted(self.verdicts, key=lambda outcome: WORST_FIRST.index(outcome.display_status))
 
     def write(self, folder: Path) -> Path:
         """Write `results.json` into an existing folder and return its path."""

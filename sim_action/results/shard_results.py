@@ -19,6 +19,7 @@ from sim_action.results.results_json import ResultsFile
 from sim_action.results.shards import Shard, shards_text
 from sim_action.scenario.selection import Unmatched
 from sim_action.scenario.source import Refused, Source
+from sim_action.scenario.variations.gate import PlannedGate
 
 Unit = tuple[str, int | None]
 """The key of a scenario or variation: its file and number. Shards divide a list by units."""
@@ -62,6 +63,22 @@ def merge_shards(files: Sequence[ResultsFile], listing: Listing | None) -> list[
     return entries + [Entry(outcome) for outcome in _missing_shards(sharded, len(added))]
 
 
+def gates_of(files: Iterable[ResultsFile], listing: Listing | None = None) -> tuple[PlannedGate, ...]:
+    """Return the gates of all files, and of the listed scenarios.
+
+    Raises UsageError if two files state one gate differently.
+    """
+    found: dict[tuple[str, str], tuple[PlannedGate, Path]] = {}
+    for path, gate in ((file.path, gate) for file in files for gate in file.results.gates):
+        known, where = found.setdefault((compared_name(gate.file), gate.name), (gate, path))
+        if known != gate:
+            _reject(f"{where} and {path} state different gates for '{gate.name}'; run all shards on the same files")
+    listed = [each.gate for each in listing.scenarios if each.gate is not None] if listing else []
+    for gate in listed:
+        found.setdefault((compared_name(gate.file), gate.name), (gate, Path()))
+    return tuple(gate for gate, _ in found.values())
+
+
 def _check_files(files: Iterable[ResultsFile]) -> None:
     """Raise UsageError for duplicates.
 
@@ -69,7 +86,7 @@ def _check_files(files: Iterable[ResultsFile]) -> None:
     """
     seen: dict[Unit, Path] = {}
     told = set[tuple[Unit, str]]()
-    for path, outcome in ((file.path, outcome) for file in files for outcome in file.results.outcomes if outcome.file):
+    for path, outcome in ((file.path, outcome) for file in files for outcome in file.results.runs if outcome.file):
         unit, called = _unit(outcome), _called(outcome)
         if seen.setdefault(unit, path) != path:
             _reject(f"both {seen[unit]} and {path} contain results of {called}; each scenario may occur only once")
@@ -126,7 +143,7 @@ def _ordered(files: Sequence[ResultsFile], sharded: Sequence[tuple[Shard, Result
 
 
 def _entries(file: ResultsFile) -> list[Entry]:
-    return [Entry(outcome, file.path) for outcome in file.results.outcomes]
+    return [Entry(outcome, file.path) for outcome in file.results.runs]
 
 
 def _dealt(file: ResultsFile) -> list[list[Entry]]:
@@ -191,6 +208,7 @@ def _without_result(scenario: Source | Refused, message: str) -> Outcome:
         number=scenario.number,
         group=scenario.group,
         variation=scenario.variation,
+        gate=scenario.gate_name,
         status="error",
         failures=(failure,),
     )

@@ -63,6 +63,8 @@ def outcome_of(child: ChildProcess, ending: Ending) -> Outcome:
             "number": job.loaded.source.number,
             "group": job.loaded.source.group,
             "variation": job.loaded.source.variation,
+            "gate": job.loaded.source.gate_name,
+            "statistics": None,
             "trace": job.trace_name if child.wrote(job.trace) else None,
             "replay": job.named(job.replay) if job.replay and child.wrote(job.replay) else None,
             "recordings": tuple(job.named(path) for path in job.recordings if child.wrote(path)),
@@ -154,6 +156,7 @@ def unjudged(loaded: LoadedScenario) -> Outcome:
         number=source.number,
         group=source.group,
         variation=source.variation,
+        gate=source.gate_name,
         status="error",
     )
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from sim_action.core.records import dataclass, replace
 from sim_action.results.events import Event, Finished, Listener, RunEnded
-from sim_action.results.journal import Planned, Record
+from sim_action.results.journal_records import Planned, Record
 from sim_action.results.outcome import Outcome
 from sim_action.runner.child_outcome import unjudged
 from sim_action.runner.job import motion_file

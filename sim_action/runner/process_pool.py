@@ -12,6 +12,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Final
 
+from sim_action.core.errors import ExitCode
 from sim_action.core.process import Interruption
 from sim_action.core.records import replace
 from sim_action.engines import ENGINES, chosen
@@ -304,7 +305,7 @@ class _Scheduler:
     def _finish(self, index: int, outcome: Outcome, key: str | None = None) -> None:
         self._outcomes[index] = outcome
         self._emit(RunEnded(*self._places_and_turns[index], outcome, key))
-        if self._fail_fast and outcome.status != "passed":
+        if self._fail_fast and outcome.exit_code is not ExitCode.PASSED:
             self._starts_more = False
             self._waiting = deque(index for index in self._waiting if index in self._repeated)
 

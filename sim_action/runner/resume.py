@@ -13,7 +13,8 @@ from typing import Final
 from sim_action.core.errors import UsageError
 from sim_action.core.records import dataclass, field, replace
 from sim_action.results.artifacts import RunFiles, stored_file
-from sim_action.results.journal import JOURNAL_FILE, Planned, Record, Recorded, read_journal
+from sim_action.results.journal import JOURNAL_FILE, Recorded, read_journal
+from sim_action.results.journal_records import Planned, Record
 from sim_action.results.outcome import Outcome, Status
 from sim_action.results.results_json import is_inconsistent
 from sim_action.runner.outcome_assembly import OutcomeAssembly

@@ -14,7 +14,8 @@ from sim_action.scenario.loading import Libraries, load_all, scenarios_of, share
 from sim_action.scenario.model import LoadedScenario, Unexercised
 from sim_action.scenario.selection import Suite, Unmatched
 from sim_action.scenario.source import Refused, Source
-from sim_action.scenario.variation_values import SEED
+from sim_action.scenario.variations.gate import PlannedGate
+from sim_action.scenario.variations.values import SEED
 
 
 def engine_runs(loaded: LoadedScenario, backend: str | None) -> tuple[LoadedScenario, ...]:
@@ -66,6 +67,10 @@ def _several() -> tuple[str, ...]:
 def _on(loaded: LoadedScenario, engine: str, *, named: bool = False) -> LoadedScenario:
     name = f"{loaded.scenario.name} [{engine}]" if named else loaded.scenario.name
     scenario = loaded.scenario.model_copy(update={"backend": engine, "name": name})
+    gate = loaded.source.gate
+    if named and gate is not None:
+        gate = gate.model_copy(update={"name": f"{gate.name} [{engine}]"})
+        loaded = replace(loaded, source=replace(loaded.source, gate=gate))
     return replace(loaded, scenario=scenario, compared=named and scenario.is_comparable)
 
 
@@ -96,6 +101,13 @@ class RunPlan:
     shard: Shard | None
     empty: Sequence[str]
     unmatched: Sequence[Unmatched] = ()
+
+    @property
+    def gates(self) -> tuple[PlannedGate, ...]:
+        """The gates of all runs."""
+        runs = (run for plan in self.plans for run in ((plan,) if isinstance(plan, Refused) else plan))
+        gates = (run.gate if isinstance(run, Refused) else run.source.gate for run in runs)
+        return tuple({(gate.file, gate.name): gate for gate in gates if gate is not None}.values())
 
 
 def plan_runs(request: PlanRequest) -> RunPlan:

@@ -23,7 +23,7 @@ from sim_action.core.workspace import PathError, Workspace, path_problem
 from sim_action.core.yaml_document import MAX_BYTES, Document, location_after, read_document
 from sim_action.scenario.extends import entries_of, merged, seen_from, without
 from sim_action.scenario.source import Refused, Source
-from sim_action.scenario.variations import MAX_RUNS, expanded
+from sim_action.scenario.variations.expansion import MAX_RUNS, expanded
 
 MAX_BASES: Final = 10
 """The largest number of files that extend each other."""

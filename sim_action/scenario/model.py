@@ -34,9 +34,10 @@ from sim_action.drives import Drive
 from sim_action.robot.robot_model import RobotModel
 from sim_action.robot.spec import Robot
 from sim_action.scenario.claim_audit import AuditWarning
-from sim_action.scenario.draws import Choice, CsvColumn, Integers, LogUniform, Normal, Sobol, Uniform
 from sim_action.scenario.source import Source
-from sim_action.scenario.variation_values import MAX_SEED
+from sim_action.scenario.variations.draws import Choice, CsvColumn, Integers, LogUniform, Normal, Sobol, Uniform
+from sim_action.scenario.variations.gate import Gate
+from sim_action.scenario.variations.values import MAX_SEED
 from sim_action.sensors import MountedSensor
 from sim_action.state.trace_channels import Channels
 from sim_action.world import Physics, World
@@ -252,6 +253,10 @@ class Scenario(FrozenModel):
     variations: Annotated[
         dict[str, tuple[JsonValue, ...] | Uniform | Normal | LogUniform | Integers | Choice | Sobol | CsvColumn] | None,
         Field(description="keys of the scenario and the values that each one takes; one run for each combination"),
+    ] = None
+    gate: Annotated[
+        Gate | None,
+        Field(description="how often the samples of the draws have to pass; the gate has the verdict, not each run"),
     ] = None
     agreement: Annotated[
         Agreement | None, Field(description="runs the scenario on both engines and limits their difference")

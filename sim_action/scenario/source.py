@@ -12,6 +12,7 @@ from sim_action.core.errors import InternalError, InvalidScenario, Location, Pro
 from sim_action.core.records import dataclass, replace
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import Document
+from sim_action.scenario.variations.gate import PlannedGate
 
 _LONGEST_VALUES: Final = 100
 
@@ -39,6 +40,7 @@ class Source:
         number: its place among all runs of its file, from 1.
         draws: key paths of randomly drawn values -> advice for an invalid one.
         scenario_seed: the seed of the scenario, if this is one of its samples: each sample has a seed derived from it.
+        gate: the gate that judges this run together with others.
     """
 
     path: Path
@@ -51,6 +53,12 @@ class Source:
     number: int = 1
     draws: tuple[tuple[Location, str], ...] = ()
     scenario_seed: int | None = None
+    gate: PlannedGate | None = None
+
+    @property
+    def gate_name(self) -> str | None:
+        """The name of its gate."""
+        return None if self.gate is None else self.gate.name
 
     @property
     def tags(self) -> tuple[str, ...]:
@@ -73,7 +81,14 @@ class Source:
         """Return this variation as refused; other variations of the scenario can run."""
         draws = dict(self.draws)
         told = [Problem(each.location, f"{each.message} ({draws[each.location]})") for each in refused.problems]
-        return replace(refused, name=self.name, group=self.group, variation=self.variation, error=InvalidScenario(told))
+        return replace(
+            refused,
+            name=self.name,
+            group=self.group,
+            variation=self.variation,
+            gate=self.gate,
+            error=InvalidScenario(told),
+        )
 
     def refused(self, error: InvalidScenario | InternalError) -> Refused:
         """Return the scenario as refused."""
@@ -91,6 +106,7 @@ class Refused:
     number: int = 1
     group: str | None = None
     variation: tuple[Varied, ...] = ()
+    gate: PlannedGate | None = None
 
     @property
     def problems(self) -> tuple[Problem, ...]:

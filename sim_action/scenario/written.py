@@ -24,7 +24,7 @@ from sim_action.core.yaml_document import MAX_DEPTH, Document, KeyPath, is_plain
 from sim_action.drives import Drive
 from sim_action.scenario.files import numbered_runs, workspace_around
 from sim_action.scenario.source import Refused, Source
-from sim_action.scenario.variations import NoSuchKey, placed, resolved
+from sim_action.scenario.variations.dotted_keys import NoSuchKey, placed, resolved
 from sim_action.sensors import Sensor
 
 _LINE_ENDS: Final = frozenset("\x85\u2028\u2029")

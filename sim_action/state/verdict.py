@@ -13,8 +13,12 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-VerdictStatus = Literal["passed", "failed", "not_exercised"]
-"""The status of a verdict; not_exercised: the quantity was not defined at any moment, so nothing was checked."""
+VerdictStatus = Literal["passed", "failed", "inconclusive", "not_exercised"]
+"""The status of a verdict.
+
+- inconclusive: the runs of a gate neither show nor refute the claim.
+- not_exercised: the quantity was not defined at any moment, so nothing was checked.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +56,7 @@ class Verdict:
         cut_off: True if it failed only because another failure ended the run before its decision.
         goal: True if it had to become true once; its margin then belongs to that moment, and says little.
         judged: the moments at which it was judged; None if they were not counted, as in ROS tests and old results.
+        inconclusive: the reason why there is no decision; "statistical": there are too few runs for the confidence.
     """
 
     passed: bool
@@ -64,13 +69,14 @@ class Verdict:
     cut_off: bool = False
     goal: bool = False
     judged: Judged | None = None
+    inconclusive: Literal["statistical"] | None = None
 
     @property
     def status(self) -> VerdictStatus:
         """The status: an assertion without a moment to judge is neither passed nor failed."""
         if self.judged is not None and self.judged.moments <= 0:
             return "not_exercised"
-        return "passed" if self.passed else "failed"
+        return "passed" if self.passed else "failed" if self.inconclusive is None else "inconclusive"
 
     def counted(self, steps: Judged) -> Verdict:
         """Return the verdict with the moments at which it was judged; `steps`: those of the run, the default.

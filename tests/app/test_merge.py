@@ -64,7 +64,7 @@ def test_results_of_the_former_version_are_merged_into_results_of_this_version()
     as_former_version(Path("shards/1/results.json"))
     shard(2, outcome("b"), total=2)
     assert merge_results(request()) is ExitCode.PASSED
-    assert read().version == 4
+    assert read().version == 5
     assert [made.end for made in read().outcomes] == ["controllers finished", outcome("b").end]
 
 

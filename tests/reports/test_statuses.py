@@ -41,7 +41,12 @@ def expectation(status: ExpectationStatus) -> ExpectationOutcome:
         assertion="travel",
         severity="warning" if status == "warned" else "error",
         location=Location("a.sim.yml", 3),
-        verdict=Verdict(status == "passed", message="told", judged=Judged() if unjudged else Judged(3, 0.0, 1.0)),
+        verdict=Verdict(
+            status == "passed",
+            message="told",
+            judged=Judged() if unjudged else Judged(3, 0.0, 1.0),
+            inconclusive="statistical" if status == "inconclusive" else None,
+        ),
     )
 
 
@@ -76,9 +81,10 @@ def test_a_status_has_a_symbol_and_words(status: DisplayStatus) -> None:
     assert all((display.word, display.headline, display.meaning, display.icon, display.style))
 
 
-def test_not_exercised_looks_like_no_other_status() -> None:
-    own = STATUS_DISPLAYS["not_exercised"]
-    others = [display for status, display in STATUS_DISPLAYS.items() if status != "not_exercised"]
+@pytest.mark.parametrize("of", ["inconclusive", "not_exercised"])
+def test_a_verdict_that_is_open_looks_like_no_other_status(of: DisplayStatus) -> None:
+    own = STATUS_DISPLAYS[of]
+    others = [display for status, display in STATUS_DISPLAYS.items() if status != of]
     for name in ("word", "headline", "symbol", "ascii_symbol", "icon", "style"):
         assert getattr(own, name) not in [getattr(display, name) for display in others], name
 
@@ -136,7 +142,7 @@ def test_the_types_of_the_viewer_have_each_status(status: ExpectationStatus) -> 
 @pytest.mark.parametrize("old", STATUSES)
 def test_a_change_of_status_fails_unless_it_was_bad_before(old: Status, new: Status) -> None:
     compared = compare_outcomes([outcome(old)], [outcome(new)])
-    bad = ("error", "failed", "flaky", "not_exercised")
+    bad = ("error", "failed", "flaky", "inconclusive", "not_exercised")
     assert (compared.failures == 1) == (new == "flaky" or (new in bad and old not in bad))
     assert (compared.count("fixed") == 1) == (new == "passed" and old in bad and old != "flaky")
     for each in rows(compared):

@@ -12,7 +12,8 @@ import pytest
 
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.results.events import Finished, Progressed, RunEnded, Started
-from sim_action.results.journal import JOURNAL_FILE, Header, Journal, Planned, manifest, read_journal
+from sim_action.results.journal import JOURNAL_FILE, Journal, manifest, read_journal
+from sim_action.results.journal_records import Header, Planned
 from sim_action.results.outcome import Failure, Outcome
 from tests.outcomes import outcome as of_file
 

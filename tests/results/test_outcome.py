@@ -17,9 +17,9 @@ from sim_action.results.outcome import (
     Outcome,
     Scope,
     Status,
-    audited_over_variations,
     status_of,
 )
+from sim_action.results.over_variations import over_variations
 from sim_action.scenario.claim_audit import AuditWarning
 from sim_action.scenario.model import Severity, Unexercised
 from sim_action.scenario.selection import Unmatched
@@ -130,7 +130,7 @@ def test_the_worst_expectation_gives_the_status_and_all_but_a_pass_exit_code_1(
 
 
 def test_the_order_of_all_statuses() -> None:
-    assert WORST_FIRST == ("error", "failed", "flaky", "not_exercised", "warned", "skipped", "passed")
+    assert WORST_FIRST == ("error", "failed", "flaky", "inconclusive", "not_exercised", "warned", "skipped", "passed")
 
 
 def test_a_warning_of_the_audit_keeps_the_status_and_is_displayed() -> None:
@@ -153,7 +153,7 @@ def varied(*warnings: AuditWarning, group: str | None = "push", **changed: Any) 
 
 
 def audited(*outcomes: Outcome) -> list[tuple[AuditWarning, ...]]:
-    return [outcome.warnings for outcome in audited_over_variations(outcomes)]
+    return [outcome.warnings for outcome in over_variations(outcomes, ())]
 
 
 def test_a_premise_counts_only_if_it_held_in_no_variation() -> None:

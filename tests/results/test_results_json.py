@@ -83,7 +83,7 @@ def test_differences_without_a_limit_are_no_expectations_of_a_former_version(tmp
     assert Results.read(Results.read(path).write(tmp_path)).outcomes == (outcome,)
 
 
-HEAD = '"version": 4, "sim_action": "0", "python": "3", "platform": "p"'
+HEAD = '"version": 5, "sim_action": "0", "python": "3", "platform": "p"'
 
 
 @pytest.mark.parametrize(
@@ -93,15 +93,18 @@ HEAD = '"version": 4, "sim_action": "0", "python": "3", "platform": "p"'
         ("[1, 2]", "Input should be an object"),
         ("[" * 100_000, "Invalid JSON: recursion limit exceeded at line 1 column 202"),
         ("{}", "sim_action: Field required (and 4 more)"),
-        ('{"version": 5}', "its format version is 5, and this sim-action reads 1 to 4"),
-        ('{"version": "2"}', "version: Input should be 4 (and 5 more)"),
+        ('{"version": 6}', "its format version is 6, and this sim-action reads 1 to 5"),
+        ('{"version": "2"}', "version: Input should be 5 (and 5 more)"),
         ('{"version": 1}', "sim_action: Field required (and 4 more)"),
         (f'{{{HEAD}, "wall_time": NaN, "outcomes": []}}', "wall_time: Input should be a finite number"),
         (f'{{{HEAD}, "wall_time": "1", "outcomes": []}}', "wall_time: Input should be a valid number"),
         (f'{{{HEAD}, "wall_time": 1, "outcomes": [], "##[error]x": 1}}', "Extra inputs are not permitted"),
         (
             f'{{{HEAD}, "wall_time": 1, "outcomes": [{{"name": "a", "file": "a", "status": "fine"}}]}}',
-            "outcomes.0.status: Input should be 'error', 'failed', 'flaky', 'not_exercised', 'passed' or 'skipped'",
+            (
+                "outcomes.0.status: Input should be 'error', 'failed', 'flaky', 'inconclusive', 'not_exercised', "
+                "'passed' or 'skipped'"
+            ),
         ),
         (
             f'{{{HEAD}, "wall_time": 1, "outcomes": [], "shard": {{"index": 3, "count": 2, "total": 1}}}}',

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 
 from sim_action.results.artifacts import run_files
 from sim_action.results.events import Event, Finished, RunEnded
-from sim_action.results.journal import JOURNAL_FILE, Header, Journal
+from sim_action.results.journal import JOURNAL_FILE, Journal
+from sim_action.results.journal_records import Header
 from sim_action.results.outcome import Failure, Outcome, Repeats, Status
 from sim_action.runner.outcome_assembly import OutcomeAssembly, planned_outcomes
 from sim_action.runner.resume import TakenOver, take_over

@@ -201,7 +201,7 @@ interface Colours {
 
 interface ExpectationEntry {
   name: string;
-  status: "passed" | "warned" | "not_exercised" | "failed";
+  status: "passed" | "warned" | "inconclusive" | "not_exercised" | "failed";
   time: number | null;
   cutOff: boolean;
 }
@@ -228,7 +228,7 @@ interface Curve {
   values: Float64Array;
   /** The commanded values, drawn dashed. */
   commanded: Float64Array | null;
-  status: "free" | "passed" | "warned" | "not_exercised" | "failed";
+  status: "free" | "passed" | "warned" | "inconclusive" | "not_exercised" | "failed";
   cutOff: boolean;
   decided: number | null;
   lower: number | null;

@@ -37,6 +37,7 @@ def outputs(results: Results, options: ReportOptions) -> dict[str, str]:
         "passed": str(results.count("passed")),
         "failed": str(results.count("failed")),
         "flaky": str(results.count("flaky")),
+        "inconclusive": str(results.count("inconclusive")),
         "not-exercised": str(results.count("not_exercised")),
         "errors": str(results.count("error")),
         "skipped": str(results.count("skipped")),

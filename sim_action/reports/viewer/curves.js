@@ -19,7 +19,7 @@ function curvesOf(motion, expectations) {
  * @param {{status: string, cutOff: boolean}} expected
  */
 function badness({ status, cutOff }) {
-  const rank = ["failed", "not_exercised", "warned"].indexOf(status);
+  const rank = ["failed", "inconclusive", "not_exercised", "warned"].indexOf(status);
   return rank < 0 ? 10 : rank + (cutOff ? 5 : 0);
 }
 

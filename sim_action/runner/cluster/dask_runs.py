@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from distributed import Client, Future, KilledWorker
 
-from sim_action.core.errors import UsageError
+from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.files import whole_file
 from sim_action.core.process import Interruption
 from sim_action.core.records import dataclass, field
@@ -265,7 +265,7 @@ class ClusterRuns:
         self._start(index)
         self._outcomes[index] = outcome
         self._emit(RunEnded(*self._numbered[index], outcome))
-        if self._fail_fast and outcome.status != "passed":
+        if self._fail_fast and outcome.exit_code is not ExitCode.PASSED:
             self._batches.clear()
             self._cancel([task for task in self._tasks.values() if self._started.isdisjoint(task.indices)])
 

@@ -27,7 +27,8 @@ from sim_action.core.wording import did_you_mean, escaped_line, warn
 from sim_action.core.workspace import Workspace
 from sim_action.reports import ReportRequest, open_reports, write_reports
 from sim_action.results.events import Finished
-from sim_action.results.journal import Header, Journal, Planned
+from sim_action.results.journal import Journal
+from sim_action.results.journal_records import Header, Planned
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, status_of
 from sim_action.robot.loading import load_model
 from sim_action.ros.program_failures import shown_path, traceback_location

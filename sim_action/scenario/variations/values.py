@@ -17,8 +17,18 @@ from sim_action.core.wording import counted, did_you_mean, shown
 from sim_action.core.workspace import PathError, Workspace, similar_name
 from sim_action.core.yaml_document import KeyPath, plain_value
 from sim_action.core.yaml_errors import spec_errors
-from sim_action.scenario.draws import DRAWS, OPTIONS, Choice, CsvColumn, Distribution, Draw, Integers, Sobol, Uniform
-from sim_action.scenario.sobol import BITS, scrambled_points
+from sim_action.scenario.variations.draws import (
+    DRAWS,
+    OPTIONS,
+    Choice,
+    CsvColumn,
+    Distribution,
+    Draw,
+    Integers,
+    Sobol,
+    Uniform,
+)
+from sim_action.scenario.variations.sobol import BITS, scrambled_points
 
 SEED: Final = "seed"
 """The key of the random seed."""

@@ -18,7 +18,7 @@ from collections.abc import Iterable
 from typing import Literal
 
 from sim_action.core.records import dataclass
-from sim_action.results.statistics.binomial import passes_needed, runs_needed
+from sim_action.core.statistics.binomial import passes_needed, runs_needed
 
 Claim = Literal["at_least", "at_most"]
 """The direction of a claim about a quantile: its lower bound proves "at_least", its upper bound "at_most"."""

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.results.statistics.binomial import (
+from sim_action.core.statistics.binomial import (
     MAX_RUNS,
     at_least,
     at_most,

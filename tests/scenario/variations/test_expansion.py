@@ -23,7 +23,7 @@ from sim_action.scenario.files import read_file
 from sim_action.scenario.loading import load_all
 from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.source import Refused, Source
-from sim_action.scenario.variations import MAX_RUNS, expanded
+from sim_action.scenario.variations.expansion import MAX_RUNS, expanded
 from tests.scenarios import LEAST
 
 WALL = "world: {objects: [{name: wall, box: [0.1, 2, 0.5], pose: {x: 3}}]}\n"
@@ -448,7 +448,7 @@ def test_samples_share_the_places_of_what_is_drawn() -> None:
 def test_variations_are_drawn_where_there_is_no_numpy() -> None:
     code = (
         "import sys\nsys.modules['numpy'] = None\n"
-        "from sim_action.scenario.variation_values import value_list\n"
+        "from sim_action.scenario.variations.values import value_list\n"
         "draws = [{'normal': (0, 1)}, {'normal': (0, 1), 'between': (0, 1)}, {'log_uniform': (1, 2)},\n"
         "    {'sobol': (0, 1)}, {'integers': (1, 2)}, {'choice': (1, 2)}]\n"
         "print(sum(len(value_list('a', {**draw, 'samples': 2}, 0).values) for draw in draws))"

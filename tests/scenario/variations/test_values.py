@@ -17,16 +17,17 @@ from sim_action.scenario.files import read_file
 from sim_action.scenario.loading import load_all
 from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.source import Refused, Source
-from sim_action.scenario.variation_values import MAX_CSV_BYTES, CsvFiles, ValueList, ValuesError, value_list
-from sim_action.scenario.variations import expanded
+from sim_action.scenario.variations.expansion import expanded
+from sim_action.scenario.variations.values import MAX_CSV_BYTES, CsvFiles, ValueList, ValuesError, value_list
 from tests.scenarios import LEAST
 
 UNIFORM = "robot.pose.x: {uniform: [0, 1]}"
 
 
 def sources(folder: Path, variations: str, runs: int | None = None) -> tuple[Source, ...]:
-    document = read_document("s.sim.yml", f"{LEAST}variations:\n  {variations.replace('; ', chr(10) + '  ')}\n")
-    return expanded(Source(folder / "s.sim.yml", Workspace(folder, folder), document, "push"), None, runs=runs)
+    gate = f"gate: {{passes: {{at_least: 1 %, confidence: 50 %}}, runs: {runs}}}\n" if runs else ""
+    document = read_document("s.sim.yml", f"{LEAST}variations:\n  {variations.replace('; ', chr(10) + '  ')}\n{gate}")
+    return expanded(Source(folder / "s.sim.yml", Workspace(folder, folder), document, "push"), None)
 
 
 def rows(folder: Path, variations: str, runs: int | None = None) -> list[tuple[object, ...]]:
@@ -304,7 +305,7 @@ def test_rows_of_a_base_in_another_folder_are_beside_that_base(tmp_path: Path) -
     assert [each.variation[0].value for each in found] == [1, 2]
 
 
-PAGE = Path(__file__).parents[2] / "docs/scenario/variations.md"
+PAGE = Path(__file__).parents[3] / "docs/scenario/variations.md"
 
 
 def test_all_draws_of_the_document_can_be_drawn(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.results.statistics.sequential import Decision, SequentialTest
+from sim_action.core.statistics.sequential import Decision, SequentialTest
 
 GATE = SequentialTest(reject=0.85, accept=0.95, confidence=0.95, most=200)
 rates = st.floats(0.01, 0.99)

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.scenario.sobol import BITS, MAX_DIMENSIONS, points, scrambled_points
+from sim_action.scenario.variations.sobol import BITS, MAX_DIMENSIONS, points, scrambled_points
 
 DIMENSIONS = range(MAX_DIMENSIONS)
 

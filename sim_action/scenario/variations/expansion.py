@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 import re
 from collections import ChainMap, Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import product
 from types import MappingProxyType
 from typing import Any, Final, cast
@@ -23,12 +23,21 @@ from pydantic import JsonValue
 from sim_action.core.errors import InvalidScenario, Location, Problem
 from sim_action.core.field_types import is_plain_name
 from sim_action.core.records import dataclass, replace
-from sim_action.core.wording import did_you_mean, shown
+from sim_action.core.wording import shown
 from sim_action.core.yaml_document import Document, KeyPath
-from sim_action.scenario.draws import Sobol
 from sim_action.scenario.extends import without
 from sim_action.scenario.source import Source, Varied
-from sim_action.scenario.variation_values import (
+from sim_action.scenario.variations.dotted_keys import NoSuchKey, placed, resolved
+from sim_action.scenario.variations.draws import Sobol
+from sim_action.scenario.variations.gate import (
+    GATE,
+    SAMPLE,
+    GateOfScenario,
+    refuse_unfit,
+    runs_without_draws,
+    stated_gate,
+)
+from sim_action.scenario.variations.values import (
     MAX_SEED,
     SEED,
     CsvFiles,
@@ -38,80 +47,6 @@ from sim_action.scenario.variation_values import (
     sample_seed,
     value_list,
 )
-
-
-class NoSuchKey(Exception):
-    """A dotted key that leads nowhere."""
-
-
-def resolved(data: object, written: str) -> KeyPath:
-    """Return the path of keys and indices of a dotted key. Its last steps need not exist yet. Raises NoSuchKey."""
-    steps = written.split(".")
-    if not all(steps):
-        raise NoSuchKey("a key is a path of keys with dots, such as robot.pose.yaw")
-    path: KeyPath = ()
-    while steps:
-        if isinstance(data, dict):
-            taken = _taken(data, steps)
-            step: str | int = ".".join(steps[:taken])
-            data, steps = data.get(step), steps[taken:]
-        elif isinstance(data, tuple):
-            step, taken = _entry(data, steps, path)
-            data, steps = data[step], steps[taken:]
-        elif data is None:
-            step, steps = steps[0], steps[1:]
-        else:
-            raise NoSuchKey(f"{_dotted(path)} is {shown(data)}, and has no key '{steps[0]}'")
-        path = (*path, step)
-    return path
-
-
-def placed(data: object, path: KeyPath, value: object) -> tuple[object, list[KeyPath]]:
-    """Return a copy of the data with a value at `path`, and the paths that are new in it."""
-    new, made = _placed(data, path, value)
-    return new, [path[:size] for size in range(len(path) - made, len(path) + 1)]
-
-
-def _placed(data: object, path: KeyPath, value: object) -> tuple[object, int]:
-    """Return a copy of the data with the value, and the number of new steps above it."""
-    if not path:
-        return value, 0
-    step = path[0]
-    if isinstance(data, tuple):
-        assert isinstance(step, int)
-        entry, made = _placed(data[step], path[1:], value)
-        return (*data[:step], entry, *data[step + 1 :]), made
-    values = data if isinstance(data, dict) else {}
-    entry, made = _placed(values.get(step), path[1:], value)
-    return {**values, step: entry}, made if step in values or len(path) == 1 else len(path) - 1
-
-
-def _taken(data: dict[str, object], steps: Sequence[str]) -> int:
-    """Return the number of steps that form one key with dots in it; 1 if there is none."""
-    return next((size for size in range(len(steps), 1, -1) if ".".join(steps[:size]) in data), 1)
-
-
-def _entry(entries: tuple[object, ...], steps: Sequence[str], path: KeyPath) -> tuple[int, int]:
-    """Return the index of a list entry and the number of steps that form its name."""
-    names = [entry.get("name") if isinstance(entry, dict) else None for entry in entries]
-    for size in range(len(steps), 0, -1):
-        if (name := ".".join(steps[:size])) in names:
-            return names.index(name), size
-    return _index(names, steps[0], path), 1
-
-
-def _index(names: Sequence[object], step: str, path: KeyPath) -> int:
-    if step.isdecimal() and step.isascii() and int(step) < len(names):
-        return int(step)
-    known = [name for name in names if isinstance(name, str)]
-    numbers = f"one of its {len(names)} entries by number, from 0" if names else "it is empty"
-    hint = did_you_mean(step, known) if known else ""
-    raise NoSuchKey(f"{_dotted(path)} is a list without '{step}'{hint}; {numbers}")
-
-
-def _dotted(path: KeyPath) -> str:
-    return ".".join(map(str, path))
-
 
 _LONGEST_TEXT: Final = 40
 _MIN_DIGITS: Final = 3
@@ -196,6 +131,7 @@ _FIXED: Final = MappingProxyType(
         "extends": ": files are merged before keys vary; write one file for each base",
         "scenarios": ": scenarios are separated before keys vary; give each scenario its own variations",
         "variations": ": variations cannot be nested; list all varied keys together",
+        "gate": ": a gate judges all samples",
     }
 )
 
@@ -216,25 +152,34 @@ class _Key:
         return below if isinstance(below, Location) else document.location(("variations", self.written, *below))
 
 
-def expanded(source: Source, seed: int | None, most: int = MAX_RUNS, *, runs: int | None = None) -> tuple[Source, ...]:
+def expanded(source: Source, seed: int | None, most: int = MAX_RUNS) -> tuple[Source, ...]:
     """Return a source for each variation in the order of their values, or the scenario itself if it has none.
 
     Args:
         source: of the scenario.
         seed: for random draws; None takes the scenario's own.
         most: the largest number of variations.
-        runs: the number of samples that a gate asks for, which draws have unless they state it; None without a gate.
 
     Raises InvalidScenario.
     """
     data = source.document.data
-    if not isinstance(data, dict) or "variations" not in data:
+    gate = stated_gate(source.document)
+    if not isinstance(data, dict) or (gate is None and "variations" not in data):
         return (source,)
-    base = without(source.document, "variations")
-    keys = _numbered(_keys(source, base, (_seed(base) or 0) if seed is None else seed, runs))
+    base = without(source.document, "variations", GATE)
+    keys: list[_Key] = []
+    if "variations" in data:
+        runs = None if gate is None else gate.gate.runs
+        keys += _numbered(_keys(source, base, (_seed(base) or 0) if seed is None else seed, runs))
+    if gate is not None and not any(key.values.drawn for key in keys):
+        keys.append(_samples(source.document, gate))
     # Indices into the values of each key; drawn keys share one index.
     drawn = [key for key in keys if key.values.drawn]
     factors = [key for key in keys if key not in drawn[1:]]
+    if gate is not None:
+        refuse_unfit(source.document, gate, len(drawn[0].values.values))
+        # The samples of one gate follow each other.
+        factors.sort(key=lambda key: key.values.drawn)
     count = math.prod(len(key.values.values) for key in factors)
     if count > most:
         message = f"{count:,} runs; a file may have {MAX_RUNS:,}"
@@ -247,12 +192,25 @@ def expanded(source: Source, seed: int | None, most: int = MAX_RUNS, *, runs: in
     rows = product(*(range(len(key.values.values)) for key in factors))
     # The keys that all variations share exist once.
     base = replace(base, marks=dict(base.marks))
-    indices = (dict(_indices(factors, drawn, row)) for row in rows)
+    indices = [dict(_indices(factors, drawn, row)) for row in rows]
     shared: _Marks = {}
-    if not drawn or any(key.written == SEED for key in drawn):
-        return tuple(_varied(source, base, keys, each, shared) for each in indices)
-    sample = drawn[0].written
-    return tuple(_sampled(_varied(source, base, keys, each, shared), each[sample], seed) for each in indices)
+    found: Iterable[Source] = (_varied(source, base, keys, each, shared) for each in indices)
+    if drawn and not any(key.written == SEED for key in drawn):
+        sample = drawn[0].written
+        found = (_sampled(run, each[sample], seed) for run, each in zip(found, indices, strict=True))
+    if gate is not None:
+        listed = [key for key in keys if not key.values.drawn]
+        names = [_named(source, listed, each) for each in indices]
+        size = len(drawn[0].values.values)
+        gates = {name: gate.planned(name, source.name, source.line, size) for name in names}
+        found = (replace(run, gate=gates[name]) for run, name in zip(found, names, strict=True))
+    return tuple(found)
+
+
+def _samples(document: Document, stated: GateOfScenario) -> _Key:
+    """Return the samples of a scenario that draws nothing: they differ by their seeds. Raises InvalidScenario."""
+    numbers = ValueList(tuple(range(1, runs_without_draws(document, stated) + 1)), drawn=True)
+    return _Key(SAMPLE, (), numbers, SAMPLE, texts(numbers))
 
 
 def _indices(factors: Sequence[_Key], drawn: Sequence[_Key], row: Sequence[int]) -> Iterator[tuple[str, int]]:
@@ -268,21 +226,26 @@ _Marks = dict[tuple[tuple[KeyPath, Location], ...], ChainMap[KeyPath, Location]]
 def _varied(source: Source, base: Document, keys: Sequence[_Key], indices: Mapping[str, int], shared: _Marks) -> Source:
     data = base.data
     marks: dict[KeyPath, Location] = {}
-    for key in keys:
+    written = [key for key in keys if key.path]
+    for key in written:
         value = key.values.values[indices[key.written]]
         data, made = placed(data, key.path, value)
         marks |= dict.fromkeys(made, key.place(source.document, indices[key.written]))
     chained = ChainMap(marks, cast(dict[KeyPath, Location], base.marks))
-    draws = ((key.place(source.document, indices[key.written]), key.values.advice) for key in keys)
-    values = ",".join(f"{key.label}={key.texts[indices[key.written]]}" for key in keys)
+    draws = ((key.place(source.document, indices[key.written]), key.values.advice) for key in written)
     return replace(
         source,
         document=Document(base.file, data, shared.setdefault(tuple(marks.items()), chained), base.moved),
-        name=f"{source.name}[{values}]",
+        name=_named(source, keys, indices),
         group=source.name,
-        variation=tuple(Varied(key.written, _json(key.values.values[indices[key.written]])) for key in keys),
+        variation=tuple(Varied(key.written, _json(key.values.values[indices[key.written]])) for key in written),
         draws=tuple((place, advice) for place, advice in draws if advice),
     )
+
+
+def _named(source: Source, keys: Sequence[_Key], indices: Mapping[str, int]) -> str:
+    values = ",".join(f"{key.label}={key.texts[indices[key.written]]}" for key in keys)
+    return f"{source.name}[{values}]" if values else source.name
 
 
 def _sampled(run: Source, sample: int, typed: int | None) -> Source:

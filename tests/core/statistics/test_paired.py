@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.results.statistics.paired import Interval, mcnemar, paired_bootstrap, rate_change
+from sim_action.core.statistics.paired import Interval, mcnemar, paired_bootstrap, rate_change
 
 PAIRS = 100
 LEVEL = 0.05
@@ -164,7 +164,7 @@ def test_the_interval_of_a_skewed_mean_reaches_further_to_the_long_tail() -> Non
 def test_the_interval_of_a_mean_covers_it(
     draw: Callable[[np.random.Generator], np.ndarray], mean: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("sim_action.results.statistics.paired.RESAMPLES", 1_000)
+    monkeypatch.setattr("sim_action.core.statistics.paired.RESAMPLES", 1_000)
     draws = np.random.default_rng(26)
     intervals = [paired_bootstrap(draw(draws).tolist(), 0.95) for _ in range(100)]
     assert sum(each.low <= mean <= each.high for each in intervals) >= 88
@@ -173,7 +173,7 @@ def test_the_interval_of_a_mean_covers_it(
 def test_differences_are_drawn_in_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     values = np.random.default_rng(4).normal(0.0, 1.0, 40).tolist()
     whole = paired_bootstrap(values, 0.95)
-    monkeypatch.setattr("sim_action.results.statistics.paired._BLOCK", 40 * 333)
+    monkeypatch.setattr("sim_action.core.statistics.paired._BLOCK", 40 * 333)
     parts = paired_bootstrap(values, 0.95)
     assert (parts.low, parts.high) == pytest.approx((whole.low, whole.high), abs=0.02)
 

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.results.statistics.order_statistics import (
+from sim_action.core.statistics.order_statistics import (
     QuantileBounds,
     lower_rank,
     quantile_bounds,

@@ -21,7 +21,7 @@ from statistics import NormalDist
 from typing import TYPE_CHECKING, Final
 
 from sim_action.core.records import dataclass
-from sim_action.results.statistics.binomial import at_most
+from sim_action.core.statistics.binomial import at_most
 
 if TYPE_CHECKING:
     import numpy as np

@@ -14,7 +14,16 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from sim_action.scenario.draws import DRAWS, Choice, Distribution, Integers, LogUniform, Normal, Sobol, Uniform
+from sim_action.scenario.variations.draws import (
+    DRAWS,
+    Choice,
+    Distribution,
+    Integers,
+    LogUniform,
+    Normal,
+    Sobol,
+    Uniform,
+)
 
 COUNT = 4000
 

@@ -1,0 +1,286 @@
+"""The verdict of a gate: a pure function of its runs, so that shards, jobs and resumed calls give the same.
+
+A run without a verdict counts against whatever is claimed: as not passed for the lower bound of the rate, as passed for
+the upper one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import takewhile
+from typing import Final
+
+from sim_action.core.records import dataclass
+from sim_action.core.statistics import binomial, order_statistics
+from sim_action.core.statistics.order_statistics import QuantileBounds
+from sim_action.core.statistics.sequential import Decision, SequentialTest, SequentialVerdict
+from sim_action.core.units import display, with_si_unit
+from sim_action.core.wording import counted
+from sim_action.results.gate_statistics import GateStatistics
+from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, Status, status_of
+from sim_action.scenario.variations.gate import Passes, PlannedGate, Quantile, StopEarly, percent
+from sim_action.state.verdict import Verdict
+
+_BLOCKING: Final = ("interrupted", "internal", "missing", "invalid")
+"""The kinds of failures that leave a gate without a verdict, the worst first."""
+
+_PERCENT: Final = 100.0
+
+
+def judged_gate(planned: PlannedGate, runs: Sequence[Outcome]) -> Outcome:
+    """Return the outcome of a gate; `runs`: all that are known, in the order of the samples."""
+    found = _decision(planned, runs)
+    decision = None if found is None else found.verdict
+    counted_runs = runs if found is None or decision is None else runs[: found.runs]
+    failure = _blocking(planned, runs, counted_runs)
+    if failure is not None:
+        return _outcome(planned, runs, counted_runs, status="error", failures=(failure,))
+    if decision is None and any(run.status == "skipped" for run in counted_runs):
+        return _outcome(planned, runs, counted_runs, status="skipped")
+    judged = [_expectation(planned, *condition) for condition in _conditions(planned, counted_runs, decision)]
+    return _outcome(
+        planned, runs, counted_runs, status=status_of(judged), expectations=tuple(judged), decision=decision
+    )
+
+
+def decided_after(planned: PlannedGate, runs: Sequence[Outcome | None]) -> int | None:
+    """Return the number of runs that decide a gate which stops early; None: those that are known do not.
+
+    `runs`: in the order of the samples; None: not known yet, so that later ones do not count.
+    """
+    decision = _decision(planned, runs)
+    return None if decision is None or decision.verdict is None else decision.runs
+
+
+def _decision(planned: PlannedGate, runs: Iterable[Outcome | None]) -> Decision | None:
+    """Return the decision of a test that stops early; None: the gate has none."""
+    test = planned.gate.stop_early
+    if test is None:
+        return None
+    known = takewhile(lambda run: run is not None and run.status != "skipped", runs)
+    results = (_RESULTS.get(run.status) for run in known if run is not None)
+    return SequentialTest(test.reject, test.accept, test.confidence, planned.runs).decision(results)
+
+
+_RESULTS: Final[Mapping[Status, bool]] = {"passed": True, "failed": False}
+"""The status of a run -> its result; others have no verdict."""
+
+
+def _blocking(planned: PlannedGate, runs: Sequence[Outcome], looked_at: Sequence[Outcome]) -> Failure | None:
+    """Return the reason why the gate has no verdict."""
+    for kind in _BLOCKING:
+        found = [failure for run in looked_at for failure in run.failures if failure.kind == kind]
+        if found:
+            first = found[0]
+            text = f"{counted(len(found), 'run')} of {planned.runs}: {first.message}"
+            return first.model_copy(update={"message": text, "details": ""})
+    if len(runs) < planned.runs and len(looked_at) == len(runs):
+        lost = f"{planned.runs - len(runs)} of {planned.runs} runs have no result"
+        message = f"{lost}; check the jobs that should have run them"
+        return Failure(kind="missing", title="no result", message=message, location=planned.location)
+    return None
+
+
+Condition = tuple[str, Verdict]
+"""The name of a claim, and its verdict."""
+
+
+def _conditions(
+    planned: PlannedGate, runs: Sequence[Outcome], decision: SequentialVerdict | None
+) -> Iterator[Condition]:
+    gate, counts = planned.gate, _Counts.of(runs)
+    if gate.passes is not None:
+        yield _rate(gate.passes, counts)
+    if gate.stop_early is not None:
+        yield _test(gate.stop_early, counts, decision, planned.runs)
+    for quantile in gate.quantiles:
+        yield _quantile(quantile, runs)
+    if counts.without_verdict or gate.errors.at_most:
+        yield _errors(gate.errors.at_most, counts)
+
+
+@dataclass(frozen=True, slots=True)
+class _Counts:
+    runs: int
+    passed: int
+    failed: int
+    not_exercised: int
+
+    @classmethod
+    def of(cls, runs: Sequence[Outcome]) -> _Counts:
+        statuses: list[Status] = [run.status for run in runs]
+        return cls(len(runs), *(statuses.count(status) for status in ("passed", "failed", "not_exercised")))
+
+    @property
+    def without_verdict(self) -> int:
+        return self.runs - self.passed - self.failed
+
+    @property
+    def rate(self) -> float:
+        return self.passed / self.runs if self.runs else 0.0
+
+    def bounds(self, confidence: float) -> tuple[float, float]:
+        """Return the lower and the upper bound of the rate."""
+        return (
+            binomial.lower_bound(self.passed, self.runs, confidence),
+            binomial.upper_bound(self.passed + self.without_verdict, self.runs, confidence),
+        )
+
+    def __str__(self) -> str:
+        return f"{self.passed} of {self.runs} runs passed ({percent(self.rate)})"
+
+
+def _rate(claim: Passes, counts: _Counts) -> Condition:
+    lower, upper = counts.bounds(claim.confidence)
+    limit, sure = percent(claim.at_least), f"with {percent(claim.confidence)} confidence"
+    name = f"at least {limit} of the runs pass"
+    if binomial.proves(counts.passed, counts.runs, claim.at_least, claim.confidence):
+        return name, _share(counts, claim, f"{counts}; {sure} at least {percent(lower)} do", lower, passed=True)
+    if binomial.refutes(counts.passed + counts.without_verdict, counts.runs, claim.at_least, claim.confidence):
+        return name, _share(counts, claim, f"{counts}; {sure} at most {percent(upper)} do, less than {limit}", upper)
+    message = f"{counts}; {sure} at least {percent(lower)} and at most {percent(upper)} do: too few runs to tell"
+    return name, _share(counts, claim, message, lower, inconclusive=True)
+
+
+def _share(
+    counts: _Counts, claim: Passes, message: str, bound: float, *, passed: bool = False, inconclusive: bool = False
+) -> Verdict:
+    return Verdict(
+        passed,
+        measured=counts.rate * _PERCENT,
+        limit=claim.at_least * _PERCENT,
+        margin=(bound - claim.at_least) * _PERCENT,
+        unit="%",
+        message=message,
+        inconclusive="statistical" if inconclusive else None,
+    )
+
+
+def _test(test: StopEarly, counts: _Counts, decision: SequentialVerdict | None, most: int) -> Condition:
+    rates = f"{percent(test.accept)} against {percent(test.reject)}"
+    sure = f"with {percent(test.confidence)} confidence"
+    name = f"a rate of {rates}"
+    if decision is None:
+        message = f"{counts}; the test neither accepts nor rejects {rates} within {counted(most, 'run')}"
+        return name, Verdict(
+            False, measured=counts.rate * _PERCENT, unit="%", message=message, inconclusive="statistical"
+        )
+    word = "accepts" if decision == "accepted" else "rejects"
+    message = f"{counts}; the test {word} {rates} {sure} after {counted(counts.runs, 'run')}"
+    return name, Verdict(decision == "accepted", measured=counts.rate * _PERCENT, unit="%", message=message)
+
+
+def _errors(most: int, counts: _Counts) -> Condition:
+    found = counts.without_verdict
+    message = f"{counted(found, 'run')} of {counts.runs} without a verdict; at most {most} may have none"
+    verdict = Verdict(found <= most, float(found), float(most), float(most - found), "runs", message=message)
+    return f"at most {counted(most, 'run')} without a verdict", verdict
+
+
+def _quantile(claim: Quantile, runs: Sequence[Outcome]) -> Condition:
+    limit, stated_unit = with_si_unit(claim.bound)
+    found, unit = _values(claim, runs)
+    known = [value for value in found if value is not None]
+    word = "at least" if claim.at_most is None else "at most"
+    name = f"{percent(claim.q)} quantile of {claim.of} {word} {claim.bound}"
+    if stated_unit and known and stated_unit != unit:
+        message = f"{claim.of} is in {unit or 'counts'}, and the limit is {claim.bound}; write it in {unit or 'counts'}"
+        return name, Verdict(False, message=message)
+    bounds = order_statistics.quantile_bounds(known, claim.q, claim.confidence, len(found) - len(known))
+    proving, refuting = bounds.lower, bounds.upper
+    sign = 1.0
+    if claim.claim == "at_most":
+        proving, refuting, sign = bounds.upper, bounds.lower, -1.0
+    shows = proving is not None and sign * (proving - limit) >= 0
+    refutes = refuting is not None and sign * (refuting - limit) < 0
+    told = refuting if refutes else proving
+    text = _quantile_text(claim, bounds, len(found), len(found) - len(known), unit)
+    return name, Verdict(
+        shows,
+        measured=told,
+        limit=limit,
+        margin=None if told is None else sign * (told - limit),
+        unit=unit,
+        message=text if shows or refutes else f"{text}: too few runs to tell",
+        inconclusive=None if shows or refutes else "statistical",
+    )
+
+
+def _quantile_text(claim: Quantile, bounds: QuantileBounds, runs: int, missing: int, unit: str) -> str:
+    sides = (("at least", bounds.lower), ("at most", bounds.upper))
+    known = " and ".join(f"{words} {display(value, unit)}" for words, value in sides if value is not None)
+    sure = f"with {percent(claim.confidence)} confidence"
+    text = f"{counted(runs, 'run')}; {sure} the {percent(claim.q)} quantile is {known or 'not bounded'}"
+    return f"{text}; {counted(missing, 'run')} measured nothing" if missing else text
+
+
+def _values(claim: Quantile, runs: Sequence[Outcome]) -> tuple[list[float | None], str]:
+    """Return the value of each run, None where nothing was measured, and their unit."""
+    values: list[float | None] = []
+    unit = ""
+    for run in runs:
+        verdict = _named(claim.expectation, run)
+        value = None if verdict is None else verdict.margin if claim.is_margin else verdict.measured
+        values.append(value)
+        if verdict is not None and value is not None:
+            unit = verdict.unit
+    return values, unit
+
+
+def _named(name: str, run: Outcome) -> Verdict | None:
+    """Return the verdict of the expectation with a name, or of the only one with an assertion of that name."""
+    by_name = [expected for expected in run.expectations if expected.name == name]
+    found = by_name or [expected for expected in run.expectations if expected.assertion == name]
+    return found[0].verdict if len(found) == 1 and not found[0].verdict.cut_off else None
+
+
+def _expectation(planned: PlannedGate, name: str, verdict: Verdict) -> ExpectationOutcome:
+    return ExpectationOutcome(name=name, assertion="gate", severity="error", location=planned.location, verdict=verdict)
+
+
+def _outcome(
+    planned: PlannedGate,
+    runs: Sequence[Outcome],
+    looked_at: Sequence[Outcome],
+    *,
+    status: Status,
+    expectations: tuple[ExpectationOutcome, ...] = (),
+    failures: tuple[Failure, ...] = (),
+    decision: SequentialVerdict | None = None,
+) -> Outcome:
+    first = runs[0]
+    return Outcome(
+        name=planned.name,
+        file=planned.file,
+        line=planned.line,
+        group=planned.group,
+        gate=planned.name,
+        statistics=_statistics(planned, looked_at, decision),
+        status=status,
+        expectations=expectations,
+        failures=failures,
+        wall_time=sum(run.wall_time for run in runs),
+        scenario_seed=first.scenario_seed,
+        engine=first.engine,
+        provenance=first.provenance,
+    )
+
+
+def _statistics(planned: PlannedGate, runs: Sequence[Outcome], decision: SequentialVerdict | None) -> GateStatistics:
+    counts = _Counts.of(runs)
+    gate = planned.gate
+    claim = gate.passes or gate.stop_early or gate.quantiles[0]
+    lower, upper = (None, None) if gate.stop_early is not None or not runs else counts.bounds(claim.confidence)
+    return GateStatistics(
+        planned=planned.runs,
+        runs=counts.runs,
+        passed=counts.passed,
+        failed=counts.failed,
+        errors=counts.without_verdict - counts.not_exercised,
+        not_exercised=counts.not_exercised,
+        rate=counts.rate,
+        confidence=claim.confidence,
+        lower=lower,
+        upper=upper,
+        decision=decision,
+    )

@@ -1,0 +1,289 @@
+"""The gate of a scenario: how often its samples have to pass, and how sure that has to be.
+
+`gate:` stands beside `variations:`. Every combination of listed values has a gate of its own over the drawn samples.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Final, Literal, Self
+
+from pydantic import AfterValidator, Field, ValidationError, model_validator
+
+from sim_action.core import units
+from sim_action.core.errors import InvalidScenario, Location
+from sim_action.core.field_types import FrozenModel, Quantity
+from sim_action.core.records import dataclass
+from sim_action.core.statistics import binomial, order_statistics
+from sim_action.core.statistics.sequential import SequentialTest
+from sim_action.core.wording import did_you_mean, shown
+from sim_action.core.yaml_document import Document, KeyPath
+from sim_action.core.yaml_errors import spec_errors
+
+GATE: Final = "gate"
+"""The key of the gate."""
+
+SAMPLE: Final = "sample"
+"""The label of a sample of a scenario that draws nothing, in the names of its runs."""
+
+MAX_RUNS_OF_GATE: Final = 10_000
+
+_DIGITS: Final = 14
+
+
+def _rate(value: float) -> float:
+    if not 0 < value < 1:
+        raise ValueError(f"a rate lies between 0 % and 100 %, both excluded; found {value * 100:g} %")
+    return _rounded(value)
+
+
+def _confidence(value: float) -> float:
+    if not 0.5 <= value < 1:
+        raise ValueError(
+            f"a confidence lies between 50 % and 100 %, and no number of runs gives 100 %; found {value * 100:g} %; "
+            "use 95 %"
+        )
+    return _rounded(value)
+
+
+def _rounded(share: float) -> float:
+    """Return a share without the rounding error of its conversion from per cent."""
+    return round(share, _DIGITS)
+
+
+Rate = Annotated[float, Quantity((units.SHARE,)), AfterValidator(_rate)]
+Confidence = Annotated[float, Quantity((units.SHARE,)), AfterValidator(_confidence)]
+_CONFIDENCE_HELP: Final = "how sure the verdict has to be; default: 95 %"
+
+
+class Passes(FrozenModel):
+    """The smallest rate of runs that pass."""
+
+    at_least: Annotated[Rate, Field(description="the rate that the runs have to show, such as 90 %")]
+    confidence: Annotated[Confidence, Field(description=_CONFIDENCE_HELP)] = 0.95
+
+
+class StopEarly(FrozenModel):
+    """Two rates that a sequential test tells apart; it stops as soon as it can."""
+
+    reject: Annotated[Rate, Field(description="the rate of a robot that is not good enough")]
+    accept: Annotated[Rate, Field(description="the rate of a robot that is good enough")]
+    confidence: Annotated[Confidence, Field(description="how sure each decision has to be; default: 95 %")] = 0.95
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        if not self.reject < self.accept:
+            raise ValueError(
+                f"'reject' must be below 'accept'; found {self.reject * 100:g} % and {self.accept * 100:g} %"
+            )
+        return self
+
+
+class Quantile(FrozenModel):
+    """A bound for a quantile of a measured value over the runs."""
+
+    of: Annotated[
+        str,
+        Field(
+            min_length=1,
+            description="an expectation, by its name or the name of its assertion, and '.measured' or '.margin'; "
+            "such as travel.measured",
+        ),
+    ]
+    q: Annotated[Rate, Field(description="the share of runs below the quantile, such as 5 %")]
+    at_least: Annotated[float | str | None, Field(description="lower bound, with a unit")] = None
+    at_most: Annotated[float | str | None, Field(description="upper bound, with a unit")] = None
+    confidence: Annotated[Confidence, Field(description=_CONFIDENCE_HELP)] = 0.95
+
+    @model_validator(mode="after")
+    def _has_one_bound(self) -> Self:
+        if (self.at_least is None) == (self.at_most is None):
+            raise ValueError("must have either 'at_least' or 'at_most'")
+        units.with_si_unit(self.bound)
+        if self.expectation == self.of:
+            raise ValueError(f"'of' ends with .measured or .margin, such as travel.measured; found {shown(self.of)}")
+        return self
+
+    @property
+    def bound(self) -> float | str:
+        """The stated bound."""
+        stated = self.at_most if self.at_least is None else self.at_least
+        assert stated is not None
+        return stated
+
+    @property
+    def claim(self) -> Literal["at_least", "at_most"]:
+        """The side of the stated bound."""
+        return "at_least" if self.at_most is None else "at_most"
+
+    @property
+    def expectation(self) -> str:
+        """The name of the expectation, or of its assertion."""
+        return self.of.removesuffix(".measured").removesuffix(".margin")
+
+    @property
+    def is_margin(self) -> bool:
+        """Return True for the margin, False for the measured value."""
+        return self.of.endswith(".margin")
+
+
+class Errors(FrozenModel):
+    """The largest number of runs without a verdict."""
+
+    at_most: Annotated[int, Field(ge=0, description="errors, flaky and not exercised runs together; default: 0")] = 0
+
+
+class Gate(FrozenModel):
+    """The claims about all samples of a scenario."""
+
+    passes: Annotated[Passes | None, Field(description="a fixed number of runs shows a rate")] = None
+    stop_early: Annotated[
+        StopEarly | None, Field(description="a sequential test between two rates; instead of 'passes'")
+    ] = None
+    quantile: Annotated[
+        Quantile | tuple[Quantile, ...] | None, Field(description="a bound for a quantile, or several")
+    ] = None
+    errors: Annotated[Errors, Field(description="runs without a verdict; default: none")] = Errors.model_construct()
+    runs: Annotated[
+        int | None,
+        Field(ge=1, le=MAX_RUNS_OF_GATE, description="number of samples; default: that of the draws"),
+    ] = None
+
+    @model_validator(mode="after")
+    def _claims_something(self) -> Self:
+        if self.passes is not None and self.stop_early is not None:
+            raise ValueError(
+                "'passes' and 'stop_early' exclude each other: a test that stops early tells two rates apart, and "
+                "shows no rate of 'at_least'; keep one of them"
+            )
+        if self.passes is None and self.stop_early is None and not self.quantiles:
+            raise ValueError("must have 'passes', 'stop_early' or 'quantile'; such as passes: {at_least: 90 %}")
+        if self.stop_early is not None and self.quantiles:
+            raise ValueError("a quantile needs all runs, and 'stop_early' leaves some out; use 'passes' instead")
+        return self
+
+    @property
+    def quantiles(self) -> tuple[Quantile, ...]:
+        """The bounds for quantiles."""
+        if self.quantile is None:
+            return ()
+        return self.quantile if isinstance(self.quantile, tuple) else (self.quantile,)
+
+
+class PlannedGate(FrozenModel):
+    """A gate and the runs that it judges.
+
+    Attributes:
+        name: the name in reports: that of the scenario, with the listed values.
+        file, line: those of its outcomes.
+        location: the place of the key `gate`.
+        group: the name of the scenario.
+        runs: the number of samples.
+    """
+
+    name: str
+    file: str
+    line: int | None = None
+    location: Location
+    group: str
+    gate: Gate
+    runs: Annotated[int, Field(ge=1, le=MAX_RUNS_OF_GATE)]
+
+
+@dataclass(frozen=True, slots=True)
+class GateOfScenario:
+    """The gate that a scenario states, and the place of its key."""
+
+    gate: Gate
+    location: Location
+
+    def planned(self, name: str, group: str, line: int | None, runs: int) -> PlannedGate:
+        """Return the gate of so many runs; see `PlannedGate`."""
+        file, location = self.location.file, self.location
+        return PlannedGate(name=name, file=file, line=line, location=location, group=group, gate=self.gate, runs=runs)
+
+
+def stated_gate(document: Document) -> GateOfScenario | None:
+    """Return the gate of a scenario; None if it has none. Raise InvalidScenario with all problems."""
+    if not isinstance(document.data, dict) or GATE not in document.data:
+        return None
+    stated = document.data[GATE]
+    try:
+        gate = Gate.model_validate(stated)
+    except ValidationError as error:
+        found = [document.problem((GATE, *path), message) for path, message in spec_errors(Gate, stated, error)]
+        raise InvalidScenario(found) from None
+    problems = [
+        document.problem((GATE, "quantile"), problem)
+        for each in gate.quantiles
+        if (problem := _unknown(each, document.data.get("expect"))) is not None
+    ]
+    if problems:
+        raise InvalidScenario(problems)
+    return GateOfScenario(gate, document.location((GATE,)))
+
+
+def _unknown(quantile: Quantile, expect: object) -> str | None:
+    """Return the problem of a quantile that names no expectation, or several."""
+    entries = [entry for entry in expect if isinstance(entry, dict)] if isinstance(expect, tuple) else []
+    called = [name for entry in entries if isinstance(name := entry.get("name"), str)]
+    keys = [key for entry in entries for key in entry if key not in _OPTIONS]
+    found = called.count(quantile.expectation) or keys.count(quantile.expectation)
+    if found == 1:
+        return None
+    if found > 1:
+        return f"{found} expectations are {shown(quantile.expectation)}; give the one that is meant a 'name'"
+    known = [*called, *keys]
+    return f"no expectation is {shown(quantile.expectation)}{did_you_mean(quantile.expectation, known)}"
+
+
+_OPTIONS: Final = frozenset({"name", "after", "before", "for", "severity"})
+"""The keys of an expectation besides its assertion."""
+
+
+def runs_without_draws(document: Document, stated: GateOfScenario) -> int:
+    """Return the number of samples of a scenario that draws nothing. Raises InvalidScenario."""
+    if stated.gate.runs is None:
+        message = "'runs' is missing: without drawn keys in 'variations', it is the number of samples"
+        raise InvalidScenario([document.problem((GATE,), message)])
+    return stated.gate.runs
+
+
+def refuse_unfit(document: Document, stated: GateOfScenario, runs: int) -> None:
+    """Raise InvalidScenario if the gate has another number of runs, or if no result of so many runs passes it."""
+    if stated.gate.runs not in (None, runs):
+        message = f"{stated.gate.runs} runs, but the draws of 'variations' have {runs} samples; write one number"
+        raise InvalidScenario([document.problem((GATE, "runs"), message)])
+    problems = [document.problem((GATE, *path), text) for path, text in _unattainable(stated.gate, runs)]
+    if problems:
+        raise InvalidScenario(problems)
+
+
+def _unattainable(gate: Gate, runs: int) -> Iterator[tuple[KeyPath, str]]:
+    if (passes := gate.passes) is not None:
+        needed = binomial.runs_needed(passes.at_least, passes.confidence)
+        if runs < needed:
+            yield ("passes",), _too_few(runs, needed, f"a rate of {percent(passes.at_least)}", passes.confidence)
+    if (test := gate.stop_early) is not None:
+        sequential = SequentialTest(test.reject, test.accept, test.confidence, MAX_RUNS_OF_GATE)
+        needed = next((most for most in range(1, MAX_RUNS_OF_GATE) if sequential.boundaries(most)[1]), MAX_RUNS_OF_GATE)
+        if runs < needed:
+            rates = f"{percent(test.accept)} against {percent(test.reject)}"
+            yield ("stop_early",), _too_few(runs, needed, rates, test.confidence)
+    for each in gate.quantiles:
+        needed = order_statistics.runs_needed_for_quantile(each.q, each.confidence, each.claim)
+        if runs < needed:
+            what = f"a bound for the {percent(each.q)} quantile"
+            yield ("quantile",), _too_few(runs, needed, what, each.confidence)
+
+
+def _too_few(runs: int, needed: int, what: str, confidence: float) -> str:
+    return (
+        f"{runs} runs cannot show {what} with {percent(confidence)} confidence, whatever they give; it needs {needed}: "
+        f"write 'runs: {needed}' or more"
+    )
+
+
+def percent(share: float) -> str:
+    """Return a share for people, such as "90 %"."""
+    return f"{share * 100:.4g} %"
