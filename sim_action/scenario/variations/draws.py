@@ -29,6 +29,9 @@ _QUANTITY: Final = re.compile(
 # The least number that is used instead of 0, at which the inverse normal distribution is infinite.
 _LEAST: Final = 2.0**-53
 
+# No sample of a whole normal distribution is farther from the mean: a number of 53 bits is at least `_LEAST` or 0.
+_MOST_DEVIATIONS: Final = 9
+
 # The share of a normal distribution that a range must hold.
 _LEAST_MASS: Final = 1e-9
 
@@ -182,6 +185,8 @@ class Normal(_Pair):
         mean, deviation, _ = self.numbers
         if deviation <= 0:
             raise ValueError("the standard deviation must be above 0")
+        if not math.isfinite(abs(mean) + _MOST_DEVIATIONS * deviation):
+            raise ValueError("samples would be larger than any number; choose a smaller standard deviation")
         if self.between is None:
             return self
         low, high = self._bounds

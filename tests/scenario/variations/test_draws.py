@@ -179,6 +179,8 @@ def test_a_value_without_weight_is_never_chosen(weights: list[float], share: flo
         ("normal", {"normal": ("0 m", "1 m"), "between": ("0 s", "1 m")}, "of the same dimension as m; found '0 s'"),
         ("normal", {"normal": ("0 m", "1 m"), "between": (-1, 1)}, "units of the same dimension as m; found -1.0"),
         ("normal", {"normal": (0, 1), "between": ("0 m", 1)}, "must have no unit, like the mean; found '0 m'"),
+        ("normal", {"normal": (0, 1e308)}, "samples would be larger than any number; choose a smaller standard"),
+        ("normal", {"normal": (-1.79e308, 1e306)}, "samples would be larger than any number"),
         ("uniform", {"uniform": (math.nan, 1)}, "expected a finite number or quantity, found nan"),
         ("log_uniform", {"log_uniform": (0, 1)}, "both bounds must be above 0; use 'uniform' for a range with 0"),
         ("log_uniform", {"log_uniform": ("-1 m", "1 m")}, "both bounds must be above 0"),
