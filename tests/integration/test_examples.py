@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -17,6 +18,7 @@ from tests.integration.conftest import fresh_sim_action
 from tests.integration.conftest import sim_action as warm_sim_action
 from tests.ros.ros1.launches import missing_ros
 from tests.ros.ros2.nodes import missing_ros as missing_ros2
+from tests.soak import soaked
 
 ROOT = Path(__file__).parents[2]
 
@@ -39,17 +41,34 @@ def outcomes(folder: Path) -> list[dict[str, Any]]:
     return found
 
 
-@pytest.mark.parametrize("engine", installed())
-def test_all_examples_pass_on_every_engine(engine: str, tmp_path: Path) -> None:
-    shutil.copytree(ROOT / "examples", tmp_path / "examples")
-    ran = fresh_sim_action(tmp_path, "run", "--backend", engine, *(str(path.relative_to(ROOT)) for path in EXAMPLES))
+OF_NODES = [path for path in EXAMPLES if re.search(r"^  ros[12]:", path.read_text(encoding="utf-8"), re.MULTILINE)]
+NODES_ON = [(installed()[0], "examples"), *((engine, "examples/commands") for engine in installed()[1:])]
+
+
+def all_pass(paths: list[Path], engine: str, folder: Path) -> None:
+    shutil.copytree(ROOT / "examples", folder / "examples")
+    ran = fresh_sim_action(folder, "run", "--backend", engine, *(str(path.relative_to(ROOT)) for path in paths))
     assert ran.returncode == 0, ran.stdout + ran.stderr
-    found = outcomes(tmp_path)
-    assert {outcome["file"] for outcome in found} == {path.relative_to(ROOT).as_posix() for path in EXAMPLES}
+    found = outcomes(folder)
+    assert {outcome["file"] for outcome in found} == {path.relative_to(ROOT).as_posix() for path in paths}
     assert [(outcome["name"], outcome["status"], outcome["diagnostics"]) for outcome in found] == [
         (outcome["name"], "passed", []) for outcome in found
     ]
     assert [outcome["name"] for outcome in found if outcome["warnings"]] == []
+
+
+@pytest.mark.parametrize("engine", installed())
+def test_all_examples_pass_on_every_engine(engine: str, tmp_path: Path) -> None:
+    all_pass([path for path in EXAMPLES if path not in OF_NODES], engine, tmp_path)
+
+
+@pytest.mark.skipif(not OF_NODES, reason="there is no ROS here")
+@pytest.mark.parametrize(
+    ("engine", "below"), soaked([(engine, "examples") for engine in installed()] + NODES_ON[1:], short=NODES_ON)
+)
+def test_examples_with_nodes_of_ros_pass(engine: str, below: str, tmp_path: Path) -> None:
+    """All of them on one engine, and one for each ROS on the others: nodes do not know of the engine."""
+    all_pass([path for path in OF_NODES if path.is_relative_to(ROOT / below)], engine, tmp_path)
 
 
 def in_failing_form(text: str) -> tuple[str, int]:
