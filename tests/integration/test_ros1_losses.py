@@ -69,19 +69,6 @@ def test_a_launch_whose_required_node_does_not_exist_is_an_error(tmp_path: Path)
         assert "src/parts/a.launch:3" in printed
 
 
-def test_a_node_that_is_not_required_and_does_not_exist_is_a_loss(tmp_path: Path) -> None:
-    launch = f'<launch>\n{BURGER}\n<node pkg="parts" name="driver" type="not_there.py"/>\n</launch>'
-    package(tmp_path, "parts", {"a.launch": launch})
-    words = ("--sim-time-limit", "0.5", "a.launch")
-
-    code, outcome, _ = called(tmp_path, "roslaunch", *words)
-    assert (code, outcome.status) == (2, "error")
-
-    code, outcome, printed = called(tmp_path, "roslaunch", "--allow-losses", *words)
-    assert (code, outcome.status) == (0, "passed")
-    assert "the node 'driver' (parts/not_there.py) was not started" in printed
-
-
 @pytest.mark.parametrize("program", ["roslaunch", "rostest"])
 def test_a_world_file_that_does_not_exist_is_an_error(program: str, tmp_path: Path) -> None:
     test = TEST.format(name="waits", s=0.2) if program == "rostest" else ""
@@ -109,22 +96,29 @@ THROWN = """\
   <include file="$(find gazebo_ros)/launch/empty_world.launch"/>
   <param name="robot_description" textfile="$(find parts)/ball.urdf"/>
   <node name="s" pkg="gazebo_ros" type="spawn_model" args="-urdf -model ball -param robot_description"/>
+  <node name="driver" pkg="parts" type="not_there.py"/>
 </launch>
 """
 
 
-def test_a_robot_that_would_bounce_is_a_loss(tmp_path: Path) -> None:
+def test_a_robot_that_would_bounce_and_a_node_that_is_not_required_and_does_not_exist_are_losses(
+    tmp_path: Path,
+) -> None:
     package(tmp_path, "parts", {"a.launch": THROWN, "ball.urdf": BALL})
     words = ("--sim-time-limit", "0.5", "a.launch")
-    told = "<restitution> is 0.9, but nothing bounces in the simulation"
+    bounces = "<restitution> is 0.9, but nothing bounces in the simulation"
+    absent = "the node 'driver' (parts/not_there.py) was not started"
 
     code, outcome, printed = called(tmp_path, "roslaunch", *words)
     assert (code, outcome.status) == (2, "error")
-    assert told in printed
+    of_robot, of_node = sorted(failure.message for failure in outcome.failures)
+    assert bounces in of_robot
+    assert "the package 'parts' has no node 'not_there.py'" in of_node
 
     code, outcome, printed = called(tmp_path, "roslaunch", "--allow-losses", *words)
     assert (code, outcome.status) == (0, "passed")
-    assert told in printed
+    assert bounces in printed
+    assert absent in printed
 
 
 @pytest.mark.parametrize("program", ["roslaunch", "rostest"])
