@@ -46,6 +46,7 @@ from sim_action.scenario.loading import build_scene, checked
 from sim_action.scenario.model import LoadedScenario, Scenario
 from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.simulation.recorder import RunRecorder
+from sim_action.simulation.seams import seams_of
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -267,7 +268,7 @@ def _simulated(loaded: LoadedScenario, scene: Scene, footage: RunRecorder, progr
     guard = guarded(progress.say) if loaded.scenario.runs_user_code else nullcontext()
     try:
         with guard:
-            run = simulate(loaded.scenario, scene, progress, footage)
+            run = simulate(loaded.scenario, scene, progress, footage, seams_of(loaded.mutation, scene))
     except BadStart as error:
         problems = [loaded.document.problem(*problem) for problem in error.by_keys]
         raise InvalidScenario([*problems, *error.elsewhere]) from None

@@ -34,6 +34,7 @@ from sim_action.drives import Drive
 from sim_action.robot.robot_model import RobotModel
 from sim_action.robot.spec import Robot
 from sim_action.scenario.claim_audit import AuditWarning
+from sim_action.scenario.mutation import Mutation
 from sim_action.scenario.source import Source
 from sim_action.scenario.variations.draws import Choice, CsvColumn, Integers, LogUniform, Normal, Sobol, Uniform
 from sim_action.scenario.variations.gate import Gate
@@ -349,6 +350,7 @@ class LoadedScenario:
         warnings: the findings of the audit of claims that do not refuse it.
         compared: True if the run is compared with that of another engine.
         places: of the models in the world file.
+        mutation: the fault that the run has on purpose; None in all runs but those of `sim-action prove`.
     """
 
     scenario: Scenario
@@ -359,6 +361,7 @@ class LoadedScenario:
     warnings: tuple[AuditWarning, ...] = ()
     compared: bool = False
     places: WorldPlaces = field(default_factory=WorldPlaces)
+    mutation: Mutation | None = None
 
     @property
     def document(self) -> Document:

@@ -17,6 +17,7 @@ from sim_action.drives import DriveMotion
 from sim_action.scenario.model import Scenario
 from sim_action.sensors import MountedSensor
 from sim_action.simulation.run_audit import CommandLog
+from sim_action.simulation.seams import UNTOUCHED, Seams
 from sim_action.state.command import Answer, Command, JointTargets, LinkWrench, commands_of
 from sim_action.state.observation import Observation
 from sim_action.state.reproducibility import Transcript
@@ -61,7 +62,12 @@ class Controls:
     """
 
     def __init__(
-        self, scenario: Scenario, scene: Scene, motion: DriveMotion | None, told: Told = lambda _time, _command: None
+        self,
+        scenario: Scenario,
+        scene: Scene,
+        motion: DriveMotion | None,
+        told: Told = lambda _time, _command: None,
+        seams: Seams = UNTOUCHED,
     ) -> None:
         """Open the sources. Raise ScriptError after closing those that are open."""
         self.log = CommandLog(scene.joint_positions, motion.joints if motion else frozenset())
@@ -76,7 +82,7 @@ class Controls:
         scenes = _seen_by(scenario.commands, scene)
         with ExitStack() as closing:
             self._sources = [
-                _source(index, source, _opened(index, source, seen, closing), scenario, scene)
+                _source(index, source, seams.controller(_opened(index, source, seen, closing)), scenario, scene)
                 for index, (source, seen) in enumerate(zip(scenario.commands, scenes, strict=True))
             ]
             self._closing = closing.pop_all()

@@ -12,9 +12,7 @@ import numpy as np
 from sim_action.assertions.monitors.becoming import Rest
 from sim_action.core.errors import ControllersFinished, RunError
 from sim_action.core.records import dataclass, replace
-from sim_action.drives import Drive, DriveMotion, recognise
-from sim_action.drives.ignored_statements import ignored_statements
-from sim_action.drives.wheels import axis_in_base, opposed_note
+from sim_action.drives import Drive, recognise
 from sim_action.engines import ENGINES, Engine, chosen
 from sim_action.engines.observers import arrivals
 from sim_action.robot.audit.rules import announced, unannounced
@@ -22,9 +20,11 @@ from sim_action.scenario.claim_audit import LOGGED_ERROR, NOT_REPRODUCIBLE, NOT_
 from sim_action.scenario.model import Scenario
 from sim_action.simulation.accuracy import AccuracyWatch, links_with_springs
 from sim_action.simulation.controllers import Controls, padded
+from sim_action.simulation.model_notes import about_drive, about_links, about_model_of_drive, noted_drive
 from sim_action.simulation.monitors import End, Panel
 from sim_action.simulation.recorder import RunRecorder, moving_bodies
 from sim_action.simulation.run_audit import Motion, RunFacts, audit_run, unreached_events
+from sim_action.simulation.seams import UNTOUCHED, Seams
 from sim_action.simulation.sensors import Sensing
 from sim_action.simulation.start_checks import (
     Spawns,
@@ -48,8 +48,6 @@ from sim_action.world.scene import Scene
 if TYPE_CHECKING:
     from sim_action.simulation.pinning import Pinning
     from sim_action.state.observation import Observation
-
-BOLTED: Final = "the base is fixed: twists turn the wheels, but the robot does not move"
 
 Progress = Callable[[float], None]
 """Receives the sim time in s during the run."""
@@ -91,12 +89,20 @@ class SimulationRun:
         return float(self.trace.time[-1])
 
 
-def simulate(scenario: Scenario, scene: Scene, progress: Progress, footage: RunRecorder | None = None) -> SimulationRun:
+def simulate(
+    scenario: Scenario,
+    scene: Scene,
+    progress: Progress,
+    footage: RunRecorder | None = None,
+    seams: Seams = UNTOUCHED,
+) -> SimulationRun:
     """Run a scenario to its end. Raise RunError where there can be no verdict.
 
-    `footage`: the recorder, which also keeps data of a failed run; default: the trace only.
+    `footage`: the recorder, which also keeps data of a failed run; default: the trace only. `seams`: where a mutation
+    acts on the run.
     """
     footage = footage or RunRecorder(scenario)
+    scene = seams.scene(scene)
     drive = _drive_of(scenario, scene)
     # A drive may assume a stiffness of tyres.
     springs = links_with_springs(scene.model)
@@ -110,7 +116,8 @@ def simulate(scenario: Scenario, scene: Scene, progress: Progress, footage: RunR
         at = backend.observe(0, contacts=False).pose
         can_clash = any(body.mass is not None for body in scene.world.objects)
         notes += refuse_bad_start(scene, at, backend.overlaps(), backend.clashes() if can_clash else ())
-        run = _Loop(scenario, scene, drive, backend, channels, footage=footage, springs=springs).run(progress)
+        loop = _Loop(scenario, scene, drive, backend, channels, footage=footage, springs=springs, seams=seams)
+        run = loop.run(progress)
         return replace(run, notes=(*run.notes, *notes))
     finally:
         backend.close()
@@ -132,47 +139,6 @@ def _drive_of(scenario: Scenario, scene: Scene) -> Drive | None:
     return (scenario.robot.drive or recognise(scene.model)) if scenario.commands else None
 
 
-def _noted_drive(scenario: Scenario, scene: Scene, drive: Drive | None) -> Drive | None:
-    """Return the drive whose wheels commands turn or sensors read."""
-    if drive is None and any(mounted.sensor.reads_wheels for mounted in scenario.sensors):
-        return scenario.robot.drive or recognise(scene.model)
-    return drive
-
-
-def _about_drive(scenario: Scenario, scene: Scene, drive: Drive | None) -> Iterator[str]:
-    """Yield notes on a drive."""
-    if drive is not None:
-        yield ("" if scenario.robot.drive else "recognised: ") + drive.describe(scene.model, scene.world.weight)
-        if scene.bolted and any(source.gives_twists(scene) for source in scenario.commands):
-            yield BOLTED
-
-
-def _about_links(scenario: Scenario, scene: Scene) -> Iterator[str]:
-    """Yield a note if links of the robot pass through each other, and nothing watches them."""
-    # The episodes of ROS nodes expect nothing.
-    keys = {assertion.key for assertion in scenario.assertions}
-    # Most robots that drive have fewer motors than an arm; the rest of the check is imported for others.
-    if keys and "self_collision" not in keys and len(scene.model.motor_joints) > (1 if scene.bolted else 2):
-        from sim_action.robot.self_collision import unwatched_note
-
-        note = unwatched_note(scene.model, scene.robot, bolted=scene.bolted)
-        yield from () if note is None else (note,)
-
-
-def _about_model_of_drive(
-    scenario: Scenario, scene: Scene, drive: Drive | None, motion: DriveMotion | None
-) -> Iterator[str]:
-    """Yield notes on what the model states about a drive, and the drive does otherwise; `motion`: if it is open."""
-    if drive is not None:
-        joints = (motion or drive.open(scene.model, scenario.physics.rate, scene.world.weight)).joints
-        axes = {name: axis_in_base(scene.model, scene.model.joints_by_name[name]) for name in sorted(joints)}
-        turning = {name: axis for name, axis in axes.items() if scene.model.joints_by_name[name].type == "continuous"}
-        if (note := opposed_note(turning)) is not None:
-            yield note
-        if scenario.robot.drive is None:
-            yield from ignored_statements(scene.model, drive.source(scene.model), joints)
-
-
 class _Loop:
     """One run; the step count is its clock."""
 
@@ -186,7 +152,9 @@ class _Loop:
         *,
         footage: RunRecorder,
         springs: frozenset[str],
+        seams: Seams,
     ) -> None:
+        self._runs_on = seams.runs_on
         self._springs = springs
         self._footage = footage
         self._scenario = scenario
@@ -199,19 +167,20 @@ class _Loop:
         self._tunnelling: Tunnelling | None = None
         self._pinning: Pinning | None = None
         self._body_poses: FloatArray | None = None
-        motion = drive.open(scene.model, scenario.physics.rate, scene.world.weight) if drive else None
-        self._motion, noted = motion, _noted_drive(scenario, scene, drive)
-        self._notes = [*unannounced(scene.model.findings), *backend.notes, *_about_drive(scenario, scene, noted)]
-        about_model = (*_about_model_of_drive(scenario, scene, noted, motion), *_about_links(scenario, scene))
+        motion = seams.motion(drive.open(scene.model, scenario.physics.rate, scene.world.weight) if drive else None)
+        self._motion, noted = motion, noted_drive(scenario, scene, drive)
+        self._notes = [*unannounced(scene.model.findings), *backend.notes, *about_drive(scenario, scene, noted)]
+        about_model = (*about_model_of_drive(scenario, scene, noted, motion), *about_links(scenario, scene))
         self._model_notes = (*announced(scene.model.findings), *backend.model_notes, *about_model)
         self._arrivals = Spawns.of(scenario)
         self._last_step = scenario.steps(scenario.time_limit)
         self._step = 0
         with ExitStack() as opened:
-            self._controls = opened.enter_context(closing(Controls(scenario, scene, self._motion, footage.command)))
+            controls = Controls(scenario, scene, self._motion, footage.command, seams)
+            self._controls = opened.enter_context(closing(controls))
             heard = self._controls.are_watching
             more, judged = self._controls.sensors, channels.sensors
-            self._sensing = Sensing(scenario, scene, backend, heard=heard, judged=judged, more=more)
+            self._sensing = Sensing(scenario, scene, backend, heard=heard, judged=judged, more=more, seams=seams)
             self._opened = opened.pop_all()
 
     def run(self, progress: Progress) -> SimulationRun:
@@ -234,7 +203,7 @@ class _Loop:
         moved = moved_while_settling(self._scene, self._placed.pose, start.pose)
         fell = fell_while_settling(self._scene, self._placed.pose, start.pose)
         self._notes += [note for note in (raised, moved, fell) if note is not None]
-        panel = Panel.open(self._scenario, self._scene, start)
+        panel = Panel.open(self._scenario, self._scene, start, runs_on=self._runs_on)
         digest = Digest()
         motion = Motion(Rest.of(self._scene, start))
         accuracy = AccuracyWatch(self._scene, self._drive, self._springs)

@@ -39,18 +39,21 @@ class Panel:
         scenario: the scenario; its expectations have the same order as the monitors.
         goals: True for each monitor that was pending at the start.
         time: the sim time of the last moment seen, in s.
+        runs_on: True if the run goes on after an expectation has failed.
     """
 
     scenario: Scenario
     monitors: tuple[Window, ...]
     goals: tuple[bool, ...]
     time: float = 0.0
+    runs_on: bool = False
 
     @classmethod
-    def open(cls, scenario: Scenario, scene: Scene, start: Observation) -> Self:
+    def open(cls, scenario: Scenario, scene: Scene, start: Observation, *, runs_on: bool = False) -> Self:
         """Return the panel before the first step. Raises BadStart."""
         monitors = tuple(_opened(index, expected, scene, start) for index, expected in enumerate(scenario.expect))
-        return cls(scenario, monitors, tuple(monitor.state is State.PENDING for monitor in monitors))
+        goals = tuple(monitor.state is State.PENDING for monitor in monitors)
+        return cls(scenario, monitors, goals, runs_on=runs_on)
 
     @cached_property
     def has_goals(self) -> bool:
@@ -66,7 +69,7 @@ class Panel:
     @cached_property
     def end(self) -> End | None:
         """The reason why the run ends at the last moment seen; None if it goes on."""
-        if any(m.state is State.BROKEN for m in self._decisive()):
+        if not self.runs_on and any(m.state is State.BROKEN for m in self._decisive()):
             return "expectation failed"
         duration = self.scenario.duration
         if self.has_goals:

@@ -11,6 +11,7 @@ from sim_action.drives import recognise
 from sim_action.engines import Engine
 from sim_action.scenario.model import Scenario
 from sim_action.sensors import Measure, Mount, MountedSensor, Sensor, Sight
+from sim_action.simulation.seams import UNTOUCHED, Seams
 from sim_action.state.observation import ByName, Observation
 from sim_action.state.readings import Reading
 from sim_action.state.sensor_inputs import WheelMotion
@@ -49,6 +50,7 @@ class Sensing:
         heard: bool,
         judged: Collection[str] = (),
         more: Iterable[MountedSensor] = (),
+        seams: Seams = UNTOUCHED,
     ) -> None:
         """Open the sensors that are needed.
 
@@ -59,7 +61,9 @@ class Sensing:
         self._judged = judged
         self._readings: dict[str, Reading] = {}
         self._sensors = [
-            _open(mounted, scenario, scene) for mounted in (*scenario.sensors, *more) if heard or self._keeps(mounted)
+            _open(mounted, scenario, scene, seams)
+            for mounted in (*scenario.sensors, *more)
+            if heard or self._keeps(mounted)
         ]
         self._late = [(running, running.line) for running in self._sensors if running.line is not None]
         self._contacts = heard or any(running.mounted.sensor.watches_contacts for running in self._sensors)
@@ -135,10 +139,11 @@ class Sensing:
         return records
 
 
-def _open(mounted: MountedSensor, scenario: Scenario, scene: Scene) -> _Running:
+def _open(mounted: MountedSensor, scenario: Scenario, scene: Scene, seams: Seams) -> _Running:
     measure = mounted.sensor.open(_mount(mounted, scenario, scene))
     if mounted.sensor.runs_user_code:
         measure = _checked(measure, mounted.sensor)
+    measure = seams.measure(mounted.name, measure)
     sent = mounted.transmission
     random = None if sent.is_perfect else scene.generator(f"transmission of sensor {mounted.name}")
     line: Line[Reading] | None = None if random is None else Line(sent, scenario.physics.rate, random)

@@ -243,3 +243,12 @@ def test_a_goal_whose_window_had_closed_was_cut_short_by_nothing() -> None:
     panel, _ = seen_by(scenario(closed, BREAKS), ride())
     assert panel.end == "expectation failed"
     assert [(verdict.passed, verdict.cut_off) for verdict in panel.verdicts()] == [(False, False)] * 2
+
+
+def test_a_run_that_goes_on_ends_with_its_goals_or_its_time_and_judges_everything() -> None:
+    both = scenario(FAR_GOAL, BREAKS, expectation(Travel(at_most=8.0)), time_limit=10.0)
+    panel, seen = Panel.open(both, scene(), START, runs_on=True).observe_until_end(ride())
+    assert (panel.end, float(seen.time[-1])) == ("time limit", 10.0)
+    assert [(verdict.passed, verdict.cut_off) for verdict in panel.verdicts()] == [(False, False)] * 3
+    panel, _ = Panel.open(scenario(GOAL, BREAKS), scene(), START, runs_on=True).observe_until_end(ride())
+    assert (panel.end, panel.time) == ("goals met", 3.0)
