@@ -55,6 +55,11 @@ def is_comparison(start: bytes) -> bool:
     return start.startswith(b"## ") and COMPARED.encode() in start
 
 
+def is_proof(start: bytes) -> bool:
+    """Return True if a file with this beginning is the JSON of `prove`."""
+    return start.startswith(b"{") and b'"sim_action"' in start and b'"scenarios"' in start
+
+
 _KINDS: Final[dict[str, Callable[[bytes], bool]]] = {
     RESULTS_FILE: lambda start: start.startswith(b"{") and b'"sim_action"' in start,
     JOURNAL_FILE: lambda start: start.startswith(b"{") and b'"journal"' in start and b'"sim_action"' in start,

@@ -1,0 +1,175 @@
+"""The result of `sim-action prove`: which expectations notice a fault of the system, as `proof.json` has it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from sim_action.core.errors import ExitCode, Location
+from sim_action.core.field_types import FrozenModel
+from sim_action.core.files import whole_file
+from sim_action.results.outcome import NotNegative
+from sim_action.scenario.model import Severity
+from sim_action.scenario.source import Varied
+
+MutantStatus = Literal["noticed", "survived", "no effect", "could not run"]
+"""The result of a mutant.
+
+- noticed: at least one expectation that passed before did not pass.
+- survived: the run was another one, and every expectation passed as before.
+- no effect: the run was the same, bit for bit; it counts for nothing.
+- could not run: there is no verdict, such as after a crash; it counts for nothing.
+"""
+
+Finding = Literal["notices", "checks nothing", "unknown"]
+"""The finding on an expectation.
+
+- notices: it noticed at least one mutant.
+- checks nothing: mutants changed the run, and it noticed none of them.
+- unknown: no mutant changed the run, or the expectation did not pass without a mutant either.
+"""
+
+
+class PathChange(FrozenModel):
+    """The greatest change of the robot's motion by a mutant.
+
+    Attributes:
+        text: the change in words.
+        distance: of the base from its place in the original run at the same time, in m.
+        angle: of the orientation of the base from that in the original run at the same time, in rad.
+        joint: the joint that moved most differently, if the base stays where it is; or empty.
+        joint_change: the difference of its position, in rad, or m if prismatic.
+    """
+
+    text: str
+    distance: NotNegative
+    angle: NotNegative
+    joint: str = ""
+    joint_change: NotNegative = 0.0
+
+
+class MutantResult(FrozenModel):
+    """The run of one mutant.
+
+    Attributes:
+        name: the kind and the subject, such as "motor-off:wheel_left_joint".
+        words: the fault in words.
+        noticed_by: the places of the expectations that noticed it, from 0 on.
+        reason: the reason why there is no verdict; or empty.
+        digest: of the run; null if there is none.
+        change: the change of the motion, of a mutant that survived; null if it is small.
+        suggestion: an expectation that passes in the original run and fails with this mutant, as YAML; or empty.
+    """
+
+    name: str
+    words: str
+    status: MutantStatus
+    noticed_by: tuple[int, ...] = ()
+    reason: str = ""
+    digest: str | None = None
+    change: PathChange | None = None
+    suggestion: str = ""
+
+
+class ProvenExpectation(FrozenModel):
+    """An expectation, and the mutants that it noticed.
+
+    Attributes:
+        location: its place in the scenario file.
+        noticed: the names of the mutants that it noticed.
+        missed: the names of the mutants that only other expectations noticed.
+        sensitivity: the distance of the measured value from the limit, as a share of the limit, in the original run;
+            null without a limit, and for goals, which end at their limit. It is information only.
+    """
+
+    name: str
+    assertion: str
+    severity: Severity
+    location: Location
+    finding: Finding
+    noticed: tuple[str, ...] = ()
+    missed: tuple[str, ...] = ()
+    sensitivity: NotNegative | None = None
+
+
+class ProvenScenario(FrozenModel):
+    """A scenario and its mutants.
+
+    Attributes:
+        name, file, line, variation: as in results.json; of a scenario with variations, only the first one is proven.
+        reason: the reason why the scenario was not mutated, such as a failed expectation; empty if it was.
+        exit_code: of the original run.
+        left_out: the number of mutants that did not fit into the budget.
+    """
+
+    name: str
+    file: str
+    line: Annotated[int, Field(ge=1)] | None = None
+    variation: tuple[Varied, ...] = ()
+    reason: str = ""
+    exit_code: Annotated[int, Field(ge=0)] = 0
+    expectations: tuple[ProvenExpectation, ...] = ()
+    mutants: tuple[MutantResult, ...] = ()
+    left_out: Annotated[int, Field(ge=0)] = 0
+
+    @property
+    def is_proven(self) -> bool:
+        """True if the scenario passed, so that it was mutated."""
+        return not self.reason
+
+    @property
+    def useless(self) -> tuple[ProvenExpectation, ...]:
+        """The expectations that check nothing here."""
+        return tuple(each for each in self.expectations if each.finding == "checks nothing")
+
+    @property
+    def survivors(self) -> tuple[MutantResult, ...]:
+        """The mutants that moved the robot another way, and that nothing noticed."""
+        return tuple(each for each in self.mutants if each.status == "survived" and each.change is not None)
+
+    def with_status(self, *statuses: MutantStatus) -> tuple[MutantResult, ...]:
+        """Return the mutants with one of some results."""
+        return tuple(each for each in self.mutants if each.status in statuses)
+
+
+class Proof(FrozenModel):
+    """The result of one call of `sim-action prove`; the file of `--json` is this object as JSON.
+
+    Attributes:
+        version: the version of the format.
+        sim_action: the version of sim-action.
+        runs: the number of runs, with the original ones.
+        wall_time: the wall time in s of the call.
+    """
+
+    version: Literal[1] = 1
+    sim_action: str
+    runs: Annotated[int, Field(ge=0)]
+    wall_time: NotNegative
+    scenarios: tuple[ProvenScenario, ...]
+
+    @property
+    def useless(self) -> int:
+        """The number of expectations that check nothing."""
+        return sum(len(scenario.useless) for scenario in self.scenarios)
+
+    def exit_code(self, *, strict: bool) -> ExitCode:
+        """Return the exit code; with `strict`, an expectation that checks nothing fails, and a bad scenario."""
+        if not self.scenarios:
+            return ExitCode.NO_SCENARIO
+        worst = max(_always(scenario.exit_code for scenario in self.scenarios), default=ExitCode.PASSED)
+        is_weak = self.useless or any(not scenario.is_proven for scenario in self.scenarios)
+        return max(worst, ExitCode.FAILED) if strict and is_weak else worst
+
+    def write(self, path: Path) -> None:
+        """Write the file as a whole. Raise OSError."""
+        with whole_file(path) as file:
+            file.write((self.model_dump_json(indent=2) + "\n").encode("utf-8", "backslashreplace"))
+
+
+def _always(codes: Iterable[int]) -> list[ExitCode]:
+    """Return the exit codes that count in any case: of invalid scenarios and internal errors, not of failed runs."""
+    return [ExitCode(code) for code in codes if code not in (ExitCode.PASSED, ExitCode.FAILED)]

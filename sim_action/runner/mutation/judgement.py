@@ -1,0 +1,124 @@
+"""The judgement of mutants: which expectations noticed each of them, and what nothing noticed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from sim_action.core.records import dataclass, replace
+from sim_action.results.artifacts import stored_file
+from sim_action.results.outcome import ExpectationOutcome, Outcome
+from sim_action.results.proof import Finding, MutantResult, PathChange, ProvenExpectation, ProvenScenario
+from sim_action.runner.mutation.mutant import Mutant, Original
+from sim_action.runner.mutation.path_change import path_change
+from sim_action.scenario.model import LoadedScenario
+from sim_action.state.trace import Trace
+from sim_action.state.trace_storage import TraceError, load_trace
+
+
+@dataclass(frozen=True, eq=False)
+class JudgedMutant:
+    """A mutant after its run.
+
+    Attributes:
+        result: what its run showed.
+    """
+
+    mutant: Mutant
+    result: MutantResult
+
+
+def stored(outcome: Outcome, folder: Path) -> Trace | None:
+    """Return the trace of a run; None if it has none."""
+    path = stored_file(folder, outcome.trace) if outcome.trace else None
+    try:
+        return None if path is None else load_trace(path)
+    except TraceError:
+        return None
+
+
+def judged(original: Original, mutant: Mutant, outcome: Outcome, folder: Path) -> JudgedMutant:
+    """Return a mutant with the result of its run, whose files are in `folder`."""
+    result = MutantResult(name=mutant.name, words=mutant.words, status="could not run", digest=outcome.digest)
+    if not outcome.has_verdict:
+        return JudgedMutant(mutant, result.model_copy(update={"reason": outcome.ending}))
+    noticed = _noticed(original.outcome, outcome)
+    if noticed:
+        update: dict[str, object] = {"status": "noticed", "noticed_by": noticed}
+    elif outcome.digest == original.outcome.digest:
+        update = {"status": "no effect"}
+    else:
+        update = {"status": "survived", "change": _change(original, outcome, folder)}
+    return JudgedMutant(mutant, result.model_copy(update=update))
+
+
+def _noticed(original: Outcome, mutant: Outcome) -> tuple[int, ...]:
+    """Return the places of the expectations that passed, and do not pass by themselves with the mutant."""
+    pairs = zip(original.expectations, mutant.expectations, strict=True)
+    return tuple(
+        place
+        for place, (before, now) in enumerate(pairs)
+        if before.verdict.passed and not now.verdict.passed and not now.verdict.cut_off
+    )
+
+
+def _change(original: Original, outcome: Outcome, folder: Path) -> PathChange | None:
+    trace = stored(outcome, folder)
+    return None if trace is None else path_change(original.trace, trace)
+
+
+def not_mutated(loaded: LoadedScenario, outcome: Outcome) -> ProvenScenario:
+    """Return a scenario that did not pass, or whose run left no trace."""
+    reason = "it left no trace" if outcome.status == "passed" else outcome.ending
+    return _placed(loaded, ProvenScenario(name=outcome.name, file=outcome.file, reason=reason), outcome)
+
+
+def proven(original: Original, mutants: Sequence[JudgedMutant], left_out: int) -> ProvenScenario:
+    """Return a scenario with the findings on its expectations."""
+    results = tuple(each.result for each in mutants)
+    expectations = tuple(
+        _finding(place, expected, results) for place, expected in enumerate(original.outcome.expectations)
+    )
+    scenario = ProvenScenario(
+        name=original.outcome.name,
+        file=original.outcome.file,
+        expectations=expectations,
+        mutants=results,
+        left_out=left_out,
+    )
+    return _placed(original.loaded, scenario, original.outcome)
+
+
+def _placed(loaded: LoadedScenario, scenario: ProvenScenario, outcome: Outcome) -> ProvenScenario:
+    """Return a scenario with its place in the file, its variation, and the exit code of its run."""
+    source = loaded.source
+    update = {"line": source.line, "variation": source.variation, "exit_code": int(outcome.exit_code)}
+    return scenario.model_copy(update=update)
+
+
+def _finding(place: int, expected: ExpectationOutcome, mutants: Sequence[MutantResult]) -> ProvenExpectation:
+    noticed = tuple(each.name for each in mutants if place in each.noticed_by)
+    missed = tuple(each.name for each in mutants if each.status == "noticed" and place not in each.noticed_by)
+    changed = any(each.status in ("noticed", "survived") for each in mutants)
+    finding: Finding = "notices" if noticed else "checks nothing" if changed and expected.verdict.passed else "unknown"
+    return ProvenExpectation(
+        name=expected.name,
+        assertion=expected.assertion,
+        severity=expected.severity,
+        location=expected.location,
+        finding=finding,
+        noticed=noticed,
+        missed=missed,
+        sensitivity=_sensitivity(expected),
+    )
+
+
+def _sensitivity(expected: ExpectationOutcome) -> float | None:
+    """Return the distance of the measured value from the limit, as a share of the limit; None for goals."""
+    verdict = expected.verdict
+    return None if verdict.goal or verdict.margin is None or not verdict.limit else abs(verdict.margin / verdict.limit)
+
+
+def with_suggestion(judged: JudgedMutant, suggestion: str) -> JudgedMutant:
+    """Return a mutant with the expectation that would have noticed it."""
+    return replace(judged, result=judged.result.model_copy(update={"suggestion": suggestion}))

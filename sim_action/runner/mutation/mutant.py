@@ -1,0 +1,89 @@
+"""A run that passed, and its mutants: the same scenario with one fault of the system each."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from sim_action.core.records import dataclass, replace
+from sim_action.results.outcome import Outcome
+from sim_action.scenario.model import LoadedScenario, Scenario
+from sim_action.scenario.mutation import Mutation
+from sim_action.state.trace import FloatArray, Trace
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from sim_action.world.parts import Part
+
+_NO_FAULT: Final = Mutation()
+
+
+@dataclass(frozen=True, eq=False)
+class Original:
+    """A run that passed, without any mutation."""
+
+    loaded: LoadedScenario
+    outcome: Outcome
+    trace: Trace
+
+    @property
+    def scenario(self) -> Scenario:
+        """The scenario that ran."""
+        return self.loaded.scenario
+
+    @cached_property
+    def way_xy(self) -> FloatArray:
+        """The places of the base on the ground plane, (T, 2) m."""
+        return self.trace.base_position_xyz[:, :2]
+
+    @cached_property
+    def driven(self) -> FloatArray:
+        """The length of the way on the ground plane so far, (T,) m."""
+        steps = np.linalg.norm(np.diff(self.way_xy, axis=0), axis=1)
+        return np.concatenate(([0.0], np.cumsum(steps)))
+
+    def mutant(self, kind: str, subject: str, words: str, mutation: Mutation) -> Mutant:
+        """Return the mutant with a fault at the seams of the run."""
+        return self._named(kind, subject, words, replace(self.loaded, mutation=mutation))
+
+    def changed(
+        self,
+        kind: str,
+        subject: str,
+        words: str,
+        scenario: Scenario,
+        parts: Mapping[str, tuple[Part, ...]] | None = None,
+    ) -> Mutant:
+        """Return the mutant with another scenario."""
+        parts = self.loaded.parts if parts is None else parts
+        changed = replace(self.loaded, scenario=scenario, parts=parts, mutation=_NO_FAULT)
+        return self._named(kind, subject, words, changed)
+
+    def _named(self, kind: str, subject: str, words: str, loaded: LoadedScenario) -> Mutant:
+        mutant = Mutant(kind, subject, words, loaded)
+        name = f"{self.scenario.name} ({mutant.name})"
+        return replace(mutant, loaded=replace(loaded, scenario=loaded.scenario.model_copy(update={"name": name})))
+
+
+@dataclass(frozen=True, slots=True)
+class Mutant:
+    """A scenario with one fault of its system.
+
+    Attributes:
+        kind: the name of a row of the table, such as "motor-off".
+        subject: the joint, object or sensor that has the fault; or empty.
+        words: the fault in words.
+    """
+
+    kind: str
+    subject: str
+    words: str
+    loaded: LoadedScenario
+
+    @property
+    def name(self) -> str:
+        """The name in reports, such as "motor-off:wheel_left_joint"."""
+        return f"{self.kind}:{self.subject}" if self.subject else self.kind

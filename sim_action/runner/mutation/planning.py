@@ -1,0 +1,100 @@
+"""The plan of a proof: which scenarios are proven, which mutants of each run, and what that costs."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Sequence
+
+from sim_action.core.errors import UsageError
+from sim_action.core.records import dataclass, replace
+from sim_action.core.wording import did_you_mean, shown
+from sim_action.runner.mutation.mutant import Mutant, Original
+from sim_action.runner.mutation.table import KINDS, TABLE
+from sim_action.runner.run_plan import Plan
+from sim_action.scenario.model import LoadedScenario
+from sim_action.scenario.source import Refused
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedMutants:
+    """The mutants of a run.
+
+    Attributes:
+        original: the run that passed.
+        chosen: the mutants to run, in the order of the table.
+        left_out: the number of mutants that do not fit into the budget.
+    """
+
+    original: Original
+    chosen: Sequence[Mutant]
+    left_out: int = 0
+
+
+def first_runs(plans: Iterable[Plan]) -> Iterator[LoadedScenario | Refused]:
+    """Yield one run of each scenario: its first variation, on the first of its engines."""
+    seen = set[tuple[object, str]]()
+    for plan in plans:
+        if isinstance(plan, Refused):
+            yield plan
+            continue
+        source = plan[0].source
+        if source.group is not None:
+            if (key := (source.path, source.group)) in seen:
+                continue
+            seen.add(key)
+        # Its motion is not compared with that of another engine.
+        yield replace(plan[0], compared=False)
+
+
+def refuse_unknown(names: Iterable[str]) -> None:
+    """Raise UsageError for a name that no mutant can have; a name is a kind, or a kind and a subject."""
+    for name in names:
+        kind = name.partition(":")[0]
+        if kind not in KINDS:
+            hint = did_you_mean(kind, KINDS)
+            raise UsageError(f"--only: there is no mutant {shown(name)}{hint}; known: {', '.join(KINDS)}")
+
+
+def planned(originals: Iterable[Original], only: Collection[str] = ()) -> list[PlannedMutants]:
+    """Return the mutants of each run, all of them if `only` is empty; see `refuse_unknown`."""
+    return [PlannedMutants(original, [*_mutants(original, only)]) for original in originals]
+
+
+def _mutants(original: Original, only: Collection[str]) -> Iterator[Mutant]:
+    for row in TABLE:
+        for mutant in row.mutants(original):
+            if not only or mutant.kind in only or mutant.name in only:
+                yield mutant
+
+
+def cost(plans: Iterable[PlannedMutants], jobs: int) -> float:
+    """Return the estimated wall time in s of all mutants, from the originals: a mutant may run up to its time limit."""
+    return sum(each.original.outcome.wall_time * len(each.chosen) for each in plans) / jobs
+
+
+def within(plans: Sequence[PlannedMutants], seconds: float, jobs: int) -> list[PlannedMutants]:
+    """Return the plans with the most telling mutants that take at most a wall time in s.
+
+    The first mutant of each kind comes before the second one of any kind, and scenarios take turns.
+    """
+    left = seconds * jobs
+    chosen: list[set[str]] = [set() for _ in plans]
+    for _, place, mutant in sorted(_ranked(plans), key=lambda each: each[:2]):
+        needed = plans[place].original.outcome.wall_time
+        if needed <= left:
+            left -= needed
+            chosen[place].add(mutant.name)
+    return [
+        replace(each, chosen=kept, left_out=len(each.chosen) - len(kept))
+        for each, names in zip(plans, chosen, strict=True)
+        for kept in [[mutant for mutant in each.chosen if mutant.name in names]]
+    ]
+
+
+def _ranked(plans: Sequence[PlannedMutants]) -> Iterator[tuple[tuple[int, int], int, Mutant]]:
+    """Yield each mutant after its rank and the index of its plan."""
+    for place, each in enumerate(plans):
+        before = Counter[str]()
+        for mutant in each.chosen:
+            yield (before[mutant.kind], KINDS.index(mutant.kind)), place, mutant
+            before[mutant.kind] += 1

@@ -1,0 +1,190 @@
+"""Suggestions: expectations that pass in the original run, and that would have noticed a mutant that survived.
+
+Each candidate is made of the original run alone. Runs of the original and of the mutant then decide.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Final
+
+import numpy as np
+
+from sim_action.core.errors import InvalidScenario
+from sim_action.core.permissions import Permissions
+from sim_action.core.records import dataclass, replace
+from sim_action.results.outcome import ExpectationOutcome, Outcome
+from sim_action.runner.mutation.mutant import Original
+from sim_action.runner.mutation.path_change import LEAST_DISTANCE_M
+from sim_action.scenario.loading import Libraries, checked
+from sim_action.scenario.model import LoadedScenario
+from sim_action.scenario.mutation import Mutation
+from sim_action.state.trace import FloatArray
+
+_TOLERANCE_M: Final = 0.1
+_TOLERANCE_RAD: Final = 0.087
+_CLEARANCES_M: Final = (0.2, 0.1, 0.05)
+# The time in s that a robot may take longer, and the factor by which it may be faster.
+_LATER_S: Final = 0.25
+_FASTER: Final = 1.2
+_MOST_POINTS: Final = 12
+_MOST_JOINTS: Final = 3
+_DIGITS: Final = 2
+
+Entry = str | Mapping[str, object]
+"""An entry of `expect`, as YAML has it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Expectations that may notice what the scenario does not.
+
+    Attributes:
+        entries: as a scenario has them.
+        loaded: the original scenario with all of them after its own expectations.
+        own: the number of its own expectations.
+    """
+
+    entries: Sequence[Entry]
+    loaded: LoadedScenario
+    own: int
+
+    def added_to(self, mutant: LoadedScenario) -> LoadedScenario:
+        """Return a mutant of the scenario with the candidates."""
+        more = self.loaded.scenario.expect[self.own :]
+        scenario = mutant.scenario
+        return replace(mutant, scenario=scenario.model_copy(update={"expect": (*scenario.expect, *more)}))
+
+    def best(self, original: Outcome, mutant: Outcome) -> str:
+        """Return the first candidate that passed in the original run and noticed the mutant, as YAML; or empty."""
+        pairs = zip(self.entries, self._of(original), self._of(mutant), strict=False)
+        found = (entry for entry, before, now in pairs if before.verdict.passed and not now.verdict.passed)
+        return next((_yaml(entry) for entry in found), "")
+
+    def _of(self, outcome: Outcome) -> Sequence[ExpectationOutcome]:
+        return outcome.expectations[self.own :] if outcome.has_verdict else ()
+
+
+def candidates(original: Original, permissions: Permissions, libraries: Libraries) -> Candidates | None:
+    """Return the candidates for a run that are valid in its scenario; None if there are none."""
+    entries = list(_entries(original))
+    for kept in (entries, [entry for entry in entries if _with(original, [entry], permissions, libraries) is not None]):
+        if kept and (loaded := _with(original, kept, permissions, libraries)) is not None:
+            return Candidates(kept, loaded, len(original.scenario.expect))
+    return None
+
+
+def _with(
+    original: Original, entries: Sequence[Entry], permissions: Permissions, libraries: Libraries
+) -> LoadedScenario | None:
+    """Return the original scenario with more expectations; None if it is invalid with them."""
+    source = original.loaded.source
+    data = source.document.data
+    assert isinstance(data, dict)  # the loader has looked
+    own = data["expect"] if isinstance(data["expect"], tuple) else (data["expect"],)
+    document = replace(source.document, data={**data, "expect": (*own, *entries)})
+    try:
+        loaded = checked(replace(source, document=document), permissions, libraries)
+    except InvalidScenario:
+        return None
+    ours = original.scenario
+    scenario = ours.model_copy(update={"expect": loaded.scenario.expect})
+    return replace(original.loaded, scenario=scenario, mutation=Mutation())
+
+
+def _entries(original: Original) -> Iterator[Entry]:
+    """Yield all candidates, the simplest first."""
+    places = original.trace.base_position_xyz
+    travelled = float(np.ptp(places, axis=0).max())
+    objects = original.scenario.world.objects
+    if objects:
+        yield "no_collision"
+    if travelled < LEAST_DISTANCE_M:
+        yield from _of_joints(original)
+    yield {"stay_within": {axis: _bounds(places[:, column]) for column, axis in enumerate("xy")}}
+    x, y, z = (round(value, _DIGITS) + 0.0 for value in places[-1].tolist())
+    yaw = f"{round(math.degrees(float(original.trace.yaw[-1])))} deg"
+    yield {"final_pose": {"x": x, "y": y, "tolerance": _TOLERANCE_M}}
+    yield {"final_pose": {"x": x, "y": y, "yaw": yaw, "tolerance": _TOLERANCE_M}}
+    if objects:
+        yield from ({"clearance": {"at_least": distance}} for distance in _CLEARANCES_M)
+    points = _corners(original.way_xy)
+    if len(points) > 1:
+        yield {"follow_path": {"path": tuple(points), "max_error": _TOLERANCE_M}}
+    if travelled >= LEAST_DISTANCE_M:
+        away = original.trace.planar_distance_to(x, y)
+        yield {"reach": {"x": x, "y": y, "tolerance": _TOLERANCE_M}, "before": _before(original, away, _TOLERANCE_M)}
+        yield {"max_speed": {"linear": round(_FASTER * float(original.trace.speed.max()) + 0.01, _DIGITS)}}
+    yield {"stay_within": {"z": _bounds(places[:, 2])}}
+    yield {"final_pose": {"z": z, "tolerance": _TOLERANCE_M}}
+
+
+def _before(original: Original, away: FloatArray, tolerance: float) -> float:
+    """Return a deadline for a distance that becomes small enough during the run, in s of sim time."""
+    reached = float(original.trace.time[int(np.argmax(away <= tolerance))])
+    return round(reached + _LATER_S, _DIGITS)
+
+
+def _of_joints(original: Original) -> Iterator[Entry]:
+    """Yield where the joints that moved most came to."""
+    positions = original.trace.joint_position
+    ways = np.ptp(positions, axis=0).round(_DIGITS).tolist()
+    most = sorted(range(len(ways)), key=lambda column: -ways[column])[:_MOST_JOINTS]
+    for column in most:
+        if ways[column] > _TOLERANCE_RAD:
+            name, position = original.trace.joint_names[column], round(float(positions[-1, column]), _DIGITS)
+            before = _before(original, np.abs(positions[:, column] - position), _TOLERANCE_RAD)
+            yield {"joint": {"name": name, "near": position, "tolerance": _TOLERANCE_RAD}, "before": before}
+
+
+def _bounds(values: FloatArray) -> tuple[float, float]:
+    lower, upper = float(values.min()) - _TOLERANCE_M, float(values.max()) + _TOLERANCE_M
+    return math.floor(lower * 100) / 100, math.ceil(upper * 100) / 100
+
+
+def _corners(way_xy: FloatArray) -> list[dict[str, float]]:
+    """Return the points of a path that is never farther than half the tolerance from the way (Douglas and Peucker)."""
+    kept = {0, len(way_xy) - 1}
+    waiting = [(0, len(way_xy) - 1)]
+    while waiting and len(kept) < _MOST_POINTS:
+        first, last = waiting.pop(0)
+        if last - first < 2:
+            continue
+        away = _distances(way_xy[first + 1 : last], way_xy[first], way_xy[last])
+        index = first + 1 + int(np.argmax(away))
+        if away.max() > _TOLERANCE_M / 2:
+            kept.add(index)
+            waiting += [(first, index), (index, last)]
+    points = [tuple(round(value, _DIGITS) + 0.0 for value in way_xy[index].tolist()) for index in sorted(kept)]
+    several = [point for place, point in enumerate(points) if place == 0 or point != points[place - 1]]
+    return [{"x": x, "y": y} for x, y in several]
+
+
+def _distances(points: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
+    """Return the distances of points from a straight line between two others, in m."""
+    way = end - start
+    length = float(way @ way)
+    shares = np.clip((points - start) @ way / length, 0.0, 1.0) if length else np.zeros(len(points))
+    return np.asarray(np.linalg.norm(points - start - shares[:, None] * way, axis=1), dtype=np.float64)
+
+
+def _yaml(entry: Entry) -> str:
+    """Return an entry of `expect` as YAML to paste."""
+    if isinstance(entry, str):
+        return f"- {entry}"
+    return "- " + "\n  ".join(f"{key}: {_flow(value)}" for key, value in entry.items())
+
+
+def _flow(value: object) -> str:
+    """Return a value in YAML's flow style."""
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{key}: {_flow(each)}" for key, each in value.items()) + "}"
+    if isinstance(value, tuple):
+        return "[" + ", ".join(map(_flow, value)) + "]"
+    return f"{value:g}" if isinstance(value, float) else f"'{value}'" if _needs_quotes(value) else str(value)
+
+
+def _needs_quotes(value: object) -> bool:
+    """Return True for a text that is no plain scalar in flow style everywhere."""
+    return isinstance(value, str) and not value.replace("_", "").replace(" ", "").replace("-", "").isalnum()

@@ -1,0 +1,159 @@
+"""Faults of the world: objects that are missing or elsewhere, a wall across the way, less friction."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from sim_action.core.field_types import Placement
+from sim_action.core.geometry import multiply, quaternion_from_rpy
+from sim_action.runner.mutation.mutant import Mutant, Original
+from sim_action.world import Body, World
+from sim_action.world.parts import lowest
+
+if TYPE_CHECKING:
+    from sim_action.world.parts import Part
+
+MOST_OBJECTS: Final = 5
+"""The number of objects that have mutants: those nearest to the way of the robot."""
+
+FRICTION_DIVISOR: Final = 4.0
+
+WALL: Final = "wall-across-the-way"
+WALL_SIZE: Final = (0.1, 1.5, 0.5)
+"""The depth, width and least height in m of the wall across the way."""
+
+# The share of the way before the wall, and its least distance in m from the start.
+_WALL_AT: Final = 0.6
+_LEAST_TO_WALL_M: Final = 0.5
+# Objects that move stay this far away from the start, in m.
+_FREE_M: Final = 0.35
+_LEAST_MOVE_M: Final = 0.02
+_MOVABLE: Final = frozenset({"box", "cylinder", "sphere", "mesh", "shapes"})
+
+
+def removed(original: Original) -> Iterator[Mutant]:
+    """Yield a mutant without each object that no other part of the scenario names."""
+    for body in _near_way(original):
+        if not _is_named(original, body.name):
+            others = tuple(each for each in original.scenario.world.objects if each is not body)
+            yield _with_objects(original, "removed", body.name, f"the object '{body.name}' is missing", others)
+
+
+def moved(original: Original) -> Iterator[Mutant]:
+    """Yield a mutant with each object moved by its own size towards the way of the robot."""
+    for body in _near_way(original):
+        if body.shape not in _MOVABLE or body.path:
+            continue
+        at = _moved_place(original, body)
+        if at is None:
+            continue
+        shift = math.dist(at, (body.pose.x, body.pose.y))
+        there = body.model_copy(update={"pose": body.pose.model_copy(update={"x": at[0], "y": at[1]})})
+        objects = tuple(there if each is body else each for each in original.scenario.world.objects)
+        words = f"the object '{body.name}' stands {shift:.2f} m nearer to the robot's way"
+        yield _with_objects(original, "moved", body.name, words, objects)
+
+
+def walled(original: Original) -> Iterator[Mutant]:
+    """Yield the mutant with a wall across the way that the robot drove."""
+    way, driven = original.way_xy, original.driven
+    index = int(np.searchsorted(driven, _WALL_AT * driven[-1]))
+    if index == 0 or math.dist(way[index], way[0]) < _LEAST_TO_WALL_M:
+        return
+    before = int(np.searchsorted(driven, max(0.0, driven[index] - 0.1)))
+    dx, dy = (way[index] - way[min(before, index - 1)]).tolist()
+    depth, width, height = WALL_SIZE
+    height = max(height, 2 * float(original.trace.base_position_xyz[:, 2].max()))
+    x, y = way[index].tolist()
+    wall = Body(name=WALL, box=(depth, width, height), pose=Placement(x=x, y=y, yaw=math.atan2(dy, dx)))
+    words = f"a wall stands across the way, after {driven[index]:.1f} m"
+    yield _with_objects(original, "wall", "", words, (*original.scenario.world.objects, wall))
+
+
+def slippery(original: Original) -> Iterator[Mutant]:
+    """Yield the mutant with less friction of the ground, for robots that are not fixed."""
+    world = original.scenario.world
+    if original.scenario.robot.base == "fixed":
+        return
+    ground = world.ground.model_copy(update={"friction": world.ground.friction / FRICTION_DIVISOR})
+    patches = tuple(each.model_copy(update={"friction": each.friction / FRICTION_DIVISOR}) for each in world.patches)
+    slippery = world.model_copy(update={"ground": ground, "patches": patches})
+    yield _in_world(original, "slippery", "", "the ground has a quarter of its friction", slippery)
+
+
+def _with_objects(original: Original, kind: str, subject: str, words: str, objects: Sequence[Body]) -> Mutant:
+    world = original.scenario.world.model_copy(update={"objects": tuple(objects)})
+    return _in_world(original, kind, subject, words, world)
+
+
+def _in_world(original: Original, kind: str, subject: str, words: str, world: World) -> Mutant:
+    return original.changed(kind, subject, words, original.scenario.model_copy(update={"world": world}))
+
+
+def _near_way(original: Original) -> list[Body]:
+    """Return the objects nearest to the way of the robot, in the order of the scenario."""
+    objects = original.scenario.world.objects
+    away = {body.name: _nearest(original, body)[1] for body in objects}
+    chosen = sorted(objects, key=lambda body: away[body.name])[:MOST_OBJECTS]
+    return [body for body in objects if any(body is each for each in chosen)]
+
+
+def _nearest(original: Original, body: Body, start: int = 0) -> tuple[int, float]:
+    """Return the index of the nearest place on the way, from an index on, and its distance in m."""
+    away = np.linalg.norm(original.way_xy[start:] - (body.beginning.x, body.beginning.y), axis=1)
+    index = int(np.argmin(away))
+    return start + index, float(away[index])
+
+
+def _moved_place(original: Original, body: Body) -> tuple[float, float] | None:
+    """Return where an object is after it moved by its own size towards the way; None if there is no such place.
+
+    It never goes beyond the way, nor into the robot at its start.
+    """
+    parts = original.loaded.parts[body.name] if body.is_read else body.parts()
+    at, (start_x, start_y) = np.array((body.pose.x, body.pose.y)), original.way_xy[0].tolist()
+    index, distance = _nearest(original, body)
+    if distance == 0:
+        return None
+    x, y = ((original.way_xy[index] - at) / distance).tolist()
+    ahead, behind = _extent(parts, body.pose, x, y), _extent(parts, body.pose, -x, -y)
+    room = max(0.0, float(np.linalg.norm(at - (start_x, start_y))) - ahead - _FREE_M)
+    # Towards the start, it stops before the robot; elsewhere, on the way.
+    most = min(distance, room) if index == 0 or distance > room else distance
+    shift = min(ahead + behind, most)
+    if shift < _LEAST_MOVE_M:
+        return None
+    return float(at[0] + shift * x), float(at[1] + shift * y)
+
+
+def _extent(parts: Sequence[Part], place: Placement, x: float, y: float) -> float:
+    """Return how far parts reach from their frame in a direction on the ground plane, in m."""
+    down = multiply(quaternion_from_rpy(0.0, math.pi / 2, 0.0), quaternion_from_rpy(0.0, 0.0, -math.atan2(y, x)))
+    return max(0.0, -lowest(parts, multiply(down, place.orientation_xyzw)))
+
+
+def _is_named(original: Original, body: str) -> bool:
+    """Return True if a part of the scenario other than its objects contains the name of a body."""
+    data = original.loaded.document.data
+    assert isinstance(data, dict)  # the loader has looked
+    named = re.compile(rf"(?<![\w-]){re.escape(body)}(?![\w-])")
+    world = data.get("world")
+    others = {key: value for key, value in world.items() if key not in ("objects", "file")} if world else None
+    return any(named.search(text) for text in _texts([data.get("expect"), data.get("commands"), others]))
+
+
+def _texts(value: object) -> Iterator[str]:
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict):
+        for key, each in value.items():
+            yield from _texts(key)
+            yield from _texts(each)
+    elif isinstance(value, list | tuple):
+        for each in value:
+            yield from _texts(each)

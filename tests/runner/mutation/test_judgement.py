@@ -1,0 +1,117 @@
+"""Which expectations noticed a mutant, and the findings on them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from sim_action.core.records import replace
+from sim_action.results.outcome import Failure, Outcome, Status
+from sim_action.results.proof import MutantStatus
+from sim_action.runner.mutation.judgement import judged, not_mutated, proven, stored, with_suggestion
+from sim_action.runner.mutation.mutant import Mutant, Original
+from sim_action.runner.mutation.table import TABLE
+from sim_action.state.trace_storage import save_trace
+from sim_action.state.verdict import Judged, Verdict
+from tests.outcomes import outcome
+from tests.runner.mutation.runs import original, straight
+
+HOLDS = Verdict(True, 1.5, 2.0, 0.5, "m")
+FAILS = Verdict(False, 2.5, 2.0, -0.5, "m")
+
+
+def judged_run(*verdicts: Verdict, digest: str = "theirs", trace: str | None = None) -> Outcome:
+    (expected,) = outcome("a.sim.yml").expectations
+    several = tuple(expected.model_copy(update={"verdict": verdict}) for verdict in verdicts)
+    status: Status = "passed" if all(verdict.passed for verdict in verdicts) else "failed"
+    return Outcome(
+        name="a",
+        file="a.sim.yml",
+        status=status,
+        expectations=several,
+        digest=digest,
+        trace=trace,
+    )
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Original:
+    made = original(tmp_path)
+    return replace(made, outcome=judged_run(HOLDS, HOLDS, digest="ours"))
+
+
+def silenced(run: Original) -> Mutant:
+    (mutant,) = TABLE[0].mutants(run)
+    return mutant
+
+
+@pytest.mark.parametrize(
+    ("mutant", "status", "noticed"),
+    [
+        (judged_run(HOLDS, HOLDS, digest="ours"), "no effect", ()),
+        (judged_run(HOLDS, HOLDS), "survived", ()),
+        (judged_run(HOLDS, FAILS), "noticed", (1,)),
+        (judged_run(FAILS, FAILS), "noticed", (0, 1)),
+        (judged_run(HOLDS, replace(FAILS, cut_off=True)), "survived", ()),
+        (judged_run(HOLDS, replace(FAILS, judged=Judged())), "noticed", (1,)),
+        # A sensor that only an expectation reads does not change the motion.
+        (judged_run(HOLDS, FAILS, digest="ours"), "noticed", (1,)),
+    ],
+)
+def test_a_mutant_is_noticed_by_verdicts_that_change(
+    mutant: Outcome, status: MutantStatus, noticed: tuple[int, ...], run: Original, tmp_path: Path
+) -> None:
+    result = judged(run, silenced(run), mutant, tmp_path).result
+    assert (result.name, result.status, result.noticed_by) == ("silenced", status, noticed)
+
+
+def test_an_expectation_that_failed_before_notices_nothing(run: Original, tmp_path: Path) -> None:
+    failing = replace(run, outcome=judged_run(HOLDS, FAILS, digest="ours"))
+    each = judged(failing, silenced(run), judged_run(FAILS, FAILS), tmp_path)
+    assert each.result.noticed_by == (0,)
+    assert [found.finding for found in proven(failing, [each], 0).expectations] == ["notices", "unknown"]
+
+
+def test_a_crash_is_no_notice(run: Original, tmp_path: Path) -> None:
+    failure = Failure(kind="crash", title="SIGSEGV", message="the process ended")
+    crashed = Outcome(name="a", file="a.sim.yml", status="error", failures=(failure,))
+    result = judged(run, silenced(run), crashed, tmp_path).result
+    assert (result.status, result.reason) == ("could not run", "ended in an error (SIGSEGV: the process ended)")
+
+
+def test_findings_count_mutants_that_changed_the_run(run: Original, tmp_path: Path) -> None:
+    several = [
+        judged(run, silenced(run), each, tmp_path) for each in (judged_run(HOLDS, FAILS), judged_run(HOLDS, HOLDS))
+    ]
+    scenario = proven(run, several, 3)
+    useless, useful = scenario.expectations
+    assert (useless.finding, useless.noticed, useless.missed) == ("checks nothing", (), ("silenced",))
+    assert (useful.finding, useful.noticed, useful.missed) == ("notices", ("silenced",), ())
+    assert (useless.sensitivity, scenario.left_out, scenario.useless) == (0.25, 3, (useless,))
+    same = [judged(run, silenced(run), judged_run(HOLDS, HOLDS, digest="ours"), tmp_path)]
+    assert [each.finding for each in proven(run, same, 0).expectations] == ["unknown", "unknown"]
+
+
+def test_the_motion_of_a_survivor_is_compared(run: Original, tmp_path: Path) -> None:
+    save_trace(straight(1.0), tmp_path / "m.npz")
+    each = judged(run, silenced(run), judged_run(HOLDS, HOLDS, trace="m.npz"), tmp_path)
+    assert each.result.change is not None
+    assert each.result.change.text == "the robot was 1.00 m behind at 20.0 s"
+    told = with_suggestion(each, "- no_collision").result
+    assert told.suggestion == "- no_collision"
+    assert proven(run, [replace(each, result=told)], 0).survivors == (told,)
+
+
+def test_a_trace_that_is_missing_or_damaged_is_none(tmp_path: Path) -> None:
+    (tmp_path / "m.npz").write_bytes(b"no trace")
+    assert stored(judged_run(HOLDS, trace="m.npz"), tmp_path) is None
+    assert stored(judged_run(HOLDS, trace="gone.npz"), tmp_path) is None
+    assert stored(judged_run(HOLDS), tmp_path) is None
+
+
+def test_a_scenario_that_did_not_pass_says_why(run: Original) -> None:
+    told = not_mutated(run.loaded, judged_run(FAILS))
+    assert (told.is_proven, told.exit_code) == (False, 1)
+    assert told.reason.startswith("failed")
+    assert not_mutated(run.loaded, judged_run(HOLDS)).reason == "it left no trace"

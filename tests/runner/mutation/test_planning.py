@@ -1,0 +1,54 @@
+"""The plan of a proof: which scenarios, which mutants, what they cost, and which fit into a budget."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from sim_action.core.errors import InvalidScenario, UsageError
+from sim_action.core.records import replace
+from sim_action.runner.mutation.planning import cost, first_runs, planned, refuse_unknown, within
+from sim_action.scenario.source import Refused
+from tests.runner.mutation.runs import original
+from tests.scenarios import LEAST, load
+
+
+def test_the_first_variation_on_the_first_engine_is_proven(tmp_path: Path) -> None:
+    plain = load(tmp_path, LEAST)
+    varied = replace(plain.source, group="burger")
+    several = [replace(plain, source=replace(varied, number=number), compared=True) for number in (1, 2)]
+    refused = Refused("b.sim.yml", "b", None, InvalidScenario([]))
+    found = list(first_runs([(plain,), (several[0], plain), (several[1],), refused]))
+    assert [each if isinstance(each, Refused) else (each.source.number, each.compared) for each in found] == [
+        *((1, False), (1, False)),
+        refused,
+    ]
+
+
+def test_the_command_line_chooses_kinds_and_single_mutants(tmp_path: Path) -> None:
+    run = original(tmp_path)
+    (plan,) = planned([run], ("removed:crate", "motor-off"))
+    assert [mutant.name for mutant in plan.chosen] == [
+        "motor-off:wheel_left_joint",
+        "removed:crate",
+    ]
+    assert len(planned([run])[0].chosen) == 13
+    refuse_unknown(["wall", "removed:any name"])
+    with pytest.raises(UsageError, match="did you mean 'wall'"):
+        refuse_unknown(["wal"])
+
+
+def test_a_budget_takes_the_first_of_each_kind_first_and_scenarios_in_turns(tmp_path: Path) -> None:
+    quick, slow = original(tmp_path), original(tmp_path, wall_time=2.0)
+    plans = planned([quick, slow])
+    assert cost(plans, 2) == (13 + 26) / 2
+    some = within(plans, 4.5, 2)
+    assert [[mutant.kind for mutant in plan.chosen] for plan in some] == [["silenced", "swapped", "wall"]] * 2
+    assert [plan.left_out for plan in some] == [10, 10]
+    (first,) = within(plans[:1], 11.0, 1)
+    assert [mutant.name for mutant in plans[0].chosen if mutant not in first.chosen] == [
+        "removed:far crate",
+        "moved:far crate",
+    ]
+    assert within(plans, 1000.0, 1) == plans

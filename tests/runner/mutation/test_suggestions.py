@@ -1,0 +1,96 @@
+"""Candidates for expectations that would have noticed a mutant."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import yaml
+
+from sim_action.core.permissions import Permissions
+from sim_action.results.outcome import ExpectationOutcome, Outcome
+from sim_action.runner.mutation.suggestions import Candidates, candidates
+from sim_action.runner.mutation.table import TABLE
+from sim_action.scenario.loading import Libraries
+from sim_action.scenario.mutation import Mutation
+from sim_action.state.trace import Trace
+from tests.outcomes import outcome
+from tests.runner.mutation.runs import curve, original
+from tests.traces import trace
+
+
+def found(folder: Path, way: Trace | None = None) -> Candidates:
+    offer = candidates(original(folder, way), Permissions(), Libraries())
+    assert offer is not None
+    return offer
+
+
+def keys(offer: Candidates) -> list[str]:
+    return [expected.assertion.key for expected in offer.loaded.scenario.expect[offer.own :]]
+
+
+def run_of(*passed: bool) -> Outcome:
+    """A run in which expectations passed or not; the first one is the scenario's own."""
+    (expected,) = outcome("a.sim.yml").expectations
+    several = tuple(_judged(expected, holds) for holds in (True, *passed))
+    return outcome("a.sim.yml").model_copy(update={"expectations": several})
+
+
+def _judged(expected: ExpectationOutcome, holds: bool) -> ExpectationOutcome:
+    verdict = outcome("a.sim.yml", holds=holds).expectations[0].verdict
+    return expected.model_copy(update={"verdict": verdict})
+
+
+def test_candidates_are_valid_in_the_scenario(tmp_path: Path) -> None:
+    offer = found(tmp_path, curve())
+    assert len(offer.entries) == len(keys(offer))
+    assert {"no_collision", "stay_within", "final_pose", "clearance", "follow_path", "reach", "max_speed"} <= set(
+        keys(offer)
+    )
+    assert offer.loaded.mutation == Mutation()
+    assert offer.loaded.scenario.name == "burger drives"
+
+
+def test_a_mutant_gets_the_same_candidates_and_keeps_its_fault(tmp_path: Path) -> None:
+    run, offer = original(tmp_path), found(tmp_path)
+    (silenced,) = TABLE[0].mutants(run)
+    added = offer.added_to(silenced.loaded)
+    assert added.mutation == silenced.loaded.mutation
+    assert len(added.scenario.expect) == 1 + len(offer.entries)
+
+
+def test_the_first_one_that_passes_and_notices_the_mutant_is_suggested(tmp_path: Path) -> None:
+    offer = found(tmp_path)
+    count = len(offer.entries)
+    before = run_of(False, *[True] * (count - 1))
+    nothing = run_of(*[True] * count)
+    assert offer.best(before, run_of(False, True, False, *[True] * (count - 3))) == _text(offer, 2)
+    assert offer.best(before, nothing) == ""
+    crashed = Outcome(name="a", file="a.sim.yml", status="error")
+    assert offer.best(before, crashed) == offer.best(crashed, nothing) == ""
+
+
+def _text(offer: Candidates, place: int) -> str:
+    entry = offer.entries[place]
+    assert not isinstance(entry, str)
+    (key,) = entry
+    text = offer.best(run_of(*[True] * len(offer.entries)), run_of(*(at != place for at in range(len(offer.entries)))))
+    assert list(yaml.safe_load(text)[0]) == [key]
+    return text
+
+
+def test_suggestions_are_yaml(tmp_path: Path) -> None:
+    offer = found(tmp_path, curve())
+    every = run_of(*[True] * len(offer.entries))
+    for place, entry in enumerate(offer.entries):
+        text = offer.best(every, run_of(*(at != place for at in range(len(offer.entries)))))
+        (read,) = yaml.safe_load(text)
+        assert (read if isinstance(read, str) else list(read)) == (entry if isinstance(entry, str) else list(entry))
+
+
+def test_an_arm_gets_its_joints(tmp_path: Path) -> None:
+    time = [step / 10 for step in range(11)]
+    bent = trace(time, position=[now * 1.5 for now in time])
+    offer = found(tmp_path, bent)
+    joint = next(entry for entry in offer.entries if not isinstance(entry, str) and "joint" in entry)
+    assert joint["joint"] == {"name": "wheel_left_joint", "near": 1.5, "tolerance": 0.087}
+    assert joint["before"] == 1.25

@@ -1,0 +1,142 @@
+"""The table of mutants: which apply to a run, and what each one changes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from sim_action.runner.mutation.mutant import Mutant, Original
+from sim_action.runner.mutation.table import DELAY_S, KINDS, TABLE
+from sim_action.runner.mutation.world_faults import WALL
+from sim_action.scenario.mutation import Mutation
+from sim_action.sensors.imu import Imu
+from sim_action.sensors.lidar import Lidar
+from tests.runner.mutation.runs import curve, original, straight
+
+SENSORS = "{lidar: {noise: 0.01}}, {imu: {}}, {contact: {}}"
+
+
+def of_kind(run: Original, kind: str) -> list[Mutant]:
+    return list(next(row for row in TABLE if row.kind == kind).mutants(run))
+
+
+def names(run: Original) -> list[str]:
+    return [mutant.name for kind in KINDS for mutant in of_kind(run, kind)]
+
+
+def only(run: Original, kind: str) -> Mutant:
+    (mutant,) = of_kind(run, kind)
+    return mutant
+
+
+def test_a_robot_that_drives_by_itself_has_mutants_of_commands_motors_and_world(tmp_path: Path) -> None:
+    assert names(original(tmp_path)) == [
+        *("silenced", "swapped", "wall", "halved"),
+        *("motor-off:wheel_left_joint", "removed:crate", "removed:far crate", "slippery", "doubled"),
+        *("moved:crate", "moved:far crate", "delayed", "heavier"),
+    ]
+
+
+def test_without_commands_there_are_none_of_commands(tmp_path: Path) -> None:
+    run = original(tmp_path, commands="")
+    assert {"silenced", "swapped", "halved", "doubled", "delayed"}.isdisjoint(names(run))
+    assert not of_kind(run, "motor-off")
+
+
+@pytest.mark.parametrize(
+    ("kind", "mutation"),
+    [
+        ("silenced", Mutation(silent=True)),
+        ("swapped", Mutation(mirrored=True)),
+        ("halved", Mutation(speed=0.5)),
+        ("doubled", Mutation(speed=2.0)),
+        ("heavier", Mutation(mass=2.0)),
+    ],
+)
+def test_faults_at_the_seams(kind: str, mutation: Mutation, tmp_path: Path) -> None:
+    run = original(tmp_path)
+    mutant = only(run, kind)
+    assert mutant.loaded.mutation == mutation
+    assert mutant.loaded.scenario.name == f"burger drives ({kind})"
+    assert run.loaded.mutation is None
+    assert mutant.loaded.scenario.expect == run.scenario.expect
+
+
+def test_a_delay_adds_to_that_of_the_scenario(tmp_path: Path) -> None:
+    run = original(tmp_path, commands="commands: [{twist: [{linear: 0.2}], latency: 0.1}]")
+    late = only(run, "delayed").loaded
+    assert late.scenario.commands[0].latency == 0.1 + DELAY_S
+    assert late.mutation == Mutation()
+
+
+def test_the_ground_is_slippery_also_in_patches(tmp_path: Path) -> None:
+    assert only(original(tmp_path), "slippery").loaded.scenario.world.ground.friction == 0.2
+
+
+def test_a_wall_stands_across_the_way(tmp_path: Path) -> None:
+    wall = only(original(tmp_path), "wall").loaded.scenario.world.objects[-1]
+    assert wall.name == WALL
+    assert (wall.pose.x, wall.pose.y, wall.pose.yaw) == pytest.approx((1.2, 0.0, 0.0))
+    wall = only(original(tmp_path, curve()), "wall").loaded.scenario.world.objects[-1]
+    assert wall.pose.yaw == pytest.approx(0.6 * 1.57, abs=0.1)
+    assert not of_kind(original(tmp_path, straight(0.5)), "wall")
+
+
+def test_objects_that_other_parts_name_are_not_removed(tmp_path: Path) -> None:
+    run = original(tmp_path, expect="{clearance: {at_least: 0.1, to: [crate]}}")
+    assert [mutant.name for mutant in of_kind(run, "removed")] == ["removed:far crate"]
+    objects = only_names(of_kind(run, "removed")[0])
+    assert objects == ["crate"]
+
+
+def only_names(mutant: Mutant) -> list[str]:
+    return [body.name for body in mutant.loaded.scenario.world.objects]
+
+
+def test_objects_move_by_their_own_size_but_not_beyond_the_way(tmp_path: Path) -> None:
+    near = "- {name: near, box: [0.8, 0.8, 0.2], pose: {x: 1.5, y: 0.5}}"
+    moved = {mutant.subject: mutant for mutant in of_kind(original(tmp_path, objects=near), "moved")}
+    places = {
+        name: next(body.pose for body in mutant.loaded.scenario.world.objects if body.name == name)
+        for name, mutant in moved.items()
+    }
+    assert (places["crate"].x, places["crate"].y) == pytest.approx((1.0, 0.6))
+    assert places["near"].y == pytest.approx(0.0)
+    assert moved["crate"].words == "the object 'crate' stands 0.40 m nearer to the robot's way"
+
+
+def test_an_object_never_moves_into_the_robot(tmp_path: Path) -> None:
+    behind = "- {name: behind, box: [0.4, 0.4, 0.4], pose: {x: -0.7}}"
+    (mutant,) = (each for each in of_kind(original(tmp_path, objects=behind), "moved") if each.subject == "behind")
+    assert mutant.loaded.scenario.world.objects[-1].pose.x == pytest.approx(-0.55)
+    at_it = behind.replace("-0.7", "-0.4")
+    assert "moved:behind" not in names(original(tmp_path, objects=at_it))
+
+
+def test_only_the_nearest_objects_have_mutants(tmp_path: Path) -> None:
+    several = "\n    ".join(f"- {{name: box{n}, box: [0.1, 0.1, 0.1], pose: {{x: {n}, y: 2}}}}" for n in range(6))
+    found = [mutant.subject for mutant in of_kind(original(tmp_path, objects=several), "removed")]
+    assert found == ["crate", "box0", "box1", "box2", "box3"]
+
+
+def test_sensors_have_mutants_if_somebody_may_read_them(tmp_path: Path) -> None:
+    assert not of_kind(original(tmp_path, sensors=SENSORS), "frozen")
+    (tmp_path / "control.py").write_text("def control(seen): return None\n")
+    run = original(tmp_path, sensors=SENSORS, commands="commands: {script: control.py}")
+    frozen = of_kind(run, "frozen")
+    assert [mutant.loaded.mutation for mutant in frozen] == [
+        Mutation(frozen_sensor=name) for name in ("lidar", "imu", "contact")
+    ]
+    noisy = of_kind(run, "noisy")
+    assert [mutant.subject for mutant in noisy] == ["lidar", "imu"]
+    lidar, imu = (noisy[at].loaded.scenario.sensors[at].sensor for at in range(2))
+    assert isinstance(lidar, Lidar)
+    assert isinstance(imu, Imu)
+    assert (lidar.noise, imu.gyro_noise, imu.accelerometer_noise) == (0.1, 0.05, 0.5)
+    assert not of_kind(run, "dropped")
+
+
+def test_every_row_says_what_it_changes() -> None:
+    assert len(set(KINDS)) == len(TABLE)
+    assert all(row.words for row in TABLE)
