@@ -51,6 +51,7 @@ BLOCKS: dict[str, Callable[..., str]] = {
     "rules": lists.rules,
     "recordings": lists.recordings,
     "statuses": lists.statuses,
+    "mutants": lists.mutants,
     "passed-variables": lists.passed_variables,
     "privileged-events": lists.privileged_events,
     "exit-codes": lists.exit_codes,

@@ -16,6 +16,7 @@ from sim_action.recording.export import EXPORTS
 from sim_action.reports.statuses import STATUS_DISPLAYS, StatusDisplay
 from sim_action.results.outcome import WORST_FIRST, DisplayStatus, Failure, FailureKind, Outcome, Status
 from sim_action.robot.audit.rules import RULES
+from sim_action.runner.mutation.table import TABLE as MUTANTS
 from sim_action.scenario.claim_audit import RULES as CLAIM_RULES
 from sim_action.state.readings import READING_COLUMNS, ReadingColumn
 
@@ -79,6 +80,11 @@ def recordings() -> str:
 def exit_codes() -> str:
     """Return the table of exit codes."""
     return table(("code", "meaning"), ((str(code.value), text) for code, text in EXIT_CODES.items()))
+
+
+def mutants() -> str:
+    """Return the table of mutants of `sim-action prove`, the most telling first."""
+    return table(("mutant", "fault"), ((f"`{row.kind}`", row.words) for row in MUTANTS))
 
 
 def statuses() -> str:

@@ -1,4 +1,4 @@
-"""JSON Schemas: of scenario files and base files, for editors, and of `results.json`, for programs that read it."""
+"""JSON Schemas: of scenario and base files, for editors, and of results and proofs, for programs that read them."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from sim_action.assertions.combined import Combined
 from sim_action.commands import COMMANDS, CommandSource
 from sim_action.core.registry import PackageProblem, Table
 from sim_action.drives import DRIVES
+from sim_action.results.proof import Proof
 from sim_action.results.results_json import Results
 from sim_action.scenario.model import ExpectationOptions, Scenario
 from sim_action.sensors import SENSORS, Mounting
@@ -47,16 +48,25 @@ def schema_text(schema: Schema) -> str:
 
 def results_schema() -> Schema:
     """The schema of `results.json`, as it is written."""
-    schema = Results.model_json_schema(mode="serialization", schema_generator=_Untitled)
+    return _of_output(Results, "sim-action results")
+
+
+def proof_schema() -> Schema:
+    """The schema of the JSON of `sim-action prove`, as it is written."""
+    return _of_output(Proof, "sim-action proof")
+
+
+def _of_output(kind: type[BaseModel], title: str) -> Schema:
+    schema = kind.model_json_schema(mode="serialization", schema_generator=_Untitled)
     definitions = {name: _described(definition) for name, definition in schema.pop("$defs").items()}
-    head = {"$schema": GenerateJsonSchema.schema_dialect, "title": "sim-action results"}
+    head = {"$schema": GenerateJsonSchema.schema_dialect, "title": title}
     return {**head, **_described(schema), "$defs": definitions}
 
 
 def schema_here(kind: str) -> Schema:
     """The schema of a kind in `SCHEMAS`, with the assertions and sensors of the packages that are installed here."""
-    if kind == "results":
-        return results_schema()
+    if kind in ("results", "proof"):
+        return SCHEMAS[kind]()
     added = {table.kind: _added(table) for table in (ASSERTIONS, SENSORS)}
     return scenario_schema(added) if kind == "scenario" else base_schema(added)
 
@@ -336,6 +346,6 @@ def _referred(part: Any) -> Iterator[str]:
 
 
 SCHEMAS: Final[Mapping[str, Callable[[], Schema]]] = MappingProxyType(
-    {"scenario": scenario_schema, "base": base_schema, "results": results_schema}
+    {"scenario": scenario_schema, "base": base_schema, "results": results_schema, "proof": proof_schema}
 )
 """Each schema by the name that `sim-action schema` and the files in docs/ have for it."""

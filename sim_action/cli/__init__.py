@@ -15,6 +15,7 @@ from sim_action.cli.inspect import inspect
 from sim_action.cli.listings import assertions, commands, explain, models, schema, sensors
 from sim_action.cli.matrix import matrix
 from sim_action.cli.merge import merge
+from sim_action.cli.prove import prove
 from sim_action.cli.report import report
 from sim_action.cli.ros import launchtest, roslaunch, rostest
 from sim_action.cli.run import run
@@ -30,6 +31,7 @@ SUBCOMMANDS: Final[tuple[click.Command, ...]] = (
     matrix,
     merge,
     compare,
+    prove,
     report,
     view,
     rostest,
@@ -51,6 +53,7 @@ TAKE_DEFAULTS: Final = (
     "validate",
     "matrix",
     "merge",
+    "prove",
     "report",
     "view",
     "compare",
@@ -60,5 +63,5 @@ TAKE_DEFAULTS: Final = (
 )
 """The subcommands whose options can be set in pyproject.toml."""
 
-INTERRUPTIBLE: Final = ("run", "rostest", "roslaunch", "launchtest")
+INTERRUPTIBLE: Final = ("run", "prove", "rostest", "roslaunch", "launchtest")
 """The subcommands that handle signals themselves, by an `Interruption`; a signal ends each other one at once."""

@@ -59,9 +59,9 @@ def explain(names: tuple[str, ...]) -> None:
 
 
 @click.command(short_help="Print a JSON Schema, for editors.")
-@click.argument("kind", type=click.Choice(("scenario", "base", "results")), default="scenario")
+@click.argument("kind", type=click.Choice(("scenario", "base", "results", "proof")), default="scenario")
 def schema(kind: str) -> None:
-    """Print the JSON Schema of scenario files (the default), of base files (*.base.yml), or of results.json.
+    """Print the JSON Schema of scenario files (the default), of base files (*.base.yml), of results.json, or of proofs.
 
     Editors use the first two to complete keys, to explain them and to mark mistakes. They include the assertions and
     sensors of installed packages. Save the schema as a file, and name the file in the first line of a scenario: "#

@@ -41,6 +41,7 @@ _OPTIONS: Final[Mapping[str, tuple[str, ...]]] = {
     "merge": _REPORTS,
     "validate": ("paths",),
     "matrix": ("paths",),
+    "prove": ("paths", "seed", "jobs", "quiet"),
     "report": _REPORTS,
     "view": ("output_dir",),
     "compare": ("output_dir", "summary"),

@@ -64,6 +64,7 @@ CALLS: Final[Mapping[str, list[str]]] = {
     "matrix": ["matrix", "--shards", "2", "."],
     "merge": ["merge", "--no-report", "--scenarios", ".", "--output-dir", "merged", "sim-results"],
     "compare": ["compare", "sim-results", "sim-results"],
+    "prove": ["prove", "--quiet", "--only", "silenced", "."],
     "report": ["report"],
     "view": ["view", "--print"],
     "rostest": ["rostest", "--no-report", "nosy", "nosy.test"],
@@ -87,7 +88,7 @@ LAUNCH: Final = """\
 </launch>
 """
 NODE: Final = "#!/usr/bin/env python\nimport sys\nkind = sys.argv[1]\n{mark}"
-GATED: Final = ("run", "rostest", "roslaunch", "launchtest", "inspect")
+GATED: Final = ("run", "prove", "rostest", "roslaunch", "launchtest", "inspect")
 """The subcommands that run code of the repository."""
 
 
@@ -213,7 +214,8 @@ def test_code_is_refused(
     printed = captured.out + captured.err
     assert markers(folder, printed) == set()
     refusals = [line for line in printed.splitlines() if "allow-scripts" in line]
-    assert len(refusals) == (len(SCENARIOS) + len(NODES) if name == "run" else 1), printed
+    several = name in ("run", "prove")
+    assert len(refusals) == (len(SCENARIOS) + len(NODES) if several else 1), printed
     assert all("scripts are not" in line for line in refusals)
 
 

@@ -1,0 +1,131 @@
+"""`sim-action prove`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from sim_action.cli.bounds import Bounded
+from sim_action.cli.options import (
+    ALLOW_OUTSIDE,
+    PACKAGES,
+    PATHS,
+    SEED,
+    code_flags,
+    code_permissions,
+    discovered,
+    named_packages,
+    not_empty,
+)
+from sim_action.core.errors import ExitCode
+from sim_action.core.records import replace
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+
+@click.command(short_help="Find expectations that check nothing.")
+@PATHS
+@click.option(
+    "--only",
+    multiple=True,
+    callback=not_empty,
+    metavar="MUTANT,...",
+    help="Run only these mutants, such as silenced or motor-off:wheel_left_joint; repeatable.",
+)
+@click.option(
+    "--budget",
+    callback=not_empty,
+    metavar="TIME",
+    help='Run only the most telling mutants, as many as fit into this time, such as "2 min".  [default: all mutants]',
+)
+@click.option("--json", "json_file", callback=not_empty, metavar="FILE", help="Write the findings as JSON.")
+@click.option(
+    "--strict/--no-strict",
+    default=False,
+    help="Fail if an expectation checks nothing, or if a scenario does not pass.  [default: no]",
+)
+@click.option(
+    "--backend",
+    envvar="SIM_ACTION_BACKEND",
+    type=click.Choice(("pybullet", "mujoco")),
+    help='Physics engine for all scenarios.  [default: "backend:" in the file of each scenario]',
+)
+@click.option(
+    "--seed",
+    envvar="SIM_ACTION_SEED",
+    type=SEED,
+    metavar="N",
+    help='Random seed for all scenarios.  [default: "seed:" in the file of each scenario]',
+)
+@click.option(
+    "--jobs",
+    "-j",
+    envvar="SIM_ACTION_JOBS",
+    type=Bounded(click.IntRange(min=1, max=256)),
+    metavar="N",
+    help="Number of runs in parallel, 1 to 256.  [default: number of cores]",
+)
+@click.option("--quiet", "-q", envvar="SIM_ACTION_QUIET", is_flag=True, help="Show no progress.")
+@code_flags
+@PACKAGES
+@ALLOW_OUTSIDE
+def prove(
+    paths: Sequence[str],
+    *,
+    only: tuple[str, ...],
+    budget: str | None,
+    json_file: str | None,
+    strict: bool,
+    backend: str | None,
+    seed: int | None,
+    jobs: int | None,
+    quiet: bool,
+    packages: tuple[str, ...],
+    allow_outside: bool,
+    **flags: Any,
+) -> ExitCode:
+    """Run each scenario again with faults of the system on purpose, and tell which expectations notice anything.
+
+    PATHS are scenario files, globs, or folders, as for "run". Each scenario that passes runs once more for each mutant:
+    commands silenced, left and right swapped, a motor off, an object missing, a wall across the way, and others. An
+    expectation that notices no mutant checks nothing here. Of variations, only the first one is proven.
+
+    Exit code: 0 everything ran; 1 with --strict: an expectation checks nothing, or a scenario does not pass; 2 a
+    scenario or the command line is invalid; 3 internal error of sim-action; 5 no scenario found; 130 interrupted.
+    """
+    from sim_action.core.process import Interruption, usable_cores
+
+    with Interruption() as interruption:
+        from sim_action.app.prove import ProveRequest, prove_scenarios
+        from sim_action.runner.run_plan import PlanRequest
+
+        seconds = None if budget is None else _seconds(budget)
+        suite = discovered(paths, outside=allow_outside)
+        allowed = code_permissions(flags, {path.parent: None for path in suite.files})
+        permissions = replace(allowed, outside=allow_outside, packages=named_packages(packages))
+        request = ProveRequest(
+            PlanRequest(suite, permissions, None, backend, seed),
+            jobs or usable_cores(),
+            tuple(name.strip() for names in only for name in names.split(",") if name.strip()),
+            seconds,
+            None if json_file is None else Path(json_file),
+            strict,
+            quiet,
+        )
+        return prove_scenarios(request, interruption)
+
+
+def _seconds(text: str) -> float:
+    """Return the time of an option in s. Raise BadParameter."""
+    from sim_action.core import units
+
+    try:
+        seconds = units.parse(text, units.TIME)
+    except units.UnitError as error:
+        raise click.BadParameter(str(error), param_hint="'--budget'") from None
+    if not seconds > 0:
+        raise click.BadParameter("expected a time greater than 0", param_hint="'--budget'")
+    return seconds

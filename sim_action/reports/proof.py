@@ -1,0 +1,101 @@
+"""The report of `sim-action prove` on a terminal: what each expectation noticed, and what nothing noticed."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Final, TextIO
+
+from sim_action.core.wording import counted, shortened
+from sim_action.reports.escaping import log_text
+from sim_action.reports.terminal import open_console
+from sim_action.results.proof import Finding, MutantResult, Proof, ProvenExpectation, ProvenScenario
+
+_SYMBOLS: Final[dict[Finding, str]] = {"notices": "✓", "checks nothing": "✗", "unknown": "·"}
+_ASCII_SYMBOLS: Final[dict[Finding, str]] = {"notices": "+", "checks nothing": "x", "unknown": "-"}
+_STYLES: Final[dict[Finding, str]] = {"notices": "green", "checks nothing": "bold red", "unknown": "dim"}
+_MOST_NAMES: Final = 6
+_MOST_TEXT: Final = 300
+
+_Line = Sequence[tuple[str, str]]
+
+
+def print_proof(proof: Proof, environment: Mapping[str, str], stream: TextIO | None = None) -> None:
+    """Print the findings on a stream (default: standard output), and at last the counts."""
+    with open_console(stream or sys.stdout, environment) as shown:
+        is_full = log_text("✗·✓", shown.encoding) == "✗·✓"
+        for line in _lines(proof, _SYMBOLS if is_full else _ASCII_SYMBOLS):
+            shown.print(*((log_text(text, shown.encoding).replace("\n", " "), style) for text, style in line))
+
+
+def _lines(proof: Proof, symbols: Mapping[Finding, str]) -> Iterator[_Line]:
+    for scenario in proof.scenarios:
+        yield from _of_scenario(scenario, symbols)
+        yield ()
+    yield [(headline(proof), "bold red" if proof.useless else "green")]
+
+
+def headline(proof: Proof) -> str:
+    """Return the counts, such as "1 expectation checks nothing, 5 notice something; 2 scenarios do not pass"."""
+    every = [each for scenario in proof.scenarios for each in scenario.expectations]
+    notices = sum(each.finding == "notices" for each in every)
+    unknown = sum(each.finding == "unknown" for each in every)
+    told = [f"{counted(proof.useless, 'expectation')} {'checks' if proof.useless == 1 else 'check'} nothing"]
+    told += [f"{notices} {'notices' if notices == 1 else 'notice'} something"]
+    told += [f"{unknown} unknown"] if unknown else []
+    survivors = sum(len(scenario.survivors) for scenario in proof.scenarios)
+    told += [f"{counted(survivors, 'other motion')} unnoticed"] if survivors else []
+    unproven = sum(not scenario.is_proven for scenario in proof.scenarios)
+    return ", ".join(told) + (f"; {counted(unproven, 'scenario')} not mutated" if unproven else "")
+
+
+def _of_scenario(scenario: ProvenScenario, symbols: Mapping[Finding, str]) -> Iterator[_Line]:
+    place = f"  {scenario.file}" + (f":{scenario.line}" if scenario.line is not None else "")
+    yield [(scenario.name, "bold"), (place, "dim")]
+    if not scenario.is_proven:
+        yield [("  not mutated: ", "yellow"), (shortened(scenario.reason, _MOST_TEXT), "")]
+        return
+    for expected in scenario.expectations:
+        look = _STYLES[expected.finding]
+        yield [(f"  {symbols[expected.finding]} ", look), (expected.name, ""), (f": {_told(expected, scenario)}", "")]
+        if expected.finding == "checks nothing":
+            yield [("      ", ""), (str(expected.location), "cyan")]
+    for survivor in scenario.survivors:
+        yield from _of_survivor(survivor)
+    for words, mutants in (
+        ("unnoticed, with little other motion", [each for each in scenario.with_status("survived") if not each.change]),
+        ("no effect", scenario.with_status("no effect")),
+    ):
+        if mutants:
+            yield [(f"  {words}: {', '.join(each.name for each in mutants)}", "dim")]
+    for mutant in scenario.with_status("could not run"):
+        yield [(f"  could not run: {mutant.name}: {shortened(mutant.reason, _MOST_TEXT)}", "dim")]
+    if scenario.left_out:
+        yield [(f"  {counted(scenario.left_out, 'mutant')} left out: over the budget", "yellow")]
+
+
+def _told(expected: ProvenExpectation, scenario: ProvenScenario) -> str:
+    """Return the finding on an expectation in words."""
+    changed = len(scenario.with_status("noticed", "survived"))
+    near = "" if expected.sensitivity is None else f"; {expected.sensitivity:.0%} from its limit"
+    if expected.finding == "notices":
+        return f"notices {len(expected.noticed)} of {changed}: {_names(expected.noticed)}{near}"
+    if expected.finding == "checks nothing":
+        others = f", {len(expected.missed)} of them noticed by others" if expected.missed else ""
+        return f"checks nothing here: {counted(changed, 'mutant')} changed the run{others}{near}"
+    return "nothing is known: no mutant changed the run" if not changed else "it did not pass in the original run"
+
+
+def _names(names: Sequence[str]) -> str:
+    more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
+    return ", ".join(names[:_MOST_NAMES]) + more
+
+
+def _of_survivor(survivor: MutantResult) -> Iterator[_Line]:
+    assert survivor.change is not None, "survivors have one"
+    told = f"{survivor.words}: {survivor.change.text}, and nothing failed"
+    yield [("  ! ", "yellow"), (survivor.name, ""), (f": {told}", "")]
+    if survivor.suggestion:
+        yield [("      this expectation would have noticed it:", "dim")]
+        for line in survivor.suggestion.split("\n"):
+            yield [("        ", ""), (line, "cyan")]

@@ -1,0 +1,197 @@
+"""`sim-action prove` on planted scenarios: which expectations check nothing, the suggestions, the same table always."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, Final
+
+import jsonschema
+import pytest
+import yaml
+
+from sim_action.app.schema import proof_schema
+from sim_action.cli.main import call
+from sim_action.core.errors import ExitCode
+
+HEAD: Final = "robot: {model: turtlebot3_burger}\ntime_limit: 12 s\n"
+STRAIGHT: Final = "commands: {rate: 10 Hz, twist: [{linear: 0.2, for: 5 s}]}\n"
+SLOWLY: Final = STRAIGHT.replace("0.2", "0.1")
+CURVE: Final = "commands: {rate: 10 Hz, twist: [{linear: 0.2, angular: 0.4, for: 6 s}]}\nduration: 6 s\n"
+CRATE: Final = "world: {objects: [{name: crate, box: [0.3, 0.3, 0.3], pose: {x: 0.5, y: YY}}]}\n"
+
+USELESS: Final = {
+    "speed": STRAIGHT + "expect: [{reach: {x: 0.8, y: 0, tolerance: 0.1}, before: 4.5}, {max_speed: {linear: 40}}]",
+    "tilt": CURVE + "expect: [{upright: {max_tilt: 80 deg}}, {final_pose: {x: 0.34, y: 0.88, tolerance: 0.3}}]",
+    "area": STRAIGHT + "expect: [{travel: {at_least: 0.9}}, {stay_within: {x: [-1 km, 1 km], y: [-1 km, 1 km]}}]",
+    "crate": STRAIGHT
+    + CRATE.replace("YY", "8")
+    + "expect: [{travel: {at_least: 0.8}}, {clearance: {at_least: 0.1, to: [crate]}}]",
+    "wheel": STRAIGHT
+    + "expect: [{joint: {name: wheel_left_joint, reading: velocity, at_most: 1000}}, {travel: {at_least: 0.8}}]",
+}
+"""Scenarios with one useless expectation each."""
+
+NAMED: Final = {"speed": "max_speed", "tilt": "upright", "area": "stay_within", "crate": "clearance", "wheel": "joint"}
+"""The useless expectation of each."""
+
+USEFUL: Final = {
+    "speed": SLOWLY + "expect: [{reach: {x: 0.4, y: 0, tolerance: 0.05}, before: 4.5}, {max_speed: {linear: 0.15}}]",
+    "place": CURVE + "expect: [{final_pose: {x: 0.34, y: 0.88, tolerance: 0.1}}]",
+    "corridor": STRAIGHT + "expect: [{travel: {at_least: 0.9}}, {stay_within: {y: [-0.1, 0.1]}}]",
+    "crate": STRAIGHT
+    + CRATE.replace("YY", "0.4")
+    + "expect: [{travel: {at_least: 0.8}}, {clearance: {at_least: 0.1, to: [crate]}}]",
+    "wheel": SLOWLY
+    + "expect: [{joint: {name: wheel_left_joint, reading: velocity, at_most: 4}}, {travel: {at_least: 0.4}}]",
+}
+"""Scenarios without a useless expectation."""
+
+
+def written(folder: Path, name: str, text: str) -> Path:
+    path = folder / f"{name}.sim.yml"
+    path.write_text(f"name: {name}\n{HEAD}{text}\n")
+    return path
+
+
+def proof(*arguments: str | Path, code: int = ExitCode.PASSED) -> dict[str, Any]:
+    assert call(["prove", "--quiet", "--json", "proof.json", *map(str, arguments)]) == code
+    found: dict[str, Any] = json.loads(Path("proof.json").read_text())
+    return found
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / ".git").mkdir()
+    monkeypatch.chdir(tmp_path)
+
+
+def test_ten_planted_scenarios_are_judged_right_with_one_job_and_with_two(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, text in USELESS.items():
+        written(tmp_path, f"useless-{name}", text)
+    for name, text in USEFUL.items():
+        written(tmp_path, f"useful-{name}", text)
+    found = proof("--jobs", "2", "--strict", code=ExitCode.FAILED)
+    printed = capsys.readouterr().out
+    jsonschema.validate(found, proof_schema())
+    useless = {
+        scenario["name"]: [each["assertion"] for each in scenario["expectations"] if each["finding"] != "notices"]
+        for scenario in found["scenarios"]
+    }
+    assert useless == {f"useless-{name}": [key] for name, key in NAMED.items()} | {f"useful-{n}": [] for n in USEFUL}
+    assert printed.count("checks nothing here") == 5
+    again = proof("--jobs", "1")
+    assert capsys.readouterr().out == printed
+    assert again["scenarios"] == found["scenarios"]
+    assert again["runs"] == found["runs"]
+
+
+@pytest.mark.parametrize("name", ["area", "tilt"])
+def test_suggestions_pass_without_the_mutant_and_notice_it(name: str, tmp_path: Path) -> None:
+    path = written(tmp_path, name, USELESS[name])
+    survivors = [each for each in proof(path)["scenarios"][0]["mutants"] if each["suggestion"]]
+    assert survivors
+    for survivor in survivors:
+        assert survivor["status"] == "survived"
+        data = yaml.safe_load(path.read_text())
+        data["expect"] += yaml.safe_load(survivor["suggestion"])
+        improved = tmp_path / "improved.sim.yml"
+        improved.write_text(yaml.safe_dump(data))
+        assert call(["run", "--quiet", "--no-report", str(improved)]) == ExitCode.PASSED
+        (mutant,) = proof(improved, "--only", survivor["name"])["scenarios"][0]["mutants"]
+        assert (mutant["status"], mutant["noticed_by"]) == ("noticed", [len(data["expect"]) - 1])
+
+
+def test_a_failure_does_not_hide_what_other_expectations_notice(tmp_path: Path) -> None:
+    """The run goes on: the limit of the speed is broken at once, and the area later."""
+    text = STRAIGHT + "expect: [{max_speed: {linear: 0.3}}, {stay_within: {x: [-0.1, 1.5]}}]\nduration: 6 s"
+    (scenario,) = proof(written(tmp_path, "both", text), "--only", "doubled")["scenarios"]
+    assert scenario["mutants"][0]["noticed_by"] == [0, 1]
+
+
+def test_scenarios_that_do_not_pass_are_listed_and_not_mutated(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    written(tmp_path, "failing", STRAIGHT + "expect: [{max_speed: {linear: 0.1}}]")
+    written(tmp_path, "good", USEFUL["corridor"])
+    found = proof("--only", "silenced")
+    failing, good = found["scenarios"]
+    assert failing["reason"].startswith("failed (")
+    assert failing["mutants"] == []
+    assert [each["status"] for each in good["mutants"]] == ["noticed"]
+    assert "1 scenario not mutated" in capsys.readouterr().out
+    proof("--only", "silenced", "--strict", code=ExitCode.FAILED)
+    written(tmp_path, "invalid", "expect: [{nonsense: 1}]")
+    assert call(["prove", "--quiet", "--only", "silenced", "."]) == ExitCode.INVALID
+
+
+def test_a_mutant_that_crashes_has_noticed_nothing(tmp_path: Path) -> None:
+    (tmp_path / "control.py").write_text(
+        "from sim_action import Twist\n\n\ndef control(seen):\n"
+        "    assert seen.time < 2 or seen.pose.position_xyz[0] > 0.05, 'stuck'\n    return Twist.planar(0.2)\n"
+    )
+    text = "commands: {rate: 10 Hz, script: control.py}\nexpect: [{travel: {at_least: 0.6}}]"
+    (scenario,) = proof(written(tmp_path, "script", text), "--only", "silenced", "--only", "halved")["scenarios"]
+    silenced, halved = scenario["mutants"]
+    assert (silenced["status"], silenced["noticed_by"]) == ("could not run", [])
+    assert "stuck" in silenced["reason"]
+    assert halved["status"] == "survived"
+    assert scenario["expectations"][0]["finding"] == "checks nothing"
+
+
+def test_sensors_and_objects_have_mutants(tmp_path: Path) -> None:
+    (tmp_path / "control.py").write_text(
+        "from sim_action import Twist\n\n\ndef control(seen):\n"
+        "    return Twist.planar(0.2 if seen.sensors['lidar'].nearest(-0.2, 0.2) > 0.5 else 0.0)\n"
+    )
+    text = (
+        "world: {objects: [{name: wall, box: [0.1, 1, 0.5], pose: {x: 1.2}}]}\n"
+        "sensors: [{lidar: {rays: 90}}]\n"
+        "commands: {rate: 10 Hz, script: control.py}\n"
+        "expect: [no_collision, {stay_within: {x: [-0.1, 0.8]}}]\nduration: 6 s"
+    )
+    found = proof(written(tmp_path, "stops", text), "--only", "frozen,removed,noisy,moved")["scenarios"][0]
+    results = {each["name"]: each["noticed_by"] for each in found["mutants"]}
+    assert list(results) == ["removed:wall", "frozen:lidar", "moved:wall", "noisy:lidar"]
+    assert results["frozen:lidar"] == [0, 1]
+    assert results["removed:wall"] == [1]
+
+
+def test_only_the_first_variation_is_proven(tmp_path: Path) -> None:
+    text = STRAIGHT + "variations: {world.ground.friction: [1.0, 0.9]}\nexpect: [{travel: {at_least: 0.8}}]"
+    (scenario,) = proof(written(tmp_path, "varied", text), "--only", "silenced")["scenarios"]
+    assert scenario["name"] == "varied[friction=1.0]"
+    assert scenario["variation"] == [{"key": "world.ground.friction", "value": 1.0}]
+
+
+def test_a_budget_takes_the_most_telling_mutants(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = written(tmp_path, "corridor", USEFUL["corridor"])
+    (scenario,) = proof(path, "--budget", "1 us")["scenarios"]
+    assert (scenario["mutants"], scenario["left_out"]) == ([], 10)
+    assert [each["finding"] for each in scenario["expectations"]] == ["unknown", "unknown"]
+    assert "10 mutants left out" in capsys.readouterr().out
+    assert len(proof(path, "--budget", "1 h")["scenarios"][0]["mutants"]) == 10
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--only", "silence"], "did you mean 'silenced'"),
+        (["--budget", "soon"], "--budget"),
+        (["--budget", "0 s"], "greater than 0"),
+        (["--json", "mine.json"], "mine.json exists and is no proof"),
+        (["--json", "no/such/folder.json"], "cannot be written"),
+    ],
+)
+def test_bad_options_are_refused(
+    arguments: list[str], told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "mine.json").write_text('{"mine": 1}')
+    written(tmp_path, "corridor", USEFUL["corridor"])
+    assert call(["prove", "--quiet", *arguments]) == ExitCode.INVALID
+    printed = capsys.readouterr()
+    assert told in printed.err
+    assert "Traceback" not in printed.err
+    assert (tmp_path / "mine.json").read_text() == '{"mine": 1}'
