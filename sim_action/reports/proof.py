@@ -53,7 +53,7 @@ def _of_scenario(scenario: ProvenScenario, symbols: Mapping[Finding, str]) -> It
     place = f"  {scenario.file}" + (f":{scenario.line}" if scenario.line is not None else "")
     yield [(scenario.name, "bold"), (place, "dim")]
     if not scenario.is_proven:
-        yield [("  not mutated: ", "yellow"), (shortened(scenario.reason, _MOST_TEXT), "")]
+        yield [("  not mutated: ", "yellow"), (scenario.reason, "")]
         return
     for expected in scenario.expectations:
         look = _STYLES[expected.finding]
