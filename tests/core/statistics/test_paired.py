@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.core.statistics.paired import Interval, mcnemar, paired_bootstrap, rate_change
+from sim_action.core.statistics.paired import Interval, holm, mcnemar, paired_bootstrap, rate_change
 
 PAIRS = 100
 LEVEL = 0.05
@@ -123,7 +123,7 @@ def test_intervals_of_a_rate_are_symmetric(worse: int, better: int, same: int, c
 
 @pytest.mark.parametrize("values", [[0.0, 0.0, 0.0], [0.1] * 300])
 def test_equal_differences_have_an_interval_without_width(values: list[float]) -> None:
-    assert paired_bootstrap(values, 0.95) == Interval(*[float(np.mean(values))] * 2)
+    assert paired_bootstrap(values, 0.95) == Interval(values[0], values[0])
 
 
 def test_the_interval_of_a_mean_depends_on_the_seed_alone() -> None:
@@ -170,12 +170,11 @@ def test_the_interval_of_a_mean_covers_it(
     assert sum(each.low <= mean <= each.high for each in intervals) >= 88
 
 
-def test_differences_are_drawn_in_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
-    values = np.random.default_rng(4).normal(0.0, 1.0, 40).tolist()
-    whole = paired_bootstrap(values, 0.95)
-    monkeypatch.setattr("sim_action.core.statistics.paired._BLOCK", 40 * 333)
-    parts = paired_bootstrap(values, 0.95)
-    assert (parts.low, parts.high) == pytest.approx((whole.low, whole.high), abs=0.02)
+def test_adjusted_p_values_are_those_of_holm() -> None:
+    # By hand: 3 * 0.01, then 2 * 0.02, then the larger of 1 * 0.03 and the value before.
+    assert holm([0.03, 0.01, 0.02]) == pytest.approx([0.04, 0.03, 0.04])
+    assert holm([0.2, 0.9]) == pytest.approx([0.4, 0.9])
+    assert (holm([0.04]), holm([0.7, 0.7]), holm([])) == ([0.04], [1.0, 1.0], [])
 
 
 @pytest.mark.parametrize(
