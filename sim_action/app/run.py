@@ -22,6 +22,7 @@ from sim_action.results.journal_records import Header
 from sim_action.results.outcome import Failure, Outcome
 from sim_action.results.results_json import Results
 from sim_action.runner.child_outcome import skipped, without_verdict
+from sim_action.runner.early_stop import EarlyStop
 from sim_action.runner.outcome_assembly import OutcomeAssembly, planned_outcomes
 from sim_action.runner.process_pool import execute
 from sim_action.runner.resume import TakenOver, take_over
@@ -166,6 +167,7 @@ class _Call:
         every = [run for plan in self._plans if not isinstance(plan, Refused) for run in plan]
         self._every = [run.traced_at_every_step() for run in every] if request.repeat > 1 else every
         self.taken = TakenOver()
+        self._early_stop = EarlyStop((), ())
 
     def results(self, interruption: Interruption, listener: Listener | None) -> Results:
         """Run all scenarios and return the results."""
@@ -177,8 +179,9 @@ class _Call:
                 self._resume(header, assembly)
             journal = Journal(options.folder, header, warn, self._started, self.taken.records)
             runs = len(self._every) * request.repeat - self.taken.runs(request.repeat)
+            self._early_stop = EarlyStop(self._every, assembly.places)
             terminal = ProgressListener(total=runs, verbosity=request.reports.verbosity)
-            listeners += [each for each in (journal, terminal, listener) if each is not None]
+            listeners += [each for each in (journal, self._early_stop, terminal, listener) if each is not None]
             assembly.begin(_of_patterns(self._found))
             assembly.take_over(self.taken.records)
             stopped = self.taken.not_passed or any(isinstance(plan, Refused) for plan in self._plans)
@@ -225,6 +228,7 @@ class _Call:
             repeat=request.repeat,
             motions=motions,
             ended=assembly.ended,
+            needless=self._early_stop.is_needless,
             keys=self._keys,
             meanwhile=self._make_ready,
         )

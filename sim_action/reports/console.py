@@ -15,6 +15,7 @@ _CODES: Final = MappingProxyType(
         "yellow": "33",
         "cyan": "36",
         "bold red": "1;31",
+        "bold yellow": "1;33",
         "bold magenta": "1;35",
     }
 )

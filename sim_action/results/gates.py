@@ -93,7 +93,7 @@ def _conditions(
         yield _rate(gate.passes, counts)
     if gate.stop_early is not None:
         yield _test(gate.stop_early, counts, decision, planned.runs)
-    for quantile in gate.quantiles:
+    for quantile in gate.quantile:
         yield _quantile(quantile, runs)
     if counts.without_verdict or gate.errors.at_most:
         yield _errors(gate.errors.at_most, counts)
@@ -259,7 +259,6 @@ def _outcome(
         status=status,
         expectations=expectations,
         failures=failures,
-        wall_time=sum(run.wall_time for run in runs),
         scenario_seed=first.scenario_seed,
         engine=first.engine,
         provenance=first.provenance,
@@ -269,7 +268,7 @@ def _outcome(
 def _statistics(planned: PlannedGate, runs: Sequence[Outcome], decision: SequentialVerdict | None) -> GateStatistics:
     counts = _Counts.of(runs)
     gate = planned.gate
-    claim = gate.passes or gate.stop_early or gate.quantiles[0]
+    claim = gate.passes or gate.stop_early or gate.quantile[0]
     lower, upper = (None, None) if gate.stop_early is not None or not runs else counts.bounds(claim.confidence)
     return GateStatistics(
         planned=planned.runs,

@@ -20,6 +20,7 @@ from pydantic import ValidationError
 from sim_action import __version__
 from sim_action.core import units
 from sim_action.core.errors import Location, is_refusal
+from sim_action.core.process import Interruption
 from sim_action.core.provenance import Provenance, provenance
 from sim_action.core.records import replace
 from sim_action.core.wording import MAX_MESSAGE_CHARS, escaped_line, shortened
@@ -135,9 +136,18 @@ def not_started(loaded: LoadedScenario, cause: str) -> Outcome:
     return outcome.model_copy(update={"engine": _engine(loaded)})
 
 
-def skipped(loaded: LoadedScenario) -> Outcome:
-    """Return the outcome of a scenario that was not started because another one had failed."""
-    note = "not run: another scenario did not pass (--fail-fast)"
+def without_run(loaded: LoadedScenario, interruption: Interruption, *, is_needless: bool) -> Outcome:
+    """Return the outcome of a run that did not start, or was ended by an interruption.
+
+    `is_needless`: its gate was decided without it.
+    """
+    if is_needless:
+        return skipped(loaded, "not run: its gate was decided before")
+    return interrupted(loaded) if interruption.happened else skipped(loaded)
+
+
+def skipped(loaded: LoadedScenario, note: str = "not run: another scenario did not pass (--fail-fast)") -> Outcome:
+    """Return the outcome of a scenario that was not started; `note`: the reason."""
     return unjudged(loaded).model_copy(update={"status": "skipped", "notes": (note,)})
 
 

@@ -25,11 +25,10 @@ from sim_action.runner.child_outcome import (
     Limit,
     engine_provenance,
     inputs_of,
-    interrupted,
     not_started,
     outcome_of,
     refusal_of,
-    skipped,
+    without_run,
 )
 from sim_action.runner.isolation import child_type_here
 from sim_action.runner.isolation.capacity import cause_of, most_children
@@ -62,6 +61,7 @@ def execute(
     repeat: int = 1,
     motions: Path | None = None,
     ended: AbstractSet[tuple[int, int]] = frozenset(),
+    needless: Callable[[int], bool] = lambda _: False,
     keys: RunKeys | None = None,
     child_type: type[ChildProcess] | None = None,
     shares: bool = True,
@@ -85,6 +85,7 @@ def execute(
             interpreter and its own seed of hashes.
         motions: the folder for the motion of runs that are compared, see `job.motion_file`.
         ended: the place and the turn of each run that an earlier call has ended; they get no process.
+        needless: returns True for a place in the results if its run need not start any more.
         keys: gives the keys of runs; by default, they have none.
         child_type: how child processes are started; by default, as this system allows.
         shares: several runs without user code may use one child process, where the system allows it.
@@ -120,6 +121,7 @@ def execute(
         waiting=waiting,
         places_and_turns=numbered,
         fail_fast=fail_fast,
+        needless=needless,
         keys=keys,
     )
     try:
@@ -127,8 +129,11 @@ def execute(
     finally:
         # Child processes that were killed leave them.
         remove_unfinished_files(folder)
-    without = interrupted if interruption.happened else skipped
-    return [outcomes.get(index) or without(loaded) for index, loaded in enumerate([*scenarios] * repeat)]
+    every_run = zip(numbered, [*scenarios] * repeat, strict=True)
+    return [
+        outcomes.get(index) or without_run(loaded, interruption, is_needless=needless(place))
+        for index, ((place, _), loaded) in enumerate(every_run)
+    ]
 
 
 def _warmed_up(scenarios: Sequence[LoadedScenario], formats: Iterable[str], *, replays: bool) -> bool:
@@ -193,11 +198,12 @@ class _Scheduler:
         waiting: deque[int],
         places_and_turns: Sequence[tuple[int, int]],
         fail_fast: bool,
+        needless: Callable[[int], bool],
         keys: RunKeys | None,
     ) -> None:
         self._starter = starter
         self._every = every
-        self._fail_fast = fail_fast
+        self._fail_fast, self._needless = fail_fast, needless
         self._interruption = interruption
         self._waiting = waiting
         # These runs have started before, in child processes that others had used.
@@ -234,6 +240,8 @@ class _Scheduler:
     def _start(self) -> None:
         while self._waiting and len(self._running) < self._jobs and not self._interruption.happened:
             index = self._waiting.popleft()
+            if self._needless(self._places_and_turns[index][0]):
+                continue
             job = self._every[index]
             deadline = time.monotonic() + job.loaded.scenario.wall_seconds
             alone, most_waiting = index in self._repeated, self._jobs - len(self._running) - 1

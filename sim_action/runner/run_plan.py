@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from sim_action.core.errors import InternalError, InvalidScenario, UsageError
 from sim_action.core.permissions import Permissions
 from sim_action.core.records import dataclass, replace
+from sim_action.core.wording import counted
 from sim_action.core.yaml_document import KeyPath
 from sim_action.engines import INSTALL_HINTS, chosen, installed
 from sim_action.results.shards import Shard
@@ -120,7 +122,10 @@ def plan_runs(request: PlanRequest) -> RunPlan:
     # Without any scenario, the exit code reports it.
     empty = request.suite.empty if contents.files else ()
     planner = _Planner(request)
-    scenarios = scenarios_of(each for several in contents.files.values() for each in several)
+    every = [each for several in contents.files.values() for each in several]
+    if request.shard is None and not request.suite.numbers:
+        every = _with_whole_gates(every, request.suite.warn)
+    scenarios = scenarios_of(every)
     dealt = [each for several in scenarios for each in planner.dealt(several)]
     total = len(dealt) + len(empty) + len(contents.unmatched)
     shard = Shard.parse(request.shard, total) if request.shard is not None else None
@@ -128,6 +133,22 @@ def plan_runs(request: PlanRequest) -> RunPlan:
     if shard is not None and shard.index > 1:
         return RunPlan(plans, shard, ())
     return RunPlan(plans, shard, empty, contents.unmatched)
+
+
+def _with_whole_gates(every: Sequence[Source | Refused], warn: Callable[[str], None]) -> list[Source | Refused]:
+    """Return the scenarios without gates of which some runs are not selected: the others count by themselves."""
+    selected = Counter((each.gate.file, each.gate.name) for each in every if each.gate is not None)
+    partial: dict[tuple[str, str], PlannedGate] = {}
+    for gate in (each.gate for each in every if each.gate is not None):
+        if selected[gate.file, gate.name] < gate.runs:
+            partial[gate.file, gate.name] = gate
+    for key, gate in partial.items():
+        some = counted(selected[key], "run")
+        warn(f"the gate of '{gate.name}' is not judged: {some} of {gate.runs} are selected, and each counts by itself")
+    return [
+        replace(each, gate=None) if each.gate is not None and (each.gate.file, each.gate.name) in partial else each
+        for each in every
+    ]
 
 
 def source_of(plan: Plan) -> Source | Refused:

@@ -279,6 +279,7 @@ class _Loader:
         self._problems.note_all((), _in_document(self._own_problems(scenario), written))
         if not self._problems:  # a source with a problem may be the code
             self._problems.note_all((), scenario_checks.environment_problems(scenario))
+        self._check_samples(scenario)
         self._take(audit_scenario(scenario, self._parts.expect_paths, self._parts.command_paths))
         self.unchecked = tuple(remark for source in scenario.commands for remark in source.unchecked)
         surroundings = read_surroundings(scenario.world, self._workspace, self._libraries.shapes, self.parts)
@@ -307,6 +308,16 @@ class _Loader:
                 self._problems.note(finding.path, f"{finding.message} [{finding.rule}]")
         document = self._source.document
         self.warnings += tuple(finding.warning(document) for finding in found if not finding.is_error)
+
+    def _check_samples(self, scenario: Scenario) -> None:
+        """Note a gate whose runs would all be the same."""
+        source = self._source
+        if source.gate is not None and source.differs_by_seed and not scenario.is_random:
+            message = (
+                f"all {source.gate.runs} runs would be the same: nothing is drawn and nothing is noisy; draw a key in "
+                "'variations', such as world.ground.friction: {uniform: [0.4, 0.8]}, or give a sensor 'noise'"
+            )
+            self._problems.note_elsewhere(Problem(source.gate.location, message))
 
     def _own_problems(self, scenario: Scenario) -> SpecProblems:
         """Yield the problems that are visible without reading other files."""

@@ -305,6 +305,13 @@ class Scenario(FrozenModel):
         return self.robot.is_xacro or of_sources or of_sensors or of_assertions
 
     @property
+    def is_random(self) -> bool:
+        """Return True if a run depends on the seed, or may do so."""
+        of_commands = any(source.is_random or source.runs_user_code for source in self.commands)
+        of_sensors = any(mounted.transmission.is_random or mounted.sensor.is_random for mounted in self.sensors)
+        return of_commands or of_sensors or any(assertion.runs_user_code for assertion in self.assertions)
+
+    @property
     def python_files(self) -> tuple[str, ...]:
         """The paths of the user's Python files that run in its process, relative to the scenario."""
         named = [source.python_file for source in self.commands] + [leaf.python_file for leaf in self.assertions]

@@ -41,6 +41,7 @@ class Source:
         draws: key paths of randomly drawn values -> advice for an invalid one.
         scenario_seed: the seed of the scenario, if this is one of its samples: each sample has a seed derived from it.
         gate: the gate that judges this run together with others.
+        differs_by_seed: True if only the seed tells it from the other runs of its gate.
     """
 
     path: Path
@@ -54,6 +55,7 @@ class Source:
     draws: tuple[tuple[Location, str], ...] = ()
     scenario_seed: int | None = None
     gate: PlannedGate | None = None
+    differs_by_seed: bool = False
 
     @property
     def gate_name(self) -> str | None:

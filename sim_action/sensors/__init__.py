@@ -99,6 +99,14 @@ class Sensor(FrozenModel):
             cls.runs_user_code = True
             know_columns(getattr(cls, "key", ""), cls.columns)
 
+    noises: ClassVar[tuple[str, ...]] = ()
+    """The fields that make its readings random unless they are 0."""
+
+    @property
+    def is_random(self) -> bool:
+        """True if its readings depend on the seed, or may do so."""
+        return self.runs_user_code or any(getattr(self, name) for name in self.noises)
+
     @property
     def reading_bytes(self) -> int:
         """The size of a reading in a trace, in bytes; 0 if negligible."""

@@ -30,6 +30,7 @@ class Imu(Sensor):
     """
 
     key: ClassVar[str] = "imu"
+    noises = ("gyro_noise", "gyro_bias", "accelerometer_noise", "accelerometer_bias")
 
     gyro_noise: Annotated[NonNegativeRadiansPerSecond, Field(description="standard deviation of a reading")] = 0.0
     gyro_bias: Annotated[NonNegativeRadiansPerSecond, Field(description="standard deviation of the offset")] = 0.0

@@ -42,6 +42,7 @@ class Lidar(Sensor):
     """
 
     key: ClassVar[str] = "lidar"
+    noises = ("noise",)
 
     rays: Annotated[int, Field(ge=1, le=100_000, description="rays per scan; a single ray points ahead")] = 360
     field_of_view: Annotated[

@@ -35,6 +35,7 @@ class Odometry(Sensor):
     """
 
     key: ClassVar[str] = "odometry"
+    noises = ("noise",)
     reads_wheels: ClassVar[bool] = True
 
     noise: Annotated[

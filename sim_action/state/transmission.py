@@ -32,6 +32,11 @@ class Transmission(FrozenModel):
     ] = 0.0
 
     @property
+    def is_random(self) -> bool:
+        """True if delays or losses are drawn at random."""
+        return bool(self.jitter or self.dropouts)
+
+    @property
     def is_perfect(self) -> bool:
         """True if everything arrives at once."""
         return not (self.latency or self.jitter or self.dropouts)

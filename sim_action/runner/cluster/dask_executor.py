@@ -21,7 +21,7 @@ from sim_action.core.wording import escaped_line
 from sim_action.engines import chosen
 from sim_action.results.events import Listener
 from sim_action.results.outcome import Outcome
-from sim_action.runner.child_outcome import interrupted, skipped
+from sim_action.runner.child_outcome import without_run
 from sim_action.runner.cluster.address import ClusterAddress
 from sim_action.runner.cluster.batches import Batches
 from sim_action.runner.cluster.dask_runs import ClusterRuns
@@ -175,6 +175,7 @@ class DaskExecutor:
         repeat: int,
         motions: Path | None,
         ended: AbstractSet[tuple[int, int]],
+        needless: Callable[[int], bool],
         keys: RunKeys,
         meanwhile: Callable[[], object],
     ) -> list[Outcome]:
@@ -212,10 +213,13 @@ class DaskExecutor:
             interruption=interruption,
             batches=Batches(waiting, [_kind(loaded) if shares else None for loaded in scenarios] * repeat),
             fail_fast=fail_fast,
+            needless=needless,
         )
         outcomes = runs.outcomes(meanwhile)
-        without = interrupted if interruption.happened else skipped
-        return [outcomes.get(index) or without(loaded) for index, loaded in enumerate([*scenarios] * repeat)]
+        return [
+            outcomes.get(index) or without_run(loaded, interruption, is_needless=needless(place))
+            for index, ((place, _), loaded) in enumerate(zip(numbered, [*scenarios] * repeat, strict=True))
+        ]
 
     def _send_missing(self, reply: Reply) -> None:
         """Send a worker that came later what it lacks. Raise UsageError."""

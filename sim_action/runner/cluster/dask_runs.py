@@ -67,6 +67,7 @@ class ClusterRuns:
         interruption: Interruption,
         batches: Batches,
         fail_fast: bool,
+        needless: Callable[[int], bool],
     ) -> None:
         """Take the runs of a call.
 
@@ -80,11 +81,12 @@ class ClusterRuns:
             interruption: ends the call early.
             batches: the runs to submit.
             fail_fast: start no run after the first one that has not passed.
+            needless: returns True for a place in the results if its run need not start any more.
         """
         self._client, self._send = client, send
         self._order, self._task, self._numbered = order, task, numbered
         self._emit, self._interruption, self._fail_fast = emit, interruption, fail_fast
-        self._batches = batches
+        self._batches, self._needless = batches, needless
         # By their keys at Dask.
         self._tasks: dict[str, _Submitted] = {}
         self._outcomes: dict[int, Outcome] = {}
@@ -123,7 +125,10 @@ class ClusterRuns:
     def _submit(self) -> None:
         """Give Dask a task for each thread, and another one that waits there: no worker waits for this process then."""
         while self._batches and len(self._tasks) < 2 * self._threads and not self._interruption.happened:
-            indices = self._batches.take(self._threads)
+            taken = self._batches.take(self._threads)
+            indices = tuple(index for index in taken if not self._needless(self._numbered[index][0]))
+            if not indices:
+                continue
             task = _Submitted(indices, self._client.submit(perform, self._task(indices), self._topic, pure=False))
             self._tasks[str(task.future.key)] = task
             task.future.add_done_callback(self._heard)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, Final, Literal, Self
 
-from pydantic import AfterValidator, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, model_validator
 
 from sim_action.core import units
 from sim_action.core.errors import InvalidScenario, Location
@@ -99,7 +99,10 @@ class Quantile(FrozenModel):
     def _has_one_bound(self) -> Self:
         if (self.at_least is None) == (self.at_most is None):
             raise ValueError("must have either 'at_least' or 'at_most'")
-        units.with_si_unit(self.bound)
+        try:
+            units.with_si_unit(self.bound)
+        except units.UnitError:
+            raise ValueError(f"{shown(self.bound)} is no quantity; write a number and a unit, such as 1.4 m") from None
         if self.expectation == self.of:
             raise ValueError(f"'of' ends with .measured or .margin, such as travel.measured; found {shown(self.of)}")
         return self
@@ -127,6 +130,13 @@ class Quantile(FrozenModel):
         return self.of.endswith(".margin")
 
 
+def _listed(stated: object) -> object:
+    """Return a single quantile, or those that JSON lists, as a tuple."""
+    if isinstance(stated, (dict, Quantile)):
+        return (stated,)
+    return tuple(stated) if isinstance(stated, list) else stated
+
+
 class Errors(FrozenModel):
     """The largest number of runs without a verdict."""
 
@@ -141,8 +151,10 @@ class Gate(FrozenModel):
         StopEarly | None, Field(description="a sequential test between two rates; instead of 'passes'")
     ] = None
     quantile: Annotated[
-        Quantile | tuple[Quantile, ...] | None, Field(description="a bound for a quantile, or several")
-    ] = None
+        tuple[Quantile, ...],
+        BeforeValidator(_listed, json_schema_input_type=Quantile | tuple[Quantile, ...]),
+        Field(description="a bound for a quantile, or a list of several"),
+    ] = ()
     errors: Annotated[Errors, Field(description="runs without a verdict; default: none")] = Errors.model_construct()
     runs: Annotated[
         int | None,
@@ -156,18 +168,11 @@ class Gate(FrozenModel):
                 "'passes' and 'stop_early' exclude each other: a test that stops early tells two rates apart, and "
                 "shows no rate of 'at_least'; keep one of them"
             )
-        if self.passes is None and self.stop_early is None and not self.quantiles:
+        if self.passes is None and self.stop_early is None and not self.quantile:
             raise ValueError("must have 'passes', 'stop_early' or 'quantile'; such as passes: {at_least: 90 %}")
-        if self.stop_early is not None and self.quantiles:
+        if self.stop_early is not None and self.quantile:
             raise ValueError("a quantile needs all runs, and 'stop_early' leaves some out; use 'passes' instead")
         return self
-
-    @property
-    def quantiles(self) -> tuple[Quantile, ...]:
-        """The bounds for quantiles."""
-        if self.quantile is None:
-            return ()
-        return self.quantile if isinstance(self.quantile, tuple) else (self.quantile,)
 
 
 class PlannedGate(FrozenModel):
@@ -211,16 +216,22 @@ def stated_gate(document: Document) -> GateOfScenario | None:
     try:
         gate = Gate.model_validate(stated)
     except ValidationError as error:
-        found = [document.problem((GATE, *path), message) for path, message in spec_errors(Gate, stated, error)]
+        found = [document.problem(_written(path, stated), text) for path, text in spec_errors(Gate, stated, error)]
         raise InvalidScenario(found) from None
     problems = [
         document.problem((GATE, "quantile"), problem)
-        for each in gate.quantiles
+        for each in gate.quantile
         if (problem := _unknown(each, document.data.get("expect"))) is not None
     ]
     if problems:
         raise InvalidScenario(problems)
     return GateOfScenario(gate, document.location((GATE,)))
+
+
+def _written(path: KeyPath, stated: object) -> KeyPath:
+    """Return the path of a problem in the document, where a single quantile is no list."""
+    is_single = isinstance(stated, dict) and isinstance(stated.get("quantile"), dict)
+    return (GATE, "quantile", *path[2:]) if is_single and path[:1] == ("quantile",) else (GATE, *path)
 
 
 def _unknown(quantile: Quantile, expect: object) -> str | None:
@@ -270,7 +281,7 @@ def _unattainable(gate: Gate, runs: int) -> Iterator[tuple[KeyPath, str]]:
         if runs < needed:
             rates = f"{percent(test.accept)} against {percent(test.reject)}"
             yield ("stop_early",), _too_few(runs, needed, rates, test.confidence)
-    for each in gate.quantiles:
+    for each in gate.quantile:
         needed = order_statistics.runs_needed_for_quantile(each.q, each.confidence, each.claim)
         if runs < needed:
             what = f"a bound for the {percent(each.q)} quantile"

@@ -94,6 +94,7 @@ def outcomes(folder: Path, count: int, play: Played) -> tuple[dict[int, Outcome]
             interruption=interruption,
             batches=batches,
             fail_fast=False,
+            needless=lambda _: False,
         )
         return runs.outcomes(lambda: None), cluster, events
 

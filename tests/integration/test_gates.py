@@ -1,0 +1,100 @@
+"""Gates in whole calls: any number of jobs and shards gives the same gates, byte for byte."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.integration.conftest import sim_action
+
+SCENARIO = """\
+name: slip
+robot: {model: turtlebot3_burger}
+commands: {rate: 10 Hz, twist: [{linear: 0.2}]}
+expect: [{travel: {at_least: 10 cm}}]
+time_limit: 1 s
+variations:
+  world.ground.friction: {uniform: [0.001, 0.5]}
+gate:
+  passes: {at_least: 50 %, confidence: 75 %}
+  quantile: {of: travel.measured, q: 50 %, at_least: 1 cm, confidence: 75 %}
+  runs: 7
+"""
+EARLY = SCENARIO.partition("gate:")[0] + "gate: {stop_early: {reject: 20 %, accept: 80 %, confidence: 75 %}, runs: 7}\n"
+"""One run decides it."""
+
+
+def gates(folder: Path) -> list[str]:
+    """The outcomes of the gates, as they are written."""
+    found: list[dict[str, Any]] = json.loads((folder / "results.json").read_text())["outcomes"]
+    return [json.dumps(outcome) for outcome in found if outcome["statistics"] is not None]
+
+
+def statuses(folder: Path) -> list[str]:
+    found: list[dict[str, Any]] = json.loads((folder / "results.json").read_text())["outcomes"]
+    return [outcome["status"] for outcome in found]
+
+
+@pytest.fixture(scope="module")
+def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where both scenarios ran in one call, with one job."""
+    folder = tmp_path_factory.mktemp("gates")
+    (folder / "slip.sim.yml").write_text(SCENARIO)
+    (folder / "early.sim.yml").write_text(EARLY)
+    ran = sim_action(folder, "run", ".", "-j", "1", "--output-dir", "whole")
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    return folder
+
+
+def test_a_gate_passes_although_a_run_fails(workspace: Path) -> None:
+    early, slip = (json.loads(text) for text in gates(workspace / "whole"))
+    assert (slip["status"], slip["statistics"]["runs"]) == ("passed", 7)
+    assert slip["statistics"]["failed"] > 0
+    assert (early["status"], early["statistics"]["decision"]) == ("passed", "accepted")
+    assert statuses(workspace / "whole").count("skipped") > 0
+
+
+@pytest.mark.parametrize("jobs", ["2", "3"])
+def test_the_number_of_jobs_changes_no_gate(workspace: Path, jobs: str) -> None:
+    sim_action(workspace, "run", ".", "-j", jobs, "--output-dir", f"jobs{jobs}")
+    assert gates(workspace / f"jobs{jobs}") == gates(workspace / "whole")
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_the_number_of_shards_changes_no_gate(workspace: Path, count: int) -> None:
+    for index in range(1, count + 1):
+        part = f"of{count}/{index}"
+        ran = sim_action(workspace, "run", "slip.sim.yml", "--shard", f"{index}/{count}", "--output-dir", part)
+        assert ran.returncode == 0, ran.stdout
+        assert gates(workspace / part) == []
+    merged = sim_action(workspace, "merge", f"of{count}", "--output-dir", f"merged{count}")
+    assert merged.returncode == 0, merged.stdout
+    assert gates(workspace / f"merged{count}") == gates(workspace / "whole")[1:]
+
+
+def test_a_lost_shard_leaves_the_gate_without_a_verdict(workspace: Path) -> None:
+    sim_action(workspace, "run", "slip.sim.yml", "--shard", "1/2", "--output-dir", "lost/1")
+    merged = sim_action(workspace, "merge", "lost", "--output-dir", "found")
+    assert merged.returncode == 2
+    assert json.loads(gates(workspace / "found")[0])["status"] == "error"
+
+
+def test_resumed_runs_give_the_same_gate(workspace: Path) -> None:
+    sim_action(workspace, "run", "slip.sim.yml", "--output-dir", "resumed")
+    before = gates(workspace / "resumed")
+    resumed = sim_action(workspace, "run", "slip.sim.yml", "--output-dir", "resumed", "--resume")
+    assert resumed.returncode == 0
+    assert "taken over" in resumed.stdout + resumed.stderr
+    assert gates(workspace / "resumed") == before
+
+
+def test_a_selected_run_counts_by_itself(workspace: Path) -> None:
+    found = json.loads((workspace / "whole/results.json").read_text())["outcomes"]
+    failed = next(outcome["name"] for outcome in found if outcome["status"] == "failed")
+    ran = sim_action(workspace, "run", "slip.sim.yml", "--only", failed, "--output-dir", "one")
+    assert ran.returncode == 1
+    assert "the gate of 'slip' is not judged: 1 run of 7 are selected" in ran.stdout + ran.stderr
+    assert statuses(workspace / "one") == ["failed"]

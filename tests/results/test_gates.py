@@ -1,0 +1,220 @@
+"""Verdicts of gates, from the outcomes of their runs."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from random import Random
+from typing import Any
+
+import pytest
+
+from sim_action.core.errors import ExitCode, Location
+from sim_action.core.statistics.binomial import chances
+from sim_action.results.gates import decided_after, judged_gate
+from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, Status
+from sim_action.results.over_variations import over_variations
+from sim_action.scenario.variations.gate import Gate, PlannedGate
+from sim_action.state.verdict import Judged, Verdict
+
+NINETY = {"passes": {"at_least": "90 %"}}
+EARLY = {"stop_early": {"reject": 0.85, "accept": 0.95}}
+
+
+def planned(gate: dict[str, Any], runs: int) -> PlannedGate:
+    return PlannedGate(
+        name="slip",
+        file="a.sim.yml",
+        location=Location("a.sim.yml", 9),
+        group="slip",
+        gate=Gate.model_validate(gate),
+        runs=runs,
+    )
+
+
+def run(status: Status = "passed", value: float | None = 1.5, kind: str = "crash") -> Outcome:
+    failures = (Failure.model_validate({"kind": kind, "title": "a", "message": "told"}),) if status == "error" else ()
+    verdict = Verdict(status == "passed", measured=value, limit=1.0, unit="m", judged=Judged(3, 0.0, 1.0))
+    expected = ExpectationOutcome(
+        name="drives", assertion="travel", severity="error", location=Location("a.sim.yml", 5), verdict=verdict
+    )
+    return Outcome(
+        name="slip[x=1]",
+        file="a.sim.yml",
+        group="slip",
+        gate="slip",
+        status=status,
+        failures=failures,
+        expectations=() if status in ("error", "skipped") else (expected,),
+        wall_time=0.5,
+    )
+
+
+PASS, FAIL, ERROR, UNJUDGED, SKIP = run(), run("failed"), run("error"), run("not_exercised"), run("skipped")
+
+
+def messages(outcome: Outcome) -> list[str]:
+    return [expected.verdict.message for expected in outcome.expectations]
+
+
+@pytest.mark.parametrize(
+    ("passes", "fails", "status", "message"),
+    [
+        (61, 0, "passed", "61 of 61 runs passed (100 %); with 95 % confidence at least 95.21 % do"),
+        (59, 2, "passed", "59 of 61 runs passed (96.72 %); with 95 % confidence at least 90.04 % do"),
+        (58, 3, "inconclusive", "at least 87.78 % and at most 98.65 % do: too few runs to tell"),
+        (52, 9, "inconclusive", "too few runs to tell"),
+        (48, 13, "failed", "with 95 % confidence at most 86.91 % do, less than 90 %"),
+    ],
+)
+def test_the_rate_is_shown_refuted_or_open(passes: int, fails: int, status: Status, message: str) -> None:
+    judged = judged_gate(planned(NINETY, 61), [PASS] * passes + [FAIL] * fails)
+    assert judged.status == status
+    assert message in messages(judged)[0]
+    assert judged.exit_code is (ExitCode.PASSED if status == "passed" else ExitCode.FAILED)
+    verdict = judged.expectations[0].verdict
+    assert (verdict.limit, verdict.unit) == (90.0, "%")
+    assert verdict.margin is not None
+    assert (verdict.margin >= 0) == (status == "passed")
+    assert (verdict.inconclusive == "statistical") == (status == "inconclusive")
+    statistics = judged.statistics
+    assert statistics is not None
+    assert (statistics.planned, statistics.runs, statistics.passed, statistics.failed) == (61, 61, passes, fails)
+
+
+def test_a_run_without_a_verdict_counts_against_whatever_is_claimed() -> None:
+    lenient = {**NINETY, "errors": {"at_most": 20}}
+    kept = judged_gate(planned(lenient, 61), [PASS] * 58 + [ERROR] * 2 + [UNJUDGED])
+    assert [expected.status for expected in kept.expectations] == ["inconclusive", "passed"]
+    open_both_ways = judged_gate(planned(lenient, 61), [PASS] * 48 + [ERROR] * 13)
+    assert open_both_ways.expectations[0].status == "inconclusive"
+    statistics = kept.statistics
+    assert statistics is not None
+    assert (statistics.errors, statistics.not_exercised, statistics.without_verdict) == (2, 1, 3)
+
+
+def test_too_many_runs_without_a_verdict_fail_the_gate() -> None:
+    judged = judged_gate(planned(NINETY, 100), [PASS] * 99 + [ERROR])
+    assert [expected.status for expected in judged.expectations] == ["passed", "failed"]
+    assert judged.status == "failed"
+    assert messages(judged)[1] == "1 run of 100 without a verdict; at most 0 may have none"
+
+
+@pytest.mark.parametrize(
+    ("kind", "code"),
+    [
+        ("interrupted", ExitCode.INTERRUPTED),
+        ("internal", ExitCode.INTERNAL),
+        ("missing", ExitCode.INVALID),
+        ("invalid", ExitCode.INVALID),
+    ],
+)
+def test_runs_that_could_not_be_run_leave_no_verdict(kind: str, code: ExitCode) -> None:
+    judged = judged_gate(planned(NINETY, 61), [PASS] * 60 + [run("error", kind=kind)])
+    assert (judged.status, judged.exit_code) == ("error", code)
+    assert judged.failures[0].message == "1 run of 61: told"
+
+
+def test_lost_runs_leave_no_verdict() -> None:
+    judged = judged_gate(planned(NINETY, 61), [PASS] * 60)
+    assert judged.status == "error"
+    assert judged.failures[0].message.startswith("1 of 61 runs have no result")
+
+
+def test_a_gate_whose_runs_were_not_run_is_not_run() -> None:
+    assert judged_gate(planned(NINETY, 61), [PASS] * 30 + [SKIP] * 31).status == "skipped"
+
+
+def test_an_early_stop_says_what_it_tells_apart() -> None:
+    gate = planned(EARLY, 200)
+    accepted = judged_gate(gate, [PASS] * 27 + [SKIP] * 173)
+    assert (accepted.status, decided_after(gate, [PASS] * 27)) == ("passed", 27)
+    assert messages(accepted) == [
+        "27 of 27 runs passed (100 %); the test accepts 95 % against 85 % with 95 % confidence after 27 runs"
+    ]
+    assert accepted.statistics is not None
+    assert (accepted.statistics.decision, accepted.statistics.lower) == ("accepted", None)
+    rejected = judged_gate(gate, [FAIL] * 3 + [SKIP] * 197)
+    assert (rejected.status, rejected.expectations[0].status) == ("failed", "failed")
+    assert "rejects 95 % against 85 %" in messages(rejected)[0]
+
+
+def test_an_early_stop_looks_at_runs_in_their_order() -> None:
+    gate = planned(EARLY, 200)
+    decided = [PASS] * 27
+    # What ran at the same time changes nothing.
+    assert judged_gate(gate, [*decided, FAIL, FAIL, FAIL] + [SKIP] * 170) == judged_gate(
+        gate, [*decided, PASS, PASS, FAIL] + [SKIP] * 170
+    )
+    assert decided_after(gate, [PASS] * 26 + [None] + [PASS] * 100) is None
+
+
+def test_an_early_stop_may_stay_open() -> None:
+    results = [PASS] * 9 + [FAIL]
+    judged = judged_gate(planned(EARLY, 60), results * 6)
+    assert judged.status == "inconclusive"
+    assert "neither accepts nor rejects 95 % against 85 % within 60 runs" in messages(judged)[0]
+
+
+def quantile(bound: dict[str, Any], values: Sequence[float | None], of: str = "travel.measured") -> ExpectationOutcome:
+    gate = planned({"quantile": {"of": of, "q": "5 %", **bound}}, len(values))
+    (expected,) = judged_gate(gate, [run(value=value) for value in values]).expectations
+    return expected
+
+
+def test_a_quantile_by_order_statistics() -> None:
+    values = [1.4 + number / 1000 for number in range(59)]
+    assert quantile({"at_least": "1.4 m"}, values).status == "passed"
+    assert quantile({"at_least": "139 cm"}, values, of="drives.measured").status == "passed"
+    assert quantile({"at_least": "1.401 m"}, values).status == "inconclusive"
+    assert quantile({"at_least": "1.46 m"}, values).status == "failed"
+    assert quantile({"at_most": "1.3 m"}, values).status == "failed"
+    told = quantile({"at_least": "1.4 m"}, values).verdict
+    assert (told.measured, told.limit, told.unit) == (1.4, 1.4, "m")
+    assert told.message.startswith("59 runs; with 95 % confidence the 5 % quantile is at least 1.4 m and at most 1.4")
+
+
+def test_a_value_that_was_not_measured_counts_against_the_claim() -> None:
+    values: list[float | None] = [1.5] * 100
+    assert quantile({"at_least": "1.4 m"}, values).status == "passed"
+    lost = quantile({"at_least": "1.4 m"}, [*values[:90], *[None] * 10])
+    assert lost.status == "inconclusive"
+    assert "10 runs measured nothing" in lost.verdict.message
+
+
+def test_a_quantile_in_another_unit_says_so() -> None:
+    told = quantile({"at_least": "1.4 s"}, [1.5] * 100)
+    assert told.status == "failed"
+    assert told.verdict.message == "travel.measured is in m, and the limit is 1.4 s; write it in m"
+
+
+@pytest.mark.parametrize("rate", [0.80, 0.88, 0.90, 0.95])
+def test_simulated_gates_are_wrong_as_seldom_as_stated(rate: float) -> None:
+    """2,000 gates over Bernoulli robots of known rates: false verdicts within 1 - confidence."""
+    random, gate, count = Random(f"gates {rate}"), planned(NINETY, 61), 2000
+    passes = Counter(sum(random.random() < rate for _ in range(61)) for _ in range(count))
+    verdicts = Counter[Status]()
+    for passed, gates in passes.items():
+        verdicts[judged_gate(gate, [PASS] * passed + [FAIL] * (61 - passed)).status] += gates
+    # Of a robot at the limit itself, it is wrong to fail it.
+    wrong = verdicts["passed" if rate < 0.9 else "failed"] / count
+    assert wrong <= 0.05 + 3 * (0.05 * 0.95 / count) ** 0.5
+    exact = chances(rate, 61, 0.9, 0.95)
+    found = [verdicts["passed"], verdicts["failed"], verdicts["inconclusive"]]
+    expected = [exact.passed, exact.failed, exact.inconclusive]
+    assert [each / count for each in found] == pytest.approx(expected, abs=0.04)
+
+
+def test_a_gate_stands_before_its_runs_and_counts_alone() -> None:
+    other = Outcome(name="b", file="a.sim.yml", status="skipped")
+    found = over_variations([other, *[PASS] * 60, FAIL], [planned(NINETY, 61)])
+    assert [outcome.statistics is not None for outcome in found[:3]] == [False, True, False]
+    assert (len(found), found[1].status) == (63, "passed")
+    assert found[-1].exit_code is ExitCode.PASSED
+    assert over_variations(found, [planned(NINETY, 61)]) == found
+
+
+def test_a_part_of_a_gate_is_not_judged() -> None:
+    found = over_variations([PASS] * 20, [planned(NINETY, 61)], is_part=True)
+    assert len(found) == 20
+    assert over_variations([PASS] * 61, [planned(NINETY, 61)], is_part=True)[0].status == "passed"

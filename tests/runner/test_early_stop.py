@@ -1,0 +1,69 @@
+"""Gates that stop early: which runs are not needed any more."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from sim_action.core.permissions import Permissions
+from sim_action.core.workspace import Workspace
+from sim_action.core.yaml_document import read_document
+from sim_action.results.events import Finished
+from sim_action.results.outcome import Status
+from sim_action.runner.child_outcome import unjudged
+from sim_action.runner.early_stop import EarlyStop
+from sim_action.scenario.loading import checked
+from sim_action.scenario.model import LoadedScenario
+from sim_action.scenario.source import Source
+from sim_action.scenario.variations.expansion import expanded
+from tests.scenarios import LEAST
+
+GATE = "stop_early: {reject: 20 %, accept: 80 %, confidence: 90 %}"
+
+
+def loaded(folder: Path, gate: str, runs: int = 12) -> list[LoadedScenario]:
+    text = f"{LEAST}variations: {{robot.pose.x: {{uniform: [0 m, 1 m]}}}}\ngate: {{{gate}, runs: {runs}}}\n"
+    source = Source(folder / "s.sim.yml", Workspace(folder, folder), read_document("s.sim.yml", text), "push")
+    return [checked(each, Permissions()) for each in expanded(source, None)]
+
+
+def end(stop: EarlyStop, runs: Sequence[LoadedScenario], place: int, status: Status) -> None:
+    stop(Finished(place, unjudged(runs[place]).model_copy(update={"status": status})))
+
+
+@pytest.mark.parametrize("status", ["passed", "failed"])
+def test_runs_after_the_decision_are_needless(tmp_path: Path, status: Status) -> None:
+    runs = loaded(tmp_path, GATE)
+    stop = EarlyStop(runs, range(len(runs)))
+    for place in range(2):
+        assert not stop.is_needless(11)
+        end(stop, runs, place, status)
+    assert all(stop.is_needless(place) for place in range(2, 12))
+
+
+def test_a_run_that_is_still_missing_hides_later_ones(tmp_path: Path) -> None:
+    runs = loaded(tmp_path, GATE)
+    stop = EarlyStop(runs, range(len(runs)))
+    for place in (1, 2, 3):
+        end(stop, runs, place, "passed")
+    assert not stop.is_needless(11)
+    end(stop, runs, 0, "passed")
+    assert stop.is_needless(11)
+
+
+def test_runs_of_other_gates_and_of_none_are_needed(tmp_path: Path) -> None:
+    runs = loaded(tmp_path, "passes: {at_least: 50 %}")
+    stop = EarlyStop(runs, range(len(runs)))
+    for place in range(8):
+        end(stop, runs, place, "passed")
+    assert not any(stop.is_needless(place) for place in range(20))
+
+
+def test_a_part_of_a_gate_is_not_decided(tmp_path: Path) -> None:
+    runs = loaded(tmp_path, GATE)[::2]
+    stop = EarlyStop(runs, range(len(runs)))
+    for place in range(6):
+        end(stop, runs, place, "passed")
+    assert not stop.is_needless(5)

@@ -1,0 +1,174 @@
+"""The gate of a scenario: what it may say, and which runs it has."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from sim_action.core.errors import InvalidScenario
+from sim_action.core.workspace import Workspace
+from sim_action.core.yaml_document import read_document
+from sim_action.scenario.source import Source
+from sim_action.scenario.variations.expansion import expanded
+from sim_action.scenario.variations.gate import Gate, percent
+from tests.scenarios import LEAST
+
+DRAWN = "variations: {robot.pose.x: {uniform: [0 m, 1 m]}}\n"
+LINE = LEAST.count("\n") + 1
+
+
+def runs(folder: Path, text: str) -> tuple[Source, ...]:
+    document = read_document("s.sim.yml", LEAST + text)
+    return expanded(Source(folder / "s.sim.yml", Workspace(folder, folder), document, "push"), None)
+
+
+def refused(folder: Path, text: str) -> list[str]:
+    with pytest.raises(InvalidScenario) as raised:
+        runs(folder, text)
+    return [str(problem).removeprefix("s.sim.yml:") for problem in raised.value.problems]
+
+
+def test_all_samples_share_one_gate(tmp_path: Path) -> None:
+    found = runs(tmp_path, f"{DRAWN}gate: {{passes: {{at_least: 90 %}}, runs: 29}}\n")
+    gates = {id(run.gate): run.gate for run in found}
+    (gate,) = gates.values()
+    assert gate is not None
+    assert (len(found), gate.runs, gate.name, gate.group, gate.file) == (29, 29, "push", "push", "s.sim.yml")
+    assert gate.gate.passes is not None
+    assert (gate.gate.passes.at_least, gate.gate.passes.confidence) == (0.9, 0.95)
+    assert gate.location.line == LINE + 1
+
+
+def test_the_draws_may_state_the_number_of_runs(tmp_path: Path) -> None:
+    drawn = DRAWN.replace("m]", "m], samples: 29")
+    assert len(runs(tmp_path, f"{drawn}gate: {{passes: {{at_least: 90 %}}}}\n")) == 29
+
+
+def test_listed_values_have_a_gate_each_whose_runs_follow_each_other(tmp_path: Path) -> None:
+    keys = "variations: {robot.pose.x: {uniform: [0 m, 1 m]}, time_limit: [10 s, 20 s]}\n"
+    found = runs(tmp_path, f"{keys}gate: {{passes: {{at_least: 50 %}}, runs: 5}}\n")
+    assert [run.gate_name for run in found] == ["push[time_limit=10s]"] * 5 + ["push[time_limit=20s]"] * 5
+    assert {run.gate.runs for run in found if run.gate is not None} == {5}
+
+
+def test_samples_without_a_drawn_key_differ_by_their_seed(tmp_path: Path) -> None:
+    found = runs(tmp_path, "gate: {passes: {at_least: 50 %}, runs: 5}\n")
+    assert [run.name for run in found] == [f"push[sample={number}]" for number in range(1, 6)]
+    seeds = {run.document.data["seed"] for run in found if isinstance(run.document.data, dict)}
+    assert len(seeds) == 5
+    assert all(run.variation == () and run.differs_by_seed for run in found)
+
+
+def test_a_gate_does_not_reach_its_runs(tmp_path: Path) -> None:
+    """Another claim must not change the key of a run, from which `--resume` takes its outcome."""
+    first, second = (
+        runs(tmp_path, f"{DRAWN}gate: {{passes: {{at_least: {rate} %}}, runs: 29}}\n") for rate in (50, 90)
+    )
+    assert [run.document.data for run in first] == [run.document.data for run in second]
+
+
+@pytest.mark.parametrize(
+    ("gate", "problem"),
+    [
+        ("{}", "gate: must have 'passes', 'stop_early' or 'quantile'; such as passes: {at_least: 90 %}"),
+        ("{passes: {at_least: 100 %}}", "gate.passes.at_least: a rate lies between 0 % and 100 %"),
+        ("{passes: {at_least: 90 %, confidence: 100 %}}", "no number of runs gives 100 %; found 100 %; use 95 %"),
+        ("{passes: {at_least: 90 %, confidence: 10 %}}", "a confidence lies between 50 % and 100 %"),
+        ("{passes: {at_least: 90 %, most: 1}}", "gate.passes.most: unknown key"),
+        ("{quantile: {of: a.margin, q: 5 %, at_least: 1 m, x: 1}}", "gate.quantile.x: unknown key"),
+        ("{stop_early: {reject: 95 %, accept: 85 %}}", "'reject' must be below 'accept'; found 95 % and 85 %"),
+        (
+            "{passes: {at_least: 90 %}, stop_early: {reject: 85 %, accept: 95 %}}",
+            "a test that stops early tells two rates apart, and shows no rate of 'at_least'",
+        ),
+        (
+            "{stop_early: {reject: 85 %, accept: 95 %}, quantile: {of: travel.measured, q: 5 %, at_least: 1 m}}",
+            "a quantile needs all runs, and 'stop_early' leaves some out",
+        ),
+        ("{quantile: {of: travel.measured, q: 5 %}}", "must have either 'at_least' or 'at_most'"),
+        ("{quantile: {of: travel, q: 5 %, at_least: 1 m}}", "'of' ends with .measured or .margin"),
+        (
+            "{quantile: {of: travel.measured, q: 5 %, at_least: 1 mile}}",
+            "'1 mile' is no quantity; write a number and a unit",
+        ),
+        (
+            "{quantile: {of: travle.measured, q: 5 %, at_least: 1 m}, runs: 100}",
+            "no expectation is 'travle'; did you mean 'travel'?",
+        ),
+        ("{passes: {at_least: 90 %}, errors: {at_most: -1}}", "gate.errors.at_most: must be at least 0"),
+    ],
+)
+def test_a_gate_that_makes_no_sense_is_refused(tmp_path: Path, gate: str, problem: str) -> None:
+    (found,) = refused(tmp_path, f"{DRAWN}gate: {gate}\n")
+    assert found.startswith(f"{LINE + 1}:")
+    assert problem in found
+
+
+@pytest.mark.parametrize(
+    ("gate", "needed"),
+    [
+        ("passes: {at_least: 90 %}", 29),
+        ("passes: {at_least: 99 %}", 299),
+        ("stop_early: {reject: 85 %, accept: 95 %}", 27),
+        ("quantile: {of: travel.measured, q: 5 %, at_least: 1 m}", 59),
+        ("quantile: {of: travel.measured, q: 95 %, at_most: 1 m}", 59),
+    ],
+)
+def test_a_gate_that_no_result_passes_is_refused_with_the_runs_it_needs(tmp_path: Path, gate: str, needed: int) -> None:
+    (found,) = refused(tmp_path, f"{DRAWN}gate: {{{gate}, runs: {needed - 1}}}\n")
+    assert f"{needed - 1} runs cannot show" in found
+    assert f"write 'runs: {needed}' or more" in found
+    assert len(runs(tmp_path, f"{DRAWN}gate: {{{gate}, runs: {needed}}}\n")) == needed
+
+
+def test_a_gate_without_a_number_of_runs_is_refused(tmp_path: Path) -> None:
+    (found,) = refused(tmp_path, "gate: {passes: {at_least: 50 %}}\n")
+    assert "'runs' is missing" in found
+
+
+def test_samples_that_would_all_be_the_same_are_refused(tmp_path: Path) -> None:
+    gate = "gate: {passes: {at_least: 50 %}, runs: 5}\n"
+    several = runs(tmp_path, gate)
+    assert several[0].differs_by_seed
+    (same,) = told_of_first(tmp_path, gate)
+    assert same.startswith(f"{LINE}:1: all 5 runs would be the same: nothing is drawn and nothing is noisy; draw a key")
+
+
+@pytest.mark.parametrize(
+    "noisy",
+    [
+        "sensors: [{name: imu, imu: {gyro_noise: 0.1}, rate: 10 Hz}]\n",
+        "sensors: [{name: imu, imu: {}, rate: 10 Hz, dropouts: 10 %}]\n",
+        "sensors: [{name: odometry, odometry: {noise: 0.1}, rate: 10 Hz}]\n",
+    ],
+)
+def test_samples_with_noise_differ(tmp_path: Path, noisy: str) -> None:
+    assert told_of_first(tmp_path, f"{noisy}gate: {{passes: {{at_least: 50 %}}, runs: 5}}\n") == []
+
+
+def test_a_perfect_sensor_makes_no_difference(tmp_path: Path) -> None:
+    perfect = "sensors: [{name: imu, imu: {}, rate: 10 Hz, latency: 0.1 s}]\n"
+    (found,) = told_of_first(tmp_path, f"{perfect}gate: {{passes: {{at_least: 50 %}}, runs: 5}}\n")
+    assert "would be the same" in found
+
+
+def told_of_first(folder: Path, text: str) -> list[str]:
+    """The problems of the first sample, checked as a whole."""
+    from sim_action.core.permissions import Permissions
+    from sim_action.scenario.loading import checked
+
+    try:
+        checked(runs(folder, text)[0], Permissions())
+    except InvalidScenario as error:
+        return [str(problem).removeprefix("s.sim.yml:") for problem in error.problems]
+    return []
+
+
+def test_shares_in_words() -> None:
+    assert [percent(share) for share in (0.9, 0.951, 0.12345, 1.0)] == ["90 %", "95.1 %", "12.35 %", "100 %"]
+
+
+def test_a_stored_gate_is_read_again() -> None:
+    gate = Gate.model_validate({"passes": {"at_least": "90 %"}, "quantile": {"of": "a.margin", "q": 0.1, "at_most": 1}})
+    assert Gate.model_validate_json(gate.model_dump_json()) == gate
