@@ -60,8 +60,8 @@ def _of_scenario(scenario: ProvenScenario, symbols: Mapping[Finding, str]) -> It
         yield [(f"  {symbols[expected.finding]} ", look), (expected.name, ""), (f": {_told(expected, scenario)}", "")]
         if expected.finding == "checks nothing":
             yield [("      ", ""), (str(expected.location), "cyan")]
-    for survivor in scenario.survivors:
-        yield from _of_survivor(survivor)
+    for suggestion in dict.fromkeys(each.suggestion for each in scenario.survivors):
+        yield from _of_survivors(suggestion, [each for each in scenario.survivors if each.suggestion == suggestion])
     for words, mutants in (
         ("unnoticed, with little other motion", [each for each in scenario.with_status("survived") if not each.change]),
         ("no effect", scenario.with_status("no effect")),
@@ -91,11 +91,13 @@ def _names(names: Sequence[str]) -> str:
     return ", ".join(names[:_MOST_NAMES]) + more
 
 
-def _of_survivor(survivor: MutantResult) -> Iterator[_Line]:
-    assert survivor.change is not None, "survivors have one"
-    told = f"{survivor.words}: {survivor.change.text}, and nothing failed"
-    yield [("  ! ", "yellow"), (survivor.name, ""), (f": {told}", "")]
-    if survivor.suggestion:
-        yield [("      this expectation would have noticed it:", "dim")]
-        for line in survivor.suggestion.split("\n"):
+def _of_survivors(suggestion: str, survivors: Sequence[MutantResult]) -> Iterator[_Line]:
+    """Yield the mutants that one expectation would have noticed, and then this expectation; or those without one."""
+    for survivor in survivors:
+        assert survivor.change is not None, "survivors have one"
+        told = f"{survivor.words}: {survivor.change.text}, and nothing failed"
+        yield [("  ! ", "yellow"), (survivor.name, ""), (f": {told}", "")]
+    if suggestion:
+        yield [(f"      this expectation would have noticed {'it' if len(survivors) == 1 else 'them'}:", "dim")]
+        for line in suggestion.split("\n"):
             yield [("        ", ""), (line, "cyan")]

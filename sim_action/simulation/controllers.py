@@ -73,6 +73,7 @@ class Controls:
         self.log = CommandLog(scene.joint_positions, motion.joints if motion else frozenset())
         self._rate = scenario.physics.rate
         self._told = told
+        self._seams = seams
         self._motion = motion
         self._twist: Twist | None = None
         # The twist that the wheels have reached; they keep their targets.
@@ -109,7 +110,7 @@ class Controls:
         for source in self._sources:
             if isinstance(source.controller, OpenLoop):
                 targets = targets.updated_by(source.controller.holding)
-        return targets
+        return self._seams.at_rest(targets)
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any, ClassVar, Final
 from xml.etree import ElementTree as ET
 
-from sim_action.commands import Controller, OpenLoop
+from sim_action.commands import Controller
 from sim_action.core.geometry import Twist, Vector3, scale
 from sim_action.core.records import dataclass, field, replace
 from sim_action.drives import DriveMotion
@@ -36,22 +36,21 @@ class MutantSeams(Seams):
 
     def controller(self, controller: Controller) -> Controller:
         """See Seams.controller."""
-        altered = _Altered(controller.command, self._answer)
-        if isinstance(controller, OpenLoop):
-            return replace(controller, command=altered, holding=self._held(controller.holding))
-        return replace(controller, command=altered)
+        return replace(controller, command=_Altered(controller.command, self._answer))
 
     def motion(self, motion: DriveMotion | None) -> DriveMotion | None:
         """See Seams.motion."""
         joint = self._mutation.dead_joint
         return motion if motion is None or joint not in motion.joints else _WithoutMotor(motion, joint)
 
+    def at_rest(self, targets: JointTargets) -> JointTargets:
+        """See Seams.at_rest."""
+        joint = self._mutation.dead_joint
+        return targets.updated_by(JointTargets(effort={joint: 0.0})) if joint else targets
+
     def measure(self, sensor: str, measure: Measure) -> Measure:
         """See Seams.measure."""
         return _frozen(measure) if sensor == self._mutation.frozen_sensor else measure
-
-    def _held(self, targets: JointTargets) -> JointTargets:
-        return without_motor(targets, self._mutation.dead_joint)
 
     def _answer(self, answer: Answer) -> Answer:
         """Return the answer of a controller as it reaches the robot."""

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from sim_action.drives import DriveMotion
     from sim_action.scenario.mutation import Mutation
     from sim_action.sensors import Measure
+    from sim_action.state.command import JointTargets
     from sim_action.world.scene import Scene
 
 
@@ -29,6 +30,10 @@ class Seams:
     def motion(self, motion: DriveMotion | None) -> DriveMotion | None:
         """Return the open drive."""
         return motion
+
+    def at_rest(self, targets: JointTargets) -> JointTargets:
+        """Return the targets that hold the robot while it settles before t = 0; joints keep them until a command."""
+        return targets
 
     def measure(self, sensor: str, measure: Measure) -> Measure:
         """Return the function that measures, of the sensor with this name."""

@@ -32,6 +32,10 @@ PROVEN = ProvenScenario(
             name="b", words="b fault", status="survived", change=CHANGE, suggestion="- reach: {x: 1}\n  before: 2"
         ),
         MutantResult(name="c", words="c fault", status="survived"),
+        MutantResult(name="f", words="f fault", status="survived", change=CHANGE),
+        MutantResult(
+            name="g", words="g fault", status="survived", change=CHANGE, suggestion="- reach: {x: 1}\n  before: 2"
+        ),
         MutantResult(name="d", words="d fault", status="no effect"),
         MutantResult(name="e", words="e fault", status="could not run", reason="script error: stuck"),
     ),
@@ -47,13 +51,15 @@ def test_the_report() -> None:
     print_proof(PROOF, {}, stream)
     assert stream.getvalue().splitlines() == [
         "burger turns  a.sim.yml:3",
-        "  ✓ reach: notices 8 of 3: a, b, c, d, e, f and 2 more; 25% from its limit",
-        "  ✗ upright: checks nothing here: 3 mutants changed the run, 2 of them noticed by others",
+        "  ✓ reach: notices 8 of 5: a, b, c, d, e, f and 2 more; 25% from its limit",
+        "  ✗ upright: checks nothing here: 5 mutants changed the run, 2 of them noticed by others",
         "      a.sim.yml:8:5",
         "  ! b: b fault: the robot was 0.80 m further left at 3.1 s, and nothing failed",
-        "      this expectation would have noticed it:",
+        "  ! g: g fault: the robot was 0.80 m further left at 3.1 s, and nothing failed",
+        "      this expectation would have noticed them:",
         "        - reach: {x: 1}",
         "          before: 2",
+        "  ! f: f fault: the robot was 0.80 m further left at 3.1 s, and nothing failed",
         "  unnoticed, with little other motion: c",
         "  no effect: d",
         "  could not run: e: script error: stuck",
@@ -84,4 +90,4 @@ def test_a_headline_without_scenarios() -> None:
 def test_the_headline_counts_everything() -> None:
     told = headline(PROOF)
     assert told.startswith("1 expectation checks nothing, 1 notices something, 1 unknown, ")
-    assert told.endswith(", 1 other motion unnoticed; 1 scenario not mutated")
+    assert told.endswith(", 3 other motions unnoticed; 1 scenario not mutated")

@@ -79,10 +79,11 @@ def test_the_same_answer_becomes_the_same_altered_one() -> None:
     assert first is not third
 
 
-def test_a_motor_that_is_off_does_not_hold_its_joint_at_the_start() -> None:
-    controller = OpenLoop(lambda _: None, holding=JointTargets({LEFT: 0.0}))
-    held = MutantSeams(Mutation(dead_joint=LEFT), scene()).controller(controller)
-    assert cast(OpenLoop, held).holding == JointTargets(effort={LEFT: 0.0})
+def test_a_motor_that_is_off_holds_nothing_while_the_robot_settles() -> None:
+    held = JointTargets({LEFT: 0.0, RIGHT: 0.0})
+    seams = MutantSeams(Mutation(dead_joint=LEFT), scene())
+    assert seams.at_rest(held) == JointTargets({RIGHT: 0.0}, effort={LEFT: 0.0})
+    assert MutantSeams(Mutation(), scene()).at_rest(held) is UNTOUCHED.at_rest(held) is held
     targets = JointTargets({LEFT: 0.0}, max_effort={LEFT: 1.0})
     assert without_motor(targets, "other") is targets
     assert without_motor(targets, LEFT) == JointTargets(effort={LEFT: 0.0})

@@ -73,11 +73,13 @@ def _when(mutant: Trace, theirs: np.ndarray[tuple[int], np.dtype[np.intp]], row:
 
 
 def _where(apart_xyz: list[float], forward: float) -> str:
-    """Return a way from one place to another in words, such as "0.8 m further left"; `forward`: yaw in rad."""
+    """Return the way from one place to another in words, such as "0.8 m further left", by its greatest component.
+
+    `forward`: the yaw of the robot in rad.
+    """
     x, y, z = apart_xyz
     ahead = math.cos(forward) * x + math.sin(forward) * y
     left = math.cos(forward) * y - math.sin(forward) * x
     amounts = {"further ahead": ahead, "behind": -ahead, "further left": left, "further right": -left}
     amounts |= {"higher": z, "lower": -z}
-    where = max(amounts, key=lambda word: amounts[word])
-    return f"{amounts[where]:.2f} m {where}"
+    return f"{math.hypot(x, y, z):.2f} m {max(amounts, key=lambda word: amounts[word])}"

@@ -16,7 +16,7 @@ from sim_action.core.permissions import Permissions
 from sim_action.core.records import dataclass, replace
 from sim_action.results.outcome import ExpectationOutcome, Outcome
 from sim_action.runner.mutation.mutant import Original
-from sim_action.runner.mutation.path_change import LEAST_DISTANCE_M
+from sim_action.runner.mutation.path_change import LEAST_ANGLE, LEAST_DISTANCE_M
 from sim_action.scenario.loading import Libraries, checked
 from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.mutation import Mutation
@@ -95,29 +95,48 @@ def _with(
 
 def _entries(original: Original) -> Iterator[Entry]:
     """Yield all candidates, the simplest first."""
-    places = original.trace.base_position_xyz
-    travelled = float(np.ptp(places, axis=0).max())
+    places, trace = original.trace.base_position_xyz, original.trace
+    drives = float(np.ptp(places, axis=0).max()) >= LEAST_DISTANCE_M
+    turns = float(trace.yaw_error_to(float(trace.yaw[0])).max()) >= LEAST_ANGLE
     objects = original.scenario.world.objects
     if objects:
         yield "no_collision"
-    if travelled < LEAST_DISTANCE_M:
+    if not (drives or turns):
         yield from _of_joints(original)
     yield {"stay_within": {axis: _bounds(places[:, column]) for column, axis in enumerate("xy")}}
     x, y, z = (round(value, _DIGITS) + 0.0 for value in places[-1].tolist())
-    yaw = f"{round(math.degrees(float(original.trace.yaw[-1])))} deg"
     yield {"final_pose": {"x": x, "y": y, "tolerance": _TOLERANCE_M}}
-    yield {"final_pose": {"x": x, "y": y, "yaw": yaw, "tolerance": _TOLERANCE_M}}
+    yield {"final_pose": {"x": x, "y": y, "yaw": _degrees(float(trace.yaw[-1])), "tolerance": _TOLERANCE_M}}
     if objects:
         yield from ({"clearance": {"at_least": distance}} for distance in _CLEARANCES_M)
     points = _corners(original.way_xy)
     if len(points) > 1:
         yield {"follow_path": {"path": tuple(points), "max_error": _TOLERANCE_M}}
-    if travelled >= LEAST_DISTANCE_M:
-        away = original.trace.planar_distance_to(x, y)
+    if drives:
+        away = trace.planar_distance_to(x, y)
         yield {"reach": {"x": x, "y": y, "tolerance": _TOLERANCE_M}, "before": _before(original, away, _TOLERANCE_M)}
-        yield {"max_speed": {"linear": round(_FASTER * float(original.trace.speed.max()) + 0.01, _DIGITS)}}
+        yield {"max_speed": {"linear": round(_FASTER * float(trace.speed.max()) + 0.01, _DIGITS)}}
+    if turns:
+        yield {"max_speed": {"angular": round(_FASTER * float(trace.turn_rate.max()) + 0.01, _DIGITS)}}
+    if drives or turns:
+        yield _halfway(original)
     yield {"stay_within": {"z": _bounds(places[:, 2])}}
     yield {"final_pose": {"z": z, "tolerance": _TOLERANCE_M}}
+
+
+def _halfway(original: Original) -> Entry:
+    """Return the pose at half of the time, with a deadline: for a robot that only turns, or that returns."""
+    row = len(original.trace) // 2
+    x, y = (round(value, _DIGITS) + 0.0 for value in original.way_xy[row].tolist())
+    yaw = float(original.trace.yaw[row])
+    off = original.trace.planar_distance_to(x, y) / _TOLERANCE_M
+    turned = original.trace.yaw_error_to(yaw) / _TOLERANCE_RAD
+    before = _before(original, np.maximum(off, turned), 1.0)
+    return {"reach": {"x": x, "y": y, "yaw": _degrees(yaw), "tolerance": _TOLERANCE_M}, "before": before}
+
+
+def _degrees(angle: float) -> str:
+    return f"{round(math.degrees(angle))} deg"
 
 
 def _before(original: Original, away: FloatArray, tolerance: float) -> float:
@@ -127,15 +146,18 @@ def _before(original: Original, away: FloatArray, tolerance: float) -> float:
 
 
 def _of_joints(original: Original) -> Iterator[Entry]:
-    """Yield where the joints that moved most came to."""
+    """Yield where the joints that moved most were, and where they came to."""
     positions = original.trace.joint_position
     ways = np.ptp(positions, axis=0).round(_DIGITS).tolist()
     most = sorted(range(len(ways)), key=lambda column: -ways[column])[:_MOST_JOINTS]
-    for column in most:
-        if ways[column] > _TOLERANCE_RAD:
-            name, position = original.trace.joint_names[column], round(float(positions[-1, column]), _DIGITS)
-            before = _before(original, np.abs(positions[:, column] - position), _TOLERANCE_RAD)
-            yield {"joint": {"name": name, "near": position, "tolerance": _TOLERANCE_RAD}, "before": before}
+    moved = [column for column in most if ways[column] > _TOLERANCE_RAD]
+    ranges = {original.trace.joint_names[column]: _bounds(positions[:, column]) for column in moved}
+    if ranges:
+        yield {"joint_within": {"position": ranges}}
+    for column in moved:
+        name, position = original.trace.joint_names[column], round(float(positions[-1, column]), _DIGITS)
+        before = _before(original, np.abs(positions[:, column] - position), _TOLERANCE_RAD)
+        yield {"joint": {"name": name, "near": position, "tolerance": _TOLERANCE_RAD}, "before": before}
 
 
 def _bounds(values: FloatArray) -> tuple[float, float]:

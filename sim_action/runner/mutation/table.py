@@ -31,10 +31,11 @@ NOISES: Final[Mapping[str, Mapping[str, float]]] = MappingProxyType(
 """The noise that a sensor without any gets, in the unit of each key."""
 
 MOST_MOTORS: Final = 4
-"""The number of motors that have a mutant: those whose joints moved most."""
+"""The number of motors that have a mutant: those whose joints moved most, then those that bore most."""
 
-# In rad, or m if prismatic: a joint that moved less has no mutant.
+# In rad and N m, or m and N if prismatic: a joint that moved less and bore less has no mutant.
 _LEAST_MOTION: Final = 0.01
+_LEAST_EFFORT: Final = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,25 +82,29 @@ def _delayed(original: Original) -> Iterator[Mutant]:
 
 
 def _motors_off(original: Original) -> Iterator[Mutant]:
-    if original.scenario.commands:
-        for joint in _moved_joints(original)[:MOST_MOTORS]:
-            words = f"the motor of joint '{joint}' is off"
-            yield original.mutant("motor-off", joint, words, Mutation(dead_joint=joint))
+    for joint in _busy_joints(original)[:MOST_MOTORS]:
+        words = f"the motor of joint '{joint}' is off"
+        yield original.mutant("motor-off", joint, words, Mutation(dead_joint=joint))
 
 
-def _moved_joints(original: Original) -> list[str]:
-    """Return the joints that moved: first the wheels of the drive, then the others, each by the length of their way."""
+def _busy_joints(original: Original) -> list[str]:
+    """Return the joints whose motors have work to do: first wheels of the drive, then those that move, then others."""
     loaded, trace = original.loaded, original.trace
     ways = np.abs(np.diff(trace.joint_position, axis=0)).sum(axis=0).tolist()
-    moved = {name: way for name, way in zip(trace.joint_names, ways, strict=True) if way > _LEAST_MOTION}
+    efforts = np.abs(trace.joint_effort).max(axis=0, initial=0.0).tolist()
+    busy = {
+        name: (way if way > _LEAST_MOTION else 0.0, effort)
+        for name, way, effort in zip(trace.joint_names, ways, efforts, strict=True)
+        if way > _LEAST_MOTION or effort > _LEAST_EFFORT
+    }
     wheels: frozenset[str] = frozenset()
     if loaded.model is not None:
-        moved = {name: way for name, way in moved.items() if loaded.model.why_not_driven(name) is None}
+        busy = {name: work for name, work in busy.items() if loaded.model.why_not_driven(name) is None}
         drive = loaded.scenario.robot.drive or recognise(loaded.model)
         if drive is not None:
             wheels = drive.open(loaded.model, loaded.scenario.physics.rate).joints
-    # Equal wheels roll equally far but for rounding.
-    return sorted(moved, key=lambda name: (name not in wheels, -round(moved[name], 1)))
+    # Equal joints move equally far but for rounding.
+    return sorted(busy, key=lambda name: (name not in wheels, *(-round(work, 1) for work in busy[name])))
 
 
 def _heavier(original: Original) -> Iterator[Mutant]:
@@ -161,7 +166,11 @@ TABLE: Final = (
     Row("swapped", "left and right are swapped in all commands", _swapped),
     Row("wall", "a wall stands across the way that the robot drove", world_faults.walled),
     Row("halved", "commanded speeds, efforts and forces are halved, and the way of joints from their start", _halved),
-    Row("motor-off", f"the motor of one joint is off; for the {MOST_MOTORS} joints that moved most", _motors_off),
+    Row(
+        "motor-off",
+        f"the motor of one joint is off; for the {MOST_MOTORS} joints that moved most, or bore most",
+        _motors_off,
+    ),
     Row(
         "removed",
         f"one object is missing; for the {world_faults.MOST_OBJECTS} nearest to the way",

@@ -29,6 +29,7 @@ AHEAD = moved(x=[0, 1, 2])
         (moved(x=[0, 1.5, 2]), "the robot was 0.50 m further ahead at 1.0 s"),
         (moved(x=[0, 1, 1.5]), "the robot was 0.50 m behind at 2.0 s"),
         (moved(x=[0, 1, 2], z=[0, 0.3, 0]), "the robot was 0.30 m higher at 1.0 s"),
+        (moved(x=[0, 0.92, 2], y=[0, 0.09, 0]), "the robot was 0.12 m further left at 1.0 s"),
         (moved(x=[0, 1, 2], yaw=[0, 0, 0.2]), "the robot was turned by 11.46 deg more at 2.0 s"),
     ],
 )

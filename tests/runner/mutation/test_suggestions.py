@@ -91,6 +91,15 @@ def test_an_arm_gets_its_joints(tmp_path: Path) -> None:
     time = [step / 10 for step in range(11)]
     bent = trace(time, position=[now * 1.5 for now in time])
     offer = found(tmp_path, bent)
-    joint = next(entry for entry in offer.entries if not isinstance(entry, str) and "joint" in entry)
+    within, joint = (entry for entry in offer.entries[1:3] if not isinstance(entry, str))
+    assert within == {"joint_within": {"position": {"wheel_left_joint": (-0.1, 1.6)}}}
     assert joint["joint"] == {"name": "wheel_left_joint", "near": 1.5, "tolerance": 0.087}
     assert joint["before"] == 1.25
+
+
+def test_a_robot_that_turns_on_the_spot_gets_its_turn(tmp_path: Path) -> None:
+    time = [step / 10 for step in range(11)]
+    offer = found(tmp_path, trace(time, yaw=[2 * now for now in time], turn_rate=[2.0] * 11))
+    assert {"max_speed": {"angular": 2.41}} in offer.entries
+    assert {"reach": {"x": 0.0, "y": 0.0, "yaw": "57 deg", "tolerance": 0.1}, "before": 0.75} in offer.entries
+    assert "joint" not in keys(offer)

@@ -13,6 +13,7 @@ from sim_action.scenario.mutation import Mutation
 from sim_action.sensors.imu import Imu
 from sim_action.sensors.lidar import Lidar
 from tests.runner.mutation.runs import curve, original, straight
+from tests.traces import WHEELS, trace
 
 SENSORS = "{lidar: {noise: 0.01}}, {imu: {}}, {contact: {}}"
 
@@ -41,7 +42,13 @@ def test_a_robot_that_drives_by_itself_has_mutants_of_commands_motors_and_world(
 def test_without_commands_there_are_none_of_commands(tmp_path: Path) -> None:
     run = original(tmp_path, commands="")
     assert {"silenced", "swapped", "halved", "doubled", "delayed"}.isdisjoint(names(run))
-    assert not of_kind(run, "motor-off")
+
+
+def test_motors_that_only_hold_a_joint_have_mutants_after_those_that_move(tmp_path: Path) -> None:
+    still = trace([0.0, 1.0], effort=[1.0, 2.0])
+    assert [mutant.name for mutant in of_kind(original(tmp_path, still), "motor-off")] == [f"motor-off:{WHEELS[0]}"]
+    idle = trace([0.0, 1.0], effort=[0.05, 0.0])
+    assert not of_kind(original(tmp_path, idle), "motor-off")
 
 
 @pytest.mark.parametrize(
