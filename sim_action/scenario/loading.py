@@ -145,6 +145,10 @@ def _together(
 ) -> Sequence[LoadedScenario | Refused]:
     """Return all variations of a scenario, refused as a whole if any of them is invalid."""
     refused = [scenario for scenario in scenarios if isinstance(scenario, Refused)]
+    if refused and any(each.gate is not None for each in sources):
+        # A gate without some of its runs has no verdict, so none of them is worth its time.
+        told = [_told(source, each) for source, each in zip(sources, scenarios, strict=True)]
+        return [_as_one([each for each in told if each is not None], sources[0].number)]
     alike = len(scenarios) == len(refused) > 1 and len({scenario.problems for scenario in refused}) == 1
     pairs = list(zip(sources, scenarios, strict=True))
     if alike or any(isinstance(scenario, Refused) and not _is_of_draws(source, scenario) for source, scenario in pairs):
@@ -153,6 +157,16 @@ def _together(
         source.refused_alone(scenario) if isinstance(source, Source) and isinstance(scenario, Refused) else scenario
         for source, scenario in pairs
     ]
+
+
+def _told(source: Source | Refused, scenario: LoadedScenario | Refused) -> Refused | None:
+    """Return a refusal, with advice for values that were drawn; None for a scenario that can run."""
+    if not isinstance(scenario, Refused):
+        return None
+    if not isinstance(source, Source) or not source.is_of_draws(scenario):
+        return scenario
+    told = source.refused_alone(scenario)
+    return replace(told, name=scenario.name, group=None, variation=(), gate=None)
 
 
 def _is_of_draws(source: Source | Refused, refused: Refused) -> bool:

@@ -33,17 +33,22 @@ _DIGITS: Final = 14
 
 def _rate(value: float) -> float:
     if not 0 < value < 1:
-        raise ValueError(f"a rate lies between 0 % and 100 %, both excluded; found {value * 100:g} %")
+        raise ValueError(f"a rate lies between 0 % and 100 %, both excluded; found {_as_found(value)}")
     return _rounded(value)
 
 
 def _confidence(value: float) -> float:
     if not 0.5 <= value < 1:
         raise ValueError(
-            f"a confidence lies between 50 % and 100 %, and no number of runs gives 100 %; found {value * 100:g} %; "
+            f"a confidence lies between 50 % and 100 %, and no number of runs gives 100 %; found {_as_found(value)}; "
             "use 95 %"
         )
     return _rounded(value)
+
+
+def _as_found(value: float) -> str:
+    """Return a share that is refused, with what was meant by a number without its unit."""
+    return f"{value * 100:g} %" if value <= 1 else f"{value:g}, which is {value * 100:g} %; write '{value:g} %'"
 
 
 def _rounded(share: float) -> float:

@@ -7,9 +7,12 @@ from pathlib import Path
 import pytest
 
 from sim_action.core.errors import InvalidScenario
+from sim_action.core.permissions import Permissions
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import read_document
-from sim_action.scenario.source import Source
+from sim_action.scenario.files import read_file
+from sim_action.scenario.loading import checked, load_all
+from sim_action.scenario.source import Refused, Source
 from sim_action.scenario.variations.expansion import expanded
 from sim_action.scenario.variations.gate import Gate, percent
 from tests.scenarios import LEAST
@@ -75,6 +78,7 @@ def test_a_gate_does_not_reach_its_runs(tmp_path: Path) -> None:
         ("{passes: {at_least: 100 %}}", "gate.passes.at_least: a rate lies between 0 % and 100 %"),
         ("{passes: {at_least: 90 %, confidence: 100 %}}", "no number of runs gives 100 %; found 100 %; use 95 %"),
         ("{passes: {at_least: 90 %, confidence: 10 %}}", "a confidence lies between 50 % and 100 %"),
+        ("{passes: {at_least: 90}}", "found 90, which is 9000 %; write '90 %'"),
         ("{passes: {at_least: 90 %, most: 1}}", "gate.passes.most: unknown key"),
         ("{quantile: {of: a.margin, q: 5 %, at_least: 1 m, x: 1}}", "gate.quantile.x: unknown key"),
         ("{stop_early: {reject: 95 %, accept: 85 %}}", "'reject' must be below 'accept'; found 95 % and 85 %"),
@@ -155,9 +159,6 @@ def test_a_perfect_sensor_makes_no_difference(tmp_path: Path) -> None:
 
 def told_of_first(folder: Path, text: str) -> list[str]:
     """The problems of the first sample, checked as a whole."""
-    from sim_action.core.permissions import Permissions
-    from sim_action.scenario.loading import checked
-
     try:
         checked(runs(folder, text)[0], Permissions())
     except InvalidScenario as error:
@@ -172,3 +173,13 @@ def test_shares_in_words() -> None:
 def test_a_stored_gate_is_read_again() -> None:
     gate = Gate.model_validate({"passes": {"at_least": "90 %"}, "quantile": {"of": "a.margin", "q": 0.1, "at_most": 1}})
     assert Gate.model_validate_json(gate.model_dump_json()) == gate
+
+
+def test_a_sample_that_cannot_run_refuses_the_gate(tmp_path: Path) -> None:
+    """Its other runs would be for nothing."""
+    drawn = "variations: {time_limit: {uniform: [-20 s, 30 s]}}\n"
+    (tmp_path / "s.sim.yml").write_text(f"{LEAST}{drawn}gate: {{passes: {{at_least: 50 %}}, runs: 7}}\n")
+    (refused,) = load_all(read_file(tmp_path / "s.sim.yml", Permissions()), Permissions())
+    assert isinstance(refused, Refused)
+    assert (refused.name, refused.group, refused.gate) == ("burger drives straight", None, None)
+    assert "choose bounds within the allowed range" in str(refused.problems[0])
