@@ -62,6 +62,7 @@ def prove_scenarios(request: ProveRequest, interruption: Interruption) -> ExitCo
         _refuse_foreign(request.json)
     proof = proof_of(request, interruption)
     if proof is None:
+        note("interrupted: no scenario is proven")
         return ExitCode.INTERRUPTED
     if request.json is not None:
         try:
