@@ -64,10 +64,11 @@ def compare(
     """Compare two runs: new failures, fixed scenarios, weaker checks, smaller margins.
 
     OLD and NEW are results.json files, or folders. A folder contains one results.json, or the results.json files of all
-    shards. The default of NEW is the folder of --output-dir.
+    shards. The default of NEW is the folder of --output-dir. Runs of a gate are compared in pairs with the same draws.
 
-    Exit code: 0 no scenario newly fails; 1 a scenario newly fails or is flaky, or every scenario was removed; 2 the
-    results are missing or unreadable, or the command line is invalid; 3 internal error of sim-action.
+    Exit code: 0 no scenario newly fails; 1 a scenario newly fails or is flaky, the pass rate of a gate fell
+    significantly, or every scenario was removed; 2 the results are missing or unreadable, or the command line is
+    invalid; 3 internal error of sim-action.
     """
     from sim_action.app.compare import CompareRequest, compare_results
     from sim_action.results.comparison import Thresholds

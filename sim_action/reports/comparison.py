@@ -8,7 +8,7 @@ from typing import Final, Literal, TextIO
 
 from sim_action.core import units
 from sim_action.core.records import dataclass
-from sim_action.core.wording import shortened
+from sim_action.core.wording import counted, shortened
 from sim_action.reports.console import Console
 from sim_action.reports.escaping import log_text, markdown_text
 from sim_action.reports.formatting import measurements, quantity, speed_text
@@ -17,8 +17,10 @@ from sim_action.reports.statuses import STATUS_DISPLAYS
 from sim_action.reports.terminal import open_console
 from sim_action.results.comparison import Change, ChangeKind, Comparison, SmallerMargin
 from sim_action.results.outcome import ExpectationOutcome, Outcome
+from sim_action.results.paired_comparison import CONFIDENCE, GateComparison, MarginLoss, Rate, RateChange
 from sim_action.results.weaker_checks import WeakerCheck, WeakerKind, loosened_times, newly_allowed
 from sim_action.results.written_files import COMPARED
+from sim_action.scenario.variations.gate import percent
 
 Look = Literal["bad", "warning", "note", "good"]
 
@@ -41,6 +43,8 @@ _WEAKER: Final[dict[WeakerKind, str]] = {
     "allow": "allows more",
     "limit": "weaker limit",
 }
+# A smaller p-value is shown as a bound.
+_SMALLEST_P: Final = 0.0001
 _ORDER: Final[tuple[Look, ...]] = ("bad", "warning", "note", "good")
 
 
@@ -71,15 +75,23 @@ def headline(comparison: Comparison) -> str:
     named = (
         (comparison.count("newly fails"), "newly fails", "newly fail"),
         (comparison.count("flaky"), "flaky", "flaky"),
+        (_rates(comparison, "fell"), "pass rate fell", "pass rates fell"),
         (warnings, "warning", "warnings"),
         (comparison.count("fails differently"), "fails differently", "fail differently"),
         (comparison.count("still fails"), "still fails", "still fail"),
         (comparison.count("fixed"), "fixed", "fixed"),
+        (_rates(comparison, "rose"), "pass rate rose", "pass rates rose"),
         (comparison.count("new"), "new", "new"),
         (comparison.count("still passes"), "still passes", "still pass"),
     )
     told = [f"{count} {one if count == 1 else several}" for count, one, several in named if count]
     return ", ".join(told) or "no scenarios"
+
+
+def _rates(comparison: Comparison, direction: Literal["fell", "rose"]) -> int:
+    """Return the number of gates whose pass rate changed in this direction."""
+    gates = (change.gate for change in comparison.changes)
+    return sum(gate is not None and gate.rate is not None and gate.rate.direction == direction for gate in gates)
 
 
 NOTHING_COMPARED: Final = (
@@ -91,6 +103,8 @@ NOTHING_COMPARED: Final = (
 def _rows_of(change: Change) -> Iterator[Row]:
     if look := _LOOKS.get(change.kind):
         yield Row(look, change.kind, change.outcome, _detail(change))
+    if change.gate is not None:
+        yield from _rows_of_runs(change.gate, change.outcome)
     for missed in change.missed:
         what = "no longer checked" if missed.verdict.status == "not_exercised" else "no longer holds"
         yield Row("warning", what, change.outcome, f"{missed.name}: {missed.verdict.message}")
@@ -105,9 +119,82 @@ def _rows_of(change: Change) -> Iterator[Row]:
     for old, new in change.renamed:
         yield Row("note", "check renamed", change.outcome, f"{new}; was: {old}")
     # If the verdict changed, a different motion is expected.
-    if change.moves_differently and change.kind in ("still passes", "still fails"):
-        detail = f"different digest with the same seed on the same engine{elsewhere}"
+    rate_changed = change.gate is not None and change.gate.rate is not None and change.gate.rate.direction is not None
+    if change.moves_differently and change.kind in ("still passes", "still fails") and not rate_changed:
+        share = f"{change.gate.moved} of {counted(change.gate.pairs, 'pair')} have a " if change.gate else ""
+        detail = f"{share}different digest with the same seed on the same engine{elsewhere}"
         yield Row("note", "moves differently", change.outcome, detail)
+
+
+def _rows_of_runs(gate: GateComparison, outcome: Outcome) -> Iterator[Row]:
+    """Yield the rows of the runs of a gate, without those of weaker checks."""
+    if not gate.same_draws:
+        detail = (
+            f"{counted(gate.pairs, 'run')} of the old and the new result have the same draws, so the runs are not "
+            f"compared; unpaired rates: {_rate_text(gate.old)}, now {_rate_text(gate.new)}"
+        )
+        yield Row("warning", "samples differ", outcome, detail)
+    if rate := gate.rate:
+        if rate.direction is not None:
+            look: Look = "bad" if rate.direction == "fell" else "good"
+            yield Row(look, f"pass rate {rate.direction}", outcome, _rate_change_text(rate))
+        elif rate.worse or rate.better:
+            yield Row("note", "no change shown", outcome, _no_change_text(rate))
+    for margin in gate.margins:
+        yield Row("warning", "margins shrink", outcome, _mean_margins_text(margin))
+    if gate.left_out:
+        detail = f"{gate.left_out} of {gate.left_out + gate.pairs} samples: no verdict before or now"
+        yield Row("note", "not compared", outcome, detail)
+
+
+def _rate_change_text(rate: RateChange) -> str:
+    """Return a text such as "the pass rate fell by 15 points (from 95 % to 80 % of 100 runs; ...; p = 0.0003)"."""
+    change, found = rate.new.share - rate.old.share, rate.interval
+    ends = (found.low, found.high) if change > 0 else (-found.high, -found.low)
+    interval = " to ".join(_points(end) for end in ends)
+    points = _points(abs(change))
+    return (
+        f"the pass rate {rate.direction} by {points} {'point' if points == '1' else 'points'} ({_from_to(rate)}; "
+        f"{percent(CONFIDENCE)} interval {interval}; {_p_text(rate)})"
+    )
+
+
+def _no_change_text(rate: RateChange) -> str:
+    low, high = (_points(end) for end in (rate.interval.low, rate.interval.high))
+    return (
+        f"the pass rate went {_from_to(rate)}; {percent(CONFIDENCE)} interval of the change {low} to {high} points; "
+        f"{_p_text(rate)}"
+    )
+
+
+def _from_to(rate: RateChange) -> str:
+    return f"from {percent(rate.old.share)} to {percent(rate.new.share)} of {counted(rate.new.runs, 'run')}"
+
+
+def _rate_text(rate: Rate) -> str:
+    return f"{percent(rate.share)} of {counted(rate.runs, 'run')}" if rate.runs else "no run with a verdict"
+
+
+def _points(share: float) -> str:
+    """Return a difference of rates in percentage points, such as "15" or "7.3"."""
+    # Adding 0 turns a negative zero into 0.
+    return f"{round(share * 100, 1) + 0.0:.1f}".removesuffix(".0")
+
+
+def _p_text(rate: RateChange) -> str:
+    """Return a text such as "p = 0.0003" or "p < 0.0001"."""
+    value = f"p = {rate.p:.2g}" if rate.p >= _SMALLEST_P else f"p < {_SMALLEST_P}"
+    return value if rate.tests == 1 else f"{value}, adjusted for {rate.tests} gates"
+
+
+def _mean_margins_text(margin: MarginLoss) -> str:
+    """Return a text such as "clearance: mean margin of 100 pairs 0.4 m, now 0.1 m (95 % interval ...)"."""
+    old, new = (quantity(value, margin.unit) for value in (margin.old, margin.new))
+    ends = " to ".join(quantity(end, margin.unit) for end in (margin.change.low, margin.change.high))
+    return (
+        f"{margin.expectation}: mean margin of {counted(margin.pairs, 'pair')} {old}, now {new} "
+        f"({percent(margin.confidence)} interval of the change {ends})"
+    )
 
 
 def _detail(change: Change) -> str:
@@ -256,10 +343,12 @@ def comparison_markdown(comparison: Comparison) -> str:
 
 
 def _title(comparison: Comparison) -> str:
-    flaky, failing = comparison.count("flaky"), comparison.count("newly fails")
-    if failing:
-        more = f", {flaky} flaky" if flaky else ""
-        return f"❌ {failing} {'scenario newly fails' if failing == 1 else 'scenarios newly fail'}{more}"
+    flaky, failing, fell = comparison.count("flaky"), comparison.count("newly fails"), _rates(comparison, "fell")
+    if failing or fell:
+        told = [f"{failing} {'scenario newly fails' if failing == 1 else 'scenarios newly fail'}"] if failing else []
+        told += [f"{fell} pass {'rate' if fell == 1 else 'rates'} fell"] if fell else []
+        told += [f"{flaky} flaky"] if flaky else []
+        return f"❌ {', '.join(told)}"
     if comparison.is_empty:
         return "❌ Every scenario was removed"
     if flaky:

@@ -1,6 +1,7 @@
 """Compare the results of two runs of the same scenarios: new failures, weaker checks, smaller margins, slower runs.
 
-Two scenarios are the same if their files and names are equal. If a file was moved, an unambiguous name is enough.
+Two scenarios are the same if their files and names are equal. If a file was moved, an unambiguous name is enough. The
+samples of a gate are compared together, see `paired_comparison`.
 """
 
 from __future__ import annotations
@@ -10,8 +11,16 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Final, Literal
 
 from sim_action.core.errors import ExitCode
-from sim_action.core.records import dataclass
+from sim_action.core.records import dataclass, replace
 from sim_action.results.outcome import ExpectationOutcome, Outcome
+from sim_action.results.paired_comparison import (
+    GateComparison,
+    RunPair,
+    adjusted,
+    compare_gate,
+    is_smaller_margin,
+    moves_differently,
+)
 from sim_action.results.weaker_checks import Pair, WeakerCheck, has_same_limit, paired_expectations, weaker_checks
 
 ChangeKind = Literal[
@@ -41,8 +50,6 @@ ChangeKind = Literal[
 _FAILURES: Final[frozenset[ChangeKind]] = frozenset({"newly fails", "flaky"})
 _WARNINGS: Final[frozenset[ChangeKind]] = frozenset({"removed", "not run", "not repeated"})
 
-# As a fraction of the limit: a smaller loss of margin is ignored.
-_MIN_RELATIVE_LOSS: Final = 0.01
 # Wall time: a smaller slowdown may be caused by a busy CPU and is ignored.
 _MIN_SLOWDOWN_S: Final = 0.1
 
@@ -96,6 +103,7 @@ class Change:
         renamed: the old and new names of expectations with another name; their limits do not allow more.
         moves_differently: True if the digests differ with the same seed on the same engine build.
         processors: the CPU models of both runs if they differ; the speeds cannot be compared then.
+        gate: the comparison of the runs of a gate, if this is one.
     """
 
     kind: ChangeKind
@@ -108,6 +116,7 @@ class Change:
     renamed: tuple[tuple[str, str], ...] = ()
     moves_differently: bool = False
     processors: tuple[str, str] | None = None
+    gate: GateComparison | None = None
 
     @property
     def outcome(self) -> Outcome:
@@ -118,14 +127,16 @@ class Change:
 
     @property
     def failed(self) -> bool:
-        """Return True if the scenario newly fails or is flaky."""
-        return self.kind in _FAILURES
+        """Return True if the scenario newly fails or is flaky, or if the pass rate of the gate fell."""
+        return self.kind in _FAILURES or (self.gate is not None and self.gate.failed)
 
     @property
     def warnings(self) -> int:
         """The number of warnings; a new failure is not one of them."""
         slower = self.slower is not None and self.processors is None
-        return (self.kind in _WARNINGS) + sum(map(len, (self.missed, self.weaker, self.smaller_margins))) + slower
+        of_runs = 0 if self.gate is None else self.gate.warnings
+        found = sum(map(len, (self.missed, self.weaker, self.smaller_margins)))
+        return (self.kind in _WARNINGS) + found + slower + of_runs
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +144,7 @@ class Comparison:
     """The comparison of two runs.
 
     Attributes:
-        changes: first the scenarios of the new run in its order, then the removed ones.
+        changes: first the scenarios and gates of the new run in its order, then the removed ones; no samples of gates.
         allow_removed: True if the new run may lack every scenario of the old run.
     """
 
@@ -148,7 +159,7 @@ class Comparison:
 
     @property
     def failures(self) -> int:
-        """The number of scenarios that newly fail or are flaky."""
+        """The number of scenarios that newly fail or are flaky, and of gates whose pass rate fell."""
         return sum(change.failed for change in self.changes)
 
     @property
@@ -175,8 +186,41 @@ def compare_outcomes(
 ) -> Comparison:
     """Compare the outcomes of a new run with those of an old one."""
     thresholds = thresholds or Thresholds()
-    pairs = _paired(list(old), list(new))
-    return Comparison(tuple(_change(before, now, thresholds) for before, now in pairs), allow_removed)
+    alone, samples = _parted(list(old), list(new))
+    changes = [_change(before, now, samples.get(_gate_key(now), ()), thresholds) for before, now in alone]
+    gates = adjusted([change.gate for change in changes])
+    found = (replace(change, gate=gate) for change, gate in zip(changes, gates, strict=True))
+    return Comparison(tuple(found), allow_removed)
+
+
+_GateKey = tuple[str, str]
+"""The file and the name of a gate."""
+
+
+def _gate_key(outcome: Outcome | None) -> _GateKey | None:
+    return None if outcome is None or outcome.gate is None else (outcome.file, outcome.gate)
+
+
+def _parted(
+    old: Sequence[Outcome], new: Sequence[Outcome]
+) -> tuple[list[RunPair], dict[_GateKey | None, list[RunPair]]]:
+    """Return the pairs that are compared one by one, and the samples of each gate of the new run.
+
+    Samples whose gate has no outcome are compared one by one: the results have only a part of its runs.
+    """
+    gates_before, gates_now = ({_gate_key(each) for each in several if each.statistics} for several in (old, new))
+    pairs = list(_paired(old, new))
+    same = {_gate_key(before): _gate_key(now) for before, now in pairs if before and before.statistics and now}
+    alone: list[RunPair] = []
+    samples: dict[_GateKey | None, list[RunPair]] = {key: [] for key in gates_now}
+    for before, now in pairs:
+        if now is not None and now.is_sample and (key := _gate_key(now)) in samples:
+            samples[key].append((before, now))
+        elif now is None and before is not None and before.is_sample and (key := _gate_key(before)) in gates_before:
+            samples.get(same.get(key), []).append((before, now))
+        else:
+            alone.append((before, now))
+    return alone, samples
 
 
 def _paired(old: Sequence[Outcome], new: Sequence[Outcome]) -> Iterator[tuple[Outcome | None, Outcome | None]]:
@@ -207,24 +251,30 @@ def _only(names: dict[int, str]) -> dict[str, int]:
     return {name: place for place, name in names.items() if counts[name] == 1}
 
 
-def _change(old: Outcome | None, new: Outcome | None, thresholds: Thresholds) -> Change:
+def _change(old: Outcome | None, new: Outcome | None, samples: Sequence[RunPair], thresholds: Thresholds) -> Change:
     kind = _change_kind(old, new)
+    is_gate = new is not None and new.statistics is not None
+    known = is_gate and any(before is not None for before, _ in samples)
+    gate = compare_gate(old, new, samples, thresholds.margin) if known and new is not None else None
     if old is None or new is None:
-        return Change(kind, old, new)
+        return Change(kind, old, new, gate=gate, weaker=gate.weaker if gate else ())
     pairs = paired_expectations(old, new)
     weaker = tuple(weaker_checks(old, new, pairs))
     looser = {id(each.new) for each in weaker if each.kind == "limit"}
+    # The margin of a gate is that of a bound, which follows from the number of runs: its runs are compared instead.
+    margins = () if is_gate else (_smaller_margin(*pair, thresholds.margin) for pair in pairs)
     return Change(
         kind,
         old,
         new,
         missed=() if kind in _FAILURES else tuple(_missed(pairs)),
-        smaller_margins=tuple(smaller for pair in pairs if (smaller := _smaller_margin(*pair, thresholds.margin))),
+        smaller_margins=tuple(smaller for smaller in margins if smaller),
         slower=_slower(old, new, thresholds.speed),
-        weaker=weaker,
+        weaker=weaker + (gate.weaker if gate else ()),
         renamed=tuple((one.name, now.name) for one, now in pairs if one.name != now.name and id(now) not in looser),
-        moves_differently=_moves_differently(old, new),
+        moves_differently=bool(gate.moved) if gate else moves_differently(old, new),
         processors=_processors(old, new),
+        gate=gate,
     )
 
 
@@ -267,18 +317,11 @@ def _smaller_margin(old: ExpectationOutcome, new: ExpectationOutcome, threshold:
     # The margin to a new limit is another quantity, unless the user keeps the name.
     if old.name != new.name and not has_same_limit(before, now):
         return None
-    if before.margin is None or now.margin is None or now.margin >= threshold * before.margin:
+    if before.margin is None or now.margin is None:
         return None
-    if before.margin - now.margin < _MIN_RELATIVE_LOSS * _scale(old, new):
+    if not is_smaller_margin(before.margin, now.margin, [(old, new)], threshold):
         return None
     return SmallerMargin(new.name, now.unit, before.margin, now.margin, _share(old), _share(new))
-
-
-def _scale(old: ExpectationOutcome, new: ExpectationOutcome) -> float:
-    """Return the limit, or the measured value for a limit of zero, as the scale of a loss of margin."""
-    if new.verdict.limit:
-        return abs(new.verdict.limit)
-    return max(abs(one.verdict.measured or 0.0) for one in (old, new))
 
 
 def _share(expected: ExpectationOutcome) -> float | None:
@@ -292,16 +335,6 @@ def _slower(old: Outcome, new: Outcome, threshold: float) -> Slower | None:
         return None
     took, takes = (old.sim_time or 0.0) / before, (new.sim_time or 0.0) / now
     return Slower(before, now) if takes - took >= _MIN_SLOWDOWN_S else None
-
-
-def _moves_differently(old: Outcome, new: Outcome) -> bool:
-    made_alike = _made_with(old) == _made_with(new)
-    return made_alike and None not in (old.digest, new.digest) and old.digest != new.digest
-
-
-def _made_with(outcome: Outcome) -> tuple[int | None, str | None, str | None]:
-    build = outcome.provenance.engine_build if outcome.provenance else None
-    return outcome.seed, outcome.engine, build
 
 
 def _processors(old: Outcome, new: Outcome) -> tuple[str, str] | None:

@@ -67,7 +67,7 @@ def weaker_checks(old: Outcome, new: Outcome, pairs: Sequence[Pair]) -> Iterator
     if not new.has_verdict:
         return
     kept = {id(one) for one, _ in pairs}
-    yield from (WeakerCheck("removed", one) for one in old.expectations if id(one) not in kept)
+    yield from (WeakerCheck("removed", one) for one in old.expectations if id(one) not in kept and not _counts(one))
     alike = old.digest is not None and old.digest == new.digest
     for one, now in pairs:
         if (one.severity, now.severity) == ("error", "warning"):
@@ -127,6 +127,11 @@ def _renamed(
     return left.get(now.assertion) if added.get(now.assertion) is now else None
 
 
+def _counts(expected: ExpectationOutcome) -> bool:
+    """Return True for the bound of a gate on runs without a verdict: a gate has it only if it has such runs."""
+    return expected.assertion == "gate" and expected.verdict.unit == "runs"
+
+
 def _allows_more(old: Verdict, new: Verdict) -> bool:
     """Return True if the limit has moved to the permissive side; False if that side is not known."""
     if old.unit != new.unit or old.limit is None or new.limit is None or has_same_limit(old, new):
@@ -137,7 +142,8 @@ def _allows_more(old: Verdict, new: Verdict) -> bool:
 
 def _side(verdict: Verdict) -> int:
     """Return 1 for a lower limit, -1 for an upper one; 0 if the verdict does not show it."""
-    if verdict.measured is None or verdict.limit is None or not verdict.margin:
+    # The margin of a gate without a decision is that of a bound, on the other side of the limit than the rate.
+    if verdict.measured is None or verdict.limit is None or not verdict.margin or verdict.inconclusive:
         return 0
     above = verdict.measured - verdict.limit
     return 0 if not above else 1 if (above > 0) == (verdict.margin > 0) else -1

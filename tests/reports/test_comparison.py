@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -15,6 +15,7 @@ from sim_action.reports.comparison import MAX_CHARACTERS, comparison_markdown, h
 from sim_action.results.comparison import Comparison, compare_outcomes
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, Scope
 from sim_action.results.results_json import Results
+from tests.gate_runs import judged, run, verdicts
 
 Samples = dict[str, Results]
 
@@ -198,3 +199,50 @@ def test_very_many_changes_fit_into_a_comment_the_worst_of_them(samples: Samples
     shown = printed(compare_outcomes([], new))
     assert "2801 more changes are not shown" in shown
     assert "newly fails" in shown
+
+
+@pytest.fixture
+def gates() -> Comparison:
+    """One gate for each result of paired runs."""
+    old, new = list[Outcome](), list[Outcome]()
+
+    def add(gate: str, before: Sequence[Outcome], now: Sequence[Outcome], at_least: float = 0.5) -> None:
+        old.extend(judged(before, gate, at_least=at_least))
+        new.extend(judged(now, gate, at_least=at_least))
+
+    def runs(gate: str, passed: int, seed: int = 0, **fields: Any) -> list[Outcome]:
+        found = verdicts([sample < passed for sample in range(100)], gate, seed=seed)
+        return [each.model_copy(update=fields) for each in found]
+
+    add("fell", runs("fell", 95), runs("fell", 80))
+    add("fell and newly fails", runs("fell and newly fails", 100), runs("fell and newly fails", 70), at_least=0.9)
+    add("rose", runs("rose", 80), runs("rose", 92))
+    add("a little", runs("a little", 95), runs("a little", 93))
+    add("other | seed", runs("other | seed", 95), runs("other | seed", 80, seed=1))
+    add("closer", runs("closer", 100), [run(sample, gate="closer", margin=0.1) for sample in range(100)])
+    add("lost", runs("lost", 100), [*runs("lost", 100)[:-1], run(99, "error", gate="lost")])
+    add("moves", runs("moves", 100, digest="f0"), runs("moves", 100, digest="f1"))
+    add("same", runs("same", 100), runs("same", 100))
+    return compare_outcomes(old, new)
+
+
+def test_golden_terminal_of_gates(gates: Comparison, golden: Callable[[str, str], None]) -> None:
+    golden("paired.txt", printed(gates))
+
+
+def test_golden_markdown_of_gates(gates: Comparison, golden: Callable[[str, str], None]) -> None:
+    golden("paired.md", comparison_markdown(gates))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        (95, 80, "fell by 15 points (from 95 % to 80 % of 100 runs; 95 % interval 7.3 to 22.1; p < 0.0001)"),
+        (90, 99, "rose by 9 points (from 90 % to 99 % of 100 runs; 95 % interval 2.7 to 15; p = 0.0039)"),
+        (96, 95, "went from 96 % to 95 % of 100 runs; 95 % interval of the change -4.3 to 2.3 points; p = 1"),
+    ],
+)
+def test_the_change_of_a_rate_in_words(old: int, new: int, told: str) -> None:
+    before, now = (judged(verdicts([sample < passed for sample in range(100)])) for passed in (old, new))
+    (row,) = rows(compare_outcomes(before, now))
+    assert row.detail == f"the pass rate {told}"
