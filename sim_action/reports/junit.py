@@ -22,8 +22,20 @@ from typing import Final
 from sim_action.core.errors import Location
 from sim_action.core.files import whole_file
 from sim_action.reports import ReportOptions
-from sim_action.reports.escaping import one_line, plain_text
+from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import judged_text, measurements, user_output
+from sim_action.reports.junit_elements import (
+    INDENT,
+    add_attachment,
+    add_child,
+    add_line,
+    add_properties,
+    element,
+    element_lines,
+    encoded,
+    property_lines,
+    start_tag,
+)
 from sim_action.reports.links import file_and_line, relative_path, stored_trace
 from sim_action.reports.packed_parts import PackedParts
 from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios
@@ -64,8 +76,8 @@ class _Document:
         root = element("testsuites", {"name": JUNIT_NAME, **totals, "time": _seconds(self._results.wall_time)})
         declaration = b"<?xml version='1.0' encoding='utf-8'?>\n"
         if not self._results.outcomes:
-            return [declaration + _xml(root, "").removesuffix("\n").encode()]
-        return chain([declaration, _start(root).encode(), b">\n"], suites, [b"</testsuites>"])
+            return [declaration + element_lines(root, "").removesuffix("\n").encode()]
+        return chain([declaration, start_tag(root).encode(), b">\n"], suites, [b"</testsuites>"])
 
     def _suite(self, group: ScenarioGroup, suites: PackedParts) -> Mapping[str, int]:
         """Add the testsuite of a scenario, and return its totals."""
@@ -77,17 +89,17 @@ class _Document:
                 totals["tests"] += 1
                 for kind, name in (("failure", "failures"), ("error", "errors"), ("skipped", "skipped")):
                     totals[name] += case.find(kind) is not None
-            cases.add(_encoded("".join([_xml(case, _INDENT * 2) for case in run])))
-            measured.add(_encoded(_property_lines(_measured(group, outcome, run))))
+            cases.add(encoded("".join([element_lines(case, INDENT * 2) for case in run])))
+            measured.add(encoded(property_lines(_measured(group, outcome, run))))
         file = relative_path(self._options.workspace, group.location.file) if group.location else None
         time = sum(outcome.wall_time for outcome in group.outcomes)
         suite = element("testsuite", {"name": _name(group.name), **totals, "time": _seconds(time), "file": file})
-        inner = _INDENT * 2
-        suites.add(_encoded(f"{_INDENT}{_start(suite)}>\n{inner}<properties>\n"))
-        suites.add(_encoded(_property_lines(self._suite_properties(group))))
+        inner = INDENT * 2
+        suites.add(encoded(f"{INDENT}{start_tag(suite)}>\n{inner}<properties>\n"))
+        suites.add(encoded(property_lines(self._suite_properties(group))))
         for part in chain(measured, [f"{inner}</properties>\n".encode()], cases):
             suites.add(part)
-        suites.add(f"{_INDENT}</testsuite>\n".encode())
+        suites.add(f"{INDENT}</testsuite>\n".encode())
         return totals
 
     def _run(self, group: ScenarioGroup, outcome: Outcome) -> list[ET.Element]:
@@ -307,94 +319,3 @@ def _name(text: str) -> str:
 
 def _seconds(value: float) -> str:
     return f"{value:.3f}"
-
-
-_ATTACHMENT: Final = "[[ATTACHMENT|"
-
-
-def element(tag: str, attributes: Mapping[str, object]) -> ET.Element:
-    """Return an element with attributes; those that are None are omitted."""
-    texts = {name: plain_text(str(value)) for name, value in attributes.items() if value is not None}
-    return ET.Element(tag, texts)
-
-
-def add_child(parent: ET.Element, tag: str, text: str, attributes: Mapping[str, object] | None = None) -> None:
-    """Add a child element with text."""
-    child = element(tag, attributes or {})
-    child.text = _harmless(text)
-    parent.append(child)
-
-
-def add_line(parent: ET.Element, tag: str, text: str) -> None:
-    """Append lines to the single child element with this tag, unless the text is empty."""
-    if text:
-        _append(parent, tag, _harmless(text))
-
-
-def add_attachment(parent: ET.Element, path: str) -> None:
-    """Name a file that belongs to a testcase, in the syntax of the Jenkins plugin and of GitLab."""
-    _append(parent, "system-out", f"{_ATTACHMENT}{plain_text(path)}]]")
-
-
-def add_properties(parent: ET.Element, values: Mapping[str, object]) -> None:
-    """Add properties as the first child; those that are None are omitted."""
-    properties = parent.find("properties")
-    if properties is None:
-        properties = ET.Element("properties")
-        parent.insert(0, properties)
-    properties.extend(_properties(values))
-
-
-def _properties(values: Mapping[str, object]) -> Iterator[ET.Element]:
-    for name, value in values.items():
-        if value is not None:
-            text = f"{value:.9g}" if isinstance(value, float) else value
-            yield element("property", {"name": name, "value": text})
-
-
-def _property_lines(values: Mapping[str, object]) -> str:
-    """Return the lines of the properties of a suite."""
-    return "".join([_xml(each, _INDENT * 3) for each in _properties(values)])
-
-
-_INDENT: Final = "  "
-_SPECIAL: Final = re.compile('[&<>"\r\n\t]')
-_IN_TEXT: Final = str.maketrans({"&": "&amp;", "<": "&lt;", ">": "&gt;"})
-_IN_ATTRIBUTE: Final = _IN_TEXT | str.maketrans({'"': "&quot;", "\r": "&#13;", "\n": "&#10;", "\t": "&#09;"})
-
-
-def _xml(item: ET.Element, indent: str) -> str:
-    """Return an element with its children on lines of their own, as `ElementTree.indent` and `write` do."""
-    start = f"{indent}{_start(item)}"
-    if len(item):
-        children = "".join([_xml(child, indent + _INDENT) for child in item])
-        return f"{start}>\n{children}{indent}</{item.tag}>\n"
-    if not item.text:
-        return f"{start} />\n"
-    text = item.text.translate(_IN_TEXT) if _SPECIAL.search(item.text) else item.text
-    return f"{start}>{text}</{item.tag}>\n"
-
-
-def _start(item: ET.Element) -> str:
-    """Return the start tag of an element without its end."""
-    texts = [
-        f' {name}="{value.translate(_IN_ATTRIBUTE) if _SPECIAL.search(value) else value}"'
-        for name, value in item.attrib.items()
-    ]
-    return f"<{item.tag}{''.join(texts)}"
-
-
-def _encoded(text: str) -> bytes:
-    return text.encode("utf-8", errors="xmlcharrefreplace")
-
-
-def _append(parent: ET.Element, tag: str, text: str) -> None:
-    child = parent.find(tag)
-    if child is None:
-        child = ET.SubElement(parent, tag)
-    child.text = f"{child.text}\n{text}" if child.text else text
-
-
-def _harmless(text: str) -> str:
-    """Return text that names no attachment: an untrusted text could publish any file of the machine."""
-    return plain_text(text).replace(_ATTACHMENT, "[[ATTACHMENT |")
