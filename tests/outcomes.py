@@ -8,10 +8,12 @@ from pathlib import Path
 from sim_action.core.errors import Location
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import Document
-from sim_action.results.outcome import ExpectationOutcome, Outcome
+from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
+from sim_action.results.over_variations import over_variations
 from sim_action.results.results_json import Results
 from sim_action.results.shards import Shard
-from sim_action.scenario.source import Source
+from sim_action.scenario.source import Source, Varied
+from sim_action.scenario.variations.gate import Gate, PlannedGate
 from sim_action.state.verdict import Judged, Verdict
 
 
@@ -89,3 +91,59 @@ def as_former_version(path: Path, end: str = "nobody left", version: int = 1) ->
         for expected in one["expectations"] if version < 3 else ():
             del expected["unexercised"], expected["verdict"]["judged"]
     path.write_text(json.dumps(document))
+
+
+def planned_gate(runs: int = 61, name: str = "slip", **stated: object) -> PlannedGate:
+    """A gate of 90 % with 95 % confidence, or as stated."""
+    claims = stated or {"passes": {"at_least": "90 %", "confidence": "95 %"}}
+    return PlannedGate(
+        name=name,
+        file="scenarios/slip.sim.yml",
+        location=Location("scenarios/slip.sim.yml", 5, 1),
+        group=name.partition("[")[0],
+        gate=Gate.model_validate(claims),
+        runs=runs,
+    )
+
+
+def runs_of_gate(planned: PlannedGate, **counts: int) -> list[Outcome]:
+    """Runs of a gate: so many of each status, in this order, named by their friction."""
+    statuses = [status for status, count in counts.items() for _ in range(count)]
+    return [_run_of_gate(planned, number, status) for number, status in enumerate(statuses, start=1)]
+
+
+def _run_of_gate(planned: PlannedGate, number: int, status: str) -> Outcome:
+    made = outcome(planned.file, holds=status == "passed", number=number)
+    friction = number / 100
+    update: dict[str, object] = {
+        "name": f"{planned.group}[friction={friction:g}]",
+        "group": planned.group,
+        "variation": (Varied("world.ground.friction", friction),),
+        "gate": planned.name,
+        "status": status,
+        "engine": "PyBullet 3.2.7",
+        "sim_time": 3.0,
+        "scenario_seed": 7,
+    }
+    if status == "failed":
+        short = Verdict(False, friction, 1.5, friction - 1.5, "m", 3.0, f"travelled {friction:g} m of 1.5 m in 3.0 s")
+        update["expectations"] = (made.expectations[0].model_copy(update={"verdict": short}),)
+    elif status == "not_exercised":
+        update["expectations"] = unjudged(planned.file).expectations
+    elif status in _FAILURES:
+        update |= {"status": "error", "expectations": (), "failures": (_FAILURES[status],)}
+    elif status == "skipped":
+        update |= {"expectations": (), "notes": ("not run: another scenario did not pass (--fail-fast)",)}
+    return made.model_copy(update=update)
+
+
+_FAILURES = {
+    "error": Failure(kind="crash", title="SIGSEGV", message="the process of this scenario was ended by SIGSEGV"),
+    "interrupted": Failure(kind="interrupted", title="interrupted", message="the run was interrupted"),
+}
+
+
+def gate_results(planned: PlannedGate, *runs: Outcome, shard: tuple[int, int, int] | None = None) -> Results:
+    """Of one call with a gate, judged unless some of its runs are in other shards."""
+    judged = over_variations(runs, [planned], is_part=shard is not None)
+    return results(*judged, shard=shard).model_copy(update={"gates": (planned,)})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from functools import partial
@@ -14,7 +15,7 @@ from sim_action.core.process import Interruption
 from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import note, warn
 from sim_action.reports import ReportOptions, ReportRequest, make_ready, open_reports, remove_earlier, write_reports
-from sim_action.reports.progress import ProgressListener
+from sim_action.reports.progress import GateKey, ProgressListener
 from sim_action.results.artifacts import RunFiles, run_files
 from sim_action.results.events import Event, Listener
 from sim_action.results.journal import JOURNAL_FILE, Journal
@@ -180,7 +181,7 @@ class _Call:
             journal = Journal(options.folder, header, warn, self._started, self.taken.records)
             runs = len(self._every) * request.repeat - self.taken.runs(request.repeat)
             self._early_stop = EarlyStop(self._every, assembly.places)
-            terminal = ProgressListener(total=runs, verbosity=request.reports.verbosity)
+            terminal = ProgressListener(runs, request.reports.verbosity, gates=self._runs_of_gates())
             listeners += [each for each in (journal, self._early_stop, terminal, listener) if each is not None]
             assembly.begin(_of_patterns(self._found))
             assembly.take_over(self.taken.records)
@@ -191,6 +192,11 @@ class _Call:
                 assembly.end(self._executed(assembly, motions, interruption))
             terminal.close()
         return journal.close()
+
+    def _runs_of_gates(self) -> Counter[GateKey]:
+        """Return the number of runs of each gate in this call, with those that are taken over."""
+        gates = (run.source.gate for run in self._every * self._request.repeat)
+        return Counter((gate.file, gate.name) for gate in gates if gate is not None)
 
     def _resume(self, header: Header, assembly: OutcomeAssembly) -> None:
         """Take over outcomes of the earlier call, and remove all other files that it has left."""

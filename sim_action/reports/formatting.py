@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Final
 
 from sim_action.core import units
+from sim_action.core.errors import ExitCode
 from sim_action.core.provenance import Provenance
 from sim_action.core.wording import counted
 from sim_action.reports.statuses import STATUS_DISPLAYS
@@ -25,17 +27,48 @@ def user_output(outcome: Outcome) -> str:
 
 def taken_over_text(taken_over: int, results: Results) -> str:
     """Return how many outcomes come from an earlier call, such as "212 of 300 scenarios taken over ..."."""
-    return f"{taken_over} of {counted(results.total, 'scenario')} taken over from the earlier run"
+    what = "run" if any(outcome.is_sample for outcome in results.outcomes) else "scenario"
+    return f"{taken_over} of {counted(len(results.runs), what)} taken over from the earlier run"
 
 
 def counts_text(results: Results) -> str:
-    """Return counts such as "3 passed, 1 failed, 2 warnings": scenarios by status, and all warnings."""
-    warnings = sum(expected.warned for outcome in results.outcomes for expected in outcome.expectations)
-    warnings += sum(len(outcome.warnings) for outcome in results.outcomes)
-    warned = f", {warnings} {'warning' if warnings == 1 else 'warnings'}" if warnings else ""
+    """Return counts such as "3 passed, 1 failed, 2 warnings": scenarios and gates by status, and all warnings.
+
+    A warning counts once for all runs of a gate.
+    """
+    warnings = sum(1 for _ in _warnings(results))
+    warned = f", {counted(warnings, 'warning')}" if warnings else ""
     counts = ((results.count(status), STATUS_DISPLAYS[status].word) for status in _COUNTED)
     told = [f"{count} {'errors' if count > 1 and word == 'error' else word}" for count, word in counts if count]
-    return (", ".join(told) or "no scenarios") + warned
+    nothing = "no verdicts here" if results.outcomes else "no scenarios"
+    return "; ".join(((", ".join(told) or nothing) + warned, *_runs_of_gates(results)))
+
+
+def _warnings(results: Results) -> Iterator[object]:
+    """Yield a key of each warning; those of all runs of a gate are one."""
+    for outcome in results.verdicts:
+        yield from outcome.warnings
+        yield from (expected for expected in outcome.expectations if expected.warned)
+    samples = [outcome for outcome in results.outcomes if outcome.is_sample]
+    keys = [((run.file, run.gate), each.rule, each.location) for run in samples for each in run.warnings]
+    soft = ((run, expected) for run in samples for expected in run.expectations if expected.warned)
+    keys += [((run.file, run.gate), expected.name, expected.location) for run, expected in soft]
+    yield from dict.fromkeys(keys)
+
+
+def _runs_of_gates(results: Results) -> Iterator[str]:
+    """Yield the numbers of runs that gates judge here, and of those that `merge` judges together with others."""
+    judged = {(outcome.file, outcome.gate) for outcome in results.outcomes if outcome.statistics is not None}
+    samples = [outcome for outcome in results.outcomes if outcome.is_sample and outcome.status != "skipped"]
+    here = [(run.file, run.gate) for run in samples if (run.file, run.gate) in judged]
+    if here:
+        yield f"{counted(len(here), 'run')} of {counted(len(set(here)), 'gate')}"
+    left = [run for run in samples if (run.file, run.gate) not in judged]
+    if left:
+        gates = len({(run.file, run.gate) for run in left})
+        stopped = sum(run.exit_code > ExitCode.FAILED for run in left)
+        without = f" ({stopped} could not run)" if stopped else ""
+        yield f"{counted(len(left), 'run')} of {counted(gates, 'gate')} for sim-action merge{without}"
 
 
 def repeats_text(outcome: Outcome) -> str:

@@ -4,6 +4,9 @@ A testsuite is a scenario with all of its variations. A testcase is an expectati
 and an error of the type "not_exercised" if it was never judged. If a scenario has no verdict, each reason is a
 testcase with an error. If it was not run, one testcase is skipped.
 
+A testsuite is also a gate, with one testcase for all of its runs: these are no testcases, and no failures, of their
+own. Where another call judges the gate, its testcase is skipped.
+
 Reporters title a testcase by its file, class name, name or suite, and each of them omits some of these. So the name of
 a testcase begins with the name of its scenario, and its class name is the file.
 """
@@ -41,10 +44,12 @@ from sim_action.reports.packed_parts import PackedParts
 from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios
 from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
-from sim_action.results.results_json import Results
+from sim_action.results.results_json import RESULTS_FILE, Results
 from sim_action.results.written_files import JUNIT_NAME
+from sim_action.scenario.variations.gate import GATE
 
 _ENDINGS: Final = re.compile(r"(?<=[^/])(\.sim)?\.(yml|yaml|test|launch)$")
+_MAX_RUNS_OF_GATE: Final = 20
 # The properties of each variation: variations may have run on different machines.
 _OF_EACH: Final = ("engine", "seed", "digest", "repeats", "cpu", "engine_build")
 
@@ -70,7 +75,7 @@ class _Document:
     def parts(self) -> Iterable[bytes]:
         """Return the encoded document in parts."""
         suites, totals = PackedParts(), Counter(dict.fromkeys(("tests", "failures", "errors"), 0))
-        for group in grouped_scenarios(self._results.outcomes):
+        for group in grouped_scenarios(self._results.outcomes, self._results.gates):
             found = self._suite(group, suites)
             totals.update({name: found[name] for name in totals})
         root = element("testsuites", {"name": JUNIT_NAME, **totals, "time": _seconds(self._results.wall_time)})
@@ -83,14 +88,16 @@ class _Document:
         """Add the testsuite of a scenario, and return its totals."""
         cases, measured = PackedParts(), PackedParts()
         totals = dict.fromkeys(("tests", "failures", "errors", "skipped"), 0)
-        for outcome in group.outcomes:
-            run = self._run(group, outcome)
+        is_gate = group.gate is not None or group.is_part
+        for outcome in (group.gate or group.outcomes[0],) if is_gate else group.outcomes:
+            run = [self._gate(group)] if is_gate else self._run(group, outcome)
             for case in run:
                 totals["tests"] += 1
                 for kind, name in (("failure", "failures"), ("error", "errors"), ("skipped", "skipped")):
                     totals[name] += case.find(kind) is not None
             cases.add(encoded("".join([element_lines(case, INDENT * 2) for case in run])))
-            measured.add(encoded(property_lines(_measured(group, outcome, run))))
+            if not is_gate:
+                measured.add(encoded(property_lines(_measured(group, outcome, run))))
         file = relative_path(self._options.workspace, group.location.file) if group.location else None
         time = sum(outcome.wall_time for outcome in group.outcomes)
         suite = element("testsuite", {"name": _name(group.name), **totals, "time": _seconds(time), "file": file})
@@ -124,6 +131,8 @@ class _Document:
             "python": self._results.python,
             "platform": self._results.platform,
         }
+        if group.gate is not None or group.is_part:
+            return {**ours, "engine": group.engines or None, **_made_with(group.outcomes[0]), **_counts(group)}
         if not group.varies:
             return ours | _ran(group.worst)
         digests = {f"digest: {group.values(outcome)}": outcome.digest for outcome in group.outcomes}
@@ -131,6 +140,28 @@ class _Document:
         made = _made_with(group.worst)
         engines = group.engines or None
         return {**ours, "engine": engines, **made, "passed": group.passed, "worst": worst, **digests}
+
+    def _gate(self, group: ScenarioGroup) -> ET.Element:
+        """Return the testcase of a gate; it is skipped if another call judges the gate."""
+        told = group.gate or next(iter(group.could_not_run), group.outcomes[0])
+        claims = () if group.gate is None else group.gate.causes or group.gate.expectations
+        stated = told.location if group.planned is None else group.planned.location
+        location = next((claim.location for claim in claims), stated)
+        case = self._case(group, told, GATE, location)
+        case.set("time", _seconds(sum(outcome.wall_time for outcome in group.outcomes)))
+        if not self._options.junit_strict:
+            add_properties(case, _counts(group))
+        message = group.ending
+        if group.status == "skipped":
+            add_child(case, "skipped", "", {"message": message})
+        elif kind := STATUS_DISPLAYS[group.status].junit:
+            problem = GATE if group.status == "failed" else group.status
+            add_child(case, kind, self._body(message, GATE, location), {"type": problem, "message": message})
+        for outcome in group.not_passed[:1]:
+            self._attach_trace(case, outcome)
+        for line in _output_of_gate(group):
+            add_line(case, "system-out", line)
+        return case
 
     def _expectation(self, group: ScenarioGroup, outcome: Outcome, expected: ExpectationOutcome) -> ET.Element:
         case = self._case(group, outcome, expected.name, expected.location)
@@ -165,7 +196,8 @@ class _Document:
     def _case(self, group: ScenarioGroup, outcome: Outcome, name: str, location: Location | None) -> ET.Element:
         classname = self._classname(group)
         file = relative_path(self._options.workspace, location.file) if location else ""
-        full = f"{_prefix(group)}{_name(f'{name} {group.values(outcome)}' if group.varies else name)}"
+        values = group.values(outcome) if group.varies and outcome.gate is None else ""
+        full = f"{_prefix(group)}{_name(f'{name} {values}' if values else name)}"
         names = {"classname": classname, "name": self._unique((classname, file), full)}
         if self._options.junit_strict or location is None:
             return element("testcase", names)
@@ -234,6 +266,33 @@ def _ran(outcome: Outcome) -> dict[str, object]:
 
 def _made_with(outcome: Outcome) -> dict[str, object]:
     return {} if outcome.provenance is None else outcome.provenance.model_dump()
+
+
+def _output_of_gate(group: ScenarioGroup) -> Iterator[str]:
+    """Yield the claims of a gate, the worst of the runs that did not pass, and each warning once for all runs."""
+    bad = group.not_passed
+    for expected in group.gate.expectations if group.gate is not None else ():
+        yield f"{expected.name}: {expected.verdict.message}"
+    if bad:
+        yield f"{group.not_passed_text}; the worst first:"
+    yield from (f"- {group.values(run)} {run.ending}" for run in bad[:_MAX_RUNS_OF_GATE])
+    if len(bad) > _MAX_RUNS_OF_GATE:
+        yield f"- {len(bad) - _MAX_RUNS_OF_GATE} more, see {RESULTS_FILE}"
+    for expected, run, runs in group.warned:
+        yield f"warning: {expected.name}: {group.share_text(run, expected, runs)}"
+    for warning, runs in group.warnings:
+        yield f"warning: {warning.location}: {group.warning_text(warning, runs)}"
+    yield from (f"note: {note}" for note in dict.fromkeys(note for run in group.outcomes for note in run.model_notes))
+
+
+def _counts(group: ScenarioGroup) -> dict[str, object]:
+    """Return the counts and bounds of a gate; for runs that another call judges, only their number."""
+    if group.gate is None or group.gate.statistics is None:
+        passed = sum(outcome.status == "passed" for outcome in group.outcomes)
+        return {"runs": len(group.outcomes), "passed": passed, "planned": group.planned and group.planned.runs}
+    counts = group.gate.statistics
+    names = ("rate", "lower", "upper", "confidence", "runs", "planned", "passed", "failed", "errors", "not_exercised")
+    return {name: getattr(counts, name) for name in (*names, "decision")}
 
 
 def _of_variation(outcome: Outcome) -> dict[str, object]:

@@ -34,6 +34,9 @@ def rerun_command(outcome: Outcome, options: ReportOptions) -> str:
         # The file could not be read, so the names of its scenarios are unknown.
         return " ".join(map(_quoted, ("sim-action", "validate", file)))
     name, backend = _named(outcome)
+    if outcome.statistics is not None and outcome.group is not None:
+        # A gate has the name of its scenario with the listed values, and no run has this name.
+        name = outcome.group
     # Keep the name exactly, including spaces, unless no scenario can have this name.
     words = ["sim-action", "run", file, "--only", name if name.isprintable() else one_line(name)]
     # If the seed is varied, the name already selects it; --seed would draw other variations.
@@ -88,6 +91,13 @@ def replay_link(outcome: Outcome, options: ReportOptions, time: float | None = N
     if outcome.replay is None or "report" in options.silenced:
         return ""
     return f"{REPORT_FILE}{fragment(outcome.name, time, namesake_number(outcome.name, outcome.replay))}"
+
+
+def reason_time(outcome: Outcome) -> float | None:
+    """Return the sim time in s of the first reason why an outcome is no pass; None if there is none, or no time."""
+    times = [failure.time for failure in outcome.failures]
+    times += [expected.verdict.time for expected in outcome.causes]
+    return next(iter(times), None)
 
 
 def fragment(scenario: str, time: float | None = None, number: int = 1) -> str:

@@ -22,6 +22,7 @@ _STYLES: Final[Mapping[str, str]] = MappingProxyType(
         "yellow": "color: #977400",
         "cyan": "color: #188395",
         "bold red": "color: #e03c36; font-weight: 600",
+        "bold yellow": "color: #977400; font-weight: 600",
         "bold magenta": "color: #b252cf; font-weight: 600",
     }
 )

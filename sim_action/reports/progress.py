@@ -1,4 +1,8 @@
-"""The progress of a run: one line that a terminal rewrites, otherwise one line for each finished scenario."""
+"""The progress of a run: one line that a terminal rewrites, otherwise one line for each finished scenario.
+
+The runs of a gate have no lines of their own, unless verbose: their number is printed after each tenth of them. A run
+that did not pass is no failure, so its line does not say so.
+"""
 
 from __future__ import annotations
 
@@ -7,18 +11,48 @@ import shutil
 import sys
 import time
 import unicodedata
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Final, TextIO
 
+from sim_action.core.records import dataclass
+from sim_action.core.wording import counted
 from sim_action.reports import Verbosity
 from sim_action.reports.console import is_full_terminal
 from sim_action.reports.escaping import log_text, one_line
 from sim_action.reports.formatting import speed_text
 from sim_action.reports.statuses import STATUS_DISPLAYS
-from sim_action.results.events import Event, Progressed, RunEnded
+from sim_action.results.events import Event, Finished, Progressed, RunEnded
 from sim_action.results.outcome import Outcome
 
 _REDRAW_PERIOD_S: Final = 0.1
 _ERASE: Final = "\r\x1b[K"
+_STEPS: Final = 10
+
+GateKey = tuple[str, str]
+"""The file and the name of a gate."""
+
+_NO_GATES: Final[Mapping[GateKey, int]] = MappingProxyType({})
+
+
+@dataclass(slots=True)
+class _RunsOfGate:
+    """The runs of a gate that are finished; `total`: all of this call."""
+
+    name: str
+    total: int
+    done: int = 0
+    passed: int = 0
+
+    def add(self, outcome: Outcome) -> bool:
+        """Count a run, and return True if another tenth of the runs is finished."""
+        before = self.done * _STEPS // self.total
+        self.done += 1
+        self.passed += outcome.status == "passed"
+        return self.done * _STEPS // self.total > before
+
+    def __str__(self) -> str:
+        return f"{one_line(self.name)}: {self.done} of {counted(self.total, 'run')}, {self.passed} passed"
 
 
 class ProgressListener:
@@ -27,10 +61,19 @@ class ProgressListener:
     It starts no thread, buffers no text and imports no large module, because children are forked meanwhile.
     """
 
-    def __init__(self, total: int, verbosity: Verbosity, stream: TextIO | None = None) -> None:
-        """Report on `total` scenarios to a stream (default: standard error)."""
+    def __init__(
+        self,
+        total: int,
+        verbosity: Verbosity,
+        stream: TextIO | None = None,
+        gates: Mapping[GateKey, int] = _NO_GATES,
+    ) -> None:
+        """Report on `total` scenarios to a stream (default: standard error); `gates`: the number of runs of each."""
         self._stream = stream or sys.stderr
         self._silent = verbosity == "quiet"
+        self._shows_samples = verbosity == "verbose"
+        self._gates = {key: _RunsOfGate(key[1], runs) for key, runs in gates.items()}
+        self._gate: _RunsOfGate | None = None
         self._rewrites = is_full_terminal(self._stream, os.environ)
         self._total = total
         self._done = 0
@@ -44,6 +87,8 @@ class ProgressListener:
                 self._show_progress(event)
             case RunEnded():
                 self._show_outcome(event.outcome)
+            case Finished(taken_over=True):
+                self._count(event.outcome)
 
     def _show_progress(self, event: Progressed) -> None:
         if self._silent or not self._rewrites:
@@ -52,17 +97,26 @@ class ProgressListener:
         self._running[event.name] = f"{one_line(event.name)} {event.sim_time:.1f} s ({speed})"
         if time.monotonic() - self._shown_at >= _REDRAW_PERIOD_S:
             self._shown_at = time.monotonic()
-            self._rewrite(f"[{self._done}/{self._total}] {', '.join(self._running.values())}")
+            gate = "" if self._gate is None else f"{self._gate}; "
+            self._rewrite(f"[{self._done}/{self._total}] {gate}{', '.join(self._running.values())}")
 
     def _show_outcome(self, outcome: Outcome) -> None:
         self._done += 1
         self._running.pop(outcome.name, None)
+        is_step = self._count(outcome)
         if self._silent:
             return
         if self._rewrites:
             self.close()
-        else:
+        elif self._gate is None or self._shows_samples:
             self._write(f"{self._readable(self._summed_up(outcome))}\n")
+        elif is_step:
+            self._write(f"{self._readable(f'[{self._done}/{self._total}] {self._gate}')}\n")
+
+    def _count(self, outcome: Outcome) -> bool:
+        """Count a run of a gate; see `_RunsOfGate.add`."""
+        self._gate = None if outcome.gate is None else self._gates.get((outcome.file, outcome.gate))
+        return self._gate is not None and outcome.status != "skipped" and self._gate.add(outcome)
 
     def close(self) -> None:
         """Erase the progress line; to be called when the run has finished or was interrupted."""
@@ -73,7 +127,11 @@ class ProgressListener:
         simulated = f"{outcome.sim_time:.1f} s simulated in " if outcome.sim_time is not None else ""
         counter = f"[{self._done}/{self._total}]"
         word = STATUS_DISPLAYS[outcome.status].word
-        return f"{counter} {word:<6}  {one_line(outcome.name)}  {simulated}{outcome.wall_time:.1f} s"
+        took = f"{simulated}{outcome.wall_time:.1f} s"
+        if self._gate is not None:
+            found = "passed" if outcome.status == "passed" else f"did not pass ({word})"
+            return f"{counter} {one_line(outcome.name)} {found}  {took}"
+        return f"{counter} {word:<6}  {one_line(outcome.name)}  {took}"
 
     def _rewrite(self, line: str) -> None:
         # One column stays free, because some terminals wrap after a full line.

@@ -1,4 +1,4 @@
-"""Groups of outcomes: a scenario together with all of its variations, as reports show it."""
+"""Groups of outcomes: a scenario together with all of its variations, or the runs of a gate, as reports show it."""
 
 from __future__ import annotations
 
@@ -6,11 +6,14 @@ from collections.abc import Iterable
 from itertools import groupby
 from typing import Final
 
-from sim_action.core.errors import Location
+from sim_action.core.errors import ExitCode, Location
 from sim_action.core.records import dataclass
+from sim_action.core.wording import counted
 from sim_action.reports.formatting import moment, quantity
+from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS, StatusDisplay
 from sim_action.results.outcome import WORST_FIRST, DisplayStatus, ExpectationOutcome, Outcome
 from sim_action.scenario.claim_audit import AuditWarning
+from sim_action.scenario.variations.gate import PlannedGate, percent
 
 # The relative margin of a failure without a margin.
 _NO_MARGIN: Final = -1.0
@@ -22,17 +25,95 @@ class ScenarioGroup:
 
     Attributes:
         gate: the outcome of the gate that judges them; None: each one counts, or another call judges the gate.
+        planned: the gate as it is stated, if it is known.
     """
 
     name: str
     varies: bool
     outcomes: tuple[Outcome, ...]
     gate: Outcome | None = None
+    planned: PlannedGate | None = None
+
+    @property
+    def is_part(self) -> bool:
+        """Return True for runs of a gate that another call judges: `merge`, because the other runs are elsewhere."""
+        return self.gate is None and self.planned is not None
+
+    @property
+    def could_not_run(self) -> tuple[Outcome, ...]:
+        """The runs that fail the call, whatever a gate says of them: invalid or interrupted ones, internal errors."""
+        return tuple(outcome for outcome in self.outcomes if outcome.exit_code > ExitCode.FAILED)
+
+    @property
+    def display(self) -> StatusDisplay:
+        """The display of the status; that of an information for runs that another call judges."""
+        return INFORMATION if self.is_part and not self.could_not_run else STATUS_DISPLAYS[self.status]
+
+    @property
+    def gate_text(self) -> str:
+        """The runs of a gate, such as "gate of 61 runs"; for those of a part also who judges them."""
+        if self.gate is None or self.gate.statistics is None:
+            whole = "a gate" if self.planned is None else f"the {counted(self.planned.runs, 'run')} of the gate"
+            several = len(self.outcomes) != 1
+            passed = sum(outcome.status == "passed" for outcome in self.outcomes)
+            here = f"{len(self.outcomes)} of {whole} {'are' if several else 'is'} in this part, {passed} passed"
+            return f"{here}; sim-action merge judges {'them' if several else 'it'}"
+        counts = self.gate.statistics
+        if counts.runs < counts.planned:
+            return f"gate, {counts.runs} of {counted(counts.planned, 'run')}"
+        return f"gate of {counted(counts.planned, 'run')}"
+
+    @property
+    def rate_text(self) -> str:
+        """The rate of a gate, such as "58 of 61 runs passed (95.08 %)"; empty without one."""
+        counts = None if self.gate is None else self.gate.statistics
+        return "" if counts is None else f"{counts.passed} of {counts.runs} runs passed ({percent(counts.rate)})"
+
+    @property
+    def ending(self) -> str:
+        """The reasons for the status of a gate; for runs of a part, who judges them, or why one of them cannot run."""
+        if self.gate is None:
+            reasons = [f"{failure.title}: {failure.message}" for run in self.could_not_run for failure in run.failures]
+            return reasons[0] if reasons else self.gate_text
+        reasons = [f"{failure.title}: {failure.message}" for failure in self.gate.failures]
+        reasons += [expected.verdict.message for expected in self.gate.causes or self.gate.expectations]
+        return "; ".join(reasons or self.gate.notes) or STATUS_DISPLAYS[self.gate.status].word
+
+    @property
+    def not_passed(self) -> tuple[Outcome, ...]:
+        """The runs that did not pass, the worst first, without those that were not run, or interrupted."""
+        bad = [outcome for outcome in self.outcomes if outcome.status not in ("passed", "skipped")]
+        return tuple(sorted((run for run in bad if run.exit_code is not ExitCode.INTERRUPTED), key=_badness))
+
+    @property
+    def not_passed_text(self) -> str:
+        """The number of runs that did not pass, such as "3 runs did not pass: 2 failed, 1 error"."""
+        statuses = [outcome.status for outcome in self.not_passed]
+        kinds = dict.fromkeys(sorted(statuses, key=lambda status: (status == "error", statuses.index(status))))
+        counts = ((statuses.count(kind), STATUS_DISPLAYS[kind].word) for kind in kinds)
+        told = ", ".join(f"{count} {'errors' if count > 1 and word == 'error' else word}" for count, word in counts)
+        if len(kinds) == 1 and "failed" in kinds:
+            return f"{counted(len(statuses), 'run')} failed"
+        return f"{counted(len(statuses), 'run')} did not pass: {told}" if statuses else ""
+
+    def share_text(self, run: Outcome, expected: ExpectationOutcome, runs: int) -> str:
+        """Return the number of runs in which an expectation did not hold, and the worst of them; see `warned`."""
+        return f"not in {runs} of {len(self.outcomes)} runs; the worst, {self.values(run)}: {expected.verdict.message}"
+
+    @property
+    def warned(self) -> tuple[tuple[ExpectationOutcome, Outcome, int], ...]:
+        """The expectations that did not hold but may: the worst of each, its run, and the number of runs."""
+        found: dict[tuple[str, Location], list[tuple[ExpectationOutcome, Outcome]]] = {}
+        for outcome in self.outcomes:
+            for expected in outcome.expectations:
+                if expected.warned:
+                    found.setdefault((expected.name, expected.location), []).append((expected, outcome))
+        return tuple((*min(same, key=lambda pair: relative_margin(pair[0])), len(same)) for same in found.values())
 
     @property
     def worst(self) -> Outcome:
         """The worst outcome by status; among equals, the one with the smallest relative margin."""
-        return min(self.outcomes, key=lambda outcome: (WORST_FIRST.index(outcome.display_status), *_nearness(outcome)))
+        return min(self.outcomes, key=_badness)
 
     @property
     def worst_text(self) -> str:
@@ -49,13 +130,15 @@ class ScenarioGroup:
 
     @property
     def status(self) -> DisplayStatus:
-        """The status of the gate, or of the worst outcome."""
+        """The status of the gate, or of the worst outcome; runs that another call judges have no say."""
+        if self.is_part:
+            return "error" if self.could_not_run else "skipped"
         return self.worst.display_status if self.gate is None else self.gate.display_status
 
     @property
     def location(self) -> Location | None:
         """The place of the scenario in its file."""
-        return self.outcomes[0].location
+        return (self.gate or self.outcomes[0]).location
 
     @property
     def engines(self) -> str:
@@ -80,7 +163,9 @@ class ScenarioGroup:
         return tuple((same[0], len(same)) for same in ordered)
 
     def warning_text(self, warning: AuditWarning, runs: int) -> str:
-        """Return a warning as text, with the number of variations if it is not of all."""
+        """Return a warning as text, with the number of variations if it is not of all, or of the runs of a gate."""
+        if self.gate is not None or self.is_part:
+            return f"{warning} (in {runs} of {counted(len(self.outcomes), 'run')})"
         share = f" (in {runs} of {len(self.outcomes)} variations)" if runs < len(self.outcomes) else ""
         return f"{warning}{share}"
 
@@ -93,23 +178,33 @@ class ScenarioGroup:
         return sorted(self.outcomes, key=lambda outcome: WORST_FIRST.index(outcome.display_status))
 
 
-def grouped_scenarios(outcomes: Iterable[Outcome]) -> list[ScenarioGroup]:
-    """Group outcomes: the variations of a scenario belong together, and so do the runs of a gate."""
+def grouped_scenarios(outcomes: Iterable[Outcome], gates: Iterable[PlannedGate] = ()) -> list[ScenarioGroup]:
+    """Group outcomes: the variations of a scenario belong together, and so do the runs of a gate.
+
+    `gates`: those of the call; runs of one of them that has no outcome are those of a part.
+    """
+    planned = {(gate.file, gate.name): gate for gate in gates}
     found: list[ScenarioGroup] = []
-    for (_, name), several in groupby(outcomes, lambda outcome: (outcome.file, outcome.gate or outcome.group)):
+    for (file, name), several in groupby(outcomes, lambda outcome: (outcome.file, outcome.gate or outcome.group)):
         if name is None:
             found += [ScenarioGroup(outcome.name, False, (outcome,)) for outcome in several]
             continue
         together = tuple(several)
         gate = next((outcome for outcome in together if outcome.statistics is not None), None)
         runs = tuple(outcome for outcome in together if outcome.statistics is None)
-        found.append(ScenarioGroup(name, True, runs, gate))
+        stated = planned.get((file, name)) if gate is not None or runs[0].is_sample else None
+        found.append(ScenarioGroup(name, True, runs, gate, stated))
     return found
 
 
 def worst_first(found: Iterable[ScenarioGroup]) -> list[ScenarioGroup]:
     """Sort groups, the worst first, otherwise in call order."""
     return sorted(found, key=lambda group: WORST_FIRST.index(group.status))
+
+
+def _badness(outcome: Outcome) -> tuple[float, ...]:
+    """Return a sort key; smaller is worse: by status, and among equals by the smallest relative margin."""
+    return (WORST_FIRST.index(outcome.display_status), *_nearness(outcome))
 
 
 def _nearness(outcome: Outcome) -> tuple[float, float]:

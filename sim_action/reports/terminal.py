@@ -30,11 +30,13 @@ from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS, StatusDisp
 from sim_action.results.artifacts import REPORT_FILE
 from sim_action.results.outcome import WORST_FIRST, DisplayStatus, ExpectationOutcome, Failure, Outcome
 from sim_action.results.results_json import RESULTS_FILE, Results
+from sim_action.scenario.variations.gate import GATE, PlannedGate
 
 _ALL_SYMBOLS: Final = "".join(display.symbol for display in (*STATUS_DISPLAYS.values(), INFORMATION)) + "│"
 _BEST_FIRST: Final = tuple(reversed(WORST_FIRST))
 _MAX_MODEL_NOTES: Final = 6
 _MAX_VARIATIONS: Final = 20
+_MAX_RUNS_OF_GATE: Final = 5
 
 
 def print_results(results: Results, options: ReportOptions, stream: TextIO | None = None) -> None:
@@ -42,7 +44,7 @@ def print_results(results: Results, options: ReportOptions, stream: TextIO | Non
     stream = stream or sys.stdout
     with open_console(stream, options.environment) as shown:
         printer = _Printer(shown, options)
-        printer.scenarios(results.outcomes)
+        printer.scenarios(results.outcomes, results.gates)
         printer.closing(results)
 
 
@@ -64,31 +66,31 @@ class _Printer:
         self._margin = ""
         self._announced = set[str]()
 
-    def scenarios(self, outcomes: Iterable[Outcome]) -> None:
-        """Print the scenarios, the worst last."""
-        for group in sorted(grouped_scenarios(outcomes), key=lambda group: _BEST_FIRST.index(group.status)):
+    def scenarios(self, outcomes: Iterable[Outcome], gates: Iterable[PlannedGate] = ()) -> None:
+        """Print the scenarios and gates, the worst last."""
+        for group in sorted(grouped_scenarios(outcomes, gates), key=lambda group: _BEST_FIRST.index(group.status)):
             if self._verbosity != "quiet" or STATUS_DISPLAYS[group.status].level == "error":
                 self.group(group)
 
     def group(self, group: ScenarioGroup) -> None:
         """Print one scenario and an empty line; variations that passed are only counted, unless verbose."""
         file = "".join(f"  {part}" for part in (group.location, group.engines) if part)
-        if group.varies:
+        if group.gate is not None or group.is_part:
+            self._gate(group, file)
+        elif group.varies:
             worst = f"; worst: {group.worst_text}" if group.status != "skipped" else ""
-            self._heading(group.status, group.name, file, f"  {group.passed}{worst}")
-            self._margin = "  "
+            self._heading(STATUS_DISPLAYS[group.status], group.name, file, f"  {group.passed}{worst}")
             self._variations(group)
-            self._margin = ""
             self._warnings(group)
         else:
-            self._heading(group.status, group.name, file, _after(repeats_text(group.worst)))
+            self._heading(STATUS_DISPLAYS[group.status], group.name, file, _after(repeats_text(group.worst)))
             self._outcome(group.worst)
             self._warnings(group)
         self._model_notes(group)
         self._line()
 
-    def _heading(self, look: DisplayStatus, name: str, file: str, rest: str = "") -> None:
-        self._line("", self._symbol(look), (name, "bold"), (file, "dim"), (rest, ""))
+    def _heading(self, look: StatusDisplay, name: str, file: str, rest: str = "") -> None:
+        self._line("", self._mark(look), (name, "bold"), (file, "dim"), (rest, ""))
 
     def _symbol(self, look: DisplayStatus) -> tuple[str, str]:
         """Return the symbol of a status, a space, and the style of both."""
@@ -97,7 +99,35 @@ class _Printer:
     def _mark(self, display: StatusDisplay) -> tuple[str, str]:
         return f"{display.symbol if self._shows_symbols else display.ascii_symbol} ", display.style
 
+    def _gate(self, group: ScenarioGroup, file: str) -> None:
+        """Print a gate: what it claims and found, and the runs that did not pass; all runs if verbose."""
+        self._heading(group.display, group.name, file, _after(group.gate_text))
+        for stopped in group.could_not_run[:1] if group.is_part else ():
+            self._outcome(stopped)
+        if group.gate is not None:
+            self._outcome(group.gate)
+        if self._verbosity == "verbose":
+            self._variations(group)
+        elif self._verbosity != "quiet":
+            self._runs_of_gate(group)
+            for expected, run, runs in group.warned:
+                seen = group.share_text(run, expected, runs)
+                self._line("  ", self._symbol("warned"), (expected.name, ""), (f": {seen}", ""))
+        self._warnings(group)
+
+    def _runs_of_gate(self, group: ScenarioGroup) -> None:
+        """Print the worst runs of a gate, without a colour: a run has no say of its own."""
+        bad = group.not_passed
+        if bad:
+            self._line("  ", (f"{group.not_passed_text}; the worst first:", "dim"))
+        for run in bad[:_MAX_RUNS_OF_GATE]:
+            self._line("    ", (f"{group.values(run)} {run.ending}", "dim"))
+        if len(bad) > _MAX_RUNS_OF_GATE:
+            more = f"{len(bad) - _MAX_RUNS_OF_GATE} more: --verbose shows all runs, {RESULTS_FILE} has them"
+            self._line("    ", (more, "dim"))
+
     def _variations(self, group: ScenarioGroup) -> None:
+        self._margin = "  "
         verbose = self._verbosity == "verbose"
         shown = [
             outcome
@@ -108,10 +138,12 @@ class _Printer:
         ]
         most = len(shown) if verbose else _MAX_VARIATIONS
         for outcome in shown[:most]:
-            self._heading(outcome.display_status, outcome.name, "", _after(repeats_text(outcome)))
+            look = STATUS_DISPLAYS[outcome.display_status]
+            self._heading(look, outcome.name, "", _after(repeats_text(outcome)))
             self._outcome(outcome)
         if len(shown) > most:
             self._line("", (f"{len(shown) - most} more variations: see {RESULTS_FILE}", "dim"))
+        self._margin = ""
 
     def _outcome(self, outcome: Outcome) -> None:
         """Print the expectations and failures of one run."""
@@ -126,7 +158,7 @@ class _Printer:
                 self._line("  ", self._mark(INFORMATION), (measured.name, ""), (f": {measured.message}", ""))
         for failure in outcome.failures:
             self._failure(failure)
-        if self._verbosity == "verbose":
+        if self._verbosity == "verbose" and outcome.statistics is None:
             self._run_details(outcome)
 
     def _warnings(self, group: ScenarioGroup) -> None:
@@ -152,7 +184,7 @@ class _Printer:
 
     def closing(self, results: Results) -> None:
         """Print the counts and, unless quiet, the paths of all files."""
-        statuses = {outcome.display_status for outcome in results.outcomes}
+        statuses = {outcome.display_status for outcome in results.verdicts}
         of_nothing: DisplayStatus = "passed" if results.exit_code is ExitCode.PASSED else "error"
         worst = max(statuses, key=_BEST_FIRST.index, default=of_nothing)
         taken_over = self._options.taken_over
@@ -170,7 +202,8 @@ class _Printer:
     def _expectation(self, expected: ExpectationOutcome) -> None:
         verdict, verbose = expected.verdict, self._verbosity == "verbose"
         self._line("  ", self._symbol(expected.status), (expected.name, ""), (f": {verdict.message}", ""))
-        measured = measurements(verdict)
+        # The message of a gate has its numbers; its margin is that of a bound, not of the measured rate.
+        measured = "" if expected.assertion == GATE else measurements(verdict)
         if measured and (expected.status != "passed" or verbose):
             self._line("      ", (measured, "dim"))
         if verbose and (judged := judged_text(verdict)):

@@ -13,6 +13,7 @@ from sim_action.core.errors import ExitCode, InternalError
 from sim_action.core.wording import escaped_line, log_line, system_reason
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import log_text, one_line
+from sim_action.reports.scenario_groups import grouped_scenarios
 from sim_action.reports.statuses import STATUS_DISPLAYS
 from sim_action.results.artifacts import REPORT_FILE
 from sim_action.results.outcome import Outcome
@@ -84,10 +85,16 @@ def _print(text: str, stream: TextIO) -> bool:
 
 
 def _verdicts(results: Results) -> Iterator[str]:
-    """Yield one line for each outcome: the status, the name and, unless it passed, the first reason."""
+    """Yield one line for each scenario and gate: the status, the name and, unless it passed, the first reason.
+
+    A gate that passed has its rate instead.
+    """
     if not results.outcomes:
         yield "there are no verdicts: no scenario was run"
-    for outcome in results.outcomes:
+    for group in grouped_scenarios(results.outcomes, results.gates):
+        if group.is_part:
+            yield log_line(f"{group.display.word}  {one_line(group.name)}  {one_line(group.ending)}")
+    for outcome in results.verdicts:
         reason = one_line(_first_reason(outcome))
         parts = (STATUS_DISPLAYS[outcome.status].word, one_line(outcome.name), reason)
         yield log_line("  ".join(part for part in parts if part))
@@ -98,4 +105,6 @@ def _first_reason(outcome: Outcome) -> str:
         return f"{outcome.failures[0].title}: {outcome.failures[0].message}"
     if outcome.causes:
         return f"{outcome.causes[0].name}: {outcome.causes[0].verdict.message}"
+    if outcome.statistics is not None and outcome.expectations:
+        return outcome.expectations[0].verdict.message
     return "" if outcome.status == "passed" else " ".join(outcome.notes)

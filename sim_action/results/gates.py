@@ -32,11 +32,12 @@ def judged_gate(planned: PlannedGate, runs: Sequence[Outcome]) -> Outcome:
     found = _decision(planned, runs)
     decision = None if found is None else found.verdict
     counted_runs = runs if found is None or decision is None else runs[: found.runs]
+    done = [run for run in counted_runs if run.status != "skipped"]
     failure = _blocking(planned, runs, counted_runs)
     if failure is not None:
-        return _outcome(planned, runs, counted_runs, status="error", failures=(failure,))
-    if decision is None and any(run.status == "skipped" for run in counted_runs):
-        return _outcome(planned, runs, counted_runs, status="skipped")
+        return _outcome(planned, runs, done, status="error", failures=(failure,))
+    if decision is None and (left := [run for run in counted_runs if run.status == "skipped"]):
+        return _outcome(planned, runs, done, status="skipped", notes=left[0].notes)
     judged = [_expectation(planned, *condition) for condition in _conditions(planned, counted_runs, decision)]
     return _outcome(
         planned, runs, counted_runs, status=status_of(judged), expectations=tuple(judged), decision=decision
@@ -139,6 +140,9 @@ def _rate(claim: Passes, counts: _Counts) -> Condition:
     if binomial.refutes(counts.passed + counts.without_verdict, counts.runs, claim.at_least, claim.confidence):
         return name, _share(counts, claim, f"{counts}; {sure} at most {percent(upper)} do, less than {limit}", upper)
     message = f"{counts}; {sure} at least {percent(lower)} and at most {percent(upper)} do: too few runs to tell"
+    needed = binomial.passes_needed(counts.runs, claim.at_least, claim.confidence)
+    if needed is not None:
+        message = f"{message}; {needed} of {counts.runs} would show {limit}"
     return name, _share(counts, claim, message, lower, inconclusive=True)
 
 
@@ -247,6 +251,7 @@ def _outcome(
     expectations: tuple[ExpectationOutcome, ...] = (),
     failures: tuple[Failure, ...] = (),
     decision: SequentialVerdict | None = None,
+    notes: tuple[str, ...] = (),
 ) -> Outcome:
     first = runs[0]
     return Outcome(
@@ -259,6 +264,7 @@ def _outcome(
         status=status,
         expectations=expectations,
         failures=failures,
+        notes=notes,
         scenario_seed=first.scenario_seed,
         engine=first.engine,
         provenance=first.provenance,

@@ -27,7 +27,7 @@ def test_each_style_of_the_terminal_has_one_here() -> None:
 @pytest.mark.parametrize("theme", THEMES)
 def test_colours_are_readable_in_light_and_dark_themes(theme: str) -> None:
     colours = re.findall(r"color: (#\w{6})", " ".join(_STYLES.values()))
-    assert len(colours) == 5
+    assert len(colours) == 6
     for colour in colours:
         darker, lighter = sorted((luminance(theme), luminance(colour)))
         assert (lighter + 0.05) / (darker + 0.05) > MIN_CONTRAST

@@ -11,6 +11,7 @@ from sim_action.reports import Verbosity
 from sim_action.reports.progress import ProgressListener
 from sim_action.results.events import Finished, Progressed, RunEnded, Started
 from sim_action.results.results_json import Results
+from tests.outcomes import planned_gate, runs_of_gate
 
 Samples = dict[str, Results]
 
@@ -92,3 +93,48 @@ assert "rich" not in sys.modules
 assert threading.active_count() == 1
 """
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def told_of_gate(runs: int, verbosity: Verbosity = "normal", stream: io.StringIO | None = None) -> list[str]:
+    """Half of the runs pass."""
+    gate = planned_gate(runs)
+    shown = stream or io.StringIO()
+    listener = ProgressListener(runs, verbosity, shown, gates={(gate.file, gate.name): runs})
+    for run in runs_of_gate(gate, passed=runs // 2, failed=runs - runs // 2):
+        listener(RunEnded(0, 1, run))
+    listener.close()
+    return shown.getvalue().splitlines()
+
+
+def test_runs_of_a_gate_are_counted_at_each_tenth() -> None:
+    lines = told_of_gate(300)
+    assert len(lines) == 10
+    assert lines[0] == "[30/300] slip: 30 of 300 runs, 30 passed"
+    assert lines[-1] == "[300/300] slip: 300 of 300 runs, 150 passed"
+
+
+def test_a_line_for_each_run_of_a_gate_if_verbose_does_not_call_it_failed() -> None:
+    assert told_of_gate(2, "verbose") == [
+        "[1/2] slip[friction=0.01] passed  3.0 s simulated in 1.0 s",
+        "[2/2] slip[friction=0.02] did not pass (failed)  3.0 s simulated in 1.0 s",
+    ]
+    assert told_of_gate(2, "quiet") == []
+
+
+def test_the_line_on_a_terminal_has_the_count_of_the_gate() -> None:
+    gate = planned_gate(2)
+    stream = Terminal()
+    listener = ProgressListener(2, "normal", stream, gates={(gate.file, gate.name): 2})
+    listener(RunEnded(0, 1, runs_of_gate(gate, failed=1)[0]))
+    listener(Progressed(1, 1, "slip[friction=0.02]", 1.25, 31.4))
+    assert "[1/2] slip: 1 of 2 runs, 0 passed; slip[friction=0.02] 1.2 s" in stream.getvalue()
+
+
+def test_runs_that_are_taken_over_count_for_their_gate() -> None:
+    gate = planned_gate(2)
+    first, second = runs_of_gate(gate, passed=2)
+    stream = io.StringIO()
+    listener = ProgressListener(1, "normal", stream, gates={(gate.file, gate.name): 2})
+    listener(Finished(0, first, taken_over=True))
+    listener(RunEnded(1, 1, second))
+    assert stream.getvalue() == "[1/1] slip: 2 of 2 runs, 2 passed\n"

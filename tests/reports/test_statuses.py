@@ -10,11 +10,11 @@ import pytest
 import yaml
 
 from sim_action.core.errors import ExitCode, Location
-from sim_action.reports import ReportOptions
+from sim_action.reports import ReportOptions, console, notebook
 from sim_action.reports.comparison import rows
 from sim_action.reports.formatting import counts_text, judged_text
 from sim_action.reports.github.step_outputs import outputs
-from sim_action.reports.statuses import STATUS_DISPLAYS
+from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS
 from sim_action.results.comparison import compare_outcomes
 from sim_action.results.outcome import (
     WORST_FIRST,
@@ -161,3 +161,9 @@ def test_a_change_of_status_fails_unless_it_was_bad_before(old: Status, new: Sta
 )
 def test_moments_in_words(judged: Judged | None, text: str) -> None:
     assert judged_text(Verdict(True, judged=judged)) == text
+
+
+def test_every_style_is_known_to_terminals_and_notebooks() -> None:
+    styles = {display.style for display in (*STATUS_DISPLAYS.values(), INFORMATION)}
+    assert styles <= set(console._CODES)
+    assert styles <= set(notebook._STYLES)

@@ -19,7 +19,7 @@ from sim_action.reports.escaping import (
     shortened_command,
 )
 from sim_action.reports.formatting import moment
-from sim_action.reports.links import relative_path, replay_link
+from sim_action.reports.links import reason_time, relative_path, replay_link
 from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios, relative_margin, worst_first
 from sim_action.reports.statuses import STATUS_DISPLAYS, Level
 from sim_action.results.outcome import Outcome
@@ -63,14 +63,38 @@ def write_annotations(results: Results, options: ReportOptions) -> None:
     """Print the annotations, the worst first, if this is GitHub Actions."""
     if options.environment.get("GITHUB_ACTIONS") != "true":
         return
-    ordered = worst_first(grouped_scenarios(results.outcomes))
-    found = [
-        annotation for group in ordered for annotation in (_of_variations if group.varies else _of_one)(group, options)
-    ]
+    ordered = worst_first(grouped_scenarios(results.outcomes, results.gates))
+    found = [annotation for group in ordered for annotation in _of_group(group, options)]
     encoding = sys.stdout.encoding or "utf-8"
     for annotation in (*_limited(found, "error"), *_limited(found, "warning")):
         sys.stdout.write(log_text(annotation.command(options.workspace), encoding) + "\n")
     sys.stdout.flush()
+
+
+def _of_group(group: ScenarioGroup, options: ReportOptions) -> Iterator[Annotation]:
+    if group.gate is not None or group.is_part:
+        return _of_gate(group, options)
+    return _of_variations(group, options) if group.varies else _of_one(group, options)
+
+
+def _of_gate(group: ScenarioGroup, options: ReportOptions) -> Iterator[Annotation]:
+    """Yield one annotation for a gate that did not pass, and one for each warning of its runs."""
+    level = STATUS_DISPLAYS[group.status].level
+    if level == "error":
+        stopped = next(iter(group.could_not_run), group.outcomes[0]) if group.gate is None else group.gate
+        places = [failure.location for failure in stopped.failures] + [claim.location for claim in stopped.causes]
+        message = group.ending
+        for run in group.not_passed[:1] if group.gate is not None else ():
+            replayed = _replayed(run, options, reason_time(run))
+            message += f"; the worst run, {group.values(run)}: {run.ending}{replayed}"
+        place = next(filter(None, places), stopped.location if group.planned is None else group.planned.location)
+        yield Annotation(level, f"{group.name}: {STATUS_DISPLAYS[group.status].word}", message, place)
+    for expected, run, runs in group.warned:
+        message = group.share_text(run, expected, runs)
+        yield Annotation("warning", f"{group.name}: {expected.name}", message, expected.location)
+    for warning, runs in group.warnings:
+        message = group.warning_text(warning, runs)
+        yield Annotation("warning", f"{group.name}: {warning.rule}", message, warning.location)
 
 
 def _of_one(group: ScenarioGroup, options: ReportOptions) -> Iterator[Annotation]:

@@ -25,7 +25,21 @@ from sim_action.reports.formatting import (
     taken_over_text,
     user_output,
 )
-from sim_action.reports.github.markdown import code, code_of_link, folded, row, shell_block, source_link, table
+from sim_action.reports.github.gate_section import gate_section
+from sim_action.reports.github.markdown import (
+    MAX_IN_MESSAGE,
+    code,
+    code_of_link,
+    fitting,
+    folded,
+    left_out_note,
+    message_text,
+    row,
+    shell_block,
+    size_of,
+    source_link,
+    table,
+)
 from sim_action.reports.github.mermaid_chart import chart, load_replay, signal_of_verdict
 from sim_action.reports.links import replay_link, rerun_command
 from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios, worst_first
@@ -58,19 +72,21 @@ def write_summary(results: Results, options: ReportOptions) -> None:
 
 def summary(results: Results, options: ReportOptions, most_bytes: int = MAX_BYTES) -> str:
     """Return the summary in at most `most_bytes`; the least important sections are omitted if they do not fit."""
-    found, room = worst_first(grouped_scenarios(results.outcomes)), most_bytes - _FRAME
+    found = worst_first(grouped_scenarios(results.outcomes, results.gates))
+    room = most_bytes - _FRAME
     if room < 0:
         return ""
-    rows = _fitting((_overview_row(group, options) for group in found), int(room * _OVERVIEW_SHARE))
+    rows = fitting((_overview_row(group, options) for group in found), int(room * _OVERVIEW_SHARE))
     written = (_scenario_section(group, options, drawn=number < _MAX_DRAWN) for number, group in enumerate(found))
-    sections = _fitting(written, room - _size(rows))
+    sections = fitting(written, room - size_of(rows))
     unfolded = sum(group.status != "passed" for group in found[: len(sections)])
+    measured = "gates and scenarios" if results.gates else "scenarios"
     parts = [
         f"## {_run_headline(results)}",
         _counts(results, options.taken_over),
         *_overview(found, rows),
         *sections[:unfolded],
-        folded(f"Measurements of passed scenarios ({len(sections) - unfolded})", "\n\n".join(sections[unfolded:]))
+        folded(f"Measurements of passed {measured} ({len(sections) - unfolded})", "\n\n".join(sections[unfolded:]))
         if len(sections) > unfolded
         else "",
         _unshown_scenarios(len(found) - len(sections)),
@@ -81,19 +97,33 @@ def summary(results: Results, options: ReportOptions, most_bytes: int = MAX_BYTE
 def _run_headline(results: Results) -> str:
     left = results.count("skipped")
     bad = results.total - results.count("passed") - left
+    several, one = _nouns(results)
     if not results.total:
-        if results.exit_code is ExitCode.PASSED:
-            return f"✅ No scenarios for {results.shard or 'this part'}"
-        return "⚠️ No scenarios were run"
+        return _headline_without_verdicts(results)
     if results.conclusion == "cancelled":
-        return f"🛑 Interrupted: {results.count('passed')} of {results.total} scenarios had passed"
+        return f"🛑 Interrupted: {results.count('passed')} of {results.total} {several} had passed"
     if left:
-        return f"❌ {bad} of {results.total} scenarios did not pass, and {left} were not run"
+        return f"❌ {bad} of {results.total} {several} did not pass, and {left} were not run"
     if not bad:
-        return "✅ The scenario passed" if results.total == 1 else f"✅ All {results.total} scenarios passed"
-    return (
-        "❌ The scenario did not pass" if results.total == 1 else f"❌ {bad} of {results.total} scenarios did not pass"
-    )
+        return f"✅ The {one} passed" if results.total == 1 else f"✅ All {results.total} {several} passed"
+    return f"❌ The {one} did not pass" if results.total == 1 else f"❌ {bad} of {results.total} {several} did not pass"
+
+
+def _headline_without_verdicts(results: Results) -> str:
+    good = results.exit_code is ExitCode.PASSED
+    if results.outcomes:
+        runs = f"{counted(len(results.outcomes), 'run')} for sim-action merge"
+        icon = INFORMATION.icon if good else "❌"
+        return f"{icon} No verdicts here: {runs}" + ("" if good else ", and not all of them could run")
+    return f"✅ No scenarios for {results.shard or 'this part'}" if good else "⚠️ No scenarios were run"
+
+
+def _nouns(results: Results) -> tuple[str, str]:
+    """Return the names of what has verdicts, in the plural and in the singular."""
+    gates = sum(outcome.statistics is not None for outcome in results.verdicts)
+    if not gates:
+        return "scenarios", "scenario"
+    return ("gates", "gate") if gates == results.total else ("scenarios and gates", "gate")
 
 
 def _counts(results: Results, taken_over: int | None) -> str:
@@ -125,23 +155,7 @@ def _overview_row(group: ScenarioGroup, options: ReportOptions) -> str:
     file = source_link(options, group.location)
     name = f"**{markdown_text(group.name)}**" + (f"<br><sub>{file}</sub>" if file else "")
     speed = "" if group.varies else speed_text(group.worst.real_time_factor).removesuffix(" real time")
-    return row(STATUS_DISPLAYS[group.status].icon, name, _group_gist(group), moment(_total_sim_time(group)), speed)
-
-
-def _fitting(written: Iterable[str], most_bytes: int) -> list[str]:
-    """Return the first texts, as many as fit into `most_bytes`."""
-    texts: list[str] = []
-    for text in written:
-        most_bytes -= _size([text])
-        if most_bytes < 0:
-            break
-        texts.append(text)
-    return texts
-
-
-def _size(texts: list[str]) -> int:
-    """Return the size of texts in UTF-8, with an empty line between them."""
-    return sum(len(text.encode("utf-8", errors="replace")) + 2 for text in texts)
+    return row(group.display.icon, name, _group_gist(group), moment(_total_sim_time(group)), speed)
 
 
 def _unshown_scenarios(count: int) -> str:
@@ -153,7 +167,6 @@ def _unshown_scenarios(count: int) -> str:
 
 _MAX_ROWS: Final = 100
 _MAX_FAILURES: Final = 20
-_MAX_IN_MESSAGE: Final = 500
 _MAX_IN_BLOCK: Final = 4_000
 _MAX_REMARKS: Final = 50
 _MAX_CHARTS: Final = 2
@@ -165,11 +178,16 @@ def _scenario_section(group: ScenarioGroup, options: ReportOptions, *, drawn: bo
 
     With `drawn`, failed expectations are also shown as charts if the run has stored their signals.
     """
+    if group.gate is not None or group.is_part:
+        worst = [_outcome_section(run, options, drawn=drawn) for run in group.not_passed[:1]]
+        return "\n\n".join([gate_section(group, options), *(folded("The worst run", section) for section in worst)])
     return _varied(group, options, drawn=drawn) if group.varies else _outcome_section(group.worst, options, drawn=drawn)
 
 
 def _group_gist(group: ScenarioGroup) -> str:
     """Return the most important fact about a scenario as Markdown."""
+    if group.gate is not None or group.is_part:
+        return message_text(group.ending)
     if not group.varies:
         return _gist(group.worst)
     if group.status == "passed":
@@ -210,7 +228,7 @@ def _varied(group: ScenarioGroup, options: ReportOptions, *, drawn: bool) -> str
         " · ".join(part for part in (source_link(options, group.location), markdown_text(group.engines)) if part),
         table(columns, bad) if bad else "",
         folded(passed, table(columns, good)) if good else "",
-        _left_out_note(len(ordered), len(bad) + len(good), "variation"),
+        left_out_note(len(ordered), len(bad) + len(good), "variation"),
         _outcome_section(group.worst, options, drawn=drawn) if group.status not in ("passed", "skipped") else "",
     ]
     return "\n\n".join(part for part in parts if part)
@@ -221,7 +239,7 @@ def _outcome_section(outcome: Outcome, options: ReportOptions, *, drawn: bool) -
         f"### {STATUS_DISPLAYS[outcome.display_status].icon} {markdown_text(outcome.name)}",
         _subtitle(outcome, options),
         *(_failure_text(failure, options) for failure in outcome.failures[:_MAX_FAILURES]),
-        _left_out_note(len(outcome.failures), _MAX_FAILURES, "error"),
+        left_out_note(len(outcome.failures), _MAX_FAILURES, "error"),
         _warnings(outcome, options),
         _expectations(outcome, options),
         _measurements(outcome, options),
@@ -256,16 +274,16 @@ def _reproduction(outcome: Outcome, options: ReportOptions) -> str:
 
 def _gist(outcome: Outcome) -> str:
     if outcome.status == "skipped":
-        return _message(" ".join(outcome.notes))
+        return message_text(" ".join(outcome.notes))
     reasons = [f"{failure.title}: {failure.message}" for failure in outcome.failures]
     reasons += [expected.verdict.message for expected in outcome.causes]
     reasons = reasons or [expected.verdict.message for expected in outcome.causes_first if expected.warned]
     reasons = reasons or [str(warning) for warning in outcome.warnings]
     if reasons:
         more = f" <sub>(and {len(reasons) - 1} more)</sub>" if len(reasons) > 1 else ""
-        return _message(reasons[0]) + more
+        return message_text(reasons[0]) + more
     if len(outcome.expectations) == 1:
-        return _message(outcome.expectations[0].verdict.message)
+        return message_text(outcome.expectations[0].verdict.message)
     return f"{len(outcome.expectations)} expectations held"
 
 
@@ -278,7 +296,7 @@ def _subtitle(outcome: Outcome, options: ReportOptions) -> str:
 
 
 def _failure_text(failure: Failure, options: ReportOptions) -> str:
-    said = f"**{markdown_text(shortened(failure.title, _MAX_IN_MESSAGE))}**: {_message(failure.message)}"
+    said = f"**{markdown_text(shortened(failure.title, MAX_IN_MESSAGE))}**: {message_text(failure.message)}"
     if failure.location is not None:
         said += f"<br>\n{source_link(options, failure.location)}"
     if failure.details.strip():
@@ -289,10 +307,10 @@ def _failure_text(failure: Failure, options: ReportOptions) -> str:
 def _warnings(outcome: Outcome, options: ReportOptions) -> str:
     """Return a list of the warnings of the audit."""
     lines = [
-        f"- {STATUS_DISPLAYS['warned'].icon} {_message(str(warning))}<br>{source_link(options, warning.location)}"
+        f"- {STATUS_DISPLAYS['warned'].icon} {message_text(str(warning))}<br>{source_link(options, warning.location)}"
         for warning in outcome.warnings[:_MAX_ROWS]
     ]
-    left_out = _left_out_note(len(outcome.warnings), _MAX_ROWS, "warning")
+    left_out = left_out_note(len(outcome.warnings), _MAX_ROWS, "warning")
     return "\n".join(lines) + (f"\n\n{left_out}" if left_out else "")
 
 
@@ -319,8 +337,8 @@ def _measurements(outcome: Outcome, options: ReportOptions) -> str:
     for measured in outcome.measurements[:_MAX_ROWS]:
         link = replay_link(outcome, options, measured.time)
         seen = f"<br>replay: {code_of_link(link)}" if link else ""
-        lines.append(f"- {INFORMATION.icon} {markdown_text(measured.name)}: {_message(measured.message)}{seen}")
-    left_out = _left_out_note(len(outcome.measurements), _MAX_ROWS, "measurement")
+        lines.append(f"- {INFORMATION.icon} {markdown_text(measured.name)}: {message_text(measured.message)}{seen}")
+    left_out = left_out_note(len(outcome.measurements), _MAX_ROWS, "measurement")
     return "\n".join([*lines, *(["", left_out] if left_out else [])])
 
 
@@ -329,14 +347,14 @@ def _table(outcome: Outcome, expectations: Sequence[ExpectationOutcome], options
         return ""
     rows = (_row(outcome, expected, options) for expected in expectations[:_MAX_ROWS])
     columns = ("", "Expectation", " Measured", " Limit", " Margin", " At")
-    left_out = _left_out_note(len(expectations), _MAX_ROWS, "expectation")
+    left_out = left_out_note(len(expectations), _MAX_ROWS, "expectation")
     return table(columns, rows) + (f"\n\n{left_out}" if left_out else "")
 
 
 def _row(outcome: Outcome, expected: ExpectationOutcome, options: ReportOptions) -> str:
     verdict = expected.verdict
     icon = STATUS_DISPLAYS[expected.status].icon
-    what = f"**{markdown_text(expected.name)}**<br>{_message(verdict.message)}"
+    what = f"**{markdown_text(expected.name)}**<br>{message_text(verdict.message)}"
     if expected.status != "passed":
         what += f"<br>{source_link(options, expected.location)}"
         if link := replay_link(outcome, options, verdict.time):
@@ -366,21 +384,11 @@ def _remarks(outcome: Outcome) -> Iterator[str]:
     if outcome.trace:
         yield f"trace: {code(outcome.trace)}"
     for note in (*outcome.model_notes, *outcome.notes)[:_MAX_REMARKS]:
-        yield f"note: {_message(note)}"
+        yield f"note: {message_text(note)}"
     for diagnostic in outcome.diagnostics[:_MAX_REMARKS]:
-        yield f"engine {diagnostic.level}: {_message(diagnostic.message)}"
-
-
-def _message(text: str) -> str:
-    return markdown_text(shortened(text, _MAX_IN_MESSAGE))
+        yield f"engine {diagnostic.level}: {message_text(diagnostic.message)}"
 
 
 def _ending_block(text: str) -> str:
     """Return the end of a text as a block, because the cause of an error is at the end."""
     return markdown_block(text if len(text) <= _MAX_IN_BLOCK else f"…{text[-_MAX_IN_BLOCK:]}")
-
-
-def _left_out_note(total: int, most: int, what: str) -> str:
-    if total <= most:
-        return ""
-    return f"_{counted(total - most, f'more {what}')} {'is' if total - most == 1 else 'are'} not shown._"

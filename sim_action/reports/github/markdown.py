@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import Final
 
 from sim_action.core.errors import Location
+from sim_action.core.wording import counted, shortened
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import markdown_block, markdown_text
 from sim_action.reports.links import file_and_line, source_url
+
+MAX_IN_MESSAGE: Final = 500
+"""The largest number of characters of a message in a table or list."""
 
 
 def code(text: str) -> str:
@@ -48,3 +53,31 @@ def source_link(options: ReportOptions, location: Location | None) -> str:
     shown = code(file_and_line(options.workspace, location))
     url = source_url(location, options)
     return f"[{shown}]({url})" if url else shown
+
+
+def fitting(written: Iterable[str], most_bytes: int) -> list[str]:
+    """Return the first texts, as many as fit into `most_bytes`."""
+    texts: list[str] = []
+    for text in written:
+        most_bytes -= size_of([text])
+        if most_bytes < 0:
+            break
+        texts.append(text)
+    return texts
+
+
+def size_of(texts: list[str]) -> int:
+    """Return the size of texts in UTF-8, with an empty line between them."""
+    return sum(len(text.encode("utf-8", errors="replace")) + 2 for text in texts)
+
+
+def message_text(text: str) -> str:
+    """Return a message of a run as Markdown, cut to `MAX_IN_MESSAGE` characters."""
+    return markdown_text(shortened(text, MAX_IN_MESSAGE))
+
+
+def left_out_note(total: int, most: int, what: str) -> str:
+    """Return the number of entries that are not shown as Markdown; empty if all are."""
+    if total <= most:
+        return ""
+    return f"_{counted(total - most, f'more {what}')} {'is' if total - most == 1 else 'are'} not shown._"

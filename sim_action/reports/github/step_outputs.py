@@ -8,7 +8,8 @@ from pathlib import Path
 
 from sim_action.core.files import append_whole
 from sim_action.reports import ReportOptions
-from sim_action.reports.links import replay_link
+from sim_action.reports.links import reason_time, replay_link
+from sim_action.reports.scenario_groups import grouped_scenarios
 from sim_action.results.artifacts import REPORT_FILE
 from sim_action.results.results_json import RESULTS_FILE, Results
 
@@ -57,10 +58,11 @@ def _fragment(results: Results, options: ReportOptions) -> str:
     worst = next(iter(results.worst_first()), None)
     if worst is None or worst.status in ("passed", "skipped"):
         return ""
-    times = [failure.time for failure in worst.failures]
-    times += [expected.verdict.time for expected in worst.causes]
-    link = replay_link(worst, options, next(iter(times), None))
-    return link.removeprefix(REPORT_FILE)
+    if worst.statistics is not None:
+        # A gate has no replay of its own.
+        found = (group for group in grouped_scenarios(results.outcomes) if group.gate is worst)
+        worst = next((run for group in found for run in group.not_passed), worst)
+    return replay_link(worst, options, reason_time(worst)).removeprefix(REPORT_FILE)
 
 
 def _entry(name: str, value: str) -> str:

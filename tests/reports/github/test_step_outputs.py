@@ -36,6 +36,7 @@ def test_what_later_steps_can_ask_for(samples: dict[str, Results], options: Repo
         "passed": "1",
         "failed": "2",
         "flaky": "0",
+        "inconclusive": "0",
         "not-exercised": "0",
         "errors": "0",
         "skipped": "0",
