@@ -118,7 +118,7 @@ class ScenarioGroup:
     @property
     def worst_text(self) -> str:
         """The worst variation and its margin, such as "[yaw=0.4], margin 0.02 m (travel at least 1.5 m)"."""
-        expected = _nearest(self.worst)
+        expected = nearest_expectation(self.worst)
         if expected is None:
             return self.values(self.worst)
         verdict = expected.verdict
@@ -171,11 +171,16 @@ class ScenarioGroup:
 
     def values(self, outcome: Outcome) -> str:
         """Return the values that identify a variation, such as "[friction=0.4]"; empty without variations."""
-        return outcome.name.removeprefix(self.name) if self.varies else ""
+        return outcome.name.removeprefix(outcome.group or self.name) if self.varies else ""
 
     def worst_first(self) -> list[Outcome]:
-        """Return the outcomes, the worst first, otherwise in call order."""
-        return sorted(self.outcomes, key=lambda outcome: WORST_FIRST.index(outcome.display_status))
+        """Return the outcomes, the worst status first, then the smallest relative margin, otherwise in call order.
+
+        Runs that a gate did not need come last.
+        """
+        return sorted(
+            self.outcomes, key=lambda outcome: (outcome.is_sample and outcome.status == "skipped", _badness(outcome))
+        )
 
 
 def grouped_scenarios(outcomes: Iterable[Outcome], gates: Iterable[PlannedGate] = ()) -> list[ScenarioGroup]:
@@ -202,30 +207,27 @@ def worst_first(found: Iterable[ScenarioGroup]) -> list[ScenarioGroup]:
     return sorted(found, key=lambda group: WORST_FIRST.index(group.status))
 
 
-def _badness(outcome: Outcome) -> tuple[float, ...]:
-    """Return a sort key; smaller is worse: by status, and among equals by the smallest relative margin."""
-    return (WORST_FIRST.index(outcome.display_status), *_nearness(outcome))
-
-
-def _nearness(outcome: Outcome) -> tuple[float, float]:
+def _badness(outcome: Outcome) -> tuple[float, float, float]:
     """Return a sort key; smaller is worse, and among reached goals the later one is worse."""
-    expected = _nearest(outcome)
-    return (0.0, 0.0) if expected is None else _closeness(expected)
+    expected = nearest_expectation(outcome)
+    return (WORST_FIRST.index(outcome.display_status), *((0.0, 0.0) if expected is None else _closeness(expected)))
 
 
-def _nearest(outcome: Outcome) -> ExpectationOutcome | None:
+def nearest_expectation(outcome: Outcome) -> ExpectationOutcome | None:
     """Return the expectation with the smallest relative margin; None if nothing was measured.
 
     Failed expectations come first, then those that were never judged.
 
     Among expectations that hold, invariants come before goals, because a goal is always reached exactly at its limit.
+    Counts of contacts come last: a count that holds is always at its limit, too.
     """
     failed = [expected for expected in outcome.expectations if expected.failed]
     unjudged = [expected for expected in outcome.causes if not expected.failed]
     measured = [expected for expected in outcome.expectations if expected.verdict.margin is not None]
     held = [expected for expected in measured if expected.verdict.status == "passed"]
-    throughout = [expected for expected in held if not expected.verdict.goal]
-    return min(failed or unjudged or throughout or held, key=_closeness, default=None)
+    graded = [expected for expected in held if expected.verdict.unit != "contacts"]
+    throughout = [expected for expected in graded if not expected.verdict.goal]
+    return min(failed or unjudged or throughout or graded or held, key=_closeness, default=None)
 
 
 def _closeness(expected: ExpectationOutcome) -> tuple[float, float]:

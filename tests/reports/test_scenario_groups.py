@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from sim_action.core.errors import Location
-from sim_action.reports.scenario_groups import grouped_scenarios, relative_margin, worst_first
+from sim_action.reports.scenario_groups import grouped_scenarios, nearest_expectation, relative_margin, worst_first
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, Status
 from sim_action.results.results_json import Results
 from sim_action.state.verdict import Judged, Verdict
@@ -140,3 +140,20 @@ def test_a_warning_of_several_variations_is_one(samples: dict[str, Results]) -> 
         " (in 1 of 2 variations)",
         "",
     ]
+
+
+def test_runs_are_ordered_by_status_and_then_by_margin() -> None:
+    near = outcome("a[x=1]", expected(0.1, 1.0, passed=True), status="passed")
+    far = outcome("a[x=2]", expected(0.5, 1.0, passed=True), status="passed")
+    short, shorter = outcome("a[x=3]", expected(-0.1, 1.0)), outcome("a[x=4]", expected(-0.2, 1.0))
+    (group,) = grouped_scenarios([far, near, short, shorter])
+    assert group.worst_first() == [shorter, short, near, far]
+    assert group.worst is shorter
+
+
+def test_a_count_of_contacts_that_holds_says_nothing_about_how_near_a_run_was() -> None:
+    verdict = Verdict(True, 0.0, 0.0, 0.0, "contacts", 1.0, "touched nothing")
+    untouched = expected().model_copy(update={"name": "no_collision", "verdict": verdict})
+    clearance = expected(0.3, 0.1, passed=True)
+    assert nearest_expectation(outcome("a", untouched, clearance, status="passed")) is clearance
+    assert nearest_expectation(outcome("a", untouched, status="passed")) is untouched

@@ -208,11 +208,14 @@ interface ExpectationEntry {
 
 interface ScenarioEntry {
   id: string;
+  kind: "scenario" | "sample" | "gate" | "variations";
   name: string;
   /** The number among scenarios of this name, from 1. */
   number: number;
   status: string;
   replay: string | null;
+  /** The block with the data of its plot over parameters. */
+  sweep: string | null;
   /** The sim time in s of the failure, if no expectation gives it. */
   moment: number | null;
   expectations: ExpectationEntry[];
@@ -244,4 +247,53 @@ interface Chart {
   colours: Colours;
   x(time: number): number;
   y(value: number): number;
+}
+
+/** One number for each run of a gate or scenario; with categories it is their index. */
+interface SweepColumn {
+  name: string;
+  unit: string;
+  categories?: string[];
+  /** A margin: negative values failed. */
+  signed?: boolean;
+  values: (number | null)[];
+}
+
+interface SweepData {
+  parameters: SweepColumn[];
+  /** What the runs measured; the first one is the smallest margin. */
+  series: SweepColumn[];
+  statuses: string[];
+  /** The id of the article of each run; null: the page has none. */
+  entries: (string | null)[];
+  /** The claimed share of passed runs. */
+  claim: number | null;
+}
+
+interface SweepAxis {
+  name: string;
+  unit: string;
+  categories: string[];
+  signed: boolean;
+  values: number[];
+}
+
+interface SweepScale {
+  low: number;
+  high: number;
+  /** Returns the place of a value in px. */
+  at(value: number): number;
+}
+
+/** A run or a cell of a heat map in the plot, with its centre and half size in px. */
+interface SweepTarget {
+  x: number;
+  y: number;
+  halfWidth: number;
+  halfHeight: number;
+  /** The run to open. */
+  run: number;
+  runs: number;
+  words: string;
+  node: Element;
 }

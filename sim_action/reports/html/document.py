@@ -31,6 +31,8 @@ SCRIPTS: Final = (
     "controls.js",
     "views.js",
     "player.js",
+    "sweep_axes.js",
+    "sweep.js",
     "keyboard.js",
     "links.js",
     "scenarios.js",
@@ -60,6 +62,7 @@ class Page:
         body: the encoded parts of the body.
         index: JSON for the script.
         blocks: element id -> packed data.
+        has_replays: True if one of the blocks is a replay, which needs the 3D viewer.
     """
 
     title: str
@@ -67,6 +70,7 @@ class Page:
     body: Sequence[bytes]
     index: str
     blocks: Mapping[str, str]
+    has_replays: bool
 
     def text(self) -> str:
         """Return the whole file."""
@@ -75,8 +79,7 @@ class Page:
     def parts(self) -> Iterator[bytes]:
         """Yield the encoded file in parts: a page may have tens of megabytes."""
         style, script = _asset("page.css"), page_script()
-        # The 3D viewer is needed only if there is a replay.
-        built = viewer() if self.blocks else None
+        built = viewer() if self.has_replays else None
         carried = dict(self.blocks) | ({"viewer3d": built.packed} if built else {})
         scripts = [fingerprint(script), *([built.fingerprint] if built else [])]
         top = element(

@@ -8,26 +8,26 @@ from __future__ import annotations
 import base64
 import gzip
 import json
-from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
-from itertools import chain, count
+from collections.abc import Collection, Mapping
 from math import isfinite
 from pathlib import Path
 from typing import Final
 
 from sim_action.core.files import whole_file
 from sim_action.core.records import dataclass, field
-from sim_action.core.wording import counted, shortened
 from sim_action.recording.replay.replay_file import Replay, ReplayError, ReplayReader
 from sim_action.recording.replay.shapes import MeshData
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import counts_text, shard_text, speed_text
 from sim_action.reports.html.document import Html, Page, element, encoded, joined
-from sim_action.reports.html.scenario_article import article, drawn, status_mark
+from sim_action.reports.html.gate_article import GroupPlace, gate_article, variations_article
+from sim_action.reports.html.navigation import PageEntry, PagePlan, planned_page, scenario_list
+from sim_action.reports.html.scenario_article import article, drawn
+from sim_action.reports.html.sweep import sweep
 from sim_action.reports.html.top_view import SceneOutlines
-from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios, worst_first
-from sim_action.results.artifacts import REPORT_FILE, namesake_number, stored_file
+from sim_action.reports.scenario_groups import grouped_scenarios
+from sim_action.results.artifacts import REPORT_FILE, stored_file
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
 
@@ -42,29 +42,68 @@ def write_html(results: Results, options: ReportOptions) -> None:
 
 
 def page(results: Results, options: ReportOptions) -> Page:
-    """Return the page with the list, an article for each scenario, and the replays that fit."""
-    found = worst_first(grouped_scenarios(results.outcomes))
-    ordered = [outcome for group in found for outcome in group.worst_first()][:MAX_PAGE_SCENARIOS]
-    ids = {id(outcome): f"s{number}" for number, outcome in enumerate(ordered)}
-    replay_blocks, numbers = ReplayBlocks(), _numbers(ordered)
+    """Return the page with the list, an article for each scenario, run and gate, and the replays that fit."""
+    plan = planned_page(grouped_scenarios(results.outcomes, results.gates), MAX_PAGE_SCENARIOS)
+    blocks = ReplayBlocks()
+    articles = _run_articles(plan, results, options, blocks)
+    plots = _group_articles(plan, options, blocks, articles)
+    head = f'{page_head(results)}\n<div class="layout">{joined(scenario_list(plan, results), Html("<main>"))}'
+    written = [articles[entry.identity] + b"\n" for entry in plan.entries]
+    if written:
+        written[-1] = written[-1].removesuffix(b"\n")
+    body = (encoded(head), *written, b"</main></div>")
+    shared = {"meshes": blocks.shared} if blocks.meshes else {}
+    title = f"{page_headline(results)} · sim-action"
+    index = page_json({"scenarios": [_index_entry(entry, blocks, plots) for entry in plan.entries]})
+    carried = blocks.blocks | shared | {_sweep_id(identity): block for identity, block in plots.items()}
+    return Page(title, results.conclusion != "success", body, index, carried, has_replays=bool(blocks.blocks))
+
+
+def _replay_id(identity: str) -> str:
+    """Return the element id of the replay of an article."""
+    return f"replay-{identity}"
+
+
+def _sweep_id(identity: str) -> str:
+    """Return the element id of the data of the plots of an article."""
+    return f"sweep-{identity}"
+
+
+def _run_articles(plan: PagePlan, results: Results, options: ReportOptions, blocks: ReplayBlocks) -> dict[str, bytes]:
+    """Return the articles of all runs by element id; the worst runs come first to the place for replays."""
     reader, outlines = ReplayReader(), SceneOutlines()
-    articles: list[bytes] = []
-    entries = []
-    for outcome in ordered:
-        identity = ids[id(outcome)]
+    articles = {}
+    for outcome in plan.runs:
+        identity = plan.ids[id(outcome)]
         replay, missing = _replay(outcome, options.folder, reader)
-        if replay is not None and not replay_blocks.add(f"replay-{identity}", replay):
+        if replay is not None and not blocks.add(_replay_id(identity), replay):
             replay, missing = None, "The replay of this run is not included: the size of the page is limited."
         still = element("p", missing, class_="faint") if replay is None else drawn(replay, outcome, outlines)
-        articles.append(encoded(article(identity, outcome, results, options, still) + "\n"))
-        entries.append(_index_entry(identity, outcome, numbers[id(outcome)], replay))
-    if articles:
-        articles[-1] = articles[-1].removesuffix(b"\n")
-    head = f'{page_head(results)}\n<div class="layout">{joined(scenario_list(found, ids), Html("<main>"))}'
-    body = (encoded(head), *articles, b"</main></div>")
-    blocks = replay_blocks.blocks | ({"meshes": replay_blocks.shared} if replay_blocks.meshes else {})
-    title = f"{page_headline(results)} · sim-action"
-    return Page(title, results.conclusion != "success", body, page_json({"scenarios": entries}), blocks)
+        gate = plan.gates.get((outcome.file, outcome.gate), "")
+        articles[identity] = encoded(article(identity, outcome, results, options, still, gate=gate))
+    return articles
+
+
+def _group_articles(
+    plan: PagePlan, options: ReportOptions, blocks: ReplayBlocks, articles: dict[str, bytes]
+) -> dict[str, str]:
+    """Add the articles of gates and variations to `articles`. Return the packed data of their plots by element id."""
+    replayed = frozenset(entry.identity for entry in plan.entries if _replay_id(entry.identity) in blocks.blocks)
+    plots = {}
+    for entry in plan.entries:
+        if (group := entry.group) is None:
+            continue
+        gate = group.gate
+        passes = None if group.planned is None else group.planned.gate.passes
+        data = sweep(group.outcomes, plan.ids, None if passes is None else passes.at_least)
+        if data is not None:
+            plots[entry.identity] = packed(page_json(data).encode())
+        place = GroupPlace(entry.identity, plan.ids, replayed, data is not None)
+        written = (
+            variations_article(group, place, options) if gate is None else gate_article(group, gate, place, options)
+        )
+        articles[entry.identity] = encoded(written)
+    return plots
 
 
 def _replay(outcome: Outcome, folder: Path, reader: ReplayReader) -> tuple[Replay | None, str]:
@@ -80,30 +119,20 @@ def _replay(outcome: Outcome, folder: Path, reader: ReplayReader) -> tuple[Repla
         return None, f"The replay cannot be read: {one_line(str(error))}"
 
 
-def _numbers(outcomes: Sequence[Outcome]) -> dict[int, int]:
-    """Return `id()` of an outcome -> its number among those of its name, equal to the number in links to its replay."""
-    taken: defaultdict[str, set[int]] = defaultdict(set)
-    # The next number to try for a name, so that many equal names do not take quadratic time.
-    free: defaultdict[str, Iterator[int]] = defaultdict(lambda: count(1))
-    numbers = {}
-    for outcome in sorted(outcomes, key=lambda outcome: outcome.replay is None):
-        name = one_line(outcome.name)
-        stated = namesake_number(outcome.name, outcome.replay or "")
-        number = next(number for number in chain([stated], free[name]) if number not in taken[name])
-        taken[name].add(number)
-        numbers[id(outcome)] = number
-    return numbers
-
-
-def _index_entry(identity: str, outcome: Outcome, number: int, replay: Replay | None) -> dict[str, object]:
-    """Return the data of a scenario for the script of the page."""
+def _index_entry(entry: PageEntry, blocks: ReplayBlocks, plots: Collection[str]) -> dict[str, object]:
+    """Return the data of an article for the script of the page."""
+    outcome = entry.outcome
+    failures = () if outcome is None else outcome.failures
+    expectations = () if outcome is None or outcome.statistics is not None else outcome.expectations
     return {
-        "id": identity,
-        "name": one_line(outcome.name),
-        "number": number,
-        "status": outcome.display_status,
-        "replay": None if replay is None else f"replay-{identity}",
-        "moment": next((time for failure in outcome.failures if (time := _moment(failure.time)) is not None), None),
+        "id": entry.identity,
+        "kind": entry.kind,
+        "name": entry.name,
+        "number": entry.number,
+        "status": entry.status,
+        "replay": _replay_id(entry.identity) if _replay_id(entry.identity) in blocks.blocks else None,
+        "sweep": _sweep_id(entry.identity) if entry.identity in plots else None,
+        "moment": next((time for failure in failures if (time := _moment(failure.time)) is not None), None),
         "expectations": [
             {
                 "name": one_line(expected.name),
@@ -111,7 +140,7 @@ def _index_entry(identity: str, outcome: Outcome, number: int, replay: Replay | 
                 "time": _moment(expected.verdict.time),
                 "cutOff": expected.verdict.cut_off,
             }
-            for expected in outcome.expectations
+            for expected in expectations
         ],
     }
 
@@ -121,19 +150,17 @@ def _moment(time: float | None) -> float | None:
     return time if time is not None and isfinite(time) else None
 
 
-_MAX_IN_GIST = 110
-
-
 def page_headline(results: Results) -> str:
     """Return the headline: the number of scenarios that did not pass."""
     bad = results.total - results.count("passed") - results.count("skipped")
     if not results.total:
         return "No scenarios were run"
+    noun = "gate" if all(outcome.statistics is not None for outcome in results.verdicts) else "scenario"
     if results.conclusion == "cancelled":
-        return f"Interrupted: {results.count('passed')} of {results.total} scenarios had passed"
+        return f"Interrupted: {results.count('passed')} of {results.total} {noun}s had passed"
     if not bad:
-        return "The scenario passed" if results.total == 1 else f"All {results.total} scenarios passed"
-    return "The scenario did not pass" if results.total == 1 else f"{bad} of {results.total} scenarios did not pass"
+        return f"The {noun} passed" if results.total == 1 else f"All {results.total} {noun}s passed"
+    return f"The {noun} did not pass" if results.total == 1 else f"{bad} of {results.total} {noun}s did not pass"
 
 
 def page_head(results: Results) -> Html:
@@ -143,75 +170,13 @@ def page_head(results: Results) -> Html:
     told += [shard_text(results.shard)] if results.shard else []
     told += [f"sim-action {results.sim_action}"]
     worst = next((outcome.status for outcome in results.worst_first()), None)
-    kind = "passed" if results.conclusion == "success" else "not_exercised" if worst == "not_exercised" else "failed"
+    open_kinds = ("inconclusive", "not_exercised")
+    kind = "passed" if results.conclusion == "success" else worst if worst in open_kinds else "failed"
     return element(
         "header",
         element("h1", page_headline(results), class_=kind),
         element("p", " · ".join(told), class_="faint"),
         class_="run",
-    )
-
-
-def scenario_list(found: list[ScenarioGroup], ids: Mapping[int, str]) -> Html:
-    """Return the list of scenarios; empty for a single scenario.
-
-    `ids` maps `id()` of an outcome to its element id, for outcomes that have an article.
-    """
-    total = sum(len(group.outcomes) for group in found)
-    if total < 2:
-        return Html("")
-    left = total - len(ids)
-    more = element(
-        "p",
-        f"{counted(left, 'more scenario')} in results.json; this page shows the worst {len(ids)}.",
-        class_="faint none",
-    )
-    return element(
-        "nav",
-        element(
-            "details",
-            element("summary", f"{total} scenarios"),
-            element("ol", *(_list_entry(group, ids) for group in found)),
-            more if left else "",
-            open=True,
-        ),
-        aria_label="Scenarios",
-        class_="scenarios",
-    )
-
-
-def _gist(outcome: Outcome) -> str:
-    """Return the first reason why a scenario did not pass, shortened; empty if it passed."""
-    told = [failure.message for failure in outcome.failures]
-    told += [expected.verdict.message for expected in outcome.not_passed]
-    return shortened(one_line(told[0]), _MAX_IN_GIST) if told else ""
-
-
-def _list_entry(group: ScenarioGroup, ids: Mapping[int, str]) -> Html:
-    there = [outcome for outcome in group.worst_first() if id(outcome) in ids]
-    if not there:
-        return Html("")
-    if not group.varies:
-        return _list_item(there[0], there[0].name, ids)
-    title = joined(
-        status_mark(group.status),
-        element("span", one_line(group.name), element("small", group.passed, class_="faint"), class_="name"),
-    )
-    items = [_list_item(outcome, group.values(outcome), ids) for outcome in there]
-    fold = element("details", element("summary", title), element("ol", *items), open=group.status != "passed")
-    return element("li", fold, class_="group")
-
-
-def _list_item(outcome: Outcome, name: str, ids: Mapping[int, str]) -> Html:
-    why = _gist(outcome)
-    return element(
-        "li",
-        element(
-            "a",
-            status_mark(outcome.display_status),
-            element("span", one_line(name), element("small", why, class_="faint") if why else "", class_="name"),
-            href=f"#{ids[id(outcome)]}",
-        ),
     )
 
 

@@ -28,15 +28,20 @@ from sim_action.scenario.claim_audit import AuditWarning
 from sim_action.state.verdict import Verdict
 
 
-def article(identity: str, outcome: Outcome, results: Results, options: ReportOptions, still: Html) -> Html:
-    """Return the article of a scenario; `identity` is its element id, `still` the drawing shown without scripts."""
+def article(
+    identity: str, outcome: Outcome, results: Results, options: ReportOptions, still: Html, *, gate: str = ""
+) -> Html:
+    """Return the article of a scenario; `identity` is its element id, `still` the drawing shown without scripts.
+
+    `gate` is the element id of the article of the gate that judges this run, if it has one.
+    """
     kind = outcome.display_status
-    look = STATUS_DISPLAYS[kind]
     return element(
         "article",
         element(
             "header",
-            element("p", element("span", look.symbol, aria_hidden="true"), " ", look.headline, class_=f"status {kind}"),
+            status_line(kind, STATUS_DISPLAYS[kind].headline),
+            _gate_line(outcome, gate) if outcome.is_sample else "",
             element("h2", one_line(outcome.name), id=f"{identity}-name"),
             element("p", _origin_line(outcome, options), class_="faint"),
         ),
@@ -48,9 +53,21 @@ def article(identity: str, outcome: Outcome, results: Results, options: ReportOp
             details(outcome, results, options),
         ),
         id=identity,
-        class_=f"scenario {kind}",
+        class_=f"scenario {kind}{' sample' if outcome.is_sample else ''}",
         aria_labelledby=f"{identity}-name",
     )
+
+
+def status_line(kind: DisplayStatus, words: str) -> Html:
+    """Return the line with the status above a name."""
+    symbol = element("span", STATUS_DISPLAYS[kind].symbol, aria_hidden="true")
+    return element("p", symbol, " ", words, class_=f"status {kind}")
+
+
+def _gate_line(outcome: Outcome, gate: str) -> Html:
+    """Return the line that names the gate of a run, which has no say of its own."""
+    name = one_line(outcome.gate or "")
+    return element("p", "One run of the gate ", element("a", name, href=f"#{gate}") if gate else name, class_="faint")
 
 
 def _origin_line(outcome: Outcome, options: ReportOptions) -> Html:
@@ -83,18 +100,24 @@ _MAX_MEASUREMENTS = 100
 
 def reasons(outcome: Outcome, options: ReportOptions) -> Html:
     """Return the reasons why a scenario did not pass, with measured value, limit, time and missing margin."""
-    told = [_failure_section(failure, options) for failure in outcome.failures[:_MAX_FAILURES]]
+    told = failure_sections(outcome, options)
     told += [_missed_section(expected) for expected in outcome.not_passed]
     told += [_warning_section(warning, options) for warning in outcome.warnings[:_MAX_WARNINGS]]
+    return element("div", joined(*told), class_="reasons") if told else Html("")
+
+
+def failure_sections(outcome: Outcome, options: ReportOptions) -> list[Html]:
+    """Return the reasons why there is no verdict."""
+    told = [_failure_section(failure, options) for failure in outcome.failures[:_MAX_FAILURES]]
     left = len(outcome.failures) - _MAX_FAILURES
-    more = element("p", f"{left} more errors are in results.json.", class_="faint") if left > 0 else ""
-    return element("div", joined(*told, more), class_="reasons") if told else Html("")
+    return [*told, element("p", f"{left} more errors are in results.json.", class_="faint")] if left > 0 else told
 
 
-def status_mark(status: DisplayStatus) -> Html:
-    """Return the symbol of a status; assistive technology reads its word."""
+def status_mark(status: DisplayStatus, *, neutral: bool = False) -> Html:
+    """Return the symbol of a status; assistive technology reads its word. `neutral`: without its colour."""
     display = STATUS_DISPLAYS[status]
-    return element("span", display.symbol, class_=f"mark {status}", role="img", aria_label=display.word)
+    kind = "mark" if neutral else f"mark {status}"
+    return element("span", display.symbol, class_=kind, role="img", aria_label=display.word)
 
 
 def expectations(outcome: Outcome, options: ReportOptions) -> Html:
@@ -129,7 +152,7 @@ def _failure_section(failure: Failure, options: ReportOptions) -> Html:
         "section",
         element("h3", failure.title),
         element("p", failure.message, class_="what"),
-        _named_figures({"at": _moment_link(failure.time)}),
+        named_figures({"at": _moment_link(failure.time)}),
         element("p", source(failure.location, options), class_="faint") if failure.location else "",
         element("pre", failure.details) if failure.details.strip() else "",
         class_="reason failed",
@@ -170,10 +193,10 @@ def _figures(verdict: Verdict) -> Html:
     # The number of contacts above a limit of zero repeats the measured value.
     margin = 0.0 if verdict.margin is None or verdict.unit == "contacts" else verdict.margin
     missed = units.display(-margin, verdict.unit) if margin < 0 else ""
-    return _named_figures({"measured": measured, "limit": limit, "missed by": missed, "at": _moment_link(verdict.time)})
+    return named_figures({"measured": measured, "limit": limit, "missed by": missed, "at": _moment_link(verdict.time)})
 
 
-def _named_figures(named: Mapping[str, str]) -> Html:
+def named_figures(named: Mapping[str, str]) -> Html:
     """Return a list of the label and value pairs with a value."""
     told = [element("div", element("dt", name), element("dd", value)) for name, value in named.items() if value]
     return element("dl", *told, class_="figures") if told else Html("")

@@ -10,11 +10,12 @@ class Scenarios {
     this.pending = 0;
     /** @type {Map<string, HTMLAnchorElement>} */
     this.anchors = new Map();
-    for (const anchor of document.querySelectorAll("nav.scenarios a")) {
+    this.byId = new Map(entries.map((entry) => [entry.id, entry]));
+    for (const anchor of document.querySelectorAll('nav.scenarios a, article a[href^="#s"]')) {
       if (!(anchor instanceof HTMLAnchorElement)) continue;
-      const entry = entries.find(({ id }) => anchor.hash === `#${id}`);
+      const entry = this.byId.get(anchor.hash.slice(1));
       if (!entry) continue;
-      this.anchors.set(entry.id, anchor);
+      if (anchor.closest("nav")) this.anchors.set(entry.id, anchor);
       anchor.href = linkTo(entry, null);
       anchor.addEventListener("click", (event) => {
         // In a frame without an address, as in a notebook, the link would lead to the page around the frame.
@@ -26,9 +27,10 @@ class Scenarios {
     addEventListener("hashchange", () => void this.follow());
   }
 
-  /** Opens the scenario of the address, or the first one. */
+  /** Opens the scenario of the address, or the first one that counts. */
   async follow() {
-    const wanted = asked(this.entries) ?? (this.open ? null : { scenario: this.entries[0], time: null });
+    const first = this.entries.find(({ kind }) => kind === "scenario" || kind === "gate") ?? this.entries[0];
+    const wanted = asked(this.entries) ?? (this.open ? null : { scenario: first, time: null });
     if (!wanted?.scenario) return;
     if (wanted.scenario !== this.open) await this.show(wanted.scenario, wanted.time);
     else if (wanted.time !== null) {
@@ -50,6 +52,7 @@ class Scenarios {
     anchor?.setAttribute("aria-current", "true");
     anchor?.closest("li.group > details")?.setAttribute("open", "");
     anchor?.scrollIntoView({ block: "nearest" });
+    if (entry.sweep) await this.plot(entry.sweep, find(article, ".sweep"));
     if (entry.replay) await this.mount(entry, article, time);
   }
 
@@ -85,6 +88,19 @@ class Scenarios {
     };
     player.clock.addEventListener("tick", remember);
     player.clock.addEventListener("state", remember);
+  }
+
+  /**
+   * Draws the plot over the parameters, once.
+   * @param {string} block
+   * @param {HTMLElement} place
+   */
+  async plot(block, place) {
+    if (!place.hidden) return;
+    place.hidden = false;
+    const data = JSON.parse((await unpacked(block)) ?? "{}");
+    const entries = data.entries.map((/** @type {string | null} */ id) => this.byId.get(id ?? "") ?? null);
+    place.append(new Sweep(block, data, entries).element);
   }
 
   /**

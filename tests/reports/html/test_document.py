@@ -19,7 +19,14 @@ def hash_of(content: str) -> str:
 
 
 def page_text() -> str:
-    return Page("title </title><script>", failed=True, body=[b"<main></main>"], index="{}", blocks={"a": "QQ=="}).text()
+    return Page(
+        "title </title><script>",
+        failed=True,
+        body=[b"<main></main>"],
+        index="{}",
+        blocks={"a": "QQ=="},
+        has_replays=True,
+    ).text()
 
 
 def test_what_runs_and_what_styles_is_allowed_by_its_hash() -> None:

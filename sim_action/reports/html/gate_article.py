@@ -1,0 +1,250 @@
+"""The article of a gate, or of a scenario's variations: rate, conditions, counts, and the runs, the worst first."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+from sim_action.core import units
+from sim_action.core.records import dataclass
+from sim_action.core.wording import counted, shortened
+from sim_action.reports import ReportOptions
+from sim_action.reports.escaping import one_line
+from sim_action.reports.formatting import moment, quantity
+from sim_action.reports.html.document import Html, element, joined
+from sim_action.reports.html.scenario_article import failure_sections, named_figures, source, status_line, status_mark
+from sim_action.reports.html.sweep import Parameter, parameters
+from sim_action.reports.scenario_groups import ScenarioGroup, nearest_expectation
+from sim_action.reports.statuses import STATUS_DISPLAYS
+from sim_action.results.gate_statistics import GateStatistics
+from sim_action.results.outcome import ExpectationOutcome, Outcome
+from sim_action.scenario.variations.gate import PlannedGate, percent
+
+SHOWN_RUNS: Final = 20
+"""The number of runs that a reader sees at once; the others are in a fold."""
+
+
+@dataclass(frozen=True, slots=True)
+class GroupPlace:
+    """The place of a group in the page.
+
+    Attributes:
+        identity: the element id of its article.
+        ids: `id()` of an outcome -> the element id of its article; only of runs that the page has.
+        replayed: the element ids of the articles with a replay.
+        is_plotted: True if the page has a plot of its parameters.
+    """
+
+    identity: str
+    ids: Mapping[int, str]
+    replayed: frozenset[str]
+    is_plotted: bool
+
+
+def gate_article(group: ScenarioGroup, gate: Outcome, place: GroupPlace, options: ReportOptions) -> Html:
+    """Return the article of a gate; `gate` is its outcome."""
+    kind = gate.display_status
+    statistics = gate.statistics
+    return _article(
+        place.identity,
+        kind,
+        element(
+            "header",
+            status_line(kind, f"Gate: {STATUS_DISPLAYS[kind].headline[0].lower()}{STATUS_DISPLAYS[kind].headline[1:]}"),
+            element("h2", one_line(gate.name), id=f"{place.identity}-name"),
+            _origin_line(group, options),
+        ),
+        rate_figure(statistics, group.planned, kind) if statistics is not None and statistics.runs else "",
+        _failures(gate, options),
+        _conditions(gate.expectations),
+        _counts(statistics) if statistics is not None else "",
+        _plot_place(place),
+        _runs(group, place),
+    )
+
+
+def variations_article(group: ScenarioGroup, place: GroupPlace, options: ReportOptions) -> Html:
+    """Return the article that shows all variations of a scenario together, or the runs of a part of a gate."""
+    kind = group.status
+    return _article(
+        place.identity,
+        kind,
+        element(
+            "header",
+            status_line(kind, group.gate_text if group.is_part else f"Variations: {group.passed}"),
+            element("h2", one_line(group.name), id=f"{place.identity}-name"),
+            _origin_line(group, options),
+        ),
+        _plot_place(place),
+        _runs(group, place),
+    )
+
+
+def _article(identity: str, kind: str, header: Html, *parts: str) -> Html:
+    return element(
+        "article",
+        header,
+        joined(*parts),
+        id=identity,
+        class_=f"scenario group {kind}",
+        aria_labelledby=f"{identity}-name",
+    )
+
+
+def _origin_line(group: ScenarioGroup, options: ReportOptions) -> Html:
+    told = [source(group.location, options), counted(len(group.outcomes), "run"), group.engines]
+    return element("p", Html(" · ".join(element("span", part) for part in told if part)), class_="faint")
+
+
+def _failures(gate: Outcome, options: ReportOptions) -> Html:
+    return element("div", joined(*failure_sections(gate, options)), class_="reasons") if gate.failures else Html("")
+
+
+def _conditions(judged: Sequence[ExpectationOutcome]) -> Html:
+    if not judged:
+        return Html("")
+    told = [
+        element(
+            "section",
+            element("h3", status_mark(each.status), " ", one_line(each.name)),
+            element("p", each.verdict.message, class_="what"),
+            class_=f"reason {each.status}",
+        )
+        for each in judged
+    ]
+    return joined(element("h3", "Conditions"), element("div", joined(*told), class_="reasons"))
+
+
+def _counts(statistics: GateStatistics) -> Html:
+    stopped = statistics.decision is not None and statistics.runs < statistics.planned
+    runs = f"{statistics.runs} of {statistics.planned}{', stopped early' if stopped else ''}"
+    decision = "" if statistics.decision is None else f"{statistics.decision} after {counted(statistics.runs, 'run')}"
+    named = {
+        "runs": runs,
+        "passed": str(statistics.passed),
+        "failed": str(statistics.failed),
+        "errors": str(statistics.errors),
+        "not exercised": str(statistics.not_exercised),
+        "decision": decision,
+    }
+    return joined(element("h3", "Counts"), named_figures(named))
+
+
+def _plot_place(place: GroupPlace) -> Html:
+    """Return the element that the script fills with the plots."""
+    return element("div", class_="sweep", hidden=True) if place.is_plotted else Html("")
+
+
+# The drawing of a rate, in its own units: the scale from 0 to 100 % begins and ends here.
+_LEFT: Final = 40.0
+_RIGHT: Final = 320.0
+_WIDTH: Final = 360
+_HEIGHT: Final = 62
+_BAR: Final = 30
+# Labels nearer than this overlap; a share of the scale.
+_LABEL_GAP: Final = 0.2
+
+
+def rate_figure(statistics: GateStatistics, planned: PlannedGate | None, kind: str) -> Html:
+    """Return the rate of passed runs with its interval and the claimed rates on a scale from 0 to 100 %."""
+    lower, upper, claims = statistics.lower, statistics.upper, _claims(planned)
+    interval = ""
+    if lower is not None and upper is not None:
+        interval = f"between {percent(lower)} and {percent(upper)}, each side with {percent(statistics.confidence)}"
+    told = [f"{statistics.passed} of {statistics.runs} runs passed: {percent(statistics.rate)}"]
+    told += [f"{interval} confidence"] if interval else []
+    told += [f"{words} {percent(rate)}" for words, rate in claims]
+    marks = [element("line", x1=_LEFT, x2=_RIGHT, y1=_BAR, y2=_BAR, class_="scale")]
+    marks += [_label(_LEFT - 6, _BAR + 4, "end", "0 %"), _label(_RIGHT + 6, _BAR + 4, "start", "100 %")]
+    if lower is not None and upper is not None:
+        width = max(1.0, _at(upper) - _at(lower))
+        marks += [element("rect", x=_at(lower), width=round(width, 1), y=_BAR - 6, height=12, class_="interval")]
+        marks += _bound_labels(lower, upper)
+    for number, (words, rate) in enumerate(claims):
+        marks += [element("line", x1=_at(rate), x2=_at(rate), y1=_BAR - 11, y2=_BAR + 11, class_="claim")]
+        anchor = "end" if number == 0 and (len(claims) > 1 or rate > _MIDDLE) else "start"
+        marks += [_label(_at(rate) + (3 if anchor == "start" else -3), 12, anchor, f"{words} {percent(rate)}")]
+    marks += [element("circle", cx=_at(statistics.rate), cy=_BAR, r=4.5, class_="rate")]
+    drawn = element(
+        "svg", *marks, viewBox=f"0 0 {_WIDTH} {_HEIGHT}", role="img", aria_label="; ".join(told), class_="bar"
+    )
+    words = element("p", element("b", percent(statistics.rate)), " of the runs passed", class_="share")
+    note = element("figcaption", f"True rate: {interval} confidence.", class_="faint") if interval else ""
+    return element("figure", words, drawn, note, class_=f"interval-of-rate {kind}")
+
+
+_MIDDLE: Final = 0.5
+
+
+def _claims(planned: PlannedGate | None) -> list[tuple[str, float]]:
+    """Return the words and the rate of each claim about the rate."""
+    if planned is None:
+        return []
+    if planned.gate.passes is not None:
+        return [("claimed: at least", planned.gate.passes.at_least)]
+    test = planned.gate.stop_early
+    return [] if test is None else [("reject", test.reject), ("accept", test.accept)]
+
+
+def _bound_labels(lower: float, upper: float) -> list[Html]:
+    """Return the labels of the bounds, which stand apart from each other and inside the drawing."""
+    y = _BAR + 24
+    if upper - lower >= _LABEL_GAP:
+        return [_label(_at(bound), y, "middle", percent(bound)) for bound in (lower, upper)]
+    middle = (lower + upper) / 2
+    return [
+        _label(_at(middle) - 4, y, "end", percent(lower)),
+        _label(_at(middle) + 4, y, "start", percent(upper)),
+    ]
+
+
+def _at(share: float) -> float:
+    return round(_LEFT + share * (_RIGHT - _LEFT), 1)
+
+
+def _label(x: float, y: float, anchor: str, words: str) -> Html:
+    return element("text", words, x=round(x, 1), y=y, text_anchor=anchor)
+
+
+_MAX_TEXT: Final = 40
+
+
+def _runs(group: ScenarioGroup, place: GroupPlace) -> Html:
+    """Return the runs as tables, the worst first; those after the first ones are in a fold."""
+    runs = [run for run in group.worst_first() if id(run) in place.ids]
+    varied = {id(run): index for index, run in enumerate(group.outcomes)}
+    columns = parameters(group.outcomes)
+    rows = [_row(run, varied[id(run)], columns, place) for run in runs]
+    left = len(group.outcomes) - len(runs)
+    rest = rows[SHOWN_RUNS:]
+    fold = element("details", element("summary", f"All {len(runs)} runs"), _table(columns, rest), class_="rest")
+    more = element("p", f"{counted(left, 'more run')} in results.json.", class_="faint")
+    title = element("h3", "Runs, the worst first")
+    return joined(title, _table(columns, rows[:SHOWN_RUNS]), fold if rest else "", more if left else "")
+
+
+def _table(columns: Sequence[Parameter], rows: Sequence[Html]) -> Html:
+    titles = ("Run", *(column.label for column in columns), "Nearest limit", "Margin", "Replay")
+    head = element("tr", element("td"), *(element("th", title, scope="col") for title in titles))
+    table = element("table", element("thead", head), element("tbody", joined(*rows)))
+    return element("div", table, class_="wide runs")
+
+
+def _row(run: Outcome, index: int, columns: Sequence[Parameter], place: GroupPlace) -> Html:
+    identity = place.ids[id(run)]
+    expected = nearest_expectation(run)
+    verdict = None if expected is None else expected.verdict
+    values = [(column.label, shortened(column.texts[index], _MAX_TEXT)) for column in columns]
+    reason = next((failure.title for failure in run.failures), "") if expected is None else one_line(expected.name)
+    margin = "" if verdict is None or verdict.margin is None else units.display(verdict.margin, verdict.unit)
+    if verdict is not None and verdict.status == "passed" and verdict.goal:
+        margin = f"at {moment(verdict.time)}" if verdict.time is not None else quantity(verdict.margin, verdict.unit)
+    link = element("a", f"run {index + 1}", href=f"#{identity}")
+    replay = "" if run.status == "skipped" else "yes" if identity in place.replayed else "not in this report"
+    cells = [*values, ("Nearest limit", reason), ("Margin", margin), ("Replay", replay)]
+    return element(
+        "tr",
+        element("td", status_mark(run.display_status, neutral=run.is_sample)),
+        element("th", link, scope="row"),
+        *(element("td", told, data_title=title) for title, told in cells),
+    )

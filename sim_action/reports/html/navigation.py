@@ -1,0 +1,222 @@
+"""The plan of the page: which articles it has, how addresses name them, and the list of them on the left."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain, count
+from typing import Final, Literal
+
+from sim_action.core.records import dataclass
+from sim_action.core.wording import counted, shortened
+from sim_action.reports.escaping import one_line
+from sim_action.reports.html.document import Html, element, joined
+from sim_action.reports.html.scenario_article import status_mark
+from sim_action.reports.html.sweep import has_plot
+from sim_action.reports.scenario_groups import ScenarioGroup, worst_first
+from sim_action.results.artifacts import namesake_number
+from sim_action.results.outcome import WORST_FIRST, DisplayStatus, Outcome
+from sim_action.results.results_json import Results
+
+EntryKind = Literal["scenario", "sample", "gate", "variations"]
+"""The kind of an article: a run that counts, a run of a gate, a gate, or all variations of a scenario together."""
+
+
+@dataclass(frozen=True, slots=True)
+class PageEntry:
+    """An article of the page.
+
+    Attributes:
+        identity: its element id.
+        name, number: the name in addresses, and the number among the articles of this name, from 1.
+        outcome: the run or the gate; None for the variations of a scenario.
+        group: the runs of a gate or of a scenario; None for a run.
+    """
+
+    identity: str
+    kind: EntryKind
+    name: str
+    number: int
+    status: DisplayStatus
+    outcome: Outcome | None
+    group: ScenarioGroup | None
+
+
+@dataclass(frozen=True, slots=True)
+class PagePlan:
+    """The articles of a page in their order.
+
+    Attributes:
+        groups: all groups, the worst first.
+        runs: the runs with an article, in the order in which they get a place for their replay.
+        ids: `id()` of an outcome -> the element id of its article.
+        gates: file and name of a gate -> the element id of its article.
+        left: the number of runs without an article.
+    """
+
+    groups: Sequence[ScenarioGroup]
+    entries: Sequence[PageEntry]
+    runs: Sequence[Outcome]
+    ids: Mapping[int, str]
+    gates: Mapping[tuple[str, str | None], str]
+    left: int
+
+
+def planned_page(found: Sequence[ScenarioGroup], most: int) -> PagePlan:
+    """Return the plan of a page with at most `most` runs, the worst ones.
+
+    Among runs of one status, those that count come before those of a gate.
+    """
+    groups = worst_first(found)
+    everything = [outcome for group in groups for outcome in group.worst_first()]
+    runs = sorted(everything, key=lambda run: (WORST_FIRST.index(run.display_status), run.is_sample))[:most]
+    kept = {id(run) for run in runs}
+    planned = [each for group in groups for each in _planned_entries(group, kept)]
+    numbers = _numbers([(_name(outcome, group), _replay(outcome)) for _, outcome, group in planned])
+    entries = [
+        PageEntry(
+            identity=f"s{place}",
+            kind=kind,
+            name=one_line(_name(outcome, group)),
+            number=number,
+            status=group.status if outcome is None else outcome.display_status,
+            outcome=outcome,
+            group=None if kind in ("scenario", "sample") else group,
+        )
+        for place, ((kind, outcome, group), number) in enumerate(zip(planned, numbers, strict=True))
+    ]
+    return PagePlan(
+        groups=groups,
+        entries=entries,
+        runs=runs,
+        ids={id(entry.outcome): entry.identity for entry in entries if entry.outcome is not None},
+        gates={
+            (entry.outcome.file, entry.outcome.gate): entry.identity
+            for entry in entries
+            if entry.kind == "gate" and entry.outcome is not None
+        },
+        left=len(everything) - len(runs),
+    )
+
+
+_Planned = tuple[EntryKind, Outcome | None, ScenarioGroup]
+
+
+def _planned_entries(group: ScenarioGroup, kept: set[int]) -> Iterator[_Planned]:
+    if group.gate is not None:
+        yield "gate", group.gate, group
+    elif has_plot(group.outcomes):
+        yield "variations", None, group
+    for run in group.worst_first():
+        if id(run) in kept:
+            yield "sample" if run.is_sample else "scenario", run, group
+
+
+def _name(outcome: Outcome | None, group: ScenarioGroup) -> str:
+    return group.name if outcome is None else outcome.name
+
+
+def _replay(outcome: Outcome | None) -> str:
+    return "" if outcome is None else outcome.replay or ""
+
+
+def _numbers(named: Sequence[tuple[str, str]]) -> list[int]:
+    """Return the number of each article among those of its name, equal to the number in links to its replay."""
+    taken: defaultdict[str, set[int]] = defaultdict(set)
+    # The next number to try for a name, so that many equal names do not take quadratic time.
+    free: defaultdict[str, Iterator[int]] = defaultdict(lambda: count(1))
+    numbers = [0] * len(named)
+    for place, (name, replay) in sorted(enumerate(named), key=lambda each: not each[1][1]):
+        stated, shown = namesake_number(name, replay), one_line(name)
+        number = next(number for number in chain([stated], free[shown]) if number not in taken[shown])
+        taken[shown].add(number)
+        numbers[place] = number
+    return numbers
+
+
+def scenario_list(plan: PagePlan, results: Results) -> Html:
+    """Return the list of scenarios; empty for a single one."""
+    shown = len(plan.runs)
+    if shown + plan.left < 2:
+        return Html("")
+    noun = "more run" if results.gates else "more scenario"
+    more = element(
+        "p", f"{counted(plan.left, noun)} in results.json; this page shows the worst {shown}.", class_="faint none"
+    )
+    places = {id(entry.group): entry.identity for entry in plan.entries if entry.group is not None}
+    return element(
+        "nav",
+        element(
+            "details",
+            element("summary", _list_title(results)),
+            element("ol", *(_list_entry(group, places.get(id(group), ""), plan.ids) for group in plan.groups)),
+            more if plan.left else "",
+            open=True,
+        ),
+        aria_label="Scenarios",
+        class_="scenarios",
+    )
+
+
+def _list_title(results: Results) -> str:
+    gates = sum(outcome.statistics is not None for outcome in results.verdicts)
+    counts = ((results.total - gates, "scenario"), (gates, "gate"))
+    return ", ".join(counted(number, noun) for number, noun in counts if number)
+
+
+_MAX_IN_GIST: Final = 110
+
+
+def _gist(outcome: Outcome) -> str:
+    """Return the first reason why a scenario did not pass, shortened; empty if it passed."""
+    told = [failure.message for failure in outcome.failures]
+    told += [expected.verdict.message for expected in outcome.not_passed]
+    return shortened(one_line(told[0]), _MAX_IN_GIST) if told else ""
+
+
+def _list_entry(group: ScenarioGroup, place: str, ids: Mapping[int, str]) -> Html:
+    there = [outcome for outcome in group.worst_first() if id(outcome) in ids]
+    if not there and not place:
+        return Html("")
+    if not group.varies:
+        return _list_item(there[0], there[0].name, ids)
+    items = [_list_item(outcome, group.values(outcome), ids) for outcome in there]
+    if group.gate is not None:
+        runs = element("summary", counted(len(group.outcomes), "run"), class_="faint")
+        fold = element("details", runs, element("ol", *items)) if items else ""
+        return element("li", _gate_link(group, group.gate, place), fold, class_="group gate")
+    title = joined(
+        status_mark(group.status),
+        element("span", one_line(group.name), element("small", _told(group), class_="faint"), class_="name"),
+    )
+    if place:
+        together = element(
+            "span", f"All {counted(len(group.outcomes), 'run' if group.is_part else 'variation')}", class_="name"
+        )
+        items.insert(0, element("li", element("a", element("span", class_="mark"), together, href=f"#{place}")))
+    is_open = group.status != "passed" and not group.is_part
+    fold = element("details", element("summary", title), element("ol", *items), open=is_open)
+    return element("li", fold, class_="group")
+
+
+def _told(group: ScenarioGroup) -> str:
+    return group.gate_text if group.is_part else group.passed
+
+
+def _gate_link(group: ScenarioGroup, gate: Outcome, place: str) -> Html:
+    told = element("small", f"gate: {group.rate_text}", class_="faint")
+    name = element("span", one_line(gate.name), told, class_="name")
+    return element("a", status_mark(gate.display_status), name, href=f"#{place}")
+
+
+def _list_item(outcome: Outcome, name: str, ids: Mapping[int, str]) -> Html:
+    why = _gist(outcome)
+    return element(
+        "li",
+        element(
+            "a",
+            status_mark(outcome.display_status, neutral=outcome.is_sample),
+            element("span", one_line(name), element("small", why, class_="faint") if why else "", class_="name"),
+            href=f"#{ids[id(outcome)]}",
+        ),
+    )
