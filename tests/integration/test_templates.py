@@ -118,6 +118,44 @@ def test_gate_tells_what_a_pull_request_changes(run_template: RunTemplate, repos
     assert re.search(r"1 newly fails,( \d+ warnings?,)? 1 still fails, 2 still pass", changed.summary)
 
 
+GATE = """\
+name: unknown floors
+robot: {model: turtlebot3_burger}
+commands: {twist: [{linear: 0.5}]}
+expect: [{travel: {at_least: 0.1 m}}]
+variations:
+  commands.twist.0.linear: {uniform: [0.0, 1.0]}
+gate: {passes: {at_least: 10 %, confidence: 95 %}, runs: 40}
+time_limit: 0.5 s
+"""
+
+
+def test_a_pull_request_is_compared_with_its_base_on_the_same_draws(
+    run_template: RunTemplate, repository: Path, tmp_path: Path
+) -> None:
+    for name in "bcd":
+        (repository / f"simulation/{name}.sim.yml").unlink()
+    write(repository / "simulation/a.sim.yml", GATE)
+    base = tmp_path / "base"
+    shutil.copytree(repository, base)
+    same = run_template("pull-request-compare", event_name="pull_request", base=base)
+    assert same.conclusion == "success", same.jobs["compare"].log
+    assert "✅ Nothing newly fails" in same.jobs["compare"].summary
+    write(repository / "simulation/a.sim.yml", GATE.replace("0.5 s", "0.45 s"))
+    worse = run_template("pull-request-compare", event_name="pull_request", base=base)
+    assert worse.conclusion == "failure"
+    assert "✅ The scenario passed" in worse.jobs["compare"].summary
+    assert "❌ 1 pass rate fell" in worse.jobs["compare"].summary
+
+
+def test_a_pull_request_with_the_first_scenarios_is_compared_with_nothing(
+    run_template: RunTemplate, tmp_path: Path
+) -> None:
+    write(tmp_path / "base/README.md", "A robot.\n")
+    result = run_template("pull-request-compare", event_name="pull_request", base=tmp_path / "base")
+    assert result.conclusion == "success", result.jobs["compare"].log
+
+
 def test_the_nightly_run_finds_what_is_flaky(run_template: RunTemplate, repository: Path) -> None:
     for name in "bcd":
         (repository / f"simulation/{name}.sim.yml").unlink()
@@ -221,7 +259,7 @@ def test_nodes_of_ros_2(run_template: RunTemplate, repository: Path) -> None:
 
 def test_every_template_is_tried() -> None:
     tried = {"simulation", "pull-request-gate", "nightly", "sharded", "resume", *REPORTERS, "ros1", "ros2"}
-    tried |= {"reusable", "reusable-caller"}
+    tried |= {"pull-request-compare", "reusable", "reusable-caller"}
     assert {path.stem for path in TEMPLATES.glob("*.yml")} == tried
 
 

@@ -1,4 +1,4 @@
-"""A stand-in for actions/checkout: a repository of one commit, and what a checkout of it leaves in the workspace."""
+"""A stand-in for actions/checkout: a repository of one or two commits, and what a checkout leaves in the workspace."""
 
 from __future__ import annotations
 
@@ -37,23 +37,28 @@ _CONFIG: Final = """\
 """
 
 
-def commit(repository: Path, origin: Path) -> str:
-    """Keeps the state of a folder as the only commit of the branch main of a new repository, and returns its SHA.
+def commit(repository: Path, origin: Path, base: Path | None = None) -> str:
+    """Keeps the state of a folder as the last commit of the branch main of a new repository, and returns its SHA.
 
-    Of a work tree, all files that git does not ignore, committed or not; of another folder, all files. Raises
-    UnsupportedFeature.
+    Of a work tree, all files that git does not ignore, committed or not; of another folder, all files. `base`: a folder
+    whose state is the commit before; None: there is none. Raises UnsupportedFeature.
     """
     _git("init", "--bare", "--template=", str(origin))
     with (origin / "config").open("a", encoding="utf-8") as config:
         config.write(_ORIGIN_CONFIG)
-    tree = ("--git-dir", str(origin), "--work-tree", str(repository))
-    if (repository / ".git").exists():
-        names = "\0".join(_tracked(repository))
-        _git(*tree, "update-index", "-z", "--add", "--stdin", stdin=names, folder=repository)
-    else:
-        _git(*tree, "add", "--all", "--force", ".", folder=repository)
-    _git(*tree, "commit", "--quiet", "--allow-empty", "--message", "The state of the folder", folder=repository)
+    for folder in (repository,) if base is None else (base, repository):
+        _commit(folder, origin)
     return (origin / "refs/heads/main").read_text(encoding="utf-8").strip()
+
+
+def _commit(folder: Path, origin: Path) -> None:
+    tree = ("--git-dir", str(origin), "--work-tree", str(folder))
+    if (folder / ".git").exists():
+        names = "\0".join(_tracked(folder))
+        _git(*tree, "update-index", "-z", "--add", "--stdin", stdin=names, folder=folder)
+    else:
+        _git(*tree, "add", "--all", "--force", ".", folder=folder)
+    _git(*tree, "commit", "--quiet", "--allow-empty", "--message", "The state of the folder", folder=folder)
 
 
 def _tracked(repository: Path) -> Iterable[str]:
@@ -80,7 +85,8 @@ def _check_out(machine: Machine, inputs: Mapping[str, str]) -> Mapping[str, str]
         config.write(_CONFIG.format(url=url))
     sha = to_text(github["sha"])
     branch, local = _places(ref or to_text(github["ref"]), sha)
-    _git("fetch", "--no-tags", "--depth=1", str(machine.origin), f"+refs/heads/main:{branch}", folder=folder)
+    depth = [f"--depth={inputs['fetch-depth']}"] if inputs["fetch-depth"] != "0" else []
+    _git("fetch", "--no-tags", *depth, str(machine.origin), f"+refs/heads/main:{branch}", folder=folder)
     (folder / ".git/FETCH_HEAD").write_text(f"{sha}\t\t'{sha}' of {url}\n", encoding="utf-8")
     _git("checkout", "--quiet", "--force", *local, branch, folder=folder)
     return NO_OUTPUTS

@@ -39,6 +39,7 @@ def run_workflow(
     done: Mapping[str, JobResult] | None = None,
     run: Run | None = None,
     work: Path | None = None,
+    base: Path | None = None,
 ) -> WorkflowResult:
     """Runs a workflow file on an event. Raises UnsupportedFeature.
 
@@ -51,12 +52,13 @@ def run_workflow(
         done: jobs that are not run, because this is what became of them.
         run: its number and attempt; left out, it has a new number.
         work: the parent of the workspace of all jobs; left out, each job has a workspace of its own.
+        base: what the commit before gives, such as the base of a pull request; left out, there is none.
     """
     origin = temp / "origin"
     files = [file, *(repository / ".github/workflows").glob("*.y*ml")]
     # Without a checkout, nothing finds out that there is no such commit.
     is_needed = any("actions/checkout@" in one.read_text(encoding="utf-8") for one in files)
-    sha = commit(repository, origin) if is_needed else None
+    sha = commit(repository, origin, base) if is_needed else None
     shared = Shared(
         repository=repository,
         origin=origin,
