@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
+import sys
 import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from functools import partial
 from pathlib import Path
 
@@ -183,6 +185,7 @@ class _Call:
             self._early_stop = EarlyStop(self._every, assembly.places)
             terminal = ProgressListener(runs, request.reports.verbosity, gates=self._runs_of_gates())
             listeners += [each for each in (journal, self._early_stop, terminal, listener) if each is not None]
+            self._print_chances()
             assembly.begin(_of_patterns(self._found))
             assembly.take_over(self.taken.records)
             stopped = self.taken.not_passed or any(isinstance(plan, Refused) for plan in self._plans)
@@ -192,6 +195,15 @@ class _Call:
                 assembly.end(self._executed(assembly, motions, interruption))
             terminal.close()
         return journal.close()
+
+    def _print_chances(self) -> None:
+        """Print what robots of known rates would get from the gates, unless quiet."""
+        if self._found.gates and self._request.reports.verbosity != "quiet":
+            from sim_action.reports.gate_chances import print_chances
+
+            # A closed stream does not change a verdict.
+            with suppress(OSError, ValueError):
+                print_chances(self._found.gates, sys.stderr, os.environ)
 
     def _runs_of_gates(self) -> Counter[GateKey]:
         """Return the number of runs of each gate in this call, with those that are taken over."""

@@ -40,6 +40,11 @@ _OF_RUNS: Final = (
 )
 """The options without any effect on --list."""
 
+_OF_PLANNED_RUNS: Final = ("list_only", "shard", *(name for name in _OF_RUNS if name not in ("output_dir", "jobs")))
+"""The options without any effect on --plan-gate, which looks for the times of an earlier run."""
+
+_WISHED_RATE: Final = "97%"
+
 
 @click.command(short_help="Run scenarios and report their verdicts.")
 @PATHS
@@ -59,6 +64,15 @@ _OF_RUNS: Final = (
 )
 @click.option(
     "--list", "list_only", is_flag=True, help="Print name, file, line and tags of each scenario, and run nothing."
+)
+@click.option(
+    "--plan-gate",
+    is_flag=False,
+    flag_value=_WISHED_RATE,
+    callback=not_empty,
+    metavar="[RATE]",
+    help="For each gate, print the chances to pass with several numbers of runs, and how many runs a robot needs that "
+    f"is RATE good. Run nothing.  [default: {_WISHED_RATE}]",
 )
 @click.option("--watch", is_flag=True, help="Run scenarios again when their files change, until Ctrl-C.")
 @report_flags
@@ -136,6 +150,7 @@ def run(
     fail_fast: bool,
     resume: bool,
     list_only: bool,
+    plan_gate: str | None,
     watch: bool,
     shard: str | None,
     backend: str | None,
@@ -169,6 +184,8 @@ def run(
         from sim_action.recording.export import wanted_formats
         from sim_action.runner.run_plan import PlanRequest
 
+        if plan_gate is not None:
+            refuse_typed("--plan-gate runs nothing, and", *_OF_PLANNED_RUNS)
         if list_only:
             refuse_typed("--list runs nothing, and", *_OF_RUNS)
         if repeat > 1 and update_golden:
@@ -184,6 +201,8 @@ def run(
             allowed, outside=allow_outside, updates_golden=update_golden, packages=named_packages(packages)
         )
         plan = PlanRequest(suite, permissions, shard, backend, seed, unexercised)
+        if plan_gate is not None:
+            return _planned(plan, plan_gate, flags["output_dir"], jobs or usable_cores())
         if list_only:
             return _listed(plan)
         request = RunRequest(
@@ -205,15 +224,42 @@ def run(
         return watch_scenarios(request, named_paths(paths), interruption)
 
 
+def _planned(request: PlanRequest, rate: str, folder: str, jobs: int) -> ExitCode:
+    """Print the plans of all gates."""
+    from pathlib import Path
+
+    from sim_action.app.plan_gate import gate_plans, is_plannable, wished_rate
+
+    wish = wished_rate(rate)
+    scenarios, empty, unmatched = _meant(request)
+    if scenarios:
+        for line in gate_plans(scenarios, wish, Path(folder), jobs):
+            click.echo(line)
+    return _complained(request, [each for each in scenarios if not is_plannable(each)], empty, unmatched)
+
+
 def _listed(request: PlanRequest) -> ExitCode:
     """Print the selected scenarios; report unreadable ones as errors."""
-    from sim_action.core.wording import log_line
+    from sim_action.core.wording import note
+    from sim_action.reports.gate_chances import gate_listing
     from sim_action.scenario.selection import listing
-    from sim_action.scenario.source import Refused
 
     scenarios, empty, unmatched = _meant(request)
     for line in listing(scenarios):
         click.echo(line)
+    # Scripts read the lines of standard output, one for each run.
+    for line in gate_listing(scenarios):
+        note(line)
+    return _complained(request, scenarios, empty, unmatched)
+
+
+def _complained(
+    request: PlanRequest, scenarios: Sequence[Source | Refused], empty: Sequence[str], unmatched: Sequence[Unmatched]
+) -> ExitCode:
+    """Report unreadable scenarios, and options without any, as errors."""
+    from sim_action.core.wording import log_line
+    from sim_action.scenario.source import Refused
+
     errors = [each.error for each in scenarios if isinstance(each, Refused)]
     for line in (line for error in errors for line in str(error).split("\n")):
         click.echo(log_line(line), err=True)

@@ -98,3 +98,55 @@ def test_a_selected_run_counts_by_itself(workspace: Path) -> None:
     assert ran.returncode == 1
     assert "the gate of 'slip' is not judged: 1 run of 7 are selected" in ran.stdout + ran.stderr
     assert statuses(workspace / "one") == ["failed"]
+
+
+def test_every_report_shows_a_gate_as_one_entry(workspace: Path) -> None:
+    ran = sim_action(workspace, "run", "slip.sim.yml", "-j", "1", "--output-dir", "told")
+    assert "slip: gate of 7 runs, at least 50 % pass with 75 % confidence\n" in ran.stderr
+    assert "slip: 7 of 7 runs, " in ran.stderr
+    assert "of 7 runs passed (" in ran.stdout
+    assert "1 passed" in ran.stdout
+    assert "; 7 runs of 1 gate in" in ran.stdout
+    assert (workspace / "told/junit.xml").read_text(encoding="utf-8").count("<testcase") == 1
+
+
+def test_quiet_prints_no_chances(workspace: Path) -> None:
+    ran = sim_action(workspace, "run", "slip.sim.yml", "--quiet", "--output-dir", "quiet")
+    assert ran.stderr == ""
+
+
+def test_a_shard_with_a_part_of_a_gate_has_no_verdicts(workspace: Path) -> None:
+    ran = sim_action(workspace, "run", "slip.sim.yml", "--shard", "1/2", "--output-dir", "one")
+    assert ran.returncode == 0
+    assert "4 of the 7 runs of the gate are in this part" in ran.stdout
+    assert "no verdicts here; 4 runs of 1 gate for sim-action merge" in ran.stdout
+    assert (workspace / "one/junit.xml").read_text(encoding="utf-8").count("<skipped") == 1
+
+
+def test_a_gate_is_planned_without_a_run(workspace: Path) -> None:
+    few = SCENARIO.replace("at_least: 50 %, confidence: 75 %}", "at_least: 90 %}").replace("slip", "few")
+    (workspace / "few.yml").write_text(few)
+    ran = sim_action(workspace, "run", "few.yml", "slip.sim.yml", "--plan-gate", "--output-dir", "whole")
+    assert (ran.returncode, ran.stderr) == (0, "")
+    assert "7 runs, too few" in ran.stdout
+    assert "A robot that is 97 % good passes with P >= 0.8 at 76 runs." in ran.stdout
+    assert " runs, about 1 s." in ran.stdout
+
+
+def test_a_plan_without_a_gate_or_a_rate_is_refused_in_one_line(workspace: Path) -> None:
+    (workspace / "plain.yml").write_text(SCENARIO.partition("variations:")[0])
+    for words in (("plain.yml", "--plan-gate"), ("--plan-gate", "plain.yml"), ("plain.yml", "--plan-gate", "--list")):
+        ran = sim_action(workspace, "run", *words)
+        assert ran.returncode == 2
+        assert ran.stdout == ""
+        (line,) = ran.stderr.splitlines()
+        assert line.startswith("sim-action: --plan-gate")
+
+
+def test_a_list_names_the_gates_beside_its_lines(workspace: Path) -> None:
+    ran = sim_action(workspace, "run", "slip.sim.yml", "--list")
+    assert len(ran.stdout.splitlines()) == 7
+    assert all(line.split("\t")[1] == "slip.sim.yml:1" for line in ran.stdout.splitlines())
+    (line,) = ran.stderr.splitlines()
+    assert line.startswith("sim-action: gate slip: at least 50 % pass with 75 % confidence; 50 % quantile of")
+    assert line.endswith(", 7 runs")

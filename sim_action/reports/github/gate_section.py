@@ -8,7 +8,16 @@ from typing import Final
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import markdown_text
 from sim_action.reports.formatting import moment
-from sim_action.reports.github.markdown import code_of_link, left_out_note, message_text, row, source_link, table
+from sim_action.reports.gate_chances import chance_tables
+from sim_action.reports.github.markdown import (
+    code_of_link,
+    folded,
+    left_out_note,
+    message_text,
+    row,
+    source_link,
+    table,
+)
 from sim_action.reports.links import reason_time, replay_link
 from sim_action.reports.scenario_groups import ScenarioGroup
 from sim_action.reports.statuses import STATUS_DISPLAYS
@@ -32,6 +41,7 @@ def gate_section(group: ScenarioGroup, options: ReportOptions) -> str:
         left_out_note(len(bad), _MAX_RUNS, "run"),
         "\n".join(warnings[:_MAX_WARNINGS]),
         left_out_note(len(warnings), _MAX_WARNINGS, "warning"),
+        _chances(group),
     ]
     return "\n\n".join(part for part in parts if part)
 
@@ -62,6 +72,17 @@ def _claims(group: ScenarioGroup, options: ReportOptions) -> Iterator[str]:
             for expected in group.gate.expectations
         )
         yield table(("", "Claim", "Found"), found)
+
+
+def _chances(group: ScenarioGroup) -> str:
+    """Return the verdicts that robots of known rates get from the gate, folded."""
+    if group.planned is None:
+        return ""
+    (told,) = chance_tables([group.planned])
+    rows = (row(*map(markdown_text, each)) for each in told.rows)
+    columns = ("A robot that is ... good", *(f" {rate}" for rate in told.columns))
+    parts = [table(columns, rows) if told.rows else "", *map(markdown_text, told.remarks)]
+    return folded("The chances of robots with known rates", "\n\n".join(part for part in parts if part))
 
 
 def _run(group: ScenarioGroup, run: Outcome, options: ReportOptions) -> str:

@@ -5,13 +5,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Annotated, Final, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, model_validator
 
 from sim_action.core import units
-from sim_action.core.errors import InvalidScenario, Location
+from sim_action.core.errors import InvalidScenario, Location, Problem
 from sim_action.core.field_types import FrozenModel, Quantity
 from sim_action.core.records import dataclass
 from sim_action.core.statistics import binomial, order_statistics
@@ -81,7 +81,15 @@ class StopEarly(FrozenModel):
             raise ValueError(
                 f"'reject' must be below 'accept'; found {self.reject * 100:g} % and {self.accept * 100:g} %"
             )
+        if self.confidence == 0.5:
+            raise ValueError("a test that stops early needs a confidence above 50 %; use 95 %")
         return self
+
+    @property
+    def least_runs(self) -> int:
+        """The least number of runs after which the test can accept."""
+        test = SequentialTest(self.reject, self.accept, self.confidence, MAX_RUNS_OF_GATE)
+        return next((most for most in range(1, MAX_RUNS_OF_GATE) if test.boundaries(most)[1]), MAX_RUNS_OF_GATE)
 
 
 class Quantile(FrozenModel):
@@ -213,6 +221,19 @@ class GateOfScenario:
         return PlannedGate(name=name, file=file, line=line, location=location, group=group, gate=self.gate, runs=runs)
 
 
+class UnattainableGate(InvalidScenario):
+    """A gate that no result of its runs passes.
+
+    Attributes:
+        stated: the gate, for a plan with more runs.
+        runs: the number of runs that it has.
+    """
+
+    def __init__(self, problems: Iterable[Problem], stated: GateOfScenario, runs: int) -> None:
+        super().__init__(problems)
+        self.stated, self.runs = stated, runs
+
+
 def stated_gate(document: Document) -> GateOfScenario | None:
     """Return the gate of a scenario; None if it has none. Raise InvalidScenario with all problems."""
     if not isinstance(document.data, dict) or GATE not in document.data:
@@ -272,7 +293,7 @@ def refuse_unfit(document: Document, stated: GateOfScenario, runs: int) -> None:
         raise InvalidScenario([document.problem((GATE, "runs"), message)])
     problems = [document.problem((GATE, *path), text) for path, text in _unattainable(stated.gate, runs)]
     if problems:
-        raise InvalidScenario(problems)
+        raise UnattainableGate(problems, stated, runs)
 
 
 def _unattainable(gate: Gate, runs: int) -> Iterator[tuple[KeyPath, str]]:
@@ -281,8 +302,7 @@ def _unattainable(gate: Gate, runs: int) -> Iterator[tuple[KeyPath, str]]:
         if runs < needed:
             yield ("passes",), _too_few(runs, needed, f"a rate of {percent(passes.at_least)}", passes.confidence)
     if (test := gate.stop_early) is not None:
-        sequential = SequentialTest(test.reject, test.accept, test.confidence, MAX_RUNS_OF_GATE)
-        needed = next((most for most in range(1, MAX_RUNS_OF_GATE) if sequential.boundaries(most)[1]), MAX_RUNS_OF_GATE)
+        needed = test.least_runs
         if runs < needed:
             rates = f"{percent(test.accept)} against {percent(test.reject)}"
             yield ("stop_early",), _too_few(runs, needed, rates, test.confidence)

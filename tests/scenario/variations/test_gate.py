@@ -83,6 +83,10 @@ def test_a_gate_does_not_reach_its_runs(tmp_path: Path) -> None:
         ("{quantile: {of: a.margin, q: 5 %, at_least: 1 m, x: 1}}", "gate.quantile.x: unknown key"),
         ("{stop_early: {reject: 95 %, accept: 85 %}}", "'reject' must be below 'accept'; found 95 % and 85 %"),
         (
+            "{stop_early: {reject: 85 %, accept: 95 %, confidence: 50 %}}",
+            "a test that stops early needs a confidence above 50 %; use 95 %",
+        ),
+        (
             "{passes: {at_least: 90 %}, stop_early: {reject: 85 %, accept: 95 %}}",
             "a test that stops early tells two rates apart, and shows no rate of 'at_least'",
         ),

@@ -1,0 +1,178 @@
+"""The verdicts that robots of known rates would get from gates, before the first run: one table for equal claims."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Final, TextIO
+
+from sim_action.core.records import dataclass
+from sim_action.core.statistics import binomial, order_statistics
+from sim_action.core.statistics.sequential import SequentialTest
+from sim_action.core.wording import counted
+from sim_action.reports.console import Console, shows_colours
+from sim_action.reports.escaping import log_text, one_line
+from sim_action.scenario.source import Refused, Source
+from sim_action.scenario.variations.gate import Gate, Passes, PlannedGate, Quantile, StopEarly, percent
+
+_MAX_NAMES: Final = 3
+# Shares of the failures that a claim allows: robots that are worse than it, just as good, better, and much better.
+_FAILURES: Final = (1.5, 1.0, 0.5, 0.1)
+_INDENT: Final = "  "
+_GAP: Final = 3
+
+
+@dataclass(frozen=True, slots=True)
+class ChanceTable:
+    """The chances of gates with equal claims.
+
+    Attributes:
+        title: the names of the gates, their number of runs and their claim.
+        columns: the true rates, such as "95 %".
+        rows: the name of a verdict and its probability at each rate; for a test that stops early also the mean number
+            of runs.
+        remarks: what the claims about quantiles need.
+    """
+
+    title: str
+    columns: tuple[str, ...] = ()
+    rows: tuple[tuple[str, ...], ...] = ()
+    remarks: tuple[str, ...] = ()
+
+    def lines(self) -> Iterator[str]:
+        """Yield the table as aligned text, without its title."""
+        if self.rows:
+            yield from aligned((("a robot that is ... good", *self.columns), *self.rows))
+        yield from self.remarks
+
+
+def chance_tables(gates: Iterable[PlannedGate]) -> list[ChanceTable]:
+    """Return one table for all gates with equal claims and runs, in their order."""
+    alike: dict[tuple[Gate, int], list[str]] = {}
+    for gate in gates:
+        alike.setdefault((gate.gate, gate.runs), []).append(gate.name)
+    return [_chances(gate, runs, names) for (gate, runs), names in alike.items()]
+
+
+def print_chances(gates: Iterable[PlannedGate], stream: TextIO, environment: Mapping[str, str]) -> None:
+    """Print the tables to a stream."""
+    console = Console(stream, colourful=shows_colours(stream, environment))
+    for each in chance_tables(gates):
+        console.print((_printable(each.title, console), "bold"))
+        for line in each.lines():
+            console.print((_printable(f"{_INDENT}{line}", console), "dim"))
+    stream.flush()
+
+
+def claim_text(gate: Gate) -> str:
+    """Return the claims of a gate, such as "at least 90 % pass with 95 % confidence"."""
+    texts = [rate_claim_text(claim) for claim in (gate.passes, gate.stop_early) if claim is not None]
+    return "; ".join((*texts, *map(quantile_text, gate.quantile)))
+
+
+def gate_listing(scenarios: Iterable[Source | Refused]) -> list[str]:
+    """Return one line for each gate of scenarios, for `run --list`."""
+    gates = {(each.gate.file, each.gate.name): each.gate for each in scenarios if each.gate is not None}
+    return [f"gate {gate.name}: {claim_text(gate.gate)}, {counted(gate.runs, 'run')}" for gate in gates.values()]
+
+
+def rate_claim_text(claim: Passes | StopEarly) -> str:
+    """Return a claim about the rate, such as "at least 90 % pass with 95 % confidence"."""
+    sure = f"with {percent(claim.confidence)} confidence"
+    if isinstance(claim, StopEarly):
+        return f"{percent(claim.accept)} against {percent(claim.reject)} {sure}"
+    return f"at least {percent(claim.at_least)} pass {sure}"
+
+
+def quantile_text(claim: Quantile) -> str:
+    """Return a claim about a quantile, such as "5 % quantile of travel.measured at least 1.4 m ..."."""
+    side = claim.claim.replace("_", " ")
+    return f"{percent(claim.q)} quantile of {claim.of} {side} {claim.bound} with {percent(claim.confidence)} confidence"
+
+
+def true_rates(claim: Passes | StopEarly) -> tuple[float, ...]:
+    """Return rates around a claim: 85, 90, 95 and 99 % for "at least 90 %", and for "95 % against 85 %"."""
+    if isinstance(claim, StopEarly):
+        rates: tuple[float, ...] = (
+            claim.reject,
+            (claim.reject + claim.accept) / 2,
+            claim.accept,
+            1 - (1 - claim.accept) / 5,
+        )
+    else:
+        rates = tuple(max(0.0, 1 - share * (1 - claim.at_least)) for share in _FAILURES)
+    return tuple(dict.fromkeys(round(rate, 6) for rate in rates))
+
+
+def aligned(rows: Iterable[Sequence[str]]) -> list[str]:
+    """Return rows as lines: the first column to the left, the others to the right."""
+    cells = [list(row) for row in rows]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    return [_aligned(first, rest, widths) for first, *rest in cells]
+
+
+def _aligned(first: str, rest: Sequence[str], widths: Sequence[int]) -> str:
+    numbers = (cell.rjust(width + _GAP) for cell, width in zip(rest, widths[1:], strict=True))
+    return first.ljust(widths[0]) + "".join(numbers)
+
+
+def _chances(gate: Gate, runs: int, names: Sequence[str]) -> ChanceTable:
+    more = f" and {len(names) - _MAX_NAMES} more" if len(names) > _MAX_NAMES else ""
+    called = ", ".join(map(one_line, names[:_MAX_NAMES])) + more
+    remarks = tuple(_remark(claim, runs) for claim in gate.quantile)
+    claim = gate.passes or gate.stop_early
+    if claim is None:
+        return ChanceTable(f"{called}: gate of {counted(runs, 'run')}", remarks=remarks)
+    most = "at most " if isinstance(claim, StopEarly) else ""
+    title = f"{called}: gate of {most}{counted(runs, 'run')}, {rate_claim_text(claim)}"
+    rates = true_rates(claim)
+    rows = _of_test(claim, runs, rates) if isinstance(claim, StopEarly) else _of_rate(claim, runs, rates)
+    return ChanceTable(title, tuple(map(percent, rates)), rows, remarks)
+
+
+def _of_rate(claim: Passes, runs: int, rates: Sequence[float]) -> tuple[tuple[str, ...], ...]:
+    found = [binomial.chances(rate, runs, claim.at_least, claim.confidence) for rate in rates]
+    passing = binomial.passes_needed(runs, claim.at_least, claim.confidence)
+    failing = binomial.passes_refuting(runs, claim.at_least, claim.confidence)
+    return (
+        (f"passes{'' if passing is None else f' ({passing} or more)'}", *(chance(each.passed) for each in found)),
+        ("inconclusive", *(chance(each.inconclusive) for each in found)),
+        (f"fails{'' if failing is None else f' ({failing} or fewer)'}", *(chance(each.failed) for each in found)),
+    )
+
+
+def _of_test(claim: StopEarly, runs: int, rates: Sequence[float]) -> tuple[tuple[str, ...], ...]:
+    test = SequentialTest(claim.reject, claim.accept, claim.confidence, runs)
+    found = [test.exact(rate) for rate in rates]
+    return (
+        ("passes", *(chance(each.accepted) for each in found)),
+        ("inconclusive", *(chance(each.undecided) for each in found)),
+        ("fails", *(chance(each.rejected) for each in found)),
+        ("mean number of runs", *(f"{each.mean_runs:.0f}" for each in found)),
+    )
+
+
+def _remark(claim: Quantile, runs: int) -> str:
+    most = values_beyond(claim, runs)
+    side = "below" if claim.claim == "at_least" else "above"
+    if most is None:
+        return f"{quantile_text(claim)}: {counted(runs, 'run')} cannot show it"
+    few = "no value" if most == 0 else f"at most {counted(most, 'value')}"
+    return f"{quantile_text(claim)}: {few} of {runs} may be {side} the bound"
+
+
+def values_beyond(claim: Quantile, runs: int) -> int | None:
+    """Return the number of values that may lie beyond the bound of a quantile; None: so few runs cannot show it."""
+    if claim.claim == "at_least":
+        rank = order_statistics.lower_rank(runs, claim.q, claim.confidence)
+        return None if rank is None else rank - 1
+    rank = order_statistics.upper_rank(runs, claim.q, claim.confidence)
+    return None if rank is None else runs - rank
+
+
+def chance(probability: float) -> str:
+    """Return a probability for people, such as "0.41"."""
+    return f"{probability:.2f}"
+
+
+def _printable(text: str, console: Console) -> str:
+    return log_text(text, console.encoding)
