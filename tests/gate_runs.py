@@ -40,15 +40,19 @@ def run(
     )
 
 
-def planned(runs: int, gate: str = "push", file: str = FILE, at_least: float = 0.5) -> PlannedGate:
+def planned(
+    runs: int, gate: str = "push", file: str = FILE, at_least: float = 0.5, confidence: float = 0.95
+) -> PlannedGate:
     """Return a gate over so many runs."""
-    claim = Gate(passes=Passes(at_least=at_least, confidence=0.95))
+    claim = Gate(passes=Passes(at_least=at_least, confidence=confidence))
     return PlannedGate(name=gate, file=file, location=Location(file, 4), group=gate, gate=claim, runs=runs)
 
 
-def judged(runs: Sequence[Outcome], gate: str = "push", *, at_least: float = 0.5) -> list[Outcome]:
+def judged(
+    runs: Sequence[Outcome], gate: str = "push", *, at_least: float = 0.5, confidence: float = 0.95
+) -> list[Outcome]:
     """Return the outcome of the gate, followed by its runs."""
-    return [judged_gate(planned(len(runs), gate, runs[0].file, at_least), runs), *runs]
+    return [judged_gate(planned(len(runs), gate, runs[0].file, at_least, confidence), runs), *runs]
 
 
 def verdicts(passed: Sequence[bool], gate: str = "push", *, seed: int = 0) -> list[Outcome]:

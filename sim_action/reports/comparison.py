@@ -42,6 +42,7 @@ _WEAKER: Final[dict[WeakerKind, str]] = {
     "window": "weaker window",
     "allow": "allows more",
     "limit": "weaker limit",
+    "confidence": "less confidence",
 }
 # A smaller p-value is shown as a bound.
 _SMALLEST_P: Final = 0.0001
@@ -109,7 +110,7 @@ def _rows_of(change: Change) -> Iterator[Row]:
         what = "no longer checked" if missed.verdict.status == "not_exercised" else "no longer holds"
         yield Row("warning", what, change.outcome, f"{missed.name}: {missed.verdict.message}")
     for weaker in change.weaker:
-        yield Row("warning", _WEAKER[weaker.kind], change.outcome, _weaker_text(weaker))
+        yield Row("warning", _WEAKER[weaker.kind], change.outcome, _weaker_text(weaker, change))
     for smaller in change.smaller_margins:
         yield Row("warning", "margin shrinks", change.outcome, _margins_text(smaller))
     elsewhere = "" if change.processors is None else " (different CPUs: before {}, now {})".format(*change.processors)
@@ -240,15 +241,16 @@ def _same(outcome: Outcome | None, failed: ExpectationOutcome | None) -> Expecta
     return next((each for each in outcome.expectations if each.name == failed.name), None)
 
 
-def _weaker_text(weaker: WeakerCheck) -> str:
+def _weaker_text(weaker: WeakerCheck, change: Change) -> str:
     """Return a text such as "clearance: limit 0.1 m, was 0.3 m"."""
     old, new = weaker.old, weaker.new
+    if weaker.kind == "confidence":
+        gates = (gate.statistics for gate in (change.new, change.old) if gate)
+        return "confidence {}, was {}".format(*(percent(statistics.confidence) for statistics in gates if statistics))
     if new is None:
         return f"{old.name}: removed from the scenario"
-    if weaker.kind == "severity":
-        return f"{new.name}: severity {new.severity}, was {old.severity}"
-    if weaker.kind == "unexercised":
-        return f"{new.name}: unexercised {new.unexercised}, was {old.unexercised}"
+    if weaker.kind in ("severity", "unexercised"):
+        return f"{new.name}: {weaker.kind} {getattr(new, weaker.kind)}, was {getattr(old, weaker.kind)}"
     if weaker.kind == "window":
         times = (f"{_time(key, now)}, was {_time('', was)}" for key, (was, now) in loosened_times(old, new).items())
         return f"{new.name}: {'; '.join(times)}"

@@ -11,7 +11,7 @@ from sim_action.core.records import dataclass
 from sim_action.results.outcome import ExpectationOutcome, Outcome
 from sim_action.state.verdict import Verdict
 
-WeakerKind = Literal["removed", "severity", "unexercised", "window", "allow", "limit"]
+WeakerKind = Literal["removed", "severity", "unexercised", "window", "allow", "limit", "confidence"]
 """The way in which a scenario checks less than before.
 
 - removed: the new run does not have the expectation.
@@ -20,6 +20,7 @@ WeakerKind = Literal["removed", "severity", "unexercised", "window", "allow", "l
 - window: a goal has more time, or must hold for less; an invariant is checked for less time.
 - allow: it allows more names.
 - limit: the new limit allows more.
+- confidence: a gate needs less confidence.
 """
 
 Pair = tuple[ExpectationOutcome, ExpectationOutcome]
@@ -66,6 +67,8 @@ def weaker_checks(old: Outcome, new: Outcome, pairs: Sequence[Pair]) -> Iterator
     """Yield the expectations that check less in the new run, if it has verdicts; `pairs`: those of both runs."""
     if not new.has_verdict:
         return
+    if _needs_less_confidence(old, new) and pairs:
+        yield WeakerCheck("confidence", *pairs[0])
     kept = {id(one) for one, _ in pairs}
     yield from (WeakerCheck("removed", one) for one in old.expectations if id(one) not in kept and not _counts(one))
     alike = old.digest is not None and old.digest == new.digest
@@ -125,6 +128,11 @@ def _renamed(
     now: ExpectationOutcome, added: dict[str, ExpectationOutcome], left: dict[str, ExpectationOutcome]
 ) -> ExpectationOutcome | None:
     return left.get(now.assertion) if added.get(now.assertion) is now else None
+
+
+def _needs_less_confidence(old: Outcome, new: Outcome) -> bool:
+    was, now = old.statistics, new.statistics
+    return was is not None and now is not None and now.confidence < was.confidence
 
 
 def _counts(expected: ExpectationOutcome) -> bool:

@@ -234,6 +234,12 @@ def test_golden_markdown_of_gates(gates: Comparison, golden: Callable[[str, str]
     golden("paired.md", comparison_markdown(gates))
 
 
+def test_a_gate_that_needs_less_confidence_is_a_warning() -> None:
+    old, new = (judged(verdicts([True] * 40), confidence=confidence) for confidence in (0.95, 0.8))
+    (row,) = rows(compare_outcomes(old, new))
+    assert (row.look, row.what, row.detail) == ("warning", "less confidence", "confidence 80 %, was 95 %")
+
+
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [

@@ -267,6 +267,13 @@ def test_a_stricter_gate_that_cannot_decide_is_no_weaker_check() -> None:
     assert [weaker.kind for weaker in only(compare_outcomes(old, looser))[0].weaker] == ["limit"]
 
 
+def test_a_gate_that_needs_less_confidence_is_a_weaker_check() -> None:
+    runs = verdicts(passing(100))
+    sure, unsure = judged(runs, confidence=0.95), judged(runs, confidence=0.8)
+    assert [weaker.kind for weaker in only(compare_outcomes(sure, unsure))[0].weaker] == ["confidence"]
+    assert only(compare_outcomes(unsure, sure))[0].weaker == ()
+
+
 def test_errors_that_are_gone_are_no_removed_check() -> None:
     old = verdicts(passing(100))
     old[0] = run(0, "error")
