@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from sim_action.app.library import load, run, validate
-    from sim_action.app.library_results import Outcome, Results
+    from sim_action.app.library_results import GateOutcome, Outcome, Results
     from sim_action.commands.robot_description import JointDescription, RobotDescription
     from sim_action.core.geometry import Pose, Twist
     from sim_action.robot.link_motion import LinkMotion
@@ -32,6 +32,7 @@ __all__ = [
     "Command",
     "Contact",
     "ContactReading",
+    "GateOutcome",
     "ImuReading",
     "JointDescription",
     "JointState",
@@ -61,6 +62,7 @@ _HOMES = {
     "Command": "sim_action.state.command",
     "Contact": "sim_action.state.observation",
     "ContactReading": "sim_action.state.readings",
+    "GateOutcome": "sim_action.app.library_results",
     "ImuReading": "sim_action.state.readings",
     "JointDescription": "sim_action.commands.robot_description",
     "JointState": "sim_action.state.observation",

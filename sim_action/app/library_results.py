@@ -26,6 +26,7 @@ from sim_action.results.written_files import JUNIT_FILE
 
 if TYPE_CHECKING:
     from sim_action.core.errors import Location
+    from sim_action.results.gate_statistics import GateStatistics
     from sim_action.state.trace import Trace
 
 _MAX_EMBEDDED_BYTES: Final = 8_000_000
@@ -121,7 +122,7 @@ class Outcome:
 
     @property
     def status(self) -> Status:
-        """The status: "passed", "failed", "flaky", "not_exercised", "error" or "skipped"."""
+        """The status: "passed", "failed", "flaky", "not_exercised", "error" or "skipped"; see `GateOutcome` also."""
         return self.record.status
 
     @property
@@ -176,28 +177,82 @@ class Outcome:
     @property
     def text(self) -> str:
         """The part of the terminal report about this scenario."""
-        return self._folder.text_of([self.record])
+        return self._folder.text_of(self._shown)
+
+    @property
+    def _shown(self) -> tuple[RecordedOutcome, ...]:
+        """The outcomes that its part of the report shows."""
+        return (self.record,)
 
     def __repr__(self) -> str:
         return f"Outcome(name={self.name!r}, status={self.status!r})"
 
     def _repr_html_(self) -> str:
-        return self._folder.html_of([self.record])
+        return self._folder.html_of(self._shown)
+
+
+class GateOutcome(Outcome):
+    """The outcome of a gate, which judges the runs of a scenario together.
+
+    Its status can also be "inconclusive": the runs neither show nor refute what the gate claims. Its expectations are
+    the claims of the gate.
+
+    Attributes:
+        statistics: the counts of the runs, and the bounds that they show.
+        runs: the outcomes of its runs, in the order of the samples; those that an early stop skipped are included.
+    """
+
+    def __init__(
+        self, record: RecordedOutcome, statistics: GateStatistics, runs: tuple[Outcome, ...], folder: RunFolder
+    ) -> None:
+        super().__init__(record, folder)
+        self.statistics = statistics
+        self.runs = runs
+
+    @property
+    def rate(self) -> float:
+        """The share of counted runs that passed."""
+        return self.statistics.rate
+
+    @property
+    def lower(self) -> float | None:
+        """The lower bound of the true rate; None with `stop_early`, whose runs show no bounds."""
+        return self.statistics.lower
+
+    @property
+    def upper(self) -> float | None:
+        """The upper bound of the true rate; None with `stop_early`, whose runs show no bounds."""
+        return self.statistics.upper
+
+    @property
+    def trace(self) -> Trace:
+        """No trace: each of its runs has one. Raises UsageError."""
+        raise UsageError(f"'{self.name}' is a gate, and has no trace; use that of a run, such as .runs[0].trace")
+
+    @property
+    def _shown(self) -> tuple[RecordedOutcome, ...]:
+        return (self.record, *(run.record for run in self.runs))
+
+    def __repr__(self) -> str:
+        counts = f"passed {self.statistics.passed} of {self.statistics.runs} runs"
+        return f"GateOutcome(name={self.name!r}, status={self.status!r}, {counts})"
 
 
 class Results:
     """The results of a call of `sim_action.run`: a sequence of outcomes in the order of the scenarios.
 
+    A gate is one outcome, and has those of its runs.
+
     Attributes:
         record: everything that `results.json` has.
         exit_code: the exit code that `sim-action run` would have.
-        outcomes: an outcome for each scenario.
+        outcomes: an outcome for each scenario and each gate.
     """
 
     def __init__(self, record: results_json.Results, exit_code: ExitCode, folder: RunFolder) -> None:
         self.record = record
         self.exit_code = exit_code
-        self.outcomes = tuple(Outcome(each, folder) for each in record.outcomes)
+        self.outcomes = tuple(_outcomes(record, folder))
         self._folder = folder
 
     @property
@@ -213,6 +268,11 @@ class Results:
         """True if all scenarios passed, and every report was written."""
         return self.exit_code is ExitCode.PASSED
 
+    @property
+    def gates(self) -> tuple[GateOutcome, ...]:
+        """The outcomes of gates."""
+        return tuple(each for each in self.outcomes if isinstance(each, GateOutcome))
+
     def __len__(self) -> int:
         return len(self.outcomes)
 
@@ -226,10 +286,14 @@ class Results:
     def __getitem__(self, wanted: slice) -> tuple[Outcome, ...]: ...
 
     def __getitem__(self, wanted: SupportsIndex | slice | str) -> Outcome | tuple[Outcome, ...]:
-        """Return an outcome by index or by name, or several by a slice. Raise IndexError or KeyError."""
+        """Return an outcome by index or by name, or several by a slice. Raise IndexError or KeyError.
+
+        A name may also be that of a run of a gate.
+        """
         if not isinstance(wanted, str):
             return self.outcomes[wanted]
-        found = next((each for each in self.outcomes if each.name == wanted), None)
+        runs = (run for gate in self.gates for run in gate.runs)
+        found = next((each for each in (*self.outcomes, *runs) if each.name == wanted), None)
         if found is None:
             raise KeyError(wanted)
         return found
@@ -264,3 +328,16 @@ class Results:
         if not report.is_file() or report.stat().st_size > _MAX_EMBEDDED_BYTES:
             return verdicts
         return verdicts + report_frame(report.read_text(encoding="utf-8"))
+
+
+def _outcomes(record: results_json.Results, folder: RunFolder) -> Iterator[Outcome]:
+    """Yield an outcome for each scenario and each gate; a run counts by itself if its gate is not judged here."""
+    runs: dict[tuple[str, str | None], list[Outcome]] = {}
+    for each in record.runs:
+        runs.setdefault((each.file, each.gate), []).append(Outcome(each, folder))
+    judged = {(each.file, each.gate) for each in record.outcomes if each.statistics is not None}
+    for each in record.outcomes:
+        if each.statistics is not None:
+            yield GateOutcome(each, each.statistics, tuple(runs[each.file, each.gate]), folder)
+        elif each.gate is None or (each.file, each.gate) not in judged:
+            yield Outcome(each, folder)

@@ -136,15 +136,16 @@ def plan_runs(request: PlanRequest) -> RunPlan:
 
 
 def _with_whole_gates(every: Sequence[Source | Refused], warn: Callable[[str], None]) -> list[Source | Refused]:
-    """Return the scenarios without gates of which some runs are not selected: the others count by themselves."""
+    """Return the scenarios without gates of which not all runs are selected once: these count by themselves."""
     selected = Counter((each.gate.file, each.gate.name) for each in every if each.gate is not None)
     partial: dict[tuple[str, str], PlannedGate] = {}
     for gate in (each.gate for each in every if each.gate is not None):
-        if selected[gate.file, gate.name] < gate.runs:
+        if selected[gate.file, gate.name] != gate.runs:
             partial[gate.file, gate.name] = gate
     for key, gate in partial.items():
         some = counted(selected[key], "run")
-        warn(f"the gate of '{gate.name}' is not judged: {some} of {gate.runs} are selected, and each counts by itself")
+        some = f"{some} of {gate.runs}" if selected[key] < gate.runs else f"{some}, more than its {gate.runs},"
+        warn(f"the gate of '{gate.name}' is not judged: {some} are selected, and each counts by itself")
     return [
         replace(each, gate=None) if each.gate is not None and (each.gate.file, each.gate.name) in partial else each
         for each in every

@@ -25,6 +25,7 @@ from sim_action.drives import Drive
 from sim_action.scenario.files import numbered_runs, workspace_around
 from sim_action.scenario.source import Refused, Source
 from sim_action.scenario.variations.dotted_keys import NoSuchKey, placed, resolved
+from sim_action.scenario.variations.gate import GATE
 from sim_action.sensors import Sensor
 
 _LINE_ENDS: Final = frozenset("\x85\u2028\u2029")
@@ -89,6 +90,11 @@ class Scenario:
         return self._source.tags
 
     @property
+    def gate(self) -> str | None:
+        """The name of the gate that judges it together with others, if `load` has read it as a run of one."""
+        return None if self._source.gate is None else self._source.gate.name
+
+    @property
     def path(self) -> Path:
         """The path of its file; of a scenario without a file, its name in the folder of its relative paths."""
         return self._source.path
@@ -126,7 +132,7 @@ class Scenario:
         """Return its variations, or itself, for a call with these permissions; `seed` draws the variations."""
         try:
             own = replace(self._source, workspace=workspace_around(self.path, permissions))
-            return numbered_runs([own], seed) if "variations" in self._keys else (own,)
+            return numbered_runs([own], seed) if self._keys.keys() & {"variations", GATE} else (own,)
         except InvalidScenario as error:
             return (self._source.refused(error),)
 
