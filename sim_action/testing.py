@@ -17,7 +17,7 @@ from typing import Any, ClassVar, Final
 from pydantic import PydanticUserError
 
 from sim_action.app.library import load, run
-from sim_action.app.library_results import GateOutcome, Outcome
+from sim_action.app.library_results import Outcome
 from sim_action.assertions import ASSERTIONS, Assertion
 from sim_action.assertions.monitors import Monitor, State, begun, has_truth, is_decided, is_sampled
 from sim_action.core.errors import SimActionError
@@ -188,9 +188,7 @@ def _one(scenario: OneScenario) -> Scenario:
 
 def _outcome(scenario: Scenario, repeat: int = 1) -> Outcome:
     """Run a scenario as users do. Raise SimActionError if it has no verdict."""
-    outcome = run(scenario, report=False, repeat=repeat, allow_outside=True)[0]
-    if isinstance(outcome, GateOutcome):
-        outcome = outcome.runs[0]
+    outcome = run(scenario, report=False, repeat=repeat, allow_outside=True).runs[0]
     if outcome.status == "error":
         raise SimActionError(outcome.text)
     return outcome

@@ -1,4 +1,4 @@
-"""A plugin of pytest: each scenario and variation in a `*.sim.yml` file is a test."""
+"""A plugin of pytest: each scenario, variation and gate in a `*.sim.yml` file is a test."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import hashlib
 import os
 import re
 from collections.abc import Callable, Iterator
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -55,13 +56,14 @@ class ScenarioFile(pytest.File):
     """A file of scenarios."""
 
     def collect(self) -> Iterator[pytest.Item]:
-        """Yield a test for each scenario and each of its variations."""
+        """Yield a test for each scenario and each of its variations; the runs of a gate are one test."""
         import sim_action
 
         scenarios = sim_action.load(_shown(self.path), seed=self.config.getoption("--sim-seed"))
         sim_action.validate(scenarios)
-        for scenario in scenarios:
-            yield ScenarioItem.from_parent(self, name=scenario.name, scenario=scenario)
+        for _, several in groupby(enumerate(scenarios), lambda each: each[1].gate or each[0]):
+            together = tuple(scenario for _, scenario in several)
+            yield ScenarioItem.from_parent(self, name=together[0].gate or together[0].name, scenarios=together)
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
         """Return the problems of the file without a traceback."""
@@ -69,24 +71,28 @@ class ScenarioFile(pytest.File):
 
 
 class ScenarioItem(pytest.Item):
-    """A scenario as a test."""
+    """A scenario, or all runs of a gate, as a test."""
 
-    def __init__(self, *, scenario: sim_action.Scenario, **named: Any) -> None:
+    def __init__(self, *, scenarios: tuple[sim_action.Scenario, ...], **named: Any) -> None:
         super().__init__(**named)
-        self._scenario = scenario
-        for tag in scenario.tags:
+        self._scenarios = scenarios
+        for tag in scenarios[0].tags:
             # With --strict-markers, a mark has to be known.
             self.config.addinivalue_line("markers", f"{tag}: a tag of scenarios")
             self.add_marker(tag)
 
     def runtest(self) -> None:
-        """Run the scenario. Raise ScenarioFailure if it does not pass."""
-        results = _run(self, self._scenario)
+        """Run the scenario, or the gate. Raise ScenarioFailure if it does not pass."""
+        results = _run(self, *self._scenarios)
         for outcome in results:
             if outcome.digest is not None:
                 self.user_properties.append((f"digest of {outcome.name}", outcome.digest))
-            for warning in outcome.record.warnings:
-                self.warn(SimActionWarning(f"{warning.location}: {warning}"))
+        for gate in results.gates:
+            counts = f"{gate.statistics.passed} of {gate.statistics.runs}"
+            self.user_properties.append((f"passed runs of {gate.name}", counts))
+        warnings = (warning for run in results.runs for warning in run.record.warnings)
+        for text in dict.fromkeys(f"{warning.location}: {warning}" for warning in warnings):
+            self.warn(SimActionWarning(text))
         if not results.passed:
             raise ScenarioFailure(results.text)
 
@@ -96,7 +102,7 @@ class ScenarioItem(pytest.Item):
 
     def reportinfo(self) -> tuple[Path, int | None, str]:
         """Return the file, the line from 0, and the name."""
-        return self.path, (self._scenario.line or 1) - 1, self.name
+        return self.path, (self._scenarios[0].line or 1) - 1, self.name
 
 
 @pytest.fixture
@@ -144,11 +150,16 @@ def _run(node: pytest.Item, *scenarios: sim_action.Scenario) -> sim_action.Resul
         scenarios,
         backend=node.config.getoption("--sim-backend"),
         seed=node.config.getoption("--sim-seed"),
-        # pytest-xdist runs several tests at the same time.
-        jobs=1,
+        jobs=_cores() if any(each.gate for each in scenarios) else 1,
         report=folder is not None,
         output_dir=folder,
     )
+
+
+def _cores() -> int:
+    """Return the number of cores for one test: pytest-xdist runs several tests at the same time."""
+    workers = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
+    return max(1, (os.cpu_count() or 1) // workers)
 
 
 _MAX_NAME_CHARS: Final = 50  # names of files have at most 255 bytes, and a character up to 4

@@ -273,6 +273,11 @@ class Results:
         """The outcomes of gates."""
         return tuple(each for each in self.outcomes if isinstance(each, GateOutcome))
 
+    @property
+    def runs(self) -> tuple[Outcome, ...]:
+        """The outcomes of all runs: those of scenarios, and of the runs that gates judge."""
+        return tuple(run for each in self.outcomes for run in (each.runs if isinstance(each, GateOutcome) else (each,)))
+
     def __len__(self) -> int:
         return len(self.outcomes)
 
@@ -292,8 +297,7 @@ class Results:
         """
         if not isinstance(wanted, str):
             return self.outcomes[wanted]
-        runs = (run for gate in self.gates for run in gate.runs)
-        found = next((each for each in (*self.outcomes, *runs) if each.name == wanted), None)
+        found = next((each for each in (*self.outcomes, *self.runs) if each.name == wanted), None)
         if found is None:
             raise KeyError(wanted)
         return found

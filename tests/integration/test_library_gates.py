@@ -46,6 +46,7 @@ def test_a_gate_is_one_outcome(results: Results, gate: GateOutcome) -> None:
     assert len(results) == 2
     assert results.passed
     assert results[0] is results["slip"] is gate
+    assert len(results.runs) == RUNS + 1
     assert repr(results) == "Results(2 passed)"
 
 

@@ -190,3 +190,36 @@ def test_what_checks_nothing_is_a_warning(pytester: pytest.Pytester, run: Run) -
     result = run()
     result.assert_outcomes(passed=1, warnings=1)
     result.stdout.fnmatch_lines(["*SimActionWarning: a.sim.yml:5:*nothing-to-touch*"])
+
+
+GATE = """\
+name: slip
+tags: [smoke]
+robot: {model: turtlebot3_burger}
+commands: {rate: 10 Hz, twist: [{linear: 0.2}]}
+expect: [{travel: {at_least: 10 cm}}]
+time_limit: 1 s
+variations:
+  robot.pose.yaw: [0, 1]
+  world.ground.friction: {uniform: [0.001, 0.5]}
+gate: {passes: {at_least: 50 %, confidence: 75 %}, runs: 7}
+"""
+
+
+def test_a_gate_is_one_test(pytester: pytest.Pytester, run: Run) -> None:
+    write(pytester, a=GATE, b=DRIVES)
+    listed = run("--collect-only", "-q", "-m", "smoke")
+    assert listed.stdout.lines[:3] == [
+        "a.sim.yml::slip[yaw=0]",
+        "a.sim.yml::slip[yaw=1]",
+        "b.sim.yml::burger drives",
+    ]
+    run("-k", "slip", "--junitxml", "j.xml").assert_outcomes(passed=2, deselected=1)
+    assert re.search('name="passed runs of slip.yaw=1." value="6 of 7"', (pytester.path / "j.xml").read_text())
+
+
+def test_a_gate_that_does_not_pass_shows_its_worst_runs(pytester: pytest.Pytester, run: Run) -> None:
+    write(pytester, a=GATE.replace("at_least: 50 %", "at_least: 80 %"))
+    result = run("-p", "xdist", "-n", "2", "a.sim.yml::slip[yaw=0]")
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(["*6 of 7 runs passed*too few runs to tell*", "*friction=0.0*failed (travelled *"])
