@@ -22,6 +22,7 @@ from tests.integration.test_bolted_contacts import ARM, BASE, INERTIAL
 from tests.integration.test_examples import sim_action
 from tests.outcomes import outcome, results
 from tests.replays import drive, kept
+from tests.reports.html.gates import inconclusive_gate
 
 ROOT = Path(__file__).parents[2]
 WEB = ROOT / "web"
@@ -199,6 +200,20 @@ def test_runs_of_one_name(tmp_path: Path) -> None:
     ]
     write_html(results(*ran), options(tmp_path))
     checks = ["a link tells runs of one name apart", "a joint is plotted with its command"]
+    assert looked(tmp_path / "report.html", *checks) == dict.fromkeys(checks, "")
+
+
+def test_a_gate(tmp_path: Path) -> None:
+    gate = inconclusive_gate()
+    replay = kept(drive(), tmp_path, "push")
+    runs = [each.model_copy(update={"replay": replay}) if "yaw=-8deg" in each.name else each for each in gate.outcomes]
+    write_html(gate.model_copy(update={"outcomes": tuple(runs)}), options(tmp_path))
+    checks = [
+        "a point of a sweep opens its run",
+        "a sweep is used by keys alone",
+        "with scripts blocked a gate has its verdict and runs",
+        "a gate fits on a phone",
+    ]
     assert looked(tmp_path / "report.html", *checks) == dict.fromkeys(checks, "")
 
 

@@ -269,6 +269,75 @@ const CHECKS = {
       assert.match(said, /^286(\.\d)? deg · commanded 315(\.\d)? deg$/);
     },
   },
+  "a point of a sweep opens its run": {
+    look: async (page) => {
+      await page.waitForSelector(".run-point");
+      assert.equal(await page.textContent(".scenario.open h2"), "push");
+      await page.selectOption("select[aria-label=Across]", { label: "friction" });
+      await page.selectOption("select[aria-label=Up]", { label: "yaw" });
+      assert.equal((await page.$$(".points .run-point")).length, 30);
+      assert.equal((await page.$$(".points .failed")).length, 3);
+      const point = page.locator(".points [aria-label^='Run 3,']");
+      await point.hover();
+      assert.match((await page.textContent(".readout-of-run")) ?? "", /^Run 3, failed: friction 0\.12, yaw -8 deg, smallest margin -26\.67 % open this run$/);
+      await point.click();
+      await page.waitForFunction(() => document.querySelector(".scenario.open h2")?.textContent === "push[friction=0.12,yaw=-8deg]");
+      await page.waitForSelector(READY);
+      assert.match(await page.evaluate(() => location.hash), /^#scenario=push%5Bfriction%3D0\.12%2Cyaw%3D-8deg%5D/);
+      await page.click(".scenario.open header a:text-is('push')");
+      await page.waitForSelector(".scenario.open .points");
+    },
+  },
+  "a sweep is used by keys alone": {
+    look: async (page) => {
+      await page.waitForSelector(".run-point");
+      await page.focus(".points");
+      const name = () => page.$eval("[aria-selected=true]", (one) => one.getAttribute("aria-label"));
+      await page.keyboard.press("Home");
+      await page.keyboard.press("ArrowRight");
+      const met = new Set([await name()]);
+      for (let i = 0; i < 29; i++) {
+        await page.keyboard.press("ArrowRight");
+        met.add(await name());
+      }
+      for (let i = 0; i < 29; i++) {
+        await page.keyboard.press("ArrowLeft");
+        met.add(await name());
+      }
+      assert.equal(met.size, 30);
+      await page.selectOption("select[aria-label=Show]", "share");
+      await page.focus(".points");
+      await page.keyboard.press("Home");
+      assert.match((await name()) ?? "", /^\d+ %: \d+ of \d+ passed at /);
+      await page.selectOption("select[aria-label=Show]", "runs");
+      await page.focus(".points");
+      await page.keyboard.press("End");
+      const chosen = /** @type {string} */ (await name());
+      await page.keyboard.press("Enter");
+      await page.waitForFunction(() => document.querySelector(".scenario.open h2")?.textContent !== "push");
+      const friction = Number(/friction ([\d.]+)/.exec(chosen)?.[1]);
+      assert.ok((await page.textContent(".scenario.open h2"))?.includes(`friction=${friction},`), chosen);
+    },
+  },
+  "with scripts blocked a gate has its verdict and runs": {
+    how: { scripts: false },
+    look: async (page) => {
+      assert.ok(await page.isVisible("svg.bar"));
+      assert.ok(await page.isVisible("text=27 of 30 runs passed (90 %)"));
+      assert.equal(await page.locator(".runs tbody tr:visible").count(), 20);
+      await page.click("text=All 30 runs");
+      assert.equal(await page.locator(".runs tbody tr:visible").count(), 30);
+      assert.equal(await page.isVisible(".sweep"), false);
+    },
+  },
+  "a gate fits on a phone": {
+    how: { width: 390, height: 844 },
+    look: async (page) => {
+      await page.waitForSelector(".run-point");
+      const [wide, seen] = await page.evaluate(() => [document.documentElement.scrollWidth, innerWidth]);
+      assert.equal(wide, seen);
+    },
+  },
   "many are filtered, and open quickly": {
     look: async (page) => {
       await page.waitForSelector(READY);

@@ -195,9 +195,9 @@ class Sweep {
       if (width > 40 && height > 18) node.append(drawnElement("text", { x: centre.x, y: centre.y + 4, "text-anchor": "middle" }, words));
       const worst = runs.reduce((a, b) => (this.badness(b) < this.badness(a) ? b : a));
       const passed = runs.filter((run) => this.passed(run)).length;
-      const of = this.kind.value === "margin" ? `; mean of ${this.colour.axis.name}: ${words}` : "";
+      const value = this.kind.value === "margin" ? `${words} (mean of ${this.colour.axis.name})` : words;
       const where = [this.x.axis, this.y.axis].map((axis) => `${axis.name} ${rangeWords(axis, runs)}`).join(", ");
-      this.offer({ ...centre, halfWidth: width / 2, halfHeight: height / 2, run: worst, runs: runs.length, words: `${passed} of ${runs.length} passed at ${where}${of}`, node });
+      this.offer({ ...centre, halfWidth: width / 2, halfHeight: height / 2, run: worst, runs: runs.length, words: `${value}: ${passed} of ${runs.length} passed at ${where}`, node });
     }
   }
 
@@ -206,7 +206,7 @@ class Sweep {
     if (this.kind.value === "share") {
       const share = runs.filter((run) => this.passed(run)).length / runs.length;
       const claim = this.data.claim ?? 0.5;
-      return { share: (share - claim) / (share > claim ? 1 - claim : claim), words: told(100 * share, "%") };
+      return { share: (share - claim) / (share > claim ? 1 - claim : claim), words: told(Math.round(100 * share), "%") };
     }
     const values = runs.map((run) => this.colour.axis.values[run]).filter((value) => !Number.isNaN(value));
     const mean = values.reduce((sum, value) => sum + value, 0) / values.length;

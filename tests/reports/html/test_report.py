@@ -21,6 +21,7 @@ from sim_action.reports.links import replay_link
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
 from tests.replays import MESH, drive, kept
+from tests.reports.html.gates import failed_gate
 
 Samples = dict[str, Results]
 MakeResults = Callable[..., Results]
@@ -226,3 +227,34 @@ def test_ten_seconds_cost_little() -> None:
     replay_blocks = ReplayBlocks()
     replay_blocks.add("replay-s0", drive(seconds=10.0))
     assert replay_blocks.size < 25_000
+
+
+def test_a_gate_carries_the_data_of_its_plot_and_no_viewer_without_a_replay(options: ReportOptions) -> None:
+    found = page(failed_gate(), options)
+    entries = json.loads(found.index)["scenarios"]
+    assert [(entry["kind"], entry["sweep"], entry["replay"]) for entry in entries[:2]] == [
+        ("gate", "sweep-s0", None),
+        ("sample", None, None),
+    ]
+    data = json.loads(gzip.decompress(base64.b64decode(found.blocks["sweep-s0"])))
+    assert [parameter["name"] for parameter in data["parameters"]] == ["friction", "yaw"]
+    assert data["entries"] == [f"s{number}" for number in range(1, 31)]
+    assert not found.has_replays
+
+
+def test_the_worst_runs_of_a_gate_have_a_replay_first(options: ReportOptions, monkeypatch: pytest.MonkeyPatch) -> None:
+    options.folder.mkdir()
+    gate = failed_gate()
+    name = kept(drive(), options.folder, "push")
+    runs = tuple(
+        each if each.statistics is not None else each.model_copy(update={"replay": name}) for each in gate.outcomes
+    )
+    results = gate.model_copy(update={"outcomes": runs})
+    monkeypatch.setattr("sim_action.reports.html.report.MAX_REPLAY_BYTES", 8_000)
+    found = page(results, options)
+    kept_runs = [key for key in found.blocks if key.startswith("replay-")]
+    assert kept_runs == [f"replay-s{number}" for number in range(1, len(kept_runs) + 1)]
+    assert 1 < len(kept_runs) < 30
+    text = b"".join(found.body).decode()
+    assert text.count('<td data-title="Replay">yes</td>') == len(kept_runs)
+    assert text.count("The replay of this run is not included") == 30 - len(kept_runs)
