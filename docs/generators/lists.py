@@ -22,7 +22,8 @@ from sim_action.state.readings import READING_COLUMNS, ReadingColumn
 
 EXIT_CODES = {
     ExitCode.PASSED: "all scenarios passed",
-    ExitCode.FAILED: "a scenario failed, is flaky, was not exercised, or has no verdict (crash, limit or script error)",
+    ExitCode.FAILED: "a scenario failed, is flaky, was not exercised, or has no verdict (crash, limit or "
+    "script error); a gate failed or is inconclusive",
     ExitCode.INVALID: "a scenario or the command line is invalid, or a result is missing",
     ExitCode.INTERNAL: "an internal error of sim-action",
     ExitCode.NO_SCENARIO: "no scenario found",

@@ -40,7 +40,12 @@ _OF_RUNS: Final = (
 )
 """The options without any effect on --list."""
 
-_OF_PLANNED_RUNS: Final = ("list_only", "shard", *(name for name in _OF_RUNS if name not in ("output_dir", "jobs")))
+_OF_PLANNED_RUNS: Final = (
+    "list_only",
+    "shard",
+    "backend",
+    *(name for name in _OF_RUNS if name not in ("output_dir", "jobs")),
+)
 """The options without any effect on --plan-gate, which looks for the times of an earlier run."""
 
 _WISHED_RATE: Final = "97%"
@@ -171,9 +176,9 @@ def run(
     default is the current folder.
 
     Exit code: 0 all scenarios passed; 1 a scenario failed, is flaky, was not exercised, or has no verdict (crash,
-    script error, or stopped at its wall, memory or output limit); 2 a scenario or the command line is invalid; 3
-    internal error of sim-action; 5 no scenario found; 130 interrupted. If several apply, the first of 130, 3, 2, 1 is
-    returned.
+    script error, or stopped at its wall, memory or output limit), or a gate failed or is inconclusive; 2 a scenario or
+    the command line is invalid; 3 internal error of sim-action; 5 no scenario found; 130 interrupted. If several apply,
+    the first of 130, 3, 2, 1 is returned.
 
     With --shard: a shard that gets no scenario passes if another shard gets one.
     """

@@ -8,7 +8,7 @@ import pytest
 
 from sim_action.cli.main import call
 from sim_action.cli.options import asked_model, code_permissions, named_packages
-from sim_action.cli.run import _OF_RUNS, run
+from sim_action.cli.run import _OF_PLANNED_RUNS, _OF_RUNS, run
 from sim_action.core.errors import UsageError
 from sim_action.reports import ReportRequest
 from sim_action.robot.spec import Robot
@@ -133,7 +133,16 @@ def test_every_option_of_run_is_used_by_list_or_refused() -> None:
     selecting = {"paths", "only", "exclude", "tags", "exclude_tags", "list_only"}
     # With --shard, scenarios are checked, so that a shard is the same as in a run.
     checking = {"shard", "seed", "backend", "packages", "allow_scripts", "allow_outside"}
-    assert {param.name for param in run.params} == selecting | checking | set(_OF_RUNS)
+    # It refuses --list.
+    other = {"plan_gate"}
+    assert {param.name for param in run.params} == selecting | checking | other | set(_OF_RUNS)
+
+
+def test_every_option_of_run_is_used_by_plan_gate_or_refused() -> None:
+    selecting = {"paths", "only", "exclude", "tags", "exclude_tags", "plan_gate"}
+    reading = {"seed", "packages", "allow_scripts", "allow_outside"}
+    times = {"output_dir", "jobs"}
+    assert {param.name for param in run.params} == selecting | reading | times | set(_OF_PLANNED_RUNS)
 
 
 @pytest.mark.parametrize(
