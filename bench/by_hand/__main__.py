@@ -18,6 +18,7 @@ ROWS = {
     "one": ("one test by hand", comparisons.one_test),
     "suite": ("a suite by hand", comparisons.suite),
     "variations": ("variations by hand", comparisons.variations),
+    "gate": ("a gate by hand", comparisons.gate),
     "steps": ("steps by hand", comparisons.steps),
     "husky": ("scenario_execution", comparisons.husky),
 }

@@ -1,4 +1,4 @@
-"""Compare `sim-action run` with hand-written tests: one test, a suite, variations, steps, and the husky.
+"""Compare `sim-action run` with hand-written tests: one test, a suite, variations, a gate, steps, and the husky.
 
 The hand-written tests are in `with_pybullet/` and `with_mujoco/`: the same robot, time step, settling and ramp of
 speed. They read what their assertions need. pytest writes JUnit XML. It loads no plugin except pytest-xdist where that
@@ -23,6 +23,9 @@ from bench.table import NotMeasuredError, Ratio
 
 ENGINES: Final = ("pybullet", "mujoco")
 SUITE: Final = 32
+GATES: Final = (30, 300)
+"""The numbers of runs of two gates; their difference is the cost of further runs."""
+
 PYTHON_VARIABLE: Final = "SCENARIO_EXECUTION_PYTHON"
 """The environment variable with the Python that scenario_execution is installed for."""
 
@@ -57,6 +60,8 @@ time_limit: 2 s
 backend: {engine}
 variations: {{robot.pose.yaw: {{uniform: [-1 deg, 1 deg], samples: {samples}}}}}
 """
+
+_GATE: Final = f"{_VARIATIONS}gate: {{{{passes: {{{{at_least: 90 %}}}}, runs: {{samples}}}}}}\n"
 
 _HUSKY: Final = """\
 name: husky drives
@@ -156,6 +161,21 @@ def variations(settings: Settings) -> Iterator[object]:
         # A round takes a minute; all files have been read before, by the rounds of `one_test`.
         mine, theirs = take_turns(settings.rounds, ours(folder, tests=2 * count), by_hand, warm_up=False)
         yield from compared(f"{engine}: {count} variations of 2 s, against pytest", mine, theirs, 1.2)
+
+
+def gate(settings: Settings) -> Iterator[object]:
+    """A further run of a gate: the difference between a gate of 300 runs and one of 30, with report.html."""
+    for engine in settings.engines:
+        commands: list[Command] = []
+        for runs in GATES:
+            folder = _new(settings, f"gate-{engine}-{runs}")
+            (folder / "drive.sim.yml").write_text(_GATE.format(engine=engine, samples=runs))
+            commands.append(ours(folder))
+            commands.append(pytest_command(folder, engine, "test_variations.py", tests=runs, VARIATIONS=str(runs)))
+        few, few_by_hand, many, many_by_hand = take_turns(settings.rounds, *commands, warm_up=False)
+        mine, theirs = many.cpu - few.cpu, many_by_hand.cpu - few_by_hand.cpu
+        further = GATES[1] - GATES[0]
+        yield Ratio(f"{engine}: a further run of 2 s of a gate, against pytest", mine / further, theirs / further, 1.2)
 
 
 def steps(settings: Settings) -> Iterator[object]:

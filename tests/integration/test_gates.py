@@ -75,6 +75,24 @@ def test_the_number_of_shards_changes_no_gate(workspace: Path, count: int) -> No
     assert gates(workspace / f"merged{count}") == gates(workspace / "whole")[1:]
 
 
+def test_runs_that_are_selected_by_number_are_a_part(workspace: Path) -> None:
+    """As `sim-action matrix` deals them to the shards of a workflow."""
+    dealt = json.loads(sim_action(workspace, "matrix", "slip.sim.yml", "--shards", "2").stdout)["include"]
+    for each in dealt:
+        ran = sim_action(workspace, "run", each["scenario"], "--output-dir", f"dealt/{each['index']}")
+        assert ran.returncode == 0, ran.stdout
+        assert gates(workspace / f"dealt/{each['index']}") == []
+    merged = sim_action(workspace, "merge", "dealt", "--scenarios", "slip.sim.yml", "--output-dir", "dealt/whole")
+    assert merged.returncode == 0, merged.stdout
+    assert gates(workspace / "dealt/whole") == gates(workspace / "whole")[1:]
+
+
+def test_a_run_that_fails_ends_no_others_with_fail_fast(workspace: Path) -> None:
+    ran = sim_action(workspace, "run", "slip.sim.yml", "--fail-fast", "-j", "1", "--output-dir", "fast")
+    assert ran.returncode == 0, ran.stdout
+    assert gates(workspace / "fast") == gates(workspace / "whole")[1:]
+
+
 def test_a_lost_shard_leaves_the_gate_without_a_verdict(workspace: Path) -> None:
     sim_action(workspace, "run", "slip.sim.yml", "--shard", "1/2", "--output-dir", "lost/1")
     merged = sim_action(workspace, "merge", "lost", "--output-dir", "found")
