@@ -1,6 +1,6 @@
 /** The runs of a gate, or the variations of a scenario, over their parameters: scatter plot and heat map. */
 
-const MARGINS = { left: 58, right: 14, top: 12, bottom: 44 };
+const MARGINS = { left: 58, leftOfWords: 104, right: 14, top: 12, bottom: 44 };
 const NEAR = 22;
 const SHAPES = {
   passed: "M-4.5,0a4.5,4.5 0 1,0 9,0a4.5,4.5 0 1,0 -9,0z",
@@ -126,7 +126,8 @@ class Sweep {
   draw() {
     const { width, height } = this.drawing.getBoundingClientRect();
     if (width < 100) return;
-    const area = { left: MARGINS.left, right: width - MARGINS.right, top: MARGINS.top, bottom: height - MARGINS.bottom };
+    const left_of_plot = this.y.axis.categories.length ? MARGINS.leftOfWords : MARGINS.left;
+    const area = { left: left_of_plot, right: width - MARGINS.right, top: MARGINS.top, bottom: height - MARGINS.bottom };
     const x = scaleOf(this.x.axis, area.left, area.right), y = scaleOf(this.y.axis, area.bottom, area.top);
     const chosen = this.active?.run;
     this.targets = [];
