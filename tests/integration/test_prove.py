@@ -15,6 +15,7 @@ from sim_action.cli.main import call
 from sim_action.core.errors import ExitCode
 
 HEAD: Final = "robot: {model: turtlebot3_burger}\ntime_limit: 12 s\n"
+FLAT: Final = HEAD.replace("turtlebot3_burger", "f1tenth")
 STRAIGHT: Final = "commands: {rate: 10 Hz, twist: [{linear: 0.2, for: 5 s}]}\n"
 SLOWLY: Final = STRAIGHT.replace("0.2", "0.1")
 CURVE: Final = "commands: {rate: 10 Hz, twist: [{linear: 0.2, angular: 0.4, for: 6 s}]}\nduration: 6 s\n"
@@ -22,7 +23,9 @@ CRATE: Final = "world: {objects: [{name: crate, box: [0.3, 0.3, 0.3], pose: {x: 
 
 USELESS: Final = {
     "speed": STRAIGHT + "expect: [{reach: {x: 0.8, y: 0, tolerance: 0.1}, before: 4.5}, {max_speed: {linear: 40}}]",
-    "tilt": CURVE + "expect: [{upright: {max_tilt: 80 deg}}, {final_pose: {x: 0.34, y: 0.88, tolerance: 0.3}}]",
+    "tilt": STRAIGHT
+    + "duration: 6 s\n"
+    + "expect: [{upright: {max_tilt: 80 deg}}, {final_pose: {x: 0.97, y: 0, tolerance: 0.3}}]",
     "area": STRAIGHT + "expect: [{travel: {at_least: 0.9}}, {stay_within: {x: [-1 km, 1 km], y: [-1 km, 1 km]}}]",
     "crate": STRAIGHT
     + CRATE.replace("YY", "8")
@@ -30,7 +33,7 @@ USELESS: Final = {
     "wheel": STRAIGHT
     + "expect: [{joint: {name: wheel_left_joint, reading: velocity, at_most: 1000}}, {travel: {at_least: 0.8}}]",
 }
-"""Scenarios with one useless expectation each."""
+"""Scenarios with one useless expectation each; "tilt" is of a flat car, which never tips over."""
 
 NAMED: Final = {"speed": "max_speed", "tilt": "upright", "area": "stay_within", "crate": "clearance", "wheel": "joint"}
 """The useless expectation of each."""
@@ -50,7 +53,8 @@ USEFUL: Final = {
 
 def written(folder: Path, name: str, text: str) -> Path:
     path = folder / f"{name}.sim.yml"
-    path.write_text(f"name: {name}\n{HEAD}{text}\n")
+    head = FLAT if text == USELESS["tilt"] else HEAD
+    path.write_text(f"name: {name}\n{head}{text}\n")
     return path
 
 
@@ -102,6 +106,19 @@ def test_suggestions_pass_without_the_mutant_and_notice_it(name: str, tmp_path: 
         assert call(["run", "--quiet", "--no-report", str(improved)]) == ExitCode.PASSED
         (mutant,) = proof(improved, "--only", survivor["name"])["scenarios"][0]["mutants"]
         assert (mutant["status"], mutant["noticed_by"]) == ("noticed", [len(data["expect"]) - 1])
+
+
+@pytest.mark.parametrize("engine", ["pybullet", "mujoco"])
+def test_a_shove_tips_a_tall_robot_and_not_a_flat_one(engine: str, tmp_path: Path) -> None:
+    upright = f"duration: 5 s\nbackend: {engine}\nexpect: [{{upright: {{max_tilt: LIMIT}}}}]\n"
+    for model, limit in (("turtlebot3_burger", "20 deg"), ("f1tenth", "80 deg")):
+        text = HEAD.replace("turtlebot3_burger", model) + STRAIGHT + upright.replace("LIMIT", limit)
+        (tmp_path / f"{model}.sim.yml").write_text(f"name: {model}\n{text}")
+    results = {each["name"]: each["mutants"] for each in proof("--only", "shoved")["scenarios"]}
+    assert {name: shoved["status"] for name, (shoved,) in results.items()} == {
+        "turtlebot3_burger": "noticed",
+        "f1tenth": "survived",
+    }
 
 
 def test_a_failure_does_not_hide_what_other_expectations_notice(tmp_path: Path) -> None:
@@ -169,10 +186,10 @@ def test_only_the_first_variation_is_proven(tmp_path: Path) -> None:
 def test_a_budget_takes_the_most_telling_mutants(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = written(tmp_path, "corridor", USEFUL["corridor"])
     (scenario,) = proof(path, "--budget", "1 us")["scenarios"]
-    assert (scenario["mutants"], scenario["left_out"]) == ([], 10)
+    assert (scenario["mutants"], scenario["left_out"]) == ([], 11)
     assert [each["finding"] for each in scenario["expectations"]] == ["unknown", "unknown"]
-    assert "10 mutants left out" in capsys.readouterr().out
-    assert len(proof(path, "--budget", "1 h")["scenarios"][0]["mutants"]) == 10
+    assert "11 mutants left out" in capsys.readouterr().out
+    assert len(proof(path, "--budget", "1 h")["scenarios"][0]["mutants"]) == 11
 
 
 @pytest.mark.parametrize(

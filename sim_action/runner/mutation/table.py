@@ -180,6 +180,12 @@ TABLE: Final = (
     Row("dropped", "ROS nodes get nothing from one sensor", _dropped),
     Row("slippery", "the friction of the ground is divided by 4", world_faults.slippery),
     Row(
+        "shoved",
+        f"a push against the upper edge of the robot, halfway through the run: in {world_faults.SHOVE_S:g} s it exerts "
+        f"the momentum of the robot's mass at {world_faults.SHOVE_M_S:g} m/s, to the left",
+        world_faults.shoved,
+    ),
+    Row(
         "doubled", "commanded speeds, efforts and forces are doubled, and the way of joints from their start", _doubled
     ),
     Row(

@@ -1,4 +1,4 @@
-"""Faults of the world: objects that are missing or elsewhere, a wall across the way, less friction."""
+"""Faults of the world: objects that are missing or elsewhere, a wall across the way, less friction, a shove."""
 
 from __future__ import annotations
 
@@ -11,8 +11,10 @@ import numpy as np
 
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import multiply, quaternion_from_rpy
+from sim_action.robot.kinematics import link_poses, robot_box
+from sim_action.robot.robot_model import WORLD
 from sim_action.runner.mutation.mutant import Mutant, Original
-from sim_action.world import Body, World
+from sim_action.world import Body, Disturbance, World
 from sim_action.world.parts import lowest
 
 if TYPE_CHECKING:
@@ -26,6 +28,10 @@ FRICTION_DIVISOR: Final = 4.0
 WALL: Final = "wall-across-the-way"
 WALL_SIZE: Final = (0.1, 1.5, 0.5)
 """The depth, width and least height in m of the wall across the way."""
+
+SHOVE_M_S: Final = 1.0
+SHOVE_S: Final = 0.1
+"""A shove gives the robot the momentum of its mass at this speed, in this time: somebody walks into it."""
 
 # The share of the way before the wall, and its least distance in m from the start.
 _WALL_AT: Final = 0.6
@@ -84,6 +90,33 @@ def slippery(original: Original) -> Iterator[Mutant]:
     patches = tuple(each.model_copy(update={"friction": each.friction / FRICTION_DIVISOR}) for each in world.patches)
     slippery = world.model_copy(update={"ground": ground, "patches": patches})
     yield _in_world(original, "slippery", "", "the ground has a quarter of its friction", slippery)
+
+
+def shoved(original: Original) -> Iterator[Mutant]:
+    """Yield the mutant with a push from the right against the upper edge of the robot, halfway through the run."""
+    model, trace = original.loaded.model, original.trace
+    if model is None or original.scenario.robot.base == "fixed" or model.root == WORLD:
+        return
+    time = float(trace.time[-1]) / 2
+    row = int(np.searchsorted(trace.time, time))
+    positions = dict(zip(trace.joint_names, trace.joint_position[row].tolist(), strict=True))
+    box = robot_box(model, link_poses(model, positions))
+    if box is None:
+        return
+    lower, upper = box
+    force, yaw = model.mass * SHOVE_M_S / SHOVE_S, float(trace.yaw[row])
+    shove = Disturbance.model_validate(
+        {
+            "at": time,
+            "for": SHOVE_S,
+            "force": (-force * math.sin(yaw), force * math.cos(yaw), 0.0),
+            "point": ((lower[0] + upper[0]) / 2, lower[1], upper[2]),
+        }
+    )
+    world = original.scenario.world
+    pushed = world.model_copy(update={"disturbances": (*world.disturbances, shove)})
+    words = f"a push of {force:.3g} N for {SHOVE_S:g} s from the right, at the upper edge of the robot, at {time:.1f} s"
+    yield _in_world(original, "shoved", "", words, pushed)
 
 
 def _with_objects(original: Original, kind: str, subject: str, words: str, objects: Sequence[Body]) -> Mutant:

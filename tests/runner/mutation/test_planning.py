@@ -33,7 +33,7 @@ def test_the_command_line_chooses_kinds_and_single_mutants(tmp_path: Path) -> No
         "motor-off:wheel_left_joint",
         "removed:crate",
     ]
-    assert len(planned([run])[0].chosen) == 13
+    assert len(planned([run])[0].chosen) == 14
     refuse_unknown(["wall", "removed:any name"])
     with pytest.raises(UsageError, match="did you mean 'wall'"):
         refuse_unknown(["wal"])
@@ -42,11 +42,11 @@ def test_the_command_line_chooses_kinds_and_single_mutants(tmp_path: Path) -> No
 def test_a_budget_takes_the_first_of_each_kind_first_and_scenarios_in_turns(tmp_path: Path) -> None:
     quick, slow = original(tmp_path), original(tmp_path, wall_time=2.0)
     plans = planned([quick, slow])
-    assert cost(plans, 2) == (13 + 26) / 2
+    assert cost(plans, 2) == (14 + 28) / 2
     some = within(plans, 4.5, 2)
     assert [[mutant.kind for mutant in plan.chosen] for plan in some] == [["silenced", "swapped", "wall"]] * 2
-    assert [plan.left_out for plan in some] == [10, 10]
-    (first,) = within(plans[:1], 11.0, 1)
+    assert [plan.left_out for plan in some] == [11, 11]
+    (first,) = within(plans[:1], 12.0, 1)
     assert [mutant.name for mutant in plans[0].chosen if mutant not in first.chosen] == [
         "removed:far crate",
         "moved:far crate",

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
 
+from sim_action.core.records import replace
 from sim_action.runner.mutation.mutant import Mutant, Original
 from sim_action.runner.mutation.table import DELAY_S, KINDS, TABLE
-from sim_action.runner.mutation.world_faults import WALL
+from sim_action.runner.mutation.world_faults import SHOVE_S, WALL
 from sim_action.scenario.mutation import Mutation
 from sim_action.sensors.imu import Imu
 from sim_action.sensors.lidar import Lidar
@@ -34,8 +36,8 @@ def only(run: Original, kind: str) -> Mutant:
 def test_a_robot_that_drives_by_itself_has_mutants_of_commands_motors_and_world(tmp_path: Path) -> None:
     assert names(original(tmp_path)) == [
         *("silenced", "swapped", "wall", "halved"),
-        *("motor-off:wheel_left_joint", "removed:crate", "removed:far crate", "slippery", "doubled"),
-        *("moved:crate", "moved:far crate", "delayed", "heavier"),
+        *("motor-off:wheel_left_joint", "removed:crate", "removed:far crate", "slippery", "shoved"),
+        *("doubled", "moved:crate", "moved:far crate", "delayed", "heavier"),
     ]
 
 
@@ -79,6 +81,25 @@ def test_a_delay_adds_to_that_of_the_scenario(tmp_path: Path) -> None:
 
 def test_the_ground_is_slippery_also_in_patches(tmp_path: Path) -> None:
     assert only(original(tmp_path), "slippery").loaded.scenario.world.ground.friction == 0.2
+
+
+def test_a_shove_hits_the_upper_edge_from_the_right_halfway_through_the_run(tmp_path: Path) -> None:
+    (shove,) = only(original(tmp_path), "shoved").loaded.scenario.world.disturbances
+    assert (shove.at, shove.duration, shove.link, shove.body) == (10.0, SHOVE_S, None, None)
+    assert shove.force is not None
+    assert shove.point is not None
+    # The burger has 1 kg, is 19 cm high, and its base is 1 cm above the ground.
+    assert shove.force == pytest.approx((0.0, 10.0, 0.0), abs=0.2)
+    assert shove.point == pytest.approx((-0.03, -0.09, 0.18), abs=0.015)
+    (shove,) = only(original(tmp_path, curve()), "shoved").loaded.scenario.world.disturbances
+    assert shove.force is not None
+    assert math.atan2(shove.force[1], shove.force[0]) == pytest.approx(math.radians(135), abs=0.05)
+
+
+def test_a_robot_that_is_bolted_down_is_not_shoved(tmp_path: Path) -> None:
+    run = original(tmp_path)
+    bolted = run.scenario.model_copy(update={"robot": run.scenario.robot.model_copy(update={"base": "fixed"})})
+    assert not of_kind(replace(run, loaded=replace(run.loaded, scenario=bolted)), "shoved")
 
 
 def test_a_wall_stands_across_the_way(tmp_path: Path) -> None:
