@@ -334,6 +334,9 @@ def test_an_encrypted_connection_without_certificates_is_refused(tmp_path: Path)
 def test_programs_use_a_cluster(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "drives.sim.yml").write_text(DRIVES.format(samples=2))
-    results = sim_action.run("drives.sim.yml", cluster="local:1", output_dir="there")
+    gate = "gate: {passes: {at_least: 50 %, confidence: 75 %}}\n"
+    (tmp_path / "gate.sim.yml").write_text(DRIVES.format(samples=2) + gate)
+    results = sim_action.run(["drives.sim.yml", "gate.sim.yml"], cluster="local:1", output_dir="there")
     assert results.passed
-    assert [outcome.status for outcome in results.outcomes] == ["passed", "passed"]
+    assert [outcome.status for outcome in results.outcomes] == ["passed", "passed", "passed"]
+    assert [len(gate.runs) for gate in results.gates] == [2]
