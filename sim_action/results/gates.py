@@ -6,7 +6,7 @@ the upper one.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import takewhile
 from typing import Final
 
@@ -44,27 +44,24 @@ def judged_gate(planned: PlannedGate, runs: Sequence[Outcome]) -> Outcome:
     )
 
 
-def decided_after(planned: PlannedGate, runs: Sequence[Outcome | None]) -> int | None:
-    """Return the number of runs that decide a gate which stops early; None: those that are known do not.
-
-    `runs`: in the order of the samples; None: not known yet, so that later ones do not count.
-    """
-    decision = _decision(planned, runs)
-    return None if decision is None or decision.verdict is None else decision.runs
-
-
-def _decision(planned: PlannedGate, runs: Iterable[Outcome | None]) -> Decision | None:
+def _decision(planned: PlannedGate, runs: Iterable[Outcome]) -> Decision | None:
     """Return the decision of a test that stops early; None: the gate has none."""
-    test = planned.gate.stop_early
+    test = sequential_test(planned)
     if test is None:
         return None
-    known = takewhile(lambda run: run is not None and run.status != "skipped", runs)
-    results = (_RESULTS.get(run.status) for run in known if run is not None)
-    return SequentialTest(test.reject, test.accept, test.confidence, planned.runs).decision(results)
+    known = takewhile(lambda run: run.status != "skipped", runs)
+    return test.decision(result_of(run) for run in known)
 
 
-_RESULTS: Final[Mapping[Status, bool]] = {"passed": True, "failed": False}
-"""The status of a run -> its result; others have no verdict."""
+def sequential_test(planned: PlannedGate) -> SequentialTest | None:
+    """Return the test of a gate that stops early; None for other gates."""
+    test = planned.gate.stop_early
+    return None if test is None else SequentialTest(test.reject, test.accept, test.confidence, planned.runs)
+
+
+def result_of(run: Outcome) -> bool | None:
+    """Return True for a run that passed, False for one that failed, None for one without a verdict."""
+    return {"passed": True, "failed": False}.get(run.status)
 
 
 def _blocking(planned: PlannedGate, runs: Sequence[Outcome], looked_at: Sequence[Outcome]) -> Failure | None:

@@ -8,27 +8,35 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from sim_action.core.records import dataclass, field
+from sim_action.core.statistics.sequential import SeenResults, SequentialTest
 from sim_action.results.events import Event, Finished
-from sim_action.results.gates import decided_after
+from sim_action.results.gates import result_of, sequential_test
 from sim_action.results.outcome import Outcome
 from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.variations.gate import PlannedGate
 
 
-@dataclass(slots=True)
 class _Followed:
-    """A gate, and the final outcomes of its runs by their places."""
+    """A gate, and what its test has seen of its runs, in their order."""
 
-    planned: PlannedGate
-    places: list[int] = field(default_factory=list)
-    outcomes: dict[int, Outcome] = field(default_factory=dict)
-    is_decided: bool = False
+    def __init__(self, planned: PlannedGate, test: SequentialTest) -> None:
+        self.planned = planned
+        self.places: list[int] = []
+        self._seen = SeenResults(test)
+        # Runs that have ended before an earlier one.
+        self._waiting: dict[int, Outcome] = {}
+
+    @property
+    def is_decided(self) -> bool:
+        return self._seen.verdict is not None
 
     def take(self, place: int, outcome: Outcome) -> None:
-        self.outcomes[place] = outcome
-        known = [self.outcomes.get(each) for each in self.places]
-        self.is_decided = self.is_decided or decided_after(self.planned, known) is not None
+        self._waiting[place] = outcome
+        while not self.is_decided and self._seen.runs < len(self.places):
+            run = self._waiting.pop(self.places[self._seen.runs], None)
+            if run is None or run.status == "skipped":
+                break
+            self._seen.add(result_of(run))
 
 
 class EarlyStop:
@@ -42,8 +50,8 @@ class EarlyStop:
         gates: dict[tuple[str, str], _Followed] = {}
         for run, place in zip(runs, places, strict=True):
             gate = run.source.gate
-            if gate is not None and gate.gate.stop_early is not None:
-                gates.setdefault((gate.file, gate.name), _Followed(gate)).places.append(place)
+            if gate is not None and (test := sequential_test(gate)) is not None:
+                gates.setdefault((gate.file, gate.name), _Followed(gate, test)).places.append(place)
         whole = [gate for gate in gates.values() if len(gate.places) == gate.planned.runs]
         self._by_place = {place: gate for gate in whole for place in gate.places}
 

@@ -76,19 +76,12 @@ class SequentialTest:
 
         None is a run without a verdict: it counts as not passed for `accept`, and as passed against `reject`.
         """
-        runs = passes = not_failed = 0
+        seen = SeenResults(self)
         for result in results:
-            if runs == self.most:
+            if seen.verdict is not None or seen.runs == self.most:
                 break
-            runs += 1
-            passes += result is True
-            not_failed += result is not False
-            greatest, least = self.boundaries(runs)
-            if least is not None and passes >= least:
-                return Decision("accepted", runs)
-            if greatest is not None and not_failed <= greatest:
-                return Decision("rejected", runs)
-        return Decision(None, runs)
+            seen.add(result)
+        return Decision(seen.verdict, seen.runs)
 
     def exact(self, true_rate: float) -> Expected:
         """Return the probabilities of the verdicts by dynamic programming over runs and passes.
@@ -114,3 +107,29 @@ class SequentialTest:
                 rejected += math.fsum(after.pop(passes) for passes in list(after) if passes <= greatest)
             open_with = after
         return Expected(accepted, rejected, math.fsum(open_with.values()), mean_runs)
+
+
+class SeenResults:
+    """The results that a test has seen, one after the other.
+
+    Attributes:
+        runs: their number.
+        verdict: the verdict of the test, after which it looks at nothing; None: it is open.
+    """
+
+    def __init__(self, test: SequentialTest) -> None:
+        self.runs = 0
+        self.verdict: SequentialVerdict | None = None
+        self._test = test
+        self._passes = self._not_failed = 0
+
+    def add(self, result: bool | None) -> None:
+        """Look at the next result; see `SequentialTest.decision`."""
+        self.runs += 1
+        self._passes += result is True
+        self._not_failed += result is not False
+        greatest, least = self._test.boundaries(self.runs)
+        if least is not None and self._passes >= least:
+            self.verdict = "accepted"
+        elif greatest is not None and self._not_failed <= greatest:
+            self.verdict = "rejected"
