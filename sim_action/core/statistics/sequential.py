@@ -78,9 +78,9 @@ class SequentialTest:
         """
         seen = SeenResults(self)
         for result in results:
+            seen.add(result)
             if seen.verdict is not None or seen.runs == self.most:
                 break
-            seen.add(result)
         return Decision(seen.verdict, seen.runs)
 
     def exact(self, true_rate: float) -> Expected:
