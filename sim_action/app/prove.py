@@ -6,22 +6,37 @@ import os
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Final
+from typing import Final, get_args
 
 from sim_action import __version__
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.process import Interruption
 from sim_action.core.records import dataclass
 from sim_action.core.wording import counted, escaped_line, note, system_reason
+from sim_action.reports import ReportOptions, ReportRequest, open_reports, workspace_of
+from sim_action.reports.github.proof import write_proof_annotations, write_proof_outputs, write_proof_summary
+from sim_action.reports.html.proof_page import ShownScenario, write_proof_page
 from sim_action.reports.progress import ProgressListener
 from sim_action.reports.proof import print_proof
+from sim_action.results.artifacts import REPORT_FILE
+from sim_action.results.events import RunEnded
 from sim_action.results.outcome import Outcome
-from sim_action.results.proof import Proof, ProvenScenario
-from sim_action.results.written_files import is_foreign, is_proof
-from sim_action.runner.mutation.judgement import JudgedMutant, judged, not_mutated, proven, stored, with_suggestion
+from sim_action.results.output_folder import remove_regular
+from sim_action.results.proof import MutantStatus, Proof, ProvenScenario
+from sim_action.results.written_files import JUNIT_FILE, is_foreign, is_proof
+from sim_action.runner.child_outcome import interrupted
+from sim_action.runner.mutation.judgement import (
+    JudgedMutant,
+    judged,
+    not_mutated,
+    proven,
+    status_of,
+    stored,
+    with_suggestion,
+)
 from sim_action.runner.mutation.mutant import Original
 from sim_action.runner.mutation.planning import PlannedMutants, cost, first_runs, planned, refuse_unknown, within
 from sim_action.runner.mutation.suggestions import Candidates, candidates
@@ -32,6 +47,15 @@ from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.source import Refused
 
 _MINUTE_S: Final = 60
+# The folders of the runs without a mutant, and of those with one.
+_ORIGINALS: Final = "originals"
+_MUTANTS: Final = "mutants"
+# The width of the results of mutants in the progress.
+_WIDTH: Final = max(map(len, get_args(MutantStatus)))
+
+
+PROOF_FOLDER: Final = "proof"
+"""The folder of the report below the output folder, so that the results of `run` stay."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,101 +63,189 @@ class ProveRequest:
     """The options of `prove`.
 
     Attributes:
+        reports: which reports are written, and the folder for them.
         only: names of the mutants to run, see `planning.refuse_unknown`; empty: all of them.
         budget: the wall time in s that mutants may take, as estimated before they start; None: any.
         json: the file for the proof; None: none.
         strict: an expectation that checks nothing fails the call.
-        quiet: print no progress.
     """
 
     plan: PlanRequest
+    reports: ReportRequest
     jobs: int
     only: tuple[str, ...] = ()
     budget: float | None = None
     json: Path | None = None
     strict: bool = False
-    quiet: bool = False
+
+    @property
+    def is_quiet(self) -> bool:
+        """True if no progress is printed."""
+        return self.reports.verbosity == "quiet"
+
+    @property
+    def has_report(self) -> bool:
+        """True if `report.html` is written."""
+        return "report" not in self.reports.silenced
 
 
 def prove_scenarios(request: ProveRequest, interruption: Interruption) -> ExitCode:
-    """Prove all scenarios, print the findings and return the exit code. Raise UsageError."""
+    """Prove all scenarios, write the findings and return the exit code. Raise UsageError.
+
+    After an interruption, the findings are those of the runs that have ended.
+    """
     refuse_unknown(request.only)
     if request.json is not None:
         _refuse_foreign(request.json)
-    proof = proof_of(request, interruption)
-    if proof is None:
-        note("interrupted: no scenario is proven")
-        return ExitCode.INTERRUPTED
-    if request.json is not None:
-        try:
-            proof.write(request.json)
-        except OSError as error:
-            raise UsageError(escaped_line(f"--json {request.json} cannot be written: {system_reason(error)}")) from None
+    with tempfile.TemporaryDirectory(prefix="sim-action-", ignore_cleanup_errors=True) as folder:
+        call = _Call(request, Path(folder), interruption)
+        with _opened(request.reports) as options:
+            proof = call.proof()
+            if proof is None:
+                note("interrupted: no scenario is proven")
+                return ExitCode.INTERRUPTED
+            _write(proof, call.shown, request, options, Path(folder))
     # A closed output does not change the result.
     with suppress(BrokenPipeError):
         print_proof(proof, os.environ)
+        if "annotations" not in request.reports.silenced:
+            write_proof_annotations(proof, options, strict=request.strict)
     return proof.exit_code(strict=request.strict)
 
 
-def proof_of(request: ProveRequest, interruption: Interruption) -> Proof | None:
-    """Return the proof of all scenarios; None if the call was interrupted. Raise UsageError."""
-    started = time.monotonic()
-    with tempfile.TemporaryDirectory(prefix="sim-action-", ignore_cleanup_errors=True) as folder:
-        call = _Call(request, Path(folder), interruption)
-        scenarios = call.scenarios()
-        if interruption.happened:
-            return None
-        took = max(0.0, time.monotonic() - started)
-        return Proof(sim_action=__version__, runs=call.runs, wall_time=took, scenarios=tuple(scenarios))
+@contextmanager
+def _opened(request: ReportRequest) -> Iterator[ReportOptions]:
+    """Yield the options of the reports; the folder is made and locked if there is a report. Raise UsageError."""
+    if "report" in request.silenced:
+        yield ReportOptions(
+            folder=request.folder,
+            junit=request.folder / JUNIT_FILE,
+            junit_strict=False,
+            environment=os.environ,
+            workspace=workspace_of(os.environ, Path.cwd()),
+            verbosity=request.verbosity,
+            silenced=request.silenced,
+        )
+        return
+    with open_reports(request) as options:
+        # A call that is killed must not leave the report of another one.
+        with suppress(OSError):
+            remove_regular(options.folder / REPORT_FILE)
+        yield options
+
+
+def _write(
+    proof: Proof, shown: Sequence[ShownScenario], request: ProveRequest, options: ReportOptions, replays: Path
+) -> None:
+    """Write all files: the proof, the page, and those of GitHub. Raise UsageError if one cannot be written.
+
+    `replays`: the folder from which outcomes name their replays.
+    """
+    if request.json is not None:
+        with _told(f"--json {request.json}"):
+            proof.write(request.json)
+    if request.has_report:
+        with _told(str(options.folder / REPORT_FILE)):
+            write_proof_page(proof, shown, options, replays)
+    with _told("the job summary or the outputs"):
+        write_proof_outputs(proof, options)
+        if "summary" not in options.silenced:
+            write_proof_summary(proof, options)
+
+
+@contextmanager
+def _told(target: str) -> Iterator[None]:
+    """Raise UsageError for an OSError inside."""
+    try:
+        yield
+    except OSError as error:
+        raise UsageError(escaped_line(f"{target} cannot be written: {system_reason(error)}")) from None
 
 
 class _Call:
-    """One call: `folder` holds the traces of its runs.
+    """One call: `folder` holds the files of its runs. Raise UsageError.
 
     Attributes:
-        runs: the number of runs so far.
+        shown: the scenarios of the proof with their runs.
     """
 
     def __init__(self, request: ProveRequest, folder: Path, interruption: Interruption) -> None:
         self._request, self._folder, self._interruption = request, folder, interruption
-        self.runs = 0
+        self._started = time.monotonic()
+        self._runs = 0
+        self._found = plan_runs(request.plan)
+        self.shown: list[ShownScenario] = []
 
-    def scenarios(self) -> list[ProvenScenario]:
-        """Run everything, and return the scenarios in their order."""
-        found = plan_runs(self._request.plan)
-        firsts = list(first_runs(found.plans))
+    def proof(self) -> Proof | None:
+        """Run everything, and return the proof; None if an interruption came before the first mutant had ended."""
+        self.shown = self._scenarios()
+        scenarios = tuple(each.scenario for each in self.shown)
+        interrupted = self._interruption.happened
+        if interrupted and not any(each.mutants for each in scenarios):
+            return None
+        return Proof(
+            sim_action=__version__,
+            runs=self._runs,
+            wall_time=max(0.0, time.monotonic() - self._started),
+            interrupted=interrupted,
+            scenarios=scenarios,
+        )
+
+    def _scenarios(self) -> list[ShownScenario]:
+        """Return the scenarios in their order."""
+        firsts = list(first_runs(self._found.plans))
         loaded = [each for each in firsts if not isinstance(each, Refused)]
-        outcomes = iter(self._outcomes(loaded, "originals"))
-        told: list[ProvenScenario | Original] = []
+        outcomes = iter(self._outcomes(loaded, _ORIGINALS))
+        told: list[ShownScenario | Original] = []
         for each in firsts:
             if isinstance(each, Refused):
                 told.append(_of_refused(Outcome.of_refused(each)))
             else:
                 told.append(self._original(each, next(outcomes)))
-        told += map(_of_refused, [*map(Outcome.of_nothing, found.empty), *map(Outcome.of_unmatched, found.unmatched)])
+        missing = [*map(Outcome.of_nothing, self._found.empty), *map(Outcome.of_unmatched, self._found.unmatched)]
+        told += map(_of_refused, missing)
         proven_ones = iter(self._proven([each for each in told if isinstance(each, Original)]))
         return [next(proven_ones) if isinstance(each, Original) else each for each in told]
 
-    def _original(self, loaded: LoadedScenario, outcome: Outcome) -> ProvenScenario | Original:
+    def _original(self, loaded: LoadedScenario, outcome: Outcome) -> ShownScenario | Original:
         """Return a run that passed, or the reason why it is not mutated."""
-        trace = stored(outcome, self._folder / "originals") if outcome.status == "passed" else None
-        return not_mutated(loaded, outcome) if trace is None else Original(loaded, outcome, trace)
+        trace = stored(outcome, self._folder / _ORIGINALS) if outcome.status == "passed" else None
+        return ShownScenario(not_mutated(loaded, outcome)) if trace is None else Original(loaded, outcome, trace)
 
-    def _proven(self, originals: Sequence[Original]) -> list[ProvenScenario]:
+    def _proven(self, originals: Sequence[Original]) -> list[ShownScenario]:
         """Return the scenarios that passed, after the runs of their mutants."""
         request = self._request
         plans = planned(originals, request.only)
         if request.budget is not None:
             plans = within(plans, request.budget, request.jobs)
         self._announce(plans)
-        mutants = [mutant.loaded for plan in plans for mutant in plan.chosen]
-        outcomes = iter(self._outcomes(mutants, "mutants"))
+        pairs = [(plan.original, mutant) for plan in plans for mutant in plan.chosen]
+        outcomes = iter(
+            self._outcomes(
+                [mutant.loaded for _, mutant in pairs],
+                _MUTANTS,
+                lambda ended: f"{status_of(pairs[ended.place][0], ended.outcome):<{_WIDTH}}",
+            )
+        )
         results = [
-            [judged(plan.original, mutant, next(outcomes), self._folder / "mutants") for mutant in plan.chosen]
+            [
+                judged(plan.original, mutant, outcome, self._folder / _MUTANTS)
+                for mutant, outcome in zip(plan.chosen, outcomes, strict=False)
+                if outcome.exit_code is not ExitCode.INTERRUPTED
+            ]
             for plan in plans
         ]
         results = self._with_suggestions(plans, results)
-        return [proven(plan.original, several, plan.left_out) for plan, several in zip(plans, results, strict=True)]
+        return [self._shown(plan, several) for plan, several in zip(plans, results, strict=True)]
+
+    def _shown(self, plan: PlannedMutants, judged_ones: Sequence[JudgedMutant]) -> ShownScenario:
+        """Return a scenario with its findings, the run without a mutant, and those of its survivors."""
+        unfinished = len(plan.chosen) - len(judged_ones)
+        return ShownScenario(
+            proven(plan.original, judged_ones, plan.left_out, unfinished),
+            _below(plan.original.outcome, _ORIGINALS),
+            [_below(each.outcome, _MUTANTS) for each in judged_ones if _survived(each)],
+        )
 
     def _with_suggestions(
         self, plans: Sequence[PlannedMutants], results: Sequence[Sequence[JudgedMutant]]
@@ -146,7 +258,7 @@ class _Call:
             for plan, several in zip(plans, survived, strict=True)
         ]
         wanted = [*_with_candidates(offers, results, survived)]
-        outcomes = iter(self._outcomes(wanted, "suggestions"))
+        outcomes = iter(self._outcomes(wanted, "suggestions", lambda _: "tried"))
         told = []
         for offer, several, alive in zip(offers, results, survived, strict=True):
             if offer is None:
@@ -161,15 +273,21 @@ class _Call:
             )
         return told
 
-    def _outcomes(self, scenarios: Sequence[LoadedScenario], name: str) -> list[Outcome]:
-        """Run scenarios with a folder of their own, and return an outcome each."""
+    def _outcomes(
+        self, scenarios: Sequence[LoadedScenario], name: str, word_of: Callable[[RunEnded], str] | None = None
+    ) -> list[Outcome]:
+        """Run scenarios with a folder of their own, and return an outcome each; `word_of`: see `ProgressListener`."""
         if not scenarios:
             return []
+        if self._interruption.happened:
+            return [interrupted(each) for each in scenarios]
         folder = self._folder / name
         folder.mkdir()
-        self.runs += len(scenarios)
-        listener = ProgressListener(len(scenarios), "quiet" if self._request.quiet else "normal")
-        outcomes = execute(scenarios, folder, self._request.jobs, listener, self._interruption)
+        self._runs += len(scenarios)
+        request = self._request
+        listener = ProgressListener(len(scenarios), request.reports.verbosity, word_of=word_of)
+        replays = request.has_report and name in (_ORIGINALS, _MUTANTS)
+        outcomes = execute(scenarios, folder, request.jobs, listener, self._interruption, replays=replays)
         listener.close()
         return outcomes
 
@@ -179,7 +297,7 @@ class _Call:
         seconds = cost(plans, self._request.jobs)
         took = f"{seconds / _MINUTE_S:.0f} min" if seconds > 2 * _MINUTE_S else f"{seconds:.0f} s"
         over = f"; {left:,} more are over the budget" if left else ""
-        if not self._request.quiet:
+        if not self._request.is_quiet:
             note(f"{counted(runs, 'mutant')} of {counted(len(plans), 'scenario')}, about {took} in all{over}")
             sys.stderr.flush()
 
@@ -200,15 +318,22 @@ def _with_candidates(
             yield from (offer.added_to(each.mutant.loaded) for each, lives in zip(several, alive, strict=True) if lives)
 
 
-def _of_refused(outcome: Outcome) -> ProvenScenario:
+def _below(outcome: Outcome, folder: str) -> Outcome:
+    """Return an outcome whose replay is named from the folder of the call, not from that of its runs."""
+    return outcome.model_copy(update={"replay": outcome.replay and f"{folder}/{outcome.replay}"})
+
+
+def _of_refused(outcome: Outcome) -> ShownScenario:
     """Return a scenario that cannot run."""
-    return ProvenScenario(
-        name=outcome.name,
-        file=outcome.file,
-        line=outcome.line,
-        variation=outcome.variation,
-        reason=outcome.ending,
-        exit_code=int(outcome.exit_code),
+    return ShownScenario(
+        ProvenScenario(
+            name=outcome.name,
+            file=outcome.file,
+            line=outcome.line,
+            variation=outcome.variation,
+            reason=outcome.ending,
+            exit_code=int(outcome.exit_code),
+        )
     )
 
 

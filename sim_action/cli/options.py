@@ -253,6 +253,13 @@ _VERBOSITY: Final = (
 )
 
 
+def switches(command: Command) -> Command:
+    """Add the options that switch reports off to a command."""
+    for option in reversed(_SWITCHES):
+        command = option(command)
+    return command
+
+
 def report_flags(command: Command) -> Command:
     """Add the options for output and reports to a command."""
     for option in reversed((*_FILES, *_SWITCHES, *_VERBOSITY)):

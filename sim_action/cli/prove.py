@@ -18,6 +18,8 @@ from sim_action.cli.options import (
     discovered,
     named_packages,
     not_empty,
+    output_dir,
+    switches,
 )
 from sim_action.core.errors import ExitCode
 from sim_action.core.records import replace
@@ -68,6 +70,8 @@ if TYPE_CHECKING:
     metavar="N",
     help="Number of runs in parallel, 1 to 256.  [default: number of cores]",
 )
+@output_dir("Folder with the report, in its subfolder proof.")
+@switches
 @click.option("--quiet", "-q", envvar="SIM_ACTION_QUIET", is_flag=True, help="Show no progress.")
 @code_flags
 @PACKAGES
@@ -82,6 +86,10 @@ def prove(
     backend: str | None,
     seed: int | None,
     jobs: int | None,
+    output_dir: str,
+    report: bool,
+    summary: bool,
+    annotations: bool,
     quiet: bool,
     packages: tuple[str, ...],
     allow_outside: bool,
@@ -99,21 +107,24 @@ def prove(
     from sim_action.core.process import Interruption, usable_cores
 
     with Interruption() as interruption:
-        from sim_action.app.prove import ProveRequest, prove_scenarios
+        from sim_action.app.prove import PROOF_FOLDER, ProveRequest, prove_scenarios
+        from sim_action.reports import ReportRequest
         from sim_action.runner.run_plan import PlanRequest
 
         seconds = None if budget is None else _seconds(budget)
         suite = discovered(paths, outside=allow_outside)
         allowed = code_permissions(flags, {path.parent: None for path in suite.files})
         permissions = replace(allowed, outside=allow_outside, packages=named_packages(packages))
+        written = {"report": report, "summary": summary, "annotations": annotations}
+        silenced = frozenset(name for name, is_on in written.items() if not is_on)
         request = ProveRequest(
             PlanRequest(suite, permissions, None, backend, seed),
+            ReportRequest(Path(output_dir) / PROOF_FOLDER, None, False, "quiet" if quiet else "normal", silenced),
             jobs or usable_cores(),
             tuple(name.strip() for names in only for name in names.split(",") if name.strip()),
             seconds,
             None if json_file is None else Path(json_file),
             strict,
-            quiet,
         )
         return prove_scenarios(request, interruption)
 

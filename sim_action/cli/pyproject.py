@@ -41,7 +41,7 @@ _OPTIONS: Final[Mapping[str, tuple[str, ...]]] = {
     "merge": _REPORTS,
     "validate": ("paths",),
     "matrix": ("paths",),
-    "prove": ("paths", "seed", "jobs", "quiet"),
+    "prove": ("paths", "seed", "jobs", "output_dir", "report", "summary", "annotations", "quiet"),
     "report": _REPORTS,
     "view": ("output_dir",),
     "compare": ("output_dir", "summary"),

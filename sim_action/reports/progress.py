@@ -11,7 +11,7 @@ import shutil
 import sys
 import time
 import unicodedata
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Final, TextIO
 
@@ -67,8 +67,12 @@ class ProgressListener:
         verbosity: Verbosity,
         stream: TextIO | None = None,
         gates: Mapping[GateKey, int] = _NO_GATES,
+        word_of: Callable[[RunEnded], str] | None = None,
     ) -> None:
-        """Report on `total` scenarios to a stream (default: standard error); `gates`: the number of runs of each."""
+        """Report on `total` scenarios to a stream (default: standard error).
+
+        `gates`: the number of runs of each; `word_of`: gives the word for the result of a run, its status by default.
+        """
         self._stream = stream or sys.stderr
         self._silent = verbosity == "quiet"
         self._shows_samples = verbosity == "verbose"
@@ -76,6 +80,7 @@ class ProgressListener:
         self._gate: _RunsOfGate | None = None
         self._rewrites = is_full_terminal(self._stream, os.environ)
         self._total = total
+        self._word_of = word_of or _status_word
         self._done = 0
         self._running: dict[str, str] = {}
         self._shown_at = float("-inf")
@@ -86,7 +91,7 @@ class ProgressListener:
             case Progressed():
                 self._show_progress(event)
             case RunEnded():
-                self._show_outcome(event.outcome)
+                self._show_outcome(event)
             case Finished(taken_over=True):
                 self._count(event.outcome)
 
@@ -100,7 +105,8 @@ class ProgressListener:
             gate = "" if self._gate is None else f"{self._gate}; "
             self._rewrite(f"[{self._done}/{self._total}] {gate}{', '.join(self._running.values())}")
 
-    def _show_outcome(self, outcome: Outcome) -> None:
+    def _show_outcome(self, ended: RunEnded) -> None:
+        outcome = ended.outcome
         self._done += 1
         self._running.pop(outcome.name, None)
         is_step = self._count(outcome)
@@ -109,7 +115,7 @@ class ProgressListener:
         if self._rewrites:
             self.close()
         elif self._gate is None or self._shows_samples:
-            self._write(f"{self._readable(self._summed_up(outcome))}\n")
+            self._write(f"{self._readable(self._summed_up(ended))}\n")
         elif is_step:
             self._write(f"{self._readable(f'[{self._done}/{self._total}] {self._gate}')}\n")
 
@@ -123,15 +129,16 @@ class ProgressListener:
         if self._rewrites and not self._silent:
             self._write(_ERASE)
 
-    def _summed_up(self, outcome: Outcome) -> str:
+    def _summed_up(self, ended: RunEnded) -> str:
+        outcome = ended.outcome
         simulated = f"{outcome.sim_time:.1f} s simulated in " if outcome.sim_time is not None else ""
         counter = f"[{self._done}/{self._total}]"
-        word = STATUS_DISPLAYS[outcome.status].word
+        word = self._word_of(ended)
         took = f"{simulated}{outcome.wall_time:.1f} s"
         if self._gate is not None:
-            found = "passed" if outcome.status == "passed" else f"did not pass ({word})"
+            found = "passed" if outcome.status == "passed" else f"did not pass ({word.strip()})"
             return f"{counter} {one_line(outcome.name)} {found}  {took}"
-        return f"{counter} {word:<6}  {one_line(outcome.name)}  {took}"
+        return f"{counter} {word}  {one_line(outcome.name)}  {took}"
 
     def _rewrite(self, line: str) -> None:
         # One column stays free, because some terminals wrap after a full line.
@@ -149,6 +156,10 @@ class ProgressListener:
         except OSError:
             # The reader has closed the stream; the run continues.
             self._silent = True
+
+
+def _status_word(ended: RunEnded) -> str:
+    return f"{STATUS_DISPLAYS[ended.outcome.status].word:<6}"
 
 
 def _cut(text: str, columns: int) -> str:

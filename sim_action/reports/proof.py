@@ -1,4 +1,4 @@
-"""The report of `sim-action prove` on a terminal: what each expectation noticed, and what nothing noticed."""
+"""The report of `sim-action prove` on a terminal, and its words, which other reports use, too."""
 
 from __future__ import annotations
 
@@ -43,10 +43,13 @@ def headline(proof: Proof) -> str:
     told = [f"{counted(proof.useless, 'expectation')} {'checks' if proof.useless == 1 else 'check'} nothing"]
     told += [f"{notices} {'notices' if notices == 1 else 'notice'} something"]
     told += [f"{unknown} unknown"] if unknown else []
-    survivors = sum(len(scenario.survivors) for scenario in proof.scenarios)
-    told += [f"{counted(survivors, 'other motion')} unnoticed"] if survivors else []
+    told += [f"{counted(proof.survivors, 'other motion')} unnoticed"] if proof.survivors else []
     unproven = sum(not scenario.is_proven for scenario in proof.scenarios)
-    return ", ".join(told) + (f"; {counted(unproven, 'scenario')} not mutated" if unproven else "")
+    left = sum(scenario.unfinished for scenario in proof.scenarios)
+    start = (
+        f"interrupted before {counted(left, 'mutant')} had ended: " if left else "interrupted: "
+    ) * proof.interrupted
+    return start + ", ".join(told) + (f"; {counted(unproven, 'scenario')} not mutated" if unproven else "")
 
 
 def _of_scenario(scenario: ProvenScenario, symbols: Mapping[Finding, str]) -> Iterator[_Line]:
@@ -57,11 +60,15 @@ def _of_scenario(scenario: ProvenScenario, symbols: Mapping[Finding, str]) -> It
         return
     for expected in scenario.expectations:
         look = _STYLES[expected.finding]
-        yield [(f"  {symbols[expected.finding]} ", look), (expected.name, ""), (f": {_told(expected, scenario)}", "")]
+        yield [
+            (f"  {symbols[expected.finding]} ", look),
+            (expected.name, ""),
+            (f": {finding_text(expected, scenario)}", ""),
+        ]
         if expected.finding == "checks nothing":
             yield [("      ", ""), (str(expected.location), "cyan")]
-    for suggestion in dict.fromkeys(each.suggestion for each in scenario.survivors):
-        yield from _of_survivors(suggestion, [each for each in scenario.survivors if each.suggestion == suggestion])
+    for suggestion, survivors in by_suggestion(scenario):
+        yield from _of_survivors(suggestion, survivors)
     for words, mutants in (
         ("unnoticed, with little other motion", [each for each in scenario.with_status("survived") if not each.change]),
         ("no effect", scenario.with_status("no effect")),
@@ -72,9 +79,29 @@ def _of_scenario(scenario: ProvenScenario, symbols: Mapping[Finding, str]) -> It
         yield [(f"  could not run: {mutant.name}: {shortened(mutant.reason, _MOST_TEXT)}", "dim")]
     if scenario.left_out:
         yield [(f"  {counted(scenario.left_out, 'mutant')} left out: over the budget", "yellow")]
+    if scenario.unfinished:
+        yield [(f"  {counted(scenario.unfinished, 'mutant')} had not ended when the call was interrupted", "yellow")]
 
 
-def _told(expected: ProvenExpectation, scenario: ProvenScenario) -> str:
+def by_suggestion(scenario: ProvenScenario) -> list[tuple[str, list[MutantResult]]]:
+    """Return the survivors of a scenario by the expectation that would have noticed them; empty if there is none."""
+    found: dict[str, list[MutantResult]] = {}
+    for survivor in scenario.survivors:
+        found.setdefault(survivor.suggestion, []).append(survivor)
+    return list(found.items())
+
+
+def survivor_text(survivor: MutantResult) -> str:
+    """Return a mutant that survived in words: its fault, and the other motion that nothing noticed."""
+    return f"{survivor.words}: {survivor.change.text if survivor.change else ''}, and nothing failed"
+
+
+def suggestion_title(survivors: Sequence[MutantResult]) -> str:
+    """Return the words before the expectation that would have noticed some survivors."""
+    return f"this expectation would have noticed {'it' if len(survivors) == 1 else 'them'}:"
+
+
+def finding_text(expected: ProvenExpectation, scenario: ProvenScenario) -> str:
     """Return the finding on an expectation in words."""
     changed = len(scenario.with_status("noticed", "survived"))
     near = "" if expected.sensitivity is None else f"; {expected.sensitivity:.0%} from its limit"
@@ -83,6 +110,8 @@ def _told(expected: ProvenExpectation, scenario: ProvenScenario) -> str:
     if expected.finding == "checks nothing":
         others = f", {len(expected.missed)} of them noticed by others" if expected.missed else ""
         return f"checks nothing here: {counted(changed, 'mutant')} changed the run{others}{near}"
+    if scenario.unfinished:
+        return "nothing is known: the call was interrupted"
     return "nothing is known: no mutant changed the run" if not changed else "it did not pass in the original run"
 
 
@@ -94,10 +123,8 @@ def _names(names: Sequence[str]) -> str:
 def _of_survivors(suggestion: str, survivors: Sequence[MutantResult]) -> Iterator[_Line]:
     """Yield the mutants that one expectation would have noticed, and then this expectation; or those without one."""
     for survivor in survivors:
-        assert survivor.change is not None, "survivors have one"
-        told = f"{survivor.words}: {survivor.change.text}, and nothing failed"
-        yield [("  ! ", "yellow"), (survivor.name, ""), (f": {told}", "")]
+        yield [("  ! ", "yellow"), (survivor.name, ""), (f": {survivor_text(survivor)}", "")]
     if suggestion:
-        yield [(f"      this expectation would have noticed {'it' if len(survivors) == 1 else 'them'}:", "dim")]
+        yield [(f"      {suggestion_title(survivors)}", "dim")]
         for line in suggestion.split("\n"):
             yield [("        ", ""), (line, "cyan")]

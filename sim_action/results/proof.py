@@ -29,7 +29,8 @@ Finding = Literal["notices", "checks nothing", "unknown"]
 
 - notices: it noticed at least one mutant.
 - checks nothing: mutants changed the run, and it noticed none of them.
-- unknown: no mutant changed the run, or the expectation did not pass without a mutant either.
+- unknown: no mutant changed the run, the expectation did not pass without a mutant either, or the call was interrupted
+  before all mutants had ended.
 """
 
 
@@ -103,6 +104,7 @@ class ProvenScenario(FrozenModel):
         reason: the reason why the scenario was not mutated, such as a failed expectation; empty if it was.
         exit_code: of the original run.
         left_out: the number of mutants that did not fit into the budget.
+        unfinished: the number of mutants that had not ended when the call was interrupted.
     """
 
     name: str
@@ -114,6 +116,7 @@ class ProvenScenario(FrozenModel):
     expectations: tuple[ProvenExpectation, ...] = ()
     mutants: tuple[MutantResult, ...] = ()
     left_out: Annotated[int, Field(ge=0)] = 0
+    unfinished: Annotated[int, Field(ge=0)] = 0
 
     @property
     def is_proven(self) -> bool:
@@ -143,12 +146,14 @@ class Proof(FrozenModel):
         sim_action: the version of sim-action.
         runs: the number of runs, with the original ones.
         wall_time: the wall time in s of the call.
+        interrupted: True if the call was interrupted; the findings are those of the runs that had ended.
     """
 
     version: Literal[1] = 1
     sim_action: str
     runs: Annotated[int, Field(ge=0)]
     wall_time: NotNegative
+    interrupted: bool = False
     scenarios: tuple[ProvenScenario, ...]
 
     @property
@@ -156,8 +161,15 @@ class Proof(FrozenModel):
         """The number of expectations that check nothing."""
         return sum(len(scenario.useless) for scenario in self.scenarios)
 
+    @property
+    def survivors(self) -> int:
+        """The number of mutants that moved the robot another way, and that nothing noticed."""
+        return sum(len(scenario.survivors) for scenario in self.scenarios)
+
     def exit_code(self, *, strict: bool) -> ExitCode:
         """Return the exit code; with `strict`, an expectation that checks nothing fails, and a bad scenario."""
+        if self.interrupted:
+            return ExitCode.INTERRUPTED
         if not self.scenarios:
             return ExitCode.NO_SCENARIO
         worst = max(_always(scenario.exit_code for scenario in self.scenarios), default=ExitCode.PASSED)

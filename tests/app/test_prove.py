@@ -1,35 +1,82 @@
-"""The use case `prove` without runs: an interruption before anything ran."""
+"""The use case `prove`: interruptions, and the files that it writes."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 from unittest.mock import Mock
 
 import pytest
 
-from sim_action.app.prove import ProveRequest, proof_of, prove_scenarios
+from sim_action.app import prove
+from sim_action.app.prove import ProveRequest, prove_scenarios
 from sim_action.core.errors import ExitCode
 from sim_action.core.permissions import Permissions
+from sim_action.core.process import Interruption
+from sim_action.reports import ReportRequest
+from sim_action.results.outcome import Outcome
+from sim_action.runner.child_outcome import interrupted
+from sim_action.runner.process_pool import execute
 from sim_action.runner.run_plan import PlanRequest
+from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.selection import Selection, find_suite
 from tests.scenarios import LEAST
 
 
 def request(folder: Path) -> ProveRequest:
     suite = find_suite([str(folder)], Selection())
-    return ProveRequest(PlanRequest(suite, Permissions(outside=True), None, None, None), 1, quiet=True)
+    reports = ReportRequest(folder / "results", None, junit_strict=False, verbosity="quiet", silenced=frozenset())
+    plan = PlanRequest(suite, Permissions(outside=True), None, None, None)
+    return ProveRequest(plan, reports, 1, json=folder / "proof.json")
 
 
 def test_an_interruption_leaves_no_findings(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "a.sim.yml").write_text(LEAST)
     interruption = Mock(happened=True)
-    assert proof_of(request(tmp_path), interruption) is None
     assert prove_scenarios(request(tmp_path), interruption) == ExitCode.INTERRUPTED
     printed = capsys.readouterr()
     assert printed.out == ""
     assert printed.err.count("interrupted: no scenario is proven") == 1
+    assert not (tmp_path / "proof.json").exists()
+    assert not (tmp_path / "results/report.html").exists()
 
 
 def test_without_scenarios_there_is_nothing_to_prove(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert prove_scenarios(request(tmp_path), Mock(happened=False)) == ExitCode.NO_SCENARIO
     assert capsys.readouterr().out == "0 expectations check nothing, 0 notice something\n"
+
+
+class _InterruptedAfter(Interruption):
+    """An interruption that comes once a number of runs has ended."""
+
+    def __init__(self, runs: int) -> None:
+        super().__init__()
+        self.left = runs
+
+    def execute(self, scenarios: Sequence[LoadedScenario], *arguments: Any, **options: Any) -> list[Outcome]:
+        """Run the scenarios that are left before the interruption."""
+        run = scenarios[: self.left]
+        self.left -= len(run)
+        outcomes = execute(run, *arguments, **options) if run else []
+        self.happened = len(run) < len(scenarios)
+        return [*outcomes, *map(interrupted, scenarios[len(run) :])]
+
+
+@pytest.mark.process
+def test_an_interruption_keeps_the_findings_so_far(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "a.sim.yml").write_text(LEAST)
+    with _InterruptedAfter(3) as interruption:
+        monkeypatch.setattr(prove, "execute", interruption.execute)
+        assert prove_scenarios(request(tmp_path), interruption) == ExitCode.INTERRUPTED
+    found = json.loads((tmp_path / "proof.json").read_text())
+    (scenario,) = found["scenarios"]
+    assert found["interrupted"]
+    assert len(scenario["mutants"]) == 2
+    assert scenario["unfinished"] > 0
+    assert {each["finding"] for each in scenario["expectations"]} <= {"notices", "unknown"}
+    assert "interrupted before " in capsys.readouterr().out
+    assert "interrupted before " in (tmp_path / "results/report.html").read_text()

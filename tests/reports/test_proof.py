@@ -4,46 +4,8 @@ from __future__ import annotations
 
 import io
 
-from sim_action.core.errors import Location
 from sim_action.reports.proof import headline, print_proof
-from sim_action.results.proof import MutantResult, PathChange, Proof, ProvenExpectation, ProvenScenario
-
-PLACE = Location("a.sim.yml", 8, 5)
-CHANGE = PathChange(text="the robot was 0.80 m further left at 3.1 s", distance=0.8, angle=0.0)
-
-
-def expected(name: str, **keys: object) -> ProvenExpectation:
-    return ProvenExpectation.model_validate(
-        {"name": name, "assertion": name, "severity": "error", "location": PLACE, **keys}
-    )
-
-
-PROVEN = ProvenScenario(
-    name="burger\nturns",
-    file="a.sim.yml",
-    line=3,
-    expectations=(
-        expected("reach", finding="notices", noticed=(*"abcdefgh",), sensitivity=0.25),
-        expected("upright", finding="checks nothing", missed=("a", "b")),
-    ),
-    mutants=(
-        MutantResult(name="a", words="a fault", status="noticed", noticed_by=(0,)),
-        MutantResult(
-            name="b", words="b fault", status="survived", change=CHANGE, suggestion="- reach: {x: 1}\n  before: 2"
-        ),
-        MutantResult(name="c", words="c fault", status="survived"),
-        MutantResult(name="f", words="f fault", status="survived", change=CHANGE),
-        MutantResult(
-            name="g", words="g fault", status="survived", change=CHANGE, suggestion="- reach: {x: 1}\n  before: 2"
-        ),
-        MutantResult(name="d", words="d fault", status="no effect"),
-        MutantResult(name="e", words="e fault", status="could not run", reason="script error: stuck"),
-    ),
-    left_out=2,
-)
-FAILED = ProvenScenario(name="burger fails", file="b.sim.yml", reason="failed (travelled 1 m)", exit_code=1)
-UNKNOWN = ProvenScenario(name="lamp", file="c.sim.yml", expectations=(expected("settled", finding="unknown"),))
-PROOF = Proof(sim_action="1.0.0", runs=9, wall_time=1.0, scenarios=(PROVEN, FAILED, UNKNOWN))
+from tests.reports.proofs import PROOF, PROVEN
 
 
 def test_the_report() -> None:
@@ -91,3 +53,14 @@ def test_the_headline_counts_everything() -> None:
     told = headline(PROOF)
     assert told.startswith("1 expectation checks nothing, 1 notices something, 1 unknown, ")
     assert told.endswith(", 3 other motions unnoticed; 1 scenario not mutated")
+
+
+def test_an_interruption_is_told() -> None:
+    stream = io.StringIO()
+    scenario = PROVEN.model_copy(update={"unfinished": 3})
+    interrupted = PROOF.model_copy(update={"interrupted": True, "scenarios": (scenario,)})
+    print_proof(interrupted, {}, stream)
+    assert "  3 mutants had not ended when the call was interrupted\n" in stream.getvalue()
+    assert headline(interrupted).startswith("interrupted before 3 mutants had ended: 1 expectation checks nothing")
+    complete = PROOF.model_copy(update={"interrupted": True})
+    assert headline(complete).startswith("interrupted: 1 expectation")

@@ -219,6 +219,8 @@ interface ScenarioEntry {
   /** The sim time in s of the failure, if no expectation gives it. */
   moment: number | null;
   expectations: ExpectationEntry[];
+  /** The block with the replay that is shown beside this one, at the same sim time. */
+  beside?: string | null;
 }
 
 interface Curve {

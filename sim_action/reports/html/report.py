@@ -54,12 +54,12 @@ def page(results: Results, options: ReportOptions) -> Page:
     body = (encoded(head), *written, b"</main></div>")
     shared = {"meshes": blocks.shared} if blocks.meshes else {}
     title = f"{page_headline(results)} · sim-action"
-    index = page_json({"scenarios": [_index_entry(entry, blocks, plots) for entry in plan.entries]})
+    index = page_json({"scenarios": [index_entry(entry, blocks, plots) for entry in plan.entries]})
     carried = blocks.blocks | shared | {_sweep_id(identity): block for identity, block in plots.items()}
     return Page(title, results.conclusion != "success", body, index, carried, has_replays=bool(blocks.blocks))
 
 
-def _replay_id(identity: str) -> str:
+def replay_id(identity: str) -> str:
     """Return the element id of the replay of an article."""
     return f"replay-{identity}"
 
@@ -75,8 +75,8 @@ def _run_articles(plan: PagePlan, results: Results, options: ReportOptions, bloc
     articles = {}
     for outcome in plan.runs:
         identity = plan.ids[id(outcome)]
-        replay, missing = _replay(outcome, options.folder, reader)
-        if replay is not None and not blocks.add(_replay_id(identity), replay):
+        replay, missing = stored_replay(outcome, options.folder, reader)
+        if replay is not None and not blocks.add(replay_id(identity), replay):
             replay, missing = None, "The replay of this run is not included: the size of the page is limited."
         still = element("p", missing, class_="faint") if replay is None else drawn(replay, outcome, outlines)
         gate = plan.gates.get((outcome.file, outcome.gate), "")
@@ -88,7 +88,7 @@ def _group_articles(
     plan: PagePlan, options: ReportOptions, blocks: ReplayBlocks, articles: dict[str, bytes]
 ) -> dict[str, str]:
     """Add the articles of gates and variations to `articles`. Return the packed data of their plots by element id."""
-    replayed = frozenset(entry.identity for entry in plan.entries if _replay_id(entry.identity) in blocks.blocks)
+    replayed = frozenset(entry.identity for entry in plan.entries if replay_id(entry.identity) in blocks.blocks)
     plots = {}
     for entry in plan.entries:
         if (group := entry.group) is None:
@@ -106,7 +106,7 @@ def _group_articles(
     return plots
 
 
-def _replay(outcome: Outcome, folder: Path, reader: ReplayReader) -> tuple[Replay | None, str]:
+def stored_replay(outcome: Outcome, folder: Path, reader: ReplayReader) -> tuple[Replay | None, str]:
     """Return the replay of a run, or None and the reason why there is none."""
     if outcome.replay is None:
         return None, "" if outcome.digest is None else "No replay of this run was stored."
@@ -119,7 +119,7 @@ def _replay(outcome: Outcome, folder: Path, reader: ReplayReader) -> tuple[Repla
         return None, f"The replay cannot be read: {one_line(str(error))}"
 
 
-def _index_entry(entry: PageEntry, blocks: ReplayBlocks, plots: Collection[str]) -> dict[str, object]:
+def index_entry(entry: PageEntry, blocks: ReplayBlocks, plots: Collection[str]) -> dict[str, object]:
     """Return the data of an article for the script of the page."""
     outcome = entry.outcome
     failures = () if outcome is None else outcome.failures
@@ -130,7 +130,7 @@ def _index_entry(entry: PageEntry, blocks: ReplayBlocks, plots: Collection[str])
         "name": entry.name,
         "number": entry.number,
         "status": entry.status,
-        "replay": _replay_id(entry.identity) if _replay_id(entry.identity) in blocks.blocks else None,
+        "replay": replay_id(entry.identity) if replay_id(entry.identity) in blocks.blocks else None,
         "sweep": _sweep_id(entry.identity) if entry.identity in plots else None,
         "moment": next((time for failure in failures if (time := _moment(failure.time)) is not None), None),
         "expectations": [

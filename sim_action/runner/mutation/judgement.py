@@ -8,7 +8,7 @@ from pathlib import Path
 from sim_action.core.records import dataclass, replace
 from sim_action.results.artifacts import stored_file
 from sim_action.results.outcome import ExpectationOutcome, Outcome
-from sim_action.results.proof import Finding, MutantResult, PathChange, ProvenExpectation, ProvenScenario
+from sim_action.results.proof import Finding, MutantResult, MutantStatus, PathChange, ProvenExpectation, ProvenScenario
 from sim_action.runner.mutation.mutant import Mutant, Original
 from sim_action.runner.mutation.path_change import path_change
 from sim_action.scenario.model import LoadedScenario
@@ -21,10 +21,12 @@ class JudgedMutant:
     """A mutant after its run.
 
     Attributes:
+        outcome: the outcome of its run.
         result: what its run showed.
     """
 
     mutant: Mutant
+    outcome: Outcome
     result: MutantResult
 
 
@@ -40,16 +42,27 @@ def stored(outcome: Outcome, folder: Path) -> Trace | None:
 def judged(original: Original, mutant: Mutant, outcome: Outcome, folder: Path) -> JudgedMutant:
     """Return a mutant with the result of its run, whose files are in `folder`."""
     result = MutantResult(name=mutant.name, words=mutant.words, status="could not run", digest=outcome.digest)
+    status = status_of(original, outcome)
+    update: dict[str, object] = {"status": status}
+    match status:
+        case "could not run":
+            update |= {"reason": outcome.ending}
+        case "noticed":
+            update |= {"noticed_by": _noticed(original.outcome, outcome)}
+        case "survived":
+            update |= {"change": _change(original, outcome, folder)}
+        case "no effect":
+            pass
+    return JudgedMutant(mutant, outcome, result.model_copy(update=update))
+
+
+def status_of(original: Original, outcome: Outcome) -> MutantStatus:
+    """Return the result of a mutant, given the outcome of its run."""
     if not outcome.has_verdict:
-        return JudgedMutant(mutant, result.model_copy(update={"reason": outcome.ending}))
-    noticed = _noticed(original.outcome, outcome)
-    if noticed:
-        update: dict[str, object] = {"status": "noticed", "noticed_by": noticed}
-    elif outcome.digest == original.outcome.digest:
-        update = {"status": "no effect"}
-    else:
-        update = {"status": "survived", "change": _change(original, outcome, folder)}
-    return JudgedMutant(mutant, result.model_copy(update=update))
+        return "could not run"
+    if _noticed(original.outcome, outcome):
+        return "noticed"
+    return "no effect" if outcome.digest == original.outcome.digest else "survived"
 
 
 def _noticed(original: Outcome, mutant: Outcome) -> tuple[int, ...]:
@@ -73,11 +86,15 @@ def not_mutated(loaded: LoadedScenario, outcome: Outcome) -> ProvenScenario:
     return _placed(loaded, ProvenScenario(name=outcome.name, file=outcome.file, reason=reason), outcome)
 
 
-def proven(original: Original, mutants: Sequence[JudgedMutant], left_out: int) -> ProvenScenario:
-    """Return a scenario with the findings on its expectations."""
+def proven(original: Original, mutants: Sequence[JudgedMutant], left_out: int, unfinished: int = 0) -> ProvenScenario:
+    """Return a scenario with the findings on its expectations.
+
+    `left_out`, `unfinished`: the numbers of mutants that did not fit into the budget, and that an interruption ended.
+    """
     results = tuple(each.result for each in mutants)
     expectations = tuple(
-        _finding(place, expected, results) for place, expected in enumerate(original.outcome.expectations)
+        _finding(place, expected, results, is_unfinished=bool(unfinished))
+        for place, expected in enumerate(original.outcome.expectations)
     )
     scenario = ProvenScenario(
         name=original.outcome.name,
@@ -85,6 +102,7 @@ def proven(original: Original, mutants: Sequence[JudgedMutant], left_out: int) -
         expectations=expectations,
         mutants=results,
         left_out=left_out,
+        unfinished=unfinished,
     )
     return _placed(original.loaded, scenario, original.outcome)
 
@@ -96,10 +114,12 @@ def _placed(loaded: LoadedScenario, scenario: ProvenScenario, outcome: Outcome) 
     return scenario.model_copy(update=update)
 
 
-def _finding(place: int, expected: ExpectationOutcome, mutants: Sequence[MutantResult]) -> ProvenExpectation:
+def _finding(
+    place: int, expected: ExpectationOutcome, mutants: Sequence[MutantResult], *, is_unfinished: bool
+) -> ProvenExpectation:
     noticed = tuple(each.name for each in mutants if place in each.noticed_by)
     missed = tuple(each.name for each in mutants if each.status == "noticed" and place not in each.noticed_by)
-    changed = any(each.status in ("noticed", "survived") for each in mutants)
+    changed = any(each.status in ("noticed", "survived") for each in mutants) and not is_unfinished
     finding: Finding = "notices" if noticed else "checks nothing" if changed and expected.verdict.passed else "unknown"
     return ProvenExpectation(
         name=expected.name,

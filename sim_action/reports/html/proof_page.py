@@ -1,0 +1,335 @@
+"""The report of `sim-action prove`: the findings, and each mutant that survived beside the run without a fault."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Final
+
+from sim_action.core.errors import Location
+from sim_action.core.files import whole_file
+from sim_action.core.records import dataclass
+from sim_action.core.wording import counted, shortened
+from sim_action.recording.replay.replay_file import ReplayReader
+from sim_action.reports import ReportOptions
+from sim_action.reports.escaping import one_line
+from sim_action.reports.formatting import moment
+from sim_action.reports.html.document import Html, Page, element, encoded, joined
+from sim_action.reports.html.navigation import PageEntry
+from sim_action.reports.html.report import ReplayBlocks, index_entry, page_json, replay_id, stored_replay
+from sim_action.reports.html.scenario_article import drawn, source, status_mark
+from sim_action.reports.html.top_view import SceneOutlines
+from sim_action.reports.proof import by_suggestion, finding_text, headline, suggestion_title, survivor_text
+from sim_action.results.artifacts import REPORT_FILE
+from sim_action.results.outcome import DisplayStatus, Outcome
+from sim_action.results.proof import Finding, MutantResult, Proof, ProvenExpectation, ProvenScenario
+
+MAX_SCENARIOS: Final = 500
+"""The number of scenarios on a page, those with remarks first; further ones are only counted."""
+
+_MARKS: Final[dict[Finding, DisplayStatus]] = {
+    "notices": "passed",
+    "checks nothing": "failed",
+    "unknown": "not_exercised",
+}
+_MAX_REASON: Final = 300
+
+
+@dataclass(frozen=True, slots=True)
+class ShownScenario:
+    """A scenario of a proof with its runs; their replays are named from the folder of the page.
+
+    Attributes:
+        original: the run without a mutant; None if there was none that passed.
+        survivors: the outcomes of `scenario.survivors`.
+    """
+
+    scenario: ProvenScenario
+    original: Outcome | None = None
+    survivors: Sequence[Outcome] = ()
+
+    @property
+    def kind(self) -> DisplayStatus:
+        """The kind of the findings, for colours and the order."""
+        if self.scenario.useless:
+            return "failed"
+        is_open = not self.scenario.is_proven or any(each.finding == "unknown" for each in self.scenario.expectations)
+        return "inconclusive" if is_open or self.scenario.survivors else "passed"
+
+
+_ORDER: Final[tuple[DisplayStatus, ...]] = ("failed", "inconclusive", "passed")
+
+
+@dataclass(frozen=True, slots=True)
+class _Runs:
+    """The entries of a scenario on the page: that of the scenario, and one for each survivor."""
+
+    shown: ShownScenario
+    entry: PageEntry
+    survivors: Sequence[PageEntry]
+
+
+def write_proof_page(proof: Proof, shown: Sequence[ShownScenario], options: ReportOptions, replays: Path) -> None:
+    """Write `report.html` into the output folder; `replays`: the folder from which outcomes name replays."""
+    with whole_file(options.folder / REPORT_FILE) as file:
+        file.writelines(proof_page(proof, shown, options, replays).parts())
+
+
+def proof_page(proof: Proof, shown: Sequence[ShownScenario], options: ReportOptions, replays: Path) -> Page:
+    """Return the page: a list, an article for each scenario, and one for each survivor."""
+    ordered = sorted(shown, key=lambda each: _ORDER.index(each.kind))
+    every = [*_entries(ordered[:MAX_SCENARIOS])]
+    drawer = _Drawer(replays)
+    body = [_head(proof), f'<div class="layout">{_list(every, len(ordered))}<main>']
+    index = []
+    for runs in every:
+        original = drawer.drawn(runs.entry)
+        body.append(_scenario_article(runs, original, options))
+        index.append(known := index_entry(runs.entry, drawer.blocks, ()))
+        for entry, result in zip(runs.survivors, runs.shown.scenario.survivors, strict=True):
+            body.append(_survivor_article(entry, result, runs.entry, drawer.drawn(entry), original))
+            index.append({**index_entry(entry, drawer.blocks, ()), "beside": known["replay"]})
+    body.append("</main></div>")
+    return Page(
+        f"{headline(proof)} · sim-action",
+        bool(proof.useless),
+        [encoded("\n".join(body))],
+        page_json({"scenarios": index}),
+        drawer.blocks.blocks | ({"meshes": drawer.blocks.shared} if drawer.blocks.meshes else {}),
+        has_replays=bool(drawer.blocks.blocks),
+    )
+
+
+def _entries(shown: Sequence[ShownScenario]) -> Iterator[_Runs]:
+    """Yield the entries of each scenario, numbered through the page."""
+    places, names = iter(range(1 << 30)), Counter[str]()
+
+    def entry(name: str, kind: DisplayStatus, outcome: Outcome | None, *, survives: bool) -> PageEntry:
+        names[one_line(name)] += 1
+        return PageEntry(
+            identity=f"s{next(places)}",
+            kind="sample" if survives else "scenario",
+            name=one_line(name),
+            number=names[one_line(name)],
+            status=kind,
+            outcome=outcome,
+            group=None,
+        )
+
+    for each in shown:
+        own = entry(each.scenario.name, each.kind, each.original, survives=False)
+        yield _Runs(each, own, [entry(run.name, "passed", run, survives=True) for run in each.survivors])
+
+
+class _Drawer:
+    """It reads replays, keeps those that fit into the page, and draws them for readers without scripts."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder, self._reader, self._outlines = folder, ReplayReader(), SceneOutlines()
+        self.blocks = ReplayBlocks()
+
+    def drawn(self, entry: PageEntry) -> Html:
+        """Return the drawing of a run; empty if there is none."""
+        if entry.outcome is None:
+            return Html("")
+        replay, missing = stored_replay(entry.outcome, self._folder, self._reader)
+        if replay is None:
+            return element("p", missing, class_="faint") if missing else Html("")
+        self.blocks.add(replay_id(entry.identity), replay)
+        return drawn(replay, entry.outcome, self._outlines)
+
+
+def _head(proof: Proof) -> Html:
+    kind = "failed" if proof.useless else "inconclusive" if proof.survivors or proof.interrupted else "passed"
+    told = f"{counted(proof.runs, 'run')} in {proof.wall_time:.1f} s · sim-action {proof.sim_action}"
+    return element(
+        "header", element("h1", headline(proof), class_=kind), element("p", told, class_="faint"), class_="run"
+    )
+
+
+def _list(every: Sequence[_Runs], total: int) -> Html:
+    """Return the list of scenarios, each with its survivors; empty if it would have a single entry."""
+    if sum(1 + len(runs.survivors) for runs in every) < 2:
+        return Html("")
+    left = total - len(every)
+    more = element("p", f"{counted(left, 'more scenario')} not shown.", class_="faint none") if left else ""
+    title = element("summary", counted(total, "scenario"))
+    items = element("ol", *map(_list_item, every))
+    return element("nav", element("details", title, items, more, open=True), aria_label="Scenarios", class_="scenarios")
+
+
+def _list_item(runs: _Runs) -> Html:
+    link = _list_link(runs.entry, runs.entry.name, _status_text(runs.shown), status_mark(runs.entry.status))
+    if not runs.survivors:
+        return element("li", link)
+    several = zip(runs.survivors, runs.shown.scenario.survivors, strict=True)
+    items = [
+        element(
+            "li",
+            _list_link(entry, each.name, each.change.text if each.change else "", element("span", "!", class_="mark")),
+        )
+        for entry, each in several
+    ]
+    return element("li", link, element("ol", *items))
+
+
+def _list_link(entry: PageEntry, name: str, words: str, mark: Html) -> Html:
+    gist = element("small", words, class_="faint") if words else ""
+    return element("a", mark, element("span", one_line(name), gist, class_="name"), href=f"#{entry.identity}")
+
+
+def _status_text(shown: ShownScenario) -> str:
+    """Return the findings on a scenario in a few words."""
+    scenario = shown.scenario
+    if not scenario.is_proven:
+        return "not mutated"
+    told = [f"{len(scenario.useless)} of {counted(len(scenario.expectations), 'expectation')} checks nothing"]
+    told = told if scenario.useless else []
+    told += [f"{counted(len(scenario.survivors), 'other motion')} unnoticed"] if scenario.survivors else []
+    told += [f"{counted(scenario.unfinished, 'mutant')} unfinished"] if scenario.unfinished else []
+    return ", ".join(told) or ("every expectation notices something" if shown.kind == "passed" else "nothing is known")
+
+
+def _scenario_article(runs: _Runs, still: Html, options: ReportOptions) -> Html:
+    scenario, entry = runs.shown.scenario, runs.entry
+    links = {result.name: each for each, result in zip(runs.survivors, scenario.survivors, strict=True)}
+    words = _status_text(runs.shown)
+    place = source(Location(scenario.file, scenario.line), options) if scenario.file else ""
+    return element(
+        "article",
+        element(
+            "header",
+            element("p", f"{words[0].upper()}{words[1:]}", class_=f"status {entry.status}"),
+            element("h2", entry.name, id=f"{entry.identity}-name"),
+            element("p", place, class_="faint"),
+        ),
+        joined(
+            _reasons(scenario, links),
+            _expectations(scenario, options),
+            _others(scenario),
+            element("h3", "The run without a mutant") if still else "",
+            element("div", still, class_="stage") if still else "",
+        ),
+        id=entry.identity,
+        class_=f"scenario {entry.status}",
+        aria_labelledby=f"{entry.identity}-name",
+    )
+
+
+def _reasons(scenario: ProvenScenario, links: dict[str, PageEntry]) -> Html:
+    """Return why a scenario has no mutants, and its survivors with the expectations to paste."""
+    told = []
+    if not scenario.is_proven:
+        title = element("h3", "No mutants")
+        told.append(
+            element("section", title, element("p", scenario.reason, class_="what"), class_="reason inconclusive")
+        )
+    for suggestion, survivors in by_suggestion(scenario):
+        each = [
+            joined(
+                element("h3", element("a", survivor.name, href=f"#{links[survivor.name].identity}")),
+                element("p", survivor_text(survivor), class_="what"),
+            )
+            for survivor in survivors
+        ]
+        told.append(element("section", *each, _suggestion(suggestion, survivors), class_="reason inconclusive"))
+    return element("div", *told, class_="reasons") if told else Html("")
+
+
+def _suggestion(suggestion: str, survivors: Sequence[MutantResult]) -> Html:
+    if not suggestion:
+        return Html("")
+    words = suggestion_title(survivors)
+    shown = element("pre", element("code", suggestion), tabindex="0")
+    return joined(
+        element("p", f"{words[0].upper()}{words[1:]}", class_="faint"), element("div", shown, class_="command")
+    )
+
+
+def _expectations(scenario: ProvenScenario, options: ReportOptions) -> Html:
+    if not scenario.expectations:
+        return Html("")
+    head = element("tr", *(element("th", title, scope="col") for title in ("", "Expectation", "Finding")))
+    rows = [_expectation_row(expected, scenario, options) for expected in scenario.expectations]
+    table = element("table", element("thead", head), element("tbody", *rows), class_="findings")
+    return joined(element("h3", "Expectations"), element("div", table, class_="wide"))
+
+
+def _expectation_row(expected: ProvenExpectation, scenario: ProvenScenario, options: ReportOptions) -> Html:
+    return element(
+        "tr",
+        element("td", status_mark(_MARKS[expected.finding])),
+        element(
+            "th",
+            element("span", expected.name),
+            " ",
+            element("small", source(expected.location, options), class_="faint"),
+            scope="row",
+        ),
+        element("td", finding_text(expected, scenario), data_title="Finding"),
+    )
+
+
+def _others(scenario: ProvenScenario) -> Html:
+    """Return the mutants without a remark: those that were noticed, changed little, did nothing or could not run."""
+    little = [each for each in scenario.with_status("survived") if each.change is None]
+    named = {
+        "noticed": scenario.with_status("noticed"),
+        "unnoticed, with little other motion": little,
+        "no effect": scenario.with_status("no effect"),
+    }
+    told = [
+        element("div", element("dt", words), element("dd", ", ".join(each.name for each in mutants)))
+        for words, mutants in named.items()
+        if mutants
+    ]
+    told += [
+        element(
+            "div", element("dt", "could not run"), element("dd", f"{each.name}: {shortened(each.reason, _MAX_REASON)}")
+        )
+        for each in scenario.with_status("could not run")
+    ]
+    counts = {"left out, over the budget": scenario.left_out, "not ended": scenario.unfinished}
+    told += [
+        element("div", element("dt", words), element("dd", str(count))) for words, count in counts.items() if count
+    ]
+    return joined(element("h3", "Mutants"), element("dl", *told, class_="facts")) if told else Html("")
+
+
+def _survivor_article(
+    entry: PageEntry, result: MutantResult, original: PageEntry, still: Html, original_still: Html
+) -> Html:
+    """Return the article of a survivor: its motion beside that of the run without a mutant."""
+    about = element("p", "A mutant of ", element("a", original.name, href=f"#{original.identity}"), class_="faint")
+    text = survivor_text(result)
+    ours = element("div", element("h3", f"With the fault: {result.words}"), element("div", still, class_="stage"))
+    theirs = element(
+        "div", element("h3", "Without it, at the same time"), element("div", original_still, class_="twin")
+    )
+    outcome = entry.outcome
+    ends = f"{moment(outcome.sim_time)} simulated" if outcome is not None and outcome.sim_time is not None else ""
+    return element(
+        "article",
+        element(
+            "header",
+            element("p", "Nothing noticed this", class_="status inconclusive"),
+            element("h2", entry.name, id=f"{entry.identity}-name"),
+            about,
+            element("p", ends, class_="faint") if ends else "",
+        ),
+        element(
+            "div",
+            element(
+                "section",
+                element("p", text, class_="what"),
+                _suggestion(result.suggestion, [result]),
+                class_="reason inconclusive",
+            ),
+            class_="reasons",
+        ),
+        element("div", ours, theirs, class_="beside"),
+        id=entry.identity,
+        class_="scenario survivor",
+        aria_labelledby=f"{entry.identity}-name",
+    )

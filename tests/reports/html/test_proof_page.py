@@ -1,0 +1,89 @@
+"""The page of a proof: findings as plain HTML, and survivors beside the run without a mutant."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+from sim_action.recording.replay.replay_file import write_replay
+from sim_action.reports import ReportOptions
+from sim_action.reports.html.document import Page
+from sim_action.reports.html.proof_page import ShownScenario, proof_page, write_proof_page
+from tests.outcomes import outcome
+from tests.reports.proofs import FAILED, PROOF, PROVEN, UNKNOWN
+from tests.reports.replays import replay
+
+
+def options(folder: Path) -> ReportOptions:
+    return ReportOptions(folder, folder / "junit.xml", junit_strict=False, environment={}, workspace=folder)
+
+
+def shown(folder: Path) -> list[ShownScenario]:
+    names = ["burger turns", *(f"burger turns ({each.name})" for each in PROVEN.survivors)]
+    (folder / "replays").mkdir()
+    runs = []
+    for number, name in enumerate(names):
+        write_replay(replay(), folder / f"replays/{number}.json.gz")
+        runs.append(outcome("a.sim.yml").model_copy(update={"name": name, "replay": f"replays/{number}.json.gz"}))
+    return [ShownScenario(UNKNOWN), ShownScenario(FAILED), ShownScenario(PROVEN, runs[0], runs[1:])]
+
+
+def page(folder: Path) -> Page:
+    return proof_page(PROOF, shown(folder), options(folder), folder)
+
+
+def test_the_findings_are_plain_html(tmp_path: Path) -> None:
+    text = page(tmp_path).text()
+    assert "checks nothing here: 5 mutants changed the run, 2 of them noticed by others" in text
+    assert "- reach: {x: 1}\n  before: 2" in text
+    assert "failed (travelled 1 m)" in text
+    assert "e: script error: stuck" in text
+    assert text.count("<svg") >= 4
+    assert text.count("<article") == 3 + len(PROVEN.survivors)
+
+
+def test_scenarios_with_a_useless_expectation_come_first(tmp_path: Path) -> None:
+    names = re.findall(r'<h2 id="s\d+-name">(.*?)</h2>', page(tmp_path).text())
+    assert names == [
+        *("burger turns", "burger turns (b)", "burger turns (f)", "burger turns (g)"),
+        *("lamp", "burger fails"),
+    ]
+
+
+def test_a_survivor_is_shown_beside_the_run_without_a_mutant(tmp_path: Path) -> None:
+    found = page(tmp_path)
+    entries = json.loads(found.index)["scenarios"]
+    own, *survivors = entries[:4]
+    assert own["kind"] == "scenario"
+    assert "beside" not in own
+    assert {each["beside"] for each in survivors} == {own["replay"]}
+    assert {each["kind"] for each in survivors} == {"sample"}
+    assert set(found.blocks) == {each["replay"] for each in entries[:4]}
+    assert all(each["replay"] is None for each in entries[4:])
+
+
+def test_every_link_inside_the_page_has_its_target(tmp_path: Path) -> None:
+    text = page(tmp_path).text()
+    targets = set(re.findall(r'<article id="(s\d+)"', text))
+    assert set(re.findall(r'href="#(s\d+)"', text)) == targets
+
+
+def test_a_page_without_any_run_is_written(tmp_path: Path) -> None:
+    empty = PROOF.model_copy(update={"scenarios": (FAILED.model_copy(update={"file": ""}),)})
+    write_proof_page(empty, [ShownScenario(empty.scenarios[0])], options(tmp_path), tmp_path)
+    text = (tmp_path / "report.html").read_text()
+    assert "<nav" not in text
+    assert "No mutants" in text
+
+
+def test_names_are_escaped(tmp_path: Path) -> None:
+    hostile = "</script><img src=x>"
+    scenario = PROVEN.model_copy(update={"name": hostile, "file": hostile})
+    text = proof_page(
+        PROOF,
+        [ShownScenario(scenario, None, [outcome("a.sim.yml").model_copy(update={"name": hostile})] * 3)],
+        options(tmp_path),
+        tmp_path,
+    ).text()
+    assert "<img" not in text

@@ -1,0 +1,43 @@
+"""A proof with every kind of finding."""
+
+from __future__ import annotations
+
+from sim_action.core.errors import Location
+from sim_action.results.proof import MutantResult, PathChange, Proof, ProvenExpectation, ProvenScenario
+
+PLACE = Location("a.sim.yml", 8, 5)
+CHANGE = PathChange(text="the robot was 0.80 m further left at 3.1 s", distance=0.8, angle=0.0)
+
+
+def expected(name: str, **keys: object) -> ProvenExpectation:
+    return ProvenExpectation.model_validate(
+        {"name": name, "assertion": name, "severity": "error", "location": PLACE, **keys}
+    )
+
+
+PROVEN = ProvenScenario(
+    name="burger\nturns",
+    file="a.sim.yml",
+    line=3,
+    expectations=(
+        expected("reach", finding="notices", noticed=(*"abcdefgh",), sensitivity=0.25),
+        expected("upright", finding="checks nothing", missed=("a", "b")),
+    ),
+    mutants=(
+        MutantResult(name="a", words="a fault", status="noticed", noticed_by=(0,)),
+        MutantResult(
+            name="b", words="b fault", status="survived", change=CHANGE, suggestion="- reach: {x: 1}\n  before: 2"
+        ),
+        MutantResult(name="c", words="c fault", status="survived"),
+        MutantResult(name="f", words="f fault", status="survived", change=CHANGE),
+        MutantResult(
+            name="g", words="g fault", status="survived", change=CHANGE, suggestion="- reach: {x: 1}\n  before: 2"
+        ),
+        MutantResult(name="d", words="d fault", status="no effect"),
+        MutantResult(name="e", words="e fault", status="could not run", reason="script error: stuck"),
+    ),
+    left_out=2,
+)
+FAILED = ProvenScenario(name="burger fails", file="b.sim.yml", reason="failed (travelled 1 m)", exit_code=1)
+UNKNOWN = ProvenScenario(name="lamp", file="c.sim.yml", expectations=(expected("settled", finding="unknown"),))
+PROOF = Proof(sim_action="1.0.0", runs=9, wall_time=1.0, scenarios=(PROVEN, FAILED, UNKNOWN))
