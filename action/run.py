@@ -136,6 +136,24 @@ SUBCOMMANDS: Final = {
         required=("package", "file", "allow-losses", "allow-scripts"),
         single=("package", "file"),
     ),
+    "prove": Subcommand(
+        arguments=("scenario",),
+        lists={"mutants": "--only", "packages": "--package", "pass-env": "--pass-env"},
+        options={
+            "output-directory": "--output-dir",
+            "json-path": "--json",
+            "budget": "--budget",
+            "backend": "--backend",
+            "seed": "--seed",
+            "jobs": "--jobs",
+            "allow-scripts": "--allow-scripts",
+        },
+        switches={
+            "strict": ("--strict", "--no-strict"),
+            **{name: _SWITCHES[name] for name in ("report", "summary", "annotations")},
+        },
+        required=("strict", "allow-scripts"),
+    ),
     "matrix": Subcommand(
         arguments=("scenario",),
         lists=_SELECTION,

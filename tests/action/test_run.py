@@ -63,6 +63,13 @@ def test_inputs_become_a_command_line() -> None:
     ]
 
 
+def test_inputs_of_a_proof_select_mutants() -> None:
+    inputs = {**given("prove"), "mutants": "wall\nmotor-off:left", "strict": "true", "budget": "10 min"}
+    told = list(SUBCOMMANDS["prove"].command_line(inputs))
+    assert {"--only=wall", "--only=motor-off:left", "--strict", "--budget=10 min", "--no-report"} <= {*told}
+    assert told[-2:] == ["--", "value-of-scenario"]
+
+
 @pytest.mark.parametrize("effect", ["error", "warn"])
 def test_the_effect_of_an_unjudged_expectation_is_an_option(effect: str) -> None:
     assert f"--unexercised={effect}" in list(SUBCOMMANDS["run"].command_line({**INPUTS, "unexercised": f" {effect} "}))

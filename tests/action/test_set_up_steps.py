@@ -13,6 +13,7 @@ ROOT = Path(__file__).parents[2]
 # Action -> its lock file, and what its steps get from its inputs.
 ACTIONS: dict[str, tuple[str, set[str]]] = {
     ".": ("requirements.lock", {"cache", "extras", "backend", "working-directory"}),
+    "prove": ("requirements.lock", {"cache", "extras", "backend", "working-directory"}),
     "rostest": ("requirements.lock", {"cache", "backend", "working-directory"}),
     "merge": ("requirements-reports.lock", set()),
     "compare": ("requirements-core.lock", set()),

@@ -167,6 +167,20 @@ def test_the_nightly_run_finds_what_is_flaky(run_template: RunTemplate, reposito
     assert "4 identical runs" in result.jobs["repeats"].summary
 
 
+def test_the_weekly_proof_names_checks_that_check_nothing(run_template: RunTemplate, repository: Path) -> None:
+    for name in "bcd":
+        (repository / f"simulation/{name}.sim.yml").unlink()
+    text = TUTORIAL.replace("expect:\n", "expect:\n  - max_speed: {linear: 40}\n")
+    assert text != TUTORIAL
+    write(repository / "simulation/a.sim.yml", text)
+    result = run_template("prove", event_name="workflow_dispatch")
+    assert result.conclusion == "success", result.jobs["prove"].log
+    summary = result.jobs["prove"].summary
+    assert "## ❌ 1 expectation checks nothing" in summary
+    assert "[The mutants that nothing noticed, beside the runs without a fault](" in summary
+    assert "::warning file=simulation/a.sim.yml,line=" in result.jobs["prove"].log
+
+
 def test_a_second_attempt_resumes_the_first(
     run_template: RunTemplate, repository: Path, tmp_path: Path, runner_temp: Path
 ) -> None:
@@ -259,7 +273,7 @@ def test_nodes_of_ros_2(run_template: RunTemplate, repository: Path) -> None:
 
 def test_every_template_is_tried() -> None:
     tried = {"simulation", "pull-request-gate", "nightly", "sharded", "resume", *REPORTERS, "ros1", "ros2"}
-    tried |= {"pull-request-compare", "reusable", "reusable-caller"}
+    tried |= {"prove", "pull-request-compare", "reusable", "reusable-caller"}
     assert {path.stem for path in TEMPLATES.glob("*.yml")} == tried
 
 
@@ -281,7 +295,7 @@ def repository_with_some_examples(tmp_path: Path) -> Path:
     workflow = folder / ".github/workflows/ci.yml"
     # These examples need no extra, whose installation takes a while.
     write(workflow, re.sub(r"\n *extras: policy", "", workflow.read_text("utf-8")))
-    for name in ("action", "matrix", "merge", "compare", "rostest", "sim_action"):
+    for name in ("action", "matrix", "merge", "compare", "prove", "rostest", "sim_action"):
         shutil.copytree(ACTION / name, folder / name)
     for file in (ACTION / "action.yml", *ACTION.glob("*.lock")):
         shutil.copy(file, folder)
