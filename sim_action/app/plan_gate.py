@@ -55,7 +55,7 @@ def gate_plans(scenarios: Sequence[Source | Refused], wish: float, folder: Path,
     for each in scenarios:
         if isinstance(each, Refused):
             if isinstance(each.error, UnattainableGate):
-                gate = each.error.stated.planned(each.name, each.name, each.line, each.error.runs)
+                gate = each.error.stated.planned(each.name, each.name, each.file, each.line, each.error.runs)
                 planned.setdefault((gate.file, gate.group), (gate, True))
         elif each.gate is not None:
             # The combinations of listed values have equal gates.

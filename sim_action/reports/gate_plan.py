@@ -75,7 +75,8 @@ def _rate_plan(claim: Passes, runs: int, wish: float, duration: Duration) -> Ite
     yield from (f"  {line}" for line in aligned(rows))
     yield ""
     if wish <= claim.at_least:
-        yield f"  A robot that is {percent(wish)} good is no better than the claim; no number of runs lets it pass."
+        good = f"  A robot that is {percent(wish)} good"
+        yield f"{good} is no better than the claim; no number of runs lets it pass reliably."
         return
     for power, least in zip(_POWERS, enough, strict=True):
         yield f"  {_advice(wish, power, least, duration)}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from itertools import groupby
 from typing import Final
 
@@ -190,7 +190,7 @@ def grouped_scenarios(outcomes: Iterable[Outcome], gates: Iterable[PlannedGate] 
     """
     planned = {(gate.file, gate.name): gate for gate in gates}
     found: list[ScenarioGroup] = []
-    for (file, name), several in groupby(outcomes, lambda outcome: (outcome.file, outcome.gate or outcome.group)):
+    for (file, name), several in groupby(_with_gates(outcomes), _group_of):
         if name is None:
             found += [ScenarioGroup(outcome.name, False, (outcome,)) for outcome in several]
             continue
@@ -200,6 +200,24 @@ def grouped_scenarios(outcomes: Iterable[Outcome], gates: Iterable[PlannedGate] 
         stated = planned.get((file, name)) if gate is not None or runs[0].is_sample else None
         found.append(ScenarioGroup(name, True, runs, gate, stated))
     return found
+
+
+def _group_of(outcome: Outcome) -> tuple[str, str | None]:
+    return outcome.file, outcome.gate or outcome.group
+
+
+def _with_gates(outcomes: Iterable[Outcome]) -> Iterator[Outcome]:
+    """Yield the outcomes, those of each gate together: on several engines, the runs of their gates alternate."""
+    ordered = tuple(outcomes)
+    of_gates: dict[tuple[str, str | None], list[Outcome]] = {}
+    for outcome in ordered:
+        if outcome.gate is not None:
+            of_gates.setdefault(_group_of(outcome), []).append(outcome)
+    for outcome in ordered:
+        if outcome.gate is None:
+            yield outcome
+        else:
+            yield from of_gates.pop(_group_of(outcome), ())
 
 
 def worst_first(found: Iterable[ScenarioGroup]) -> list[ScenarioGroup]:

@@ -6,6 +6,7 @@ the upper one.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import takewhile
 from typing import Final
@@ -72,7 +73,7 @@ def _blocking(planned: PlannedGate, runs: Sequence[Outcome], looked_at: Sequence
             first = found[0]
             text = f"{counted(len(found), 'run')} of {planned.runs}: {first.message}"
             return first.model_copy(update={"message": text, "details": ""})
-    if len(runs) < planned.runs and len(looked_at) == len(runs):
+    if len(runs) < planned.runs:
         lost = f"{planned.runs - len(runs)} of {planned.runs} runs have no result"
         message = f"{lost}; check the jobs that should have run them"
         return Failure(kind="missing", title="no result", message=message, location=planned.location)
@@ -222,6 +223,7 @@ def _values(claim: Quantile, runs: Sequence[Outcome]) -> tuple[list[float | None
     for run in runs:
         verdict = _named(claim.expectation, run)
         value = None if verdict is None else verdict.margin if claim.is_margin else verdict.measured
+        value = None if value is None or math.isnan(value) else value
         values.append(value)
         if verdict is not None and value is not None:
             unit = verdict.unit

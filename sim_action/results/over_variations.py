@@ -16,18 +16,22 @@ def over_variations(
 ) -> tuple[Outcome, ...]:
     """Return the outcomes of a call, each gate before its first run, and without warnings that do not hold for all.
 
-    Outcomes of gates among `outcomes` are judged anew. `is_part`: runs of a gate may be in other results; such a gate
-    has no outcome.
+    Outcomes of gates among `outcomes` are judged anew. Runs of a gate that is not among `gates` count by themselves:
+    nothing else would judge them. `is_part`: runs of a gate may be in other results; such a gate has no outcome.
     """
-    runs = _audited_over_variations([outcome for outcome in outcomes if outcome.statistics is None])
+    known = {(gate.file, gate.name): gate for gate in gates}
+    runs = [
+        run if run.gate is None or (run.file, run.gate) in known else run.model_copy(update={"gate": None})
+        for run in _audited_over_variations([outcome for outcome in outcomes if outcome.statistics is None])
+    ]
     samples: dict[tuple[str, str], list[Outcome]] = {}
     for run in runs:
         if run.gate is not None:
             samples.setdefault((run.file, run.gate), []).append(run)
     judged = {
-        (gate.file, gate.name): judged_gate(gate, samples[gate.file, gate.name])
-        for gate in gates
-        if (gate.file, gate.name) in samples and not (is_part and len(samples[gate.file, gate.name]) < gate.runs)
+        key: judged_gate(gate, samples[key])
+        for key, gate in known.items()
+        if key in samples and not (is_part and len(samples[key]) < gate.runs)
     }
     found: list[Outcome] = []
     for run in runs:

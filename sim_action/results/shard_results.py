@@ -66,7 +66,7 @@ def merge_shards(files: Sequence[ResultsFile], listing: Listing | None) -> list[
 def gates_of(files: Iterable[ResultsFile], listing: Listing | None = None) -> tuple[PlannedGate, ...]:
     """Return the gates of all files, and of the listed scenarios.
 
-    Raises UsageError if two files state one gate differently.
+    Raises UsageError if two files, or a file and its scenario, state one gate differently.
     """
     found: dict[tuple[str, str], tuple[PlannedGate, Path]] = {}
     for path, gate in ((file.path, gate) for file in files for gate in file.results.gates):
@@ -75,7 +75,10 @@ def gates_of(files: Iterable[ResultsFile], listing: Listing | None = None) -> tu
             _reject(f"{where} and {path} state different gates for '{gate.name}'; run all shards on the same files")
     listed = [each.gate for each in listing.scenarios if each.gate is not None] if listing else []
     for gate in listed:
-        found.setdefault((compared_name(gate.file), gate.name), (gate, Path()))
+        known, where = found.setdefault((compared_name(gate.file), gate.name), (gate, Path()))
+        if (known.gate, known.runs) != (gate.gate, gate.runs):
+            same = "run all shards on the same files"
+            _reject(f"the gate of '{gate.name}' in {where} is not that of {gate.file}; {same}")
     return tuple(gate for gate, _ in found.values())
 
 

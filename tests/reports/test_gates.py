@@ -21,6 +21,7 @@ from sim_action.reports.scenario_groups import grouped_scenarios
 from sim_action.reports.terminal import print_results
 from sim_action.reports.unwritten_reports import complain_about
 from sim_action.results.outcome import Outcome
+from sim_action.results.over_variations import over_variations
 from sim_action.results.results_json import Results
 from sim_action.scenario.claim_audit import AuditWarning
 from tests.outcomes import gate_results, outcome, planned_gate, runs_of_gate
@@ -230,3 +231,14 @@ def test_a_gate_of_listed_values_has_its_own_runs() -> None:
     groups = grouped_scenarios(found, gates)
     assert [(group.name, len(group.outcomes)) for group in groups] == [("slip[mass=1]", 3), ("slip[mass=2]", 3)]
     assert [group.status for group in groups] == ["passed", "passed"]
+
+
+def test_runs_on_several_engines_have_one_entry_for_each_gate() -> None:
+    """The runs of both alternate."""
+    gates = [planned_gate(29, name=f"slip [{engine}]") for engine in ("pybullet", "mujoco")]
+    both = zip(*(runs_of_gate(gate, passed=29) for gate in gates), strict=True)
+    judged = over_variations([run for pair in both for run in pair], gates)
+    found = grouped_scenarios(judged, gates)
+    assert [(group.name, len(group.outcomes), group.is_part) for group in found] == [
+        (gate.name, 29, False) for gate in gates
+    ]

@@ -121,6 +121,13 @@ def test_lost_runs_leave_no_verdict() -> None:
     assert judged.failures[0].message.startswith("1 of 61 runs have no result")
 
 
+def test_an_early_stop_with_lost_runs_has_no_verdict() -> None:
+    """Nobody knows which runs are lost: those that are left are not the first ones."""
+    judged = judged_gate(planned(EARLY, 60), [PASS] * 40)
+    assert (judged.status, judged.exit_code) == ("error", ExitCode.INVALID)
+    assert judged.failures[0].message.startswith("20 of 60 runs have no result")
+
+
 def test_a_gate_whose_runs_were_not_run_is_not_run() -> None:
     assert judged_gate(planned(NINETY, 61), [PASS] * 30 + [SKIP] * 31).status == "skipped"
 
@@ -181,6 +188,11 @@ def test_a_value_that_was_not_measured_counts_against_the_claim() -> None:
     assert "10 runs measured nothing" in lost.verdict.message
 
 
+def test_a_value_that_is_no_number_was_not_measured() -> None:
+    found = quantile({"at_least": "1.4 m"}, [float("nan"), *[1.5] * 99])
+    assert "1 run measured nothing" in found.verdict.message
+
+
 def test_a_quantile_in_another_unit_says_so() -> None:
     told = quantile({"at_least": "1.4 s"}, [1.5] * 100)
     assert told.status == "failed"
@@ -217,3 +229,10 @@ def test_a_part_of_a_gate_is_not_judged() -> None:
     found = over_variations([PASS] * 20, [planned(NINETY, 61)], is_part=True)
     assert len(found) == 20
     assert over_variations([PASS] * 61, [planned(NINETY, 61)], is_part=True)[0].status == "passed"
+
+
+def test_runs_of_an_unknown_gate_count_by_themselves() -> None:
+    """Otherwise nothing would judge them, and the call would pass."""
+    found = over_variations([PASS, FAIL], [])
+    assert [outcome.is_sample for outcome in found] == [False, False]
+    assert found[-1].exit_code is ExitCode.FAILED

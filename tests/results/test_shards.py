@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 from sim_action.core.errors import ExitCode, InvalidPart, InvalidScenario, UsageError
 from sim_action.results.outcome import Failure, Outcome
 from sim_action.results.results_json import Results, ResultsFile
-from sim_action.results.shard_results import Listing, merge_shards
+from sim_action.results.shard_results import Listing, gates_of, merge_shards
 from sim_action.results.shards import Shard, balanced, shards_text
 from sim_action.scenario.selection import Unmatched
-from tests.outcomes import outcome, results, source
+from tests.outcomes import outcome, planned_gate, results, source
 
 COUNTS = st.integers(1, 20)
 DURATIONS = st.lists(st.floats(0.001, 1000.0), max_size=40)
@@ -399,3 +399,13 @@ def test_variations_that_cannot_be_run_are_told_by_the_first_and_not_missing() -
         False,
         True,
     ]
+
+
+def test_a_gate_is_that_of_its_scenario() -> None:
+    """Results from elsewhere must not claim less."""
+    stated, lenient = planned_gate(61), planned_gate(61, passes={"at_least": "1 %"})
+    listing = Listing([replace(source("slip"), gate=stated)], [])
+    (part,) = files(results().model_copy(update={"gates": (lenient,)}))
+    assert gates_of([part]) == (lenient,)
+    with pytest.raises(UsageError, match=r"the gate of 'slip' in \S+ is not that of scenarios/slip.sim.yml"):
+        gates_of([part], listing)

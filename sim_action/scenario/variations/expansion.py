@@ -202,7 +202,7 @@ def expanded(source: Source, seed: int | None, most: int = MAX_RUNS) -> tuple[So
         listed = [key for key in keys if not key.values.drawn]
         names = [_named(source, listed, each) for each in indices]
         size = len(drawn[0].values.values)
-        gates = {name: gate.planned(name, source.name, source.line, size) for name in names}
+        gates = {name: gate.planned(name, source.name, source.document.file, source.line, size) for name in names}
         by_seed = all(key.written in (SAMPLE, SEED) for key in drawn)
         found = (
             replace(run, gate=gates[name], differs_by_seed=by_seed) for run, name in zip(found, names, strict=True)

@@ -16,7 +16,7 @@ from sim_action.core.field_types import FrozenModel, Quantity
 from sim_action.core.records import dataclass
 from sim_action.core.statistics import binomial, order_statistics
 from sim_action.core.statistics.sequential import SequentialTest
-from sim_action.core.wording import did_you_mean, shown
+from sim_action.core.wording import counted, did_you_mean, shown
 from sim_action.core.yaml_document import Document, KeyPath
 from sim_action.core.yaml_errors import spec_errors
 
@@ -32,18 +32,21 @@ _DIGITS: Final = 14
 
 
 def _rate(value: float) -> float:
-    if not 0 < value < 1:
+    rate = _rounded(value)
+    if not 0 < rate < 1:
         raise ValueError(f"a rate lies between 0 % and 100 %, both excluded; found {_as_found(value)}")
-    return _rounded(value)
+    return rate
 
 
 def _confidence(value: float) -> float:
-    if not 0.5 <= value < 1:
+    confidence = _rounded(value)
+    if not 0.5 <= confidence < 1:
+        remedy = "; use 95 %" if value <= 1 else ""
         raise ValueError(
-            f"a confidence lies between 50 % and 100 %, and no number of runs gives 100 %; found {_as_found(value)}; "
-            "use 95 %"
+            "a confidence lies between 50 % and 100 %, and no number of runs gives 100 %; "
+            f"found {_as_found(value)}{remedy}"
         )
-    return _rounded(value)
+    return confidence
 
 
 def _as_found(value: float) -> str:
@@ -87,9 +90,10 @@ class StopEarly(FrozenModel):
 
     @property
     def least_runs(self) -> int:
-        """The least number of runs after which the test can accept."""
+        """The least number of runs after which the test can accept; more than a gate may have if it never can."""
         test = SequentialTest(self.reject, self.accept, self.confidence, MAX_RUNS_OF_GATE)
-        return next((most for most in range(1, MAX_RUNS_OF_GATE) if test.boundaries(most)[1]), MAX_RUNS_OF_GATE)
+        accepting = (runs for runs in range(1, MAX_RUNS_OF_GATE + 1) if test.boundaries(runs)[1])
+        return next(accepting, MAX_RUNS_OF_GATE + 1)
 
 
 class Quantile(FrozenModel):
@@ -215,10 +219,14 @@ class GateOfScenario:
     gate: Gate
     location: Location
 
-    def planned(self, name: str, group: str, line: int | None, runs: int) -> PlannedGate:
-        """Return the gate of so many runs; see `PlannedGate`."""
-        file, location = self.location.file, self.location
-        return PlannedGate(name=name, file=file, line=line, location=location, group=group, gate=self.gate, runs=runs)
+    def planned(self, name: str, group: str, file: str, line: int | None, runs: int) -> PlannedGate:
+        """Return the gate of so many runs; see `PlannedGate`.
+
+        `file`: that of the scenario; the gate may be written in a base file.
+        """
+        return PlannedGate(
+            name=name, file=file, line=line, location=self.location, group=group, gate=self.gate, runs=runs
+        )
 
 
 class UnattainableGate(InvalidScenario):
@@ -314,10 +322,10 @@ def _unattainable(gate: Gate, runs: int) -> Iterator[tuple[KeyPath, str]]:
 
 
 def _too_few(runs: int, needed: int, what: str, confidence: float) -> str:
-    return (
-        f"{runs} runs cannot show {what} with {percent(confidence)} confidence, whatever they give; it needs {needed}: "
-        f"write 'runs: {needed}' or more"
-    )
+    cannot = f"{counted(runs, 'run')} cannot show {what} with {percent(confidence)} confidence, whatever they give"
+    if needed > MAX_RUNS_OF_GATE:
+        return f"{cannot}; it needs more than {MAX_RUNS_OF_GATE:,}, the most that a gate may have: claim less"
+    return f"{cannot}; it needs {needed}: write 'runs: {needed}' or more"
 
 
 def percent(share: float) -> str:

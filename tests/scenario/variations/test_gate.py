@@ -78,6 +78,9 @@ def test_a_gate_does_not_reach_its_runs(tmp_path: Path) -> None:
         ("{passes: {at_least: 100 %}}", "gate.passes.at_least: a rate lies between 0 % and 100 %"),
         ("{passes: {at_least: 90 %, confidence: 100 %}}", "no number of runs gives 100 %; found 100 %; use 95 %"),
         ("{passes: {at_least: 90 %, confidence: 10 %}}", "a confidence lies between 50 % and 100 %"),
+        ("{passes: {at_least: 90 %, confidence: 99.99999999999999 %}}", "no number of runs gives 100 %; found 100 %"),
+        ("{passes: {at_least: 90 %, confidence: 97}}", "found 97, which is 9700 %; write '97 %'"),
+        ("{passes: {at_least: 1e-15}}", "a rate lies between 0 % and 100 %"),
         ("{passes: {at_least: 90}}", "found 90, which is 9000 %; write '90 %'"),
         ("{passes: {at_least: 90 %, most: 1}}", "gate.passes.most: unknown key"),
         ("{quantile: {of: a.margin, q: 5 %, at_least: 1 m, x: 1}}", "gate.quantile.x: unknown key"),
@@ -128,6 +131,30 @@ def test_a_gate_that_no_result_passes_is_refused_with_the_runs_it_needs(tmp_path
     assert f"{needed - 1} runs cannot show" in found
     assert f"write 'runs: {needed}' or more" in found
     assert len(runs(tmp_path, f"{DRAWN}gate: {{{gate}, runs: {needed}}}\n")) == needed
+
+
+@pytest.mark.parametrize(
+    ("gate", "problem"),
+    [
+        ("passes: {at_least: 99.99 %}", "it needs more than 10,000, the most that a gate may have: claim less"),
+        ("stop_early: {reject: 94.99 %, accept: 95 %}", "it needs more than 10,000, the most that a gate may have"),
+    ],
+)
+def test_a_gate_that_no_number_of_runs_passes_is_refused(tmp_path: Path, gate: str, problem: str) -> None:
+    (found,) = refused(tmp_path, f"{DRAWN}gate: {{{gate}, runs: 10000}}\n")
+    assert problem in found
+
+
+def test_a_gate_of_a_base_file_belongs_to_the_scenario(tmp_path: Path) -> None:
+    """By its file, its runs find it."""
+    (tmp_path / "base.yml").write_text("gate: {passes: {at_least: 50 %}, runs: 5}\n")
+    (tmp_path / "s.sim.yml").write_text(f"extends: base.yml\n{LEAST}{DRAWN}")
+    (found, *_) = read_file(tmp_path / "s.sim.yml", Permissions())
+    assert isinstance(found, Source)
+    assert found.gate is not None
+    assert found.gate.file == found.document.file
+    assert found.gate.file.endswith("s.sim.yml")
+    assert found.gate.location.file.endswith("base.yml")
 
 
 def test_a_gate_without_a_number_of_runs_is_refused(tmp_path: Path) -> None:
