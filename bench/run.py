@@ -175,6 +175,16 @@ def cluster(folder: Path) -> Ratio:
     return Ratio(f"{VARIATIONS} variations on two workers of Dask, against two jobs", ours, jobs, 1.3)
 
 
+def proof(folder: Path) -> Ratio:
+    """Measure `sim-action prove` of a scenario of 10 s with three expectations, against its own run."""
+    scenario = folder / "proof.sim.yml"
+    three = "expect: [{travel: {at_least: 1.5 m}}, no_collision, {upright: {max_tilt: 20 deg}}]"
+    text = SCENARIO.format(number=0).replace("30 s", "10 s").replace("expect: [{travel: {at_least: 1.5 m}}]", three)
+    scenario.write_text(text)
+    ours, run = least_seconds(2, *(command("sim-action", name, str(scenario), cwd=folder) for name in ("prove", "run")))
+    return Ratio("prove of three expectations, against the run of the scenario", ours, run, 15)
+
+
 def start_up(folder: Path) -> Iterator[Ratio]:
     """Commands that need no engine against an interpreter that does nothing."""
     scenario = str(write_suite(folder / "start-up", 1))
@@ -313,6 +323,7 @@ def measurements(folder: Path) -> Sequence[Measurement]:
         Measurement("variations", lambda: [variations(folder)]),
         Measurement("journal", lambda: [journal_cost(folder)]),
         Measurement("two jobs", lambda: [parallel(folder)]),
+        Measurement("a proof", lambda: [proof(folder)]),
         Measurement("a cluster", lambda: [cluster(folder)]),
         Measurement("a program", partial(embedding_costs, folder / "program")),
         # A quarter of an hour.

@@ -115,6 +115,16 @@ def test_a_broken_run(broken: Path) -> None:
     assert looked(broken, *CHECKS) == dict.fromkeys(CHECKS, "")
 
 
+def test_a_proof(tmp_path: Path) -> None:
+    slowly = "robot: {model: turtlebot3_burger}\ncommands: {twist: [{linear: 0.2}]}\ntime_limit: 20 s\n"
+    text = f"name: burger\n{slowly}expect: [{{travel: {{at_least: 1.5}}}}]\n"
+    (tmp_path / "a.sim.yml").write_text(text, encoding="utf-8")
+    ran = sim_action(tmp_path, "prove", "--only", "doubled", ".")
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    checks = ["a survivor plays beside the run without a fault", "a phone has no sideways scroll"]
+    assert looked(tmp_path / "sim-results/proof/report.html", *checks) == dict.fromkeys(checks, "")
+
+
 def test_a_report_in_a_notebook(broken: Path, tmp_path: Path) -> None:
     (tmp_path / "notebook.html").write_text(report_frame(broken.read_text(encoding="utf-8")), encoding="utf-8")
     look("links in the frame of a notebook stay in it", tmp_path / "notebook.html")

@@ -40,6 +40,20 @@ const CHECKS = {
       assert.equal(behind, await page.$eval("html", (all) => getComputedStyle(all).backgroundColor));
     },
   },
+  "a survivor plays beside the run without a fault": {
+    hash: "#scenario=burger%20(doubled)&t=2",
+    look: async (page) => {
+      await page.waitForSelector(".scenario.live .twin canvas[data-kind]");
+      assert.equal(await page.textContent(".twin .readout"), await page.textContent(".stage .readout"));
+      const before = (await page.locator(".twin canvas").first().screenshot()).toString("base64");
+      await page.locator(".stage .track input").fill("3");
+      await page.waitForFunction(() => document.querySelector(".twin .readout")?.textContent?.startsWith("3"));
+      assert.notEqual((await page.locator(".twin canvas").first().screenshot()).toString("base64"), before);
+      await page.click('nav a[href="#scenario=burger"]');
+      await page.waitForSelector(READY);
+      assert.equal(await page.$(".twin .player"), null);
+    },
+  },
   "names a contact without a force": {
     look: async (page) => {
       await page.waitForSelector(READY);

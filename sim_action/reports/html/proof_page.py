@@ -250,7 +250,7 @@ def _suggestion(suggestion: str, survivors: Sequence[MutantResult]) -> Html:
 def _expectations(scenario: ProvenScenario, options: ReportOptions) -> Html:
     if not scenario.expectations:
         return Html("")
-    head = element("tr", *(element("th", title, scope="col") for title in ("", "Expectation", "Finding")))
+    head = element("tr", element("td"), *(element("th", title, scope="col") for title in ("Expectation", "Finding")))
     rows = [_expectation_row(expected, scenario, options) for expected in scenario.expectations]
     table = element("table", element("thead", head), element("tbody", *rows), class_="findings")
     return joined(element("h3", "Expectations"), element("div", table, class_="wide"))
