@@ -182,7 +182,8 @@ class _Call:
                 self._resume(header, assembly)
             journal = Journal(options.folder, header, warn, self._started, self.taken.records)
             runs = len(self._every) * request.repeat - self.taken.runs(request.repeat)
-            self._early_stop = EarlyStop(self._every, assembly.places)
+            if request.repeat == 1:
+                self._early_stop = EarlyStop(self._every, assembly.places)
             terminal = ProgressListener(runs, request.reports.verbosity, gates=self._runs_of_gates())
             listeners += [each for each in (journal, self._early_stop, terminal, listener) if each is not None]
             self._print_chances()

@@ -77,6 +77,36 @@ def _blocking(planned: PlannedGate, runs: Sequence[Outcome], looked_at: Sequence
         lost = f"{planned.runs - len(runs)} of {planned.runs} runs have no result"
         message = f"{lost}; check the jobs that should have run them"
         return Failure(kind="missing", title="no result", message=message, location=planned.location)
+    if len(runs) > planned.runs:
+        message = f"{len(runs)} runs belong to a gate of {planned.runs}; merge the results of one list of scenarios"
+        return Failure(kind="invalid", title="too many runs", message=message, location=planned.location)
+    if (problem := _same_run(looked_at) or _other_unit(planned, looked_at)) is not None:
+        return Failure(kind="invalid", title="invalid gate", message=problem, location=planned.location)
+    return None
+
+
+def _same_run(runs: Sequence[Outcome]) -> str | None:
+    """Return the problem of runs that are one run: what was drawn, or the noise, had no effect at all."""
+    if len(runs) < 2 or any(run.digest is None for run in runs):
+        return None
+    found = {(run.digest, *(expected.verdict.measured for expected in run.expectations)) for run in runs}
+    if len(found) > 1:
+        return None
+    return (
+        f"all {len(runs)} runs are the same run, bit for bit: neither what is drawn nor noise had an effect; draw a "
+        "key that matters, or let a controller read the noisy sensor"
+    )
+
+
+def _other_unit(planned: PlannedGate, runs: Sequence[Outcome]) -> str | None:
+    """Return the problem of a quantile whose limit has another unit than what was measured."""
+    for claim in planned.gate.quantile:
+        _, stated = with_si_unit(claim.bound)
+        values, unit = _values(claim, runs)
+        if stated and stated != unit and any(value is not None for value in values):
+            return (
+                f"{claim.of} is in {unit or 'counts'}, and the limit is {claim.bound}; write it in {unit or 'counts'}"
+            )
     return None
 
 
@@ -180,14 +210,11 @@ def _errors(most: int, counts: _Counts) -> Condition:
 
 
 def _quantile(claim: Quantile, runs: Sequence[Outcome]) -> Condition:
-    limit, stated_unit = with_si_unit(claim.bound)
+    limit, _ = with_si_unit(claim.bound)
     found, unit = _values(claim, runs)
     known = [value for value in found if value is not None]
     word = "at least" if claim.at_most is None else "at most"
     name = f"{percent(claim.q)} quantile of {claim.of} {word} {claim.bound}"
-    if stated_unit and known and stated_unit != unit:
-        message = f"{claim.of} is in {unit or 'counts'}, and the limit is {claim.bound}; write it in {unit or 'counts'}"
-        return name, Verdict(False, message=message)
     bounds = order_statistics.quantile_bounds(known, claim.q, claim.confidence, len(found) - len(known))
     proving, refuting = bounds.lower, bounds.upper
     sign = 1.0

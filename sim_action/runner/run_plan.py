@@ -123,7 +123,8 @@ def plan_runs(request: PlanRequest) -> RunPlan:
     empty = request.suite.empty if contents.files else ()
     planner = _Planner(request)
     every = [each for several in contents.files.values() for each in several]
-    if request.shard is None and not request.suite.numbers:
+    # All shards select alike. Numbers are those of a shard of `matrix`.
+    if not request.suite.numbers:
         every = _with_whole_gates(every, request.suite.warn)
     scenarios = scenarios_of(every)
     dealt = [each for several in scenarios for each in planner.dealt(several)]

@@ -210,9 +210,10 @@ def gates() -> Comparison:
         old.extend(judged(before, gate, at_least=at_least))
         new.extend(judged(now, gate, at_least=at_least))
 
-    def runs(gate: str, passed: int, seed: int = 0, **fields: Any) -> list[Outcome]:
+    def runs(gate: str, passed: int, seed: int = 0, digest: str | None = None) -> list[Outcome]:
         found = verdicts([sample < passed for sample in range(100)], gate, seed=seed)
-        return [each.model_copy(update=fields) for each in found]
+        digests = (None if digest is None else f"{digest}{sample}" for sample in range(100))
+        return [each.model_copy(update={"digest": own}) for each, own in zip(found, digests, strict=True)]
 
     add("fell", runs("fell", 95), runs("fell", 80))
     add("fell and newly fails", runs("fell and newly fails", 100), runs("fell and newly fails", 70), at_least=0.9)

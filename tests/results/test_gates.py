@@ -193,10 +193,30 @@ def test_a_value_that_is_no_number_was_not_measured() -> None:
     assert "1 run measured nothing" in found.verdict.message
 
 
-def test_a_quantile_in_another_unit_says_so() -> None:
-    told = quantile({"at_least": "1.4 s"}, [1.5] * 100)
-    assert told.status == "failed"
-    assert told.verdict.message == "travel.measured is in m, and the limit is 1.4 s; write it in m"
+def test_a_quantile_in_another_unit_is_no_verdict() -> None:
+    gate = planned({"quantile": {"of": "travel.measured", "q": "5 %", "at_least": "1.4 s"}}, 100)
+    judged = judged_gate(gate, [run(value=1.5)] * 100)
+    assert (judged.status, judged.exit_code) == ("error", ExitCode.INVALID)
+    assert judged.failures[0].message == "travel.measured is in m, and the limit is 1.4 s; write it in m"
+
+
+def test_runs_that_are_one_run_show_nothing() -> None:
+    """Such as noise of a sensor that nobody reads."""
+    same = [PASS.model_copy(update={"digest": "a"})] * 61
+    judged = judged_gate(planned(NINETY, 61), same)
+    assert (judged.status, judged.exit_code) == ("error", ExitCode.INVALID)
+    assert judged.failures[0].message.startswith("all 61 runs are the same run, bit for bit")
+    other = PASS.model_copy(update={"digest": "b"})
+    assert judged_gate(planned(NINETY, 61), [*same[1:], other]).status == "passed"
+    # An expectation may judge what the robot does not react to, such as a noisy reading.
+    noisy = run(value=1.6).model_copy(update={"digest": "a"})
+    assert judged_gate(planned(NINETY, 61), [*same[1:], noisy]).status == "passed"
+
+
+def test_more_runs_than_planned_leave_no_verdict() -> None:
+    judged = judged_gate(planned(NINETY, 61), [PASS] * 62)
+    assert (judged.status, judged.exit_code) == ("error", ExitCode.INVALID)
+    assert judged.failures[0].message.startswith("62 runs belong to a gate of 61")
 
 
 @pytest.mark.parametrize("rate", [0.80, 0.88, 0.90, 0.95])

@@ -299,6 +299,9 @@ def refuse_unfit(document: Document, stated: GateOfScenario, runs: int) -> None:
     if stated.gate.runs not in (None, runs):
         message = f"{stated.gate.runs} runs, but the draws of 'variations' have {runs} samples; write one number"
         raise InvalidScenario([document.problem((GATE, "runs"), message)])
+    if stated.gate.errors.at_most >= runs:
+        message = f"all of the {runs} runs may be without a verdict; allow fewer"
+        raise InvalidScenario([document.problem((GATE, "errors", "at_most"), message)])
     problems = [document.problem((GATE, *path), text) for path, text in _unattainable(stated.gate, runs)]
     if problems:
         raise UnattainableGate(problems, stated, runs)

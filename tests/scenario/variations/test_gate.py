@@ -108,6 +108,10 @@ def test_a_gate_does_not_reach_its_runs(tmp_path: Path) -> None:
             "no expectation is 'travle'; did you mean 'travel'?",
         ),
         ("{passes: {at_least: 90 %}, errors: {at_most: -1}}", "gate.errors.at_most: must be at least 0"),
+        (
+            "{passes: {at_least: 50 %}, errors: {at_most: 9}, runs: 9}",
+            "gate.errors.at_most: all of the 9 runs may be without a verdict; allow fewer",
+        ),
     ],
 )
 def test_a_gate_that_makes_no_sense_is_refused(tmp_path: Path, gate: str, problem: str) -> None:
