@@ -144,7 +144,7 @@ def test_a_pull_request_is_compared_with_its_base_on_the_same_draws(
     write(repository / "simulation/a.sim.yml", GATE.replace("0.5 s", "0.45 s"))
     worse = run_template("pull-request-compare", event_name="pull_request", base=base)
     assert worse.conclusion == "failure"
-    assert "✅ The scenario passed" in worse.jobs["compare"].summary
+    assert "✅ The gate passed" in worse.jobs["compare"].summary
     assert "❌ 1 pass rate fell" in worse.jobs["compare"].summary
 
 
