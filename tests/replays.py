@@ -7,19 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from sim_action.recording.replay.columns import Column
-from sim_action.recording.replay.replay_file import (
-    BodyData,
-    CircleMark,
-    ContactData,
-    Frames,
-    JointMotion,
-    LinkData,
-    PolygonMark,
-    Replay,
-    SceneData,
-    SignalData,
-    write_replay,
-)
+from sim_action.recording.replay.marks import CircleMark, PolygonMark
+from sim_action.recording.replay.replay_data import ContactData, Frames, Replay, SignalData
+from sim_action.recording.replay.replay_file import write_replay
+from sim_action.recording.replay.scene_data import BodyData, JointMotion, LinkData, SceneData
 from sim_action.recording.replay.shapes import BoxShape, CylinderShape, MeshData, MeshShape
 
 GREY = (0.5, 0.5, 0.5)
@@ -41,7 +32,7 @@ def drive(*, distance: float = 1.0, seconds: float = 2.0, body: str = "wall", ro
         tilt=still,
     )
     return Replay(
-        version=1,
+        version=2,
         scene=SceneData(robot=robot, links=_links(), bodies=_bodies(body, distance), meshes={MESH: _tetrahedron()}),
         joint_names=("wheel_joint",),
         frames=frames,

@@ -9,7 +9,7 @@ import pytest
 
 from sim_action.core.errors import SimulationUnstable
 from sim_action.recording.replay.build import make_replay, replay_of
-from sim_action.recording.replay.replay_file import Replay
+from sim_action.recording.replay.replay_data import Replay
 from sim_action.recording.replay.signals import stored_signals
 from sim_action.scenario.loading import build_scene
 from sim_action.scenario.model import LoadedScenario

@@ -12,7 +12,8 @@ from sim_action.core import geometry
 from sim_action.core.geometry import Pose
 from sim_action.core.workspace import Workspace
 from sim_action.recording.replay.build import replay_of
-from sim_action.recording.replay.replay_file import JointMotion, Replay
+from sim_action.recording.replay.replay_data import Replay
+from sim_action.recording.replay.scene_data import JointMotion
 from sim_action.recording.replay.shapes import MeshShape, PoseNumbers
 from sim_action.robot.loading import load_model
 from sim_action.robot.spec import Robot

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from sim_action.recording.replay.columns import Column
-from sim_action.recording.replay.replay_file import Frames, LinkData, Replay, SceneData, SignalData
+from sim_action.recording.replay.replay_data import Frames, Replay, SignalData
+from sim_action.recording.replay.scene_data import LinkData, SceneData
 
 STEP = 1 / 240
 
@@ -34,7 +35,7 @@ def replay(*signals: SignalData) -> Replay:
     """Of three seconds, a moment each."""
     still = column([0.0] * 4)
     return Replay(
-        version=1,
+        version=2,
         scene=SceneData(robot="box", links=(LinkData(name="base"),)),
         frames=Frames(
             time=column([0.0, 1.0, 2.0, 3.0], STEP),

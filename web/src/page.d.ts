@@ -106,6 +106,14 @@ interface SignalData {
   end?: number;
 }
 
+interface ChannelData {
+  group: string;
+  name: string;
+  unit: string;
+  time?: Column;
+  values: Column;
+}
+
 interface CircleMark {
   kind: "circle";
   expectation?: number;
@@ -145,6 +153,7 @@ interface Replay {
   contacts_left_out: number;
   signals: SignalData[];
   marks: MarkData[];
+  channels: ChannelData[];
 }
 
 /** Poses of all links and bodies at a time, seven numbers each; `here`: the bodies that have appeared. */

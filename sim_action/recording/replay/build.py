@@ -11,18 +11,13 @@ from pydantic import BaseModel
 
 from sim_action.assertions.monitors import FORCE_WINDOW_S
 from sim_action.core.records import dataclass, field
-from sim_action.recording.replay import replay_file, shapes
+from sim_action.recording.replay import marks, replay_data, scene_data, shapes
 from sim_action.recording.replay.frames import NOTHING_COMMANDED, Track, frames_of, thinned
-from sim_action.recording.replay.replay_file import (
-    MAX_CONTACTS,
-    MAX_TEXT_LENGTH,
-    ContactData,
-    MarkData,
-    Replay,
-    SignalData,
-    write_replay,
-)
+from sim_action.recording.replay.marks import MarkData
+from sim_action.recording.replay.replay_data import MAX_CONTACTS, ContactData, Replay, SignalData
+from sim_action.recording.replay.replay_file import write_replay
 from sim_action.recording.replay.scene import scenery, skeleton
+from sim_action.recording.replay.scene_data import MAX_TEXT_LENGTH
 from sim_action.recording.replay.shapes import MAX_ABS_VALUE, numbers
 from sim_action.recording.replay.signals import stored_marks, stored_signals
 from sim_action.robot.robot_model import RobotModel
@@ -57,7 +52,7 @@ def replay_of(
     sliding = [joint.type == "prismatic" for joint in joints]
     tracks = [Track(film.bodies[body.name], body.appears or 0.0) for body in moving]
     return Replay(
-        version=1,
+        version=2,
         scene=scenery(scene, [body.name for body in moving]),
         joint_names=tuple(joint.name[:MAX_TEXT_LENGTH] for joint in joints),
         frames=frames_of(thinned(film), tracks, scene.physics.rate, sliding, aims),
@@ -89,7 +84,7 @@ def make_replay(
 
 def warm_up(robots: Iterable[RobotModel]) -> None:
     """Build the validators of all models and import the mesh readers once, before processes are forked."""
-    for module in (shapes, replay_file):
+    for module in (shapes, marks, scene_data, replay_data):
         for model in vars(module).values():
             if isinstance(model, type) and issubclass(model, BaseModel):
                 model.model_rebuild()

@@ -10,7 +10,7 @@ import numpy as np
 from sim_action.core.records import dataclass
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.recording.replay.columns import MAX_MOMENTS, Column, FloatArray
-from sim_action.recording.replay.replay_file import Frames, PoseColumns
+from sim_action.recording.replay.replay_data import Frames, PoseColumns
 from sim_action.state.trace import Trace
 from sim_action.state.trace_records import BodyRecord, CommandedJoints
 

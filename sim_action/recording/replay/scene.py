@@ -12,7 +12,7 @@ import numpy as np
 from sim_action.core import geometry
 from sim_action.core.geometry import ZERO, Pose, Vector3
 from sim_action.core.records import dataclass
-from sim_action.recording.replay.replay_file import (
+from sim_action.recording.replay.scene_data import (
     MAX_TEXT_LENGTH,
     BodyData,
     JointMotion,

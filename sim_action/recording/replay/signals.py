@@ -13,18 +13,10 @@ from sim_action.core.errors import InvalidPart
 from sim_action.core.records import replace
 from sim_action.recording.replay.columns import MAX_MOMENTS, Column, FloatArray, fine_scale
 from sim_action.recording.replay.frames import thinned
-from sim_action.recording.replay.replay_file import (
-    MAX_MARKS,
-    MAX_SIGNALS,
-    MAX_TEXT_LENGTH,
-    ArrowMark,
-    CircleMark,
-    MarkData,
-    PolygonMark,
-    PolylineMark,
-    SignalData,
-)
+from sim_action.recording.replay.marks import MAX_MARKS, ArrowMark, CircleMark, MarkData, PolygonMark, PolylineMark
+from sim_action.recording.replay.replay_data import MAX_SIGNALS, SignalData
 from sim_action.recording.replay.scene import skeleton
+from sim_action.recording.replay.scene_data import MAX_TEXT_LENGTH
 from sim_action.recording.replay.shapes import MAX_ABS_VALUE
 from sim_action.scenario.model import Scenario
 from sim_action.state.observation import Observation

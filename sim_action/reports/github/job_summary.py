@@ -11,7 +11,7 @@ from typing import Final
 from sim_action.core.errors import ExitCode
 from sim_action.core.files import append_whole
 from sim_action.core.wording import counted, shortened
-from sim_action.recording.replay.replay_file import Replay
+from sim_action.recording.replay.replay_data import Replay
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import markdown_block, markdown_text
 from sim_action.reports.formatting import (

@@ -15,7 +15,8 @@ from typing import Final
 
 from sim_action.core.files import whole_file
 from sim_action.core.records import dataclass, field
-from sim_action.recording.replay.replay_file import Replay, ReplayError, ReplayReader
+from sim_action.recording.replay.replay_data import Replay
+from sim_action.recording.replay.replay_file import ReplayError, ReplayReader
 from sim_action.recording.replay.shapes import MeshData
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line

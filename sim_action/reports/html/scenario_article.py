@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from sim_action.core import units
 from sim_action.core.errors import Location
-from sim_action.recording.replay.replay_file import Replay
+from sim_action.recording.replay.replay_data import Replay
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import (

@@ -11,16 +11,9 @@ from typing import Final
 import numpy as np
 
 from sim_action.core.records import dataclass
-from sim_action.recording.replay.replay_file import (
-    ArrowMark,
-    CircleMark,
-    JointMotion,
-    MarkData,
-    PolygonMark,
-    PolylineMark,
-    Replay,
-    SceneData,
-)
+from sim_action.recording.replay.marks import ArrowMark, CircleMark, MarkData, PolygonMark, PolylineMark
+from sim_action.recording.replay.replay_data import Replay
+from sim_action.recording.replay.scene_data import JointMotion, SceneData
 from sim_action.recording.replay.shapes import (
     BoxShape,
     CapsuleShape,

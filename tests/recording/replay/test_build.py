@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from sim_action.recording.replay.build import joined_touches, strongest_touches
-from sim_action.recording.replay.replay_file import MAX_CONTACTS
+from sim_action.recording.replay.replay_data import MAX_CONTACTS
 from tests.traces import contact
 
 RATE = 240

@@ -12,7 +12,8 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from sim_action.recording.replay.replay_file import Replay, write_replay
+from sim_action.recording.replay.replay_data import Replay
+from sim_action.recording.replay.replay_file import write_replay
 from sim_action.reports import ReportOptions
 from sim_action.reports.github.mermaid_chart import chart, load_replay, sampled, signal_of_verdict
 from sim_action.results.results_json import Results

@@ -6,6 +6,7 @@ import base64
 import hashlib
 import re
 from html.parser import HTMLParser
+from pathlib import Path
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -56,8 +57,8 @@ def test_the_script_is_made_of_all_its_parts_and_ends_no_element() -> None:
 def test_every_script_beside_the_page_is_in_it() -> None:
     from importlib.resources import files
 
-    beside = {file.name for file in (files("sim_action.reports") / "viewer").iterdir() if file.name.endswith(".js")}
-    assert beside == set(SCRIPTS)
+    folder = Path(str(files("sim_action.reports") / "viewer"))
+    assert {file.relative_to(folder).as_posix() for file in folder.rglob("*.js")} == set(SCRIPTS)
 
 
 class Seen(HTMLParser):

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from sim_action.core.files import whole_file
-from sim_action.recording.replay.replay_file import Replay
+from sim_action.recording.replay.replay_data import Replay
 from sim_action.reports import ReportOptions
 from sim_action.reports.html.report import ReplayBlocks, packed, page, page_json, write_html
 from sim_action.reports.links import replay_link

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sim_action.core.geometry import quaternion_from_rpy, rotate
-from sim_action.recording.replay.replay_file import ArrowMark, CircleMark, PolygonMark, PolylineMark
+from sim_action.recording.replay.marks import ArrowMark, CircleMark, PolygonMark, PolylineMark
 from sim_action.recording.replay.shapes import BoxShape, CapsuleShape, CylinderShape, EllipsoidShape, MeshShape
 from sim_action.reports.html.top_view import Frame, SceneOutlines, drawing, outline, robot_outlines
 from tests.outcomes import outcome

@@ -48,6 +48,8 @@ class Scenarios {
   async show(entry, time) {
     this.leave();
     this.open = entry;
+    // The words of another scenario mean nothing here.
+    if (asked([entry]) === null) rememberLink(linkTo(entry, time));
     const article = find(document, `#${entry.id}`);
     article.classList.add("open");
     const anchor = this.anchors.get(entry.id);
@@ -86,11 +88,11 @@ class Scenarios {
     article.classList.add("live");
     this.offerMoments(article, player);
     await player.open(time);
-    const remember = () => {
-      if (this.player === player && !player.clock.playing) rememberLink(linkTo(entry, player.clock.time));
+    const rememberTime = () => {
+      if (this.player === player && !player.clock.playing) remember({ t: timeWord(player.clock.time) });
     };
-    player.clock.addEventListener("tick", remember);
-    player.clock.addEventListener("state", remember);
+    player.clock.addEventListener("tick", rememberTime);
+    player.clock.addEventListener("state", rememberTime);
     if (entry.beside) await this.mountTwin(entry.beside, article, player);
   }
 

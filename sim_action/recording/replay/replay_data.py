@@ -1,0 +1,188 @@
+"""The data of a replay, version 2: motion, contacts, signals and channels, and their consistency.
+
+SI units, world frame, quaternions x, y, z, w.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Final, Literal, Self
+
+from pydantic import Field, ValidationInfo, model_validator
+
+from sim_action.core.field_types import FrozenModel
+from sim_action.recording.replay.columns import Column, Index
+from sim_action.recording.replay.marks import MAX_MARKS, MarkData
+from sim_action.recording.replay.scene_data import MAX_BODIES, MAX_LINKS, SceneData, Text, scene_problems
+from sim_action.recording.replay.shapes import Number, Place
+
+MAX_CONTACTS: Final = 200
+MAX_SIGNALS: Final = 200
+MAX_CHANNELS: Final = 400
+
+PoseColumns = tuple[Column, Column, Column, Column, Column, Column, Column]
+"""x, y, z, then the quaternion x, y, z, w."""
+
+
+class Frames(FrozenModel):
+    """The motion of a run at 30 Hz, including the last moment; all columns are as long as `time`.
+
+    Attributes:
+        time: the sim time in s.
+        base: the pose of the base link in the world.
+        joints: the joint positions in rad (m if prismatic), in the order of `Replay.joint_names`.
+        commanded: the commanded joint positions in the same order, null for a joint that has none; empty if no joint
+            has one.
+        speed: the speed of the base link in m/s.
+        tilt: the angle in rad between the z axes of the base and the world.
+        tracks: the poses of moving bodies in the world.
+    """
+
+    time: Column
+    base: PoseColumns
+    joints: Annotated[tuple[Column, ...], Field(max_length=MAX_LINKS)] = ()
+    commanded: Annotated[tuple[Column | None, ...], Field(max_length=MAX_LINKS)] = ()
+    speed: Column
+    tilt: Column
+    tracks: Annotated[tuple[PoseColumns, ...], Field(max_length=MAX_BODIES)] = ()
+
+    @property
+    def count(self) -> int:
+        """The number of moments."""
+        return 1 + len(self.time.deltas)
+
+    @property
+    def columns(self) -> tuple[Column, ...]:
+        """All columns."""
+        tracks = (column for track in self.tracks for column in track)
+        commanded = (column for column in self.commanded if column is not None)
+        return (self.time, *self.base, *self.joints, *commanded, self.speed, self.tilt, *tracks)
+
+
+class ContactData(FrozenModel):
+    """An uninterrupted contact of a link with a body, from `time` to `until` in s.
+
+    Attributes:
+        link: the index of the link.
+        body: the index of the body.
+        position: the position of the first contact point in m, world frame.
+        force: the largest mean force over 50 ms in N; None if engines compute none, see `Contact.has_force`.
+        impulse: the impulse of the whole contact in N s.
+    """
+
+    time: Number
+    until: Number
+    link: Index
+    body: Index
+    position: Place
+    force: Number | None
+    impulse: Number
+
+
+class SignalData(FrozenModel):
+    """One signal of an expectation over time.
+
+    Attributes:
+        expectation: the number of the expectation, counted from 0.
+        unit: the SI unit of values and limits.
+        time: the times in s; null for the moments of `Frames.time`.
+        values: the values, with gaps where the signal does not exist.
+        lower, upper: the limits of the values; null for none.
+        start, end: the window in s in which the limits apply; an end of null means the end of the run.
+    """
+
+    expectation: Index
+    name: Text
+    unit: Text
+    time: Column | None = None
+    values: Column
+    lower: Number | None = None
+    upper: Number | None = None
+    start: Number = 0.0
+    end: Number | None = None
+
+
+class ChannelData(FrozenModel):
+    """One recorded quantity over time that belongs to no expectation: of a sensor, of a command or of contacts.
+
+    Attributes:
+        group: the thing it belongs to, for example the name of a sensor.
+        unit: the SI unit of the values.
+        time: the times in s; null for the moments of `Frames.time`.
+        values: the values, with gaps where there is none.
+    """
+
+    group: Text
+    name: Text
+    unit: Text
+    time: Column | None = None
+    values: Column
+
+
+WITHOUT_SCENE: Final = object()
+"""The context of pydantic for a replay whose scene is known already."""
+
+
+class Replay(FrozenModel):
+    """The recording of a run for the report.
+
+    Attributes:
+        scenario: the name of the scenario; null in version 1 and in runs that a launch file describes.
+        contacts: the contacts with the largest forces, at most 200, in the order of time.
+        contacts_left_out: the number of further contacts.
+        channels: further recorded quantities.
+    """
+
+    version: Literal[1, 2]
+    scene: SceneData
+    joint_names: Annotated[tuple[Text, ...], Field(max_length=MAX_LINKS)] = ()
+    frames: Frames
+    contacts: Annotated[tuple[ContactData, ...], Field(max_length=MAX_CONTACTS)] = ()
+    contacts_left_out: Annotated[int, Field(ge=0, le=2**53)] = 0
+    signals: Annotated[tuple[SignalData, ...], Field(max_length=MAX_SIGNALS)] = ()
+    marks: Annotated[tuple[MarkData, ...], Field(max_length=MAX_MARKS)] = ()
+    channels: Annotated[tuple[ChannelData, ...], Field(max_length=MAX_CHANNELS)] = ()
+    scenario: Text | None = None
+
+    @model_validator(mode="after")
+    def _fits_together(self, info: ValidationInfo) -> Self:
+        # The reader sets the scene afterwards.
+        if info.context is not WITHOUT_SCENE and (problem := first_problem(self)) is not None:
+            raise ValueError(problem)
+        return self
+
+
+def first_problem(replay: Replay) -> str | None:
+    """Return the first inconsistency of a replay, or None."""
+    return next(_problems(replay), None)
+
+
+def _problems(replay: Replay) -> Iterator[str]:
+    scene, frames = replay.scene, replay.frames
+    yield from scene_problems(scene, len(frames.joints), len(frames.tracks))
+    yield from _of_frames(frames)
+    if len(replay.joint_names) != len(frames.joints):
+        yield "the number of joint names differs from the number of joint columns"
+    if len(frames.commanded) not in {0, len(frames.joints)}:
+        yield "the number of commanded columns differs from the number of joint columns"
+    if any(contact.link >= len(scene.links) or contact.body >= len(scene.bodies) for contact in replay.contacts):
+        yield "a contact refers to a link or body that does not exist"
+    if any(mark.link is not None and mark.link >= len(scene.links) for mark in replay.marks):
+        yield "a mark refers to a link that does not exist"
+    curves: tuple[SignalData | ChannelData, ...] = (*replay.signals, *replay.channels)
+    if not all(_is_whole(curve, frames.count) for curve in curves):
+        yield "a signal or channel has another number of values than moments"
+
+
+def _of_frames(frames: Frames) -> Iterator[str]:
+    if not all(column.fits(frames.count) for column in frames.columns):
+        yield "a column has another number of values than moments"
+    if frames.time.gaps or any(delta <= 0 for delta in frames.time.deltas):
+        yield "the times do not increase"
+
+
+def _is_whole(curve: SignalData | ChannelData, frames: int) -> bool:
+    if curve.time is None:
+        return curve.values.fits(frames)
+    rises = not curve.time.gaps and all(delta > 0 for delta in curve.time.deltas)
+    return rises and curve.values.fits(1 + len(curve.time.deltas))
