@@ -39,7 +39,7 @@ from sim_action.runner.mutation.judgement import (
 )
 from sim_action.runner.mutation.mutant import Original
 from sim_action.runner.mutation.planning import PlannedMutants, cost, first_runs, planned, refuse_unknown, within
-from sim_action.runner.mutation.suggestions import Candidates, candidates
+from sim_action.runner.mutation.suggestions import Candidates, Search, candidates
 from sim_action.runner.process_pool import execute
 from sim_action.runner.run_plan import PlanRequest, plan_runs
 from sim_action.scenario.loading import Libraries
@@ -50,6 +50,8 @@ _MINUTE_S: Final = 60
 # The folders of the runs without a mutant, and of those with one.
 _ORIGINALS: Final = "originals"
 _MUTANTS: Final = "mutants"
+# The number of candidates that are run alone, for each survivor.
+_MOST_TRIALS: Final = 3
 # The width of the results of mutants in the progress.
 _WIDTH: Final = max(map(len, get_args(MutantStatus)))
 
@@ -257,21 +259,34 @@ class _Call:
             candidates(plan.original, self._request.plan.permissions, libraries) if any(several) else None
             for plan, several in zip(plans, survived, strict=True)
         ]
-        wanted = [*_with_candidates(offers, results, survived)]
-        outcomes = iter(self._outcomes(wanted, "suggestions", lambda _: "tried"))
-        told = []
+        outcomes = iter(self._outcomes([*_with_candidates(offers, results, survived)], "candidates", _tried))
+        searches: list[list[Search | None]] = []
         for offer, several, alive in zip(offers, results, survived, strict=True):
-            if offer is None:
-                told.append(list(several))
-                continue
-            original = next(outcomes)
-            told.append(
+            original = None if offer is None else next(outcomes)
+            searches.append(
                 [
-                    with_suggestion(each, offer.best(original, next(outcomes))) if is_alive else each
+                    Search(offer, each.mutant.loaded, offer.noticing(original, next(outcomes)))
+                    if is_alive and offer is not None and original is not None
+                    else None
                     for each, is_alive in zip(several, alive, strict=True)
                 ]
             )
-        return told
+        self._decide([search for several in searches for search in several if search is not None])
+        return [
+            [
+                each if search is None else with_suggestion(each, search.suggestion)
+                for each, search in zip(several, found, strict=True)
+            ]
+            for several, found in zip(results, searches, strict=True)
+        ]
+
+    def _decide(self, searches: Sequence[Search]) -> None:
+        """Run each survivor with one candidate after the other, until one is found."""
+        for turn in range(_MOST_TRIALS):
+            left = [search for search in searches if search.places]
+            outcomes = self._outcomes([run for search in left for run in search.pair], f"suggestions-{turn}", _tried)
+            for search, original, mutant in zip(left, outcomes[::2], outcomes[1::2], strict=True):
+                search.decide(original, mutant)
 
     def _outcomes(
         self, scenarios: Sequence[LoadedScenario], name: str, word_of: Callable[[RunEnded], str] | None = None
@@ -300,6 +315,11 @@ class _Call:
         if not self._request.is_quiet:
             note(f"{counted(runs, 'mutant')} of {counted(len(plans), 'scenario')}, about {took} in all{over}")
             sys.stderr.flush()
+
+
+def _tried(_: RunEnded) -> str:
+    """Return the word for a run of a suggestion in the progress."""
+    return "tried"
 
 
 def _survived(each: JudgedMutant) -> bool:

@@ -1,6 +1,7 @@
 """Suggestions: expectations that pass in the original run, and that would have noticed a mutant that survived.
 
-Each candidate is made of the original run alone. Runs of the original and of the mutant then decide.
+Each candidate is made of the original run. Runs of the original and of the mutant with all candidates choose some of
+them. Runs with one candidate alone then decide: together, candidates may prolong a run.
 """
 
 from __future__ import annotations
@@ -56,14 +57,50 @@ class Candidates:
         scenario = mutant.scenario
         return replace(mutant, scenario=scenario.model_copy(update={"expect": (*scenario.expect, *more)}))
 
-    def best(self, original: Outcome, mutant: Outcome) -> str:
-        """Return the first candidate that passed in the original run and noticed the mutant, as YAML; or empty."""
-        pairs = zip(self.entries, self._of(original), self._of(mutant), strict=False)
-        found = (entry for entry, before, now in pairs if before.verdict.passed and not now.verdict.passed)
-        return next((_yaml(entry) for entry in found), "")
+    def alone(self, place: int, run: LoadedScenario) -> LoadedScenario:
+        """Return the original scenario, or a mutant of it, with one of the candidates."""
+        scenario = run.scenario
+        expect = (*scenario.expect[: self.own], self.loaded.scenario.expect[self.own + place])
+        return replace(run, scenario=scenario.model_copy(update={"expect": expect}))
+
+    def noticing(self, original: Outcome, mutant: Outcome) -> list[int]:
+        """Return the places of the candidates that passed in the original run and noticed the mutant."""
+        # A run without a verdict has none of them.
+        pairs = zip(self._of(original), self._of(mutant), strict=False)
+        return [place for place, (before, now) in enumerate(pairs) if before.verdict.passed and not now.verdict.passed]
+
+    def text(self, place: int) -> str:
+        """Return a candidate as YAML."""
+        return _yaml(self.entries[place])
 
     def _of(self, outcome: Outcome) -> Sequence[ExpectationOutcome]:
         return outcome.expectations[self.own :] if outcome.has_verdict else ()
+
+
+@dataclass(slots=True)
+class Search:
+    """The search for the suggestion of one survivor.
+
+    Attributes:
+        places: of the candidates that are left, the simplest first.
+        suggestion: as YAML, once a candidate alone has passed the original run and noticed the mutant; or empty.
+    """
+
+    offer: Candidates
+    mutant: LoadedScenario
+    places: list[int]
+    suggestion: str = ""
+
+    @property
+    def pair(self) -> tuple[LoadedScenario, LoadedScenario]:
+        """The original run and that of the mutant, with the next candidate alone."""
+        return self.offer.alone(self.places[0], self.offer.loaded), self.offer.alone(self.places[0], self.mutant)
+
+    def decide(self, original: Outcome, mutant: Outcome) -> None:
+        """Take the outcomes of the pair."""
+        place = self.places.pop(0)
+        if self.offer.noticing(original, mutant):
+            self.suggestion, self.places = self.offer.text(place), []
 
 
 def candidates(original: Original, permissions: Permissions, libraries: Libraries) -> Candidates | None:

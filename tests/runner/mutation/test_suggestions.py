@@ -8,7 +8,7 @@ import yaml
 
 from sim_action.core.permissions import Permissions
 from sim_action.results.outcome import ExpectationOutcome, Outcome
-from sim_action.runner.mutation.suggestions import Candidates, candidates
+from sim_action.runner.mutation.suggestions import Candidates, Search, candidates
 from sim_action.runner.mutation.table import TABLE
 from sim_action.scenario.loading import Libraries
 from sim_action.scenario.mutation import Mutation
@@ -58,32 +58,34 @@ def test_a_mutant_gets_the_same_candidates_and_keeps_its_fault(tmp_path: Path) -
     assert len(added.scenario.expect) == 1 + len(offer.entries)
 
 
-def test_the_first_one_that_passes_and_notices_the_mutant_is_suggested(tmp_path: Path) -> None:
+def test_candidates_that_pass_and_notice_the_mutant(tmp_path: Path) -> None:
     offer = found(tmp_path)
     count = len(offer.entries)
     before = run_of(False, *[True] * (count - 1))
     nothing = run_of(*[True] * count)
-    assert offer.best(before, run_of(False, True, False, *[True] * (count - 3))) == _text(offer, 2)
-    assert offer.best(before, nothing) == ""
+    assert offer.noticing(before, run_of(False, True, False, *[True] * (count - 4), False)) == [2, count - 1]
+    assert offer.noticing(before, nothing) == []
     crashed = Outcome(name="a", file="a.sim.yml", status="error")
-    assert offer.best(before, crashed) == offer.best(crashed, nothing) == ""
+    assert offer.noticing(before, crashed) == offer.noticing(crashed, nothing) == []
 
 
-def _text(offer: Candidates, place: int) -> str:
-    entry = offer.entries[place]
-    assert not isinstance(entry, str)
-    (key,) = entry
-    text = offer.best(run_of(*[True] * len(offer.entries)), run_of(*(at != place for at in range(len(offer.entries)))))
-    assert list(yaml.safe_load(text)[0]) == [key]
-    return text
+def test_a_candidate_is_suggested_once_it_notices_the_mutant_alone(tmp_path: Path) -> None:
+    offer = found(tmp_path)
+    search = Search(offer, offer.loaded, [1, 2, 3])
+    original, mutant = search.pair
+    assert len(original.scenario.expect) == len(mutant.scenario.expect) == offer.own + 1
+    assert original.scenario.expect[offer.own] == offer.loaded.scenario.expect[offer.own + 1]
+    # Alone, it passes in the run of the mutant, too.
+    search.decide(run_of(True), run_of(True))
+    assert (search.suggestion, search.places) == ("", [2, 3])
+    search.decide(run_of(True), run_of(False))
+    assert (search.suggestion, search.places) == (offer.text(2), [])
 
 
 def test_suggestions_are_yaml(tmp_path: Path) -> None:
     offer = found(tmp_path, curve())
-    every = run_of(*[True] * len(offer.entries))
     for place, entry in enumerate(offer.entries):
-        text = offer.best(every, run_of(*(at != place for at in range(len(offer.entries)))))
-        (read,) = yaml.safe_load(text)
+        (read,) = yaml.safe_load(offer.text(place))
         assert (read if isinstance(read, str) else list(read)) == (entry if isinstance(entry, str) else list(entry))
 
 
