@@ -23,9 +23,7 @@ CRATE: Final = "world: {objects: [{name: crate, box: [0.3, 0.3, 0.3], pose: {x: 
 
 USELESS: Final = {
     "speed": STRAIGHT + "expect: [{reach: {x: 0.8, y: 0, tolerance: 0.1}, before: 4.5}, {max_speed: {linear: 40}}]",
-    "tilt": STRAIGHT
-    + "duration: 6 s\n"
-    + "expect: [{upright: {max_tilt: 80 deg}}, {final_pose: {x: 0.97, y: 0, tolerance: 0.3}}]",
+    "tilt": STRAIGHT + "expect: [{upright: {max_tilt: 80 deg}}, {final_pose: {x: 0.97, y: 0, tolerance: 0.3}}]",
     "area": STRAIGHT + "expect: [{travel: {at_least: 0.9}}, {stay_within: {x: [-1 km, 1 km], y: [-1 km, 1 km]}}]",
     "crate": STRAIGHT
     + CRATE.replace("YY", "8")
