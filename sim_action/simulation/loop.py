@@ -180,7 +180,9 @@ class _Loop:
             self._controls = opened.enter_context(closing(controls))
             heard = self._controls.are_watching
             more, judged = self._controls.sensors, channels.sensors
-            self._sensing = Sensing(scenario, scene, backend, heard=heard, judged=judged, more=more, seams=seams)
+            self._sensing = Sensing(
+                scenario, scene, backend, heard=heard, judged=judged, more=more, seams=seams, logs=footage.readings
+            )
             self._opened = opened.pop_all()
 
     def run(self, progress: Progress) -> SimulationRun:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from sim_action.core.geometry import Twist
 from sim_action.core.records import replace
 from sim_action.scenario.model import Agreement, Scenario
+from sim_action.sensors.reading_log import ReadingLog
 from sim_action.state.command import Command, JointTargets, LinkWrench
 from sim_action.state.observation import Contact, Observation
 from sim_action.state.trace import FloatArray, Trace
@@ -28,7 +29,13 @@ _MAX_FRAMES: Final = 200_000
 
 
 class RunRecorder:
-    """The recorded data of a run; after a failure, it holds the data up to the failure."""
+    """The recorded data of a run; after a failure, it holds the data up to the failure.
+
+    Attributes:
+        start: the settled state at t = 0; None before the start.
+        readings: the readings of all open sensors by name, for a replay; None without one. The last ones may be later
+            than the end of the run.
+    """
 
     def __init__(
         self, scenario: Scenario, *, filmed: bool = False, recorded: bool = False, compared: bool = False
@@ -48,6 +55,7 @@ class RunRecorder:
         self._kept: list[Trace] = []
         self._film: list[Trace] = []
         self.start: Observation | None = None
+        self.readings: dict[str, ReadingLog] | None = {} if filmed else None
 
     def channels(self, world: World) -> Channels:
         """Return the channels that only a replay needs."""

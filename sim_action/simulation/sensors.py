@@ -11,6 +11,7 @@ from sim_action.drives import recognise
 from sim_action.engines import Engine
 from sim_action.scenario.model import Scenario
 from sim_action.sensors import Measure, Mount, MountedSensor, Sensor, Sight
+from sim_action.sensors.reading_log import ReadingLog
 from sim_action.simulation.seams import UNTOUCHED, Seams
 from sim_action.state.observation import ByName, Observation
 from sim_action.state.readings import Reading
@@ -21,7 +22,7 @@ from sim_action.state.transmission import Line
 from sim_action.world.scene import Scene
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class _Running:
     """A sensor during the run.
 
@@ -29,6 +30,7 @@ class _Running:
         period: physics steps between two readings.
         line: the readings that are on their way; None if all arrive at once.
         kept: readings that are not yet in the trace.
+        log: the readings for the replay; None if there is none.
     """
 
     mounted: MountedSensor
@@ -36,6 +38,7 @@ class _Running:
     period: int
     line: Line[Reading] | None = None
     kept: list[Reading] = field(default_factory=list)
+    log: ReadingLog | None = None
 
 
 class Sensing:
@@ -51,11 +54,12 @@ class Sensing:
         judged: Collection[str] = (),
         more: Iterable[MountedSensor] = (),
         seams: Seams = UNTOUCHED,
+        logs: dict[str, ReadingLog] | None = None,
     ) -> None:
         """Open the sensors that are needed.
 
         `heard`: True if a controller reads sensors; `judged`: the names of sensors that assertions read; `more`:
-        sensors of controllers besides those of the scenario.
+        sensors of controllers besides those of the scenario; `logs`: gets a log of each open sensor by name.
         """
         self._backend, self._rate, self._is_heard = backend, scenario.physics.rate, heard
         self._judged = judged
@@ -65,6 +69,9 @@ class Sensing:
             for mounted in (*scenario.sensors, *more)
             if heard or self._keeps(mounted)
         ]
+        if logs is not None:
+            for running in self._sensors:
+                running.log = logs[running.mounted.name] = ReadingLog.of(running.mounted)
         self._late = [(running, running.line) for running in self._sensors if running.line is not None]
         self._contacts = heard or any(running.mounted.sensor.watches_contacts for running in self._sensors)
 
@@ -111,6 +118,8 @@ class Sensing:
                 continue
             if self._keeps(running.mounted):
                 running.kept.append(reading)
+            if running.log is not None:
+                running.log.add(reading)
 
     def _receive(self, step: int) -> None:
         """Take the late readings that have arrived."""

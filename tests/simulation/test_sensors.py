@@ -9,6 +9,7 @@ import pytest
 
 from sim_action.engines import installed
 from sim_action.scenario.loading import build_scene
+from sim_action.sensors.reading_log import ReadingLog
 from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.simulation.sensors import Sensing
 from sim_action.state.trace import Trace
@@ -119,3 +120,16 @@ def test_a_delay_that_no_controller_meets_has_a_note(tmp_path: Path) -> None:
     notes = [run(tmp_path, text + late, installed()[0]).notes for text in (LEAST, LISTENING.replace("10 cm", "1 cm"))]
     said = "sensor 'left' has a delay, but no controller reads sensors"
     assert [said in each for each in notes] == [True, False]
+
+
+@pytest.mark.parametrize("engine", installed())
+def test_a_replay_has_the_readings_of_all_open_sensors(engine: str, tmp_path: Path) -> None:
+    loaded = load(tmp_path, f"{LEAST}{SENSORS}backend: {engine}\n")
+    scene = build_scene(loaded)
+    logs: dict[str, ReadingLog] = {}
+    with running(engine, scene) as backend:
+        sensing = Sensing(loaded.scenario, scene, backend, heard=False, logs=logs)
+        sensing.read(0)
+    # Nothing reads the other one.
+    assert list(logs) == ["left"]
+    assert [reading.time for reading in logs["left"].readings] == [0.0]
