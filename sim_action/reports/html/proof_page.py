@@ -17,7 +17,8 @@ from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import moment
 from sim_action.reports.html.document import Html, Page, element, encoded, joined
 from sim_action.reports.html.navigation import PageEntry
-from sim_action.reports.html.report import ReplayBlocks, index_entry, page_json, replay_id, stored_replay
+from sim_action.reports.html.replay_blocks import ReplayBlocks, page_json, replay_id, stored_replay
+from sim_action.reports.html.report import index_entry
 from sim_action.reports.html.scenario_article import drawn, source, status_mark
 from sim_action.reports.html.top_view import SceneOutlines
 from sim_action.reports.proof import by_suggestion, finding_text, headline, suggestion_title, survivor_text

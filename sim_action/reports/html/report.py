@@ -5,31 +5,24 @@ This module assembles the page: head, list of scenarios, an article for each, an
 
 from __future__ import annotations
 
-import base64
-import gzip
-import json
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from math import isfinite
-from pathlib import Path
 from typing import Final
 
 from sim_action.core.files import whole_file
-from sim_action.core.records import dataclass, field
-from sim_action.recording.replay.replay_data import Replay
-from sim_action.recording.replay.replay_file import ReplayError, ReplayReader
-from sim_action.recording.replay.shapes import MeshData
+from sim_action.recording.replay.replay_file import ReplayReader
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import counts_text, shard_text, speed_text
 from sim_action.reports.html.document import Html, Page, element, encoded, joined
 from sim_action.reports.html.gate_article import GroupPlace, gate_article, variations_article
 from sim_action.reports.html.navigation import PageEntry, PagePlan, planned_page, scenario_list
+from sim_action.reports.html.replay_blocks import ReplayBlocks, packed, page_json, replay_id, stored_replay
 from sim_action.reports.html.scenario_article import article, drawn
 from sim_action.reports.html.sweep import sweep
 from sim_action.reports.html.top_view import SceneOutlines
 from sim_action.reports.scenario_groups import grouped_scenarios
-from sim_action.results.artifacts import REPORT_FILE, stored_file
-from sim_action.results.outcome import Outcome
+from sim_action.results.artifacts import REPORT_FILE
 from sim_action.results.results_json import Results
 
 MAX_PAGE_SCENARIOS: Final = 2_000
@@ -58,11 +51,6 @@ def page(results: Results, options: ReportOptions) -> Page:
     index = page_json({"scenarios": [index_entry(entry, blocks, plots) for entry in plan.entries]})
     carried = blocks.blocks | shared | {_sweep_id(identity): block for identity, block in plots.items()}
     return Page(title, results.conclusion != "success", body, index, carried, has_replays=bool(blocks.blocks))
-
-
-def replay_id(identity: str) -> str:
-    """Return the element id of the replay of an article."""
-    return f"replay-{identity}"
 
 
 def _sweep_id(identity: str) -> str:
@@ -105,19 +93,6 @@ def _group_articles(
         )
         articles[entry.identity] = encoded(written)
     return plots
-
-
-def stored_replay(outcome: Outcome, folder: Path, reader: ReplayReader) -> tuple[Replay | None, str]:
-    """Return the replay of a run, or None and the reason why there is none."""
-    if outcome.replay is None:
-        return None, "" if outcome.digest is None else "No replay of this run was stored."
-    path = stored_file(folder, outcome.replay)
-    if path is None:
-        return None, "The replay file of this run is missing."
-    try:
-        return reader.read(path), ""
-    except ReplayError as error:
-        return None, f"The replay cannot be read: {one_line(str(error))}"
 
 
 def index_entry(entry: PageEntry, blocks: ReplayBlocks, plots: Collection[str]) -> dict[str, object]:
@@ -179,50 +154,3 @@ def page_head(results: Results) -> Html:
         element("p", " · ".join(told), class_="faint"),
         class_="run",
     )
-
-
-MAX_REPLAY_BYTES: Final = 8_000_000
-"""The size of all replays and meshes in a page; scenarios beyond it, the best ones, get no replay."""
-
-# Level 9 takes four times as long, for 1 % less.
-_LEVEL: Final = 6
-
-
-def packed(data: bytes) -> str:
-    """Return data as gzip in base64, identical for identical data."""
-    return base64.b64encode(gzip.compress(data, _LEVEL, mtime=0)).decode("ascii")
-
-
-def page_json(data: object) -> str:
-    """Return JSON that is safe inside a script element: it contains no `<`."""
-    return json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
-
-
-@dataclass(slots=True)
-class ReplayBlocks:
-    """The packed replays of a page and the meshes that they share; `size` is an upper bound in bytes."""
-
-    blocks: dict[str, str] = field(default_factory=dict)
-    meshes: dict[str, MeshData] = field(default_factory=dict)
-    size: int = 0
-
-    def add(self, identity: str, replay: Replay) -> bool:
-        """Add a replay if it fits; return False if it does not."""
-        block = packed(replay.model_dump_json(exclude={"scene": {"meshes"}}, exclude_none=True).encode())
-        new = {digest: mesh for digest, mesh in replay.scene.meshes.items() if digest not in self.meshes}
-        size = self.size + len(block) + (len(_packed_meshes(new)) if new else 0)
-        if size > MAX_REPLAY_BYTES:
-            return False
-        self.size = size
-        self.blocks[identity] = block
-        self.meshes |= new
-        return True
-
-    @property
-    def shared(self) -> str:
-        """The packed meshes by digest."""
-        return _packed_meshes(self.meshes)
-
-
-def _packed_meshes(meshes: Mapping[str, MeshData]) -> str:
-    return packed(page_json({digest: mesh.model_dump() for digest, mesh in meshes.items()}).encode())

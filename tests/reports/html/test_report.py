@@ -14,13 +14,12 @@ from pathlib import Path
 import pytest
 
 from sim_action.core.files import whole_file
-from sim_action.recording.replay.replay_data import Replay
 from sim_action.reports import ReportOptions
-from sim_action.reports.html.report import ReplayBlocks, packed, page, page_json, write_html
+from sim_action.reports.html.report import page, write_html
 from sim_action.reports.links import replay_link
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
-from tests.replays import MESH, drive, kept
+from tests.replays import drive, kept
 from tests.reports.html.gates import failed_gate
 
 Samples = dict[str, Results]
@@ -132,7 +131,7 @@ def test_a_replay_that_is_none_is_told_and_the_rest_is_there(
 def test_what_finds_no_room_has_no_replay_and_says_so(
     samples: Samples, make_results: MakeResults, options: ReportOptions, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("sim_action.reports.html.report.MAX_REPLAY_BYTES", 100)
+    monkeypatch.setattr("sim_action.reports.html.replay_blocks.MAX_REPLAY_BYTES", 100)
     found = page(make_results(ran(samples, options)), options)
     shown = found.text()
     assert "The replay of this run is not included" in shown
@@ -162,73 +161,6 @@ def test_the_same_results_make_the_same_page(
     assert page(results, options).text() == page(results, options).text()
 
 
-def unpacked(block: str) -> bytes:
-    return gzip.decompress(base64.b64decode(block))
-
-
-def test_a_block_comes_apart_again_and_is_always_the_same() -> None:
-    assert unpacked(packed(b"data")) == b"data"
-    assert packed(b"data" * 100) == packed(b"data" * 100)
-
-
-def test_json_ends_no_element_and_no_line() -> None:
-    text = page_json({"a": "</script><!--\u2028"})
-    assert "<" not in text
-    assert text.isascii()
-    assert json.loads(text) == {"a": "</script><!--\u2028"}
-
-
-def test_a_replay_is_told_whole_but_for_its_meshes_which_stand_apart() -> None:
-    replay_blocks, replay = ReplayBlocks(), drive()
-    assert replay_blocks.add("replay-s0", replay)
-    told_replay, meshes = (
-        json.loads(unpacked(replay_blocks.blocks["replay-s0"])),
-        json.loads(unpacked(replay_blocks.shared)),
-    )
-    assert set(meshes) == {MESH}
-    told_replay["scene"]["meshes"] = meshes
-    assert Replay.model_validate_json(json.dumps(told_replay)) == replay
-
-
-def test_what_is_in_several_replays_is_there_once() -> None:
-    replay_blocks = ReplayBlocks()
-    for number in range(3):
-        replay_blocks.add(f"replay-s{number}", drive())
-    assert list(json.loads(unpacked(replay_blocks.shared))) == [MESH]
-
-
-def test_beyond_the_room_that_there_is_nothing_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
-    replay_blocks = ReplayBlocks()
-    replay_blocks.add("first", drive())
-    monkeypatch.setattr("sim_action.reports.html.report.MAX_REPLAY_BYTES", replay_blocks.size + 10)
-    assert not replay_blocks.add("second", drive())
-    assert list(replay_blocks.blocks) == ["first"]
-
-
-def test_meshes_take_of_the_room_but_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    replay = drive()
-    rough = replay.scene.meshes[MESH].model_copy(update={"points": tuple(i * i % 7919 for i in range(30_000))})
-    large = replay.model_copy(update={"scene": replay.scene.model_copy(update={"meshes": {MESH: rough}})})
-    replay_blocks = ReplayBlocks()
-    assert replay_blocks.add("first", large)
-    assert (
-        replay_blocks.size
-        >= len(replay_blocks.blocks["first"]) + len(replay_blocks.shared)
-        > 10 * len(replay_blocks.blocks["first"])
-    )
-    monkeypatch.setattr(
-        "sim_action.reports.html.report.MAX_REPLAY_BYTES", replay_blocks.size + len(replay_blocks.blocks["first"])
-    )
-    assert not ReplayBlocks(meshes={"0" * 16: rough}, size=len(replay_blocks.shared)).add("other", large)
-    assert replay_blocks.add("second", large)
-
-
-def test_ten_seconds_cost_little() -> None:
-    replay_blocks = ReplayBlocks()
-    replay_blocks.add("replay-s0", drive(seconds=10.0))
-    assert replay_blocks.size < 25_000
-
-
 def test_a_gate_carries_the_data_of_its_plot_and_no_viewer_without_a_replay(options: ReportOptions) -> None:
     found = page(failed_gate(), options)
     entries = json.loads(found.index)["scenarios"]
@@ -250,7 +182,7 @@ def test_the_worst_runs_of_a_gate_have_a_replay_first(options: ReportOptions, mo
         each if each.statistics is not None else each.model_copy(update={"replay": name}) for each in gate.outcomes
     )
     results = gate.model_copy(update={"outcomes": runs})
-    monkeypatch.setattr("sim_action.reports.html.report.MAX_REPLAY_BYTES", 8_000)
+    monkeypatch.setattr("sim_action.reports.html.replay_blocks.MAX_REPLAY_BYTES", 8_000)
     found = page(results, options)
     kept_runs = [key for key in found.blocks if key.startswith("replay-")]
     assert kept_runs == [f"replay-s{number}" for number in range(1, len(kept_runs) + 1)]
