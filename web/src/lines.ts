@@ -14,12 +14,13 @@ import {
   ShapeGeometry,
   SphereGeometry,
 } from "three";
+import type { Layer } from "./layer";
 
 /** The height in m over the ground; lines in the plane of the ground would flicker. */
 const OVER_GROUND = 0.004;
 
 /** A ribbon along the path; the part ahead is faint. */
-export class Way {
+export class Way implements Layer {
   readonly group = new Group();
   private readonly came: Mesh;
 
@@ -32,7 +33,7 @@ export class Way {
     this.group.add(ahead, this.came);
   }
 
-  show(time: number): void {
+  show({ time }: Moment): void {
     this.came.geometry.setDrawRange(0, 6 * this.run.row(time));
   }
 }
@@ -57,7 +58,7 @@ function ribbon(run: Run, clearance: number, width: number): BufferGeometry {
 }
 
 /** The path of a link as a line; the part ahead is faint. */
-export class Trail {
+export class Trail implements Layer {
   readonly group = new Group();
   private readonly came: Line;
 
@@ -73,12 +74,12 @@ export class Trail {
     this.group.add(ahead, this.came);
   }
 
-  show(time: number): void {
+  show({ time }: Moment): void {
     this.came.geometry.setDrawRange(0, this.run.row(time) + 1);
   }
 }
 
-export class Touches {
+export class Touches implements Layer {
   readonly group = new Group();
   private readonly spheres: Mesh[];
 
@@ -94,7 +95,7 @@ export class Touches {
     for (const sphere of this.spheres) this.group.add(sphere);
   }
 
-  show(time: number): void {
+  show({ time }: Moment): void {
     this.spheres.forEach((sphere, i) => {
       const { time: from, until } = this.contacts[i];
       sphere.visible = from <= time + 0.02;

@@ -12,6 +12,12 @@ import {
   SphereGeometry,
 } from "three";
 
+/** How shapes are drawn; `colour`: in place of their own, as for a second robot. */
+export interface Look {
+  opacity?: number;
+  colour?: string;
+}
+
 export class Solids {
   private readonly meshes = new Map<string, BufferGeometry>();
   private readonly materials = new Map<string, MeshLambertMaterial>();
@@ -19,17 +25,16 @@ export class Solids {
   constructor(private readonly stored: Record<string, MeshData>) {}
 
   /** Returns all shapes of a link or body in its frame. */
-  group(shapes: Shape[], opacity = 1): Group {
+  group(shapes: Shape[], look: Look = {}): Group {
     const group = new Group();
-    group.matrixAutoUpdate = true;
-    for (const shape of shapes) group.add(this.solid(shape, opacity));
+    for (const shape of shapes) group.add(this.solid(shape, look));
     return group;
   }
 
-  private solid(shape: Shape, opacity: number): Mesh {
-    const solid = new Mesh(this.geometry(shape), this.material(shape, opacity));
+  private solid(shape: Shape, look: Look): Mesh {
+    const solid = new Mesh(this.geometry(shape), this.material(shape, look));
     place(solid, shape.pose, 0);
-    solid.castShadow = opacity === 1;
+    solid.castShadow = (look.opacity ?? 1) === 1;
     solid.receiveShadow = true;
     return solid;
   }
@@ -66,12 +71,13 @@ export class Solids {
     return geometry;
   }
 
-  private material(shape: Shape, opacity: number): MeshLambertMaterial {
-    const key = `${shape.color.join()} ${opacity} ${shape.kind === "mesh"}`;
+  private material(shape: Shape, { opacity = 1, colour }: Look): MeshLambertMaterial {
+    const key = `${colour ?? shape.color.join()} ${opacity} ${shape.kind === "mesh"}`;
     let material = this.materials.get(key);
     if (!material) {
       material = new MeshLambertMaterial({ transparent: opacity < 1, opacity, side: shape.kind === "mesh" ? 2 : 0 });
-      material.color.setRGB(...muted(shape.color), "srgb");
+      if (colour) material.color.set(colour);
+      else material.color.setRGB(...muted(shape.color), "srgb");
       this.materials.set(key, material);
     }
     return material;

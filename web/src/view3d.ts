@@ -2,6 +2,7 @@
 
 import { AxesHelper, Box3, Color, Group, Material, PCFShadowMap, PerspectiveCamera, Scene, Vector3, WebGLRenderer } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import type { Layer } from "./layer";
 import { mark, Touches, Trail, Way } from "./lines";
 import { place, Solids } from "./solids";
 import { furnish, overview } from "./stage";
@@ -16,8 +17,8 @@ class View3D implements View {
   private readonly controls: OrbitControls;
   private readonly links: Group[];
   private readonly bodies: Group[];
-  private readonly way: Way;
-  private readonly touches: Touches;
+  /** What is drawn besides the robot, its world and the marks. */
+  private readonly layers: Layer[] = [];
   private readonly axes: AxesHelper;
   private trail: Trail | null = null;
   private readonly seen: Box3;
@@ -52,10 +53,9 @@ class View3D implements View {
     this.seen = this.widened(this.everywhere(run, robot), fixed);
     furnish(this.scene, this.seen, colours);
     const clearance = run.base[2][0] - size.min.z;
-    this.way = new Way(run, colours.accent, clearance, 0.009 * this.seen.getSize(new Vector3()).length());
-    this.touches = new Touches(run.replay.contacts, failed.size ? colours.bad : colours.text, touchSize(size, this.seen));
+    this.add(new Way(run, colours.accent, clearance, 0.009 * this.seen.getSize(new Vector3()).length()));
+    this.add(new Touches(run.replay.contacts, failed.size ? colours.bad : colours.text, touchSize(size, this.seen)));
     this.axes = frame(0.16 * size.getSize(new Vector3()).length());
-    this.scene.add(this.way.group, this.touches.group);
     marks.forEach((drawn, i) => {
       const link = run.replay.marks[i].link;
       (link === undefined ? this.scene : this.links[link]).add(drawn);
@@ -66,12 +66,11 @@ class View3D implements View {
 
   choose(link: number): void {
     this.axes.removeFromParent();
-    this.trail?.group.removeFromParent();
+    if (this.trail) this.remove(this.trail);
     this.trail = null;
     if (link === 0) return;
-    this.trail = new Trail(this.run, link, this.colours.accent);
+    this.trail = this.add(new Trail(this.run, link, this.colours.accent));
     this.links[link].add(this.axes);
-    this.scene.add(this.trail.group);
   }
 
   draw(moment: Moment, follow: boolean): void {
@@ -79,9 +78,7 @@ class View3D implements View {
     if (this.drawing) return;
     this.drawing = true;
     this.pose(moment);
-    this.way.show(moment.time);
-    this.trail?.show(moment.time);
-    this.touches.show(moment.time);
+    for (const layer of this.layers) layer.show(moment);
     this.base.set(moment.links[0], moment.links[1], moment.links[2]);
     if (follow) this.moveAlong();
     else this.followed = null;
@@ -109,6 +106,18 @@ class View3D implements View {
     this.controls.dispose();
     this.renderer.dispose();
     this.renderer.forceContextLoss();
+  }
+
+  /** Draws a layer from now on. */
+  private add<Added extends Layer>(layer: Added): Added {
+    this.layers.push(layer);
+    this.scene.add(layer.group);
+    return layer;
+  }
+
+  private remove(layer: Layer): void {
+    this.layers.splice(this.layers.indexOf(layer), 1);
+    layer.group.removeFromParent();
   }
 
   private pose(moment: Moment): void {
