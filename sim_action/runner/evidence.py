@@ -41,7 +41,8 @@ def store_evidence(job: Job, scene: Scene, footage: RunRecorder) -> tuple[str, .
             # Imported only if it is needed.
             from sim_action.recording.replay.build import make_replay
 
-            make_replay(job.loaded.scenario, scene, footage.start, film, job.replay, aims=footage.aims())
+            scenario, start = job.loaded.scenario, footage.start
+            make_replay(scenario, scene, start, film, job.replay, aims=footage.aims(), readings=footage.readings)
     with _noted("motion", notes, "it is not compared with that in another engine"):
         if job.motion is not None and (motion := footage.motion(scene)) is not None:
             motion.save(job.motion)

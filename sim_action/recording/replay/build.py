@@ -11,7 +11,7 @@ from pydantic import BaseModel
 
 from sim_action.assertions.monitors import FORCE_WINDOW_S
 from sim_action.core.records import dataclass, field
-from sim_action.recording.replay import marks, replay_data, scene_data, shapes
+from sim_action.recording.replay import marks, replay_data, scans, scene_data, shapes, sightings
 from sim_action.recording.replay.frames import NOTHING_COMMANDED, Track, frames_of, thinned
 from sim_action.recording.replay.marks import MarkData
 from sim_action.recording.replay.replay_data import MAX_CONTACTS, ContactData, Replay, SignalData
@@ -22,6 +22,7 @@ from sim_action.recording.replay.shapes import MAX_ABS_VALUE, numbers
 from sim_action.recording.replay.signals import stored_marks, stored_signals
 from sim_action.robot.robot_model import RobotModel
 from sim_action.scenario.model import Scenario
+from sim_action.sensors.reading_log import ReadingLog
 from sim_action.state.observation import Contact, Observation
 from sim_action.state.trace import Trace
 from sim_action.state.trace_records import CommandedJoints
@@ -34,6 +35,8 @@ def replay_of(
     signals: Sequence[SignalData] = (),
     marks: Sequence[MarkData] = (),
     aims: CommandedJoints = NOTHING_COMMANDED,
+    *,
+    readings: Mapping[str, ReadingLog] | None = None,
 ) -> Replay:
     """Return the replay of a run.
 
@@ -43,7 +46,9 @@ def replay_of(
         signals: the signals of the expectations.
         marks: the places of the expectations.
         aims: the commanded positions of the joints.
+        readings: the readings of sensors by name.
     """
+    readings = readings or {}
     moving = [body for body in scene.world.objects if body.name in film.bodies]
     _, links = skeleton(scene.model)
     bodies = {body.name: number for number, body in enumerate(scene.world.objects)}
@@ -60,6 +65,8 @@ def replay_of(
         contacts_left_out=left_out,
         signals=tuple(signals),
         marks=tuple(marks),
+        scans=scans.stored_scans(readings, links, scene.model.root, float(film.time[-1]), scene.physics.rate),
+        obstacles=sightings.obstacles_of(scene, film, readings),
     )
 
 
@@ -71,20 +78,24 @@ def make_replay(
     path: Path,
     *,
     aims: CommandedJoints = NOTHING_COMMANDED,
+    readings: Mapping[str, ReadingLog] | None = None,
 ) -> None:
     """Write the replay of a run.
 
-    `start` is the settled state at t = 0, `film` the trace at 30 Hz, `aims` are the commanded positions of the joints.
+    `start` is the settled state at t = 0, `film` the trace at 30 Hz, `aims` are the commanded positions of the joints,
+    `readings` those of sensors by name.
 
     Raises OSError, or ValueError if the replay is too large or not valid.
     """
     signals, marks = stored_signals(scenario, scene, start, film), stored_marks(scenario, scene, start)
-    write_replay(replay_of(scene, film, signals, marks, aims), path)
+    replay = replay_of(scene, film, signals, marks, aims, readings=readings)
+    unread = [sensor.name for sensor in scenario.sensors if sensor.name not in (readings or {})]
+    write_replay(replay.model_copy(update={"unread": tuple(unread[: scans.MAX_SENSORS])}), path)
 
 
 def warm_up(robots: Iterable[RobotModel]) -> None:
     """Build the validators of all models and import the mesh readers once, before processes are forked."""
-    for module in (shapes, marks, scene_data, replay_data):
+    for module in (shapes, marks, scene_data, scans, sightings, replay_data):
         for model in vars(module).values():
             if isinstance(model, type) and issubclass(model, BaseModel):
                 model.model_rebuild()

@@ -78,13 +78,13 @@ def _track(track: Track, time: FloatArray) -> PoseColumns:
     first = min(int(np.searchsorted(record.time, track.appears - TIME_EPSILON_S)), len(record) - 1)
     rows = np.searchsorted(record.time, time + TIME_EPSILON_S, side="right") - 1
     rows = np.clip(rows, first, None)
-    position, orientation = record.position_xyz[rows], _steady(record.orientation_xyzw[rows])
+    position, orientation = record.position_xyz[rows], steady(record.orientation_xyzw[rows])
     since = time[-1] - record.time[-1]
     if since > TIME_EPSILON_S and len(record) - first > 1:
         # The last moment lies after the last record, so extrapolate the motion.
         ahead = since / (record.time[-1] - record.time[-2])
         position[-1] += ahead * (record.position_xyz[-1] - record.position_xyz[-2])
-        before, last = _steady(record.orientation_xyzw[-2:])
+        before, last = steady(record.orientation_xyzw[-2:])
         turned = last + ahead * (last - before)
         orientation[-1] = turned / np.linalg.norm(turned)
     return _pose_columns(position, orientation)
@@ -92,11 +92,11 @@ def _track(track: Track, time: FloatArray) -> PoseColumns:
 
 def _pose_columns(position_xyz: FloatArray, orientation_xyzw: FloatArray) -> PoseColumns:
     x, y, z = (Column.encoded(column, _LENGTH) for column in position_xyz.T)
-    qx, qy, qz, qw = (Column.encoded(column, _TURN) for column in _steady(orientation_xyzw).T)
+    qx, qy, qz, qw = (Column.encoded(column, _TURN) for column in steady(orientation_xyzw).T)
     return (x, y, z, qx, qy, qz, qw)
 
 
-def _steady(orientation_xyzw: FloatArray) -> FloatArray:
+def steady(orientation_xyzw: FloatArray) -> FloatArray:
     """Return equivalent quaternions without sign changes between successive rows."""
     dots = np.einsum("ij,ij->i", orientation_xyzw[1:], orientation_xyzw[:-1])
     signs = np.cumprod(np.concatenate(([1.0], np.where(dots < 0, -1.0, 1.0))))

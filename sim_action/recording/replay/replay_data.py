@@ -13,8 +13,10 @@ from pydantic import Field, ValidationInfo, model_validator
 from sim_action.core.field_types import FrozenModel
 from sim_action.recording.replay.columns import Column, Index
 from sim_action.recording.replay.marks import MAX_MARKS, MarkData
+from sim_action.recording.replay.scans import MAX_RANGES, MAX_SENSORS, ScanData
 from sim_action.recording.replay.scene_data import MAX_BODIES, MAX_LINKS, SceneData, Text, scene_problems
 from sim_action.recording.replay.shapes import Number, Place
+from sim_action.recording.replay.sightings import MAX_OBSTACLES, ObstacleData
 
 MAX_CONTACTS: Final = 200
 MAX_SIGNALS: Final = 200
@@ -131,6 +133,9 @@ class Replay(FrozenModel):
         contacts: the contacts with the largest forces, at most 200, in the order of time.
         contacts_left_out: the number of further contacts.
         channels: further recorded quantities.
+        scans: the scans of lidars.
+        obstacles: the bodies that the robot met, and which sensors saw them.
+        unread: the names of sensors that nothing in the run read.
     """
 
     version: Literal[1, 2]
@@ -143,6 +148,9 @@ class Replay(FrozenModel):
     marks: Annotated[tuple[MarkData, ...], Field(max_length=MAX_MARKS)] = ()
     channels: Annotated[tuple[ChannelData, ...], Field(max_length=MAX_CHANNELS)] = ()
     scenario: Text | None = None
+    scans: Annotated[tuple[ScanData, ...], Field(max_length=MAX_SENSORS)] = ()
+    obstacles: Annotated[tuple[ObstacleData, ...], Field(max_length=MAX_OBSTACLES)] = ()
+    unread: Annotated[tuple[Text, ...], Field(max_length=MAX_SENSORS)] = ()
 
     @model_validator(mode="after")
     def _fits_together(self, info: ValidationInfo) -> Self:
@@ -169,9 +177,19 @@ def _problems(replay: Replay) -> Iterator[str]:
         yield "a contact refers to a link or body that does not exist"
     if any(mark.link is not None and mark.link >= len(scene.links) for mark in replay.marks):
         yield "a mark refers to a link that does not exist"
+    yield from _of_sensors(replay)
     curves: tuple[SignalData | ChannelData, ...] = (*replay.signals, *replay.channels)
     if not all(_is_whole(curve, frames.count) for curve in curves):
         yield "a signal or channel has another number of values than moments"
+
+
+def _of_sensors(replay: Replay) -> Iterator[str]:
+    if any(scan.link >= len(replay.scene.links) for scan in replay.scans):
+        yield "a scan refers to a link that does not exist"
+    if not all(scan.is_whole for scan in replay.scans) or sum(len(scan.ranges) for scan in replay.scans) > MAX_RANGES:
+        yield "the scans of a sensor are not complete, or there are too many of them"
+    if any(obstacle.body >= len(replay.scene.bodies) for obstacle in replay.obstacles):
+        yield "an obstacle refers to a body that does not exist"
 
 
 def _of_frames(frames: Frames) -> Iterator[str]:

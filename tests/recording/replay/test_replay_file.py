@@ -60,6 +60,25 @@ def at(*steps: str | int, value: Any) -> Change:
 SHAPE = {"kind": "box", "size": [1, 1, 1], "pose": [0, 0, 0, 0, 0, 0, 1], "color": [0, 0, 0]}
 MESH = {"scale": 1.0, "points": [0] * 9, "triangles": [0, 1, 2]}  # three points, in differences
 SIGNAL = {"expectation": 0, "name": "a", "unit": "m", "values": {"scale": 1.0, "first": 0}}
+STILL = {"scale": 1.0, "first": 0}
+SCAN = {
+    "sensor": "front",
+    "link": 0,
+    "pose": SHAPE["pose"],
+    "first_angle": 0,
+    "increment": 1,
+    "rays": 1,
+    "range": 5,
+    "time": STILL,
+    "scale": 0.01,
+    "ranges": [100],
+}
+MANY_SCANS = {
+    **SCAN,
+    "rays": 360,
+    "time": {**STILL, "deltas": [1] * 399},
+    "ranges": [100] * 144_000,
+}
 HOSTILE: dict[str, Change] = {
     "another version": at("version", value=3),
     "an unknown key": at("script", value="alert(1)"),
@@ -90,6 +109,12 @@ HOSTILE: dict[str, Change] = {
     "a signal that is too short": at(
         "signals", value=[{**SIGNAL, "values": {"scale": 1.0, "first": 0, "deltas": [1]}}]
     ),
+    "a scan of no link": at("scans", value=[{**SCAN, "link": 99}]),
+    "a scan with too few rays": at("scans", value=[{**SCAN, "rays": 2}]),
+    "scans whose times stand": at("scans", value=[{**SCAN, "time": {**STILL, "deltas": [0]}, "ranges": [1, 1]}]),
+    "more scans than fit": at("scans", value=[{**MANY_SCANS, "sensor": name} for name in ("a", "b", "c")]),
+    "an obstacle of no body": at("obstacles", value=[{"body": 99}]),
+    "an obstacle seen without a sensor": at("obstacles", value=[{"body": 0, "seen": [{"sensor": "", "time": 0}]}]),
     "a mark of no kind": at("marks", value=[{"kind": "image", "x": 0, "y": 0}]),
     "a mark of no link": at("marks", value=[{"kind": "circle", "x": 0, "y": 0, "radius": 1, "link": 99}]),
     "a name without an end": at("joint_names", value=["a" * 10_000, "b"]),

@@ -1,0 +1,168 @@
+"""The scans of lidars in a replay: at most 5 per second and 360 rays each, in whole steps of 1 cm."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Annotated, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from sim_action.core.field_types import FrozenModel
+from sim_action.core.units import TIME_EPSILON_S
+from sim_action.recording.replay.columns import Column, FloatArray, Index, Scale
+from sim_action.recording.replay.shapes import Length, Number, PoseNumbers, numbers
+from sim_action.state.readings import LidarScan, Reading
+
+if TYPE_CHECKING:
+    from sim_action.sensors.reading_log import ReadingLog
+
+MAX_SENSORS: Final = 20
+MAX_RAYS: Final = 360
+MAX_RANGES: Final = 300_000
+"""The largest number of ranges in a replay; each takes about one byte when packed."""
+
+NOTHING: Final = -1
+"""The step of a ray without a return."""
+
+TOO_NEAR: Final = -2
+"""The step of a ray whose surface is nearer than the sensor can measure."""
+
+_MAX_RATE: Final = 5.0
+# Below this rate, rays are left out before further scans.
+_MIN_RATE: Final = 1.0
+_STEP_M: Final = 0.01
+# A range has at most so many steps.
+_MAX_STEPS: Final = 100_000
+
+SensorName = Annotated[str, Field(min_length=1, max_length=300)]
+
+
+class ScanData(FrozenModel):
+    """The scans of one lidar.
+
+    Attributes:
+        link: the index of the link that carries the sensor.
+        pose: the pose of the sensor in the frame of the link; rays lie in its x-y plane.
+        first_angle: the angle of the first ray in rad, counter-clockwise from the x axis.
+        increment: the angle between two rays in rad.
+        rays: the number of rays of a scan.
+        range: the largest measured distance in m.
+        time: the sim times of the scans in s.
+        scale: the size of a step of the ranges in m.
+        ranges: the steps of the first scan, then the differences of each scan from the one before; -1 is a ray without
+            a return, -2 a surface that is too near.
+        every_scan: one of so many scans is kept.
+        every_ray: one of so many rays is kept.
+    """
+
+    sensor: SensorName
+    link: Index
+    pose: PoseNumbers
+    first_angle: Number
+    increment: Number
+    rays: Annotated[int, Field(ge=1, le=MAX_RAYS)]
+    range: Length
+    time: Column
+    scale: Scale
+    ranges: Annotated[tuple[Annotated[int, Field(ge=-200_000, le=200_000)], ...], Field(max_length=MAX_RANGES)]
+    every_scan: Annotated[int, Field(ge=1, le=1_000_000)] = 1
+    every_ray: Annotated[int, Field(ge=1, le=1_000_000)] = 1
+
+    @property
+    def count(self) -> int:
+        """The number of scans."""
+        return 1 + len(self.time.deltas)
+
+    @property
+    def is_whole(self) -> bool:
+        """True if the times rise and all scans are complete."""
+        rises = not self.time.gaps and all(delta > 0 for delta in self.time.deltas)
+        return rises and len(self.ranges) == self.count * self.rays
+
+    def decoded(self) -> FloatArray:
+        """Return the ranges (S, R) in m; inf without a return, -inf if too near."""
+        steps = np.cumsum(np.array(self.ranges, dtype=np.int64).reshape(self.count, self.rays), axis=0)
+        ranges = self.scale * steps.astype(np.float64)
+        ranges[steps == NOTHING], ranges[steps == TOO_NEAR] = math.inf, -math.inf
+        return ranges
+
+
+def scans_until(log: ReadingLog, end: float) -> list[LidarScan]:
+    """Return the scans of a log up to a sim time in s; none if its sensor makes no scans."""
+    found: list[LidarScan] = []
+    for reading in log.readings:
+        if not isinstance(reading, LidarScan):
+            return []
+        if reading.time <= end + TIME_EPSILON_S:
+            found.append(reading)
+    return found
+
+
+def stored_scans(
+    logs: Mapping[str, ReadingLog], links: Mapping[str, int], root: str, end: float, rate: float
+) -> tuple[ScanData, ...]:
+    """Return the scans of all lidars for storage.
+
+    `links` maps link names to indices, `root` is the base link, `end` the end of the run in s, `rate` that of the
+    physics in Hz.
+    """
+    several = [(log, scans) for log in logs.values() if (scans := scans_until(log, end))][:MAX_SENSORS]
+    shown = [(log, scans, links.get(log.mounted.link or root)) for log, scans in several]
+    budget = MAX_RANGES // max(1, len(shown))
+    return tuple(_scan_data(log, scans, link, budget, rate) for log, scans, link in shown if link is not None)
+
+
+def _scan_data(log: ReadingLog, scans: list[LidarScan], link: int, budget: int, rate: float) -> ScanData:
+    first = scans[0]
+    every_scan, every_ray = thinning(log.mounted.rate / log.every, len(scans), len(first.ranges), budget)
+    kept = scans[::every_scan]
+    ranges = np.array([scan.ranges[::every_ray] for scan in kept])
+    scale = max(_STEP_M, float(f"{first.range_max / _MAX_STEPS:.1g}"))
+    x, y, z = numbers(log.mounted.pose.position_xyz)
+    qx, qy, qz, qw = numbers(log.mounted.pose.orientation_xyzw)
+    return ScanData.model_construct(
+        sensor=log.mounted.name,
+        link=link,
+        pose=(x, y, z, qx, qy, qz, qw),
+        first_angle=first.angle_min,
+        increment=first.angle_increment * every_ray,
+        rays=ranges.shape[1],
+        range=first.range_max,
+        time=Column.encoded(times_of(kept), 1 / rate),
+        scale=scale,
+        ranges=tuple(np.diff(_steps(ranges, scale), axis=0, prepend=0).ravel().tolist()),
+        every_scan=every_scan * log.every,
+        every_ray=every_ray,
+    )
+
+
+def times_of(readings: Iterable[Reading]) -> FloatArray:
+    """Return the times (N,) of readings in s."""
+    return np.array([reading.time for reading in readings], dtype=np.float64)
+
+
+def thinning(rate: float, scans: int, rays: int, budget: int) -> tuple[int, int]:
+    """Return which part of scans and of rays is kept: every n-th scan first, then every n-th ray.
+
+    `rate`: scans per second in Hz; `budget`: the largest number of ranges.
+    """
+    every_scan = max(1, math.ceil(rate / _MAX_RATE - 1e-9))
+    every_ray = -(-rays // MAX_RAYS)
+    while True:
+        kept_scans, kept_rays = -(-scans // every_scan), -(-rays // every_ray)
+        if kept_scans * kept_rays <= budget:
+            return every_scan, every_ray
+        if rate / (every_scan + 1) >= _MIN_RATE or kept_rays == 1:
+            every_scan += 1
+        else:
+            every_ray += 1
+
+
+def _steps(ranges: FloatArray, scale: float) -> NDArray[np.int64]:
+    measured = np.isfinite(ranges)
+    steps = np.rint(np.where(measured, ranges, 0.0) / scale).astype(np.int64)
+    steps[~measured] = np.where(ranges[~measured] < 0, TOO_NEAR, NOTHING)
+    return steps

@@ -1,0 +1,236 @@
+"""Which sensor saw an obstacle first, and when: for the bodies that the robot touched or had to keep clear of."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Annotated, Final
+
+import numpy as np
+from pydantic import Field
+
+from sim_action.core import geometry
+from sim_action.core.field_types import FrozenModel
+from sim_action.core.geometry import Pose
+from sim_action.core.records import dataclass
+from sim_action.core.units import TIME_EPSILON_S
+from sim_action.recording.replay.columns import FloatArray, Index
+from sim_action.recording.replay.scans import MAX_SENSORS, SensorName, scans_until, times_of
+from sim_action.recording.replay.shapes import Length, Number
+from sim_action.sensors.contact import ContactSensor
+from sim_action.sensors.lidar import Lidar
+from sim_action.state.readings import ContactReading, LidarScan
+from sim_action.world.parts import Part, reach
+
+if TYPE_CHECKING:
+    from sim_action.sensors.reading_log import ReadingLog
+    from sim_action.state.trace import Trace
+    from sim_action.world.scene import Scene
+
+MAX_OBSTACLES: Final = 50
+
+# A return this near to the shape of a body counts as a return from it.
+_NEAR_M: Final = 0.02
+# Noise moves most returns by less than so many standard deviations.
+_DEVIATIONS: Final = 3.0
+# Scans that are compared with a body at once.
+_BLOCK: Final = 64
+
+
+class SightingData(FrozenModel):
+    """The first time at which a sensor saw a body.
+
+    Attributes:
+        time: the sim time in s.
+        distance: the range of the nearest return from the body in m; None for a sensor that touches.
+        angle: the direction of that return in rad, counter-clockwise from the x axis of the sensor.
+    """
+
+    sensor: SensorName
+    kind: SensorName
+    time: Number
+    distance: Length | None = None
+    angle: Number | None = None
+
+
+class ObstacleData(FrozenModel):
+    """A body that the robot touched, or that was nearest to it in an expectation of clearance.
+
+    Attributes:
+        body: the index of the body.
+        touched: the sim time in s of the first contact with the robot; None if it was not touched.
+        seen: the first sighting of each sensor that saw it, in the order of time.
+    """
+
+    body: Index
+    touched: Number | None = None
+    seen: Annotated[tuple[SightingData, ...], Field(max_length=MAX_SENSORS)] = ()
+
+
+def obstacles_of(scene: Scene, film: Trace, logs: Mapping[str, ReadingLog]) -> tuple[ObstacleData, ...]:
+    """Return the obstacles of a run; none if no sensor that can see a body was read.
+
+    `film`: the trace at 30 Hz; `logs`: the readings by sensor.
+    """
+    looking = [log for log in logs.values() if any(_looks(reading) for reading in log.readings[:1])][:MAX_SENSORS]
+    names = {body.name: number for number, body in enumerate(scene.world.objects)}
+    met = [(name, touched) for name, touched in _met(film).items() if name in names][:MAX_OBSTACLES]
+    if not looking or not met:
+        return ()
+    end = float(film.time[-1])
+    looks = [look for log in looking if (look := _look(scene, film, log, end)) is not None]
+    found = []
+    for name, touched in met:
+        seen = [sighting for look in looks if (sighting := look.first(scene, film, name)) is not None]
+        in_order = tuple(sorted(seen, key=lambda sighting: sighting.time))
+        found.append(ObstacleData(body=names[name], touched=touched, seen=in_order))
+    return tuple(found)
+
+
+def _looks(reading: object) -> bool:
+    return isinstance(reading, LidarScan | ContactReading)
+
+
+def _met(film: Trace) -> dict[str, float | None]:
+    """Return the bodies that were touched with the time, then those that were nearest."""
+    met: dict[str, float | None] = {}
+    for contact in film.contacts:
+        met.setdefault(contact.body, round(contact.time, 5))
+    for record in film.clearances.values():
+        if len(record):
+            met.setdefault(record.at(int(record.distance.argmin())).body, None)
+    return met
+
+
+def _look(scene: Scene, film: Trace, log: ReadingLog, end: float) -> _Rays | _Touches | None:
+    """Return what a sensor saw up to the end of the run; None if it was not read before."""
+    if scans := scans_until(log, end):
+        return _Rays.of(scene, film, log, scans)
+    touches = [reading for reading in log.readings if isinstance(reading, ContactReading)]
+    return _Touches(log.mounted.name, [touch for touch in touches if touch.time <= end + TIME_EPSILON_S])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Touches:
+    """The readings of a contact sensor."""
+
+    sensor: str
+    readings: Sequence[ContactReading]
+
+    def first(self, scene: Scene, film: Trace, name: str) -> SightingData | None:
+        """Return the first reading with a touch of a body."""
+        times = (reading.time for reading in self.readings if name in reading.bodies)
+        time = next(times, None)
+        return None if time is None else SightingData(sensor=self.sensor, kind=ContactSensor.key, time=round(time, 5))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Rays:
+    """The returns of a lidar in the world.
+
+    Attributes:
+        sensor: the name of the lidar.
+        time: (S,) s.
+        ranges: (S, R) m.
+        angles: (R,) rad.
+        points: (S, R, 3) m, world frame; NaN without a return.
+        noise: the standard deviation of the ranges in m.
+    """
+
+    sensor: str
+    time: FloatArray
+    ranges: FloatArray
+    angles: FloatArray
+    points: FloatArray
+    noise: float
+
+    @classmethod
+    def of(cls, scene: Scene, film: Trace, log: ReadingLog, scans: Sequence[LidarScan]) -> _Rays:
+        """Return the returns of the scans of a log."""
+        time, ranges, angles = times_of(scans), np.array([scan.ranges for scan in scans]), scans[0].angles
+        pose = geometry.compose(_link_poses(scene, film, log.mounted.link, time), log.mounted.pose)
+        spread = np.where(np.isfinite(ranges), ranges, np.nan)
+        x_axis, y_axis = (geometry.rotate(pose.orientation_xyzw, axis) for axis in geometry.AXES[:2])
+        points = np.empty((*ranges.shape, 3))
+        along, across = spread * np.cos(angles), spread * np.sin(angles)
+        for column, (x, y, start) in enumerate(zip(x_axis, y_axis, pose.position_xyz, strict=True)):
+            points[:, :, column] = along * _tall(x) + across * _tall(y) + _tall(start)
+        noise = float(getattr(log.mounted.sensor, "noise", 0.0))
+        return cls(log.mounted.name, time, ranges, angles, points, noise)
+
+    def first(self, scene: Scene, film: Trace, name: str) -> SightingData | None:
+        """Return the nearest return of the first scan with a return from a body."""
+        (body,) = (body for body in scene.world.objects if body.name == name)
+        parts, near = scene.parts_of(body), _NEAR_M + _DEVIATIONS * self.noise
+        poses = _body_poses(scene, film, name, self.time)
+        is_there = self.time >= (body.appears or 0.0) - TIME_EPSILON_S
+        within = max(reach(part) for part in parts) + near
+        for start in range(0, len(self.time), _BLOCK):
+            rows = slice(start, start + _BLOCK)
+            away = self.points[rows] - poses[rows, None, :3]
+            # Comparisons with NaN are false.
+            near_it = (np.square(away).sum(axis=2) <= within * within) & is_there[rows, None]
+            for row in np.flatnonzero(near_it.any(axis=1)).tolist():
+                if (found := self._met(start + row, near_it[row], parts, poses[start + row], near)) is not None:
+                    return found
+        return None
+
+    def _met(
+        self, row: int, chosen: FloatArray, parts: Sequence[Part], pose: FloatArray, near: float
+    ) -> SightingData | None:
+        from sim_action.recording.replay.surface_distance import distance_to, seen_from
+
+        rays = np.flatnonzero(chosen)
+        x, y, z, *turn = pose.tolist()
+        qx, qy, qz, qw = turn
+        own = seen_from(Pose((x, y, z), (qx, qy, qz, qw)), self.points[row, rays])
+        rays = rays[distance_to(parts, own) <= near]
+        if not len(rays):
+            return None
+        ray = rays[self.ranges[row, rays].argmin()]
+        return SightingData(
+            sensor=self.sensor,
+            kind=Lidar.key,
+            time=round(float(self.time[row]), 5),
+            distance=round(float(self.ranges[row, ray]), 4),
+            angle=round(math.remainder(float(self.angles[ray]), 2 * math.pi), 4),
+        )
+
+
+def _tall(column: FloatArray | float) -> FloatArray:
+    return np.asarray(column, dtype=np.float64).reshape(-1, 1)
+
+
+def _link_poses(scene: Scene, film: Trace, link: str | None, time: FloatArray) -> Pose:
+    """Return the poses of a link at given times as columns."""
+    from sim_action.robot.link_motion import link_motion
+
+    motion = link_motion(scene.model, film, link or scene.model.root)
+    return _columns(_between(film.time, motion.position_xyz, motion.orientation_xyzw, time))
+
+
+def _columns(poses: FloatArray) -> Pose:
+    x, y, z, qx, qy, qz, qw = poses.T
+    return Pose((x, y, z), (qx, qy, qz, qw))
+
+
+def _body_poses(scene: Scene, film: Trace, name: str, time: FloatArray) -> FloatArray:
+    """Return the poses (T, 7) of a body at given times."""
+    record = film.bodies.get(name)
+    if record is not None and len(record):
+        return _between(record.time, record.position_xyz, record.orientation_xyzw, time)
+    from sim_action.world import placed
+
+    (body,) = (body for body in scene.world.objects if body.name == name)
+    pose = placed(body, scene.parts_of(body))
+    return np.tile([*pose.position_xyz, *pose.orientation_xyzw], (len(time), 1))
+
+
+def _between(known: FloatArray, position: FloatArray, orientation: FloatArray, time: FloatArray) -> FloatArray:
+    """Return poses (T, 7) at given times, interpolated linearly."""
+    from sim_action.recording.replay.frames import steady
+
+    rows = np.column_stack((position, steady(orientation)))
+    found = np.column_stack([np.interp(time, known, column) for column in rows.T])
+    found[:, 3:] /= np.linalg.norm(found[:, 3:], axis=1)[:, None]
+    return found

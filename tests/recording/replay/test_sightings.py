@@ -1,0 +1,99 @@
+"""Which sensor saw an obstacle first: by the returns of its rays, or by touch."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pytest
+
+from sim_action.core.geometry import Pose
+from sim_action.core.records import replace
+from sim_action.recording.replay.sightings import ObstacleData, obstacles_of
+from sim_action.sensors.lidar import Lidar
+from sim_action.sensors.reading_log import ReadingLog
+from sim_action.state.trace import Trace
+from sim_action.state.trace_channels import ClearanceWatch
+from sim_action.state.trace_records import BodyRecord, ClearanceRecord, Nearness
+from sim_action.world import Body, Sphere, World
+from sim_action.world.scene import Scene
+from tests import traces
+from tests.recording.replay import logs
+
+# The robot drives along x at 1 m/s for 2 s; the wall stands across at x = 3 with its front at 2.9.
+DRIVE = traces.trace([step / 30 for step in range(61)], x=[step / 30 for step in range(61)])
+BUMP = replace(DRIVE, contacts=(traces.contact(1.95),))
+
+
+def where(*objects: Body) -> Scene:
+    return replace(traces.scene(), world=World(objects=objects or (WALL,)))
+
+
+WALL = Body(name="wall", box=(0.2, 2.0, 0.5), pose={"x": 3.0})  # type: ignore[arg-type]
+
+
+def ahead(far: float) -> Callable[[float], Sequence[float]]:
+    """Four rays, the first one ahead; the wall returns it from a distance of `far` on."""
+    return lambda time: [2.9 - time if 2.9 - time <= far else math.inf, 0.5, math.inf, -math.inf]
+
+
+def seen(film: Trace, scene: Scene, *several: ReadingLog) -> tuple[ObstacleData, ...]:
+    return obstacles_of(scene, film, {log.mounted.name: log for log in several})
+
+
+def test_the_first_return_from_a_touched_body_counts() -> None:
+    (found,) = seen(BUMP, where(), logs.lidar("front", 21, ahead(2.0)), logs.lidar("far", 21, ahead(2.5)))
+    assert (found.body, found.touched) == (0, 1.95)
+    (far, near) = found.seen
+    assert (far.sensor, far.kind, far.time, far.distance, far.angle) == ("far", "lidar", 0.4, 2.5, 0.0)
+    assert (near.sensor, near.time) == ("front", 0.9)
+
+
+def test_a_bumper_sees_by_touch() -> None:
+    (found,) = seen(BUMP, where(), logs.bumper("bumper", {0.5: "ground", 0.8: "wall"}))
+    assert [(one.sensor, one.kind, one.time, one.distance) for one in found.seen] == [("bumper", "contact", 0.8, None)]
+
+
+def test_a_body_that_no_sensor_saw_is_said() -> None:
+    (found,) = seen(BUMP, where(), logs.lidar("front", 21, ahead(0.5)))
+    assert (found.touched, found.seen) == (1.95, ())
+
+
+def test_a_body_that_was_only_near_is_an_obstacle() -> None:
+    nearest = ClearanceRecord.of(
+        [Nearness(1.0, 0.8, "base_footprint", "other"), Nearness(2.0, 0.3, "base_scan", "wall")]
+    )
+    film = replace(DRIVE, clearances={ClearanceWatch(): nearest})
+    (found,) = seen(film, where(), logs.lidar("front", 21, ahead(2.0)))
+    assert (found.touched, [one.time for one in found.seen]) == (None, [0.9])
+
+
+def test_without_sensors_that_look_there_is_nothing_to_say() -> None:
+    assert seen(BUMP, where()) == ()
+    assert seen(DRIVE, where(), logs.lidar("front", 21, ahead(2.0))) == ()
+
+
+def test_returns_after_the_end_of_the_run_do_not_count() -> None:
+    film = replace(BUMP.rows(slice(0, 16)), contacts=BUMP.contacts)
+    (found,) = seen(film, where(), logs.lidar("front", 21, ahead(2.0)))
+    assert found.seen == ()
+
+
+@pytest.mark.parametrize("appears", [None, 1.5])
+def test_moving_bodies_are_seen_where_they_are(appears: float | None) -> None:
+    ball = Body(name="wall", sphere=Sphere(radius=0.1), mass=1.0, appears=appears)
+    # It flies ahead of the robot, in reach from 1 s on.
+    places = np.array([[step / 30 + (1.1 if step >= 30 else 9.0), 0.0, 0.0] for step in range(61)])
+    record = BodyRecord(DRIVE.time, places, np.tile([0.0, 0.0, 0.0, 1.0], (61, 1)))
+    film = replace(BUMP, bodies={"wall": record})
+    (found,) = seen(film, where(ball), logs.lidar("front", 21, lambda _: [1.0, math.inf]))
+    assert [one.time for one in found.seen] == [appears or 1.0]
+
+
+def test_noisy_returns_count_within_their_noise() -> None:
+    scans = [logs.scan(number / 10, [2.9 - number / 10 - 0.05, math.inf]) for number in range(21)]
+    for noise, expected in ((0.0, 0), (0.02, 1)):
+        lidar = logs.log(Lidar(rays=2, noise=noise), "front", scans, pose=Pose())
+        (found,) = seen(BUMP, where(), lidar)
+        assert len(found.seen) == expected
