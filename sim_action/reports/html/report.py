@@ -19,6 +19,7 @@ from sim_action.reports.html.gate_article import GroupPlace, gate_article, varia
 from sim_action.reports.html.navigation import PageEntry, PagePlan, planned_page, scenario_list
 from sim_action.reports.html.replay_blocks import ReplayBlocks, packed, page_json, replay_id, stored_replay
 from sim_action.reports.html.scenario_article import article, drawn
+from sim_action.reports.html.sightings import sightings
 from sim_action.reports.html.sweep import sweep
 from sim_action.reports.html.top_view import SceneOutlines
 from sim_action.reports.scenario_groups import grouped_scenarios
@@ -65,11 +66,12 @@ def _run_articles(plan: PagePlan, results: Results, options: ReportOptions, bloc
     for outcome in plan.runs:
         identity = plan.ids[id(outcome)]
         replay, missing = stored_replay(outcome, options.folder, reader)
+        seen = Html("") if replay is None else sightings(replay)
         if replay is not None and not blocks.add(replay_id(identity), replay):
             replay, missing = None, "The replay of this run is not included: the size of the page is limited."
         still = element("p", missing, class_="faint") if replay is None else drawn(replay, outcome, outlines)
         gate = plan.gates.get((outcome.file, outcome.gate), "")
-        articles[identity] = encoded(article(identity, outcome, results, options, still, gate=gate))
+        articles[identity] = encoded(article(identity, outcome, results, options, still, gate=gate, seen=seen))
     return articles
 
 

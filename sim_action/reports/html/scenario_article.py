@@ -29,11 +29,19 @@ from sim_action.state.verdict import Verdict
 
 
 def article(
-    identity: str, outcome: Outcome, results: Results, options: ReportOptions, still: Html, *, gate: str = ""
+    identity: str,
+    outcome: Outcome,
+    results: Results,
+    options: ReportOptions,
+    still: Html,
+    *,
+    gate: str = "",
+    seen: str = "",
 ) -> Html:
     """Return the article of a scenario; `identity` is its element id, `still` the drawing shown without scripts.
 
-    `gate` is the element id of the article of the gate that judges this run, if it has one.
+    `gate` is the element id of the article of the gate that judges this run, if it has one; `seen` the section on what
+    the sensors saw.
     """
     kind = outcome.display_status
     return element(
@@ -48,6 +56,7 @@ def article(
         joined(
             reasons(outcome, options),
             element("div", still, class_="stage"),
+            seen,
             expectations(outcome, options),
             measurements(outcome),
             details(outcome, results, options),

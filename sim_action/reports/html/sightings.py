@@ -1,0 +1,63 @@
+"""The section of an article that says which sensor saw each obstacle first, and when; readable without scripts."""
+
+from __future__ import annotations
+
+import math
+
+from sim_action.core import units
+from sim_action.recording.replay.replay_data import Replay
+from sim_action.recording.replay.sightings import ObstacleData, SightingData
+from sim_action.reports.escaping import one_line
+from sim_action.reports.formatting import moment
+from sim_action.reports.html.document import Html, element, joined
+
+_AHEAD_DEG = 0.5
+
+
+def sightings(replay: Replay) -> Html:
+    """Return the section on the sensors of a run; empty if they saw no obstacle and all of them were read."""
+    items = [_obstacle(obstacle, replay) for obstacle in replay.obstacles]
+    if replay.unread:
+        names = [one_line(name) for name in replay.unread]
+        items.append(element("li", f"Not read by any controller or expectation: {', '.join(names)}."))
+    if not items:
+        return Html("")
+    return joined(element("h3", "What the sensors saw"), element("ul", *items, class_="remarks sightings"))
+
+
+def _obstacle(obstacle: ObstacleData, replay: Replay) -> Html:
+    name = element("b", one_line(replay.scene.bodies[obstacle.body].name))
+    if not obstacle.seen:
+        told: list[str] = [name, " was not seen by any sensor"]
+    else:
+        first, *later = obstacle.seen
+        told = [name, " was first seen by ", *_sighting(first)]
+        for number, sighting in enumerate(later):
+            told += [", then by " if number == 0 else ", ", *_sighting(sighting)]
+    if obstacle.touched is not None:
+        told += ["; the robot touched it at ", _moment(obstacle.touched)]
+        if obstacle.seen and obstacle.seen[0].time < obstacle.touched:
+            told.append(f", {moment(obstacle.touched - obstacle.seen[0].time)} later")
+    return element("li", *told, ".")
+
+
+def _sighting(sighting: SightingData) -> list[str]:
+    told = [f"{one_line(sighting.sensor)} ({one_line(sighting.kind)}) at ", _moment(sighting.time)]
+    if sighting.distance is not None:
+        where = "" if sighting.angle is None else f" {direction(sighting.angle)}"
+        told.append(f", {units.display(sighting.distance, 'm')} away{where}")
+    return told
+
+
+def direction(angle: float) -> str:
+    """Return a direction in words; `angle` is in rad, counter-clockwise from straight ahead of a sensor."""
+    degrees = math.degrees(angle)
+    if abs(degrees) < _AHEAD_DEG:
+        return "straight ahead"
+    if abs(degrees) > 180 - _AHEAD_DEG:
+        return "behind"
+    return f"{abs(degrees):.0f} deg to the {'left' if degrees > 0 else 'right'}"
+
+
+def _moment(time: float) -> Html:
+    return element("span", moment(time), class_="moment", data_time=time)

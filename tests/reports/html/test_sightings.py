@@ -1,0 +1,72 @@
+"""What a page says about sensors without scripts."""
+
+from __future__ import annotations
+
+import math
+import re
+from html import unescape
+
+import pytest
+
+from sim_action.recording.replay.sightings import ObstacleData, SightingData
+from sim_action.reports.html.sightings import direction, sightings
+from tests.replays import drive
+
+LIDAR = SightingData(sensor="front", kind="lidar", time=0.4, distance=1.42, angle=-0.0349)
+BUMPER = SightingData(sensor="bumper", kind="contact", time=2.3)
+
+BOTH = (
+    "wall was first seen by front (lidar) at 0.40 s, 1.42 m away 2 deg to the right, then by bumper (contact) "
+    "at 2.30 s; the robot touched it at 2.31 s, 1.91 s later."
+)
+
+
+def said(*obstacles: ObstacleData, unread: tuple[str, ...] = (), body: str = "wall") -> list[str]:
+    html = sightings(drive(body=body).model_copy(update={"obstacles": obstacles, "unread": unread}))
+    return [unescape(re.sub("<[^>]*>", "", item)) for item in re.findall("<li>.*?</li>", html)]
+
+
+@pytest.mark.parametrize(
+    ("obstacle", "words"),
+    [
+        (
+            ObstacleData(body=0, touched=2.31, seen=(LIDAR, BUMPER)),
+            BOTH,
+        ),
+        (ObstacleData(body=0, seen=(BUMPER,)), "wall was first seen by bumper (contact) at 2.30 s."),
+        (ObstacleData(body=0, touched=2.3), "wall was not seen by any sensor; the robot touched it at 2.30 s."),
+        (
+            ObstacleData(body=0, touched=2.3, seen=(BUMPER,)),
+            "wall was first seen by bumper (contact) at 2.30 s; the robot touched it at 2.30 s.",
+        ),
+    ],
+)
+def test_the_first_sensor_is_named_with_its_time(obstacle: ObstacleData, words: str) -> None:
+    assert said(obstacle) == [words]
+
+
+def test_sensors_that_nothing_reads_are_named() -> None:
+    assert said(unread=("front", "<b>")) == ["Not read by any controller or expectation: front, <b>."]
+
+
+def test_names_are_text() -> None:
+    hostile = drive(body="<script>").model_copy(update={"obstacles": (ObstacleData(body=0, seen=(LIDAR,)),)})
+    assert "<script>" not in sightings(hostile)
+
+
+def test_without_obstacles_there_is_no_section() -> None:
+    assert sightings(drive()) == ""
+
+
+@pytest.mark.parametrize(
+    ("degrees", "words"),
+    [
+        (0.4, "straight ahead"),
+        (12.4, "12 deg to the left"),
+        (-90.0, "90 deg to the right"),
+        (179.9, "behind"),
+        (-179.9, "behind"),
+    ],
+)
+def test_directions(degrees: float, words: str) -> None:
+    assert direction(math.radians(degrees)) == words
