@@ -106,7 +106,10 @@ CHECKS = [
     "without WebGL it is seen from above",
     "with scripts blocked verdict and drawing are there",
     "a phone has no sideways scroll",
-    "a chosen link has a path, a frame and plots",
+    "a chosen link has a path and a frame",
+    "signals are chosen by mouse",
+    "signals are chosen by keys alone",
+    "a drag zooms all plots, and the address restores them",
 ]
 
 

@@ -110,6 +110,8 @@ interface ChannelData {
   group: string;
   name: string;
   unit: string;
+  /** True for values that a controller asked for; the measured ones have the same group and name. */
+  commanded?: boolean;
   time?: Column;
   values: Column;
 }
@@ -205,6 +207,8 @@ interface Colours {
   body: string;
   robot: string;
   floor: string;
+  /** Of the lines of a plot, in their order. */
+  lines: string[];
   dark: boolean;
 }
 
@@ -232,16 +236,34 @@ interface ScenarioEntry {
   beside?: string | null;
 }
 
+/** A quantity that can be plotted. */
+interface Signal {
+  /** The stable name of it in addresses. */
+  key: string;
+  group: string;
+  name: string;
+  /** The SI unit. */
+  unit: string;
+  /** Returns its values in SI units. */
+  read: () => Partial<Curve> & { values: Float64Array };
+}
+
+/** A signal with its values in the shown unit, which are `factor` times those in the unit `si`. */
 interface Curve {
+  key: string;
   name: string;
   title: string;
   unit: string;
+  si: string;
+  factor: number;
   /** A smaller range of values is noise and is not magnified. */
   least: number;
   times: Float64Array;
   values: Float64Array;
   /** The commanded values, drawn dashed. */
   commanded: Float64Array | null;
+  /** True if the values themselves are commanded. */
+  aimed: boolean;
   status: "free" | "passed" | "warned" | "inconclusive" | "not_exercised" | "failed";
   cutOff: boolean;
   decided: number | null;
@@ -256,8 +278,16 @@ interface Chart {
   context: CanvasRenderingContext2D;
   area: { left: number; right: number; top: number; bottom: number };
   colours: Colours;
+  /** The shown time in s. */
+  range: { from: number; to: number };
   x(time: number): number;
-  y(value: number): number;
+}
+
+/** The range of values of an axis in its unit. */
+interface PlotAxis {
+  unit: string;
+  low: number;
+  high: number;
 }
 
 /** One number for each run of a gate or scenario; with categories it is their index. */

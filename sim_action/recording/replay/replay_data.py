@@ -112,6 +112,7 @@ class ChannelData(FrozenModel):
         unit: the SI unit of the values.
         time: the times in s; null for the moments of `Frames.time`.
         values: the values, with gaps where there is none.
+        commanded: True for values that a controller asked for; the measured ones have the same group and name.
     """
 
     group: Text
@@ -119,6 +120,7 @@ class ChannelData(FrozenModel):
     unit: Text
     time: Column | None = None
     values: Column
+    commanded: bool = False
 
 
 WITHOUT_SCENE: Final = object()

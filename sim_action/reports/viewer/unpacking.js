@@ -57,9 +57,10 @@ async function unpackedReplay(id) {
   if (text === null) throw new Error("the replay is missing in this file");
   const replay = JSON.parse(text);
   replay.scene.meshes = await sharedMeshes();
-  const { scene, signals } = replay;
-  for (const named of [...scene.links, ...scene.bodies, ...signals]) named.name = plainLine(named.name);
-  for (const signal of signals) signal.unit = plainLine(signal.unit);
+  const { scene, signals, channels } = replay;
+  for (const named of [...scene.links, ...scene.bodies, ...signals, ...channels]) named.name = plainLine(named.name);
+  for (const signal of [...signals, ...channels]) signal.unit = plainLine(signal.unit);
+  for (const channel of channels) channel.group = plainLine(channel.group);
   replay.joint_names = replay.joint_names.map(plainLine);
   return replay;
 }

@@ -7,7 +7,7 @@ const STEP = 1 / 30;
  * @returns {Record<string, (event: KeyboardEvent) => void>}
  */
 function keyActions(player) {
-  const { clock, views } = player;
+  const { clock, views, plots } = player;
   const move = (/** @type {number} */ time) => {
     clock.pause();
     clock.seek(time);
@@ -21,6 +21,12 @@ function keyActions(player) {
     f: () => views.toggleFollow(),
     h: () => views.showAll(),
     v: () => void views.toggleKind(),
+    p: () => plots.choose(null),
+    "+": () => plots.zoomBy(0.5),
+    "=": () => plots.zoomBy(0.5),
+    "-": () => plots.zoomBy(2),
+    0: () => plots.zoom(plots.all),
+    Escape: () => plots.zoom(plots.all),
   };
 }
 
@@ -48,7 +54,7 @@ function listenToKeys(current) {
  */
 function isFree(event) {
   const target = event.target instanceof Element ? event.target : document.body;
-  if (target.matches("input[type=search], textarea, select")) return false;
+  if (target.matches("input[type=search], textarea, select") || target.closest("dialog")) return false;
   if (event.key === " ") return !target.closest("button, a, summary");
   return true;
 }

@@ -38,6 +38,7 @@ class Scenarios {
     else if (wanted.time !== null) {
       this.player?.clock.pause();
       this.player?.clock.seek(wanted.time);
+      this.player?.plots.restore();
     }
   }
 

@@ -12,12 +12,9 @@ class Player {
     const failed = new Set(entry.expectations.flatMap((expected, i) => (expected.status === "failed" && !expected.cutOff ? [i] : [])));
     this.views = new Views(this.clock, motion, failed);
     this.controls = new Controls(this.clock, motion, entry.expectations);
-    this.plots = curvesOf(motion, entry.expectations).map((curve) => new Plot(curve, this.clock));
-    this.choice = new SignalChoice(motion, (curve) => this.addPlot(curve));
-    this.views.element.addEventListener("linkchosen", () => this.choice.offer(this.views.link));
-    const plots = make("div", { class: "plots" }, this.choice.element, ...this.plots.map((plot) => plot.element));
+    this.plots = new PlotPanel(motion, entry, this.clock);
     const screen = make("div", { class: "screen" }, this.views.element, this.controls.element, keysHint());
-    this.element = make("div", { class: "player" }, screen, plots);
+    this.element = make("div", { class: "player" }, screen, this.plots.element);
     this.clock.addEventListener("tick", () => this.show());
     this.observer = new ResizeObserver(() => this.resize());
     this.dark = matchMedia("(prefers-color-scheme: dark)");
@@ -42,28 +39,13 @@ class Player {
     return this.entry.status === "error" ? this.clock.end : this.clock.start;
   }
 
-  /** Adds a plot above the others. @param {Curve} curve */
-  addPlot(curve) {
-    const plot = new Plot(curve, this.clock);
-    this.plots.push(plot);
-    plot.removal.hidden = false;
-    plot.removal.addEventListener("click", () => {
-      this.plots.splice(this.plots.indexOf(plot), 1);
-      plot.element.remove();
-    });
-    this.choice.element.after(plot.element);
-    plot.draw(coloursOfPage());
-    plot.moveCursor(this.clock.time);
-  }
-
   show() {
     this.views.draw();
-    for (const plot of this.plots) plot.moveCursor(this.clock.time);
+    this.plots.moveCursor(this.clock.time);
   }
 
   resize() {
-    const colours = coloursOfPage();
-    for (const plot of this.plots) plot.draw(colours);
+    this.plots.draw();
     this.views.resize();
     this.show();
   }
@@ -88,7 +70,7 @@ function painted() {
 }
 
 function keysHint() {
-  const keys = [["space", "play"], ["← →", "step"], ["1 – 9", "moments"], ["f", "follow"]];
+  const keys = [["space", "play"], ["← →", "step"], ["1 – 9", "moments"], ["f", "follow"], ["p", "plot"], ["+ − 0", "zoom"]];
   const shown = keys.flatMap(([key, words]) => [make("kbd", {}, key), ` ${words}  `]);
   return make("p", { class: "keys" }, ...shown);
 }

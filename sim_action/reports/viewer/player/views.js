@@ -94,7 +94,6 @@ class Views {
   choose(link) {
     this.link = link;
     this.view?.choose(link);
-    this.element.dispatchEvent(new CustomEvent("linkchosen"));
     this.draw();
   }
 

@@ -1,54 +1,174 @@
-/** A plot of one curve over time with its limits; all plots have the same cursor. */
-class Plot {
+/** A plot of curves over time with their limits; all plots have the same cursor and show the same time. */
+
+/** The height of the time axis below the plot, in CSS pixels. */
+const TIME_AXIS = 18;
+/** A shorter drag is a click. */
+const LEAST_DRAG = 5;
+
+class Plot extends EventTarget {
   /**
-   * @param {Curve} curve
+   * @param {Curve[]} curves at least one, of at most two units
    * @param {Clock} clock
+   * @param {{from: number, to: number}} range the shown time, shared by all plots; a drag dispatches `zoomed`
    */
-  constructor(curve, clock) {
-    this.curve = curve;
+  constructor(curves, clock, range) {
+    super();
+    this.curves = curves;
     this.clock = clock;
-    this.canvas = make("canvas", { role: "img", "aria-label": plotWords(curve) });
+    this.range = range;
+    /** The same curves of another run. @type {Map<string, Curve>} */
+    this.ghosts = new Map();
+    this.ghostName = "";
+    this.canvas = make("canvas", { role: "img" });
     this.cursor = make("div", { class: "cursor" });
-    this.value = make("output", { class: "value" });
-    this.removal = make("button", { type: "button", class: "remove", title: "Remove this plot", "aria-label": `Remove the plot of ${curve.name}`, hidden: true }, "×");
-    const unit = curve.unit ? ` (${curve.unit})` : "";
-    const name = curve.title && !curve.title.startsWith(curve.name) ? `${curve.name}${unit}` : unit.trim();
-    const title = make("span", { class: "title" }, make("b", {}, curve.title || `${curve.name}`), ` ${curve.title ? name : unit.trim()}`);
-    const frame = make("div", { class: "frame" }, this.canvas, this.cursor);
-    this.element = make("div", { class: `plot ${curve.status}` }, make("div", { class: "caption" }, title, this.value, this.removal), frame);
-    this.frame = frame;
+    this.hover = make("div", { class: "cursor hover", hidden: true }, make("span"));
+    this.picked = make("div", { class: "picked", hidden: true });
+    this.menu = new PlotMenu(this);
+    this.legend = make("div", { class: "lines" });
+    const help = "Click: go to this time. Drag: zoom. Drag on the time axis: scrub. Double click: whole run.";
+    this.frame = make("div", { class: "frame", title: help }, this.canvas, this.picked, this.cursor, this.hover);
+    this.element = make("div", { class: "plot" }, make("div", { class: "caption" }, this.legend, this.menu.element), this.frame);
+    /** @type {HTMLOutputElement[]} */
+    this.values = [];
+    /** The time under the pointer. @type {number | null} */
+    this.pointed = null;
+    this.show(curves);
     this.grab();
+  }
+
+  get units() {
+    return [...new Set(this.curves.map((curve) => curve.unit))];
+  }
+
+  get keys() {
+    return this.curves.map((curve) => curve.key);
+  }
+
+  /** Returns true if a curve has an axis here: there are at most two. @param {Curve} curve */
+  takes(curve) {
+    return this.units.length < 2 || this.units.includes(curve.unit);
+  }
+
+  /** Shows other curves. @param {Curve[]} curves at least one */
+  show(curves) {
+    this.curves = curves;
+    this.values = curves.map(() => make("output", { class: "value" }));
+    const several = curves.length > 1;
+    this.legend.replaceChildren(...curves.map((curve, i) => {
+      const sample = several ? [lineSample(i, curve.aimed)] : [];
+      return make("div", { class: "line" }, ...sample, curveTitle(curve), this.values[i]);
+    }));
+    this.canvas.setAttribute("aria-label", curves.map(plotWords).join("; "));
+    this.menu.describe();
+  }
+
+  /**
+   * Draws the same curves of another run as thin lines; those that it does not have are left out.
+   * @param {Catalogue | null} other
+   * @param {string} [name] of the other run
+   */
+  setGhost(other, name = "other run") {
+    const found = other ? this.keys.map((key) => other.curve(key)) : [];
+    this.ghosts = new Map(found.flatMap((curve) => (curve ? [[curve.key, curve]] : [])));
+    this.ghostName = name;
   }
 
   /** The x range of the time axis on the canvas, in CSS pixels. */
   get span() {
-    return { left: 44, right: this.frame.clientWidth - 8 };
+    return { left: 44, right: this.frame.clientWidth - (this.units.length > 1 ? 46 : 8) };
+  }
+
+  /** @param {number} time */
+  placeOf(time) {
+    const { left, right } = this.span, { from, to } = this.range;
+    return left + ((time - from) / (to - from)) * (right - left);
+  }
+
+  /** @param {PointerEvent | MouseEvent} event @returns {number} the time below the pointer, within the shown range */
+  timeOf(event) {
+    const { left, right } = this.span, { from, to } = this.range;
+    const x = event.clientX - this.frame.getBoundingClientRect().left;
+    return from + Math.min(1, Math.max(0, (x - left) / (right - left))) * (to - from);
   }
 
   /** @param {number} time */
   moveCursor(time) {
-    const { left, right } = this.span;
-    const x = left + ((time - this.clock.start) / this.clock.length) * (right - left);
-    this.cursor.style.transform = `translateX(${x.toFixed(2)}px)`;
-    const { commanded, unit } = this.curve;
-    const aim = commanded ? ` · commanded ${told(valueAt(this.curve, time, commanded), unit)}` : "";
-    this.value.textContent = `${told(valueAt(this.curve, time), unit)}${aim}`;
+    const { from, to } = this.range;
+    this.cursor.hidden = time < from - 1e-6 || time > to + 1e-6;
+    this.cursor.style.transform = `translateX(${this.placeOf(time).toFixed(2)}px)`;
+    if (this.pointed === null) this.tell(time);
+  }
+
+  /** Shows values at the pointer, or at the time of the clock. @param {number | null} time */
+  point(time) {
+    this.pointed = time;
+    this.hover.hidden = time === null;
+    if (time !== null) {
+      this.hover.style.transform = `translateX(${this.placeOf(time).toFixed(2)}px)`;
+      find(this.hover, "span").textContent = clockTime(time);
+    }
+    this.tell(time ?? this.clock.time);
+  }
+
+  /** @param {number} time */
+  tell(time) {
+    this.curves.forEach((curve, i) => {
+      const { commanded, unit } = curve;
+      const aim = commanded ? ` · commanded ${told(valueAt(curve, time, commanded), unit)}` : "";
+      const ghost = this.ghosts.get(curve.key);
+      const other = ghost ? ` · ${this.ghostName} ${told(valueAt(ghost, time), unit)}` : "";
+      this.values[i].textContent = `${told(valueAt(curve, time), unit)}${aim}${other}`;
+    });
   }
 
   grab() {
+    const { frame, clock } = this;
+    let start = 0, from = 0, does = "";
     const seek = (/** @type {PointerEvent} */ event) => {
-      const { left, right } = this.span;
-      const x = event.clientX - this.frame.getBoundingClientRect().left;
-      this.clock.pause();
-      this.clock.seek(this.clock.start + ((x - left) / (right - left)) * this.clock.length);
+      clock.pause();
+      clock.seek(this.timeOf(event));
     };
-    this.frame.addEventListener("pointerdown", (event) => {
-      this.frame.setPointerCapture(event.pointerId);
-      seek(event);
+    frame.addEventListener("pointerdown", (event) => {
+      if (event.button !== 0) return;
+      frame.setPointerCapture(event.pointerId);
+      const box = frame.getBoundingClientRect();
+      [start, from, does] = [event.clientX, this.timeOf(event), event.clientY > box.bottom - TIME_AXIS ? "scrub" : "click"];
+      if (does === "scrub") seek(event);
     });
-    this.frame.addEventListener("pointermove", (event) => {
-      if (this.frame.hasPointerCapture(event.pointerId)) seek(event);
+    frame.addEventListener("pointermove", (event) => {
+      if (!does) {
+        if (event.pointerType !== "touch") this.dispatchEvent(new CustomEvent("pointed", { detail: this.timeOf(event) }));
+        return;
+      }
+      if (does === "scrub") seek(event);
+      else if (does === "zoom" || Math.abs(event.clientX - start) > LEAST_DRAG) {
+        does = "zoom";
+        this.pick(from, this.timeOf(event));
+      }
     });
+    const end = (/** @type {PointerEvent} */ event) => {
+      if (does === "click" && event.type === "pointerup") seek(event);
+      if (does === "zoom" && event.type === "pointerup") this.zoom(from, this.timeOf(event));
+      does = "";
+      this.picked.hidden = true;
+    };
+    frame.addEventListener("pointerup", end);
+    frame.addEventListener("pointercancel", end);
+    frame.addEventListener("pointerleave", () => this.dispatchEvent(new CustomEvent("pointed", { detail: null })));
+    frame.addEventListener("dblclick", () => this.zoom(clock.start, clock.end));
+  }
+
+  /** Marks the time that a drag has picked. @param {number} from @param {number} to */
+  pick(from, to) {
+    const [left, right] = [from, to].map((time) => this.placeOf(time)).sort((a, b) => a - b);
+    this.picked.hidden = false;
+    this.picked.style.transform = `translateX(${left.toFixed(1)}px)`;
+    this.picked.style.width = `${(right - left).toFixed(1)}px`;
+  }
+
+  /** @param {number} one @param {number} other */
+  zoom(one, other) {
+    this.dispatchEvent(new CustomEvent("zoomed", { detail: { from: Math.min(one, other), to: Math.max(one, other) } }));
   }
 
   /** Draws everything but the cursor. @param {Colours} colours */
@@ -60,21 +180,43 @@ class Plot {
     const context = this.canvas.getContext("2d");
     if (!context || width < 60) return;
     context.scale(ratio, ratio);
-    const { left, right } = this.span;
-    const [low, high] = rangeOf(this.curve);
-    const area = { left, right, top: 6, bottom: height - 18 };
-    /** @type {Chart} */
-    const chart = {
-      context, area, colours,
-      x: (time) => left + ((time - this.clock.start) / this.clock.length) * (right - left),
-      y: (value) => area.bottom - ((value - low) / (high - low)) * (area.bottom - area.top),
-    };
-    drawAxes(chart, this.clock, low, high);
-    drawLimits(chart, this.curve);
-    drawCommanded(chart, this.curve);
-    drawCurve(chart, this.curve);
-    drawDecision(chart, this.curve);
+    this.paint(context, { ...this.span, top: 6, bottom: height - TIME_AXIS }, colours);
+    this.legend.querySelectorAll("canvas").forEach((sample, i) => drawSample(sample, i, this.curves[i].aimed, colours));
   }
+
+  /** @param {CanvasRenderingContext2D} context @param {Chart["area"]} area @param {Colours} colours */
+  paint(context, area, colours) {
+    const { range } = this;
+    const x = (/** @type {number} */ time) => area.left + ((time - range.from) / (range.to - range.from)) * (area.right - area.left);
+    /** @type {Chart} */
+    const chart = { context, area, colours, range, x };
+    const ghosts = [...this.ghosts.values()];
+    const axes = this.units.map((unit) => axisOf([...this.curves, ...ghosts].filter((curve) => curve.unit === unit), range, this.clock));
+    const axis = (/** @type {Curve} */ curve) => axes[this.units.indexOf(curve.unit)];
+    for (const curve of this.curves) drawWindow(chart, curve, this.clock);
+    drawAxes(chart, axes);
+    for (const curve of this.curves) drawLimits(chart, curve, axis(curve));
+    context.save();
+    context.beginPath();
+    context.rect(area.left, 0, area.right - area.left, area.bottom + 2);
+    context.clip();
+    this.curves.forEach((curve, i) => {
+      const colour = lineColour(colours, i), dash = DASHES[i % DASHES.length];
+      const ghost = this.ghosts.get(curve.key);
+      if (ghost) drawLine(chart, axis(curve), { ...ghost, colour, width: 1, dash, faint: true });
+      if (curve.commanded) drawLine(chart, axis(curve), { ...curve, values: curve.commanded, colour, width: 1.25, dash: COMMANDED_DASH });
+      drawLine(chart, axis(curve), { ...curve, colour, width: 1.75, dash: curve.aimed ? COMMANDED_DASH : dash });
+    });
+    context.restore();
+    this.curves.forEach((curve, i) => drawDecision(chart, curve, axis(curve), lineColour(colours, i)));
+  }
+}
+
+/** @param {Curve} curve */
+function curveTitle(curve) {
+  const unit = curve.unit ? ` (${curve.unit})` : "";
+  const name = curve.title && !curve.title.startsWith(curve.name) ? `${curve.name}${unit}` : unit.trim();
+  return make("span", { class: "title" }, make("b", {}, curve.title || curve.name), ` ${curve.title ? name : unit.trim()}`);
 }
 
 /** @param {Curve} curve */
@@ -85,123 +227,25 @@ function plotWords(curve) {
   return `${curve.title} ${curve.name} over time${asked}${aim}`.trim();
 }
 
-/**
- * @param {Curve} curve
- * @returns {[number, number]} the range of the y axis: all values and limits, with padding
- */
-function rangeOf(curve) {
-  const aims = curve.commanded ? extent(curve.commanded) : [];
-  const all = [...extent(curve.values), ...aims, ...[curve.lower, curve.upper].filter((limit) => limit !== null)].map(Number);
-  let bottom = Math.min(...all), top = Math.max(...all);
-  // Extend the axis to zero if zero is near.
-  if (bottom > 0 && bottom < 0.5 * top) bottom = 0;
-  // Do not magnify noise.
-  const least = Math.max(curve.least, 1e-6 * Math.abs(top));
-  if (top - bottom < least) {
-    bottom = Math.min(bottom, Math.max(0, bottom - 1));
-    top += least;
-  }
-  const room = 0.08 * (top - bottom);
-  return [bottom === 0 ? 0 : bottom - room, top + room];
+/** @param {Colours} colours @param {number} number */
+function lineColour(colours, number) {
+  return colours.lines[number % colours.lines.length];
 }
 
-/** @param {Chart} chart @param {Clock} clock @param {number} low @param {number} high */
-function drawAxes(chart, clock, low, high) {
-  const { context, area, colours, x, y } = chart;
-  context.font = "10.5px system-ui, sans-serif";
-  context.fillStyle = colours.faint;
-  context.strokeStyle = colours.line;
-  context.lineWidth = 1;
-  context.textBaseline = "middle";
-  context.textAlign = "right";
-  const step = niceStep((high - low) / 3);
-  for (let value = Math.ceil(low / step) * step; value <= high; value += step) {
-    const at = Math.round(y(value)) + 0.5;
-    context.beginPath();
-    context.moveTo(area.left, at);
-    context.lineTo(area.right, at);
-    context.stroke();
-    context.fillText(shortNumber(Math.abs(value) < step / 1e6 ? 0 : value), area.left - 6, at);
-  }
-  context.textBaseline = "top";
-  context.textAlign = "center";
-  const pace = niceStep(clock.length / Math.max(2, (area.right - area.left) / 90));
-  for (let time = Math.ceil(clock.start / pace) * pace; time <= clock.end + 1e-9; time += pace) {
-    const at = Math.min(x(time), area.right - 8);
-    context.fillText(shortNumber(Math.abs(time) < 1e-9 ? 0 : Number(time.toFixed(6))), at, area.bottom + 5);
-  }
+/** Returns the sample of a line in a legend. @param {number} number @param {boolean} aimed */
+function lineSample(number, aimed) {
+  return make("canvas", { class: "sample", "aria-hidden": "true", "data-line": aimed ? "commanded" : number });
 }
 
-/** @param {Chart} chart @param {Curve} curve */
-function drawLimits(chart, curve) {
-  const { context, area, colours, x, y } = chart;
-  context.setLineDash([5, 4]);
-  context.lineWidth = 1.25;
-  context.strokeStyle = curve.status === "failed" && !curve.cutOff ? colours.bad : colours.faint;
-  context.fillStyle = context.strokeStyle;
-  context.font = "10.5px system-ui, sans-serif";
-  context.textAlign = "left";
-  for (const limit of [curve.lower, curve.upper]) {
-    if (limit === null) continue;
-    const at = y(limit);
-    context.beginPath();
-    context.moveTo(Math.max(area.left, x(curve.from)), at);
-    context.lineTo(Math.min(area.right, x(curve.to)), at);
-    context.stroke();
-    const below = at < area.top + 14;
-    context.textBaseline = below ? "top" : "bottom";
-    context.fillText(`${limit === curve.lower ? "at least" : "at most"} ${told(limit, curve.unit)}`, area.left + 4, at + (below ? 3 : -2));
-  }
-  context.setLineDash([]);
-}
-
-/** @param {Chart} chart @param {Curve} curve */
-function drawCurve(chart, curve) {
-  const { context, colours } = chart;
-  trace(chart, curve.times, curve.values);
-  context.strokeStyle = curve.status === "free" ? colours.faint : colours.accent;
-  context.lineWidth = 1.75;
-  context.lineJoin = "round";
-  context.stroke();
-}
-
-/** The commanded values, dashed. @param {Chart} chart @param {Curve} curve */
-function drawCommanded(chart, curve) {
-  if (!curve.commanded) return;
-  const { context, colours } = chart;
-  trace(chart, curve.times, curve.commanded);
-  context.setLineDash([3, 3]);
-  context.strokeStyle = colours.accent;
-  context.lineWidth = 1.25;
-  context.stroke();
-  context.setLineDash([]);
-}
-
-/** Makes the path of values over time, with gaps. @param {Chart} chart @param {Float64Array} times @param {Float64Array} values */
-function trace({ context, x, y }, times, values) {
-  context.beginPath();
-  let drawing = false;
-  for (let i = 0; i < values.length; i++) {
-    if (Number.isNaN(values[i])) drawing = false;
-    else if (drawing) context.lineTo(x(times[i]), y(values[i]));
-    else {
-      context.moveTo(x(times[i]), y(values[i]));
-      drawing = true;
-    }
-  }
-}
-
-/** A dot where the expectation was decided. @param {Chart} chart @param {Curve} curve */
-function drawDecision(chart, curve) {
-  if (curve.decided === null) return;
-  const value = valueAt(curve, curve.decided);
-  if (Number.isNaN(value)) return;
-  const { context, colours, x, y } = chart;
-  context.beginPath();
-  context.arc(x(curve.decided), y(value), 4, 0, 2 * Math.PI);
-  context.fillStyle = curve.status === "failed" && !curve.cutOff ? colours.bad : colours.accent;
-  context.fill();
-  context.strokeStyle = colours.ground;
-  context.lineWidth = 1.5;
-  context.stroke();
+/** @param {HTMLCanvasElement} sample @param {number} number @param {boolean} aimed @param {Colours} colours */
+function drawSample(sample, number, aimed, colours) {
+  const ratio = devicePixelRatio || 1;
+  [sample.width, sample.height] = [Math.round(28 * ratio), Math.round(8 * ratio)];
+  const context = sample.getContext("2d");
+  if (!context) return;
+  context.scale(ratio, ratio);
+  context.strokeStyle = lineColour(colours, number);
+  context.lineWidth = 2;
+  context.setLineDash(aimed ? COMMANDED_DASH : DASHES[number % DASHES.length]);
+  strokeLine(context, 0, 4, 28, 4);
 }

@@ -1,0 +1,201 @@
+/** The drawing of plots on a canvas: axes, windows, limits and lines; at most one line up and down in each column of pixels. */
+
+/** The dashes of the lines of one plot in their order; short dashes are commanded values. */
+const DASHES = [[], [14, 4], [10, 3, 2, 3], [5, 2], [16, 3, 2, 3, 2, 3]];
+const COMMANDED_DASH = [2.5, 2.5];
+
+/** @param {Chart} chart @param {PlotAxis[]} axes */
+function drawAxes(chart, axes) {
+  const { context, area, colours, range } = chart;
+  context.font = "10.5px system-ui, sans-serif";
+  context.fillStyle = colours.faint;
+  context.strokeStyle = colours.line;
+  context.lineWidth = 1;
+  axes.forEach((axis, side) => {
+    context.textBaseline = "middle";
+    context.textAlign = side ? "left" : "right";
+    const { low, high } = axis;
+    const step = niceStep((high - low) / 3);
+    for (let value = Math.ceil(low / step) * step; value <= high; value += step) {
+      const at = Math.round(heightOf(chart, axis, value)) + 0.5;
+      if (side === 0) strokeLine(context, area.left, at, area.right, at);
+      else strokeLine(context, area.right, at, area.right + 3, at);
+      context.fillText(shortNumber(Math.abs(value) < step / 1e6 ? 0 : value), side ? area.right + 6 : area.left - 6, at);
+    }
+    if (axes.length > 1 && axis.unit) {
+      context.textBaseline = "bottom";
+      context.fillText(axis.unit, side ? area.right + 6 : area.left - 6, area.bottom + 14);
+    }
+  });
+  context.textBaseline = "top";
+  context.textAlign = "center";
+  const pace = niceStep((range.to - range.from) / Math.max(2, (area.right - area.left) / 90));
+  for (let time = Math.ceil(range.from / pace - 1e-9) * pace; time <= range.to + 1e-9; time += pace) {
+    const at = Math.min(chart.x(time), area.right - 8);
+    context.fillText(shortNumber(Math.abs(time) < 1e-9 ? 0 : Number(time.toFixed(6))), at, area.bottom + 5);
+  }
+}
+
+/** @param {CanvasRenderingContext2D} context @param {number} x0 @param {number} y0 @param {number} x1 @param {number} y1 */
+function strokeLine(context, x0, y0, x1, y1) {
+  context.beginPath();
+  context.moveTo(x0, y0);
+  context.lineTo(x1, y1);
+  context.stroke();
+}
+
+/** @param {Chart} chart @param {PlotAxis} axis @param {number} value @returns {number} its y in pixels */
+function heightOf({ area }, { low, high }, value) {
+  return area.bottom - ((value - low) / (high - low)) * (area.bottom - area.top);
+}
+
+/** Shades the window in which limits apply, unless that is the whole run. @param {Chart} chart @param {Curve} curve @param {Clock} clock */
+function drawWindow(chart, curve, clock) {
+  if (curve.status === "free" || (curve.from <= clock.start + 1e-6 && curve.to >= clock.end - 1e-6)) return;
+  const { context, area, colours, x } = chart;
+  const left = Math.max(area.left, x(curve.from)), right = Math.min(area.right, x(curve.to));
+  if (right <= left) return;
+  context.fillStyle = colours.accent;
+  context.globalAlpha = colours.dark ? 0.16 : 0.1;
+  context.fillRect(left, area.top, right - left, area.bottom - area.top);
+  context.globalAlpha = 1;
+}
+
+/** @param {Chart} chart @param {Curve} curve @param {PlotAxis} axis */
+function drawLimits(chart, curve, axis) {
+  const { context, area, colours, x } = chart;
+  context.setLineDash([5, 4]);
+  context.lineWidth = 1.25;
+  context.strokeStyle = curve.status === "failed" && !curve.cutOff ? colours.bad : colours.faint;
+  context.fillStyle = context.strokeStyle;
+  context.font = "10.5px system-ui, sans-serif";
+  context.textAlign = "left";
+  for (const limit of [curve.lower, curve.upper]) {
+    const left = Math.max(area.left, x(curve.from)), right = Math.min(area.right, x(curve.to));
+    if (limit === null || limit < axis.low || limit > axis.high || right <= left) continue;
+    const at = heightOf(chart, axis, limit);
+    strokeLine(context, left, at, right, at);
+    const below = at < area.top + 14;
+    context.textBaseline = below ? "top" : "bottom";
+    const words = `${limit === curve.lower ? "at least" : "at most"} ${told(limit, curve.unit)}`;
+    const room = area.right - context.measureText(words).width - 4;
+    context.fillText(words, Math.max(area.left + 4, Math.min(left + 4, room)), at + (below ? 3 : -2));
+  }
+  context.setLineDash([]);
+}
+
+/**
+ * @param {Chart} chart
+ * @param {PlotAxis} axis
+ * @param {{times: Float64Array, values: Float64Array, colour: string, width: number, dash: number[], faint?: boolean}} line
+ */
+function drawLine(chart, axis, { times, values, colour, width, dash, faint }) {
+  const { context } = chart;
+  tracePath(chart, axis, times, values);
+  context.strokeStyle = colour;
+  context.lineWidth = width;
+  context.lineJoin = "round";
+  context.globalAlpha = faint ? 0.65 : 1;
+  context.setLineDash(dash);
+  context.stroke();
+  context.setLineDash([]);
+  context.globalAlpha = 1;
+}
+
+/** Makes the path of values over the shown time, with gaps. @param {Chart} chart @param {PlotAxis} axis @param {Float64Array} times @param {Float64Array} values */
+function tracePath(chart, axis, times, values) {
+  const { context, area, range, x } = chart;
+  const first = rowAt(times, range.from), last = Math.min(times.length - 1, rowAt(times, range.to) + 1);
+  const y = (/** @type {number} */ value) => heightOf(chart, axis, value);
+  context.beginPath();
+  let drawing = false;
+  const add = (/** @type {number} */ row) => {
+    if (Number.isNaN(values[row])) drawing = false;
+    else if (drawing) context.lineTo(x(times[row]), y(values[row]));
+    else {
+      context.moveTo(x(times[row]), y(values[row]));
+      drawing = true;
+    }
+  };
+  if (last - first < 3 * (area.right - area.left)) for (let row = first; row <= last; row++) add(row);
+  else for (const row of tellingRows(values, first, last, Math.round(area.right - area.left))) add(row);
+}
+
+/**
+ * Returns the rows that a narrow plot shows: the first, smallest, largest and last value in each column, and gaps.
+ * @param {Float64Array} values
+ * @param {number} first
+ * @param {number} last
+ * @param {number} columns
+ * @returns {number[]}
+ */
+function tellingRows(values, first, last, columns) {
+  /** @type {number[]} */
+  const rows = [];
+  for (let column = 0; column < columns; column++) {
+    const start = first + Math.floor(((last + 1 - first) * column) / columns);
+    const end = first + Math.floor(((last + 1 - first) * (column + 1)) / columns) - 1;
+    let low = -1, high = -1, gap = -1;
+    for (let row = start; row <= end; row++) {
+      if (Number.isNaN(values[row])) gap = row;
+      else {
+        if (low < 0 || values[row] < values[low]) low = row;
+        if (high < 0 || values[row] > values[high]) high = row;
+      }
+    }
+    rows.push(...[...new Set([start, low, high, gap, end])].filter((row) => row >= start).sort((a, b) => a - b));
+  }
+  return rows;
+}
+
+/** A dot where the expectation was decided. @param {Chart} chart @param {Curve} curve @param {PlotAxis} axis @param {string} colour */
+function drawDecision(chart, curve, axis, colour) {
+  const { context, area, colours, x } = chart;
+  if (curve.decided === null) return;
+  const value = valueAt(curve, curve.decided), at = x(curve.decided);
+  if (Number.isNaN(value) || at < area.left - 1 || at > area.right + 1) return;
+  context.beginPath();
+  context.arc(at, heightOf(chart, axis, value), 4, 0, 2 * Math.PI);
+  context.fillStyle = curve.status === "failed" && !curve.cutOff ? colours.bad : colour;
+  context.fill();
+  context.strokeStyle = colours.ground;
+  context.lineWidth = 1.5;
+  context.stroke();
+}
+
+/**
+ * Returns the axis of curves of one unit: the range of all shown values, and of limits that are not far away.
+ * @param {Curve[]} curves
+ * @param {{from: number, to: number}} range the shown time
+ * @param {Clock} clock
+ * @returns {PlotAxis}
+ */
+function axisOf(curves, range, clock) {
+  const whole = range.from <= clock.start && range.to >= clock.end;
+  const least = Math.max(...curves.map((curve) => curve.least));
+  let bottom = Infinity, top = -Infinity;
+  const include = (/** @type {number} */ low, /** @type {number} */ high) => {
+    bottom = Math.min(bottom, low);
+    top = Math.max(top, high);
+  };
+  for (const { times, values, commanded } of curves) {
+    const first = rowAt(times, range.from), last = rowAt(times, range.to) + 2;
+    for (const column of [values, commanded]) if (column) include(...extent(whole ? column : column.subarray(first, last)));
+  }
+  const size = top - bottom;
+  const limits = curves.flatMap(({ lower, upper }) => [lower, upper]).filter((limit) => limit !== null);
+  for (const limit of limits.map(Number)) {
+    if (whole || !(size >= 0) || (limit > bottom - 2 * size && limit < top + 2 * size)) include(limit, limit);
+  }
+  if (!(top >= bottom)) [bottom, top] = [0, 1];
+  // Extend the axis to zero if zero is near.
+  if (bottom > 0 && bottom < 0.5 * top) bottom = 0;
+  // Do not magnify noise.
+  const smallest = Math.max(whole ? least : least / 20, 1e-6 * Math.abs(top));
+  if (top - bottom < smallest) {
+    bottom = Math.min(bottom, Math.max(0, bottom - 1));
+    top += smallest;
+  }
+  const room = 0.08 * (top - bottom);
+  return { unit: curves[0].unit, low: bottom === 0 ? 0 : bottom - room, high: top + room };
+}
