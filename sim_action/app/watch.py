@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import nullcontext
 from operator import itemgetter
 from pathlib import Path
 from typing import Final
 
+from sim_action.app.live import live_beside
 from sim_action.app.run import RunRequest, run_scenarios
 from sim_action.core.discovery import compared_name, discover, file_name, unique
 from sim_action.core.errors import ExitCode, UsageError
@@ -57,12 +59,19 @@ class _Watched:
         return [file for file, made_of in self.files.items() if not changed.isdisjoint(made_of)]
 
 
-def watch_scenarios(request: RunRequest, patterns: Sequence[str], interruption: Interruption) -> ExitCode:
+def watch_scenarios(
+    request: RunRequest, patterns: Sequence[str], interruption: Interruption, *, live_port: int | None = None
+) -> ExitCode:
     """Run all scenarios, then the affected ones after each change, until interrupted.
 
-    `patterns` are the paths that were typed. Raises UsageError if the first run cannot start; later runs only print the
-    error.
+    `patterns` are the paths that were typed; `live_port`: that of `--live`; None: nothing is served. Raises UsageError
+    if the first run cannot start; later runs only print the error.
     """
+    with nullcontext() if live_port is None else live_beside(request.reports.folder, live_port):
+        return _watch(request, patterns, interruption)
+
+
+def _watch(request: RunRequest, patterns: Sequence[str], interruption: Interruption) -> ExitCode:
     watched = _Watched()
     _look(watched, request, request.plan.suite.files, patterns)
     collected = _Collected()

@@ -100,6 +100,24 @@ def refuse_typed(reason: str, *names: str) -> None:
         raise UsageError(f"{reason} cannot be combined with {', '.join(found)}")
 
 
+PORT: Final = click.option(
+    "--port",
+    type=Bounded(click.IntRange(0, 65535)),
+    default=0,
+    metavar="N",
+    help="Port of --live on this machine.  [default: a free one]",
+)
+
+
+def live_port(*, live: bool, port: int, watch: bool = True) -> int | None:
+    """Return the port of --live; None if nothing is served. Raise UsageError for an option without what it needs."""
+    if typed("port") and not live:
+        raise UsageError("--port needs --live")
+    if live and not watch:
+        raise UsageError("--live needs --watch; `sim-action view --live` follows any run from another terminal")
+    return port if live else None
+
+
 SEED: Final = Bounded(click.IntRange(0, 2**63 - 1))
 
 

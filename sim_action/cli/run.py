@@ -11,10 +11,12 @@ from sim_action.cli.options import (
     ALLOW_OUTSIDE,
     PACKAGES,
     PATHS,
+    PORT,
     SEED,
     code_flags,
     code_permissions,
     discovered,
+    live_port,
     named_packages,
     named_paths,
     not_empty,
@@ -35,7 +37,19 @@ if TYPE_CHECKING:
     from sim_action.scenario.source import Refused, Source
 
 _OF_RUNS: Final = (
-    *("fail_fast", "resume", "watch", "output_dir", "junit", "junit_strict", "report", "summary", "annotations"),
+    *(
+        "fail_fast",
+        "resume",
+        "watch",
+        "live",
+        "port",
+        "output_dir",
+        "junit",
+        "junit_strict",
+        "report",
+        "summary",
+        "annotations",
+    ),
     *("verbose", "quiet", "repeat", "unexercised", "update_golden", "jobs", "cluster", "record", "pass_env"),
 )
 """The options without any effect on --list."""
@@ -80,6 +94,12 @@ _WISHED_RATE: Final = "97%"
     f"is RATE good. Run nothing.  [default: {_WISHED_RATE}]",
 )
 @click.option("--watch", is_flag=True, help="Run scenarios again when their files change, until Ctrl-C.")
+@click.option(
+    "--live",
+    is_flag=True,
+    help="With --watch: print a URL that shows progress and results in the browser. Only this machine can open it.",
+)
+@PORT
 @report_flags
 @click.option(
     "--shard",
@@ -157,6 +177,8 @@ def run(
     list_only: bool,
     plan_gate: str | None,
     watch: bool,
+    live: bool,
+    port: int,
     shard: str | None,
     backend: str | None,
     seed: int | None,
@@ -220,13 +242,14 @@ def run(
             resume,
             cluster=cluster,
         )
+        served = live_port(live=live, port=port, watch=watch)
         if not watch:
             return run_scenarios(request, interruption).exit_code
         if shard is not None or update_golden:
             raise UsageError("--watch cannot be combined with --shard or --update-golden")
         from sim_action.app.watch import watch_scenarios
 
-        return watch_scenarios(request, named_paths(paths), interruption)
+        return watch_scenarios(request, named_paths(paths), interruption, live_port=served)
 
 
 def _planned(request: PlanRequest, rate: str, folder: str, jobs: int) -> ExitCode:

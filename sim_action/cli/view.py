@@ -5,7 +5,8 @@ from __future__ import annotations
 import click
 
 from sim_action.cli.bounds import Bounded
-from sim_action.cli.options import output_dir, refuse_typed
+from sim_action.cli.options import PORT, live_port, output_dir, refuse_typed
+from sim_action.core.errors import ExitCode
 
 
 @click.command(short_help="Open a report in the browser.")
@@ -19,15 +20,39 @@ from sim_action.cli.options import output_dir, refuse_typed
     help="Open the report at this sim time in s; needs --only.",
 )
 @click.option("--print", "print_only", is_flag=True, help="Print the URL of the report instead of opening it.")
-def view(report: str | None, *, output_dir: str, only: str | None, time: float | None, print_only: bool) -> None:
+@click.option(
+    "--live",
+    is_flag=True,
+    help="Show the progress of the run in the folder while it goes on, and a report of finished scenarios, until "
+    "Ctrl-C. Only this machine can open the URL.",
+)
+@PORT
+def view(
+    report: str | None,
+    *,
+    output_dir: str,
+    only: str | None,
+    time: float | None,
+    print_only: bool,
+    live: bool,
+    port: int,
+) -> ExitCode:
     """Open the report of a run in the browser.
 
     REPORT is a report.html, its results.json, or the folder of both. The default is the folder of --output-dir.
     """
     from pathlib import Path
 
-    from sim_action.app.view import ViewRequest, view_report
-
     if report is not None:
         refuse_typed("REPORT", "output_dir")
-    view_report(ViewRequest(Path(report or output_dir), only, time), print_only=print_only)
+    place = Path(report or output_dir)
+    served = live_port(live=live, port=port)
+    if served is not None:
+        from sim_action.app.live import serve_live
+
+        refuse_typed("--live", "only", "time")
+        return serve_live(place, served, print_only=print_only)
+    from sim_action.app.view import ViewRequest, view_report
+
+    view_report(ViewRequest(place, only, time), print_only=print_only)
+    return ExitCode.PASSED

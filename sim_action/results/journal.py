@@ -36,8 +36,8 @@ JOURNAL_FILE: Final = "results.jsonl"
 
 _MAX_HEADER_BYTES: Final = 64_000_000
 _SYNC_PERIOD_S: Final = 0.1
-_MAX_LINE_BYTES: Final = 64_000_000
-_MAX_RECORDS: Final = 4 * MAX_OUTCOMES
+MAX_LINE_BYTES: Final = 64_000_000
+MAX_RECORDS: Final = 4 * MAX_OUTCOMES
 # The content and the length of a file are enough.
 _to_disk: Final[Callable[[int], None]] = getattr(os, "fdatasync", os.fsync)
 _NO_LINK: Final = getattr(os, "O_NOFOLLOW", 0)
@@ -76,9 +76,17 @@ class Recorded:
 
     def results(self) -> Results:
         """Return the results: every planned outcome, those that are not final as not finished."""
-        header = self.header
         known = self._known()
-        outcomes = [self._outcome(place, planned, known) for place, planned in enumerate(header.planned)]
+        outcomes = [self._outcome(place, planned, known) for place, planned in enumerate(self.header.planned)]
+        return self._results(outcomes, is_part=self.header.shard is not None or self.header.selected)
+
+    def results_so_far(self) -> Results:
+        """Return the results of a call that goes on: the final outcomes, and the gates whose runs are all final."""
+        found = (record.outcome for _, record in sorted(self.finished.items()))
+        return self._results([outcome for outcome in found if outcome is not None], is_part=True)
+
+    def _results(self, outcomes: Sequence[Outcome], *, is_part: bool) -> Results:
+        header = self.header
         return Results(
             sim_action=header.sim_action,
             python=header.python,
@@ -87,7 +95,7 @@ class Recorded:
             shard=header.shard,
             selected=header.selected,
             gates=header.gates,
-            outcomes=over_variations(outcomes, header.gates, is_part=header.shard is not None or header.selected),
+            outcomes=over_variations(outcomes, header.gates, is_part=is_part),
         )
 
     def _outcome(self, place: int, planned: Planned, known: Mapping[int, Sequence[str]]) -> Outcome:
@@ -253,13 +261,13 @@ def read_journal(folder: Path) -> Recorded:
     try:
         with open_regular(path, follow_link=False) as file:
             recorded = Recorded(Header.model_validate_json(file.readline(_MAX_HEADER_BYTES)))
-            for line in islice(iter(partial(file.readline, _MAX_LINE_BYTES), b""), _MAX_RECORDS):
+            for line in islice(iter(partial(file.readline, MAX_LINE_BYTES), b""), MAX_RECORDS):
                 with suppress(ValueError):
-                    recorded.add(_record(line))
+                    recorded.add(parsed_record(line))
     except OSError as error:
         reason = system_reason(error)
     except ValidationError as error:
-        reason = f"it does not begin with a header of format version 1: {error.errors(include_url=False)[0]['msg']}"
+        reason = header_problem(error)
     else:
         return recorded
     raise UsageError(escaped_line(f"{path} is not a valid journal: {reason}"))
@@ -277,7 +285,12 @@ def manifest(folder: Path) -> tuple[str, ...]:
         return ()
 
 
-def _record(line: bytes) -> Record:
+def header_problem(error: ValidationError) -> str:
+    """Return the reason why the first line is no header."""
+    return f"it does not begin with a header of format version 1: {error.errors(include_url=False)[0]['msg']}"
+
+
+def parsed_record(line: bytes) -> Record:
     """Return a record. Raise ValueError if it is not valid."""
     record = _records().validate_json(line)
     if record.event == "finished" and record.outcome is not None and is_inconsistent(record.outcome):

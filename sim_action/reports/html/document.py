@@ -46,6 +46,11 @@ SCRIPTS: Final = (
 )
 """The scripts of the page in their order; they become one script, and each needs only those before it."""
 
+LIVE_SCRIPT: Final = "live.js"
+"""The script of pages that a server on this machine gives; no file has it."""
+
+_LIVE_STYLE: Final = "live.css"
+
 VIEWER: Final = "viewer3d.json"
 """The 3D viewer, built from `web/`; it is missing in a checkout where it was not built."""
 
@@ -67,6 +72,7 @@ class Page:
         index: JSON for the script.
         blocks: element id -> packed data.
         has_replays: True if one of the blocks is a replay, which needs the 3D viewer.
+        is_live: True if a server on this machine gives the page, which asks it for news.
     """
 
     title: str
@@ -75,6 +81,23 @@ class Page:
     index: str
     blocks: Mapping[str, str]
     has_replays: bool
+    is_live: bool = False
+
+    @property
+    def policy(self) -> str:
+        """The content security policy of the page."""
+        return self._policy(viewer() if self.has_replays else None)
+
+    def _policy(self, built: Viewer | None) -> str:
+        scripts = [fingerprint(page_script()), *([built.fingerprint] if built else [])]
+        style = fingerprint(self._style)
+        if not self.is_live:
+            return policy(style, scripts)
+        return policy(style, [*scripts, fingerprint(_bare(_asset(LIVE_SCRIPT)))]) + "; connect-src 'self'"
+
+    @property
+    def _style(self) -> str:
+        return _asset("page.css") + (_asset(_LIVE_STYLE) if self.is_live else "")
 
     def text(self) -> str:
         """Return the whole file."""
@@ -82,27 +105,28 @@ class Page:
 
     def parts(self) -> Iterator[bytes]:
         """Yield the encoded file in parts: a page may have tens of megabytes."""
-        style, script = _asset("page.css"), page_script()
         built = viewer() if self.has_replays else None
         carried = dict(self.blocks) | ({"viewer3d": built.packed} if built else {})
-        scripts = [fingerprint(script), *([built.fingerprint] if built else [])]
         top = element(
             "head",
             element("meta", charset="utf-8"),
-            element("meta", http_equiv="Content-Security-Policy", content=policy(fingerprint(style), scripts)),
+            element("meta", http_equiv="Content-Security-Policy", content=self._policy(built)),
             element("meta", name="viewport", content="width=device-width, initial-scale=1"),
             element("meta", name="color-scheme", content="light dark"),
             element("meta", name="generator", content="sim-action"),
             element("title", self.title),
             element("link", rel="icon", href=_ICON.format(colour="%23c62f2f" if self.failed else "%233a6ea5")),
-            element("style", Html(style)),
+            element("style", Html(self._style)),
         )
         yield encoded(f'<!doctype html>\n<html lang="en">{top}<body>')
         yield from self.body
         yield encoded(f"\n{element('script', Html(self.index), type='application/json', id='index')}\n")
         for name, block in carried.items():
             yield encoded(element("script", Html(block), type="text/plain", id=name) + "\n")
-        yield encoded(f"{element('script', Html(script))}</body></html>\n")
+        yield encoded(element("script", Html(page_script())))
+        if self.is_live:
+            yield encoded(element("script", Html(_bare(_asset(LIVE_SCRIPT)))))
+        yield encoded("</body></html>\n")
 
 
 def encoded(text: str) -> bytes:
@@ -116,6 +140,7 @@ def policy(style: str, scripts: Iterable[str]) -> str:
     return f"default-src 'none'; script-src {' '.join(scripts)}; style-src {style}; {rest}"
 
 
+@lru_cache(maxsize=1)
 def page_script() -> str:
     """Return the script of the page, without the 3D viewer."""
     return "(() => {\n'use strict';\n" + "".join(_bare(_asset(name)) for name in SCRIPTS) + "})();\n"

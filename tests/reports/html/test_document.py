@@ -12,7 +12,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_action.reports.escaping import plain_text
-from sim_action.reports.html.document import SCRIPTS, Html, Page, element, joined, page_script, policy, text
+from sim_action.reports.html.document import (
+    LIVE_SCRIPT,
+    SCRIPTS,
+    Html,
+    Page,
+    element,
+    joined,
+    page_script,
+    policy,
+    text,
+)
 
 
 def hash_of(content: str) -> str:
@@ -58,7 +68,7 @@ def test_every_script_beside_the_page_is_in_it() -> None:
     from importlib.resources import files
 
     folder = Path(str(files("sim_action.reports") / "viewer"))
-    assert {file.relative_to(folder).as_posix() for file in folder.rglob("*.js")} == set(SCRIPTS)
+    assert {file.relative_to(folder).as_posix() for file in folder.rglob("*.js")} == {*SCRIPTS, LIVE_SCRIPT}
 
 
 class Seen(HTMLParser):

@@ -1,0 +1,191 @@
+"""The pages of `view --live`: the progress of a call that goes on, and the report of what has finished.
+
+A script of their own (`viewer/live.js`) asks the server for the state, which is JSON. Every text in the state is shown
+as text.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from typing import Final
+
+from sim_action.core.records import replace
+from sim_action.core.wording import counted, shortened
+from sim_action.reports import ReportOptions
+from sim_action.reports.escaping import one_line
+from sim_action.reports.html.document import Html, Page, element, encoded, joined
+from sim_action.reports.html.replay_blocks import page_json
+from sim_action.reports.html.report import page
+from sim_action.reports.links import fragment
+from sim_action.reports.statuses import STATUS_DISPLAYS
+from sim_action.results.artifacts import namesake_number
+from sim_action.results.journal import Recorded
+from sim_action.results.journal_follower import JournalFollower
+from sim_action.results.outcome import Outcome
+
+MAX_ROWS: Final = 500
+"""The number of scenarios in each list of the progress page; further ones are only counted."""
+
+_MAX_REASON: Final = 200
+_MIN_TIME_S: Final = 0.5
+_GOOD: Final = frozenset({"passed", "warned"})
+
+
+def live_state(follower: JournalFollower) -> dict[str, object]:
+    """Return the state of a call, for the script."""
+    recorded = follower.recorded
+    state: dict[str, object] = {
+        "call": follower.call,
+        "version": version(follower),
+        "hasMore": follower.has_more,
+        "problem": follower.problem,
+        "isOver": follower.is_over,
+        "elapsed": round(follower.elapsed, 1),
+    }
+    if recorded is None:
+        return state
+    total, finished = len(recorded.header.planned), len(recorded.finished)
+    return state | {
+        "total": total,
+        "finished": finished,
+        "left": None if follower.is_over else _time_left(recorded, follower.elapsed),
+        "counts": [
+            [kind, display.symbol, f"{number} {display.word}"]
+            for kind, display in STATUS_DISPLAYS.items()
+            if (number := _counts(recorded)[kind])
+        ],
+        "lists": _lists(recorded, is_over=follower.is_over),
+    }
+
+
+def version(follower: JournalFollower) -> str:
+    """Return a word that changes with every record."""
+    records = 0 if follower.recorded is None else len(follower.recorded.records)
+    return f"{follower.call}.{records}.{int(follower.has_more)}"
+
+
+def _counts(recorded: Recorded) -> Counter[str]:
+    return Counter(each.outcome.display_status for each in recorded.finished.values() if each.outcome is not None)
+
+
+def _time_left(recorded: Recorded, elapsed: float) -> float | None:
+    """Return the estimated time in s until the end; None if too little is known.
+
+    Scenarios that wait take as long as those that have finished; outcomes of an earlier call took no time.
+    """
+    done = sum(not record.taken_over for record in recorded.finished.values())
+    waiting = len(recorded.header.planned) - len(recorded.finished)
+    if not done or elapsed < _MIN_TIME_S:
+        return None
+    return round(elapsed / done * waiting, 1)
+
+
+def _lists(recorded: Recorded, *, is_over: bool) -> list[dict[str, object]]:
+    """Return the scenarios by what became of them: running, without a pass, passed (the newest first), waiting."""
+    started: dict[int, float] = {}
+    ended: Counter[int] = Counter()
+    for record in recorded.records:
+        if record.place is not None and record.event == "started":
+            started.setdefault(record.place, record.at)
+        elif record.place is not None and record.event == "run":
+            ended[record.place] += 1
+    unfinished = [place for place in range(len(recorded.header.planned)) if place not in recorded.finished]
+    finished = [(place, record.outcome) for place, record in recorded.finished.items() if record.outcome is not None]
+    bad = [(place, outcome) for place, outcome in finished if outcome.display_status not in _GOOD]
+    good = [(place, outcome) for place, outcome in reversed(finished) if outcome.display_status in _GOOD]
+    running = [place for place in unfinished if place in started]
+    waiting = [place for place in unfinished if place not in started]
+    return [
+        _list(
+            "Not finished" if is_over else "Running",
+            len(running),
+            (_unfinished(recorded, place, started[place], ended[place]) for place in running[:MAX_ROWS]),
+        ),
+        _list("Did not pass", len(bad), (_finished(*each) for each in bad[:MAX_ROWS])),
+        _list("Passed", len(good), (_finished(*each) for each in good[:MAX_ROWS])),
+        _list(
+            "Not started" if is_over else "Waiting",
+            len(waiting),
+            (_unfinished(recorded, place, None, 0) for place in waiting[:MAX_ROWS]),
+        ),
+    ]
+
+
+def _list(title: str, count: int, rows: Iterable[Mapping[str, object]]) -> dict[str, object]:
+    return {"title": title, "count": count, "rows": list(rows)}
+
+
+def _unfinished(recorded: Recorded, place: int, since: float | None, runs: int) -> dict[str, object]:
+    planned = recorded.header.planned[place]
+    told = "" if not runs else "1 run has ended" if runs == 1 else f"{runs} runs have ended"
+    return {"place": place, "name": one_line(planned.name), "file": one_line(planned.file), "since": since, "why": told}
+
+
+def _finished(place: int, outcome: Outcome) -> dict[str, object]:
+    display = STATUS_DISPLAYS[outcome.display_status]
+    number = 1 if outcome.replay is None else namesake_number(outcome.name, outcome.replay)
+    return {
+        "place": place,
+        "name": one_line(outcome.name),
+        "file": one_line(outcome.file),
+        "status": outcome.display_status,
+        "symbol": display.symbol,
+        "word": display.word,
+        "why": _reason(outcome),
+        "took": round(outcome.wall_time, 1),
+        "link": f"report{fragment(outcome.name, None, number)}",
+    }
+
+
+def _reason(outcome: Outcome) -> str:
+    told = [failure.message for failure in outcome.failures]
+    told += [expected.verdict.message for expected in outcome.not_passed]
+    return shortened(one_line(told[0]), _MAX_REASON) if told else ""
+
+
+def progress_page() -> Page:
+    """Return the page that shows the progress; its script fills it."""
+    head = element("header", element("h1", "Waiting for a run", id="live-title"), class_="run")
+    told = joined(
+        element("noscript", "This page needs scripts: it shows what changes."),
+        element("p", "", class_="faint", id="live-clock"),
+        element("progress", max=1, value=0, aria_label="Finished scenarios", id="live-bar"),
+        element("p", "", role="status", id="live-counts"),
+        element("p", "", class_="faint", hidden=True, id="live-problem"),
+        element("p", element("a", "Open the report", href="report"), hidden=True, id="live-report"),
+        element("div", "", id="live-lists"),
+    )
+    body = encoded(f"{head}{element('main', told, class_='progress')}")
+    return Page("Progress · sim-action", False, [body], page_json({"scenarios": []}), {}, False, is_live=True)
+
+
+def live_report(follower: JournalFollower, options: ReportOptions) -> Page:
+    """Return the report of the scenarios that have finished, with a line that offers newer results."""
+    recorded = follower.recorded
+    if recorded is None:
+        return progress_page()
+    results = recorded.results() if follower.is_over else recorded.results_so_far()
+    made = page(results, options)
+    bar = element(
+        "div",
+        element("a", "Progress", href="./"),
+        element("span", _scope(recorded, is_over=follower.is_over)),
+        element("span", "", role="status", id="live-news"),
+        element("button", "Update", type="button", hidden=True, id="live-update"),
+        element(
+            "label",
+            element("input", type="checkbox", id="live-follow"),
+            Html(" update by itself"),
+        ),
+        class_="live-line",
+        data_call=str(follower.call),
+        data_finished=str(len(recorded.finished)),
+        data_over=str(int(follower.is_over)),
+    )
+    return replace(made, body=(encoded(bar), *made.body), is_live=True)
+
+
+def _scope(recorded: Recorded, *, is_over: bool) -> str:
+    finished, total = len(recorded.finished), len(recorded.header.planned)
+    return "" if is_over else f"This report has {finished} of {counted(total, 'scenario')} so far."

@@ -1,0 +1,247 @@
+"""`view --live` and `run --watch --live`: real sockets on this machine, real runs, Ctrl-C."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import pytest
+
+from sim_action.app.live import LivePages
+from sim_action.app.loopback import LoopbackServer
+from sim_action.cli.main import call
+from sim_action.results.events import Finished
+from sim_action.results.journal import JOURNAL_FILE
+from tests.integration.conftest import write
+from tests.integration.marked_processes import processes_of
+from tests.integration.test_watch import PATIENCE, SCENARIO, watching
+from tests.results.test_journal import begun, outcome
+
+GET_IN = ("127.0.0.1", "localhost")
+
+
+@contextmanager
+def serving(folder: Path) -> Iterator[LoopbackServer]:
+    """A server about a folder, in this process."""
+    with LoopbackServer(0, LivePages(folder)) as server:
+        server.timeout = 1
+        stops = threading.Event()
+
+        def serve() -> None:
+            while not stops.is_set():
+                server.handle_request()
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        try:
+            yield server
+        finally:
+            stops.set()
+            thread.join()
+
+
+def asked(address: str, path: str = "", method: str = "GET", host: str | None = None) -> http.client.HTTPResponse:
+    """The answer to a request; `path` is behind the token, unless it begins with a slash."""
+    url = urlsplit(address)
+    connection = http.client.HTTPConnection("127.0.0.1", url.port, timeout=PATIENCE)
+    connection.putrequest(method, path if path.startswith("/") else url.path + path, skip_host=True)
+    if host != "":
+        connection.putheader("Host", host or f"127.0.0.1:{url.port}")
+    connection.endheaders()
+    return connection.getresponse()
+
+
+def state(address: str) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(asked(address, "state").read())
+    return found
+
+
+def until(condition: Callable[[], bool]) -> None:
+    ends = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < ends
+        time.sleep(0.05)
+
+
+@pytest.mark.parametrize("name", GET_IN)
+def test_whoever_has_the_token_sees_progress_and_report(tmp_path: Path, name: str) -> None:
+    begun(tmp_path)(Finished(0, outcome("a")))
+    with serving(tmp_path) as server:
+        assert urlsplit(server.address).hostname == "127.0.0.1"
+        for page, word in (("", b"Waiting for a run"), ("report#scenario=a".partition("#")[0], b"travel")):
+            answer = asked(server.address, page, host=f"{name}:80")
+            assert answer.status == 200
+            assert word in answer.read()
+            assert "connect-src 'self'" in answer.headers["Content-Security-Policy"]
+            assert answer.headers["Cache-Control"] == "no-store"
+            assert answer.headers["Referrer-Policy"] == "no-referrer"
+            assert answer.headers["X-Content-Type-Options"] == "nosniff"
+            assert answer.headers["Access-Control-Allow-Origin"] is None
+        found = state(server.address)
+        assert found["finished"] == 1
+        assert asked(server.address, f"state?after={found['version']}").status == 204
+        assert asked(server.address, "state?after=other").status == 200
+
+
+@pytest.mark.parametrize(
+    ("path", "host"),
+    [
+        ("/", None),
+        ("/state", None),
+        ("/wrong/", None),
+        ("/" + "é" * 8 + "/state", None),
+        ("results.jsonl", None),
+        ("report.html", None),
+        ("../results.jsonl", None),
+        ("%2e%2e/", None),
+        ("state/", None),
+        ("state", "evil.example"),
+        ("state", "127.0.0.1.evil.example:80"),
+        ("state", ""),
+    ],
+)
+def test_everything_else_is_not_found(tmp_path: Path, path: str, host: str | None) -> None:
+    begun(tmp_path)
+    (tmp_path / "report.html").write_text("secret")
+    with serving(tmp_path) as server:
+        if not path.isascii():
+            with socket.create_connection(("127.0.0.1", server.server_address[1])) as sent:
+                sent.sendall(f"GET {path} HTTP/1.0\r\nHost: localhost:80\r\n\r\n".encode())
+                assert sent.makefile("rb").readline().split()[1] == b"404"
+            return
+        answer = asked(server.address, path, host=host)
+        assert (answer.status, answer.read()) == (404, b"")
+
+
+@pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "OPTIONS", "HEAD", "<b>"])
+def test_nothing_but_get_is_answered(tmp_path: Path, method: str) -> None:
+    with serving(tmp_path) as server:
+        answer = asked(server.address, "state", method)
+        assert answer.status >= 400
+        assert answer.read() == b""
+
+
+def test_damaged_requests_end_nothing(tmp_path: Path) -> None:
+    with serving(tmp_path) as server:
+        port = server.server_address[1]
+        for sent in (b"\r\n\r\n", b"GET\r\n\r\n", b"\xff\x00\n", b"GET / HTTP/9.9\r\n\r\n", b"A" * 70_000):
+            with socket.create_connection(("127.0.0.1", port)) as connection:
+                connection.sendall(sent)
+        assert asked(server.address, "state").status == 200
+
+
+def test_open_connections_do_not_keep_it_alive(tmp_path: Path) -> None:
+    with serving(tmp_path) as server:
+        port = server.server_address[1]
+        idle = socket.create_connection(("127.0.0.1", port))
+        assert asked(server.address, "state").status == 200
+    with idle:
+        idle.settimeout(PATIENCE)
+        assert idle.recv(1) == b""
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.1", port))
+
+
+def test_hostile_files_are_told_as_text(tmp_path: Path) -> None:
+    (tmp_path / JOURNAL_FILE).write_bytes(b"{}\n")
+    with serving(tmp_path) as server:
+        assert "is not a valid journal" in state(server.address)["problem"]
+        assert asked(server.address, "report").status == 200
+
+
+def test_a_port_in_use_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with serving(tmp_path) as server:
+        port = server.server_address[1]
+        assert call(["view", str(tmp_path), "--live", "--print", "--port", str(port)]) == 2
+    assert f"cannot listen on port {port} of this machine: " in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["view", "--port", "1"], "--port needs --live"),
+        (["view", "--live", "--only", "a"], "--live cannot be combined with --only"),
+        (["run", "--live"], "--live needs --watch"),
+        (["run", "--watch", "--port", "1"], "--port needs --live"),
+    ],
+)
+def test_options_without_effect_are_refused(
+    arguments: list[str], told: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "a.sim.yml", SCENARIO.format(name="first"))
+    assert call(arguments) == 2
+    assert told in capsys.readouterr().err
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C is sent to a process of its own here")
+def test_a_run_of_two_jobs_is_followed_from_before_its_start(tmp_path: Path) -> None:
+    (tmp_path / ".git").mkdir()
+    for place in range(6):
+        write(tmp_path / f"{place}.sim.yml", SCENARIO.format(name=f"number {place}"))
+    environment = {**os.environ, "GITHUB_ACTIONS": "", "ROS_MARK": str(tmp_path)}
+    view = subprocess.Popen(
+        [sys.executable, "-m", "sim_action", "view", "--live", "--print"],
+        cwd=tmp_path,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    )
+    assert view.stdout is not None
+    try:
+        address = view.stdout.readline().strip()
+        assert state(address)["call"] == 0
+        run = subprocess.Popen(
+            [sys.executable, "-m", "sim_action", "run", ".", "--jobs", "2", "--quiet"],
+            cwd=tmp_path,
+            env=environment,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        until(lambda: state(address).get("finished", 0) > 0)
+        report = asked(address, "report").read().decode()
+        assert "number 0" in report
+        assert run.wait(PATIENCE) == 0
+        found = state(address)
+        assert (found["finished"], found["isOver"], found["call"]) == (6, True, 1)
+        assert [each["count"] for each in found["lists"]] == [0, 0, 6, 0]
+        assert asked(address, "report").read().decode().count("<article") == 6
+        view.send_signal(signal.SIGINT)
+        assert view.wait(PATIENCE) == 130
+        assert processes_of(tmp_path) == []
+    finally:
+        view.kill()
+        view.wait()
+        view.stdout.close()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C is sent to a process of its own here")
+def test_watch_serves_each_of_its_runs(tmp_path: Path) -> None:
+    (tmp_path / ".git").mkdir()
+    write(tmp_path / "a.sim.yml", SCENARIO.format(name="first"))
+    with watching(tmp_path, "--live") as (process, until_line):
+        told = until_line("watching 1 file")
+        [address] = [word for word in told.split() if word.startswith("http://127.0.0.1:")]
+        first = state(address)
+        assert (first["finished"], first["isOver"]) == (1, True)
+        write(tmp_path / "a.sim.yml", SCENARIO.format(name="renamed"))
+        until_line("watching 1 file")
+        assert "renamed" in asked(address, "report").read().decode()
+        assert state(address)["call"] == 2
+        process.send_signal(signal.SIGINT)
+        assert process.wait(PATIENCE) == 130
+        with pytest.raises(ConnectionRefusedError):
+            state(address)

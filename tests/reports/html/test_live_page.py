@@ -1,0 +1,125 @@
+"""The state that the progress page shows, and the pages themselves."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sim_action.reports import ReportOptions
+from sim_action.reports.html import live_page
+from sim_action.reports.html.live_page import live_report, live_state, progress_page
+from sim_action.results.events import Finished, RunEnded, Started
+from sim_action.results.journal import Journal
+from sim_action.results.journal_follower import JournalFollower
+from tests.results.test_journal import FAILED, header, outcome, unheard
+
+
+def options(folder: Path) -> ReportOptions:
+    return ReportOptions(folder, folder / "junit.xml", junit_strict=False, environment={}, workspace=folder)
+
+
+def begun(folder: Path, names: tuple[str, ...] = ("a", "b", "c")) -> Journal:
+    return Journal(folder, header(names), unheard, time.monotonic())
+
+
+def looked(folder: Path) -> JournalFollower:
+    follower = JournalFollower(folder)
+    follower.look()
+    return follower
+
+
+def state(folder: Path) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(json.dumps(live_state(looked(folder)), allow_nan=False))
+    return found
+
+
+def names(shown: dict[str, Any]) -> dict[str, list[str]]:
+    return {each["title"]: [row["name"] for row in each["rows"]] for each in shown["lists"]}
+
+
+def test_each_scenario_is_in_one_list(tmp_path: Path) -> None:
+    journal = begun(tmp_path, ("a", "b", "c", "d"))
+    for place, name in enumerate("abc"):
+        journal(Started(place, 1, name))
+    journal(Finished(0, outcome("a", FAILED)))
+    journal(Finished(1, outcome("b")))
+    shown = state(tmp_path)
+    assert names(shown) == {"Running": ["c"], "Did not pass": ["a"], "Passed": ["b"], "Waiting": ["d"]}
+    assert (shown["finished"], shown["total"], shown["isOver"]) == (2, 4, False)
+    assert [words for _, _, words in shown["counts"]] == ["1 error", "1 passed"]
+    assert shown["lists"][1]["rows"][0]["why"] == FAILED.message
+    assert shown["lists"][2]["rows"][0]["link"] == "report#scenario=b"
+
+
+def test_runs_of_a_repeated_scenario_are_counted(tmp_path: Path) -> None:
+    journal = begun(tmp_path)
+    for turn in (1, 2):
+        journal(Started(0, turn, "a"))
+        journal(RunEnded(0, turn, outcome("a"), is_one_of_several=True))
+    [running] = state(tmp_path)["lists"][0]["rows"]
+    assert running["why"] == "2 runs have ended"
+
+
+def test_what_a_call_has_left_is_not_waiting(tmp_path: Path) -> None:
+    journal = begun(tmp_path)
+    journal(Started(0, 1, "a"))
+    journal(Finished(1, outcome("b")))
+    journal.close()
+    shown = state(tmp_path)
+    assert names(shown) == {"Not finished": ["a"], "Did not pass": [], "Passed": ["b"], "Not started": ["c"]}
+    assert shown["left"] is None
+
+
+def test_without_a_journal_there_is_only_the_fact(tmp_path: Path) -> None:
+    shown = state(tmp_path)
+    assert shown["call"] == 0
+    assert "lists" not in shown
+
+
+def test_the_time_left_counts_no_outcome_of_an_earlier_call(tmp_path: Path) -> None:
+    begun(tmp_path)(Finished(0, outcome("a")))
+    recorded = looked(tmp_path).recorded
+    assert recorded is not None
+    assert live_page._time_left(recorded, 3.0) == 6.0
+    journal = begun(tmp_path)
+    journal(Finished(1, outcome("b")))
+    taken = looked(tmp_path).recorded
+    assert taken is not None
+    again = Journal(tmp_path, header(), unheard, time.monotonic(), taken.records)
+    again(Finished(0, outcome("a")))
+    resumed = looked(tmp_path).recorded
+    assert resumed is not None
+    assert live_page._time_left(resumed, 3.0) == 3.0
+
+
+def test_long_lists_are_cut_and_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(live_page, "MAX_ROWS", 2)
+    begun(tmp_path)
+    waiting = state(tmp_path)["lists"][-1]
+    assert (waiting["count"], len(waiting["rows"])) == (3, 2)
+
+
+def test_names_of_strangers_are_one_clean_line(tmp_path: Path) -> None:
+    begun(tmp_path, ("</script>\u202e\n<b>",))
+    [row] = state(tmp_path)["lists"][-1]["rows"]
+    assert row["name"] == "</script> <b>"
+
+
+def test_only_live_pages_may_connect(tmp_path: Path) -> None:
+    journal = begun(tmp_path)
+    assert "connect-src 'self'" in progress_page().policy
+    journal(Finished(0, outcome("a")))
+    report = live_report(looked(tmp_path), options(tmp_path))
+    assert "connect-src 'self'" in report.policy
+    assert report.policy in report.text().replace("&#x27;", "'")
+    text = report.text()
+    assert "This report has 1 of 3 scenarios so far." in text
+    assert "not finished" not in text
+    journal.close()
+    text = live_report(looked(tmp_path), options(tmp_path)).text()
+    assert "so far" not in text
+    assert "not finished" in text
