@@ -3,8 +3,8 @@
 import { readFileSync } from "node:fs";
 
 const SHADERS = /three\/src\/renderers\/shaders\/Shader(?:Chunk|Lib)\/(\w+)\.glsl\.js$/;
-/** Lines and marks, solids, shadows; the last one stands before each of them. */
-const USED = ["meshbasic", "meshlambert", "depth", "colorspace_pars_fragment"];
+/** Lines and marks, solids, points, shadows; the last one stands before each of them. */
+const USED = ["meshbasic", "meshlambert", "points", "depth", "colorspace_pars_fragment"];
 
 /** @param {string} three its folder */
 export function lean(three) {

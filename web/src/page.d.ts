@@ -116,6 +116,22 @@ interface ChannelData {
   values: Column;
 }
 
+/** Ranges are steps: those of the first scan, then differences from the scan before; -1: no return, -2: too near. */
+interface ScanData {
+  sensor: string;
+  link: number;
+  pose: number[];
+  first_angle: number;
+  increment: number;
+  rays: number;
+  range: number;
+  time: Column;
+  scale: number;
+  ranges: number[];
+  every_scan: number;
+  every_ray: number;
+}
+
 interface CircleMark {
   kind: "circle";
   expectation?: number;
@@ -156,6 +172,7 @@ interface Replay {
   signals: SignalData[];
   marks: MarkData[];
   channels: ChannelData[];
+  scans?: ScanData[];
 }
 
 /** Poses of all links and bodies at a time, seven numbers each; `here`: the bodies that have appeared. */
@@ -166,11 +183,23 @@ interface Moment {
   here: boolean[];
 }
 
+/** The latest scan of a lidar: `returns` points in the world, x, y and z each. */
+interface ScanTrack {
+  /** The number of the scan, -1 before the first one. */
+  row: number;
+  /** Its colour in the current scheme. */
+  colour(colours: Colours): string;
+  origin: number[];
+  points: Float32Array;
+  returns: number;
+}
+
 /** The run as the 3D viewer needs it; implemented by `Motion` of the page. */
 interface Run {
   replay: Replay;
   scene: SceneData;
   base: Float64Array[];
+  scans: ScanTrack[];
   count: number;
   start: number;
   end: number;
@@ -185,6 +214,8 @@ interface View {
   draw(moment: Moment, follow: boolean): void;
   /** Shows the path and the frame of a link; 0: the base, with its path alone. */
   choose(link: number): void;
+  /** Draws these layers alone; see `LAYERS` of the page. */
+  showLayers(shown: ReadonlySet<string>): void;
   /** Shows the whole path. */
   home(): void;
   resize(): void;

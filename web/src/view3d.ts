@@ -4,6 +4,7 @@ import { AxesHelper, Box3, Color, Group, Material, PCFShadowMap, PerspectiveCame
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import type { Layer } from "./layer";
 import { mark, Touches, Trail, Way } from "./lines";
+import { ScanLayer } from "./scans";
 import { place, Solids } from "./solids";
 import { furnish, overview } from "./stage";
 
@@ -20,6 +21,9 @@ class View3D implements View {
   /** What is drawn besides the robot, its world and the marks. */
   private readonly layers: Layer[] = [];
   private readonly axes: AxesHelper;
+  private readonly scans: ScanLayer[];
+  private readonly touches: Touches;
+  private readonly marks: Group[];
   private trail: Trail | null = null;
   private readonly seen: Box3;
   private readonly base = new Vector3();
@@ -54,7 +58,9 @@ class View3D implements View {
     furnish(this.scene, this.seen, colours);
     const clearance = run.base[2][0] - size.min.z;
     this.add(new Way(run, colours.accent, clearance, 0.009 * this.seen.getSize(new Vector3()).length()));
-    this.add(new Touches(run.replay.contacts, failed.size ? colours.bad : colours.text, touchSize(size, this.seen)));
+    this.touches = this.add(new Touches(run.replay.contacts, failed.size ? colours.bad : colours.text, touchSize(size, this.seen)));
+    this.scans = run.scans.map((track) => this.add(new ScanLayer(track, track.colour(colours))));
+    this.marks = marks;
     this.axes = frame(0.16 * size.getSize(new Vector3()).length());
     marks.forEach((drawn, i) => {
       const link = run.replay.marks[i].link;
@@ -71,6 +77,14 @@ class View3D implements View {
     if (link === 0) return;
     this.trail = this.add(new Trail(this.run, link, this.colours.accent));
     this.links[link].add(this.axes);
+  }
+
+  showLayers(shown: ReadonlySet<string>): void {
+    for (const { points, rays } of this.scans) [points.visible, rays.visible] = [shown.has("points"), shown.has("rays")];
+    this.touches.group.visible = shown.has("contacts");
+    this.run.replay.marks.forEach(({ expectation }, i) => {
+      this.marks[i].visible = expectation === undefined || shown.has("expectations");
+    });
   }
 
   draw(moment: Moment, follow: boolean): void {

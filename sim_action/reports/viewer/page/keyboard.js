@@ -21,6 +21,7 @@ function keyActions(player) {
     f: () => views.toggleFollow(),
     h: () => views.showAll(),
     v: () => void views.toggleKind(),
+    l: () => player.layers.toggle(),
     p: () => plots.choose(null),
     "+": () => plots.zoomBy(0.5),
     "=": () => plots.zoomBy(0.5),
@@ -55,6 +56,6 @@ function listenToKeys(current) {
 function isFree(event) {
   const target = event.target instanceof Element ? event.target : document.body;
   if (target.matches("input[type=search], textarea, select") || target.closest("dialog")) return false;
-  if (event.key === " ") return !target.closest("button, a, summary");
+  if (event.key === " ") return !target.closest("button, a, summary, input[type=checkbox]");
   return true;
 }

@@ -15,6 +15,7 @@ class Motion {
     this.tracks = frames.tracks.map(columns);
     this.speed = decoded(frames.speed, count);
     this.tilt = decoded(frames.tilt, count);
+    this.scans = (replay.scans ?? []).map((scan, i) => new Scans(scan, i));
     this.start = this.times[0];
     this.end = this.times[count - 1];
     /** @type {Moment} */

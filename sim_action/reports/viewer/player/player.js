@@ -10,10 +10,11 @@ class Player {
     this.entry = entry;
     this.clock = new Clock(motion.start, motion.end);
     const failed = new Set(entry.expectations.flatMap((expected, i) => (expected.status === "failed" && !expected.cutOff ? [i] : [])));
-    this.views = new Views(this.clock, motion, failed);
+    this.layers = new Layers(replay, entry.expectations);
+    this.views = new Views(this.clock, motion, failed, this.layers);
     this.controls = new Controls(this.clock, motion, entry.expectations);
     this.plots = new PlotPanel(motion, entry, this.clock);
-    const screen = make("div", { class: "screen" }, this.views.element, this.controls.element, keysHint());
+    const screen = make("div", { class: "screen" }, this.views.element, this.controls.element, this.views.sensed, keysHint());
     this.element = make("div", { class: "player" }, screen, this.plots.element);
     this.clock.addEventListener("tick", () => this.show());
     this.observer = new ResizeObserver(() => this.resize());

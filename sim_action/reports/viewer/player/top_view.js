@@ -22,6 +22,8 @@ class TopView {
     /** The outlines of fixed bodies, computed once. */
     this.still = motion.scene.bodies.map((body, i) =>
       body.track === undefined ? this.bodies[i].map((several) => outline(several, still.bodies, 7 * i)) : null);
+    /** @type {ReadonlySet<string>} */
+    this.shown = new Set();
     this.link = 0;
     /** The path of the chosen link. */
     this.trail = motion.base;
@@ -47,6 +49,11 @@ class TopView {
     this.trail = link ? this.motion.trail(link) : this.motion.base;
   }
 
+  /** @param {ReadonlySet<string>} shown */
+  showLayers(shown) {
+    this.shown = shown;
+  }
+
   resize() {
     const ratio = devicePixelRatio || 1;
     this.canvas.width = Math.round(this.canvas.clientWidth * ratio);
@@ -69,10 +76,12 @@ class TopView {
     this.scale = this.canvas.width / this.span;
     this.drawGrid();
     this.drawBodies(moment);
-    for (const mark of this.motion.replay.marks) this.drawMark(mark);
+    const isShown = (/** @type {MarkData} */ { expectation }) => expectation === undefined || this.shown.has("expectations");
+    for (const mark of this.motion.replay.marks.filter(isShown)) this.drawMark(mark);
     this.drawWay(moment.time);
     this.drawRobot(moment);
-    this.drawContacts(moment.time);
+    drawScans(this, this.motion.scans, this.shown);
+    if (this.shown.has("contacts")) this.drawContacts(moment.time);
   }
 
   /** @param {number[]} point @returns {[number, number]} */

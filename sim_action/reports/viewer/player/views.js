@@ -19,11 +19,13 @@ class Views {
    * @param {Clock} clock
    * @param {Motion} motion
    * @param {ReadonlySet<number>} failed
+   * @param {Layers} layers
    */
-  constructor(clock, motion, failed) {
+  constructor(clock, motion, failed, layers) {
     this.clock = clock;
     this.motion = motion;
     this.failed = failed;
+    this.layers = layers;
     this.following = false;
     /** The link whose path and frame are drawn; 0: the base, with its path alone. */
     this.link = 0;
@@ -33,16 +35,21 @@ class Views {
     this.canvas = make("canvas");
     this.note = make("p", { class: "note", role: "status" });
     this.happening = make("p", { class: "happening" });
+    this.sensed = make("p", { class: "sensed" });
     this.kind = make("button", { type: "button", title: "Switch between 3D and top view (v)", hidden: true }, "Top view");
     this.follow = make("button", { type: "button", title: "Follow the robot (f)", "aria-pressed": "false" }, "Follow");
     this.whole = make("button", { type: "button", title: "Show the whole path (h)" }, "Show all");
     const options = motion.scene.links.map(({ name }, i) => make("option", { value: i }, i ? name : `Link: ${name}`));
     this.links = make("select", { "aria-label": "Link", title: "Show the path and the frame of a link", hidden: options.length < 2 }, ...options);
-    this.tools = make("div", { class: "tools" }, this.links, this.kind, this.follow, this.whole);
+    this.tools = make("div", { class: "tools" }, layers.element, this.links, this.kind, this.follow, this.whole);
     this.element = make("div", { class: "view" }, this.canvas, this.tools, this.note, this.happening);
     this.kind.addEventListener("click", () => this.toggleKind());
     this.follow.addEventListener("click", () => this.toggleFollow());
     this.whole.addEventListener("click", () => this.showAll());
+    layers.addEventListener("change", () => {
+      this.view?.showLayers(layers.shown);
+      this.draw();
+    });
     this.links.addEventListener("change", () => this.choose(Number(this.links.value)));
   }
 
@@ -79,6 +86,7 @@ class Views {
     this.canvas = canvas;
     this.view = make_view(canvas);
     this.view.choose(this.link);
+    this.view.showLayers(this.layers.shown);
     canvas.addEventListener("viewmoved", () => this.draw());
     this.kind.textContent = kind === "3d" ? "Top view" : "3D";
     this.resize();
@@ -123,6 +131,8 @@ class Views {
   }
 
   drawNow() {
+    for (const scans of this.motion.scans) scans.seek(this.clock.time, this.motion);
+    this.sensed.textContent = this.motion.scans.map((scans) => scans.words()).join("\n");
     this.view?.draw(this.motion.at(this.clock.time), this.following);
     const touching = this.motion.touching(this.clock.time).slice(0, 3);
     const { links, bodies } = this.motion.scene;
