@@ -26,12 +26,22 @@ class Chooser {
     const done = make("button", { type: "button", class: "copy" }, "Done");
     const keys = make("p", { class: "faint" }, make("kbd", {}, "↑ ↓"), " choose  ", make("kbd", {}, "Enter"), " add or remove  ", make("kbd", {}, "Esc"), " done");
     this.element = make("dialog", { class: "chooser", "aria-label": "Signals of a plot" }, this.search, this.list, this.found, make("div", { class: "foot" }, keys, done));
-    done.addEventListener("click", () => this.element.close());
+    done.addEventListener("click", () => this.close());
+    this.element.addEventListener("cancel", (event) => {
+      event.preventDefault();
+      this.close();
+    });
     this.search.addEventListener("input", () => this.fill());
     this.search.addEventListener("keydown", (event) => this.press(event));
     this.element.addEventListener("click", (event) => {
-      if (event.target === this.element) this.element.close();
+      if (event.target === this.element) this.close();
     });
+  }
+
+  close() {
+    // Else the keys of the page would still go to the hidden dialog.
+    if (document.activeElement instanceof HTMLElement) document.activeElement.blur();
+    this.element.close();
   }
 
   open() {
@@ -102,7 +112,7 @@ class Chooser {
     if (step) this.activate(this.active + step);
     else if (event.key === "Enter") this.take();
     // A field for searches would clear its words, and stay.
-    else if (event.key === "Escape") this.element.close();
+    else if (event.key === "Escape") this.close();
     else return;
     event.preventDefault();
   }
