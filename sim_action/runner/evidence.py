@@ -42,7 +42,8 @@ def store_evidence(job: Job, scene: Scene, footage: RunRecorder) -> tuple[str, .
             from sim_action.recording.replay.build import make_replay
 
             scenario, start = job.loaded.scenario, footage.start
-            make_replay(scenario, scene, start, film, job.replay, aims=footage.aims(), readings=footage.readings)
+            commanded, readings = footage.commanded(), footage.readings
+            make_replay(scenario, scene, start, film, job.replay, commanded=commanded, readings=readings)
     with _noted("motion", notes, "it is not compared with that in another engine"):
         if job.motion is not None and (motion := footage.motion(scene)) is not None:
             motion.save(job.motion)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -17,7 +17,7 @@ from sim_action.state.command import Command, JointTargets, LinkWrench
 from sim_action.state.observation import Contact, Observation
 from sim_action.state.trace import FloatArray, Trace
 from sim_action.state.trace_channels import Channels
-from sim_action.state.trace_records import FRAME_RATE, CommandedJoints, CommandedTwists, SensorRecord, frame_stride
+from sim_action.state.trace_records import FRAME_RATE, CommandedTwists, CommandedValues, SensorRecord, frame_stride
 from sim_action.world import World
 from sim_action.world.scene import Scene
 
@@ -26,6 +26,13 @@ if TYPE_CHECKING:
 
 # A run of hours must still fit into memory.
 _MAX_FRAMES: Final = 200_000
+
+
+TWIST_NAMES: Final = ("linear x", "linear y", "linear z", "angular x", "angular y", "angular z")
+"""The names of the components of a commanded twist, in the frame of the base."""
+
+JOINT_TARGETS: Final = ("position", "velocity", "effort")
+"""The kinds of targets of joints, as in `JointTargets`."""
 
 
 class RunRecorder:
@@ -50,7 +57,7 @@ class RunRecorder:
         self._film_stride = often * frame_stride(self._rate)
         self._filmed = filmed or recorded
         self._twists: list[tuple[float, Twist]] | None = [] if recorded else None
-        self._targets: list[tuple[int, dict[str, float]]] = []
+        self._commanded: dict[str, list[tuple[int, dict[str, float]]]] = {}
         self._wrenches: list[tuple[float, tuple[LinkWrench, ...]]] = []
         self._kept: list[Trace] = []
         self._film: list[Trace] = []
@@ -105,18 +112,30 @@ class RunRecorder:
         if isinstance(command, Twist):
             if self._twists is not None:
                 self._twists.append((time, command))
+            if self._filmed:
+                self._hold("base", time, zip(TWIST_NAMES, (*command.linear_xyz, *command.angular_xyz), strict=True))
         elif isinstance(command, JointTargets) and self._filmed:
             self._aim(time, command)
-            if command.wrenches is not None and self._twists is not None:
-                self._wrenches.append((time, command.wrenches))
+            if command.wrenches is not None:
+                self._hold("wrench", time, summed_wrenches(command.wrenches).items())
+                if self._twists is not None:
+                    self._wrenches.append((time, command.wrenches))
 
     def _aim(self, time: float, command: JointTargets) -> None:
-        """Record position targets for the next moment of the film; later ones for the same moment replace them."""
+        names = command.names()
+        for kind in JOINT_TARGETS:
+            told: Mapping[str, float] = getattr(command, kind)
+            if told or kind in self._commanded:
+                # A joint with another kind of target has no target of this kind any more.
+                self._hold(kind, time, (dict.fromkeys(names, math.nan) | dict(told)).items())
+
+    def _hold(self, kind: str, time: float, values: Iterable[tuple[str, float]]) -> None:
+        """Record commanded values for the next moment of the film; later ones for the same moment replace them."""
         moment = -(-round(time * self._rate) // self._film_stride)
-        if not self._targets or self._targets[-1][0] != moment:
-            self._targets.append((moment, {}))
-        # A joint with another kind of target has no commanded position any more.
-        self._targets[-1][1].update(dict.fromkeys(command.names(), math.nan) | dict(command.position))
+        held = self._commanded.setdefault(kind, [])
+        if not held or held[-1][0] != moment:
+            held.append((moment, {}))
+        held[-1][1].update(values)
 
     def twists(self) -> CommandedTwists:
         """Return the twist commands, if recordings are asked for."""
@@ -126,9 +145,13 @@ class RunRecorder:
         """Return the times in s at which wrenches changed, with all wrenches from then on; empty without recordings."""
         return self._wrenches
 
-    def aims(self) -> CommandedJoints:
-        """Return the position targets of the joints in the film."""
-        return CommandedJoints.of([(moment * self._film_stride / self._rate, aim) for moment, aim in self._targets])
+    def commanded(self) -> Mapping[str, CommandedValues]:
+        """Return what was commanded in the film: "base", "wrench", and by joint "position", "velocity" and "effort"."""
+        period = self._film_stride / self._rate
+        return {
+            kind: CommandedValues.of([(moment * period, values) for moment, values in held])
+            for kind, held in self._commanded.items()
+        }
 
     def trace(self) -> Trace | None:
         """Return the trace at the rate of the scenario; None before the start."""
@@ -201,6 +224,17 @@ class EveryStep:
         return {
             name: np.column_stack([*frames[name].position_xyz, *frames[name].orientation_xyzw]) for name in self._links
         }
+
+
+def summed_wrenches(wrenches: Iterable[LinkWrench]) -> dict[str, float]:
+    """Return the components of the forces in N and torques in N m on each link, each in the frame of its wrench."""
+    found: dict[str, float] = {}
+    for wrench in wrenches:
+        for kind, vector in (("force", wrench.force_xyz), ("torque", wrench.torque_xyz)):
+            for axis, value in zip("xyz", vector, strict=True):
+                name = f"{kind} on {wrench.link} {axis}"
+                found[name] = found.get(name, 0.0) + value
+    return found
 
 
 def moving_bodies(world: World) -> list[str]:

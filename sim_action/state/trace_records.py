@@ -307,30 +307,30 @@ class CommandedTwists:
 
 
 @dataclass(frozen=True, eq=False)
-class CommandedJoints:
-    """The positions that joints were commanded.
+class CommandedValues:
+    """Quantities that controllers commanded, for example the positions of joints.
 
     Attributes:
         time: (N,) s, rising.
-        position: joint name -> (N,) rad (m if prismatic) from that time on, NaN without a position target.
+        values: name, for example of a joint -> (N,) what was commanded from that time on, in SI units; NaN without it.
     """
 
     time: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
-    position: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    values: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
 
     @classmethod
     def of(cls, told: Sequence[tuple[float, Mapping[str, float]]]) -> Self:
-        """Return the record of pairs of time in s and new targets; a joint keeps its target until the next one."""
+        """Return the record of pairs of time in s and new values; a value stays until the next one of its name."""
         names = dict.fromkeys(name for _, targets in told for name in targets)
-        position = {name: np.full(len(told), np.nan) for name in names}
+        values = {name: np.full(len(told), np.nan) for name in names}
         for row, (_, targets) in enumerate(told):
-            for name, column in position.items():
+            for name, column in values.items():
                 column[row] = targets.get(name, column[row - 1] if row else np.nan)
-        return cls(np.array([time for time, _ in told]), position)
+        return cls(np.array([time for time, _ in told]), values)
 
     def at(self, name: str, time: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the commanded position of a joint at given times (T,) in s, NaN without one."""
-        column = self.position.get(name)
+        """Return what was commanded at given times (T,) in s, NaN without it."""
+        column = self.values.get(name)
         if column is None:
             return np.full(len(time), np.nan)
         rows = np.searchsorted(self.time, time + TIME_EPSILON_S, side="right") - 1

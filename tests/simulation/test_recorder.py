@@ -13,7 +13,7 @@ from sim_action.core.geometry import Twist
 from sim_action.robot.kinematics import link_poses
 from sim_action.scenario.model import Agreement, PoseAgreement, TraceSettings
 from sim_action.simulation.recorder import RunRecorder
-from sim_action.state.command import Command, JointTargets
+from sim_action.state.command import Command, JointTargets, LinkWrench
 from sim_action.state.observation import JointState
 from sim_action.world import Body, Sphere, World
 from tests import traces
@@ -97,11 +97,26 @@ def test_the_film_has_the_last_command_before_each_of_its_moments() -> None:
     ]
     for time, command in commands:
         footage.command(time, command)
-    found = footage.aims().at("arm", np.array([0, 8, 16]) / RATE)
+    found = footage.commanded()["position"].at("arm", np.array([0, 8, 16]) / RATE)
     np.testing.assert_array_equal(found, [1.0, 3.0, np.nan])
 
 
 def test_a_run_without_a_film_keeps_no_commands() -> None:
     footage = RunRecorder(traces.scenario(traces.expectation(Upright())))
     footage.command(0.0, JointTargets(position={"arm": 1.0}))
-    assert not footage.aims().position
+    footage.command(0.0, Twist.planar(1.0))
+    assert not footage.commanded()
+
+
+def test_the_film_has_commanded_twists_velocities_and_wrenches() -> None:
+    footage = RunRecorder(traces.scenario(traces.expectation(Upright())), filmed=True)
+    pushes = (LinkWrench("arm", force_xyz=(0.0, 0.0, 2.0)), LinkWrench("arm", force_xyz=(0.0, 0.0, 3.0)))
+    footage.command(0.0, Twist.planar(1.0, 0.5))
+    footage.command(0.0, JointTargets(velocity={"arm": 2.0}, wrenches=pushes))
+    footage.command(8 / RATE, JointTargets(effort={"arm": 4.0}))
+    found, times = footage.commanded(), np.array([0, 8]) / RATE
+    assert found["base"].at("linear x", times).tolist() == [1.0, 1.0]
+    assert found["base"].at("angular z", times).tolist() == [0.5, 0.5]
+    assert found["wrench"].at("force on arm z", times).tolist() == [5.0, 5.0]
+    np.testing.assert_array_equal(found["velocity"].at("arm", times), [2.0, np.nan])
+    np.testing.assert_array_equal(found["effort"].at("arm", times), [np.nan, 4.0])

@@ -14,7 +14,7 @@ from sim_action.state.trace_channels import ClearanceWatch
 from sim_action.state.trace_records import (
     BodyRecord,
     ClearanceRecord,
-    CommandedJoints,
+    CommandedValues,
     ContactRecord,
     LinkTouch,
     Nearness,
@@ -204,9 +204,9 @@ def test_a_file_whose_contacts_of_links_do_not_fit_is_no_trace(tmp_path: Path) -
 
 
 def test_a_joint_keeps_its_commanded_position_until_the_next_one() -> None:
-    told = CommandedJoints.of([(0.1, {"a": 1.0}), (0.2, {"b": 5.0}), (0.4, {"a": np.nan})])
+    told = CommandedValues.of([(0.1, {"a": 1.0}), (0.2, {"b": 5.0}), (0.4, {"a": np.nan})])
     time = np.array([0.0, 0.1, 0.3, 0.4])
     np.testing.assert_array_equal(told.at("a", time), [np.nan, 1.0, 1.0, np.nan])
     np.testing.assert_array_equal(told.at("b", time), [np.nan, np.nan, 5.0, 5.0])
     np.testing.assert_array_equal(told.at("c", time), [np.nan] * 4)
-    np.testing.assert_array_equal(CommandedJoints().at("a", time), [np.nan] * 4)
+    np.testing.assert_array_equal(CommandedValues().at("a", time), [np.nan] * 4)

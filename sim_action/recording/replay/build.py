@@ -12,6 +12,7 @@ from pydantic import BaseModel
 from sim_action.assertions.monitors import FORCE_WINDOW_S
 from sim_action.core.records import dataclass, field
 from sim_action.recording.replay import marks, replay_data, scans, scene_data, shapes, sightings
+from sim_action.recording.replay.channels import stored_channels
 from sim_action.recording.replay.frames import NOTHING_COMMANDED, Track, frames_of, thinned
 from sim_action.recording.replay.marks import MarkData
 from sim_action.recording.replay.replay_data import MAX_CONTACTS, ContactData, Replay, SignalData
@@ -25,7 +26,7 @@ from sim_action.scenario.model import Scenario
 from sim_action.sensors.reading_log import ReadingLog
 from sim_action.state.observation import Contact, Observation
 from sim_action.state.trace import Trace
-from sim_action.state.trace_records import CommandedJoints
+from sim_action.state.trace_records import CommandedValues
 from sim_action.world.scene import Scene
 
 
@@ -34,8 +35,8 @@ def replay_of(
     film: Trace,
     signals: Sequence[SignalData] = (),
     marks: Sequence[MarkData] = (),
-    aims: CommandedJoints = NOTHING_COMMANDED,
     *,
+    commanded: Mapping[str, CommandedValues] | None = None,
     readings: Mapping[str, ReadingLog] | None = None,
 ) -> Replay:
     """Return the replay of a run.
@@ -45,10 +46,10 @@ def replay_of(
         film: the trace at 30 Hz.
         signals: the signals of the expectations.
         marks: the places of the expectations.
-        aims: the commanded positions of the joints.
+        commanded: what was commanded, by kind; see `RunRecorder.commanded`.
         readings: the readings of sensors by name.
     """
-    readings = readings or {}
+    commanded, readings = commanded or {}, readings or {}
     moving = [body for body in scene.world.objects if body.name in film.bodies]
     _, links = skeleton(scene.model)
     bodies = {body.name: number for number, body in enumerate(scene.world.objects)}
@@ -56,15 +57,17 @@ def replay_of(
     joints = scene.model.moving_joints
     sliding = [joint.type == "prismatic" for joint in joints]
     tracks = [Track(film.bodies[body.name], body.appears or 0.0) for body in moving]
+    frames = thinned(film)
     return Replay(
         version=2,
         scene=scenery(scene, [body.name for body in moving]),
         joint_names=tuple(joint.name[:MAX_TEXT_LENGTH] for joint in joints),
-        frames=frames_of(thinned(film), tracks, scene.physics.rate, sliding, aims),
+        frames=frames_of(frames, tracks, scene.physics.rate, sliding, commanded.get("position", NOTHING_COMMANDED)),
         contacts=contacts,
         contacts_left_out=left_out,
         signals=tuple(signals),
         marks=tuple(marks),
+        channels=stored_channels(scene, frames, film.contacts, commanded, readings),
         scans=scans.stored_scans(readings, links, scene.model.root, float(film.time[-1]), scene.physics.rate),
         obstacles=sightings.obstacles_of(scene, film, readings),
     )
@@ -77,20 +80,25 @@ def make_replay(
     film: Trace,
     path: Path,
     *,
-    aims: CommandedJoints = NOTHING_COMMANDED,
+    commanded: Mapping[str, CommandedValues] | None = None,
     readings: Mapping[str, ReadingLog] | None = None,
 ) -> None:
     """Write the replay of a run.
 
-    `start` is the settled state at t = 0, `film` the trace at 30 Hz, `aims` are the commanded positions of the joints,
-    `readings` those of sensors by name.
+    `start` is the settled state at t = 0, `film` the trace at 30 Hz, `commanded` what was commanded, by kind, and
+    `readings` are those of sensors by name.
 
     Raises OSError, or ValueError if the replay is too large or not valid.
     """
     signals, marks = stored_signals(scenario, scene, start, film), stored_marks(scenario, scene, start)
-    replay = replay_of(scene, film, signals, marks, aims, readings=readings)
+    replay = replay_of(scene, film, signals, marks, commanded=commanded, readings=readings)
     unread = [sensor.name for sensor in scenario.sensors if sensor.name not in (readings or {})]
-    write_replay(replay.model_copy(update={"unread": tuple(unread[: scans.MAX_SENSORS])}), path)
+    write_replay(
+        replay.model_copy(
+            update={"unread": tuple(unread[: scans.MAX_SENSORS]), "scenario": scenario.name[:MAX_TEXT_LENGTH]}
+        ),
+        path,
+    )
 
 
 def warm_up(robots: Iterable[RobotModel]) -> None:

@@ -12,7 +12,7 @@ from sim_action.core.units import TIME_EPSILON_S
 from sim_action.recording.replay.columns import MAX_MOMENTS, Column, FloatArray
 from sim_action.recording.replay.replay_data import Frames, PoseColumns
 from sim_action.state.trace import Trace
-from sim_action.state.trace_records import BodyRecord, CommandedJoints
+from sim_action.state.trace_records import BodyRecord, CommandedValues
 
 # The resolution of columns: lengths in m, quaternions, joints in rad (sliding ones in m), speed in m/s.
 _LENGTH: Final = 1e-4
@@ -21,7 +21,7 @@ _JOINT: Final = 1e-3
 _SLIDING: Final = 1e-4
 _SPEED: Final = 1e-3
 
-NOTHING_COMMANDED: Final = CommandedJoints()
+NOTHING_COMMANDED: Final = CommandedValues()
 
 
 def thinned(trace: Trace) -> Trace:
@@ -44,7 +44,7 @@ def frames_of(
     tracks: Sequence[Track],
     rate: float,
     sliding: Sequence[bool],
-    aims: CommandedJoints = NOTHING_COMMANDED,
+    aims: CommandedValues = NOTHING_COMMANDED,
 ) -> Frames:
     """Return the frames of a trace and of moving bodies.
 
@@ -62,7 +62,7 @@ def frames_of(
     )
 
 
-def _commanded(trace: Trace, aims: CommandedJoints, steps: Sequence[float]) -> tuple[Column | None, ...]:
+def _commanded(trace: Trace, aims: CommandedValues, steps: Sequence[float]) -> tuple[Column | None, ...]:
     """Return a column per joint, None for a joint without position targets; nothing if no joint has one."""
     found = [aims.at(name, trace.time) for name in trace.joint_names]
     columns = [

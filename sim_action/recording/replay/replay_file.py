@@ -65,7 +65,9 @@ class ReplayReader:
                 packed = file.read(MAX_PACKED_BYTES + 1)
             return self._parsed(_unpacked(packed))
         except ValidationError as error:
-            found = error.errors(include_url=False, include_input=False, include_context=False)[0]
+            found = error.errors(include_url=False, include_context=False)[0]
+            if found["loc"] == ("version",) and isinstance(version := found.get("input"), int):
+                raise ReplayError(f"{path}: {_OTHER_VERSION.format(version=version)}") from None
             raise ReplayError(f"{path}: not a valid replay: {found['msg']}") from None
         except (OSError, ValueError, zlib.error) as error:
             raise ReplayError(f"{path}: not a valid replay: {error}") from None
@@ -86,6 +88,8 @@ class ReplayReader:
         self._scene, self._beginning = replay.scene, _BEFORE_SCENE + scene + b","
         return replay
 
+
+_OTHER_VERSION: Final = "was written by another version of sim-action (format {version}; this one reads 1 and 2)"
 
 _BEFORE_SCENE: Final = b'{"version":2,"scene":'
 _UNNAMED: Final = "?"

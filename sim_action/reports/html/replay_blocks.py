@@ -12,6 +12,7 @@ from typing import Final
 from sim_action.core.records import dataclass, field
 from sim_action.recording.replay.replay_data import Replay
 from sim_action.recording.replay.replay_file import ReplayError, ReplayReader
+from sim_action.recording.replay.scene_data import MAX_TEXT_LENGTH
 from sim_action.recording.replay.shapes import MeshData
 from sim_action.reports.escaping import one_line
 from sim_action.results.artifacts import stored_file
@@ -31,9 +32,12 @@ def stored_replay(outcome: Outcome, folder: Path, reader: ReplayReader) -> tuple
     if path is None:
         return None, "The replay file of this run is missing."
     try:
-        return reader.read(path), ""
+        replay = reader.read(path)
     except ReplayError as error:
         return None, f"The replay cannot be read: {one_line(str(error))}"
+    if replay.scenario is not None and replay.scenario != outcome.name[:MAX_TEXT_LENGTH]:
+        return None, f"The replay is left out: it is of another scenario, '{one_line(replay.scenario)}'."
+    return replay, ""
 
 
 MAX_REPLAY_BYTES: Final = 8_000_000

@@ -5,12 +5,16 @@ from __future__ import annotations
 import base64
 import gzip
 import json
+from pathlib import Path
 
 import pytest
 
 from sim_action.recording.replay.replay_data import Replay
-from sim_action.reports.html.replay_blocks import ReplayBlocks, packed, page_json
-from tests.replays import MESH, drive
+from sim_action.recording.replay.replay_file import ReplayReader
+from sim_action.recording.replay.scene_data import MAX_TEXT_LENGTH
+from sim_action.reports.html.replay_blocks import ReplayBlocks, packed, page_json, stored_replay
+from tests.outcomes import outcome
+from tests.replays import MESH, drive, kept
 
 
 def unpacked(block: str) -> bytes:
@@ -20,6 +24,22 @@ def unpacked(block: str) -> bytes:
 def test_a_block_comes_apart_again_and_is_always_the_same() -> None:
     assert unpacked(packed(b"data")) == b"data"
     assert packed(b"data" * 100) == packed(b"data" * 100)
+
+
+def test_a_replay_of_another_scenario_is_left_out(tmp_path: Path) -> None:
+    ran = outcome("a.sim.yml")
+    for name in (None, ran.name, "another one"):
+        file = kept(drive().model_copy(update={"scenario": name}), tmp_path, "a")
+        replay, missing = stored_replay(ran.model_copy(update={"replay": file}), tmp_path, ReplayReader())
+        assert (replay is None) == (name == "another one")
+        assert ("it is of another scenario, 'another one'" in missing) == (replay is None)
+
+
+def test_a_long_name_of_a_scenario_is_compared_as_far_as_it_is_stored(tmp_path: Path) -> None:
+    ran = outcome("a.sim.yml").model_copy(update={"name": "n" * 2 * MAX_TEXT_LENGTH})
+    file = kept(drive().model_copy(update={"scenario": ran.name[:MAX_TEXT_LENGTH]}), tmp_path, "a")
+    replay, _ = stored_replay(ran.model_copy(update={"replay": file}), tmp_path, ReplayReader())
+    assert replay is not None
 
 
 def test_json_ends_no_element_and_no_line() -> None:

@@ -96,6 +96,9 @@ class EpisodeRecord:
         if film is None:
             return
         try:
-            write_replay(replay_of(self._last.scene, film), folder / REPLAY_FILE)
+            footage = self._last.footage
+            commanded, readings = footage.commanded(), footage.readings
+            replay = replay_of(self._last.scene, film, commanded=commanded, readings=readings)
+            write_replay(replay, folder / REPLAY_FILE)
         except Exception as error:  # noqa: BLE001 - a verdict does not depend on the replay
             self._notes.append(f"no replay was written: {escaped_line(str(error))}")
