@@ -111,6 +111,7 @@ SUBCOMMANDS: Final = {
             "unexercised": "--unexercised",
             "jobs": "--jobs",
             "shard": "--shard",
+            "against": "--against",
             "record": "--record",
             "allow-scripts": "--allow-scripts",
         },
@@ -176,7 +177,7 @@ SUBCOMMANDS: Final = {
     "merge": Subcommand(
         arguments=("results",),
         lists={**_SELECTION, "scenario": "--scenarios"},
-        options=_REPORTS,
+        options={**_REPORTS, "against": "--against"},
         switches=_SWITCHES,
         required=("results",),
     ),

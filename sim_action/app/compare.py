@@ -16,10 +16,7 @@ from sim_action.core.wording import escaped_line, system_reason
 from sim_action.reports.comparison import comparison_markdown, print_comparison
 from sim_action.reports.github.step_outputs import append_outputs
 from sim_action.results.comparison import Comparison, Thresholds, compare_outcomes
-from sim_action.results.outcome import Outcome
-from sim_action.results.over_variations import over_variations
-from sim_action.results.results_json import RESULTS_FILE, find_all, read_all
-from sim_action.results.shard_results import gates_of, merge_shards
+from sim_action.results.earlier_run import read_run
 from sim_action.results.written_files import is_comparison, is_foreign
 
 STANDARD_OUTPUT: Final = "-"
@@ -51,7 +48,10 @@ def compare_results(request: CompareRequest) -> ExitCode:
     if request.markdown not in (None, STANDARD_OUTPUT):
         _refuse_foreign(Path(request.markdown))
     comparison = compare_outcomes(
-        _outcomes(request.old), _outcomes(request.new), request.thresholds, allow_removed=request.allow_removed
+        read_run(request.old).outcomes,
+        read_run(request.new).outcomes,
+        request.thresholds,
+        allow_removed=request.allow_removed,
     )
     if request.markdown not in (None, STANDARD_OUTPUT):
         _write(Path(request.markdown), comparison)
@@ -64,14 +64,6 @@ def compare_results(request: CompareRequest) -> ExitCode:
         else:
             print_comparison(comparison, os.environ)
     return comparison.exit_code(strict=request.strict)
-
-
-def _outcomes(pattern: str) -> list[Outcome]:
-    """Return the outcomes of one run, joined as by `merge`: a missing shard is an error outcome. Raises UsageError."""
-    files = read_all(find_all([pattern]))
-    if not files:
-        raise UsageError(escaped_line(f"no {RESULTS_FILE} found at '{pattern}'; name a results file or its folder"))
-    return list(over_variations([entry.outcome for entry in merge_shards(files, None)], gates_of(files)))
 
 
 def _refuse_foreign(path: Path) -> None:

@@ -253,6 +253,13 @@ _SWITCHES: Final = (
         help="On GitHub, mark the line of each failed expectation.  [default: yes]",
     ),
 )
+_AGAINST: Final = click.option(
+    "--against",
+    callback=not_empty,
+    metavar="OLD",
+    help="Compare with an earlier run in report.html: what changed, and the earlier motion as a ghost in each replay. "
+    "OLD is its results.json, or a folder with one, or with those of all shards.",
+)
 _VERBOSITY: Final = (
     click.option(
         "--verbose",
@@ -280,7 +287,7 @@ def switches(command: Command) -> Command:
 
 def report_flags(command: Command) -> Command:
     """Add the options for output and reports to a command."""
-    for option in reversed((*_FILES, *_SWITCHES, *_VERBOSITY)):
+    for option in reversed((*_FILES, _AGAINST, *_SWITCHES, *_VERBOSITY)):
         command = option(command)
     return command
 
@@ -304,6 +311,7 @@ def report_request(flags: Mapping[str, Any]) -> ReportRequest:
         junit_strict=flags["junit_strict"],
         verbosity="verbose" if verbose else "quiet" if quiet else "normal",
         silenced=frozenset(name for name in ("report", "summary", "annotations") if not flags[name]),
+        against=flags["against"],
     )
 
 

@@ -12,7 +12,7 @@ from collections.abc import Set as AbstractSet
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import MappingProxyType
-from typing import Final, Literal, Protocol
+from typing import TYPE_CHECKING, Final, Literal, Protocol
 
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.permissions import Permissions
@@ -30,6 +30,9 @@ from sim_action.results.output_folder import (
 )
 from sim_action.results.results_json import RESULTS_FILE, Results
 from sim_action.results.written_files import JUNIT_FILE, is_foreign, is_own_junit, refuse_foreign_files
+
+if TYPE_CHECKING:
+    from sim_action.results.earlier_run import EarlierRun
 
 Verbosity = Literal["quiet", "normal", "verbose"]
 """The amount of text on the terminal.
@@ -56,6 +59,7 @@ class ReportOptions:
         silenced: the names of reports that are not written.
         taken_over: the number of outcomes of an earlier call, see `run --resume`; None: it was not asked for.
         permissions: what the caller permits; the command that runs a scenario again permits the same.
+        against: the earlier run that `report.html` compares with; None: there is none.
     """
 
     folder: Path
@@ -67,6 +71,7 @@ class ReportOptions:
     silenced: frozenset[str] = frozenset()
     taken_over: int | None = None
     permissions: Permissions = _NO_PERMISSIONS
+    against: EarlierRun | None = None
 
     @property
     def files(self) -> tuple[str, ...]:
@@ -121,13 +126,19 @@ _UNWRITTEN: Final = "sim_action.reports.unwritten_reports"
 
 @dataclass(frozen=True, slots=True)
 class ReportRequest:
-    """The report options of the command line; `silenced` holds the names of reports that are switched off."""
+    """The report options of the command line.
+
+    Attributes:
+        silenced: the names of reports that are switched off.
+        against: the results of an earlier run, as typed; None: `report.html` compares with nothing.
+    """
 
     folder: Path
     junit: Path | None
     junit_strict: bool
     verbosity: Verbosity
     silenced: frozenset[str]
+    against: str | None = None
 
 
 @contextmanager
@@ -140,6 +151,8 @@ def open_reports(request: ReportRequest, *, keeps_earlier: bool = False) -> Iter
     # At the end there may be no descriptor left for an import.
     importlib.import_module(_UNWRITTEN)
     _check_targets(request)
+    # Before anything is removed or run: the results of the earlier run may not be there.
+    against = None if request.against is None else _earlier_run(request.against, request.folder)
     folder = _created_folder(request.folder)
     with locked(folder):
         if not keeps_earlier:
@@ -152,7 +165,23 @@ def open_reports(request: ReportRequest, *, keeps_earlier: bool = False) -> Iter
             workspace=workspace_of(os.environ, Path.cwd()),
             verbosity=request.verbosity,
             silenced=request.silenced,
+            against=against,
         )
+
+
+def _earlier_run(pattern: str, folder: Path) -> EarlierRun:
+    """Return the run to compare with. Raise UsageError, also for the results that this call overwrites."""
+    from sim_action.results.earlier_run import read_run
+
+    run = read_run(pattern)
+    if os.path.realpath(folder) in {os.path.realpath(place) for place in run.folders.values()}:
+        raise UsageError(
+            escaped_line(
+                f"--against {pattern} is the output folder of this call; keep the earlier results in another folder, "
+                "or name another --output-dir"
+            )
+        )
+    return run
 
 
 def workspace_of(environment: Mapping[str, str], here: Path) -> Path:

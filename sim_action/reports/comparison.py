@@ -66,7 +66,7 @@ class Row:
 
 def rows(comparison: Comparison) -> list[Row]:
     """Return the changes, the worst first, otherwise in the order of the runs; unchanged passes have no row."""
-    found = [each for change in comparison.changes for each in _rows_of(change)]
+    found = [each for change in comparison.changes for each in rows_of(change)]
     return sorted(found, key=lambda each: _ORDER.index(each.look))
 
 
@@ -101,7 +101,8 @@ NOTHING_COMPARED: Final = (
 )
 
 
-def _rows_of(change: Change) -> Iterator[Row]:
+def rows_of(change: Change) -> Iterator[Row]:
+    """Yield the rows of one scenario or gate."""
     if look := _LOOKS.get(change.kind):
         yield Row(look, change.kind, change.outcome, _detail(change))
     if change.gate is not None:

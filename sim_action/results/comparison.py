@@ -209,7 +209,7 @@ def _parted(
     Samples whose gate has no outcome are compared one by one: the results have only a part of its runs.
     """
     gates_before, gates_now = ({_gate_key(each) for each in several if each.statistics} for several in (old, new))
-    pairs = list(_paired(old, new))
+    pairs = list(paired_outcomes(old, new))
     same = {_gate_key(before): _gate_key(now) for before, now in pairs if before and before.statistics and now}
     alone: list[RunPair] = []
     samples: dict[_GateKey | None, list[RunPair]] = {key: [] for key in gates_now}
@@ -223,7 +223,7 @@ def _parted(
     return alone, samples
 
 
-def _paired(old: Sequence[Outcome], new: Sequence[Outcome]) -> Iterator[tuple[Outcome | None, Outcome | None]]:
+def paired_outcomes(old: Sequence[Outcome], new: Sequence[Outcome]) -> Iterator[tuple[Outcome | None, Outcome | None]]:
     """Pair the outcomes of both runs; duplicates of one file and name are paired in their order."""
     places = {key: place for place, key in enumerate(_keys(old))}
     found = [places.pop(key, None) for key in _keys(new)]

@@ -35,6 +35,7 @@ INPUTS = {
     "jobs": "",
     "shard": "2/3",
     "report": "false",
+    "against": "",
     "record": "tum, csv",
     "summary": "true",
     "annotations": "false",

@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ from sim_action.reports import ReportOptions
 from sim_action.reports.html import document
 from sim_action.reports.html.report import page, write_html
 from sim_action.reports.notebook import report_frame
+from sim_action.results.earlier_run import EarlierRun
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
 from sim_action.state.verdict import Verdict
@@ -124,8 +126,21 @@ def test_a_proof(tmp_path: Path) -> None:
     (tmp_path / "a.sim.yml").write_text(text, encoding="utf-8")
     ran = sim_action(tmp_path, "prove", "--only", "doubled", ".")
     assert ran.returncode == 0, ran.stdout + ran.stderr
-    checks = ["a survivor plays beside the run without a fault", "a phone has no sideways scroll"]
+    checks = ["a survivor plays with the run without a fault as a ghost", "a phone has no sideways scroll"]
     assert looked(tmp_path / "sim-results/proof/report.html", *checks) == dict.fromkeys(checks, "")
+
+
+def test_a_base_run(tmp_path: Path) -> None:
+    before, now = (
+        outcome("a.sim.yml", holds=holds).model_copy(
+            update={"name": "burger moves", "replay": kept(drive(distance=distance), tmp_path / folder, "burger")}
+        )
+        for folder, distance, holds in (("old", 1.5, True), ("new", 1.0, False))
+    )
+    against = EarlierRun("old", (before,), {id(before): tmp_path / "old"})
+    write_html(results(now), replace(options(tmp_path / "new"), against=against))
+    checks = ["the base run is a ghost, by mouse", "the ghost of an address is drawn, by keys"]
+    assert looked(tmp_path / "new/report.html", *checks) == dict.fromkeys(checks, "")
 
 
 def test_a_report_in_a_notebook(broken: Path, tmp_path: Path) -> None:

@@ -209,8 +209,16 @@ interface Run {
   trail(link: number): Float64Array[];
 }
 
+/** Another run, drawn as a ghost; implemented by `GhostMotion` of the page. */
+interface GhostRun extends Run {
+  /** The indices of its bodies that the open run does not have like this. */
+  others: number[];
+}
+
 /** A view of the run. */
 interface View {
+  /** Draws another run as a ghost; null: none. */
+  compare(ghost: GhostRun | null): void;
   draw(moment: Moment, follow: boolean): void;
   /** Shows the path and the frame of a link; 0: the base, with its path alone. */
   choose(link: number): void;
@@ -240,6 +248,7 @@ interface Colours {
   floor: string;
   /** Of the lines of a plot, in their order. */
   lines: string[];
+  ghost: string;
   dark: boolean;
 }
 
@@ -248,6 +257,19 @@ interface ExpectationEntry {
   status: "passed" | "warned" | "inconclusive" | "not_exercised" | "failed";
   time: number | null;
   cutOff: boolean;
+}
+
+/** Another run that can be drawn as a ghost beside an open one. */
+interface GhostEntry {
+  label: string;
+  /** The block with its replay; null: the page has no room for it. */
+  replay: string | null;
+  /** The sim time in s at which the motions part, and how; null: they move alike. */
+  parting: { time: number; words: string } | null;
+  /** Up to what they move alike. */
+  alike: string;
+  /** True if it is drawn from the start. */
+  shown: boolean;
 }
 
 interface ScenarioEntry {
@@ -263,8 +285,7 @@ interface ScenarioEntry {
   /** The sim time in s of the failure, if no expectation gives it. */
   moment: number | null;
   expectations: ExpectationEntry[];
-  /** The block with the replay that is shown beside this one, at the same sim time. */
-  beside?: string | null;
+  ghosts: GhostEntry[];
 }
 
 /** A quantity that can be plotted. */

@@ -2,6 +2,7 @@
 
 import { AxesHelper, Box3, Color, Group, Material, PCFShadowMap, PerspectiveCamera, Scene, Vector3, WebGLRenderer } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import { Ghost } from "./ghost";
 import type { Layer } from "./layer";
 import { mark, Touches, Trail, Way } from "./lines";
 import { ScanLayer } from "./scans";
@@ -25,6 +26,9 @@ class View3D implements View {
   private readonly touches: Touches;
   private readonly marks: Group[];
   private trail: Trail | null = null;
+  private ghost: Ghost | null = null;
+  private readonly clearance: number;
+  private readonly width: number;
   private readonly seen: Box3;
   private readonly base = new Vector3();
   private followed: Vector3 | null = null;
@@ -56,8 +60,9 @@ class View3D implements View {
     const fixed = marks.filter((_, i) => run.replay.marks[i].link === undefined);
     this.seen = this.widened(this.everywhere(run, robot), fixed);
     furnish(this.scene, this.seen, colours);
-    const clearance = run.base[2][0] - size.min.z;
-    this.add(new Way(run, colours.accent, clearance, 0.009 * this.seen.getSize(new Vector3()).length()));
+    this.clearance = run.base[2][0] - size.min.z;
+    this.width = 0.009 * this.seen.getSize(new Vector3()).length();
+    this.add(new Way(run, colours.accent, this.clearance, this.width));
     this.touches = this.add(new Touches(run.replay.contacts, failed.size ? colours.bad : colours.text, touchSize(size, this.seen)));
     this.scans = run.scans.map((track) => this.add(new ScanLayer(track, track.colour(colours))));
     this.marks = marks;
@@ -87,6 +92,12 @@ class View3D implements View {
     });
   }
 
+  compare(ghost: GhostRun | null): void {
+    if (this.ghost) this.remove(this.ghost);
+    this.ghost = ghost && this.add(new Ghost(ghost, this.colours.ghost, this.clearance, this.width));
+    if (!this.touched && !this.followed) this.home();
+  }
+
   draw(moment: Moment, follow: boolean): void {
     // A camera that follows fires a change event, but its frame is drawn already.
     if (this.drawing) return;
@@ -102,7 +113,8 @@ class View3D implements View {
 
   home(): void {
     this.touched = false;
-    overview(this.camera, this.seen, this.controls.target);
+    const seen = this.ghost ? this.seen.clone().union(this.ghost.box) : this.seen;
+    overview(this.camera, seen, this.controls.target);
     this.controls.update();
   }
 

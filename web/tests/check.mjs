@@ -6,6 +6,7 @@
 import assert from "node:assert/strict";
 import { pathToFileURL } from "node:url";
 import { launch, visit } from "./browser.mjs";
+import { GHOSTS } from "./checks/ghosts.mjs";
 import { SIGNALS } from "./checks/signals.mjs";
 
 const READY = ".scenario.live .view canvas[data-kind]";
@@ -21,6 +22,7 @@ const text = (/** @type {Page} */ page) => page.evaluate(() => document.body.inn
 
 /** @type {Record<string, {how?: {webgl?: boolean, scripts?: boolean, width?: number, height?: number, dark?: boolean}, hash?: string, expected?: string[], look: (page: Page) => Promise<void>}>} */
 const CHECKS = {
+  ...GHOSTS,
   ...SIGNALS,
   loads: {
     look: async (page) => {
@@ -40,20 +42,6 @@ const CHECKS = {
       // Before a dark wall, too, it can be read.
       const behind = await page.$eval(".happening", (words) => getComputedStyle(words).backgroundColor);
       assert.equal(behind, await page.$eval("html", (all) => getComputedStyle(all).backgroundColor));
-    },
-  },
-  "a survivor plays beside the run without a fault": {
-    hash: "#scenario=burger%20(doubled)&t=2",
-    look: async (page) => {
-      await page.waitForSelector(".scenario.live .twin canvas[data-kind]");
-      assert.equal(await page.textContent(".twin .readout"), await page.textContent(".stage .readout"));
-      const before = (await page.locator(".twin canvas").first().screenshot()).toString("base64");
-      await page.locator(".stage .track input").fill("3");
-      await page.waitForFunction(() => document.querySelector(".twin .readout")?.textContent?.startsWith("3"));
-      assert.notEqual((await page.locator(".twin canvas").first().screenshot()).toString("base64"), before);
-      await page.click('nav a[href="#scenario=burger"]');
-      await page.waitForSelector(READY);
-      assert.equal(await page.$(".twin .player"), null);
     },
   },
   "names a contact without a force": {

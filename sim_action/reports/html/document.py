@@ -38,6 +38,7 @@ SCRIPTS: Final = (
     "plots/panel.js",
     "player/controls.js",
     "player/views.js",
+    "player/ghost.js",
     "player/player.js",
     "plots/sweep_axes.js",
     "plots/sweep.js",

@@ -11,11 +11,13 @@ from sim_action.core.errors import Location
 from sim_action.core.files import whole_file
 from sim_action.core.records import dataclass
 from sim_action.core.wording import counted, shortened
+from sim_action.recording.replay.replay_data import Replay
 from sim_action.recording.replay.replay_file import ReplayReader
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import moment
 from sim_action.reports.html.document import Html, Page, element, encoded, joined
+from sim_action.reports.html.ghosts import Ghost, ghost
 from sim_action.reports.html.navigation import PageEntry
 from sim_action.reports.html.replay_blocks import ReplayBlocks, page_json, replay_id, stored_replay
 from sim_action.reports.html.report import index_entry
@@ -85,12 +87,14 @@ def proof_page(proof: Proof, shown: Sequence[ShownScenario], options: ReportOpti
     body = [_head(proof), f'<div class="layout">{_list(every, len(ordered))}<main>']
     index = []
     for runs in every:
-        original = drawer.drawn(runs.entry)
-        body.append(_scenario_article(runs, original, options))
-        index.append(known := index_entry(runs.entry, drawer.blocks, ()))
+        original, still = drawer.drawn(runs.entry)
+        body.append(_scenario_article(runs, still, options))
+        index.append(index_entry(runs.entry, drawer.blocks, ()))
         for entry, result in zip(runs.survivors, runs.shown.scenario.survivors, strict=True):
-            body.append(_survivor_article(entry, result, runs.entry, drawer.drawn(entry), original))
-            index.append({**index_entry(entry, drawer.blocks, ()), "beside": known["replay"]})
+            faulty, still = drawer.drawn(entry)
+            body.append(_survivor_article(entry, result, runs.entry, still))
+            ghosts = () if original is None or faulty is None else (_without_fault(runs.entry, faulty, original),)
+            index.append(index_entry(entry, drawer.blocks, (), ghosts))
     body.append("</main></div>")
     return Page(
         f"{headline(proof)} · sim-action",
@@ -130,15 +134,19 @@ class _Drawer:
         self._folder, self._reader, self._outlines = folder, ReplayReader(), SceneOutlines()
         self.blocks = ReplayBlocks()
 
-    def drawn(self, entry: PageEntry) -> Html:
-        """Return the drawing of a run; empty if there is none."""
+    def drawn(self, entry: PageEntry) -> tuple[Replay | None, Html]:
+        """Return the replay and the drawing of a run; None and an empty drawing if there is none."""
         if entry.outcome is None:
-            return Html("")
+            return None, Html("")
         replay, missing = stored_replay(entry.outcome, self._folder, self._reader)
         if replay is None:
-            return element("p", missing, class_="faint") if missing else Html("")
+            return None, element("p", missing, class_="faint") if missing else Html("")
         self.blocks.add(replay_id(entry.identity), replay)
-        return drawn(replay, entry.outcome, self._outlines)
+        return replay, drawn(replay, entry.outcome, self._outlines)
+
+
+def _without_fault(original: PageEntry, faulty: Replay, replay: Replay) -> Ghost:
+    return ghost("the run without the fault", replay_id(original.identity), faulty, replay, is_shown=True)
 
 
 def _head(proof: Proof) -> Html:
@@ -298,16 +306,10 @@ def _others(scenario: ProvenScenario) -> Html:
     return joined(element("h3", "Mutants"), element("dl", *told, class_="facts")) if told else Html("")
 
 
-def _survivor_article(
-    entry: PageEntry, result: MutantResult, original: PageEntry, still: Html, original_still: Html
-) -> Html:
-    """Return the article of a survivor: its motion beside that of the run without a mutant."""
+def _survivor_article(entry: PageEntry, result: MutantResult, original: PageEntry, still: Html) -> Html:
+    """Return the article of a survivor; the run without a mutant is a ghost in its player."""
     about = element("p", "A mutant of ", element("a", original.name, href=f"#{original.identity}"), class_="faint")
     text = survivor_text(result)
-    ours = element("div", element("h3", f"With the fault: {result.words}"), element("div", still, class_="stage"))
-    theirs = element(
-        "div", element("h3", "Without it, at the same time"), element("div", original_still, class_="twin")
-    )
     outcome = entry.outcome
     ends = f"{moment(outcome.sim_time)} simulated" if outcome is not None and outcome.sim_time is not None else ""
     return element(
@@ -329,7 +331,8 @@ def _survivor_article(
             ),
             class_="reasons",
         ),
-        element("div", ours, theirs, class_="beside"),
+        element("h3", f"With the fault: {result.words}"),
+        element("div", still, class_="stage"),
         id=entry.identity,
         class_="scenario survivor",
         aria_labelledby=f"{entry.identity}-name",

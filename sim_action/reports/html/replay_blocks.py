@@ -7,7 +7,7 @@ import gzip
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Final
+from typing import Final, Self
 
 from sim_action.core.records import dataclass, field
 from sim_action.recording.replay.replay_data import Replay
@@ -57,6 +57,20 @@ def page_json(data: object) -> str:
     return json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
 
 
+@dataclass(frozen=True, slots=True)
+class PackedReplay:
+    """A replay as it is in a page: packed without its meshes, which other replays may share."""
+
+    block: str
+    meshes: Mapping[str, MeshData]
+
+    @classmethod
+    def of(cls, replay: Replay) -> Self:
+        """Pack a replay."""
+        data = replay.model_dump_json(exclude={"scene": {"meshes"}}, exclude_none=True).encode()
+        return cls(packed(data), replay.scene.meshes)
+
+
 @dataclass(slots=True)
 class ReplayBlocks:
     """The packed replays of a page and the meshes that they share; `size` is an upper bound in bytes."""
@@ -67,13 +81,16 @@ class ReplayBlocks:
 
     def add(self, identity: str, replay: Replay) -> bool:
         """Add a replay if it fits; return False if it does not."""
-        block = packed(replay.model_dump_json(exclude={"scene": {"meshes"}}, exclude_none=True).encode())
-        new = {digest: mesh for digest, mesh in replay.scene.meshes.items() if digest not in self.meshes}
-        size = self.size + len(block) + (len(_packed_meshes(new)) if new else 0)
+        return self.put(identity, PackedReplay.of(replay))
+
+    def put(self, identity: str, replay: PackedReplay) -> bool:
+        """Add a packed replay if it fits; return False if it does not."""
+        new = {digest: mesh for digest, mesh in replay.meshes.items() if digest not in self.meshes}
+        size = self.size + len(replay.block) + (len(_packed_meshes(new)) if new else 0)
         if size > MAX_REPLAY_BYTES:
             return False
         self.size = size
-        self.blocks[identity] = block
+        self.blocks[identity] = replay.block
         self.meshes |= new
         return True
 

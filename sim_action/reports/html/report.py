@@ -5,7 +5,7 @@ This module assembles the page: head, list of scenarios, an article for each, an
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from math import isfinite
 from typing import Final
 
@@ -16,6 +16,8 @@ from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import counts_text, shard_text, speed_text
 from sim_action.reports.html.document import Html, Page, element, encoded, joined
 from sim_action.reports.html.gate_article import GroupPlace, gate_article, variations_article
+from sim_action.reports.html.ghost_sources import Base, GhostSources
+from sim_action.reports.html.ghosts import Ghost
 from sim_action.reports.html.navigation import PageEntry, PagePlan, planned_page, scenario_list
 from sim_action.reports.html.replay_blocks import ReplayBlocks, packed, page_json, replay_id, stored_replay
 from sim_action.reports.html.scenario_article import article, drawn
@@ -40,16 +42,24 @@ def page(results: Results, options: ReportOptions) -> Page:
     """Return the page with the list, an article for each scenario, run and gate, and the replays that fit."""
     plan = planned_page(grouped_scenarios(results.outcomes, results.gates), MAX_PAGE_SCENARIOS)
     blocks = ReplayBlocks()
-    articles = _run_articles(plan, results, options, blocks)
+    base = None if options.against is None else Base.of(options.against, results.outcomes)
+    ghosts = GhostSources(results.runs, plan.ids, options.folder, base)
+    articles = _run_articles(plan, results, options, blocks, ghosts)
     plots = _group_articles(plan, options, blocks, articles)
-    head = f'{page_head(results)}\n<div class="layout">{joined(scenario_list(plan, results), Html("<main>"))}'
+    head = f'{page_head(results, base)}\n<div class="layout">{joined(scenario_list(plan, results), Html("<main>"))}'
     written = [articles[entry.identity] + b"\n" for entry in plan.entries]
     if written:
         written[-1] = written[-1].removesuffix(b"\n")
     body = (encoded(head), *written, b"</main></div>")
     shared = {"meshes": blocks.shared} if blocks.meshes else {}
     title = f"{page_headline(results)} · sim-action"
-    index = page_json({"scenarios": [index_entry(entry, blocks, plots) for entry in plan.entries]})
+    index = page_json(
+        {
+            "scenarios": [
+                index_entry(entry, blocks, plots, ghosts.found.get(entry.identity, ())) for entry in plan.entries
+            ]
+        }
+    )
     carried = blocks.blocks | shared | {_sweep_id(identity): block for identity, block in plots.items()}
     return Page(title, results.conclusion != "success", body, index, carried, has_replays=bool(blocks.blocks))
 
@@ -59,19 +69,31 @@ def _sweep_id(identity: str) -> str:
     return f"sweep-{identity}"
 
 
-def _run_articles(plan: PagePlan, results: Results, options: ReportOptions, blocks: ReplayBlocks) -> dict[str, bytes]:
-    """Return the articles of all runs by element id; the worst runs come first to the place for replays."""
+def _run_articles(
+    plan: PagePlan, results: Results, options: ReportOptions, blocks: ReplayBlocks, ghosts: GhostSources
+) -> dict[str, bytes]:
+    """Return the articles of all runs by element id.
+
+    The worst runs come first to the place for replays; the ghosts of a run come after all runs as bad as it.
+    """
     reader, outlines = ReplayReader(), SceneOutlines()
     articles = {}
+    passes = False
     for outcome in plan.runs:
+        if not passes and (passes := outcome.status == "passed"):
+            ghosts.settle(blocks)
         identity = plan.ids[id(outcome)]
         replay, missing = stored_replay(outcome, options.folder, reader)
         seen = Html("") if replay is None else sightings(replay)
         if replay is not None and not blocks.add(replay_id(identity), replay):
             replay, missing = None, "The replay of this run is not included: the size of the page is limited."
         still = element("p", missing, class_="faint") if replay is None else drawn(replay, outcome, outlines)
+        since = ghosts.since(identity, outcome, replay)
         gate = plan.gates.get((outcome.file, outcome.gate), "")
-        articles[identity] = encoded(article(identity, outcome, results, options, still, gate=gate, seen=seen))
+        articles[identity] = encoded(
+            article(identity, outcome, results, options, still, gate=gate, seen=seen, since=since)
+        )
+    ghosts.settle(blocks)
     return articles
 
 
@@ -97,7 +119,9 @@ def _group_articles(
     return plots
 
 
-def index_entry(entry: PageEntry, blocks: ReplayBlocks, plots: Collection[str]) -> dict[str, object]:
+def index_entry(
+    entry: PageEntry, blocks: ReplayBlocks, plots: Collection[str], ghosts: Sequence[Ghost] = ()
+) -> dict[str, object]:
     """Return the data of an article for the script of the page."""
     outcome = entry.outcome
     failures = () if outcome is None else outcome.failures
@@ -120,6 +144,7 @@ def index_entry(entry: PageEntry, blocks: ReplayBlocks, plots: Collection[str]) 
             }
             for expected in expectations
         ],
+        "ghosts": [each.entry(blocks) for each in ghosts],
     }
 
 
@@ -141,12 +166,13 @@ def page_headline(results: Results) -> str:
     return f"The {noun} did not pass" if results.total == 1 else f"{bad} of {results.total} {noun}s did not pass"
 
 
-def page_head(results: Results) -> Html:
-    """Return the head of the page: headline, counts, speed and version."""
+def page_head(results: Results, base: Base | None = None) -> Html:
+    """Return the head of the page: headline, counts, speed and version, and the changes since an earlier run."""
     speed = f" ({speed_text(results.real_time_factor)})" if results.real_time_factor else ""
     told = [f"{counts_text(results)} in {results.wall_time:.1f} s{speed}"]
     told += [shard_text(results.shard)] if results.shard else []
     told += [f"sim-action {results.sim_action}"]
+    compared = element("p", base.headline, class_="faint") if base is not None else ""
     worst = next((outcome.status for outcome in results.worst_first()), None)
     open_kinds = ("inconclusive", "not_exercised")
     kind = "passed" if results.conclusion == "success" else worst if worst in open_kinds else "failed"
@@ -154,5 +180,6 @@ def page_head(results: Results) -> Html:
         "header",
         element("h1", page_headline(results), class_=kind),
         element("p", " · ".join(told), class_="faint"),
+        compared,
         class_="run",
     )

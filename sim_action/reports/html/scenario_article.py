@@ -37,11 +37,12 @@ def article(
     *,
     gate: str = "",
     seen: str = "",
+    since: str = "",
 ) -> Html:
     """Return the article of a scenario; `identity` is its element id, `still` the drawing shown without scripts.
 
     `gate` is the element id of the article of the gate that judges this run, if it has one; `seen` the section on what
-    the sensors saw.
+    the sensors saw; `since`: what changed since an earlier run.
     """
     kind = outcome.display_status
     return element(
@@ -52,6 +53,7 @@ def article(
             _gate_line(outcome, gate) if outcome.is_sample else "",
             element("h2", one_line(outcome.name), id=f"{identity}-name"),
             element("p", _origin_line(outcome, options), class_="faint"),
+            element("p", since, class_="since") if since else "",
         ),
         joined(
             reasons(outcome, options),

@@ -51,13 +51,14 @@ def test_scenarios_with_a_useless_expectation_come_first(tmp_path: Path) -> None
     ]
 
 
-def test_a_survivor_is_shown_beside_the_run_without_a_mutant(tmp_path: Path) -> None:
+def test_the_run_without_a_mutant_is_a_ghost_of_a_survivor(tmp_path: Path) -> None:
     found = page(tmp_path)
     entries = json.loads(found.index)["scenarios"]
     own, *survivors = entries[:4]
     assert own["kind"] == "scenario"
-    assert "beside" not in own
-    assert {each["beside"] for each in survivors} == {own["replay"]}
+    assert own["ghosts"] == []
+    assert [ghost["replay"] for each in survivors for ghost in each["ghosts"]] == [own["replay"]] * len(survivors)
+    assert all(ghost["shown"] for each in survivors for ghost in each["ghosts"])
     assert {each["kind"] for each in survivors} == {"sample"}
     assert set(found.blocks) == {each["replay"] for each in entries[:4]}
     assert all(each["replay"] is None for each in entries[4:])

@@ -28,6 +28,7 @@ function keyActions(player) {
     "-": () => plots.zoomBy(2),
     0: () => plots.zoom(plots.all),
     Escape: () => plots.zoom(plots.all),
+    g: () => void player.ghosts.toggle(),
   };
 }
 

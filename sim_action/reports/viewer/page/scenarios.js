@@ -7,8 +7,6 @@ class Scenarios {
     this.open = null;
     /** @type {Player | null} */
     this.player = null;
-    /** The player of the run beside the open one. @type {Player | null} */
-    this.twin = null;
     this.pending = 0;
     /** @type {Map<string, HTMLAnchorElement>} */
     this.anchors = new Map();
@@ -64,8 +62,7 @@ class Scenarios {
   leave() {
     if (!this.open) return;
     this.player?.dispose();
-    this.twin?.dispose();
-    this.player = this.twin = null;
+    this.player = null;
     find(document, `#${this.open.id}`).classList.remove("open", "live");
     this.anchors.get(this.open.id)?.removeAttribute("aria-current");
     if (innerWidth <= 800) document.querySelector("nav.scenarios > details")?.removeAttribute("open");
@@ -94,23 +91,6 @@ class Scenarios {
     };
     player.clock.addEventListener("tick", rememberTime);
     player.clock.addEventListener("state", rememberTime);
-    if (entry.beside) await this.mountTwin(entry.beside, article, player);
-  }
-
-  /**
-   * Shows another run beside the open one, at the same sim time.
-   * @param {string} block
-   * @param {HTMLElement} article
-   * @param {Player} player
-   */
-  async mountTwin(block, article, player) {
-    const replay = await unpackedReplay(block);
-    if (this.player !== player || !this.open) return;
-    const twin = new Player(replay, { ...this.open, expectations: [] });
-    this.twin = twin;
-    find(article, ".twin").append(twin.element);
-    await twin.open(player.clock.time);
-    player.clock.addEventListener("tick", () => twin.clock.seek(player.clock.time));
   }
 
   /**

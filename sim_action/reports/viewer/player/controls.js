@@ -18,6 +18,9 @@ class Controls {
     this.pace = make("select", { "aria-label": "Speed", title: "Speed" });
     for (const speed of SPEEDS) this.pace.append(make("option", { value: speed, selected: speed === 1 }, `${speed}×`));
     const track = make("div", { class: "track" }, ...touchMarks(clock, motion), this.slider, ...decisionMarks(clock, expectations));
+    /** Where the ghost and the run part. */
+    this.parted = make("span", { class: "parted", hidden: true });
+    track.prepend(this.parted);
     this.element = make("div", { class: "controls" }, this.play, this.readout, track, this.pace);
     this.listen();
   }
@@ -37,6 +40,12 @@ class Controls {
       this.play.setAttribute("aria-label", clock.playing ? "Pause" : "Play");
       this.play.replaceChildren(symbol(clock.playing ? "M4 2.5h3v11H4zM9 2.5h3v11H9z" : "M4 2.5v11l9-5.5z"));
     });
+  }
+
+  /** Marks the time at which the ghost and the run part. @param {number | null} time */
+  markParting(time) {
+    this.parted.hidden = time === null;
+    if (time !== null) this.parted.style.left = share(this.clock, time);
   }
 
   show() {

@@ -14,7 +14,9 @@ class Player {
     this.views = new Views(this.clock, motion, failed, this.layers);
     this.controls = new Controls(this.clock, motion, entry.expectations);
     this.plots = new PlotPanel(motion, entry, this.clock);
-    const screen = make("div", { class: "screen" }, this.views.element, this.controls.element, this.views.sensed, keysHint());
+    this.ghosts = new Ghosts(entry.ghosts, motion, this.clock);
+    this.ghosts.addEventListener("chosen", () => this.compare());
+    const screen = make("div", { class: "screen" }, this.views.element, this.controls.element, this.ghosts.element, this.views.sensed, keysHint(entry.ghosts.length > 0));
     this.element = make("div", { class: "player" }, screen, this.plots.element);
     this.clock.addEventListener("tick", () => this.show());
     this.observer = new ResizeObserver(() => this.resize());
@@ -29,7 +31,9 @@ class Player {
     // The observer also reports the first size and so draws the plots, before the view is ready.
     this.observer.observe(this.element);
     await painted();
-    if (this.element.isConnected) await this.views.open();
+    if (!this.element.isConnected) return;
+    await this.views.open();
+    await this.ghosts.restore();
   }
 
   /** The decisive sim time: that of the failure, or the end of a run with an error, else the start. */
@@ -38,6 +42,15 @@ class Player {
     if (this.entry.moment !== null) return this.entry.moment;
     if (first && first.status === "failed") return first.time;
     return this.entry.status === "error" ? this.clock.end : this.clock.start;
+  }
+
+  /** Draws the chosen ghost in the view and in the plots. */
+  compare() {
+    const { ghost, label, entry } = this.ghosts;
+    this.views.compare(ghost);
+    this.controls.markParting(entry?.parting?.time ?? null);
+    this.plots.setGhost(ghost, label);
+    this.show();
   }
 
   show() {
@@ -70,8 +83,9 @@ function painted() {
   return new Promise((done) => requestAnimationFrame(() => setTimeout(done)));
 }
 
-function keysHint() {
-  const keys = [["space", "play"], ["← →", "step"], ["1 – 9", "moments"], ["f", "follow"], ["p", "plot"], ["+ − 0", "zoom"]];
+/** @param {boolean} compares true if there is a ghost to draw */
+function keysHint(compares) {
+  const keys = [["space", "play"], ["← →", "step"], ["1 – 9", "moments"], ["f", "follow"], ["p", "plot"], ["+ − 0", "zoom"], ...(compares ? [["g", "ghost"]] : [])];
   const shown = keys.flatMap(([key, words]) => [make("kbd", {}, key), ` ${words}  `]);
   return make("p", { class: "keys" }, ...shown);
 }

@@ -27,6 +27,10 @@ class TopView {
     this.link = 0;
     /** The path of the chosen link. */
     this.trail = motion.base;
+    /** @type {GhostRun | null} */
+    this.ghost = null;
+    /** The points of the links and bodies of the ghost. @type {{links: Float64Array[][], bodies: Float64Array[][]}} */
+    this.ghostPoints = { links: [], bodies: [] };
     /** @type {[number, number]} */
     this.centre = [0, 0];
     this.span = 1;
@@ -35,10 +39,10 @@ class TopView {
     this.grab();
   }
 
-  /** Shows the whole path of the robot. */
+  /** Shows the whole path of the robot, and of the ghost. */
   home() {
-    const { base } = this.motion;
-    const [x0, x1] = extent(base[0]), [y0, y1] = extent(base[1]);
+    const paths = [this.motion.base, ...(this.ghost ? [this.ghost.base] : [])];
+    const [x0, x1] = extent(paths.flatMap(([x]) => extent(x))), [y0, y1] = extent(paths.flatMap(([, y]) => extent(y)));
     this.centre = [(x0 + x1) / 2, (y0 + y1) / 2];
     this.span = Math.max(1.2, 1.25 * (x1 - x0) + 0.8, 1.8 * (y1 - y0) + 0.8);
   }
@@ -52,6 +56,15 @@ class TopView {
   /** @param {ReadonlySet<string>} shown */
   showLayers(shown) {
     this.shown = shown;
+  }
+
+  /** @param {GhostRun | null} ghost */
+  compare(ghost) {
+    this.ghost = ghost;
+    const points = (/** @type {{shapes: Shape[]}} */ owner) =>
+      owner.shapes.map((shape) => hullPoints(shape, ghost?.scene.meshes ?? {}));
+    this.ghostPoints = { links: ghost?.scene.links.map(points) ?? [], bodies: ghost?.scene.bodies.map(points) ?? [] };
+    if (ghost) this.home();
   }
 
   resize() {
@@ -78,6 +91,7 @@ class TopView {
     this.drawBodies(moment);
     const isShown = (/** @type {MarkData} */ { expectation }) => expectation === undefined || this.shown.has("expectations");
     for (const mark of this.motion.replay.marks.filter(isShown)) this.drawMark(mark);
+    if (this.ghost) this.drawGhost(this.ghost, moment.time);
     this.drawWay(moment.time);
     this.drawRobot(moment);
     drawScans(this, this.motion.scans, this.shown);
@@ -139,6 +153,23 @@ class TopView {
     context.moveTo(...this.pixel([moment.links[at], moment.links[at + 1]]));
     context.lineTo(...this.pixel([moment.links[at] + turned[0], moment.links[at + 1] + turned[1]]));
     context.stroke();
+  }
+
+  /** Draws the other run in one colour, dimmer after its end. @param {GhostRun} ghost @param {number} time */
+  drawGhost(ghost, time) {
+    const { colours, ghostPoints } = this;
+    const moment = ghost.at(time);
+    const [x, y] = ghost.base;
+    this.line(Array.from(x, (_, i) => [x[i], y[i]]), `${colours.ghost}80`, 1.5);
+    this.context.globalAlpha = time > ghost.end + 1e-6 ? 0.4 : 1;
+    for (const i of ghost.others) {
+      if (!moment.here[i]) continue;
+      for (const points of ghostPoints.bodies[i]) this.area(outline(points, moment.bodies, 7 * i), `${colours.ghost}30`, colours.ghost);
+    }
+    ghostPoints.links.forEach((shapes, i) => {
+      for (const points of shapes) this.area(outline(points, moment.links, 7 * i), `${colours.ghost}48`, colours.ghost);
+    });
+    this.context.globalAlpha = 1;
   }
 
   /** @param {number} time */

@@ -29,6 +29,8 @@ class Views {
     this.following = false;
     /** The link whose path and frame are drawn; 0: the base, with its path alone. */
     this.link = 0;
+    /** The run that is drawn as a ghost. @type {GhostMotion | null} */
+    this.ghost = null;
     this.pending = 0;
     /** @type {View | null} */
     this.view = null;
@@ -87,6 +89,7 @@ class Views {
     this.view = make_view(canvas);
     this.view.choose(this.link);
     this.view.showLayers(this.layers.shown);
+    this.view.compare(this.ghost);
     canvas.addEventListener("viewmoved", () => this.draw());
     this.kind.textContent = kind === "3d" ? "Top view" : "3D";
     this.resize();
@@ -102,6 +105,13 @@ class Views {
   choose(link) {
     this.link = link;
     this.view?.choose(link);
+    this.draw();
+  }
+
+  /** Draws another run as a ghost; null: none. @param {GhostMotion | null} ghost */
+  compare(ghost) {
+    this.ghost = ghost;
+    this.view?.compare(ghost);
     this.draw();
   }
 

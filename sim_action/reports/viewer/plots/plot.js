@@ -203,7 +203,7 @@ class Plot extends EventTarget {
     this.curves.forEach((curve, i) => {
       const colour = lineColour(colours, i), dash = DASHES[i % DASHES.length];
       const ghost = this.ghosts.get(curve.key);
-      if (ghost) drawLine(chart, axis(curve), { ...ghost, colour, width: 1, dash, faint: true });
+      if (ghost) drawLine(chart, axis(curve), { ...ghost, colour: colours.ghost, width: 1.1, dash });
       if (curve.commanded) drawLine(chart, axis(curve), { ...curve, values: curve.commanded, colour, width: 1.25, dash: COMMANDED_DASH });
       drawLine(chart, axis(curve), { ...curve, colour, width: 1.75, dash: curve.aimed ? COMMANDED_DASH : dash });
     });

@@ -1,0 +1,50 @@
+"""The change of each scenario since the run of `--against`: a kind to sort by, and words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Literal
+
+from sim_action.core.records import dataclass
+from sim_action.reports.comparison import rows_of
+from sim_action.results.comparison import Change, ChangeKind, Comparison
+
+ScenarioChangeKind = ChangeKind | Literal["less margin", "weaker", "moves differently", "unchanged"]
+"""The kind of change of a scenario or gate; the last four are those whose verdict is the one of before.
+
+- less margin: a margin, or that of the runs of a gate, is less than half of the one of before.
+- weaker: an expectation is gone, allows more, or no longer holds as a warning; or the pass rate of a gate fell.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class ScenarioChange:
+    """The change of a scenario or gate.
+
+    Attributes:
+        words: what changed, such as "newly fails: travelled 1.2 m of 1.5 m; before: 1.6 m".
+    """
+
+    kind: ScenarioChangeKind
+    words: str
+
+
+def scenario_changes(comparison: Comparison) -> Mapping[int, ScenarioChange]:
+    """Return `id()` of an outcome of the new run -> its change."""
+    return {id(change.new): _scenario_change(change) for change in comparison.changes if change.new is not None}
+
+
+def _scenario_change(change: Change) -> ScenarioChange:
+    told = [f"{row.what}: {row.detail}" if row.detail else row.what for row in rows_of(change)]
+    return ScenarioChange(_kind(change), "; ".join(told) or "nothing changed")
+
+
+def _kind(change: Change) -> ScenarioChangeKind:
+    if change.kind not in ("still passes", "still fails"):
+        return change.kind
+    gate = change.gate
+    if change.missed or change.weaker or (gate is not None and gate.failed):
+        return "weaker"
+    if change.smaller_margins or (gate is not None and gate.margins):
+        return "less margin"
+    return "moves differently" if change.moves_differently else "unchanged"

@@ -1,0 +1,119 @@
+"""The ghosts that a page offers: the run of `--against`, and the same scenario in another engine."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+from sim_action.core.records import dataclass
+from sim_action.recording.replay.replay_data import Replay
+from sim_action.recording.replay.replay_file import ReplayReader
+from sim_action.reports.comparison import headline
+from sim_action.reports.formatting import moment
+from sim_action.reports.html.changes import ScenarioChange, scenario_changes
+from sim_action.reports.html.ghosts import Ghost, WaitingGhosts, engine_pairs, ghost
+from sim_action.reports.html.parting import Tolerance
+from sim_action.reports.html.replay_blocks import ReplayBlocks, replay_id, stored_replay
+from sim_action.results.comparison import Comparison, compare_outcomes, paired_outcomes
+from sim_action.results.earlier_run import EarlierRun
+from sim_action.results.outcome import Outcome
+
+BASE_RUN: Final = "base run"
+"""The label of the run of `--against`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Base:
+    """The earlier run of `--against`, and what changed since."""
+
+    run: EarlierRun
+    comparison: Comparison
+    changes: Mapping[int, ScenarioChange]
+    before: Mapping[int, Outcome]
+
+    @classmethod
+    def of(cls, run: EarlierRun, outcomes: Sequence[Outcome]) -> Base:
+        """Compare the outcomes of a page with the earlier run."""
+        comparison = compare_outcomes(run.outcomes, outcomes, allow_removed=True)
+        pairs = paired_outcomes(run.outcomes, outcomes)
+        before = {id(new): old for old, new in pairs if new is not None and old is not None}
+        return cls(run, comparison, scenario_changes(comparison), before)
+
+    @property
+    def headline(self) -> str:
+        """The counts of all changes, or that there is nothing to compare."""
+        if not self.before:
+            return f"Nothing to compare: no scenario of {self.run.name} has the name of one here"
+        return f"Compared with {self.run.name}: {headline(self.comparison)}"
+
+
+class GhostSources:
+    """Finds the ghosts of each run of a page, and keeps them until there is room."""
+
+    def __init__(self, outcomes: Sequence[Outcome], ids: Mapping[int, str], folder: Path, base: Base | None) -> None:
+        """Start with the runs of a page.
+
+        Args:
+            outcomes: all outcomes.
+            ids: `id()` of an outcome -> the element id of its article.
+            folder: the folder from which outcomes name their replays.
+            base: the earlier run; None: there is none.
+        """
+        self._ids, self._folder, self._base = ids, folder, base
+        self._others: dict[int, Outcome] = {}
+        for one, other in engine_pairs(outcomes):
+            self._others |= {id(one): other, id(other): one}
+        self._readers = {"base": ReplayReader(), "engine": ReplayReader()}
+        self._waiting = WaitingGhosts()
+        self.found: dict[str, list[Ghost]] = {}
+        """Element id of an article -> its ghosts."""
+
+    def since(self, identity: str, outcome: Outcome, replay: Replay | None) -> str:
+        """Find the ghosts of a run; return what changed since the base run, and why its motion is not drawn."""
+        missing = ""
+        if replay is not None:
+            missing = self._find_base(identity, outcome, replay)
+            self._find_engine(identity, outcome, replay)
+        change = None if self._base is None else self._base.changes.get(id(outcome))
+        parts = [each.parting for each in self.found.get(identity, ()) if each.label == BASE_RUN and each.parting]
+        told = [change.words] if change is not None else []
+        told += [f"the motions part at {moment(part.time)}, {part.words}" for part in parts]
+        words = f"Since the {BASE_RUN}: {'; '.join(told)}." if told else ""
+        return f"{words} {missing}".strip()
+
+    def settle(self, blocks: ReplayBlocks) -> None:
+        """Add the ghosts found so far to the page, as far as they fit."""
+        self._waiting.settle(blocks)
+
+    def _find_base(self, identity: str, outcome: Outcome, replay: Replay) -> str:
+        base = self._base
+        old = None if base is None else base.before.get(id(outcome))
+        if base is None or old is None or _same_motion(old, outcome):
+            return ""
+        folder = base.run.folders.get(id(old))
+        theirs, missing = (None, "") if folder is None else stored_replay(old, folder, self._readers["base"])
+        if theirs is None:
+            return f"The motion of the {BASE_RUN} is not drawn: {missing[0].lower()}{missing[1:]}" if missing else ""
+        block = f"ghost-{identity}"
+        self._keep(identity, ghost(BASE_RUN, block, replay, theirs, is_shown=old.status != outcome.status))
+        self._waiting.add(block, theirs)
+        return ""
+
+    def _find_engine(self, identity: str, outcome: Outcome, replay: Replay) -> None:
+        other = self._others.get(id(outcome))
+        if other is None or id(other) not in self._ids:
+            return
+        theirs, _ = stored_replay(other, self._folder, self._readers["engine"])
+        if theirs is not None:
+            limits = [Tolerance.of(each, "agreement") for each in (outcome, other)]
+            tolerance = Tolerance(max(each.position for each in limits), max(each.angle for each in limits))
+            block = replay_id(self._ids[id(other)])
+            self._keep(identity, ghost(other.engine or "", block, replay, theirs, tolerance))
+
+    def _keep(self, identity: str, found: Ghost) -> None:
+        self.found.setdefault(identity, []).append(found)
+
+
+def _same_motion(old: Outcome, new: Outcome) -> bool:
+    return old.digest is not None and old.digest == new.digest and old.engine == new.engine

@@ -1,0 +1,127 @@
+"""The moment at which the motions of two runs part: their bases, or their joints if neither base moves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Final, Self
+
+import numpy as np
+
+from sim_action.core import units
+from sim_action.core.records import dataclass
+from sim_action.recording.replay.columns import Column
+from sim_action.recording.replay.replay_data import Replay
+from sim_action.results.outcome import Outcome
+from sim_action.state.trace import FloatArray
+
+POSITION_M: Final = 0.005
+ANGLE_RAD: Final = math.radians(0.5)
+
+_ONE_M: Final = 1.0
+_MIN_MOVE_M: Final = 1e-3
+# Runs of equal length may differ by a moment of the replay.
+_SAME_END_S: Final = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerance:
+    """The differences in m and rad up to which two motions count as the same."""
+
+    position: float = POSITION_M
+    angle: float = ANGLE_RAD
+
+    @classmethod
+    def of(cls, outcome: Outcome, assertion: str) -> Self:
+        """Return the tolerance, or the limits of the expectations of this kind where they are larger."""
+        verdicts = [each.verdict for each in outcome.expectations if each.assertion == assertion]
+        limits = [(verdict.unit, verdict.limit or 0.0) for verdict in verdicts]
+        position = max((limit for unit, limit in limits if unit == "m"), default=0.0)
+        angle = max((limit for unit, limit in limits if unit == "rad"), default=0.0)
+        return cls(max(position, POSITION_M), max(angle, ANGLE_RAD))
+
+    @property
+    def words(self) -> str:
+        """The tolerance in words, such as "5 mm or 0.5 deg"."""
+        return f"{_limit_text(self.position, 'm')} or {_limit_text(self.angle, 'rad')}"
+
+
+@dataclass(frozen=True, slots=True)
+class Parting:
+    """The first moment at which two motions differ: sim time in s, and how, after "They part at 3.4 s, "."""
+
+    time: float
+    words: str
+
+
+def parting(ours: Replay, theirs: Replay, tolerance: Tolerance | None = None) -> Parting | None:
+    """Return the moment at which two runs part; None if they move alike, up to a tolerance, and end together."""
+    tolerance = tolerance or Tolerance()
+    mine, other = _times(ours), _times(theirs)
+    end = min(mine[-1], other[-1])
+    coarse = mine if len(mine) <= len(other) else other
+    times = coarse[coarse <= end + 1e-9]
+    found = [
+        (float(times[np.argmax(beyond)]), limit, unit)
+        for difference, limit, unit in _differences(ours, theirs, times, tolerance)
+        if (beyond := difference > limit).any()
+    ]
+    if found:
+        time, limit, unit = min(found)
+        return Parting(time, f"by more than {_limit_text(limit, unit)}")
+    if abs(mine[-1] - other[-1]) > _SAME_END_S:
+        return Parting(float(end), f"where {'this' if mine[-1] < other[-1] else 'the other'} run ends")
+    return None
+
+
+def _limit_text(limit: float, unit: str) -> str:
+    is_small = unit == "m" and limit < _ONE_M
+    return units.display(1000 * limit, "mm") if is_small else units.display(limit, unit)
+
+
+def _differences(
+    ours: Replay, theirs: Replay, times: FloatArray, tolerance: Tolerance
+) -> Iterator[tuple[FloatArray, float, str]]:
+    """Yield each difference over time, its limit and its unit."""
+    mine, other = _base(ours, times), _base(theirs, times)
+    yield np.linalg.norm(mine[:, :3] - other[:, :3], axis=1), tolerance.position, "m"
+    yield _angles(mine[:, 3:], other[:, 3:]), tolerance.angle, "rad"
+    if not _moves(ours) and not _moves(theirs):
+        sliding = {link.joint.column for link in ours.scene.links if link.joint and link.joint.type == "prismatic"}
+        others = dict(zip(theirs.joint_names, theirs.frames.joints, strict=True))
+        for number, (name, column) in enumerate(zip(ours.joint_names, ours.frames.joints, strict=True)):
+            if name in others:
+                gap = np.abs(_at(ours, column, times) - _at(theirs, others[name], times))
+                slides = number in sliding
+                yield gap, tolerance.position if slides else tolerance.angle, "m" if slides else "rad"
+
+
+def _times(replay: Replay) -> FloatArray:
+    return replay.frames.time.decoded(replay.frames.count)
+
+
+def _at(replay: Replay, column: Column, times: FloatArray) -> FloatArray:
+    """Return the values of a column at some times."""
+    return np.interp(times, _times(replay), column.decoded(replay.frames.count))
+
+
+def _base(replay: Replay, times: FloatArray) -> FloatArray:
+    """Return (N, 7): position in m and quaternion of the base at some times."""
+    count, known = replay.frames.count, _times(replay)
+    poses = np.column_stack([column.decoded(count) for column in replay.frames.base])
+    # A quaternion and its negative are one rotation; between rows they must not change places.
+    turned = np.sum(poses[1:, 3:] * poses[:-1, 3:], axis=1) < 0
+    poses[1:, 3:] *= np.cumprod(np.where(turned, -1.0, 1.0))[:, None]
+    return np.column_stack([np.interp(times, known, values) for values in poses.T])
+
+
+def _angles(mine: FloatArray, other: FloatArray) -> FloatArray:
+    """Return the angles in rad between quaternions (N, 4), which need not have unit length."""
+    mine, other = (each / np.maximum(np.linalg.norm(each, axis=1, keepdims=True), 1e-12) for each in (mine, other))
+    apart = np.minimum(np.linalg.norm(mine - other, axis=1), np.linalg.norm(mine + other, axis=1))
+    return np.asarray(4 * np.arcsin(np.minimum(apart / 2, 1.0)), dtype=np.float64)
+
+
+def _moves(replay: Replay) -> bool:
+    count = replay.frames.count
+    return any(float(np.ptp(column.decoded(count))) > _MIN_MOVE_M for column in replay.frames.base)

@@ -1,0 +1,59 @@
+"""What changed in each scenario, in a kind and in words."""
+
+from __future__ import annotations
+
+import pytest
+
+from sim_action.reports.html.changes import ScenarioChange, scenario_changes
+from sim_action.results.comparison import compare_outcomes
+from sim_action.results.outcome import Outcome
+from tests.outcomes import outcome
+
+
+def change(old: Outcome, new: Outcome) -> ScenarioChange:
+    return scenario_changes(compare_outcomes([old], [new]))[id(new)]
+
+
+def with_margin(margin: float) -> Outcome:
+    made = outcome("a.sim.yml")
+    [expected] = made.expectations
+    verdict = expected.verdict
+    smaller = type(verdict)(True, 1.5 + margin, 1.5, margin, "m", 2.0, "travelled enough")
+    return made.model_copy(update={"expectations": (expected.model_copy(update={"verdict": smaller}),)})
+
+
+def test_another_verdict_is_the_change() -> None:
+    found = change(outcome("a.sim.yml"), outcome("a.sim.yml", holds=False))
+    assert found.kind == "newly fails"
+    assert found.words.startswith("newly fails: travel: travelled 1.5 m")
+    assert change(outcome("a.sim.yml", holds=False), outcome("a.sim.yml")).kind == "fixed"
+
+
+def test_nothing_changed() -> None:
+    assert change(outcome("a.sim.yml"), outcome("a.sim.yml")) == ScenarioChange("unchanged", "nothing changed")
+
+
+def test_a_margin_that_shrinks() -> None:
+    found = change(with_margin(1.0), with_margin(0.1))
+    assert found.kind == "less margin"
+    assert "margin shrinks" in found.words
+
+
+def test_an_expectation_that_is_gone() -> None:
+    new = with_margin(1.0)
+    [expected] = new.expectations
+    old = new.model_copy(update={"expectations": (expected, expected.model_copy(update={"name": "stays up"}))})
+    assert change(old, new).kind == "weaker"
+
+
+@pytest.mark.parametrize(("digest", "kind"), [("a", "unchanged"), ("b", "moves differently")])
+def test_another_motion(digest: str, kind: str) -> None:
+    old, new = (
+        outcome("a.sim.yml").model_copy(update={"digest": each, "engine": "PyBullet 3", "seed": 1})
+        for each in ("a", digest)
+    )
+    assert change(old, new).kind == kind
+
+
+def test_a_scenario_that_is_gone_has_no_change() -> None:
+    assert scenario_changes(compare_outcomes([outcome("a.sim.yml")], [])) == {}

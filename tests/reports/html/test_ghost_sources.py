@@ -1,0 +1,108 @@
+"""The ghosts of a page: the base run and the other engine."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sim_action.reports import ReportOptions
+from sim_action.reports.html.document import Page
+from sim_action.reports.html.report import page
+from sim_action.results.earlier_run import EarlierRun
+from sim_action.results.outcome import Outcome
+from tests.outcomes import outcome, results
+from tests.replays import drive, kept
+
+
+def run(folder: Path, name: str, distance: float, *, holds: bool = True, **stated: object) -> Outcome:
+    replay = kept(drive(distance=distance), folder, name)
+    known = {"name": name, "replay": replay, "digest": f"{distance}", "engine": "PyBullet 3"}
+    return outcome("a.sim.yml", holds=holds).model_copy(update={**known, **stated})
+
+
+def options(folder: Path, *old: Outcome) -> ReportOptions:
+    against = EarlierRun("old", old, {id(each): folder / "old" for each in old}) if old else None
+    return ReportOptions(
+        folder, folder / "j.xml", junit_strict=False, environment={}, workspace=folder, against=against
+    )
+
+
+def ghosts(found: Page) -> list[list[dict[str, Any]]]:
+    return [entry["ghosts"] for entry in json.loads(found.index)["scenarios"]]
+
+
+def body(found: Page) -> str:
+    return b"".join(found.body).decode()
+
+
+def test_the_base_run_is_a_ghost_drawn_at_once_if_the_verdict_changed(tmp_path: Path) -> None:
+    old = [run(tmp_path / "old", "a", 1.0), run(tmp_path / "old", "b", 1.0)]
+    new = [run(tmp_path, "a", 0.5, holds=False), run(tmp_path, "b", 1.1)]
+    found = page(results(*new), options(tmp_path, *old))
+    [[ours], [theirs]] = ghosts(found)
+    assert (ours["label"], ours["replay"], ours["shown"]) == ("base run", "ghost-s0", True)
+    assert ours["parting"] == {"time": pytest.approx(0.0333, abs=1e-3), "words": "by more than 5 mm"}
+    assert (theirs["replay"], theirs["shown"]) == ("ghost-s1", False)
+    assert list(found.blocks)[:4] == ["replay-s0", "ghost-s0", "replay-s1", "ghost-s1"]
+    assert "Since the base run: newly fails: travel: travelled 1.5 m" in body(found)
+    assert "the motions part at 0.03 s, by more than 5 mm." in body(found)
+    assert "Compared with old: 1 newly fails, 1 still passes" in body(found)
+
+
+def test_ghosts_come_after_the_runs_that_failed_and_before_those_that_passed(tmp_path: Path) -> None:
+    names = ["a", "b", "c"]
+    old = [run(tmp_path / "old", name, 1.0) for name in names]
+    new = [run(tmp_path, name, 0.5, holds=name == "c") for name in names]
+    found = page(results(*new), options(tmp_path, *old))
+    assert list(found.blocks)[:5] == ["replay-s0", "replay-s1", "ghost-s0", "ghost-s1", "replay-s2"]
+
+
+def test_a_ghost_takes_no_room_from_a_failure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    old = [run(tmp_path / "old", name, 1.0) for name in "ab"]
+    new = [run(tmp_path, name, 0.5, holds=False) for name in "ab"]
+    size = sum(len(block) for block in page(results(*new), options(tmp_path)).blocks.values())
+    monkeypatch.setattr("sim_action.reports.html.replay_blocks.MAX_REPLAY_BYTES", size + 300)
+    found = page(results(*new), options(tmp_path, *old))
+    assert list(found.blocks) == ["replay-s0", "replay-s1", "meshes"]
+    assert [each["replay"] for [each] in ghosts(found)] == [None, None]
+
+
+def test_the_same_motion_is_no_ghost(tmp_path: Path) -> None:
+    found = page(results(run(tmp_path, "a", 1.0)), options(tmp_path, run(tmp_path / "old", "a", 1.0)))
+    assert ghosts(found) == [[]]
+    assert "Since the base run: nothing changed." in body(found)
+
+
+@pytest.mark.parametrize("content", [None, b"", b"no replay"])
+def test_a_replay_that_cannot_be_read_is_left_out_with_a_line(tmp_path: Path, content: bytes | None) -> None:
+    old = run(tmp_path / "old", "a", 1.0)
+    path = tmp_path / "old" / str(old.replay)
+    path.unlink()
+    if content is not None:
+        path.write_bytes(content)
+    found = page(results(run(tmp_path, "a", 0.5)), options(tmp_path, old))
+    assert ghosts(found) == [[]]
+    assert "The motion of the base run is not drawn: the replay " in body(found)
+
+
+def test_no_scenario_in_common(tmp_path: Path) -> None:
+    found = page(results(run(tmp_path, "a", 0.5)), options(tmp_path, run(tmp_path / "old", "b", 1.0, file="b.sim.yml")))
+    assert "Nothing to compare: no scenario of old has the name of one here" in body(found)
+
+
+def test_a_scenario_in_another_engine_is_a_ghost_that_takes_no_room(tmp_path: Path) -> None:
+    both = [
+        run(tmp_path, "a [pybullet]", 1.0, number=1),
+        run(tmp_path, "a [mujoco]", 1.1, number=1, engine="MuJoCo 3"),
+        run(tmp_path, "b [mujoco]", 1.1, number=2, engine="MuJoCo 3"),
+    ]
+    found = page(results(*both), options(tmp_path))
+    [[one], [other], alone] = ghosts(found)
+    assert (one["label"], one["replay"]) == ("MuJoCo 3", "replay-s1")
+    assert (other["label"], other["replay"]) == ("PyBullet 3", "replay-s0")
+    assert one["parting"] == other["parting"]
+    assert alone == []
+    assert set(found.blocks) == {"replay-s0", "replay-s1", "replay-s2", "meshes"}

@@ -1,0 +1,95 @@
+"""The moment at which two runs part."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from sim_action.core.errors import Location
+from sim_action.recording.replay.columns import Column
+from sim_action.recording.replay.replay_data import Replay
+from sim_action.reports.html.parting import Parting, Tolerance, parting
+from sim_action.results.outcome import ExpectationOutcome
+from sim_action.state.verdict import Verdict
+from tests.outcomes import outcome
+from tests.replays import drive
+
+
+def with_frames(replay: Replay, **changed: object) -> Replay:
+    return replay.model_copy(update={"frames": replay.frames.model_copy(update=changed)})
+
+
+def turned(yaw: float, sign: float = 1.0) -> Replay:
+    """A drive that turns from 0 to `yaw`; at half of the time, the quaternion changes its sign."""
+    replay = drive(distance=0.0)
+    angles = np.linspace(0, yaw, replay.frames.count)
+    signs = np.where(np.arange(replay.frames.count) < replay.frames.count / 2, 1.0, sign)
+    still = replay.frames.base[1]
+    z, w = (Column.encoded(signs * part(angles / 2), 1e-5) for part in (np.sin, np.cos))
+    return with_frames(replay, base=(still, still, still, still, still, z, w))
+
+
+def test_runs_that_move_alike_do_not_part() -> None:
+    assert parting(drive(), drive()) is None
+    assert parting(drive(), drive(distance=1.004)) is None
+
+
+def test_the_first_moment_beyond_the_tolerance_counts() -> None:
+    # After 1 s of 2 s, 10 mm more are 5 mm.
+    found = parting(drive(), drive(distance=1.0101))
+    assert found is not None
+    assert found.time == pytest.approx(1.0, abs=0.04)
+    assert found.words == "by more than 5 mm"
+
+
+def test_a_heading_counts_and_a_quaternion_is_its_negative() -> None:
+    found = parting(turned(0.0), turned(math.radians(2)))
+    assert found is not None
+    assert found.time == pytest.approx(0.5, abs=0.04)
+    assert found.words == "by more than 0.5 deg"
+    assert parting(turned(1.0), turned(1.0, sign=-1.0)) is None
+
+
+def test_runs_that_end_apart_part_there() -> None:
+    short = drive(seconds=1.0, distance=0.5)
+    assert parting(short, drive()) == Parting(1.0, "where this run ends")
+    assert parting(drive(), short) == Parting(1.0, "where the other run ends")
+
+
+def test_other_moments_of_the_same_motion_do_not_part() -> None:
+    replay, coarse = drive(), drive()
+    times = np.linspace(0, 2, 11)
+    still = coarse.frames.base[1]
+    ahead = Column.encoded(times / 2, 1e-4)
+    coarse = with_frames(
+        coarse, time=Column.encoded(times, 1e-4), base=(ahead, *coarse.frames.base[1:]), joints=(still,), speed=still
+    )
+    assert parting(replay, coarse) is None
+    assert parting(coarse, replay) is None
+
+
+def test_joints_count_where_no_base_moves() -> None:
+    arm = drive(distance=0.0)
+    bent = with_frames(arm, joints=(Column.encoded(np.linspace(0, 0.1, arm.frames.count), 1e-4),))
+    found = parting(arm, bent)
+    assert found is not None
+    assert found.words == "by more than 0.5 deg"
+    renamed = bent.model_copy(update={"joint_names": ("other",)})
+    assert parting(arm, renamed) is None
+
+
+def test_a_larger_tolerance_of_the_scenario_counts() -> None:
+    def agreed(limit: float, unit: str) -> ExpectationOutcome:
+        verdict = Verdict(True, 0.0, limit, limit, unit, 1.0, "")
+        return ExpectationOutcome(
+            name="agreement", assertion="agreement", severity="error", location=Location("a"), verdict=verdict
+        )
+
+    made = outcome("a.sim.yml").model_copy(update={"expectations": (agreed(0.2, "m"), agreed(1e-4, "rad"))})
+    tolerance = Tolerance.of(made, "agreement")
+    assert tolerance.words == "200 mm or 0.5 deg"
+    assert Tolerance.of(made, "matches") == Tolerance()
+    assert parting(drive(), drive(distance=1.1), tolerance) is None
+    assert Tolerance(position=2.0).words == "2 m or 0.5 deg"

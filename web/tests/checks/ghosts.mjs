@@ -1,0 +1,81 @@
+/** Checks of another run that is drawn as a ghost. */
+
+import assert from "node:assert/strict";
+
+const READY = ".scenario.live .view canvas[data-kind]";
+
+/** @typedef {import("playwright-core").Page} Page */
+
+const picture = async (/** @type {Page} */ page) => (await page.locator(".view canvas").screenshot()).toString("base64");
+const chosen = (/** @type {Page} */ page) => page.inputValue(".against select");
+const word = (/** @type {Page} */ page) => page.evaluate(() => new URLSearchParams(location.hash.slice(1)).get("against"));
+const time = async (/** @type {Page} */ page) => Number.parseFloat((await page.textContent(".readout")) ?? "");
+
+/** @param {Page} page @param {string} label */
+async function isDrawn(page, label) {
+  await page.waitForSelector(READY);
+  await page.waitForFunction((name) => {
+    const list = document.querySelector(".against select");
+    return list instanceof HTMLSelectElement && list.value === name && document.querySelector(".against .swatch")?.hasAttribute("hidden") === !name;
+  }, label);
+}
+
+/** @type {Record<string, {hash?: string, how?: {width?: number, height?: number, dark?: boolean}, look: (page: Page) => Promise<void>}>} */
+export const GHOSTS = {
+  "a survivor plays with the run without a fault as a ghost": {
+    hash: "#scenario=burger%20(doubled)&t=2",
+    look: async (page) => {
+      await isDrawn(page, "the run without the fault");
+      assert.match((await page.textContent(".against button")) ?? "", /^They part at [\d.]+ s, by more than 5 mm$/);
+      const before = await picture(page);
+      await page.keyboard.press("g");
+      await isDrawn(page, "");
+      assert.notEqual(await picture(page), before);
+      await page.click('nav a[href="#scenario=burger"]');
+      await page.waitForSelector(READY);
+      assert.equal(await page.isVisible(".against"), false);
+    },
+  },
+  "the base run is a ghost, by mouse": {
+    look: async (page) => {
+      await isDrawn(page, "base run");
+      assert.match((await page.textContent(".scenario.open .since")) ?? "", /^Since the base run: newly fails/);
+      assert.ok(await page.isVisible(".parted"));
+      await page.click(".against button");
+      const parted = await time(page);
+      assert.ok((await page.textContent(".against button"))?.includes(`${parted.toFixed(2)} s`));
+      assert.match((await page.textContent(".plot .value")) ?? "", / · base run \d/);
+      for (const kind of ["3d", "top"]) {
+        assert.equal(await page.getAttribute(".view canvas", "data-kind"), kind);
+        await page.keyboard.press("End");
+        const with_ghost = await picture(page);
+        await page.selectOption(".against select", "");
+        await isDrawn(page, "");
+        assert.notEqual(await picture(page), with_ghost);
+        assert.equal(await word(page), "");
+        await page.selectOption(".against select", "base run");
+        await isDrawn(page, "base run");
+        assert.equal(await picture(page), with_ghost);
+        assert.equal(await word(page), "base run");
+        await page.keyboard.press("v");
+        await page.waitForFunction((former) => document.querySelector(".view canvas")?.getAttribute("data-kind") !== former, kind);
+      }
+    },
+  },
+  "the ghost of an address is drawn, by keys": {
+    hash: "#scenario=burger%20moves&against=base+run",
+    look: async (page) => {
+      await isDrawn(page, "base run");
+      await page.keyboard.press("g");
+      await isDrawn(page, "");
+      assert.ok(!(await page.textContent(".plot .value"))?.includes("base run"));
+      await page.reload();
+      await isDrawn(page, "");
+      await page.keyboard.press("g");
+      await isDrawn(page, "base run");
+      await page.focus(".against button");
+      await page.keyboard.press("Enter");
+      assert.ok((await page.textContent(".against button"))?.includes(`${(await time(page)).toFixed(2)} s`));
+    },
+  },
+};
