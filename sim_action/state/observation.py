@@ -49,6 +49,8 @@ class Contact(NamedTuple):
         has_force: False if neither the link nor the body can give way, so that engines compute no force between them: a
             body on a path that is inside a fixed base.
         depth: how deep the shapes overlap here, in m; 0 if they only touch.
+        normal_xyz: the unit normal of the surfaces from the body to the link, world frame; 0 if it is not known. Traces
+            in files do not have it.
     """
 
     time: float
@@ -58,6 +60,7 @@ class Contact(NamedTuple):
     force: float
     has_force: bool = True
     depth: float = 0.0
+    normal_xyz: Vector3 = (0.0, 0.0, 0.0)
 
 
 class SelfContact(NamedTuple):

@@ -19,8 +19,8 @@ from sim_action.state.trace_records import BodyRecord, ClearanceRecord, ContactR
 _BODY_COLUMNS: Final = ("time", "position_xyz", "orientation_xyzw")
 _LINK_CONTACT_COLUMNS: Final = ("time", "body", "position_xyz", "normal_xyz", "force")
 _CLEARANCE_COLUMNS: Final = ("time", "distance", "pair")
-# Fields that older traces lack.
-_ADDED: Final = ("has_force", "depth")
+# Fields that older traces lack; the last one is in none.
+_ADDED: Final = ("has_force", "depth", "normal_xyz")
 _MAX_BYTES: Final = 2_000_000_000
 
 

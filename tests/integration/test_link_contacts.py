@@ -12,9 +12,10 @@ import pytest
 from sim_action.assertions.upright import Upright
 from sim_action.scenario.loading import build_scene
 from sim_action.simulation.loop import SimulationRun, simulate
+from sim_action.state.command import JointTargets
 from sim_action.state.trace_channels import Channels
 from sim_action.state.trace_storage import load_trace, save_trace
-from tests.integration.engines import on_every_engine
+from tests.integration.engines import on_every_engine, running
 from tests.scenarios import load
 from tests.traces import expectation
 
@@ -109,3 +110,16 @@ def test_a_run_with_contacts_of_links_is_the_same_run_and_stored_whole(engine: s
             np.testing.assert_array_equal(getattr(found[link], column), getattr(record, column))
     cut = replace(watching.trace, contacts=()).between(0.1, 0.2)
     assert cut.link_contacts["foot_1"].moment(cut.time).tolist() == list(range(25))
+
+
+@on_every_engine
+def test_normals_point_from_the_body_to_the_link(engine: str, tmp_path: Path) -> None:
+    (tmp_path / "table.urdf").write_text(table())
+    text = "robot: {model: table.urdf}\nworld: {objects: []}\nexpect: [upright]\ntime_limit: 0.25 s\n"
+    loaded = load(tmp_path, f"name: a table stands\n{text}backend: {engine}\n")
+    with running(engine, build_scene(loaded)) as backend:
+        backend.advance(0, [JointTargets()] * 24)
+        contacts = backend.observe(24, contacts=True).contacts
+        assert {contact.link for contact in contacts} == set(FEET)
+        for contact in contacts:
+            np.testing.assert_allclose(contact.normal_xyz, (0.0, 0.0, 1.0), atol=1e-3)

@@ -92,6 +92,11 @@ interface ContactData {
   force?: number;
   /** That of the whole contact, in N s. */
   impulse: number;
+  /** The direction of the mean force on the link. */
+  normal?: number[];
+  /** The time between two forces in s. */
+  period?: number;
+  forces?: Column;
 }
 
 interface SignalData {
@@ -194,12 +199,18 @@ interface ScanTrack {
   returns: number;
 }
 
+/** The forces of contacts as arrows. */
+interface PushTrack {
+  at(time: number): { from: number[]; to: number[] }[];
+}
+
 /** The run as the 3D viewer needs it; implemented by `Motion` of the page. */
 interface Run {
   replay: Replay;
   scene: SceneData;
   base: Float64Array[];
   scans: ScanTrack[];
+  pushes: PushTrack;
   count: number;
   start: number;
   end: number;

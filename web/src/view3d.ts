@@ -2,6 +2,7 @@
 
 import { AxesHelper, Box3, Color, Group, Material, PCFShadowMap, PerspectiveCamera, Scene, Vector3, WebGLRenderer } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import { ForceLayer } from "./forces";
 import { Ghost } from "./ghost";
 import type { Layer } from "./layer";
 import { mark, Touches, Trail, Way } from "./lines";
@@ -24,6 +25,7 @@ class View3D implements View {
   private readonly axes: AxesHelper;
   private readonly scans: ScanLayer[];
   private readonly touches: Touches;
+  private readonly forces: ForceLayer;
   private readonly marks: Group[];
   private trail: Trail | null = null;
   private ghost: Ghost | null = null;
@@ -64,6 +66,7 @@ class View3D implements View {
     this.width = 0.009 * this.seen.getSize(new Vector3()).length();
     this.add(new Way(run, colours.accent, this.clearance, this.width));
     this.touches = this.add(new Touches(run.replay.contacts, failed.size ? colours.bad : colours.text, touchSize(size, this.seen)));
+    this.forces = this.add(new ForceLayer(run.pushes, colours.bad, 0.6 * touchSize(size, this.seen)));
     this.scans = run.scans.map((track) => this.add(new ScanLayer(track, track.colour(colours))));
     this.marks = marks;
     this.axes = frame(0.16 * size.getSize(new Vector3()).length());
@@ -86,6 +89,7 @@ class View3D implements View {
 
   showLayers(shown: ReadonlySet<string>): void {
     for (const { points, rays } of this.scans) [points.visible, rays.visible] = [shown.has("points"), shown.has("rays")];
+    this.forces.group.visible = shown.has("forces");
     this.touches.group.visible = shown.has("contacts");
     this.run.replay.marks.forEach(({ expectation }, i) => {
       this.marks[i].visible = expectation === undefined || shown.has("expectations");

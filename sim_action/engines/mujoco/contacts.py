@@ -44,15 +44,19 @@ class Contacts:
     def of_step(self, time: float, *, ground: bool) -> Iterator[Contact]:
         """Yield the present contacts of the robot, with or without the ground."""
         contacts, forces = self._data.contact, self._data.efc_force
-        columns = contacts.geom, contacts.efc_address, contacts.pos, contacts.dist
-        for (one, other), row, (x, y, z), distance in zip(*(column.tolist() for column in columns), strict=True):
+        columns = contacts.geom, contacts.efc_address, contacts.pos, contacts.dist, contacts.frame
+        rows = zip(*(column.tolist() for column in columns), strict=True)
+        for (one, other), row, (x, y, z), distance, (nx, ny, nz, *_) in rows:
             link, body = (one, other) if one in self._links else (other, one)
             if link not in self._links or row < 0 or body in self._links:
                 continue
             if not ground and self._bodies[body] == GROUND:
                 continue
             names, depth = (self._links[link], self._bodies[body]), max(0.0, -distance)
-            yield Contact(time, *names, (x, y, z), float(forces[row]), depth=depth)
+            # The normal points from the first geom to the second.
+            sign = -1.0 if link == one else 1.0
+            normal = (sign * nx, sign * ny, sign * nz)
+            yield Contact(time, *names, (x, y, z), float(forces[row]), depth=depth, normal_xyz=normal)
 
     def of_links(self) -> Iterator[LinkTouch]:
         """Yield the present contact points of links with bodies of the world and the ground."""

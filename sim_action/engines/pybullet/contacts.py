@@ -37,7 +37,7 @@ class Contacts:
             body, distance, force = self._bodies[point[2]], point[8], point[9]
             if (ground or body != GROUND) and (point[3] not in self._immovable or point[2] not in self._on_paths):
                 link, depth = self._links[point[3]], max(0.0, -distance)
-                yield Contact(time, link, body, point[5], force, depth=depth)
+                yield Contact(time, link, body, point[5], force, depth=depth, normal_xyz=point[7])
 
     def of_links(self) -> Iterator[LinkTouch]:
         """Yield the present contact points of links with bodies of the world and the ground."""

@@ -5,26 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import Final
 
 from pydantic import BaseModel
 
-from sim_action.assertions.monitors import FORCE_WINDOW_S
-from sim_action.core.records import dataclass, field
 from sim_action.recording.replay import marks, replay_data, scans, scene_data, shapes, sightings
 from sim_action.recording.replay.channels import stored_channels
 from sim_action.recording.replay.frames import NOTHING_COMMANDED, Track, frames_of, thinned
 from sim_action.recording.replay.marks import MarkData
-from sim_action.recording.replay.replay_data import MAX_CONTACTS, ContactData, Replay, SignalData
+from sim_action.recording.replay.replay_data import Replay, SignalData
 from sim_action.recording.replay.replay_file import write_replay
 from sim_action.recording.replay.scene import scenery, skeleton
 from sim_action.recording.replay.scene_data import MAX_TEXT_LENGTH
-from sim_action.recording.replay.shapes import MAX_ABS_VALUE, numbers
 from sim_action.recording.replay.signals import stored_marks, stored_signals
+from sim_action.recording.replay.touches import joined_touches, strongest_touches
 from sim_action.robot.robot_model import RobotModel
 from sim_action.scenario.model import Scenario
 from sim_action.sensors.reading_log import ReadingLog
-from sim_action.state.observation import Contact, Observation
+from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace
 from sim_action.state.trace_records import CommandedValues
 from sim_action.world.scene import Scene
@@ -109,91 +106,3 @@ def warm_up(robots: Iterable[RobotModel]) -> None:
                 model.model_rebuild()
     if any(link.has_mesh for robot in robots for link in robot.links):
         import_module("sim_action.recording.replay.visual_meshes")
-
-
-# A shorter gap does not end a contact, for example of a robot that rattles along a wall.
-_MAX_GAP_S: Final = 0.1
-
-
-@dataclass(slots=True)
-class Touch:
-    """An uninterrupted contact of a link with a body.
-
-    Attributes:
-        first: the first contact point.
-        until: the time in s of the last contact.
-        steps: the time in s of each step with a contact, and the total force in N.
-    """
-
-    first: Contact
-    until: float
-    steps: list[tuple[float, float]] = field(default_factory=list)
-
-    def add(self, contact: Contact) -> None:
-        """Add a contact point of the same or a later step."""
-        before = self.steps.pop()[1] if self.steps and contact.time == self.until else 0.0
-        self.steps.append((contact.time, before + contact.force))
-        self.until = contact.time
-
-    def force(self, rate: float) -> float:
-        """Return the greatest mean force in N over FORCE_WINDOW_S, or over one step if that is longer."""
-        window = max(FORCE_WINDOW_S, 1 / rate)
-        most = present = 0.0
-        oldest = 0
-        for time, force in self.steps:
-            present += force
-            while self.steps[oldest][0] <= time - window + 0.5 / rate:
-                present -= self.steps[oldest][1]
-                oldest += 1
-            most = max(most, present)
-        return most / (window * rate)
-
-    def impulse(self, rate: float) -> float:
-        """Return the impulse of the whole contact in N s."""
-        return sum(force for _, force in self.steps) / rate
-
-
-def joined_touches(contacts: Iterable[Contact]) -> list[Touch]:
-    """Join successive contacts of a link with a body, and return the touches in the order of their start."""
-    found: list[Touch] = []
-    lasting: dict[tuple[str, str], Touch] = {}
-    for contact in contacts:
-        pair = contact.link, contact.body
-        touch = lasting.get(pair)
-        if touch is None or contact.time - touch.until > _MAX_GAP_S:
-            touch = lasting[pair] = Touch(contact, contact.time)
-            found.append(touch)
-        touch.add(contact)
-    return found
-
-
-def strongest_touches(
-    touches: list[Touch], links: Mapping[str, int], bodies: Mapping[str, int], rate: float
-) -> tuple[tuple[ContactData, ...], int]:
-    """Return the strongest touches in the order of time, and the number of the others.
-
-    `links` and `bodies` map names to indices; `rate`: physics steps per second.
-    """
-    known = [touch for touch in touches if touch.first.link in links and touch.first.body in bodies]
-    # A contact without a force comes first: neither of the two gives way.
-    most = sorted(known, key=lambda touch: (touch.first.has_force, -touch.force(rate)))[:MAX_CONTACTS]
-    kept = tuple(
-        _contact_data(touch, links[touch.first.link], bodies[touch.first.body], rate)
-        for touch in sorted(most, key=lambda touch: touch.first.time)
-    )
-    return kept, len(known) - len(kept)
-
-
-def _contact_data(touch: Touch, link: int, body: int, rate: float) -> ContactData:
-    x, y, z = numbers(touch.first.position_xyz)
-    force, impulse = (round(min(value, MAX_ABS_VALUE), 3) for value in (touch.force(rate), touch.impulse(rate)))
-    time, until = numbers((touch.first.time, touch.until))
-    return ContactData(
-        time=time,
-        until=until,
-        link=link,
-        body=body,
-        position=(x, y, z),
-        force=force if touch.first.has_force else None,
-        impulse=impulse,
-    )

@@ -15,7 +15,7 @@ from sim_action.recording.replay.columns import Column, Index
 from sim_action.recording.replay.marks import MAX_MARKS, MarkData
 from sim_action.recording.replay.scans import MAX_RANGES, MAX_SENSORS, ScanData
 from sim_action.recording.replay.scene_data import MAX_BODIES, MAX_LINKS, SceneData, Text, scene_problems
-from sim_action.recording.replay.shapes import Number, Place
+from sim_action.recording.replay.shapes import Length, Number, Place
 from sim_action.recording.replay.sightings import MAX_OBSTACLES, ObstacleData
 
 MAX_CONTACTS: Final = 200
@@ -70,6 +70,9 @@ class ContactData(FrozenModel):
         position: the position of the first contact point in m, world frame.
         force: the largest mean force over 50 ms in N; None if engines compute none, see `Contact.has_force`.
         impulse: the impulse of the whole contact in N s.
+        normal: the direction of the mean force on the link as a unit vector, world frame; None if it is not known.
+        period: the time in s between two values of `forces`.
+        forces: the mean force in N over each period since `time`.
     """
 
     time: Number
@@ -79,6 +82,9 @@ class ContactData(FrozenModel):
     position: Place
     force: Number | None
     impulse: Number
+    normal: Place | None = None
+    period: Annotated[Length, Field(gt=0)] | None = None
+    forces: Column | None = None
 
 
 class SignalData(FrozenModel):
@@ -177,6 +183,8 @@ def _problems(replay: Replay) -> Iterator[str]:
         yield "the number of commanded columns differs from the number of joint columns"
     if any(contact.link >= len(scene.links) or contact.body >= len(scene.bodies) for contact in replay.contacts):
         yield "a contact refers to a link or body that does not exist"
+    if any((contact.forces is None) != (contact.period is None) for contact in replay.contacts):
+        yield "a contact has forces without a period"
     if any(mark.link is not None and mark.link >= len(scene.links) for mark in replay.marks):
         yield "a mark refers to a link that does not exist"
     yield from _of_sensors(replay)

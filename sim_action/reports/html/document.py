@@ -26,6 +26,7 @@ SCRIPTS: Final = (
     "player/outlines.js",
     "player/overlays.js",
     "player/top_view.js",
+    "player/forces.js",
     "player/clock.js",
     "page/address.js",
     "player/layers.js",

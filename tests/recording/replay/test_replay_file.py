@@ -121,6 +121,8 @@ HOSTILE: dict[str, Change] = {
     "a gap beyond the end": at("frames", "base", 0, "gaps", value=[[1, 5]]),
     "a contact of no link": at("contacts", 0, "link", value=99),
     "a contact of no body": at("contacts", 0, "body", value=99),
+    "forces without a period": at("contacts", 0, "forces", value={"scale": 1.0, "first": 0}),
+    "a period of nothing": at("contacts", 0, "period", value=0),
     "a thousand contacts": lambda replay: replay.update(contacts=replay["contacts"] * 1000),
     "a signal that is too short": at(
         "signals", value=[{**SIGNAL, "values": {"scale": 1.0, "first": 0, "deltas": [1]}}]

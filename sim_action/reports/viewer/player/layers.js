@@ -4,6 +4,7 @@
 const LAYERS = [
   ["points", "Lidar points", ({ scans }) => Boolean(scans?.length)],
   ["rays", "Lidar rays", ({ scans }) => Boolean(scans?.length)],
+  ["forces", "Contact forces", ({ contacts }) => contacts.some(({ forces }) => forces)],
   ["contacts", "Contact marks", ({ contacts }) => contacts.length > 0],
   ["expectations", "Expectations", ({ marks }) => marks.some(({ expectation }) => expectation !== undefined)],
 ];

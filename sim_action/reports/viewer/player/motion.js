@@ -26,6 +26,7 @@ class Motion {
       here: scene.bodies.map(() => true),
     };
     this.local = new Float64Array(7);
+    this.pushes = new Pushes(replay, replay.contacts.some(({ forces }) => forces) ? robotSize(this) : 1);
   }
 
   /**

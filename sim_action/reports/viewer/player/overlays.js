@@ -1,4 +1,4 @@
-/** What is drawn over the top view: the scans of lidars. */
+/** What is drawn over the top view: the scans of lidars, and forces. */
 
 /**
  * @param {TopView} view
@@ -27,5 +27,18 @@ function drawScans(view, scans, shown) {
       const [x, y] = view.pixel([points[i], points[i + 1]]);
       context.fillRect(x - size / 2, y - size / 2, size, size);
     }
+  }
+}
+
+/**
+ * @param {TopView} view
+ * @param {Pushes} pushes
+ * @param {number} time
+ */
+function drawPushes(view, pushes, time) {
+  for (const { from, to } of pushes.at(time)) {
+    const [dx, dy] = [to[0] - from[0], to[1] - from[1]];
+    const head = (/** @type {number} */ side) => [to[0] - 0.25 * dx - side * 0.12 * dy, to[1] - 0.25 * dy + side * 0.12 * dx];
+    view.line([from, to, head(1), to, head(-1)], view.colours.bad, 2.5);
   }
 }

@@ -94,6 +94,7 @@ class TopView {
     if (this.ghost) this.drawGhost(this.ghost, moment.time);
     this.drawWay(moment.time);
     this.drawRobot(moment);
+    if (this.shown.has("forces")) drawPushes(this, this.motion.pushes, moment.time);
     drawScans(this, this.motion.scans, this.shown);
     if (this.shown.has("contacts")) this.drawContacts(moment.time);
   }

@@ -142,7 +142,7 @@ class Views {
 
   drawNow() {
     for (const scans of this.motion.scans) scans.seek(this.clock.time, this.motion);
-    this.sensed.textContent = this.motion.scans.map((scans) => scans.words()).join("\n");
+    this.sensed.textContent = this.sensedNow();
     this.view?.draw(this.motion.at(this.clock.time), this.following);
     const touching = this.motion.touching(this.clock.time).slice(0, 3);
     const { links, bodies } = this.motion.scene;
@@ -153,6 +153,13 @@ class Views {
       return `${links[link].name} touches ${bodies[body].name}, ${strength}`;
     });
     this.happening.textContent = words.join("\n");
+  }
+
+  /** What sensors measure at the present moment, a line for each; then the scale of arrows. */
+  sensedNow() {
+    const { scans, pushes } = this.motion;
+    const arrows = this.layers.shown.has("forces") ? pushes.words : "";
+    return [...scans.map((each) => each.words()), arrows].filter(Boolean).join("\n");
   }
 
   dispose() {

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from sim_action.recording.replay.build import joined_touches, strongest_touches
+from sim_action.recording.replay.columns import Column
 from sim_action.recording.replay.replay_data import MAX_CONTACTS
+from sim_action.recording.replay.touches import joined_touches, strongest_touches
 from tests.traces import contact
 
 RATE = 240
@@ -72,3 +73,29 @@ def test_a_contact_without_a_force_is_kept_before_weak_ones() -> None:
     kept, _ = strongest_touches(joined_touches([stuck, *many]), {"base_footprint": 0}, {"wall": 0}, RATE)
     assert (kept[0].time, kept[0].force) == (0.5, None)
     assert all(touch.force is not None for touch in kept[1:])
+
+
+def test_the_force_on_the_link_has_a_direction_and_a_course() -> None:
+    steps = [
+        contact(step / RATE, force=6.0 if step < 8 else 12.0)._replace(normal_xyz=(0.0, -0.6, 0.8))
+        for step in range(16)
+    ]
+    ((found,), _) = strongest_touches(joined_touches(steps), {"base_footprint": 0}, {"wall": 0}, RATE)
+    assert found.normal == pytest.approx((0.0, -0.6, 0.8))
+    assert found.period == pytest.approx(1 / 30)
+    assert found.forces == Column(scale=0.01, first=600, deltas=(600,))
+
+
+def test_a_long_contact_has_fewer_forces() -> None:
+    steps = [contact(step / RATE)._replace(normal_xyz=(1.0, 0.0, 0.0)) for step in range(100 * RATE)]
+    ((found,), _) = strongest_touches(joined_touches(steps), {"base_footprint": 0}, {"wall": 0}, RATE)
+    assert found.period == pytest.approx(80 / RATE)
+    assert found.forces is not None
+    # Each period has as many steps, so a constant force is a straight line.
+    assert found.forces.decoded(300) == pytest.approx([12.5] * 300)
+    assert found.forces.deltas == ()
+
+
+def test_a_contact_without_a_direction_has_no_course() -> None:
+    ((found,), _) = strongest_touches(joined_touches([contact(1.0)]), {"base_footprint": 0}, {"wall": 0}, RATE)
+    assert (found.normal, found.period, found.forces) == (None, None, None)
