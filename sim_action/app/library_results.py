@@ -16,7 +16,7 @@ from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.wording import system_reason
 from sim_action.reports import ReportOptions
 from sim_action.reports.console import Console
-from sim_action.reports.notebook import HtmlConsole, report_frame
+from sim_action.reports.notebook import HtmlConsole, player_frame, report_frame
 from sim_action.reports.terminal import print_outcomes
 from sim_action.results import results_json
 from sim_action.results.artifacts import REPORT_FILE
@@ -81,15 +81,26 @@ class RunFolder:
         self._print(outcomes, shown)
         return shown.html()
 
+    def player_of(self, outcome: RecordedOutcome) -> str:
+        """Return a frame with the replay of an outcome for a notebook; empty if there is none, or it is too large."""
+        from sim_action.reports.html.outcome_page import outcome_page
+
+        page = outcome_page(outcome, self._options) if outcome.replay is not None else None
+        text = "" if page is None else page.text()
+        return player_frame(text) if 0 < len(text) <= _MAX_EMBEDDED_BYTES else ""
+
     def _print(self, outcomes: Iterable[RecordedOutcome], shown: Console) -> None:
-        options = ReportOptions(
+        print_outcomes(outcomes, self._options, shown)
+
+    @property
+    def _options(self) -> ReportOptions:
+        return ReportOptions(
             folder=self.path,
             junit=self.path / JUNIT_FILE,
             junit_strict=False,
             environment={},
             workspace=Path(),
         )
-        print_outcomes(outcomes, options, shown)
 
 
 def _taken_over(path: Path, is_temporary: bool) -> RunFolder:
@@ -188,7 +199,8 @@ class Outcome:
         return f"Outcome(name={self.name!r}, status={self.status!r})"
 
     def _repr_html_(self) -> str:
-        return self._folder.html_of(self._shown)
+        """Return the verdicts and the replay, for a notebook."""
+        return self._folder.html_of(self._shown) + self._folder.player_of(self.record)
 
 
 class GateOutcome(Outcome):

@@ -36,8 +36,10 @@ _HANGING_CH: Final = 2
 """The further lines of a long line start so many characters after its first one."""
 
 # High enough for a failed expectation, the replay and its controls on a desktop; no higher than a phone.
+_REPORT_PX: Final = 920
+_PLAYER_PX: Final = 460
 _FRAME: Final = (
-    "box-sizing: border-box; width: 100%; height: 920px; max-height: 95vh; border: 1px solid #8886; border-radius: 4px"
+    "box-sizing: border-box; width: 100%; height: {}px; max-height: 95vh; border: 1px solid #8886; border-radius: 4px"
 )
 
 
@@ -69,7 +71,16 @@ class HtmlConsole(Console):
 
 def report_frame(page: str) -> str:
     """Return a frame with the text of `report.html`, whose policy holds in it."""
-    return f'<iframe title="sim-action report" style="{_FRAME}" srcdoc="{escape(page)}"></iframe>'
+    return _frame("sim-action report", _REPORT_PX, page)
+
+
+def player_frame(page: str) -> str:
+    """Return a frame with the text of a page that shows only a player."""
+    return _frame("sim-action replay", _PLAYER_PX, page)
+
+
+def _frame(title: str, height: int, page: str) -> str:
+    return f'<iframe title="{title}" style="{_FRAME.format(height)}" srcdoc="{escape(page)}"></iframe>'
 
 
 def _styled(text: str, style: str) -> str:

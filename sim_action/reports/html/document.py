@@ -28,6 +28,7 @@ SCRIPTS: Final = (
     "player/top_view.js",
     "player/forces.js",
     "player/clock.js",
+    "page/embed.js",
     "page/address.js",
     "player/layers.js",
     "plots/curves.js",
@@ -77,6 +78,7 @@ class Page:
         index: JSON for the script.
         blocks: element id -> packed data.
         has_replays: True if one of the blocks is a replay, which needs the 3D viewer.
+        is_embedded: True if the page shows only the player of its first scenario, for a frame.
         is_live: True if a server on this machine gives the page, which asks it for news.
     """
 
@@ -86,6 +88,7 @@ class Page:
     index: str
     blocks: Mapping[str, str]
     has_replays: bool
+    is_embedded: bool = False
     is_live: bool = False
 
     @property
@@ -102,7 +105,7 @@ class Page:
 
     @property
     def _style(self) -> str:
-        return _asset("page.css") + (_asset(_LIVE_STYLE) if self.is_live else "")
+        return _asset("page.css") + _asset("embed.css") + (_asset(_LIVE_STYLE) if self.is_live else "")
 
     def text(self) -> str:
         """Return the whole file."""
@@ -123,7 +126,8 @@ class Page:
             element("link", rel="icon", href=_ICON.format(colour="%23c62f2f" if self.failed else "%233a6ea5")),
             element("style", Html(self._style)),
         )
-        yield encoded(f'<!doctype html>\n<html lang="en">{top}<body>')
+        layout = " data-embed" if self.is_embedded else ""
+        yield encoded(f'<!doctype html>\n<html lang="en"{layout}>{top}<body>')
         yield from self.body
         yield encoded(f"\n{element('script', Html(self.index), type='application/json', id='index')}\n")
         for name, block in carried.items():

@@ -60,6 +60,8 @@ function hashOf(words) {
 
 /** @param {string} hash */
 function rememberLink(hash) {
+  // A frame keeps the address that its page gave it.
+  if (embedded) return;
   try {
     history.replaceState(null, "", hash);
   } catch {

@@ -51,6 +51,7 @@ class Scenarios {
     if (asked([entry]) === null) rememberLink(linkTo(entry, time));
     const article = find(document, `#${entry.id}`);
     article.classList.add("open");
+    if (embedded) linkToWhole(article, (moment) => linkTo(entry, moment), () => this.player?.clock.time ?? null);
     const anchor = this.anchors.get(entry.id);
     anchor?.setAttribute("aria-current", "true");
     anchor?.closest("li.group > details")?.setAttribute("open", "");

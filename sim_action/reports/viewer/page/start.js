@@ -2,6 +2,7 @@
 
 const index = JSON.parse(find(document, "#index").textContent ?? "{}");
 document.documentElement.classList.add("scripted");
+if (embedded) document.documentElement.classList.add("embed");
 if (innerWidth <= 800) document.querySelector("nav.scenarios > details")?.removeAttribute("open");
 for (const list of document.querySelectorAll("nav.scenarios > details")) {
   if (list instanceof HTMLElement) offerFilter(list);
