@@ -203,6 +203,7 @@ def test_notebooks_show_verdicts_and_the_report(tmp_path: Path) -> None:
     assert "<iframe" in page
     assert "srcdoc=" in page
     assert "travelled" in results[0]._repr_html_()
+    assert 'title="sim-action replay"' in results[0]._repr_html_()
     (tmp_path / "report.html").unlink()
     assert "<iframe" not in results._repr_html_()
 

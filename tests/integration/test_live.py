@@ -20,7 +20,7 @@ from urllib.parse import urlsplit
 import pytest
 
 from sim_action.app.live import LivePages
-from sim_action.app.loopback import LoopbackServer
+from sim_action.app.loopback import Answering, LoopbackServer
 from sim_action.cli.main import call
 from sim_action.results.events import Finished
 from sim_action.results.journal import JOURNAL_FILE
@@ -33,9 +33,9 @@ GET_IN = ("127.0.0.1", "localhost")
 
 
 @contextmanager
-def serving(folder: Path) -> Iterator[LoopbackServer]:
-    """A server about a folder, in this process."""
-    with LoopbackServer(0, LivePages(folder)) as server:
+def serving(answering: Answering) -> Iterator[LoopbackServer]:
+    """A server in this process."""
+    with LoopbackServer(0, answering) as server:
         server.timeout = 1
         stops = threading.Event()
 
@@ -78,7 +78,7 @@ def until(condition: Callable[[], bool]) -> None:
 @pytest.mark.parametrize("name", GET_IN)
 def test_whoever_has_the_token_sees_progress_and_report(tmp_path: Path, name: str) -> None:
     begun(tmp_path)(Finished(0, outcome("a")))
-    with serving(tmp_path) as server:
+    with serving(LivePages(tmp_path)) as server:
         assert urlsplit(server.address).hostname == "127.0.0.1"
         for page, word in (("", b"Waiting for a run"), ("report#scenario=a".partition("#")[0], b"travel")):
             answer = asked(server.address, page, host=f"{name}:80")
@@ -115,7 +115,7 @@ def test_whoever_has_the_token_sees_progress_and_report(tmp_path: Path, name: st
 def test_everything_else_is_not_found(tmp_path: Path, path: str, host: str | None) -> None:
     begun(tmp_path)
     (tmp_path / "report.html").write_text("secret")
-    with serving(tmp_path) as server:
+    with serving(LivePages(tmp_path)) as server:
         if not path.isascii():
             with socket.create_connection(("127.0.0.1", server.server_address[1])) as sent:
                 sent.sendall(f"GET {path} HTTP/1.0\r\nHost: localhost:80\r\n\r\n".encode())
@@ -127,14 +127,14 @@ def test_everything_else_is_not_found(tmp_path: Path, path: str, host: str | Non
 
 @pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "OPTIONS", "HEAD", "<b>"])
 def test_nothing_but_get_is_answered(tmp_path: Path, method: str) -> None:
-    with serving(tmp_path) as server:
+    with serving(LivePages(tmp_path)) as server:
         answer = asked(server.address, "state", method)
         assert answer.status >= 400
         assert answer.read() == b""
 
 
 def test_damaged_requests_end_nothing(tmp_path: Path) -> None:
-    with serving(tmp_path) as server:
+    with serving(LivePages(tmp_path)) as server:
         port = server.server_address[1]
         for sent in (b"\r\n\r\n", b"GET\r\n\r\n", b"\xff\x00\n", b"GET / HTTP/9.9\r\n\r\n", b"A" * 70_000):
             with socket.create_connection(("127.0.0.1", port)) as connection:
@@ -143,7 +143,7 @@ def test_damaged_requests_end_nothing(tmp_path: Path) -> None:
 
 
 def test_open_connections_do_not_keep_it_alive(tmp_path: Path) -> None:
-    with serving(tmp_path) as server:
+    with serving(LivePages(tmp_path)) as server:
         port = server.server_address[1]
         idle = socket.create_connection(("127.0.0.1", port))
         assert asked(server.address, "state").status == 200
@@ -156,13 +156,13 @@ def test_open_connections_do_not_keep_it_alive(tmp_path: Path) -> None:
 
 def test_hostile_files_are_told_as_text(tmp_path: Path) -> None:
     (tmp_path / JOURNAL_FILE).write_bytes(b"{}\n")
-    with serving(tmp_path) as server:
+    with serving(LivePages(tmp_path)) as server:
         assert "is not a valid journal" in state(server.address)["problem"]
         assert asked(server.address, "report").status == 200
 
 
 def test_a_port_in_use_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with serving(tmp_path) as server:
+    with serving(LivePages(tmp_path)) as server:
         port = server.server_address[1]
         assert call(["view", str(tmp_path), "--live", "--print", "--port", str(port)]) == 2
     assert f"cannot listen on port {port} of this machine: " in capsys.readouterr().err

@@ -7,21 +7,29 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from sim_action.app.live import LivePages
+from sim_action.app.loopback import Answer
 from sim_action.reports import ReportOptions
 from sim_action.reports.html import document
+from sim_action.reports.html.outcome_page import outcome_page
 from sim_action.reports.html.report import page, write_html
-from sim_action.reports.notebook import report_frame
+from sim_action.reports.notebook import player_frame, report_frame
 from sim_action.results.earlier_run import EarlierRun
+from sim_action.results.events import Finished
+from sim_action.results.journal import Journal
+from sim_action.results.journal_records import Header, Planned
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
 from sim_action.state.verdict import Verdict
 from tests.integration.test_bolted_contacts import ARM, BASE, INERTIAL
 from tests.integration.test_examples import sim_action
+from tests.integration.test_live import serving
 from tests.outcomes import outcome, results
 from tests.replays import drive, kept
 from tests.reports.html.gates import inconclusive_gate
@@ -75,7 +83,7 @@ def broken(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "sim-results/report.html"
 
 
-def looked(report: Path, *checks: str) -> dict[str, str]:
+def looked(report: Path | str, *checks: str) -> dict[str, str]:
     """Return the error of each check, in one browser; empty if there is none."""
     ran = subprocess.run(
         [str(NODE), str(WEB / "tests/check.mjs"), str(report), str(BROWSER), *checks],
@@ -96,6 +104,7 @@ def options(folder: Path) -> ReportOptions:
     return ReportOptions(folder, folder / "junit.xml", junit_strict=False, environment={}, workspace=folder)
 
 
+LIVE = "progress leads to a report that offers what is new"
 CHECKS = [
     "loads",
     "opens where it failed",
@@ -146,6 +155,40 @@ def test_a_base_run(tmp_path: Path) -> None:
 def test_a_report_in_a_notebook(broken: Path, tmp_path: Path) -> None:
     (tmp_path / "notebook.html").write_text(report_frame(broken.read_text(encoding="utf-8")), encoding="utf-8")
     look("links in the frame of a notebook stay in it", tmp_path / "notebook.html")
+
+
+def test_an_outcome_in_a_notebook(tmp_path: Path) -> None:
+    ran = outcome("cart.sim.yml").model_copy(update={"replay": kept(drive(), tmp_path, "cart")})
+    made = outcome_page(ran, options(tmp_path))
+    assert made is not None
+    # A frame of a page that trusts nothing: it has no origin.
+    frame = player_frame(made.text()).replace("<iframe", '<iframe sandbox="allow-scripts"')
+    (tmp_path / "notebook.html").write_text(frame, encoding="utf-8")
+    look("a frame without rights plays", tmp_path / "notebook.html")
+
+
+def test_a_run_that_goes_on(tmp_path: Path) -> None:
+    ran = [
+        outcome(f"{name}.sim.yml").model_copy(update={"replay": kept(drive(), tmp_path, name)})
+        for name in ("cart", "van")
+    ]
+    header = Header.of_call([Planned.of(each) for each in ran], ())
+    journal = Journal(tmp_path, header, pytest.fail, time.monotonic())
+    journal(Finished(0, ran[0]))
+    pages = LivePages(tmp_path)
+    asked: list[str] = []
+
+    def answering(page: str, query: str) -> Answer | None:
+        """Answer; once the report has been opened, the call goes on and ends."""
+        answer = pages(page, query)
+        if page == "report" and page not in asked:
+            journal(Finished(1, ran[1]))
+            journal.close()
+        asked.append(page)
+        return answer
+
+    with serving(answering) as server:
+        assert looked(server.address, LIVE) == {LIVE: ""}
 
 
 def test_runs_that_part(tmp_path: Path) -> None:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 
 import pytest
 
 from sim_action.reports import console
-from sim_action.reports.notebook import _STYLES, HtmlConsole, report_frame
+from sim_action.reports.notebook import _STYLES, HtmlConsole, player_frame, report_frame
 
 MIN_CONTRAST = 3.5
 THEMES = ["#ffffff", "#111111", "#1e1e1e"]
@@ -50,5 +51,6 @@ def test_empty_lines_are_shown_between_others() -> None:
     assert shown.html().count("<br>") == 1
 
 
-def test_a_page_stays_in_its_frame() -> None:
-    assert report_frame('<p title="x">').endswith('srcdoc="&lt;p title=&quot;x&quot;&gt;"></iframe>')
+@pytest.mark.parametrize("frame", [report_frame, player_frame])
+def test_a_page_stays_in_its_frame(frame: Callable[[str], str]) -> None:
+    assert frame('<p title="x">').endswith('srcdoc="&lt;p title=&quot;x&quot;&gt;"></iframe>')
