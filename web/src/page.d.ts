@@ -121,6 +121,13 @@ interface ChannelData {
   values: Column;
 }
 
+/** Pictures as PNG in base64; one of `every` that were taken. */
+interface CameraData {
+  sensor: string;
+  every: number;
+  pictures: { time: number; png: string }[];
+}
+
 /** Ranges are steps: those of the first scan, then differences from the scan before; -1: no return, -2: too near. */
 interface ScanData {
   sensor: string;
@@ -178,6 +185,7 @@ interface Replay {
   marks: MarkData[];
   channels: ChannelData[];
   scans?: ScanData[];
+  cameras?: CameraData[];
 }
 
 /** Poses of all links and bodies at a time, seven numbers each; `here`: the bodies that have appeared. */

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from pydantic import BaseModel
 
-from sim_action.recording.replay import marks, replay_data, scans, scene_data, shapes, sightings
+from sim_action.recording.replay import marks, pictures, replay_data, scans, scene_data, shapes, sightings
 from sim_action.recording.replay.channels import stored_channels
 from sim_action.recording.replay.frames import NOTHING_COMMANDED, Track, frames_of, thinned
 from sim_action.recording.replay.marks import MarkData
@@ -66,6 +66,7 @@ def replay_of(
         marks=tuple(marks),
         channels=stored_channels(scene, frames, film.contacts, commanded, readings),
         scans=scans.stored_scans(readings, links, scene.model.root, float(film.time[-1]), scene.physics.rate),
+        cameras=pictures.stored_pictures(readings, float(film.time[-1])),
         obstacles=sightings.obstacles_of(scene, film, readings),
     )
 
@@ -100,7 +101,7 @@ def make_replay(
 
 def warm_up(robots: Iterable[RobotModel]) -> None:
     """Build the validators of all models and import the mesh readers once, before processes are forked."""
-    for module in (shapes, marks, scene_data, scans, sightings, replay_data):
+    for module in (shapes, marks, scene_data, scans, pictures, sightings, replay_data):
         for model in vars(module).values():
             if isinstance(model, type) and issubclass(model, BaseModel):
                 model.model_rebuild()

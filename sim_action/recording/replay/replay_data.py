@@ -13,6 +13,7 @@ from pydantic import Field, ValidationInfo, model_validator
 from sim_action.core.field_types import FrozenModel
 from sim_action.recording.replay.columns import Column, Index
 from sim_action.recording.replay.marks import MAX_MARKS, MarkData
+from sim_action.recording.replay.pictures import MAX_PICTURE_BYTES, CameraData
 from sim_action.recording.replay.scans import MAX_RANGES, MAX_SENSORS, ScanData
 from sim_action.recording.replay.scene_data import MAX_BODIES, MAX_LINKS, SceneData, Text, scene_problems
 from sim_action.recording.replay.shapes import Length, Number, Place
@@ -142,6 +143,7 @@ class Replay(FrozenModel):
         contacts_left_out: the number of further contacts.
         channels: further recorded quantities.
         scans: the scans of lidars.
+        cameras: the pictures of cameras.
         obstacles: the bodies that the robot met, and which sensors saw them.
         unread: the names of sensors that nothing in the run read.
     """
@@ -157,6 +159,7 @@ class Replay(FrozenModel):
     channels: Annotated[tuple[ChannelData, ...], Field(max_length=MAX_CHANNELS)] = ()
     scenario: Text | None = None
     scans: Annotated[tuple[ScanData, ...], Field(max_length=MAX_SENSORS)] = ()
+    cameras: Annotated[tuple[CameraData, ...], Field(max_length=MAX_SENSORS)] = ()
     obstacles: Annotated[tuple[ObstacleData, ...], Field(max_length=MAX_OBSTACLES)] = ()
     unread: Annotated[tuple[Text, ...], Field(max_length=MAX_SENSORS)] = ()
 
@@ -198,6 +201,10 @@ def _of_sensors(replay: Replay) -> Iterator[str]:
         yield "a scan refers to a link that does not exist"
     if not all(scan.is_whole for scan in replay.scans) or sum(len(scan.ranges) for scan in replay.scans) > MAX_RANGES:
         yield "the scans of a sensor are not complete, or there are too many of them"
+    if not all(camera.is_whole for camera in replay.cameras):
+        yield "the times of pictures do not increase"
+    if sum(camera.size for camera in replay.cameras) > 2 * MAX_PICTURE_BYTES:
+        yield "the pictures are too large"
     if any(obstacle.body >= len(replay.scene.bodies) for obstacle in replay.obstacles):
         yield "an obstacle refers to a body that does not exist"
 

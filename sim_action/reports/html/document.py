@@ -31,6 +31,7 @@ SCRIPTS: Final = (
     "page/embed.js",
     "page/address.js",
     "player/layers.js",
+    "player/pictures.js",
     "plots/curves.js",
     "plots/drawing.js",
     "plots/menu.js",

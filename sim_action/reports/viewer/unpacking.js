@@ -61,7 +61,7 @@ async function unpackedReplay(id) {
   for (const named of [...scene.links, ...scene.bodies, ...signals, ...channels]) named.name = plainLine(named.name);
   for (const signal of [...signals, ...channels]) signal.unit = plainLine(signal.unit);
   for (const channel of channels) channel.group = plainLine(channel.group);
-  for (const scan of replay.scans ?? []) scan.sensor = plainLine(scan.sensor);
+  for (const seen of [...(replay.scans ?? []), ...(replay.cameras ?? [])]) seen.sensor = plainLine(seen.sensor);
   replay.joint_names = replay.joint_names.map(plainLine);
   return replay;
 }

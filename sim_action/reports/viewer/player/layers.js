@@ -6,6 +6,7 @@ const LAYERS = [
   ["rays", "Lidar rays", ({ scans }) => Boolean(scans?.length)],
   ["forces", "Contact forces", ({ contacts }) => contacts.some(({ forces }) => forces)],
   ["contacts", "Contact marks", ({ contacts }) => contacts.length > 0],
+  ["pictures", "Pictures", ({ cameras }) => Boolean(cameras?.length)],
   ["expectations", "Expectations", ({ marks }) => marks.some(({ expectation }) => expectation !== undefined)],
 ];
 

@@ -16,7 +16,7 @@ class Player {
     this.plots = new PlotPanel(motion, entry, this.clock);
     this.ghosts = new Ghosts(entry.ghosts, motion, this.clock);
     this.ghosts.addEventListener("chosen", () => this.compare());
-    const screen = make("div", { class: "screen" }, this.views.element, this.controls.element, this.ghosts.element, this.views.sensed, keysHint(entry.ghosts.length > 0));
+    const screen = make("div", { class: "screen" }, this.views.element, this.controls.element, this.ghosts.element, this.views.sensed, this.views.pictures.element, keysHint(entry.ghosts.length > 0));
     this.element = make("div", { class: "player" }, screen, this.plots.element);
     this.clock.addEventListener("tick", () => this.show());
     this.observer = new ResizeObserver(() => this.resize());

@@ -37,6 +37,7 @@ class Views {
     this.canvas = make("canvas");
     this.note = make("p", { class: "note", role: "status" });
     this.happening = make("p", { class: "happening" });
+    this.pictures = new Pictures(motion.replay);
     this.sensed = make("p", { class: "sensed" });
     this.kind = make("button", { type: "button", title: "Switch between 3D and top view (v)", hidden: true }, "Top view");
     this.follow = make("button", { type: "button", title: "Follow the robot (f)", "aria-pressed": "false" }, "Follow");
@@ -143,6 +144,7 @@ class Views {
   drawNow() {
     for (const scans of this.motion.scans) scans.seek(this.clock.time, this.motion);
     this.sensed.textContent = this.sensedNow();
+    this.pictures.show(this.clock.time, this.layers.shown.has("pictures"));
     this.view?.draw(this.motion.at(this.clock.time), this.following);
     const touching = this.motion.touching(this.clock.time).slice(0, 3);
     const { links, bodies } = this.motion.scene;
