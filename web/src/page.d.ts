@@ -9,6 +9,14 @@ interface Column {
   gaps: [number, number][];
 }
 
+/** A column with its differences as text: U+0020 and on stand for 0, -1, 1, -2, 2 and so on. */
+interface TextColumn {
+  scale: number;
+  first: number;
+  deltas: string;
+  gaps: [number, number][];
+}
+
 interface JointMotion {
   type: "revolute" | "prismatic";
   axis: [number, number, number];
@@ -117,8 +125,8 @@ interface ChannelData {
   unit: string;
   /** True for values that a controller asked for; the measured ones have the same group and name. */
   commanded?: boolean;
-  time?: Column;
-  values: Column;
+  time?: TextColumn;
+  values: TextColumn;
 }
 
 /** Pictures as PNG in base64; one of `every` that were taken. */

@@ -13,7 +13,7 @@ import numpy as np
 
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
-from sim_action.recording.replay.columns import Column, FloatArray, fine_scale
+from sim_action.recording.replay.columns import MAX_DELTA, FloatArray, TextColumn, fine_scale
 from sim_action.recording.replay.replay_data import MAX_CHANNELS, ChannelData
 from sim_action.recording.replay.scene_data import MAX_TEXT_LENGTH
 from sim_action.state.observation import Contact
@@ -71,12 +71,14 @@ class Curve:
     def stored(self, frames: FloatArray, rate: float) -> ChannelData:
         """Return the channel for storage; `frames` are the times of the replay in s, `rate` that of the physics."""
         shared = self.time is frames
+        # Rare readings are further apart than a column can say in steps of the physics.
+        step = max(1 / rate, float(np.diff(self.time).max(initial=0.0)) / MAX_DELTA)
         return ChannelData.model_construct(
             group=self.group[:MAX_TEXT_LENGTH],
             name=self.name[:MAX_TEXT_LENGTH],
             unit=self.unit[:MAX_TEXT_LENGTH],
-            time=None if shared else Column.encoded(self.time, 1 / rate),
-            values=Column.encoded(self.values, max(self.least_step, fine_scale(self.values))),
+            time=None if shared else TextColumn.encoded(self.time, step),
+            values=TextColumn.encoded(self.values, max(self.least_step, fine_scale(self.values))),
             commanded=self.commanded,
         )
 

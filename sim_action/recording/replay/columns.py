@@ -68,6 +68,73 @@ class Column(FrozenModel):
         return in_range and len(self.deltas) in {0, count - 1}
 
 
+# The first character of a text of differences; JSON escapes those before it.
+_FIRST_CHARACTER: Final = 0x20
+MAX_DELTA: Final = 20_000
+"""The largest difference in a `TextColumn`; with `fine_scale` no difference is larger."""
+
+
+class TextColumn(FrozenModel):
+    """One number over N moments, as a `Column`, but with its differences as text: a report carries it unread.
+
+    Attributes:
+        scale: the size of a step in the unit of the column.
+        first: the first value in steps.
+        deltas: the N - 1 differences in steps, one character each: U+0020 and on stand for 0, -1, 1, -2, 2 and so on;
+            empty if the value never changes.
+        gaps: (first moment, number of moments) without a value; the deltas continue there.
+    """
+
+    scale: Scale
+    first: Steps
+    deltas: Annotated[str, Field(max_length=MAX_MOMENTS)] = ""
+    gaps: Annotated[tuple[tuple[Index, Index], ...], Field(max_length=MAX_MOMENTS)] = ()
+
+    @classmethod
+    def encoded(cls, values: FloatArray, scale: float) -> TextColumn:
+        """Return the column of values (N,), rounded to steps; values that are not finite become gaps.
+
+        Differences of more than `MAX_DELTA` steps are cut.
+        """
+        there = np.isfinite(values)
+        steps = _steps(values, there, scale)
+        deltas = np.clip(np.diff(steps), -MAX_DELTA, MAX_DELTA)
+        codes = np.where(deltas < 0, -2 * deltas - 1, 2 * deltas) + _FIRST_CHARACTER
+        return cls.model_construct(
+            scale=scale,
+            first=int(steps[0]),
+            deltas=codes.astype("<u2").tobytes().decode("utf-16-le") if deltas.any() else "",
+            gaps=() if there.all() else _runs(~there),
+        )
+
+    @property
+    def count(self) -> int:
+        """The number of moments, if the value changes."""
+        return 1 + len(self.deltas)
+
+    def decoded(self, count: int) -> FloatArray:
+        """Return the values (N,) of `count` moments, NaN in gaps."""
+        codes = np.frombuffer(self.deltas.encode("utf-32-le"), dtype="<u4").astype(np.int64) - _FIRST_CHARACTER
+        deltas = np.where(codes % 2 == 1, -(codes + 1) // 2, codes // 2)
+        steps = np.full(count, self.first, dtype=np.int64)
+        if self.deltas:
+            steps[1:] += np.cumsum(deltas)
+        values = self.scale * steps.astype(np.float64)
+        for start, length in self.gaps:
+            values[start : start + length] = math.nan
+        return values
+
+    def fits(self, count: int) -> bool:
+        """Return True if the column is valid for `count` moments."""
+        in_range = all(start + length <= count for start, length in self.gaps)
+        return in_range and len(self.deltas) in {0, count - 1}
+
+    @property
+    def rises(self) -> bool:
+        """True if each value is larger than the one before."""
+        return not self.gaps and all(ord(code) > _FIRST_CHARACTER and ord(code) % 2 == 0 for code in set(self.deltas))
+
+
 def fine_scale(values: FloatArray) -> float:
     """Return a power of ten that divides the range of the values into at least 2,000 steps."""
     finite = values[np.isfinite(values)]

@@ -11,7 +11,7 @@ from typing import Annotated, Final, Literal, Self
 from pydantic import Field, ValidationInfo, model_validator
 
 from sim_action.core.field_types import FrozenModel
-from sim_action.recording.replay.columns import Column, Index
+from sim_action.recording.replay.columns import Column, Index, TextColumn
 from sim_action.recording.replay.marks import MAX_MARKS, MarkData
 from sim_action.recording.replay.pictures import MAX_PICTURE_BYTES, CameraData
 from sim_action.recording.replay.scans import MAX_RANGES, MAX_SENSORS, ScanData
@@ -125,8 +125,8 @@ class ChannelData(FrozenModel):
     group: Text
     name: Text
     unit: Text
-    time: Column | None = None
-    values: Column
+    time: TextColumn | None = None
+    values: TextColumn
     commanded: bool = False
 
 
@@ -191,9 +191,10 @@ def _problems(replay: Replay) -> Iterator[str]:
     if any(mark.link is not None and mark.link >= len(scene.links) for mark in replay.marks):
         yield "a mark refers to a link that does not exist"
     yield from _of_sensors(replay)
-    curves: tuple[SignalData | ChannelData, ...] = (*replay.signals, *replay.channels)
-    if not all(_is_whole(curve, frames.count) for curve in curves):
-        yield "a signal or channel has another number of values than moments"
+    if not all(_is_whole(signal, frames.count) for signal in replay.signals):
+        yield "a signal has another number of values than moments"
+    if not all(_is_whole_channel(channel, frames.count) for channel in replay.channels):
+        yield "a channel has another number of values than moments"
 
 
 def _of_sensors(replay: Replay) -> Iterator[str]:
@@ -216,8 +217,13 @@ def _of_frames(frames: Frames) -> Iterator[str]:
         yield "the times do not increase"
 
 
-def _is_whole(curve: SignalData | ChannelData, frames: int) -> bool:
-    if curve.time is None:
-        return curve.values.fits(frames)
-    rises = not curve.time.gaps and all(delta > 0 for delta in curve.time.deltas)
-    return rises and curve.values.fits(1 + len(curve.time.deltas))
+def _is_whole(signal: SignalData, frames: int) -> bool:
+    if signal.time is None:
+        return signal.values.fits(frames)
+    rises = not signal.time.gaps and all(delta > 0 for delta in signal.time.deltas)
+    return rises and signal.values.fits(1 + len(signal.time.deltas))
+
+
+def _is_whole_channel(channel: ChannelData, frames: int) -> bool:
+    count = frames if channel.time is None else channel.time.count
+    return (channel.time is None or channel.time.rises) and channel.values.fits(count)

@@ -67,6 +67,18 @@ async function unpackedReplay(id) {
 }
 
 /**
+ * @param {TextColumn} column
+ * @returns {Column} with its differences as numbers
+ */
+function plainColumn(column) {
+  const deltas = Array.from(column.deltas, (character) => {
+    const code = character.charCodeAt(0) - 0x20;
+    return code % 2 ? -(code + 1) / 2 : code / 2;
+  });
+  return { ...column, deltas };
+}
+
+/**
  * @param {Column} column
  * @param {number} count number of moments
  * @returns {Float64Array} the values, NaN in gaps

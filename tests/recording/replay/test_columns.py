@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from sim_action.recording.replay.columns import Column, FloatArray, fine_scale
+from sim_action.recording.replay.columns import MAX_DELTA, Column, FloatArray, TextColumn, fine_scale
 
 lengths = st.integers(1, 60)
 ordinary = st.floats(-1e6, 1e6)
@@ -85,3 +85,40 @@ def test_a_column_fits_its_own_number_of_moments_alone() -> None:
     assert column.fits(3)
     assert not column.fits(4)
     assert not Column(scale=1.0, first=0, gaps=((1, 2),)).fits(2)
+
+
+@given(lengths.flatmap(lambda n: arrays(np.float64, n, elements=ordinary)))
+def test_a_column_of_text_gives_back_what_was_encoded(values: FloatArray) -> None:
+    scale = fine_scale(values)
+    column = TextColumn.encoded(values, scale)
+
+    found = TextColumn.model_validate_json(column.model_dump_json())
+
+    assert found == column
+    assert found.fits(len(values))
+    assert np.abs(found.decoded(len(values)) - values).max() <= scale * 0.5 + 1e-9
+
+
+def test_a_column_of_text_has_gaps() -> None:
+    column = TextColumn.encoded(np.array([np.nan, 1.0, np.inf, 2.0]), 0.5)
+    np.testing.assert_array_equal(column.decoded(4), [np.nan, 1.0, np.nan, 2.0])
+    assert (column.deltas, column.gaps) == ("  $", ((0, 1), (2, 1)))
+
+
+def test_a_column_of_text_cuts_a_difference_that_no_fine_scale_has() -> None:
+    assert TextColumn.encoded(np.array([0.0, 1e9]), 1.0).decoded(2).tolist() == [0, MAX_DELTA]
+
+
+@pytest.mark.parametrize(
+    ("deltas", "gaps", "rises"),
+    [("$&", (), True), ("$ ", (), False), ("$!", (), False), ("\x10", (), False), ("$", ((0, 1),), False)],
+)
+def test_a_column_of_text_knows_whether_it_rises(
+    deltas: str, gaps: tuple[tuple[int, int], ...], *, rises: bool
+) -> None:
+    assert TextColumn(scale=1.0, first=0, deltas=deltas, gaps=gaps).rises == rises
+
+
+def test_text_of_another_length_does_not_fit() -> None:
+    assert not TextColumn(scale=1.0, first=0, deltas="$$").fits(4)
+    assert not TextColumn(scale=1.0, first=0, gaps=((1, 4),)).fits(4)

@@ -77,6 +77,7 @@ def at(*steps: str | int, value: Any) -> Change:
 SHAPE = {"kind": "box", "size": [1, 1, 1], "pose": [0, 0, 0, 0, 0, 0, 1], "color": [0, 0, 0]}
 MESH = {"scale": 1.0, "points": [0] * 9, "triangles": [0, 1, 2]}  # three points, in differences
 SIGNAL = {"expectation": 0, "name": "a", "unit": "m", "values": {"scale": 1.0, "first": 0}}
+CHANNEL = {"group": "a", "name": "a", "unit": "m", "values": {"scale": 1.0, "first": 0, "deltas": "$"}}
 STILL = {"scale": 1.0, "first": 0}
 SCAN = {
     "sensor": "front",
@@ -138,6 +139,10 @@ HOSTILE: dict[str, Change] = {
     "a name without an end": at("joint_names", value=["a" * 10_000, "b"]),
     "names that are too few": at("joint_names", value=["a"]),
     "commands of too few joints": at("frames", "commanded", value=[None]),
+    "a channel of another length": at("channels", value=[CHANNEL]),
+    "a channel whose times do not rise": at(
+        "channels", value=[{**CHANNEL, "time": {"scale": 1.0, "first": 0, "deltas": " "}}]
+    ),
     "a command of another length": at("frames", "commanded", value=[None, {"scale": 1.0, "first": 0, "deltas": [1]}]),
 }
 

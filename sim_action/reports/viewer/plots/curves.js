@@ -96,8 +96,9 @@ class Catalogue {
     const measured = new Set(channels.filter((channel) => !channel.commanded).map(called));
     const commanded = new Map(channels.filter((channel) => channel.commanded).map((channel) => [called(channel), channel]));
     const read = (/** @type {ChannelData} */ { time, values }) => {
-      const times = time ? decoded(time, 1 + time.deltas.length) : this.motion.times;
-      return { times, values: decoded(values, times.length) };
+      const plain = time && plainColumn(time);
+      const times = plain ? decoded(plain, 1 + plain.deltas.length) : this.motion.times;
+      return { times, values: decoded(plainColumn(values), times.length) };
     };
     for (const channel of channels) {
       if (channel.commanded && measured.has(called(channel))) continue;
