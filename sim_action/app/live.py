@@ -23,7 +23,8 @@ from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.process import Interruption
 from sim_action.core.wording import escaped_line, note, system_reason
 from sim_action.reports import ReportOptions, workspace_of
-from sim_action.reports.html.live_page import live_report, live_state, progress_page, version
+from sim_action.reports.html.document import Page
+from sim_action.reports.html.live_page import Finished, live_report, live_state, progress_page, version
 from sim_action.results.journal_follower import JournalFollower
 from sim_action.results.written_files import JUNIT_FILE
 
@@ -43,39 +44,50 @@ class LivePages:
             workspace=workspace_of(os.environ, Path.cwd()),
         )
         self._follower = JournalFollower(folder)
-        self._guard = threading.Lock()
-        self._report: tuple[tuple[int, int, bool], Answer] | None = None
+        self._looking = threading.Lock()
+        self._making = threading.Lock()
+        self._report: tuple[Finished, Answer] | None = None
 
     def __call__(self, page: str, query: str) -> Answer | None:
         """Return the answer to a request; None: there is no such page."""
-        if page == "":
-            made = progress_page()
-            return Answer(b"".join(made.parts()), policy=made.policy)
-        with self._guard:
-            if page == "state":
+        match page:
+            case "":
+                return _answer(progress_page())
+            case "state":
                 return self._state(query)
-            return self._current_report() if page == "report" else None
+            case "report":
+                # The report of a large suite takes seconds. The progress goes on meanwhile.
+                with self._making:
+                    return self._current_report()
+        return None
 
     def _state(self, query: str) -> Answer:
         """Return the state; nothing if the reader has it already."""
-        self._follower.look()
-        known = parse_qs(query).get("after")
-        unchanged = known == [version(self._follower)] and not self._follower.problem
-        body = b"" if unchanged else json.dumps(live_state(self._follower), allow_nan=False).encode()
+        with self._looking:
+            self._follower.look()
+            known = parse_qs(query).get("after")
+            unchanged = known == [version(self._follower)] and not self._follower.problem
+            body = b"" if unchanged else json.dumps(live_state(self._follower), allow_nan=False).encode()
         return Answer(body, "application/json")
 
     def _current_report(self) -> Answer:
         """Return the report of what has finished; it is made again only if there is more."""
-        follower = self._follower
-        follower.look()
-        while follower.has_more:
-            follower.look()
-        finished = 0 if follower.recorded is None else len(follower.recorded.finished)
-        state = (follower.call, finished, follower.is_over)
-        if self._report is None or self._report[0] != state:
-            made = live_report(follower, self._options)
-            self._report = (state, Answer(b"".join(made.parts()), policy=made.policy))
+        with self._looking:
+            self._follower.look()
+            while self._follower.has_more:
+                self._follower.look()
+            known, recorded = Finished.of(self._follower), self._follower.recorded
+            if self._report is not None and self._report[0] == known:
+                return self._report[1]
+            if recorded is None:
+                return _answer(progress_page())
+            results = recorded.results() if known.is_over else recorded.results_so_far()
+        self._report = (known, _answer(live_report(results, known, self._options)))
         return self._report[1]
+
+
+def _answer(page: Page) -> Answer:
+    return Answer(b"".join(page.parts()), policy=page.policy)
 
 
 def serve_live(folder: Path, port: int, *, print_only: bool) -> ExitCode:

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from typing import Final
+from typing import Final, Self
 
-from sim_action.core.records import replace
+from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import counted, shortened
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line
@@ -23,6 +23,7 @@ from sim_action.results.artifacts import namesake_number
 from sim_action.results.journal import Recorded
 from sim_action.results.journal_follower import JournalFollower
 from sim_action.results.outcome import Outcome
+from sim_action.results.results_json import Results
 
 MAX_ROWS: Final = 500
 """The number of scenarios in each list of the progress page; further ones are only counted."""
@@ -160,17 +161,44 @@ def progress_page() -> Page:
     return Page("Progress · sim-action", False, [body], page_json({"scenarios": []}), {}, False, is_live=True)
 
 
-def live_report(follower: JournalFollower, options: ReportOptions) -> Page:
+@dataclass(frozen=True, slots=True)
+class Finished:
+    """The part of a call that has finished.
+
+    Attributes:
+        call: the number of the call.
+        finished, total: the numbers of scenarios.
+        is_over: True if the call has ended.
+    """
+
+    call: int
+    finished: int
+    total: int
+    is_over: bool
+
+    @classmethod
+    def of(cls, follower: JournalFollower) -> Self:
+        """Return what has finished at the last look."""
+        recorded = follower.recorded
+        if recorded is None:
+            return cls(follower.call, 0, 0, is_over=False)
+        return cls(follower.call, len(recorded.finished), len(recorded.header.planned), follower.is_over)
+
+    @property
+    def scope(self) -> str:
+        """The part of the call that the report has; empty for all of it."""
+        if self.is_over:
+            return ""
+        return f"This report has {self.finished} of {counted(self.total, 'scenario')} so far."
+
+
+def live_report(results: Results, known: Finished, options: ReportOptions) -> Page:
     """Return the report of the scenarios that have finished, with a line that offers newer results."""
-    recorded = follower.recorded
-    if recorded is None:
-        return progress_page()
-    results = recorded.results() if follower.is_over else recorded.results_so_far()
     made = page(results, options)
     bar = element(
         "div",
         element("a", "Progress", href="./"),
-        element("span", _scope(recorded, is_over=follower.is_over)),
+        element("span", known.scope),
         element("span", "", role="status", id="live-news"),
         element("button", "Update", type="button", hidden=True, id="live-update"),
         element(
@@ -179,13 +207,8 @@ def live_report(follower: JournalFollower, options: ReportOptions) -> Page:
             Html(" update by itself"),
         ),
         class_="live-line",
-        data_call=str(follower.call),
-        data_finished=str(len(recorded.finished)),
-        data_over=str(int(follower.is_over)),
+        data_call=str(known.call),
+        data_finished=str(known.finished),
+        data_over=str(int(known.is_over)),
     )
     return replace(made, body=(encoded(bar), *made.body), is_live=True)
-
-
-def _scope(recorded: Recorded, *, is_over: bool) -> str:
-    finished, total = len(recorded.finished), len(recorded.header.planned)
-    return "" if is_over else f"This report has {finished} of {counted(total, 'scenario')} so far."

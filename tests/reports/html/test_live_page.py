@@ -11,6 +11,7 @@ import pytest
 
 from sim_action.reports import ReportOptions
 from sim_action.reports.html import live_page
+from sim_action.reports.html.document import Page
 from sim_action.reports.html.live_page import live_report, live_state, progress_page
 from sim_action.results.events import Finished, RunEnded, Started
 from sim_action.results.journal import Journal
@@ -35,6 +36,13 @@ def looked(folder: Path) -> JournalFollower:
 def state(folder: Path) -> dict[str, Any]:
     found: dict[str, Any] = json.loads(json.dumps(live_state(looked(folder)), allow_nan=False))
     return found
+
+
+def reported(folder: Path) -> Page:
+    follower = looked(folder)
+    assert follower.recorded is not None
+    results = follower.recorded.results() if follower.is_over else follower.recorded.results_so_far()
+    return live_report(results, live_page.Finished.of(follower), options(folder))
 
 
 def names(shown: dict[str, Any]) -> dict[str, list[str]]:
@@ -113,13 +121,13 @@ def test_only_live_pages_may_connect(tmp_path: Path) -> None:
     journal = begun(tmp_path)
     assert "connect-src 'self'" in progress_page().policy
     journal(Finished(0, outcome("a")))
-    report = live_report(looked(tmp_path), options(tmp_path))
+    report = reported(tmp_path)
     assert "connect-src 'self'" in report.policy
     assert report.policy in report.text().replace("&#x27;", "'")
     text = report.text()
     assert "This report has 1 of 3 scenarios so far." in text
     assert "not finished" not in text
     journal.close()
-    text = live_report(looked(tmp_path), options(tmp_path)).text()
+    text = reported(tmp_path).text()
     assert "so far" not in text
     assert "not finished" in text
