@@ -117,6 +117,8 @@ CHECKS = [
     "without WebGL it is seen from above",
     "with scripts blocked verdict and drawing are there",
     "a phone has no sideways scroll",
+    "from above distances are measured",
+    "the address tells the camera",
     "a chosen link has a path and a frame",
     "signals are chosen by mouse",
     "signals are chosen by keys alone",

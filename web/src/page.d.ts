@@ -28,6 +28,8 @@ interface JointMotion {
 interface ShapeBase {
   pose: number[];
   color: [number, number, number];
+  /** 0 to 1; missing: 1. */
+  opacity?: number;
 }
 interface BoxShape extends ShapeBase {
   kind: "box";
@@ -242,6 +244,8 @@ interface GhostRun extends Run {
   others: number[];
 }
 
+type Preset = "overview" | "front" | "side" | "top" | "behind";
+
 /** A view of the run. */
 interface View {
   /** Draws another run as a ghost; null: none. */
@@ -253,6 +257,12 @@ interface View {
   showLayers(shown: ReadonlySet<string>): void;
   /** Shows the whole path. */
   home(): void;
+  /** Shows the whole path from a side. */
+  from(preset: Preset): void;
+  /** The size in m of a CSS pixel; null: it depends on the place. */
+  metresPerPixel(): number | null;
+  /** Returns x and y on the ground in m under a place of the canvas in CSS pixels; null: there is no ground. */
+  under(x: number, y: number): [number, number] | null;
   resize(): void;
   dispose(): void;
 }

@@ -1,16 +1,23 @@
-/** The geometries of all shapes of a scene; each mesh is built once. */
+/** The surfaces of links and bodies: one mesh for all opaque shapes of each, as every mesh costs a draw call. */
 
 import {
   BoxGeometry,
   BufferGeometry,
   CapsuleGeometry,
+  Color,
   CylinderGeometry,
+  DoubleSide,
   Float32BufferAttribute,
   Group,
+  Matrix4,
   Mesh,
   MeshLambertMaterial,
+  type Object3D,
+  Quaternion,
   SphereGeometry,
+  Vector3,
 } from "three";
+import { smooth } from "./smoothing";
 
 /** How shapes are drawn; `colour`: in place of their own, as for a second robot. */
 export interface Look {
@@ -20,23 +27,54 @@ export interface Look {
 
 export class Solids {
   private readonly meshes = new Map<string, BufferGeometry>();
-  private readonly materials = new Map<string, MeshLambertMaterial>();
+  private readonly materials = new Map<number, MeshLambertMaterial>();
 
   constructor(private readonly stored: Record<string, MeshData>) {}
 
   /** Returns all shapes of a link or body in its frame. */
   group(shapes: Shape[], look: Look = {}): Group {
     const group = new Group();
-    for (const shape of shapes) group.add(this.solid(shape, look));
+    const opacities = shapes.map((shape) => (shape.opacity ?? 1) * (look.opacity ?? 1));
+    for (const opacity of new Set(opacities)) {
+      if (opacity === 0) continue;
+      const some = shapes.filter((_, i) => opacities[i] === opacity);
+      group.add(this.solid(some.map((shape) => this.coloured(shape, look)), opacity));
+    }
     return group;
   }
 
-  private solid(shape: Shape, look: Look): Mesh {
-    const solid = new Mesh(this.geometry(shape), this.material(shape, look));
-    place(solid, shape.pose, 0);
-    solid.castShadow = (look.opacity ?? 1) === 1;
+  /** Returns objects that never move as one, where they are now. */
+  still(groups: Object3D[]): Group {
+    const whole = new Group();
+    const placed = new Map<number, BufferGeometry[]>();
+    for (const group of groups) {
+      group.updateMatrixWorld(true);
+      group.traverse((one) => {
+        if (!(one instanceof Mesh)) return;
+        const { opacity } = one.material as MeshLambertMaterial;
+        placed.set(opacity, [...(placed.get(opacity) ?? []), one.geometry.applyMatrix4(one.matrixWorld)]);
+      });
+    }
+    for (const [opacity, geometries] of placed) whole.add(this.solid(geometries, opacity));
+    return whole;
+  }
+
+  private solid(geometries: BufferGeometry[], opacity: number): Mesh {
+    const solid = new Mesh(joined(geometries), this.material(opacity));
+    solid.castShadow = opacity === 1;
     solid.receiveShadow = true;
     return solid;
+  }
+
+  private coloured(shape: Shape, look: Look): BufferGeometry {
+    const own = this.geometry(shape);
+    const geometry = own.index ? own.toNonIndexed() : own.clone();
+    const [x, y, z, qx, qy, qz, qw] = shape.pose;
+    geometry.applyMatrix4(new Matrix4().compose(new Vector3(x, y, z), new Quaternion(qx, qy, qz, qw), new Vector3(1, 1, 1)));
+    const { r, g, b } = look.colour ? new Color(look.colour) : new Color().setRGB(...visible(shape.color), "srgb");
+    const colours = new Float32Array(3 * geometry.getAttribute("position").count);
+    for (let i = 0; i < colours.length; i += 3) colours.set([r, g, b], i);
+    return geometry.setAttribute("color", new Float32BufferAttribute(colours, 3));
   }
 
   private geometry(shape: Shape): BufferGeometry {
@@ -58,42 +96,47 @@ export class Solids {
   private mesh(digest: string): BufferGeometry {
     const known = this.meshes.get(digest);
     if (known) return known;
-    const { points, scale, triangles } = this.stored[digest];
-    // Each corner of a triangle has its own point, which gives flat faces.
-    const corners = new Float32Array(3 * triangles.length);
-    triangles.forEach((point, i) => {
-      for (let axis = 0; axis < 3; axis++) corners[3 * i + axis] = points[3 * point + axis] * scale;
-    });
-    const geometry = new BufferGeometry();
-    geometry.setAttribute("position", new Float32BufferAttribute(corners, 3));
-    geometry.computeVertexNormals();
+    const geometry = smooth(this.stored[digest]);
     this.meshes.set(digest, geometry);
     return geometry;
   }
 
-  private material(shape: Shape, { opacity = 1, colour }: Look): MeshLambertMaterial {
-    const key = `${colour ?? shape.color.join()} ${opacity} ${shape.kind === "mesh"}`;
-    let material = this.materials.get(key);
+  private material(opacity: number): MeshLambertMaterial {
+    let material = this.materials.get(opacity);
     if (!material) {
-      material = new MeshLambertMaterial({ transparent: opacity < 1, opacity, side: shape.kind === "mesh" ? 2 : 0 });
-      if (colour) material.color.set(colour);
-      else material.color.setRGB(...muted(shape.color), "srgb");
-      this.materials.set(key, material);
+      material = new MeshLambertMaterial({ vertexColors: true, transparent: opacity < 1, opacity, depthWrite: opacity === 1, side: DoubleSide });
+      this.materials.set(opacity, material);
     }
     return material;
   }
 }
 
 /** Sets the pose of an object: seven numbers beginning at `at`. */
-export function place(object: Group | Mesh, pose: ArrayLike<number>, at: number): void {
+export function place(object: Object3D, pose: ArrayLike<number>, at: number): void {
   object.position.set(pose[at], pose[at + 1], pose[at + 2]);
   object.quaternion.set(pose[at + 3], pose[at + 4], pose[at + 5], pose[at + 6]);
 }
 
-/** Returns a less saturated colour, so that marks stand out. */
-function muted([red, green, blue]: [number, number, number]): [number, number, number] {
+/** Returns one geometry of several; each triangle has three points of its own. */
+function joined(geometries: BufferGeometry[]): BufferGeometry {
+  const whole = new BufferGeometry();
+  for (const name of ["position", "normal", "color"]) {
+    const parts = geometries.map((geometry) => geometry.getAttribute(name).array as Float32Array);
+    const values = new Float32Array(parts.reduce((sum, part) => sum + part.length, 0));
+    let at = 0;
+    for (const part of parts) {
+      values.set(part, at);
+      at += part.length;
+    }
+    whole.setAttribute(name, new Float32BufferAttribute(values, 3));
+  }
+  return whole;
+}
+
+/** Returns a colour of the model a little less saturated, so that marks stand out. */
+function visible([red, green, blue]: [number, number, number]): [number, number, number] {
   const grey = 0.3 * red + 0.55 * green + 0.15 * blue;
-  // Black is brightened, to be visible in the dark scheme.
-  const mixed = (value: number) => 0.16 + 0.84 * (grey + 0.4 * (value - grey));
+  // Black is brightened, to be visible in the dark scheme and to have a shape.
+  const mixed = (value: number) => 0.1 + 0.88 * (grey + 0.75 * (value - grey));
   return [mixed(red), mixed(green), mixed(blue)];
 }

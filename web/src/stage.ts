@@ -1,99 +1,107 @@
-/** Ground, light and camera, scaled to the content. */
+/** Ground and light of the scene, scaled to the content. */
 
 import {
   Box3,
-  BufferGeometry,
   Color,
   DirectionalLight,
-  Float32BufferAttribute,
   Fog,
   HemisphereLight,
-  LineBasicMaterial,
-  LineSegments,
   Mesh,
   MeshLambertMaterial,
-  PerspectiveCamera,
   PlaneGeometry,
   Scene,
   Vector3,
+  Vector4,
 } from "three";
 
-export function furnish(scene: Scene, seen: Box3, colours: Colours): DirectionalLight {
-  const extent = Math.max(1, seen.getSize(new Vector3()).length());
+/** The texels along a side of the shadow map. */
+const SHADOW_TEXELS = 1024;
+
+/** Returns the light whose shadows follow what is seen. */
+export function furnish(scene: Scene, seen: Box3, colours: Colours): Sun {
+  const extent = extentOf(seen);
   const middle = seen.getCenter(new Vector3());
-  const far = 14 * extent;
   scene.background = new Color(colours.floor);
-  scene.fog = new Fog(colours.floor, 3 * extent, far);
-  // The ground is drawn first and hides nothing, even objects slightly below it.
-  const surface = new MeshLambertMaterial({ color: colours.floor, depthWrite: false });
-  const ground = new Mesh(new PlaneGeometry(2 * far, 2 * far), surface);
-  ground.position.set(middle.x, middle.y, 0);
-  ground.receiveShadow = true;
-  ground.renderOrder = -2;
-  const lines = grid(extent, middle, colours);
-  lines.renderOrder = -1;
-  scene.add(ground, lines);
-  scene.add(new HemisphereLight(0xffffff, colours.dark ? 0x333940 : 0xb9c0c8, colours.dark ? 1.6 : 2));
-  return sun(scene, extent, middle);
+  scene.fog = new Fog(colours.floor, 3 * extent, 14 * extent);
+  scene.add(ground(extent, middle, colours));
+  scene.add(new HemisphereLight(0xffffff, colours.dark ? 0x3d444c : 0xa9b1ba, colours.dark ? 1.5 : 1.75));
+  return new Sun(scene, extent);
 }
 
-/** Draws each cell as short lines, as some browsers omit long lines that begin behind the camera. */
-function grid(extent: number, middle: Vector3, colours: Colours): LineSegments {
+/** Returns the diagonal of what is seen, in m, at least 1. */
+export function extentOf(seen: Box3): number {
+  return Math.max(1, seen.getSize(new Vector3()).length());
+}
+
+/** A plane with lines and a faint checker; both are computed for each pixel, and fade before they would flicker. */
+function ground(extent: number, middle: Vector3, colours: Colours): Mesh {
   const step = extent > 40 ? 10 : extent > 8 ? 1 : extent > 1 ? 0.5 : 0.1;
-  const half = Math.min(40, Math.ceil((6 * extent) / step));
-  const ends: number[] = [];
-  for (let along = -half; along < half; along++) {
-    for (let across = -half; across <= half; across++) {
-      ends.push(along, across, 0, along + 1, across, 0, across, along, 0, across, along + 1, 0);
-    }
-  }
-  const geometry = new BufferGeometry().setAttribute("position", new Float32BufferAttribute(ends, 3));
-  const made = new LineSegments(geometry, new LineBasicMaterial({ color: colours.line, depthWrite: false, transparent: true, opacity: colours.dark ? 0.55 : 0.9 }));
-  made.scale.setScalar(step);
-  made.position.set(Math.round(middle.x / step) * step, Math.round(middle.y / step) * step, 0);
+  const size = 28 * extent;
+  // The ground is drawn first and hides nothing, even objects slightly below it.
+  const material = new MeshLambertMaterial({ color: colours.floor, depthWrite: false });
+  const line = new Color(colours.line);
+  const drawn = { value: new Vector4(line.r, line.g, line.b, colours.dark ? 0.8 : 1) };
+  material.onBeforeCompile = (shader) => {
+    shader.uniforms.ruled = drawn;
+    shader.vertexShader = `varying vec2 cell;\n${shader.vertexShader}`.replace("#include <begin_vertex>", `#include <begin_vertex>
+cell = (modelMatrix * vec4(position, 1.0)).xy / ${step.toFixed(2)};`);
+    shader.fragmentShader = `varying vec2 cell;\nuniform vec4 ruled;\n${shader.fragmentShader}`.replace("#include <color_fragment>", `
+vec2 wide = fwidth(cell) + 1e-6;
+vec2 off = abs(fract(cell - 0.5) - 0.5) / wide;
+float clear = 1.0 - smoothstep(0.1, 0.6, max(wide.x, wide.y));
+vec2 dark = step(0.5, fract(0.5 * cell));
+diffuseColor.rgb *= 1.0 - 0.025 * clear * abs(dark.x - dark.y);
+diffuseColor.rgb = mix(diffuseColor.rgb, ruled.rgb, ruled.a * clear * (1.0 - min(1.0, min(off.x, off.y))));`);
+  };
+  const made = new Mesh(new PlaneGeometry(size, size), material);
+  made.position.set(middle.x, middle.y, 0);
+  made.receiveShadow = true;
+  made.renderOrder = -2;
   return made;
 }
 
-function sun(scene: Scene, extent: number, middle: Vector3): DirectionalLight {
-  const light = new DirectionalLight(0xffffff, 1.7);
-  light.position.set(middle.x - 0.6 * extent, middle.y - 0.7 * extent, middle.z + 1.8 * extent);
-  light.target.position.copy(middle);
-  light.castShadow = true;
-  const { camera, mapSize } = light.shadow;
-  camera.left = camera.bottom = -extent;
-  camera.right = camera.top = extent;
-  camera.near = 0.1 * extent;
-  camera.far = 5 * extent;
-  camera.updateProjectionMatrix();
-  mapSize.set(2048, 2048);
-  light.shadow.normalBias = 0.002 * extent;
-  scene.add(light, light.target);
-  return light;
-}
+/** A light from far away; its shadow map covers what is seen, and lies on a fixed grid so that edges stay still. */
+export class Sun {
+  private readonly light = new DirectionalLight(0xffffff, 2);
+  private readonly away = new Vector3(-0.6, -0.7, 1.8).normalize();
+  private readonly right = new Vector3(0, 1, 0).cross(this.away).normalize();
+  private readonly up = new Vector3().crossVectors(this.away, this.right);
+  private reach = 0;
 
-/** Places the camera behind and right of a box, so that the whole box fits into the view. */
-export function overview(camera: PerspectiveCamera, seen: Box3, target: Vector3): void {
-  seen.getCenter(target);
-  const size = seen.getSize(new Vector3());
-  // Look across the longer side, so that a path is seen from the side.
-  const away = (size.x >= size.y ? new Vector3(-0.42, -1, 0.7) : new Vector3(-1, -0.42, 0.7)).normalize();
-  const distance = Math.max(0.3, ...corners(seen).map((corner) => needed(camera, corner.sub(target), away)));
-  camera.position.copy(target).addScaledVector(away, 1.06 * distance);
-  camera.near = distance / 200;
-  camera.far = distance * 60;
-  camera.updateProjectionMatrix();
-}
+  constructor(scene: Scene, private readonly extent: number) {
+    this.light.castShadow = true;
+    this.light.shadow.mapSize.set(SHADOW_TEXELS, SHADOW_TEXELS);
+    scene.add(this.light, this.light.target);
+  }
 
-/** Returns the distance at which a camera that looks along -`away` at the origin sees a point. */
-function needed(camera: PerspectiveCamera, point: Vector3, away: Vector3): number {
-  const right = new Vector3().crossVectors(camera.up, away).normalize();
-  const up = new Vector3().crossVectors(away, right);
-  const tangent = Math.tan((camera.fov * Math.PI) / 360);
-  const across = Math.max(Math.abs(point.dot(up)) / tangent, Math.abs(point.dot(right)) / (tangent * camera.aspect));
-  return across + point.dot(away);
-}
-
-function corners({ min, max }: Box3): Vector3[] {
-  const sides = [min, max];
-  return sides.flatMap((x) => sides.flatMap((y) => sides.map((z) => new Vector3(x.x, y.y, z.z))));
+  /**
+   * Covers a ball with shadows; returns true if the map has to be drawn anew.
+   * @param reach its radius in m
+   */
+  cover(middle: Vector3, reach: number): boolean {
+    // In steps, so that the size of a texel rarely changes.
+    const radius = Math.min(1.5 * this.extent, 2 ** (Math.ceil(2 * Math.log2(reach)) / 2));
+    // Coarser than a texel, so that a camera that moves a little needs no new map.
+    const grid = (2 * radius * 32) / SHADOW_TEXELS;
+    const snapped = (axis: Vector3) => Math.round(middle.dot(axis) / grid) * grid;
+    const { target, position, shadow } = this.light;
+    const centre = new Vector3()
+      .addScaledVector(this.right, snapped(this.right))
+      .addScaledVector(this.up, snapped(this.up))
+      .addScaledVector(this.away, snapped(this.away));
+    if (radius === this.reach && centre.equals(target.position)) return false;
+    this.reach = radius;
+    const { camera } = shadow;
+    camera.left = camera.bottom = -radius;
+    camera.right = camera.top = radius;
+    camera.near = 0.01 * radius;
+    camera.far = 2 * radius + 4 * this.extent;
+    camera.updateProjectionMatrix();
+    // Mostly along the light, as the normals of some meshes point inwards.
+    shadow.bias = (-5 * radius) / SHADOW_TEXELS / (camera.far - camera.near);
+    shadow.normalBias = (1 * radius) / SHADOW_TEXELS;
+    target.position.copy(centre);
+    position.copy(centre).addScaledVector(this.away, radius + 2 * this.extent);
+    return true;
+  }
 }

@@ -1,14 +1,14 @@
 /** The 3D view of a run; it draws only if something has changed. */
 
-import { AxesHelper, Box3, Color, Group, Material, PCFShadowMap, PerspectiveCamera, Scene, Vector3, WebGLRenderer } from "three";
-import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import { AxesHelper, Box3, Color, Group, Material, PCFShadowMap, Plane, Raycaster, Scene, Vector2, Vector3, WebGLRenderer } from "three";
+import { Cameras } from "./cameras";
 import { ForceLayer } from "./forces";
 import { Ghost } from "./ghost";
 import type { Layer } from "./layer";
 import { mark, Touches, Trail, Way } from "./lines";
 import { ScanLayer } from "./scans";
 import { place, Solids } from "./solids";
-import { furnish, overview } from "./stage";
+import { furnish, type Sun } from "./stage";
 
 /** The number of moments at which the space of the robot is sampled. */
 const SAMPLES = 24;
@@ -16,8 +16,8 @@ const SAMPLES = 24;
 class View3D implements View {
   private readonly renderer: WebGLRenderer;
   private readonly scene = new Scene();
-  private readonly camera = new PerspectiveCamera(38, 1.6, 0.01, 1000);
-  private readonly controls: OrbitControls;
+  private readonly cameras: Cameras;
+  private readonly sun: Sun;
   private readonly links: Group[];
   private readonly bodies: Group[];
   /** What is drawn besides the robot, its world and the marks. */
@@ -33,8 +33,8 @@ class View3D implements View {
   private readonly width: number;
   private readonly seen: Box3;
   private readonly base = new Vector3();
-  private followed: Vector3 | null = null;
-  private touched = false;
+  /** The time of the frame that the shadows belong to. */
+  private shaded = NaN;
   private drawing = false;
 
   constructor(
@@ -46,7 +46,7 @@ class View3D implements View {
     this.renderer = new WebGLRenderer({ canvas, antialias: true });
     this.renderer.shadowMap.enabled = true;
     this.renderer.shadowMap.type = PCFShadowMap;
-    this.camera.up.set(0, 0, 1);
+    this.renderer.shadowMap.autoUpdate = false;
     const solids = new Solids(run.scene.meshes);
     this.links = run.scene.links.map((link) => solids.group(link.shapes));
     this.bodies = run.scene.bodies.map((body) => solids.group(body.shapes));
@@ -61,7 +61,8 @@ class View3D implements View {
     });
     const fixed = marks.filter((_, i) => run.replay.marks[i].link === undefined);
     this.seen = this.widened(this.everywhere(run, robot), fixed);
-    furnish(this.scene, this.seen, colours);
+    this.sun = furnish(this.scene, this.seen, colours);
+    this.settle(solids);
     this.clearance = run.base[2][0] - size.min.z;
     this.width = 0.009 * this.seen.getSize(new Vector3()).length();
     this.add(new Way(run, colours.accent, this.clearance, this.width));
@@ -74,7 +75,10 @@ class View3D implements View {
       const link = run.replay.marks[i].link;
       (link === undefined ? this.scene : this.links[link]).add(drawn);
     });
-    this.controls = this.grabbed();
+    this.cameras = new Cameras(canvas, this.seen, heading(run.at(run.start)));
+    // The style sheet lets a finger scroll the page until the view was tapped.
+    canvas.style.touchAction = "";
+    this.cameras.controls.addEventListener("change", () => canvas.dispatchEvent(new CustomEvent("viewmoved")));
     this.home();
   }
 
@@ -99,7 +103,7 @@ class View3D implements View {
   compare(ghost: GhostRun | null): void {
     if (this.ghost) this.remove(this.ghost);
     this.ghost = ghost && this.add(new Ghost(ghost, this.colours.ghost, this.clearance, this.width));
-    if (!this.touched && !this.followed) this.home();
+    if (this.cameras.isUnmoved) this.home();
   }
 
   draw(moment: Moment, follow: boolean): void {
@@ -109,17 +113,35 @@ class View3D implements View {
     this.pose(moment);
     for (const layer of this.layers) layer.show(moment);
     this.base.set(moment.links[0], moment.links[1], moment.links[2]);
-    if (follow) this.moveAlong();
-    else this.followed = null;
-    this.renderer.render(this.scene, this.camera);
+    if (follow) this.cameras.follow(this.base, heading(moment), this.near);
+    else this.cameras.letGo();
+    const { camera, controls } = this.cameras;
+    const isCovered = !this.sun.cover(controls.target, 2.2 * this.cameras.reach());
+    this.renderer.shadowMap.needsUpdate = !isCovered || moment.time !== this.shaded;
+    this.shaded = moment.time;
+    this.renderer.render(this.scene, camera);
     this.drawing = false;
   }
 
   home(): void {
-    this.touched = false;
-    const seen = this.ghost ? this.seen.clone().union(this.ghost.box) : this.seen;
-    overview(this.camera, seen, this.controls.target);
-    this.controls.update();
+    this.from(this.cameras.preset);
+  }
+
+  from(preset: Preset): void {
+    this.cameras.seen = this.ghost ? this.seen.clone().union(this.ghost.box) : this.seen;
+    this.cameras.choose(preset);
+  }
+
+  metresPerPixel(): number | null {
+    return this.cameras.metresPerPixel(this.canvas);
+  }
+
+  under(x: number, y: number): [number, number] | null {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    const ray = new Raycaster();
+    ray.setFromCamera(new Vector2((2 * x) / width - 1, 1 - (2 * y) / height), this.cameras.camera);
+    const met = ray.ray.intersectPlane(new Plane(new Vector3(0, 0, 1)), new Vector3());
+    return met && [met.x, met.y];
   }
 
   resize(): void {
@@ -127,13 +149,11 @@ class View3D implements View {
     if (!width || !height) return;
     this.renderer.setPixelRatio(Math.min(2, devicePixelRatio || 1));
     this.renderer.setSize(width, height, false);
-    this.camera.aspect = width / height;
-    this.camera.updateProjectionMatrix();
-    if (!this.touched && !this.followed) this.home();
+    this.cameras.resize(width, height);
   }
 
   dispose(): void {
-    this.controls.dispose();
+    this.cameras.controls.dispose();
     this.renderer.dispose();
     this.renderer.forceContextLoss();
   }
@@ -174,27 +194,19 @@ class View3D implements View {
     return all;
   }
 
-  /** Lets the camera follow the robot, starting with a close view. */
-  private moveAlong(): void {
-    const { target } = this.controls;
-    if (this.followed === null) {
-      const away = this.camera.position.clone().sub(target);
-      target.copy(this.base);
-      this.camera.position.copy(this.base).add(away.setLength(Math.min(away.length(), this.near)));
-      this.followed = this.base.clone();
-    }
-    const moved = this.base.clone().sub(this.followed);
-    target.add(moved);
-    this.camera.position.add(moved);
-    this.followed.copy(this.base);
-    this.controls.update();
-  }
-
   /** Returns the distance in m from which the whole robot is visible. */
   private get near(): number {
     const size = new Box3();
     for (const link of this.links) size.expandByObject(link);
     return Math.max(0.3, 4 * size.getSize(new Vector3()).length());
+  }
+
+  /** Joins the bodies that never move, as a world may have thousands. */
+  private settle(solids: Solids): void {
+    const still = this.run.scene.bodies.map(({ track, appears }) => track === undefined && appears === undefined);
+    const some = this.bodies.filter((_, i) => still[i]);
+    for (const body of some) body.removeFromParent();
+    this.scene.add(solids.still(some));
   }
 
   /** Extends the view to goals and bodies near the path, but not to far or large ones. */
@@ -210,17 +222,6 @@ class View3D implements View {
     }
     return all;
   }
-
-  private grabbed(): OrbitControls {
-    const controls = new OrbitControls(this.camera, this.canvas);
-    controls.enableDamping = false;
-    controls.maxPolarAngle = 0.52 * Math.PI;
-    controls.addEventListener("start", () => {
-      this.touched = true;
-    });
-    controls.addEventListener("change", () => this.canvas.dispatchEvent(new CustomEvent("viewmoved")));
-    return controls;
-  }
 }
 
 /** Returns the three axes of a frame, x red, y green, z blue, visible through solids. */
@@ -230,6 +231,12 @@ function frame(length: number): AxesHelper {
   (axes.material as Material).depthTest = false;
   axes.renderOrder = 3;
   return axes;
+}
+
+/** Returns the direction in which the base of the robot points, in rad. */
+function heading({ links }: Moment): number {
+  const [x, y, z, w] = links.subarray(3, 7);
+  return Math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z));
 }
 
 /** Returns the size in m of a mark that is visible on the robot and from afar. */

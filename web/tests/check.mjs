@@ -6,6 +6,7 @@
 import assert from "node:assert/strict";
 import { pathToFileURL } from "node:url";
 import { launch, visit } from "./browser.mjs";
+import { CAMERAS } from "./checks/cameras.mjs";
 import { GHOSTS } from "./checks/ghosts.mjs";
 import { FRAMES } from "./checks/frames.mjs";
 import { SIGNALS } from "./checks/signals.mjs";
@@ -23,6 +24,7 @@ const text = (/** @type {Page} */ page) => page.evaluate(() => document.body.inn
 
 /** @type {Record<string, {how?: {webgl?: boolean, scripts?: boolean, width?: number, height?: number, dark?: boolean}, hash?: string, expected?: string[], look: (page: Page) => Promise<void>}>} */
 const CHECKS = {
+  ...CAMERAS,
   ...GHOSTS,
   ...SIGNALS,
   ...FRAMES,

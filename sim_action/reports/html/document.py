@@ -40,6 +40,7 @@ SCRIPTS: Final = (
     "plots/export.js",
     "plots/panel.js",
     "player/controls.js",
+    "player/ruler.js",
     "player/views.js",
     "player/ghost.js",
     "player/player.js",

@@ -22,6 +22,7 @@ function keyActions(player) {
     h: () => views.showAll(),
     v: () => void views.toggleKind(),
     l: () => player.layers.toggle(),
+    c: () => void views.nextSide(),
     p: () => plots.choose(null),
     "+": () => plots.zoomBy(0.5),
     "=": () => plots.zoomBy(0.5),

@@ -67,6 +67,26 @@ class TopView {
     if (ghost) this.home();
   }
 
+  /** All sides are that from above. */
+  from() {
+    this.home();
+  }
+
+  metresPerPixel() {
+    return this.span / (this.canvas.clientWidth || 1);
+  }
+
+  /**
+   * @param {number} x
+   * @param {number} y
+   * @returns {[number, number]} the place in m under a pixel
+   */
+  under(x, y) {
+    const metres = this.metresPerPixel();
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    return [this.centre[0] + (x - width / 2) * metres, this.centre[1] + (height / 2 - y) * metres];
+  }
+
   resize() {
     const ratio = devicePixelRatio || 1;
     this.canvas.width = Math.round(this.canvas.clientWidth * ratio);
@@ -126,9 +146,6 @@ class TopView {
       context.lineTo(canvas.width, py);
     }
     context.stroke();
-    context.fillStyle = this.colours.faint;
-    context.font = `${11 * (devicePixelRatio || 1)}px system-ui, sans-serif`;
-    context.fillText(`grid ${shortNumber(step)} m`, 10, canvas.height - 10);
   }
 
   /** @param {Moment} moment */

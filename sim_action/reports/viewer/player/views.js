@@ -14,6 +14,9 @@ function viewer3D() {
   return viewerOfPage;
 }
 
+/** What the 3D view and the drawing show, as the address says it -> as the menu says it. @type {Record<string, string>} */
+const SIDES = { overview: "Overview", front: "Front", side: "Side", top: "From above", behind: "From behind", drawing: "Drawing" };
+
 class Views {
   /**
    * @param {Clock} clock
@@ -39,14 +42,20 @@ class Views {
     this.happening = make("p", { class: "happening" });
     this.pictures = new Pictures(motion.replay);
     this.sensed = make("p", { class: "sensed" });
-    this.kind = make("button", { type: "button", title: "Switch between 3D and top view (v)", hidden: true }, "Top view");
+    /** The camera of the 3D view. @type {Preset} */
+    this.preset = "overview";
+    const sides = Object.entries(SIDES).map(([value, words]) => make("option", { value }, words));
+    this.side = make("select", { "aria-label": "View", title: "Camera (c: the next one; v: drawing or 3D)", hidden: true }, ...sides);
+    this.ruler = new Ruler();
     this.follow = make("button", { type: "button", title: "Follow the robot (f)", "aria-pressed": "false" }, "Follow");
     this.whole = make("button", { type: "button", title: "Show the whole path (h)" }, "Show all");
     const options = motion.scene.links.map(({ name }, i) => make("option", { value: i }, i ? name : `Link: ${name}`));
     this.links = make("select", { "aria-label": "Link", title: "Show the path and the frame of a link", hidden: options.length < 2 }, ...options);
-    this.tools = make("div", { class: "tools" }, layers.element, this.links, this.kind, this.follow, this.whole);
-    this.element = make("div", { class: "view" }, this.canvas, this.tools, this.note, this.happening);
-    this.kind.addEventListener("click", () => this.toggleKind());
+    this.tools = make("div", { class: "tools" }, layers.element, this.links, this.side, this.follow, this.whole);
+    this.element = make("div", { class: "view" }, this.canvas, this.ruler.element, this.tools, this.note, this.happening);
+    this.side.addEventListener("change", () => void this.look(this.side.value));
+    this.tapped = (/** @type {Event} */ event) => this.element.classList.toggle("held", event.target === this.canvas);
+    document.addEventListener("click", this.tapped);
     this.follow.addEventListener("click", () => this.toggleFollow());
     this.whole.addEventListener("click", () => this.showAll());
     layers.addEventListener("change", () => {
@@ -56,13 +65,23 @@ class Views {
     this.links.addEventListener("change", () => this.choose(Number(this.links.value)));
   }
 
-  /** Shows the run, in 3D if possible. */
+  /** Shows the run, in 3D if possible, as the address says. */
   async open() {
+    const asked = addressed("view") ?? "";
+    if (asked in SIDES && asked !== "drawing") this.preset = /** @type {Preset} */ (asked);
+    if (asked === "drawing") {
+      this.side.hidden = (await viewer3D()) === null;
+      this.showTop();
+    } else await this.open3D();
+  }
+
+  async open3D() {
     try {
       const make3D = await viewer3D();
       if (make3D) {
         this.show((canvas) => make3D(canvas, this.motion, this.failed, coloursOfPage()), "3d");
-        this.kind.hidden = false;
+        this.side.hidden = false;
+        this.turnTo(this.preset);
         return;
       }
       this.note.textContent = "Top view only: this report was made without the 3D viewer.";
@@ -92,14 +111,36 @@ class Views {
     this.view.showLayers(this.layers.shown);
     this.view.compare(this.ghost);
     canvas.addEventListener("viewmoved", () => this.draw());
-    this.kind.textContent = kind === "3d" ? "Top view" : "3D";
+    this.side.value = kind === "3d" ? this.preset : "drawing";
+    this.ruler.measure(canvas, this.view);
     this.resize();
   }
 
   async toggleKind() {
-    if (this.kind.hidden) return;
-    if (this.canvas.dataset.kind === "3d") this.showTop();
-    else await this.open();
+    if (!this.side.hidden) await this.look(this.canvas.dataset.kind === "3d" ? "drawing" : this.preset);
+  }
+
+  /** Shows the next side. */
+  async nextSide() {
+    const all = Object.keys(SIDES);
+    if (!this.side.hidden) await this.look(all[(all.indexOf(this.side.value) + 1) % all.length]);
+  }
+
+  /** Shows a side, and has the address say so. @param {string} side */
+  async look(side) {
+    remember({ view: side === "overview" ? null : side });
+    this.side.value = side;
+    if (side === "drawing") return this.showTop();
+    this.preset = /** @type {Preset} */ (side);
+    if (this.canvas.dataset.kind === "3d") this.turnTo(this.preset);
+    else await this.open3D();
+  }
+
+  /** @param {Preset} preset */
+  turnTo(preset) {
+    this.view?.from(preset);
+    if (this.following !== (preset === "behind")) this.toggleFollow();
+    this.draw();
   }
 
   /** Shows the path and the frame of a link. @param {number} link */
@@ -146,6 +187,7 @@ class Views {
     this.sensed.textContent = this.sensedNow();
     this.pictures.show(this.clock.time, this.layers.shown.has("pictures"));
     this.view?.draw(this.motion.at(this.clock.time), this.following);
+    this.ruler.draw();
     const touching = this.motion.touching(this.clock.time).slice(0, 3);
     const { links, bodies } = this.motion.scene;
     const words = touching.map(({ link, body, force, impulse }) => {
@@ -166,6 +208,7 @@ class Views {
 
   dispose() {
     cancelAnimationFrame(this.pending);
+    document.removeEventListener("click", this.tapped);
     this.view?.dispose();
     this.view = null;
   }
