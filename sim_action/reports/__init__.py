@@ -173,7 +173,10 @@ def _earlier_run(pattern: str, folder: Path) -> EarlierRun:
     """Return the run to compare with. Raise UsageError, also for the results that this call overwrites."""
     from sim_action.results.earlier_run import read_run
 
-    run = read_run(pattern)
+    try:
+        run = read_run(pattern)
+    except UsageError as error:
+        raise UsageError(f"--against: {error}") from None
     if os.path.realpath(folder) in {os.path.realpath(place) for place in run.folders.values()}:
         raise UsageError(
             escaped_line(

@@ -146,6 +146,10 @@ def test_a_pull_request_is_compared_with_its_base_on_the_same_draws(
     assert worse.conclusion == "failure"
     assert "✅ The gate passed" in worse.jobs["compare"].summary
     assert "❌ 1 pass rate fell" in worse.jobs["compare"].summary
+    report = (worse.artifacts / "sim-results/report.html").read_text(encoding="utf-8")
+    assert "1 pass rate fell" in report
+    assert "Since the base run: " in report
+    assert '"label":"base run"' in report
 
 
 def test_a_pull_request_with_the_first_scenarios_is_compared_with_nothing(

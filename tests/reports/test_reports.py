@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import json
 import os
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,6 +11,7 @@ import pytest
 from sim_action.core.errors import UsageError
 from sim_action.reports import ReportRequest, open_reports, workspace_of
 from sim_action.results.output_folder import locked
+from tests.outcomes import outcome, results, stored
 
 
 @pytest.fixture
@@ -27,6 +30,40 @@ def asked(folder: str, junit: str | None = None) -> ReportRequest:
         verbosity="normal",
         silenced=frozenset(),
     )
+
+
+def test_the_run_to_compare_with_is_read_first(workspace: Path) -> None:
+    stored(workspace / "old", results(outcome("a.sim.yml")))
+    with open_reports(replace(asked("new"), against="old")) as options:
+        assert options.against is not None
+        assert [each.file for each in options.against.outcomes] == ["a.sim.yml"]
+
+
+@pytest.mark.parametrize(
+    ("against", "content", "message"),
+    [
+        ("none", None, "--against: no results.json found at 'none'; name a results file or its folder"),
+        ("old", "{}", "--against: old/results.json is not a valid results file: sim_action: Field required"),
+        ("old", '{"version": 99}', "its format version is 99, and this sim-action reads 1 to 5"),
+    ],
+)
+def test_a_run_that_cannot_be_compared_with_is_refused_before_anything_is_written(
+    against: str, content: str | None, message: str, workspace: Path
+) -> None:
+    if content is not None:
+        (workspace / "old").mkdir()
+        (workspace / "old/results.json").write_text(content)
+    with pytest.raises(UsageError, match=re.escape(message)), open_reports(replace(asked("new"), against=against)):
+        pass
+    assert not (workspace / "new").exists()
+
+
+def test_a_run_is_not_compared_with_what_it_overwrites(workspace: Path) -> None:
+    path = stored(workspace / "out", results(outcome("a.sim.yml")))
+    message = "--against out is the output folder of this call; keep the earlier results in another folder"
+    with pytest.raises(UsageError, match=message), open_reports(replace(asked("out"), against="out")):
+        pass
+    assert path.is_file()
 
 
 def test_the_output_folder_is_made(workspace: Path) -> None:

@@ -41,8 +41,10 @@ class GroupPlace:
     is_plotted: bool
 
 
-def gate_article(group: ScenarioGroup, gate: Outcome, place: GroupPlace, options: ReportOptions) -> Html:
-    """Return the article of a gate; `gate` is its outcome."""
+def gate_article(
+    group: ScenarioGroup, gate: Outcome, place: GroupPlace, options: ReportOptions, since: str = ""
+) -> Html:
+    """Return the article of a gate; `gate` is its outcome, `since` what changed since an earlier run."""
     kind = gate.display_status
     statistics = gate.statistics
     return _article(
@@ -53,6 +55,7 @@ def gate_article(group: ScenarioGroup, gate: Outcome, place: GroupPlace, options
             status_line(kind, f"Gate: {STATUS_DISPLAYS[kind].headline[0].lower()}{STATUS_DISPLAYS[kind].headline[1:]}"),
             element("h2", one_line(gate.name), id=f"{place.identity}-name"),
             _origin_line(group, options),
+            element("p", since, class_="since") if since else "",
         ),
         rate_figure(statistics, group.planned, kind) if statistics is not None and statistics.runs else "",
         _failures(gate, options),

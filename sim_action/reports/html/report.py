@@ -45,7 +45,7 @@ def page(results: Results, options: ReportOptions) -> Page:
     base = None if options.against is None else Base.of(options.against, results.outcomes)
     ghosts = GhostSources(results.runs, plan.ids, options.folder, base)
     articles = _run_articles(plan, results, options, blocks, ghosts)
-    plots = _group_articles(plan, options, blocks, articles)
+    plots = _group_articles(plan, options, blocks, articles, ghosts)
     head = f'{page_head(results, base)}\n<div class="layout">{joined(scenario_list(plan, results), Html("<main>"))}'
     written = [articles[entry.identity] + b"\n" for entry in plan.entries]
     if written:
@@ -98,7 +98,7 @@ def _run_articles(
 
 
 def _group_articles(
-    plan: PagePlan, options: ReportOptions, blocks: ReplayBlocks, articles: dict[str, bytes]
+    plan: PagePlan, options: ReportOptions, blocks: ReplayBlocks, articles: dict[str, bytes], ghosts: GhostSources
 ) -> dict[str, str]:
     """Add the articles of gates and variations to `articles`. Return the packed data of their plots by element id."""
     replayed = frozenset(entry.identity for entry in plan.entries if replay_id(entry.identity) in blocks.blocks)
@@ -112,9 +112,10 @@ def _group_articles(
         if data is not None:
             plots[entry.identity] = packed(page_json(data).encode())
         place = GroupPlace(entry.identity, plan.ids, replayed, data is not None)
-        written = (
-            variations_article(group, place, options) if gate is None else gate_article(group, gate, place, options)
-        )
+        if gate is None:
+            written = variations_article(group, place, options)
+        else:
+            written = gate_article(group, gate, place, options, ghosts.since(entry.identity, gate, None))
         articles[entry.identity] = encoded(written)
     return plots
 
