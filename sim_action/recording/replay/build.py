@@ -8,7 +8,7 @@ from pathlib import Path
 
 from pydantic import BaseModel
 
-from sim_action.recording.replay import marks, pictures, replay_data, scans, scene_data, shapes, sightings
+from sim_action.recording.replay import golden, marks, pictures, replay_data, scans, scene_data, shapes, sightings
 from sim_action.recording.replay.channels import stored_channels
 from sim_action.recording.replay.frames import NOTHING_COMMANDED, Track, frames_of, thinned
 from sim_action.recording.replay.marks import MarkData
@@ -16,7 +16,7 @@ from sim_action.recording.replay.replay_data import Replay, SignalData
 from sim_action.recording.replay.replay_file import write_replay
 from sim_action.recording.replay.scene import scenery, skeleton
 from sim_action.recording.replay.scene_data import MAX_TEXT_LENGTH
-from sim_action.recording.replay.signals import stored_marks, stored_signals
+from sim_action.recording.replay.signals import stored_golden, stored_marks, stored_signals
 from sim_action.recording.replay.touches import joined_touches, strongest_touches
 from sim_action.robot.robot_model import RobotModel
 from sim_action.scenario.model import Scenario
@@ -91,17 +91,17 @@ def make_replay(
     signals, marks = stored_signals(scenario, scene, start, film), stored_marks(scenario, scene, start)
     replay = replay_of(scene, film, signals, marks, commanded=commanded, readings=readings)
     unread = [sensor.name for sensor in scenario.sensors if sensor.name not in (readings or {})]
-    write_replay(
-        replay.model_copy(
-            update={"unread": tuple(unread[: scans.MAX_SENSORS]), "scenario": scenario.name[:MAX_TEXT_LENGTH]}
-        ),
-        path,
-    )
+    update = {
+        "unread": tuple(unread[: scans.MAX_SENSORS]),
+        "scenario": scenario.name[:MAX_TEXT_LENGTH],
+        "golden": stored_golden(scenario, scene),
+    }
+    write_replay(replay.model_copy(update=update), path)
 
 
 def warm_up(robots: Iterable[RobotModel]) -> None:
     """Build the validators of all models and import the mesh readers once, before processes are forked."""
-    for module in (shapes, marks, scene_data, scans, pictures, sightings, replay_data):
+    for module in (shapes, golden, marks, scene_data, scans, pictures, sightings, replay_data):
         for model in vars(module).values():
             if isinstance(model, type) and issubclass(model, BaseModel):
                 model.model_rebuild()

@@ -12,6 +12,7 @@ from pydantic import Field, ValidationInfo, model_validator
 
 from sim_action.core.field_types import FrozenModel
 from sim_action.recording.replay.columns import Column, Index, TextColumn
+from sim_action.recording.replay.golden import MAX_GOLDEN, GoldenData
 from sim_action.recording.replay.marks import MAX_MARKS, MarkData
 from sim_action.recording.replay.pictures import MAX_PICTURE_BYTES, CameraData
 from sim_action.recording.replay.scans import MAX_RANGES, MAX_SENSORS, ScanData
@@ -146,6 +147,7 @@ class Replay(FrozenModel):
         cameras: the pictures of cameras.
         obstacles: the bodies that the robot met, and which sensors saw them.
         unread: the names of sensors that nothing in the run read.
+        golden: the golden trajectories that the run is compared with.
     """
 
     version: Literal[1, 2]
@@ -162,6 +164,7 @@ class Replay(FrozenModel):
     cameras: Annotated[tuple[CameraData, ...], Field(max_length=MAX_SENSORS)] = ()
     obstacles: Annotated[tuple[ObstacleData, ...], Field(max_length=MAX_OBSTACLES)] = ()
     unread: Annotated[tuple[Text, ...], Field(max_length=MAX_SENSORS)] = ()
+    golden: Annotated[tuple[GoldenData, ...], Field(max_length=MAX_GOLDEN)] = ()
 
     @model_validator(mode="after")
     def _fits_together(self, info: ValidationInfo) -> Self:
@@ -195,6 +198,8 @@ def _problems(replay: Replay) -> Iterator[str]:
         yield "a signal has another number of values than moments"
     if not all(_is_whole_channel(channel, frames.count) for channel in replay.channels):
         yield "a channel has another number of values than moments"
+    if not all(golden.fits(len(frames.joints)) for golden in replay.golden):
+        yield "a golden trajectory is not complete, or has a joint that does not exist"
 
 
 def _of_sensors(replay: Replay) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""The signals and marks of expectations: the measured curves and the places that they refer to."""
+"""The signals, marks and golden trajectories of expectations: curves, places and motions that they refer to."""
 
 from __future__ import annotations
 
@@ -9,16 +9,19 @@ from typing import Final
 
 import numpy as np
 
+from sim_action.assertions.matches import Matches
 from sim_action.core.errors import InvalidPart
 from sim_action.core.records import replace
 from sim_action.recording.replay.columns import MAX_MOMENTS, Column, FloatArray, fine_scale
 from sim_action.recording.replay.frames import thinned
+from sim_action.recording.replay.golden import MAX_GOLDEN, GoldenData
 from sim_action.recording.replay.marks import MAX_MARKS, ArrowMark, CircleMark, MarkData, PolygonMark, PolylineMark
 from sim_action.recording.replay.replay_data import MAX_SIGNALS, SignalData
 from sim_action.recording.replay.scene import skeleton
 from sim_action.recording.replay.scene_data import MAX_TEXT_LENGTH
 from sim_action.recording.replay.shapes import MAX_ABS_VALUE
 from sim_action.scenario.model import Scenario
+from sim_action.state.golden_trajectory import RESOLUTION
 from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Circle, Mark, Polygon, Polyline, Signal
@@ -26,6 +29,8 @@ from sim_action.world.scene import Scene
 
 # The resolution of signals with their own rate: about what a screen can show.
 _SAMPLE_PERIOD_S: Final = 1 / 15
+# That of golden files.
+_TIME_RESOLUTION_S: Final = 1e-3
 
 
 def stored_signals(scenario: Scenario, scene: Scene, start: Observation, film: Trace) -> tuple[SignalData, ...]:
@@ -52,6 +57,31 @@ def stored_marks(scenario: Scenario, scene: Scene, start: Observation) -> tuple[
             with suppress(InvalidPart):
                 found.append(_stored_mark(number, mark).model_copy(update={"link": links.get(mark.link)}))
     return tuple(found[:MAX_MARKS])
+
+
+def stored_golden(scenario: Scenario, scene: Scene) -> tuple[GoldenData, ...]:
+    """Return the golden trajectories of a scenario, as far as a replay can hold them."""
+    return tuple(_golden(scenario, scene))[:MAX_GOLDEN]
+
+
+def _golden(scenario: Scenario, scene: Scene) -> Iterator[GoldenData]:
+    if scene.workspace.updates_golden:
+        return
+    names = [joint.name for joint in scene.model.moving_joints]
+    for number, expected in enumerate(scenario.expect):
+        if not isinstance(expected.assertion, Matches):
+            continue
+        golden = expected.assertion.golden_in(scene)
+        if len(golden.rows) > MAX_MOMENTS:
+            continue
+        x, y, z, yaw, *joints = (Column.encoded(values, RESOLUTION) for values in golden.rows.T[1:])
+        places = [names.index(name) for name in golden.form.joint_names]
+        yield GoldenData(
+            expectation=number,
+            time=Column.encoded(golden.time, _TIME_RESOLUTION_S),
+            base=(x, y, z, yaw),
+            joints=tuple(zip(places, joints, strict=True)),
+        )
 
 
 def stored_signal(number: int, signal: Signal, frames: FloatArray, rate: float) -> SignalData:

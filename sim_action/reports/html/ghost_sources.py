@@ -1,4 +1,4 @@
-"""The ghosts that a page offers: the run of `--against`, and the same scenario in another engine."""
+"""The ghosts that a page offers: the run of `--against`, golden trajectories, and the run in another engine."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from sim_action.reports.comparison import headline
 from sim_action.reports.formatting import moment
 from sim_action.reports.html.changes import ScenarioChange, scenario_changes
 from sim_action.reports.html.ghosts import Ghost, WaitingGhosts, engine_pairs, ghost
+from sim_action.reports.html.golden_ghost import golden_replay
 from sim_action.reports.html.parting import Tolerance
 from sim_action.reports.html.replay_blocks import ReplayBlocks, replay_id, stored_replay
 from sim_action.results.comparison import Comparison, compare_outcomes, paired_outcomes
@@ -21,6 +22,8 @@ from sim_action.results.outcome import Outcome
 
 BASE_RUN: Final = "base run"
 """The label of the run of `--against`."""
+
+GOLDEN: Final = "golden trajectory"
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +77,7 @@ class GhostSources:
         missing = ""
         if replay is not None:
             missing = self._find_base(identity, outcome, replay)
+            self._find_golden(identity, outcome, replay)
             self._find_engine(identity, outcome, replay)
         change = None if self._base is None else self._base.changes.get(id(outcome))
         parts = [each.parting for each in self.found.get(identity, ()) if each.label == BASE_RUN and each.parting]
@@ -99,6 +103,13 @@ class GhostSources:
         self._keep(identity, ghost(BASE_RUN, block, replay, theirs, is_shown=old.status != outcome.status))
         self._waiting.add(block, theirs)
         return ""
+
+    def _find_golden(self, identity: str, outcome: Outcome, replay: Replay) -> None:
+        for number, golden in enumerate(replay.golden, start=1):
+            block, theirs = f"golden-{identity}-{number}", golden_replay(replay, golden)
+            label = GOLDEN if number == 1 else f"{GOLDEN} {number}"
+            self._keep(identity, ghost(label, block, replay, theirs, Tolerance.of(outcome, "matches")))
+            self._waiting.add(block, theirs)
 
     def _find_engine(self, identity: str, outcome: Outcome, replay: Replay) -> None:
         other = self._others.get(id(outcome))

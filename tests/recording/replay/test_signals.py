@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from random import Random
 
 import numpy as np
@@ -12,11 +13,15 @@ from hypothesis import strategies as st
 from sim_action.assertions import Assertion
 from sim_action.assertions.distance import Travel
 from sim_action.assertions.follow_path import FollowPath, PathEnd, PathPoint
+from sim_action.assertions.matches import Matches
 from sim_action.assertions.reach import Reach
 from sim_action.assertions.stay_within import StayWithin
 from sim_action.assertions.upright import Upright
+from sim_action.core.records import replace
+from sim_action.core.workspace import Workspace
 from sim_action.recording.replay.build import replay_of
-from sim_action.recording.replay.signals import coarse, stored_marks, stored_signal, stored_signals
+from sim_action.recording.replay.signals import coarse, stored_golden, stored_marks, stored_signal, stored_signals
+from sim_action.state.golden_trajectory import Golden
 from sim_action.state.verdict import Signal
 from tests.traces import START, expectation, scenario, scene, trace
 
@@ -70,6 +75,22 @@ def test_a_limit_that_no_number_reaches_is_none() -> None:
 def test_places_are_marked(assertion: Assertion, kinds: list[str]) -> None:
     marks = stored_marks(scenario(expectation(Upright()), expectation(assertion)), scene(), START)
     assert [(mark.expectation, mark.kind) for mark in marks] == [(1, kind) for kind in kinds]
+
+
+def test_golden_trajectories_are_kept_with_their_joints(tmp_path: Path) -> None:
+    here = replace(scene(), workspace=Workspace(tmp_path, tmp_path), file="s.sim.yml")
+    spec = Matches.model_validate({"trace": "x.csv", "position": 0.02, "joints": {"wheel_right_joint": "5 deg"}})
+    rows = np.array([(0.0, 0.0, 0.0, 0.01, 0.0, 0.0), (0.5, 0.1, 0.2, 0.01, 3.5, 1.5)])
+    Golden(spec.form_in(here), rows).write(tmp_path / "x.csv")
+    [found] = stored_golden(scenario(expectation(Upright()), expectation(spec)), here)
+    assert found.expectation == 1
+    assert found.time.decoded(found.count).tolist() == [0.0, 0.5]
+    assert [column.decoded(found.count)[1] for column in found.base] == pytest.approx([0.1, 0.2, 0.01, 3.5])
+    [(index, turned)] = found.joints
+    assert here.model.moving_joints[index].name == "wheel_right_joint"
+    assert turned.decoded(found.count).tolist() == pytest.approx([0.0, 1.5])
+    rewritten = replace(here, workspace=replace(here.workspace, updates_golden=True))
+    assert stored_golden(scenario(expectation(spec)), rewritten) == ()
 
 
 @pytest.mark.parametrize(("frame", "link"), [("world", None), ("base", 0), ("base_scan", 4)])

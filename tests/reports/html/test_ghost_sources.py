@@ -8,12 +8,14 @@ from typing import Any
 
 import pytest
 
+from sim_action.recording.replay.columns import Column
+from sim_action.recording.replay.golden import GoldenData
 from sim_action.reports import ReportOptions
 from sim_action.reports.html.document import Page
 from sim_action.reports.html.report import page
 from sim_action.results.earlier_run import EarlierRun
 from sim_action.results.outcome import Outcome
-from tests.outcomes import outcome, results
+from tests.outcomes import gate_results, outcome, planned_gate, results, runs_of_gate
 from tests.replays import drive, kept
 
 
@@ -91,6 +93,27 @@ def test_a_replay_that_cannot_be_read_is_left_out_with_a_line(tmp_path: Path, co
 def test_no_scenario_in_common(tmp_path: Path) -> None:
     found = page(results(run(tmp_path, "a", 0.5)), options(tmp_path, run(tmp_path / "old", "b", 1.0, file="b.sim.yml")))
     assert "Nothing to compare: no scenario of old has the name of one here" in body(found)
+
+
+def test_golden_trajectories_are_ghosts(tmp_path: Path) -> None:
+    still = Column(scale=1.0, first=0)
+    ahead = Column(scale=0.6, first=0, deltas=(1, 1))
+    times = Column(scale=1.0, first=0, deltas=(1, 1))
+    golden = GoldenData(expectation=0, time=times, base=(ahead, still, still, still))
+    made = run(tmp_path, "a", 1.0)
+    kept(drive().model_copy(update={"golden": (golden, golden)}), tmp_path, "a")
+    found = page(results(made), options(tmp_path))
+    [[one, other]] = ghosts(found)
+    assert (one["label"], one["replay"], other["label"]) == ("golden trajectory", "golden-s0-1", "golden trajectory 2")
+    assert one["parting"] == {"time": 1.0, "words": "by more than 5 mm"}
+    assert {"golden-s0-1", "golden-s0-2"} <= set(found.blocks)
+
+
+def test_a_gate_says_what_changed(tmp_path: Path) -> None:
+    planned = planned_gate(runs=3, passes={"at_least": "10 %", "confidence": "60 %"})
+    old, new = (gate_results(planned, *runs_of_gate(planned, **counts)) for counts in ({"passed": 3}, {"failed": 3}))
+    found = page(new, options(tmp_path, *old.outcomes))
+    assert "Since the base run: newly fails: " in body(found)
 
 
 def test_a_scenario_in_another_engine_is_a_ghost_that_takes_no_room(tmp_path: Path) -> None:

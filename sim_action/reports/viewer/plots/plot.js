@@ -116,7 +116,8 @@ class Plot extends EventTarget {
       const { commanded, unit } = curve;
       const aim = commanded ? ` · commanded ${told(valueAt(curve, time, commanded), unit)}` : "";
       const ghost = this.ghosts.get(curve.key);
-      const other = ghost ? ` · ${this.ghostName} ${told(valueAt(ghost, time), unit)}` : "";
+      const known = ghost?.values.some((value) => !Number.isNaN(value));
+      const other = ghost && known ? ` · ${this.ghostName} ${told(valueAt(ghost, time), unit)}` : "";
       this.values[i].textContent = `${told(valueAt(curve, time), unit)}${aim}${other}`;
     });
   }

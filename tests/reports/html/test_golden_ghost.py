@@ -1,0 +1,49 @@
+"""A golden trajectory as a ghost."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from sim_action.recording.replay.columns import Column
+from sim_action.recording.replay.golden import GoldenData
+from sim_action.recording.replay.replay_data import Replay
+from sim_action.reports.html.ghosts import motion_of
+from sim_action.reports.html.golden_ghost import golden_replay
+from sim_action.reports.html.parting import parting
+from tests.replays import drive
+
+TIMES = Column(scale=1.0, first=0, deltas=(1, 1))
+STILL = Column(scale=1.0, first=0)
+
+
+def golden(metres_a_second: float, yaw: float = 0.0, joints: tuple[tuple[int, Column], ...] = ()) -> GoldenData:
+    ahead = Column(scale=metres_a_second, first=0, deltas=(1, 1))
+    heading = Column(scale=yaw or 1.0, first=int(yaw > 0))
+    return GoldenData(expectation=0, time=TIMES, base=(ahead, STILL, STILL, heading), joints=joints)
+
+
+def test_it_has_the_motion_of_the_file_and_is_a_valid_replay() -> None:
+    replay = drive()
+    found = golden_replay(replay, golden(0.5, yaw=1.0))
+    count = found.frames.count
+    assert found.frames.base[0].decoded(count).tolist() == [0.0, 0.5, 1.0]
+    assert found.frames.base[5].decoded(count)[0] == pytest.approx(math.sin(0.5), abs=1e-5)
+    assert found.scene.bodies == ()
+    assert Replay.model_validate_json(motion_of(found).model_dump_json()) is not None
+
+
+def test_joints_that_the_file_does_not_have_stay_as_at_the_start() -> None:
+    replay = drive()
+    assert golden_replay(replay, golden(0.5)).frames.joints[0].decoded(3).tolist() == [0.0, 0.0, 0.0]
+    turning = Column(scale=0.1, first=0, deltas=(1, 1))
+    assert golden_replay(replay, golden(0.5, joints=((0, turning),))).frames.joints == (turning,)
+
+
+def test_a_run_parts_from_it() -> None:
+    replay = drive()
+    assert parting(replay, golden_replay(replay, golden(0.5))) is None
+    found = parting(replay, golden_replay(replay, golden(0.6)))
+    assert found is not None
+    assert found.time == 1.0
