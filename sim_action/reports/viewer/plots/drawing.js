@@ -15,7 +15,7 @@ function drawAxes(chart, axes) {
     context.textBaseline = "middle";
     context.textAlign = side ? "left" : "right";
     const { low, high } = axis;
-    const step = niceStep((high - low) / 3);
+    const step = niceStep((high - low) / 4);
     for (let value = Math.ceil(low / step) * step; value <= high; value += step) {
       const at = Math.round(heightOf(chart, axis, value)) + 0.5;
       if (side === 0) strokeLine(context, area.left, at, area.right, at);

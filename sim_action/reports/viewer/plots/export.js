@@ -71,7 +71,7 @@ function pictureOf(plot, heading, colours) {
     context.setLineDash(curve.aimed ? COMMANDED_DASH : DASHES[i % DASHES.length]);
     strokeLine(context, 10, y, 40, y);
     context.setLineDash([]);
-    const aim = curve.commanded ? ", dashed: commanded" : "";
+    const aim = curve.commanded ? ", fine dashes: commanded" : "";
     const title = curve.title && curve.title !== curve.name ? `${curve.title}: ` : "";
     write("400", `${title}${curve.name}${curve.unit ? ` (${curve.unit})` : ""}${aim}`, 48, y);
   });

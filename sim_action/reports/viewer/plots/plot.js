@@ -224,7 +224,7 @@ function curveTitle(curve) {
 function plotWords(curve) {
   const limits = [["at least", curve.lower], ["at most", curve.upper]].filter(([, limit]) => limit !== null);
   const asked = limits.map(([words, limit]) => `, ${words} ${told(Number(limit), curve.unit)}`).join("");
-  const aim = curve.commanded ? ", dashed: commanded" : "";
+  const aim = curve.commanded ? ", fine dashes: commanded" : "";
   return `${curve.title} ${curve.name} over time${asked}${aim}`.trim();
 }
 
