@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import base64
 from pathlib import Path
 
 import numpy as np
 
 from sim_action.recording.replay.columns import Column
 from sim_action.recording.replay.marks import CircleMark, PolygonMark
+from sim_action.recording.replay.pictures import CameraData, PictureData, png_of
 from sim_action.recording.replay.replay_data import ContactData, Frames, Replay, SignalData
 from sim_action.recording.replay.replay_file import write_replay
+from sim_action.recording.replay.scans import ScanData
 from sim_action.recording.replay.scene_data import BodyData, JointMotion, LinkData, SceneData
 from sim_action.recording.replay.shapes import BoxShape, CylinderShape, MeshData, MeshShape
+from sim_action.recording.replay.sightings import ObstacleData, SightingData
 
 GREY = (0.5, 0.5, 0.5)
 HERE = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
@@ -50,6 +54,42 @@ def drive(*, distance: float = 1.0, seconds: float = 2.0, body: str = "wall", ro
             CircleMark(kind="circle", expectation=0, x=1.5, y=0.0, radius=0.1),
             PolygonMark(kind="polygon", points=((0.0, 0.5), (1.0, 0.5), (1.0, 0.8))),
         ),
+    )
+
+
+def seen(name: str = "front") -> Replay:
+    """The same drive with a lidar, a camera, and the force of the contact."""
+    replay, here = drive(), HERE
+    wall = np.round(100 * (1.2 - np.linspace(0, 1, 11))).astype(np.int64)
+    # Ahead the wall, to the left a near thing, behind nothing, to the right something too near.
+    ranges = np.column_stack((wall, np.full(11, 50), np.full(11, -1), np.full(11, -2)))
+    scan = ScanData(
+        sensor=name,
+        link=0,
+        pose=here,
+        first_angle=0.0,
+        increment=np.pi / 2,
+        rays=4,
+        range=5.0,
+        time=Column.encoded(np.linspace(0, 2, 11), 0.1),
+        scale=0.01,
+        ranges=tuple(np.diff(ranges, axis=0, prepend=0).ravel().tolist()),
+        every_scan=2,
+    )
+    pixels = [np.full((3, 4, 3), 60 * number, dtype=np.uint8) for number in range(4)]
+    pngs = [base64.b64encode(png_of(picture)).decode() for picture in pixels]
+    pictures = tuple(PictureData(time=number / 2, png=png) for number, png in enumerate(pngs))
+    (contact,) = replay.contacts
+    pushed = {"normal": (-1.0, 0.0, 0.0), "period": 0.1, "forces": Column(scale=0.1, first=50)}
+    sighting = SightingData(sensor=name, kind="lidar", time=0.0, distance=1.2, angle=0.0)
+    return replay.model_copy(
+        update={
+            "contacts": (contact.model_copy(update=pushed),),
+            "scans": (scan,),
+            "cameras": (CameraData(sensor="eye" if name == "front" else name, pictures=pictures),),
+            "obstacles": (ObstacleData(body=0, touched=1.9, seen=(sighting,)),),
+            "unread": ("rear" if name == "front" else name,),
+        }
     )
 
 

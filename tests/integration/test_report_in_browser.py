@@ -31,7 +31,7 @@ from tests.integration.test_bolted_contacts import ARM, BASE, INERTIAL
 from tests.integration.test_examples import sim_action
 from tests.integration.test_live import serving
 from tests.outcomes import outcome, results
-from tests.replays import drive, kept
+from tests.replays import drive, kept, seen
 from tests.reports.html.gates import inconclusive_gate
 
 ROOT = Path(__file__).parents[2]
@@ -238,7 +238,8 @@ def test_without_the_viewer(broken: Path, tmp_path: Path, monkeypatch: pytest.Mo
 
 
 def test_hostile_names(tmp_path: Path) -> None:
-    replay = drive(body=HOSTILE, robot=HOSTILE)
+    of_sensors = {key: getattr(seen(HOSTILE), key) for key in ("scans", "cameras", "obstacles", "unread")}
+    replay = drive(body=HOSTILE, robot=HOSTILE).model_copy(update=of_sensors)
     replay = replay.model_copy(
         update={"signals": (replay.signals[0].model_copy(update={"name": HOSTILE, "unit": HOSTILE}),)}
     )
@@ -261,6 +262,18 @@ def test_hostile_names(tmp_path: Path) -> None:
     )
     write_html(results(hostile, outcome(f"{HOSTILE}.sim.yml")), options(tmp_path))
     look("hostile names stay text", tmp_path / "report.html")
+
+
+def test_what_the_robot_saw(tmp_path: Path) -> None:
+    ran = outcome("a.sim.yml", holds=False).model_copy(update={"name": "a", "replay": kept(seen(), tmp_path, "a")})
+    write_html(results(ran), options(tmp_path))
+    checks = [
+        "layers are chosen by keys, and the address keeps them",
+        "sensors are in step with the clock",
+        "with scripts blocked an article says which sensor saw what",
+        "a phone has no sideways scroll",
+    ]
+    assert looked(tmp_path / "report.html", *checks) == dict.fromkeys(checks, "")
 
 
 def test_runs_of_one_name(tmp_path: Path) -> None:
