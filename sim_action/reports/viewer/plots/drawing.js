@@ -4,6 +4,9 @@
 const DASHES = [[], [14, 4], [10, 3, 2, 3], [5, 2], [16, 3, 2, 3, 2, 3]];
 const COMMANDED_DASH = [2.5, 2.5];
 
+/** The shortest line of a limit in pixels. */
+const LEAST_LIMIT = 24;
+
 /** @param {Chart} chart @param {PlotAxis[]} axes */
 function drawAxes(chart, axes) {
   const { context, area, colours, range } = chart;
@@ -20,12 +23,11 @@ function drawAxes(chart, axes) {
       const at = Math.round(heightOf(chart, axis, value)) + 0.5;
       if (side === 0) strokeLine(context, area.left, at, area.right, at);
       else strokeLine(context, area.right, at, area.right + 3, at);
+      // The unit has the place at the top.
+      if (axes.length > 1 && at < area.top + 10) continue;
       context.fillText(shortNumber(Math.abs(value) < step / 1e6 ? 0 : value), side ? area.right + 6 : area.left - 6, at);
     }
-    if (axes.length > 1 && axis.unit) {
-      context.textBaseline = "bottom";
-      context.fillText(axis.unit, side ? area.right + 6 : area.left - 6, area.bottom + 14);
-    }
+    if (axes.length > 1) context.fillText(axis.unit, side ? area.right + 6 : area.left - 6, area.top);
   });
   context.textBaseline = "top";
   context.textAlign = "center";
@@ -71,8 +73,10 @@ function drawLimits(chart, curve, axis) {
   context.font = "10.5px system-ui, sans-serif";
   context.textAlign = "left";
   for (const limit of [curve.lower, curve.upper]) {
-    const left = Math.max(area.left, x(curve.from)), right = Math.min(area.right, x(curve.to));
-    if (limit === null || limit < axis.low || limit > axis.high || right <= left) continue;
+    if (limit === null || limit < axis.low || limit > axis.high || x(curve.from) > area.right + 1 || x(curve.to) < area.left - 1) continue;
+    // A run that ends as the window begins shows its limit, too.
+    const right = Math.max(area.left + LEAST_LIMIT, Math.min(area.right, x(curve.to)));
+    const left = Math.min(right - LEAST_LIMIT, Math.max(area.left, x(curve.from)));
     const at = heightOf(chart, axis, limit);
     strokeLine(context, left, at, right, at);
     const below = at < area.top + 14;
