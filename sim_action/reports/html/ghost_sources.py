@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from sim_action.core.records import dataclass
+from sim_action.core.wording import note
 from sim_action.recording.replay.replay_data import Replay
 from sim_action.recording.replay.replay_file import ReplayReader
 from sim_action.reports.comparison import headline
@@ -49,6 +50,15 @@ class Base:
         if not self.before:
             return f"Nothing to compare: no scenario of {self.run.name} has the name of one here"
         return f"Compared with {self.run.name}: {headline(self.comparison)}"
+
+
+def warn_if_nothing_in_common(run: EarlierRun, outcomes: Sequence[Outcome]) -> None:
+    """Say on standard error that an earlier run has no scenario of this one: its path may be wrong."""
+    if all(old is None or new is None for old, new in paired_outcomes(run.outcomes, outcomes)):
+        note(
+            f"--against {run.name}: no scenario has the file and name of one in this run, so nothing is compared; name "
+            "the results of an earlier run of these scenarios"
+        )
 
 
 class GhostSources:

@@ -16,7 +16,7 @@ from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import counts_text, shard_text, speed_text
 from sim_action.reports.html.document import Html, Page, element, encoded, joined
 from sim_action.reports.html.gate_article import GroupPlace, gate_article, variations_article
-from sim_action.reports.html.ghost_sources import Base, GhostSources
+from sim_action.reports.html.ghost_sources import Base, GhostSources, warn_if_nothing_in_common
 from sim_action.reports.html.ghosts import Ghost
 from sim_action.reports.html.navigation import PageEntry, PagePlan, planned_page, scenario_list
 from sim_action.reports.html.replay_blocks import ReplayBlocks, packed, page_json, replay_id, stored_replay
@@ -34,6 +34,8 @@ MAX_PAGE_SCENARIOS: Final = 2_000
 
 def write_html(results: Results, options: ReportOptions) -> None:
     """Write `report.html` into the output folder."""
+    if options.against is not None:
+        warn_if_nothing_in_common(options.against, results.outcomes)
     with whole_file(options.folder / REPORT_FILE) as file:
         file.writelines(page(results, options).parts())
 

@@ -12,7 +12,7 @@ from sim_action.recording.replay.columns import Column
 from sim_action.recording.replay.golden import GoldenData
 from sim_action.reports import ReportOptions
 from sim_action.reports.html.document import Page
-from sim_action.reports.html.report import page
+from sim_action.reports.html.report import page, write_html
 from sim_action.results.earlier_run import EarlierRun
 from sim_action.results.outcome import Outcome
 from tests.outcomes import gate_results, outcome, planned_gate, results, runs_of_gate
@@ -90,7 +90,12 @@ def test_a_replay_that_cannot_be_read_is_left_out_with_a_line(tmp_path: Path, co
     assert "The motion of the base run is not drawn: the replay " in body(found)
 
 
-def test_no_scenario_in_common(tmp_path: Path) -> None:
+def test_no_scenario_in_common(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    new = results(run(tmp_path, "a", 0.5))
+    write_html(new, options(tmp_path, run(tmp_path / "old", "a", 1.0)))
+    assert capsys.readouterr().err == ""
+    write_html(new, options(tmp_path, run(tmp_path / "old", "b", 1.0, file="b.sim.yml")))
+    assert "--against old: no scenario has the file and name of one in this run" in capsys.readouterr().err
     found = page(results(run(tmp_path, "a", 0.5)), options(tmp_path, run(tmp_path / "old", "b", 1.0, file="b.sim.yml")))
     assert "Nothing to compare: no scenario of old has the name of one here" in body(found)
 
