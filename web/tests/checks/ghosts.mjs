@@ -73,6 +73,12 @@ export const GHOSTS = {
       await isDrawn(page, "");
       await page.keyboard.press("g");
       await isDrawn(page, "base run");
+      for (const label of ["", "base run"]) {
+        await page.evaluate((word) => {
+          location.hash = `#scenario=burger%20moves&t=0.5&against=${encodeURIComponent(word)}`;
+        }, label);
+        await isDrawn(page, label);
+      }
       await page.focus(".against button");
       await page.keyboard.press("Enter");
       assert.ok((await page.textContent(".against button"))?.includes(`${(await time(page)).toFixed(2)} s`));

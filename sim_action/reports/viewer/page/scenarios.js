@@ -37,6 +37,7 @@ class Scenarios {
       this.player?.clock.pause();
       this.player?.clock.seek(wanted.time);
       this.player?.plots.restore();
+      await this.player?.ghosts.restore();
     }
   }
 
