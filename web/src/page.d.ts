@@ -195,6 +195,7 @@ interface Replay {
   marks: MarkData[];
   channels: ChannelData[];
   scans?: ScanData[];
+  commanded_path?: [number, number, number][];
   cameras?: CameraData[];
 }
 

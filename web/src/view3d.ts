@@ -27,6 +27,7 @@ class View3D implements View {
   private readonly touches: Touches;
   private readonly forces: ForceLayer;
   private readonly marks: Group[];
+  private readonly command: Group | null = null;
   private trail: Trail | null = null;
   private ghost: Ghost | null = null;
   private readonly clearance: number;
@@ -70,6 +71,8 @@ class View3D implements View {
     this.forces = this.add(new ForceLayer(run.pushes, colours.bad, 0.6 * touchSize(size, this.seen)));
     this.scans = run.scans.map((track) => this.add(new ScanLayer(track, track.colour(colours))));
     this.marks = marks;
+    const points = run.replay.commanded_path ?? [];
+    if (points.length) this.scene.add((this.command = mark({ kind: "polyline", points: points.map(([x, y]) => [x, y, 0]) }, colours.lines[4])));
     this.axes = frame(0.16 * size.getSize(new Vector3()).length());
     marks.forEach((drawn, i) => {
       const link = run.replay.marks[i].link;
@@ -93,6 +96,7 @@ class View3D implements View {
 
   showLayers(shown: ReadonlySet<string>): void {
     for (const { points, rays } of this.scans) [points.visible, rays.visible] = [shown.has("points"), shown.has("rays")];
+    if (this.command) this.command.visible = shown.has("command");
     this.forces.group.visible = shown.has("forces");
     this.touches.group.visible = shown.has("contacts");
     this.run.replay.marks.forEach(({ expectation }, i) => {

@@ -10,6 +10,7 @@ from pydantic import BaseModel
 
 from sim_action.recording.replay import golden, marks, pictures, replay_data, scans, scene_data, shapes, sightings
 from sim_action.recording.replay.channels import stored_channels
+from sim_action.recording.replay.commanded_path import commanded_path
 from sim_action.recording.replay.frames import NOTHING_COMMANDED, Track, frames_of, thinned
 from sim_action.recording.replay.marks import MarkData
 from sim_action.recording.replay.replay_data import Replay, SignalData
@@ -91,7 +92,9 @@ def make_replay(
     signals, marks = stored_signals(scenario, scene, start, film), stored_marks(scenario, scene, start)
     replay = replay_of(scene, film, signals, marks, commanded=commanded, readings=readings)
     unread = [sensor.name for sensor in scenario.sensors if sensor.name not in (readings or {})]
+    base = (commanded or {}).get("base")
     update = {
+        "commanded_path": commanded_path(scenario, start, base, film.time),
         "unread": tuple(unread[: scans.MAX_SENSORS]),
         "scenario": scenario.name[:MAX_TEXT_LENGTH],
         "golden": stored_golden(scenario, scene),

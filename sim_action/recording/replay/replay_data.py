@@ -146,6 +146,7 @@ class Replay(FrozenModel):
         scans: the scans of lidars.
         cameras: the pictures of cameras.
         obstacles: the bodies that the robot met, and which sensors saw them.
+        commanded_path: the points of the path that the commands ask for, world frame, in m; empty without one.
         unread: the names of sensors that nothing in the run read.
         golden: the golden trajectories that the run is compared with.
     """
@@ -163,6 +164,7 @@ class Replay(FrozenModel):
     scans: Annotated[tuple[ScanData, ...], Field(max_length=MAX_SENSORS)] = ()
     cameras: Annotated[tuple[CameraData, ...], Field(max_length=MAX_SENSORS)] = ()
     obstacles: Annotated[tuple[ObstacleData, ...], Field(max_length=MAX_OBSTACLES)] = ()
+    commanded_path: Annotated[tuple[Place, ...], Field(max_length=1_000)] = ()
     unread: Annotated[tuple[Text, ...], Field(max_length=MAX_SENSORS)] = ()
     golden: Annotated[tuple[GoldenData, ...], Field(max_length=MAX_GOLDEN)] = ()
 

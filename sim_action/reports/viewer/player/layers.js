@@ -7,6 +7,7 @@ const LAYERS = [
   ["forces", "Contact forces", ({ contacts }) => contacts.some(({ forces }) => forces)],
   ["contacts", "Contact marks", ({ contacts }) => contacts.length > 0],
   ["pictures", "Pictures", ({ cameras }) => Boolean(cameras?.length)],
+  ["command", "Commanded path", ({ commanded_path }) => Boolean(commanded_path?.length)],
   ["expectations", "Expectations", ({ marks }) => marks.some(({ expectation }) => expectation !== undefined)],
 ];
 
