@@ -319,4 +319,8 @@ def test_one_scenario_fits_its_budget(broken: Path) -> None:
     [longest] = [one for one in Results.read(broken.parent / "results.json").outcomes if one.name == "burger pushes on"]
     alone = page(results(longest), options(broken.parent))
     assert longest.sim_time == 30.0
-    assert len(alone.text().encode()) < 300_000
+    built = document.viewer()
+    assert built is not None
+    scripts = len(document.page_script().encode()) + len(built.packed)
+    assert scripts < 400_000
+    assert len(alone.text().encode()) - scripts < 60_000
