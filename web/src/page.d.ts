@@ -338,6 +338,49 @@ interface Signal {
   read: () => Partial<Curve> & { values: Float64Array };
 }
 
+/** A scenario with its variations, or a gate with its runs: an entry of the list, and the rows of the table of all. */
+interface ScenarioUnit {
+  item: HTMLElement;
+  /** The rows; null without a page of all scenarios. */
+  body: HTMLElement | null;
+  place: number;
+  name: string;
+  file: string;
+  tags: string[];
+  /** The status by which it is filtered; null: each variation has its own. */
+  status: string | null;
+  /** What it can be sorted by, if it is known: margin, sim, wall, change. */
+  numbers: Record<string, number>;
+  /** The articles of a gate, or of all variations together. */
+  heads: string[];
+  /** The articles that count as one scenario or gate each. */
+  counted: string[];
+  /** The text that is searched, of the articles of runs. */
+  texts: Map<string, string>;
+}
+
+interface FilterState {
+  /** The statuses that are shown; empty: all. */
+  status: string[];
+  find: string;
+  tag: string;
+  /** A key of SORTS; with a hyphen before it, the order is reversed. */
+  sort: string;
+  group: string;
+}
+
+interface Shortcut {
+  part: "Scenarios" | "Replay";
+  keys: string[];
+  words: string;
+  /** The words below the player, if it is named there. */
+  hint?: string;
+  /** Returns false if this player has no use for it; undefined: always there. */
+  isThere?(player: Player): boolean;
+  /** Returns false if the key is not used now. */
+  act(where: { scenarios: Scenarios; player: Player | null; event: KeyboardEvent }): unknown;
+}
+
 /** A signal with its values in the shown unit, which are `factor` times those in the unit `si`. */
 interface Curve {
   key: string;

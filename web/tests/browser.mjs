@@ -57,3 +57,15 @@ export async function visit(address, how, look) {
     await (how.browser ? context?.close() : browser.close());
   }
 }
+
+/** The replay of the open scenario, once it is drawn. */
+export const READY = ".scenario.live .view canvas[data-kind]";
+
+/**
+ * Waits for the replay, after opening the first scenario where the page shows all of them.
+ * @param {import("playwright-core").Page} page
+ */
+export async function ready(page) {
+  if (await page.$("#suite.open")) await page.click("#suite th a");
+  await page.waitForSelector(READY);
+}

@@ -5,14 +5,13 @@
 
 import assert from "node:assert/strict";
 import { pathToFileURL } from "node:url";
-import { launch, visit } from "./browser.mjs";
+import { READY, launch, ready, visit } from "./browser.mjs";
 import { CAMERAS } from "./checks/cameras.mjs";
 import { GHOSTS } from "./checks/ghosts.mjs";
 import { FRAMES } from "./checks/frames.mjs";
 import { SEEN } from "./checks/seen.mjs";
 import { SIGNALS } from "./checks/signals.mjs";
 
-const READY = ".scenario.live .view canvas[data-kind]";
 const CLOCK = ".readout";
 
 /** @typedef {import("playwright-core").Page} Page */
@@ -32,7 +31,7 @@ const CHECKS = {
   ...FRAMES,
   loads: {
     look: async (page) => {
-      await page.waitForSelector(READY);
+      await ready(page);
       assert.equal(await kind(page), "3d");
       assert.match(await text(page), /did not pass/);
       assert.ok((await page.$$(".plot")).length >= 3);
@@ -40,7 +39,7 @@ const CHECKS = {
   },
   "opens where it failed": {
     look: async (page) => {
-      await page.waitForSelector(READY);
+      await ready(page);
       const failed = Number(await page.getAttribute(".reason.failed button.moment", "data-time"));
       assert.ok(failed > 0);
       assert.ok(Math.abs((await time(page)) - failed) < 0.01);
@@ -52,13 +51,13 @@ const CHECKS = {
   },
   "names a contact without a force": {
     look: async (page) => {
-      await page.waitForSelector(READY);
+      await ready(page);
       assert.equal(await page.textContent(".happening"), "base touches agv, neither gives way");
     },
   },
   "opens where runs parted": {
     look: async (page) => {
-      await page.waitForSelector(READY);
+      await ready(page);
       const parted = Number(await page.getAttribute(".reason button.moment", "data-time"));
       assert.ok(parted > 0);
       assert.ok(Math.abs((await time(page)) - parted) < 0.01);
@@ -66,7 +65,7 @@ const CHECKS = {
   },
   "opens where it broke off": {
     look: async (page) => {
-      await page.waitForSelector(READY);
+      await ready(page);
       assert.ok(Math.abs((await time(page)) - 1.1) < 0.06);
       assert.equal(await page.isVisible(".happening"), false);
     },
@@ -75,7 +74,7 @@ const CHECKS = {
     // The longer run: a slow machine does not come to its end meanwhile.
     hash: "#scenario=burger%20pushes%20on&t=0",
     look: async (page) => {
-      await page.waitForSelector(READY);
+      await ready(page);
       await page.keyboard.press("Home");
       const [before, seen] = [await time(page), await picture(page)];
       await page.click(".play");
@@ -91,7 +90,7 @@ const CHECKS = {
   },
   "scrubbing moves the cursor": {
     look: async (page) => {
-      await page.waitForSelector(READY);
+      await ready(page);
       await page.keyboard.press("Home");
       const before = await cursor(page);
       await page.locator("input[type=range]").fill("0.5");
@@ -112,7 +111,7 @@ const CHECKS = {
   "a link opens at its time": {
     hash: "#scenario=burger%20pushes%20on&t=4.5",
     look: async (page) => {
-      await page.waitForSelector(READY);
+      await ready(page);
       assert.equal(await page.textContent(".scenario.open h2"), "burger pushes on");
       assert.equal(await time(page), 4.5);
       await page.evaluate(() => {
@@ -127,39 +126,40 @@ const CHECKS = {
     look: async (page) => {
       const opened = (/** @type {string} */ file) =>
         page.waitForFunction((name) => document.querySelector(".scenario.open")?.textContent?.includes(name), file);
-      await page.waitForSelector(READY);
+      await ready(page);
       await opened("second.sim.yml");
       assert.equal(await time(page), 0.5);
       await page.evaluate(() => {
         location.hash = "#scenario=burger&t=0.5";
       });
       await opened("first.sim.yml");
-      await page.click("nav.scenarios a:not([aria-current])");
+      await page.click("nav.scenarios li a:not([aria-current])");
       await opened("second.sim.yml");
     },
   },
   "links in the frame of a notebook stay in it": {
     look: async (page) => {
       const frame = page.frameLocator("iframe");
+      await frame.locator("#suite.open th a").first().click();
       await frame.locator(READY).waitFor();
-      await frame.locator("nav.scenarios a:not([aria-current])").click();
+      await frame.locator("nav.scenarios li a:not([aria-current])").click();
       await frame.locator(".scenario.open h2", { hasText: "burger pushes on" }).waitFor();
       await frame.locator(READY).waitFor();
     },
   },
   "the address tells what is seen": {
     look: async (page) => {
-      await page.waitForSelector(READY);
-      await page.click("nav.scenarios a:not([aria-current])");
+      await ready(page);
+      await page.click("nav.scenarios li a:not([aria-current])");
       await page.waitForFunction(() => document.querySelector(".scenario.open h2")?.textContent === "burger pushes on");
-      await page.waitForSelector(READY);
+      await ready(page);
       await page.locator("input[type=range]").fill("2.25");
       assert.equal(await page.evaluate(() => location.hash), "#scenario=burger%20pushes%20on&t=2.25");
     },
   },
   "keys do what buttons do": {
     look: async (page) => {
-      await page.waitForSelector(READY);
+      await ready(page);
       await page.keyboard.press("Home");
       assert.equal(await time(page), 0);
       await page.keyboard.press("ArrowRight");
@@ -181,7 +181,7 @@ const CHECKS = {
   },
   "every button has the focus in turn, and shows it": {
     look: async (page) => {
-      await page.waitForSelector(READY);
+      await ready(page);
       const met = new Set();
       for (let i = 0; i < 40; i++) {
         await page.keyboard.press("Tab");
@@ -199,7 +199,7 @@ const CHECKS = {
     // three.js says itself that there is none.
     expected: ["WebGL"],
     look: async (page) => {
-      await page.waitForSelector(READY);
+      await ready(page);
       assert.equal(await kind(page), "top");
       assert.match((await page.textContent(".note")) ?? "", /no WebGL/);
       await replays(page);
@@ -207,7 +207,7 @@ const CHECKS = {
   },
   "without the viewer it is seen from above": {
     look: async (page) => {
-      await page.waitForSelector(READY);
+      await ready(page);
       assert.equal(await kind(page), "top");
       assert.match((await page.textContent(".note")) ?? "", /without the 3D viewer/);
       await replays(page);
@@ -215,7 +215,7 @@ const CHECKS = {
   },
   "hostile names stay text": {
     look: async (page) => {
-      await page.waitForSelector(READY);
+      await ready(page);
       assert.equal(await page.$("img:not(.picture), iframe, object, b:not(.title b):not(.remarks b)"), null);
       assert.equal(await page.evaluate(() => Reflect.get(globalThis, "pwned")), undefined);
       assert.match(await text(page), /<\/script><img src=x onerror=/);
@@ -237,7 +237,7 @@ const CHECKS = {
   "a phone has no sideways scroll": {
     how: { width: 390, height: 844 },
     look: async (page) => {
-      await page.waitForSelector(READY);
+      await ready(page);
       const [wide, seen] = await page.evaluate(() => [document.documentElement.scrollWidth, innerWidth]);
       assert.equal(wide, seen);
       const small = await page.$$eval("button, select", (all) => all.filter((one) => one.getBoundingClientRect().right > innerWidth + 1).length);
@@ -247,7 +247,7 @@ const CHECKS = {
   "a chosen link has a path and a frame": {
     hash: "#scenario=burger%20drives%20straight&t=0.5",
     look: async (page) => {
-      await page.waitForSelector(READY);
+      await ready(page);
       const before = await picture(page);
       await page.selectOption("select[aria-label=Link]", { label: "base_scan" });
       await page.waitForTimeout(100);
@@ -273,7 +273,7 @@ const CHECKS = {
       assert.match((await page.textContent(".readout-of-run")) ?? "", /^Run 3, failed: friction 0\.12, yaw -8 deg, smallest margin -26\.67 % open this run$/);
       await point.click();
       await page.waitForFunction(() => document.querySelector(".scenario.open h2")?.textContent === "push[friction=0.12,yaw=-8deg]");
-      await page.waitForSelector(READY);
+      await ready(page);
       assert.match(await page.evaluate(() => location.hash), /^#scenario=push%5Bfriction%3D0\.12%2Cyaw%3D-8deg%5D/);
       await page.click(".scenario.open header a:text-is('push')");
       await page.waitForSelector(".scenario.open .points");
@@ -331,7 +331,7 @@ const CHECKS = {
   },
   "many are filtered, and open quickly": {
     look: async (page) => {
-      await page.waitForSelector(READY);
+      await ready(page);
       assert.equal((await page.$$("nav.scenarios li a")).length, 100);
       await page.fill("input[type=search]", "number 42");
       assert.equal(await page.locator("nav.scenarios li:not([hidden]) a").count(), 1);

@@ -61,6 +61,11 @@ class PagePlan:
     gates: Mapping[tuple[str, str | None], str]
     left: int
 
+    @property
+    def has_suite(self) -> bool:
+        """Return True if the page has several scenarios or gates, and so an article of all of them."""
+        return len(self.groups) > 1
+
 
 def planned_page(found: Sequence[ScenarioGroup], most: int) -> PagePlan:
     """Return the plan of a page with at most `most` runs, the worst ones.
@@ -146,6 +151,8 @@ def scenario_list(plan: PagePlan, results: Results) -> Html:
     places = {id(entry.group): entry.identity for entry in plan.entries if entry.group is not None}
     return element(
         "nav",
+        element("a", "Skip to the content", href="#main", class_="skip") if plan.has_suite else "",
+        element("a", "All scenarios", href="#suite", class_="all") if plan.has_suite else "",
         element(
             "details",
             element("summary", _list_title(results)),

@@ -22,6 +22,8 @@ from sim_action.reports.html.navigation import PageEntry, PagePlan, planned_page
 from sim_action.reports.html.replay_blocks import ReplayBlocks, packed, page_json, replay_id, stored_replay
 from sim_action.reports.html.scenario_article import article, drawn
 from sim_action.reports.html.sightings import sightings
+from sim_action.reports.html.small_path import small_path
+from sim_action.reports.html.suite import suite_article
 from sim_action.reports.html.sweep import sweep
 from sim_action.reports.html.top_view import SceneOutlines
 from sim_action.reports.scenario_groups import grouped_scenarios
@@ -46,10 +48,13 @@ def page(results: Results, options: ReportOptions) -> Page:
     blocks = ReplayBlocks()
     base = None if options.against is None else Base.of(options.against, results.outcomes)
     ghosts = GhostSources(results.runs, plan.ids, options.folder, base)
-    articles = _run_articles(plan, results, options, blocks, ghosts)
+    articles, paths = _run_articles(plan, results, options, blocks, ghosts)
     plots = _group_articles(plan, options, blocks, articles, ghosts)
-    head = f'{page_head(results, base)}\n<div class="layout">{joined(scenario_list(plan, results), Html("<main>"))}'
+    main = Html('<main id="main" tabindex="-1">' if plan.has_suite else "<main>")
+    head = f'{page_head(results, base)}\n<div class="layout">{joined(scenario_list(plan, results), main)}'
     written = [articles[entry.identity] + b"\n" for entry in plan.entries]
+    if plan.has_suite:
+        written.insert(0, encoded(f"{suite_article(plan, paths, {} if base is None else base.changes)}\n"))
     if written:
         written[-1] = written[-1].removesuffix(b"\n")
     body = (encoded(head), *written, b"</main></div>")
@@ -73,13 +78,14 @@ def _sweep_id(identity: str) -> str:
 
 def _run_articles(
     plan: PagePlan, results: Results, options: ReportOptions, blocks: ReplayBlocks, ghosts: GhostSources
-) -> dict[str, bytes]:
-    """Return the articles of all runs by element id.
+) -> tuple[dict[str, bytes], dict[int, Html]]:
+    """Return the articles of all runs by element id, and the pictures of their paths by `id()` of the outcome.
 
     The worst runs come first to the place for replays; the ghosts of a run come after all runs as bad as it.
     """
     reader, outlines = ReplayReader(), SceneOutlines()
-    articles = {}
+    articles: dict[str, bytes] = {}
+    paths: dict[int, Html] = {}
     passes = False
     for outcome in plan.runs:
         if not passes and (passes := outcome.status == "passed"):
@@ -87,6 +93,8 @@ def _run_articles(
         identity = plan.ids[id(outcome)]
         replay, missing = stored_replay(outcome, options.folder, reader)
         seen = Html("") if replay is None else sightings(replay)
+        if replay is not None and plan.has_suite:
+            paths[id(outcome)] = small_path(replay, outcome.display_status)
         if replay is not None and not blocks.add(replay_id(identity), replay):
             replay, missing = None, "The replay of this run is not included: the size of the page is limited."
         still = element("p", missing, class_="faint") if replay is None else drawn(replay, outcome, outlines)
@@ -96,7 +104,7 @@ def _run_articles(
             article(identity, outcome, results, options, still, gate=gate, seen=seen, since=since)
         )
     ghosts.settle(blocks)
-    return articles
+    return articles, paths
 
 
 def _group_articles(

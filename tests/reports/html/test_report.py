@@ -61,7 +61,7 @@ def test_the_page_is_one_file_with_all_that_it_needs(
 def test_failures_first(samples: Samples, make_results: MakeResults, options: ReportOptions) -> None:
     outcomes = [samples[kind].outcomes[0].model_copy(update={"name": kind}) for kind in ("passed", "failed", "crash")]
     names = re.findall(r"<h2[^>]*>(.*?)</h2>", body(make_results(*outcomes), options))
-    assert names == ["crash", "failed", "passed"]
+    assert names == ["All scenarios", "crash", "failed", "passed"]
 
 
 def test_links_tell_runs_of_one_name_apart(samples: Samples, make_results: MakeResults, options: ReportOptions) -> None:
@@ -145,9 +145,9 @@ def test_of_thousands_the_worst_are_told_and_the_rest_is_counted(
     monkeypatch.setattr("sim_action.reports.html.report.MAX_PAGE_SCENARIOS", 2)
     outcomes = [samples[kind].outcomes[0].model_copy(update={"name": kind}) for kind in ("passed", "failed", "crash")]
     found = body(make_results(*outcomes), options)
-    assert re.findall(r"<h2[^>]*>(.*?)</h2>", found) == ["crash", "failed"]
+    assert re.findall(r"<h2[^>]*>(.*?)</h2>", found) == ["All scenarios", "crash", "failed"]
     assert "1 more scenario in results.json; this page shows the worst 2" in found
-    assert found.count('href="#s') == 2
+    assert re.findall(r'href="#(s\d+)"', found) == ["s0", "s1"] * 2
 
 
 def test_variations_stand_together_with_their_count(samples: Samples, options: ReportOptions) -> None:

@@ -1,8 +1,8 @@
 /** Cameras of the view, and what is measured from above. */
 
 import assert from "node:assert/strict";
+import { ready } from "../browser.mjs";
 
-const READY = ".scenario.live .view canvas[data-kind]";
 
 /** @typedef {import("playwright-core").Page} Page */
 
@@ -13,7 +13,7 @@ export const CAMERAS = {
   "from above distances are measured": {
     hash: "#scenario=burger%20drives%20straight&t=0.5&view=top",
     look: async (page) => {
-      await page.waitForSelector(READY);
+      await ready(page);
       assert.equal(await page.inputValue("select[aria-label=View]"), "top");
       await page.waitForSelector(".ruler:not([hidden])");
       const box = await page.locator(".view canvas").boundingBox();
@@ -35,7 +35,7 @@ export const CAMERAS = {
   "the address tells the camera": {
     hash: "#scenario=burger%20drives%20straight&t=0.5",
     look: async (page) => {
-      await page.waitForSelector(READY);
+      await ready(page);
       const before = (await page.locator(".view canvas").screenshot()).toString("base64");
       await page.selectOption("select[aria-label=View]", "behind");
       assert.equal(await word(page), "behind");

@@ -1,6 +1,7 @@
 /** The checks of pages in frames, and of pages that a server on this machine gives. */
 
 import assert from "node:assert/strict";
+import { ready } from "../browser.mjs";
 
 /** @typedef {import("playwright-core").Page} Page */
 
@@ -13,7 +14,7 @@ export const FRAMES = {
     hash: "#embed&scenario=burger%20pushes%20on&t=1.5",
     how: { width: 320, height: 300 },
     look: async (page) => {
-      await page.waitForSelector(READY);
+      await ready(page);
       const address = await hash(page);
       assert.equal(await page.textContent(".readout"), "1.50 s");
       for (const hidden of ["nav.scenarios", ".run", ".plots", ".keys", ".expectations", ".reasons"]) {
@@ -50,13 +51,13 @@ export const FRAMES = {
   "progress leads to a report that offers what is new": {
     look: async (page) => {
       await page.click("#live-lists a");
-      await page.waitForSelector(READY);
+      await ready(page);
       await page.locator("input[type=range]").fill("0.9");
       const address = await hash(page);
       assert.match(address, /scenario=cart&t=0\.9/);
       await page.click("#live-update");
-      await page.waitForFunction(() => document.querySelectorAll("article").length === 2);
-      await page.waitForSelector(READY);
+      await page.waitForFunction(() => document.querySelectorAll("article").length === 3);
+      await ready(page);
       assert.equal(await hash(page), address);
       assert.equal(await page.textContent(".readout"), "0.90 s");
       await page.click("text=Progress");

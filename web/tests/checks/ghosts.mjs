@@ -1,8 +1,8 @@
 /** Checks of another run that is drawn as a ghost. */
 
 import assert from "node:assert/strict";
+import { ready } from "../browser.mjs";
 
-const READY = ".scenario.live .view canvas[data-kind]";
 
 /** @typedef {import("playwright-core").Page} Page */
 
@@ -13,7 +13,7 @@ const time = async (/** @type {Page} */ page) => Number.parseFloat((await page.t
 
 /** @param {Page} page @param {string} label */
 async function isDrawn(page, label) {
-  await page.waitForSelector(READY);
+  await ready(page);
   await page.waitForFunction((name) => {
     const list = document.querySelector(".against select");
     return list instanceof HTMLSelectElement && list.value === name && document.querySelector(".against .swatch")?.hasAttribute("hidden") === !name;
@@ -32,7 +32,7 @@ export const GHOSTS = {
       await isDrawn(page, "");
       assert.notEqual(await picture(page), before);
       await page.click('nav a[href="#scenario=burger"]');
-      await page.waitForSelector(READY);
+      await ready(page);
       assert.equal(await page.isVisible(".against"), false);
     },
   },

@@ -1,10 +1,10 @@
 /** The checks of what sensors saw: scans, forces, pictures and the menu of layers. */
 
 import assert from "node:assert/strict";
+import { ready } from "../browser.mjs";
 
 /** @typedef {import("playwright-core").Page} Page */
 
-const READY = ".scenario.live .view canvas[data-kind]";
 const word = (/** @type {Page} */ page) => page.evaluate(() => new URLSearchParams(location.hash.slice(1)).get("layers"));
 const picture = async (/** @type {Page} */ page) => (await page.locator(".view canvas").screenshot()).toString("base64");
 const drawn = (/** @type {Page} */ page) => page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
@@ -15,7 +15,7 @@ export const SEEN = {
   "layers are chosen by keys, and the address keeps them": {
     hash: "#scenario=a&t=1",
     look: async (page) => {
-      await page.waitForSelector(READY);
+      await ready(page);
       for (const label of ["Lidar points", "Contact forces", "Pictures"]) assert.ok(await box(page, label).isChecked(), label);
       assert.equal(await box(page, "Lidar rays").isChecked(), false);
       const before = await picture(page);
@@ -28,14 +28,14 @@ export const SEEN = {
       await drawn(page);
       assert.notEqual(await picture(page), before);
       await page.reload();
-      await page.waitForSelector(READY);
+      await ready(page);
       assert.ok(await box(page, "Lidar rays").isChecked());
     },
   },
   "sensors are in step with the clock": {
     hash: "#scenario=a&t=0",
     look: async (page) => {
-      await page.waitForSelector(READY);
+      await ready(page);
       const said = () => page.textContent(".sensed");
       assert.match((await said()) ?? "", /^front \(lidar\): nearest 0\.50 m, 90 deg to the left; 1 ray too near to measure \(every 2nd scan is shown\)\nArrows of contact forces: 0\.1 m is 2 N$/);
       assert.equal(await page.getAttribute(".picture", "alt"), "Picture of eye at 0.00 s");

@@ -2,10 +2,10 @@
 
 import assert from "node:assert/strict";
 import { readFile } from "node:fs/promises";
+import { ready } from "../browser.mjs";
 
 /** @typedef {import("playwright-core").Page} Page */
 
-const READY = ".scenario.live .view canvas[data-kind]";
 const hash = (/** @type {Page} */ page) => page.evaluate(() => new URLSearchParams(location.hash.slice(1)));
 const word = async (/** @type {Page} */ page, /** @type {string} */ key) =>
   page.evaluate((name) => new URLSearchParams(location.hash.slice(1)).get(name), key);
@@ -33,7 +33,7 @@ export const SIGNALS = {
   "signals are chosen by mouse": {
     hash: "#scenario=burger%20drives%20straight&t=0.5",
     look: async (page) => {
-      await page.waitForSelector(READY);
+      await ready(page);
       const before = (await names(page)).length;
       await page.click("text=Add a plot");
       await page.click("[role=option]:has-text('base_scan z')");
@@ -53,7 +53,7 @@ export const SIGNALS = {
   },
   "signals are chosen by keys alone": {
     look: async (page) => {
-      await page.waitForSelector(READY);
+      await ready(page);
       const before = await word(page, "plots");
       await page.keyboard.press("p");
       await page.keyboard.type("base yaw");
@@ -77,7 +77,7 @@ export const SIGNALS = {
   "a drag zooms all plots, and the address restores them": {
     hash: "#scenario=burger%20pushes%20on&t=4.5&plots=base.speed,base.tilt;base.x",
     look: async (page) => {
-      await page.waitForSelector(READY);
+      await ready(page);
       assert.deepEqual(await names(page), [["speed", "tilt"], ["x"]]);
       const time = await page.textContent(".readout");
       await drag(page, 0.3, 0.6);
@@ -85,7 +85,7 @@ export const SIGNALS = {
       const zoom = /^([\d.]+)-([\d.]+)$/.exec((await word(page, "zoom")) ?? "");
       assert.ok(zoom && Number(zoom[1]) > 3 && Number(zoom[2]) < 25, String(await hash(page)));
       await page.reload();
-      await page.waitForSelector(READY);
+      await ready(page);
       assert.deepEqual(await names(page), [["speed", "tilt"], ["x"]]);
       assert.equal(await page.isVisible("text=Whole run"), true);
       const { name, bytes } = await saved(page, () => page.click("text=CSV"));
@@ -107,7 +107,7 @@ export const SIGNALS = {
   "a joint is plotted with its command": {
     hash: "#scenario=burger&t=1&plots=joints.wheel_joint",
     look: async (page) => {
-      await page.waitForSelector(READY);
+      await ready(page);
       const said = (await page.locator(".plot .value").first().textContent()) ?? "";
       assert.match(said, /^286(\.\d)? deg · commanded 315(\.\d)? deg$/);
       const box = await first(page).locator(".frame").boundingBox();

@@ -1,22 +1,31 @@
-/** The scenarios of the page; one of them is open. */
+/** The scenarios of the page: one of them is open, or the page of all. */
 class Scenarios {
-  /** @param {ScenarioEntry[]} entries */
-  constructor(entries) {
+  /**
+   * @param {ScenarioEntry[]} entries
+   * @param {Filter} filter
+   * @param {ScenarioList | null} list
+   * @param {Suite | null} suite
+   */
+  constructor(entries, filter, list, suite) {
     this.entries = entries;
+    this.filter = filter;
+    this.list = list;
+    this.suite = suite;
     /** @type {ScenarioEntry | null} */
     this.open = null;
+    /** @type {HTMLElement | null} */
+    this.article = null;
     /** @type {Player | null} */
     this.player = null;
     this.pending = 0;
-    /** @type {Map<string, HTMLAnchorElement>} */
-    this.anchors = new Map();
     this.byId = new Map(entries.map((entry) => [entry.id, entry]));
+    /** @type {HTMLAnchorElement | null} */
+    this.all = document.querySelector("nav.scenarios .all");
     for (const anchor of document.querySelectorAll('nav.scenarios a, article a[href^="#s"]')) {
       if (!(anchor instanceof HTMLAnchorElement)) continue;
       const entry = this.byId.get(anchor.hash.slice(1));
-      if (!entry) continue;
-      if (anchor.closest("nav")) this.anchors.set(entry.id, anchor);
-      anchor.href = linkTo(entry, null);
+      if (entry) anchor.href = linkTo(entry, null);
+      else if (anchor !== this.all) continue;
       anchor.addEventListener("click", (event) => {
         // In a frame without an address, as in a notebook, the link would lead to the page around the frame.
         if (location.protocol !== "about:") return;
@@ -24,21 +33,51 @@ class Scenarios {
         location.hash = anchor.hash;
       });
     }
+    document.querySelector(".skip")?.addEventListener("click", (event) => {
+      event.preventDefault();
+      find(document, "main").focus();
+    });
+    filter.addEventListener("change", () => this.rememberFilter());
     addEventListener("hashchange", () => void this.follow());
   }
 
-  /** Opens the scenario of the address, or the first one that counts. */
+  /** Opens what the address names: a scenario, or all of them; without a page of all, the first one that counts. */
   async follow() {
+    const wanted = asked(this.entries);
+    if (!wanted && this.suite && !embedded) {
+      this.filter.restore();
+      this.showSuite(this.suite);
+      return;
+    }
     const first = this.entries.find(({ kind }) => kind === "scenario" || kind === "gate") ?? this.entries[0];
-    const wanted = asked(this.entries) ?? (this.open ? null : { scenario: first, time: null });
-    if (!wanted?.scenario) return;
-    if (wanted.scenario !== this.open) await this.show(wanted.scenario, wanted.time);
-    else if (wanted.time !== null) {
+    const { scenario, time } = wanted ?? { scenario: this.open ?? first, time: null };
+    if (!scenario) return;
+    if (scenario !== this.open) await this.show(scenario, time);
+    else if (time !== null) {
       this.player?.clock.pause();
-      this.player?.clock.seek(wanted.time);
+      this.player?.clock.seek(time);
       this.player?.plots.restore();
       await this.player?.ghosts.restore();
     }
+  }
+
+  /** @param {Suite} suite */
+  showSuite(suite) {
+    if (this.article === suite.article) return;
+    const left = this.open;
+    this.leave();
+    suite.article.classList.add("open");
+    this.article = suite.article;
+    this.all?.setAttribute("aria-current", "page");
+    this.list?.mark(null);
+    this.rememberFilter();
+    suite.back(left ? linkTo(left, null) : null);
+  }
+
+  /** Puts the state of the filter into the address if it is what the address names, and into the link to it. */
+  rememberFilter() {
+    if (this.all) this.all.href = this.filter.link;
+    if (this.suite && this.article === this.suite.article) rememberLink(this.filter.link);
   }
 
   /**
@@ -46,30 +85,82 @@ class Scenarios {
    * @param {number | null} time
    */
   async show(entry, time) {
+    const hadOther = this.article !== null;
     this.leave();
     this.open = entry;
     // The words of another scenario mean nothing here.
     if (asked([entry]) === null) rememberLink(linkTo(entry, time));
     const article = find(document, `#${entry.id}`);
+    this.article = article;
     article.classList.add("open");
     if (embedded) linkToWhole(article, (moment) => linkTo(entry, moment), () => this.player?.clock.time ?? null);
-    const anchor = this.anchors.get(entry.id);
-    anchor?.setAttribute("aria-current", "true");
-    anchor?.closest("li.group > details")?.setAttribute("open", "");
-    anchor?.scrollIntoView({ block: "nearest" });
+    this.list?.mark(entry.id);
+    if (hadOther && document.activeElement === document.body) document.querySelector("main")?.focus({ preventScroll: true });
     if (entry.sweep) await this.plot(entry.sweep, find(article, ".sweep"));
     if (entry.replay) await this.mount(entry, article, time);
   }
 
   leave() {
-    if (!this.open) return;
-    this.player?.dispose();
-    this.player = null;
-    find(document, `#${this.open.id}`).classList.remove("open", "live");
-    this.anchors.get(this.open.id)?.removeAttribute("aria-current");
+    if (!this.article) return;
+    if (this.suite && this.article === this.suite.article) this.suite.leave();
+    const { player } = this;
+    // It stops its clock, whose time is not that of the scenario that the address names by now.
+    this.player = this.open = null;
+    player?.dispose();
+    this.article.classList.remove("open", "live");
+    this.all?.removeAttribute("aria-current");
     if (innerWidth <= 800) document.querySelector("nav.scenarios > details")?.removeAttribute("open");
     scrollTo(0, 0);
     find(document, "main").scrollTo(0, 0);
+  }
+
+  /** Opens the next or previous scenario in the shown order; on the page of all, goes to its row. @param {number} step */
+  step(step) {
+    if (this.suite && this.article === this.suite.article) this.suite.step(step);
+    else this.go(this.beyond(step)[0]);
+  }
+
+  /** Opens the next scenario that did not pass, after the last one the first again. */
+  nextFailure() {
+    const after = this.beyond(1);
+    const failures = [...after, ...this.filter.sequence].filter(({ status }) => !NOT_FAILURES.has(status));
+    this.go(failures.find((entry) => entry !== this.open));
+  }
+
+  /** The scenarios after the open one in the shown order; -1: before it, the nearest first. @param {number} step */
+  beyond(step) {
+    const { sequence, order } = this.filter;
+    const ordered = step > 0 ? sequence : [...sequence].reverse();
+    const place = ordered.findIndex((entry) => entry === this.open);
+    if (place >= 0 || !this.open) return ordered.slice(place + 1);
+    // A run of a gate, or a scenario that the filter hides: go on from its place.
+    const { id } = this.open;
+    const around = order.findIndex(({ heads, texts }) => heads.includes(id) || texts.has(id));
+    const units = step > 0 ? order.slice(around + 1) : order.slice(0, Math.max(0, around)).reverse();
+    return units.flatMap(({ counted }) => ordered.filter((entry) => counted.includes(entry.id)));
+  }
+
+  /** @param {ScenarioEntry | undefined} entry */
+  go(entry) {
+    if (entry) location.hash = linkTo(entry, null);
+  }
+
+  /** @returns {boolean} false if there is no page of all scenarios, or if it is open */
+  toSuite() {
+    if (!this.suite || !this.open) return false;
+    location.hash = this.filter.link;
+    return true;
+  }
+
+  /** @returns {boolean} false if there is no filter */
+  focusFilter() {
+    document.querySelector("nav.scenarios > details")?.setAttribute("open", "");
+    const boxes = [...document.querySelectorAll("input.filter")].filter((box) => box instanceof HTMLInputElement && isSeen(box));
+    const box = boxes.find((one) => this.article?.contains(one)) ?? boxes[0];
+    if (!(box instanceof HTMLInputElement)) return false;
+    box.focus();
+    box.select();
+    return true;
   }
 
   /**
@@ -91,6 +182,7 @@ class Scenarios {
     const rememberTime = () => {
       if (this.player === player && !player.clock.playing) remember({ t: timeWord(player.clock.time) });
     };
+    rememberTime();
     player.clock.addEventListener("tick", rememberTime);
     player.clock.addEventListener("state", rememberTime);
   }

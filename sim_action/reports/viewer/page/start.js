@@ -3,11 +3,18 @@
 const index = JSON.parse(find(document, "#index").textContent ?? "{}");
 document.documentElement.classList.add("scripted");
 if (embedded) document.documentElement.classList.add("embed");
-if (innerWidth <= 800) document.querySelector("nav.scenarios > details")?.removeAttribute("open");
-for (const list of document.querySelectorAll("nav.scenarios > details")) {
-  if (list instanceof HTMLElement) offerFilter(list);
-}
+const fold = document.querySelector("nav.scenarios > details");
+if (innerWidth <= 800) fold?.removeAttribute("open");
+// On a wide screen the list is always open.
+else fold?.querySelector("summary")?.setAttribute("tabindex", "-1");
 offerCopies();
-const scenarios = new Scenarios(index.scenarios);
-listenToKeys(() => scenarios.player);
+const filter = new Filter(index.scenarios);
+const suite = document.querySelector("#suite");
+const scenarios = new Scenarios(
+  index.scenarios,
+  filter,
+  fold instanceof HTMLElement ? new ScenarioList(fold, filter) : null,
+  suite instanceof HTMLElement ? new Suite(suite, filter) : null,
+);
+listenToKeys(scenarios);
 void scenarios.follow();

@@ -16,7 +16,7 @@ class Player {
     this.plots = new PlotPanel(motion, entry, this.clock);
     this.ghosts = new Ghosts(entry.ghosts, motion, this.clock);
     this.ghosts.addEventListener("chosen", () => this.compare());
-    const screen = make("div", { class: "screen" }, this.views.element, this.controls.element, this.ghosts.element, this.views.sensed, this.views.pictures.element, keysHint(entry.ghosts.length > 0));
+    const screen = make("div", { class: "screen" }, this.views.element, this.controls.element, this.ghosts.element, this.views.sensed, this.views.pictures.element, keysHint(this));
     this.element = make("div", { class: "player" }, screen, this.plots.element);
     this.clock.addEventListener("tick", () => this.show());
     this.observer = new ResizeObserver(() => this.resize());
@@ -81,11 +81,4 @@ class Player {
 /** Resolves when the browser has painted. */
 function painted() {
   return new Promise((done) => requestAnimationFrame(() => setTimeout(done)));
-}
-
-/** @param {boolean} compares true if there is a ghost to draw */
-function keysHint(compares) {
-  const keys = [["space", "play"], ["← →", "step"], ["1 – 9", "moments"], ["f", "follow"], ["p", "plot"], ["+ − 0", "zoom"], ...(compares ? [["g", "ghost"]] : [])];
-  const shown = keys.flatMap(([key, words]) => [make("kbd", {}, key), ` ${words}  `]);
-  return make("p", { class: "keys" }, ...shown);
 }

@@ -1,0 +1,45 @@
+"""The path of a robot as a picture of a few millimetres, the same size for every run."""
+
+from __future__ import annotations
+
+from itertools import groupby
+from typing import Final
+
+import numpy as np
+
+from sim_action.recording.replay.replay_data import Replay
+from sim_action.reports.html.document import Html, element
+from sim_action.results.outcome import DisplayStatus
+
+_MAX_POINTS: Final = 40
+_WIDTH: Final = 640
+_HEIGHT: Final = 400
+_EDGE: Final = 50
+_LEAST_EXTENT_M: Final = 0.5
+"""A robot that moves less is not magnified further."""
+
+
+def small_path(replay: Replay, status: DisplayStatus) -> Html:
+    """Return an SVG of the path from above, as large as it fits: y is up, the start is a circle, the end a dot."""
+    count = replay.frames.count
+    rows = np.linspace(0, count - 1, min(count, _MAX_POINTS)).astype(int)
+    places = np.column_stack([column.decoded(count)[rows] for column in replay.frames.base[:2]])
+    low, high = places.min(axis=0), places.max(axis=0)
+    width, height = np.maximum(high - low, _LEAST_EXTENT_M).tolist()
+    scale = min((_WIDTH - 2 * _EDGE) / width, (_HEIGHT - 2 * _EDGE) / height)
+    middle = (low + high) / 2
+    drawn = np.rint((places - middle) * (scale, -scale) + (_WIDTH / 2, _HEIGHT / 2)).astype(int).tolist()
+    points = [f"{x},{y}" for (x, y), _ in groupby(drawn)]
+    return element(
+        "svg",
+        element("polyline", points=" ".join(points)) if len(points) > 1 else "",
+        _dot(drawn[0], "start"),
+        _dot(drawn[-1], "end"),
+        class_=f"small-path {status}",
+        viewBox=f"0 0 {_WIDTH} {_HEIGHT}",
+        aria_hidden="true",
+    )
+
+
+def _dot(place: list[int], kind: str) -> Html:
+    return element("circle", cx=place[0], cy=place[1], r=30, class_=kind)

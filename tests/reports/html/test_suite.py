@@ -1,0 +1,144 @@
+"""The article of all scenarios."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import pytest
+
+from sim_action.reports.html.changes import ScenarioChange
+from sim_action.reports.html.document import Html
+from sim_action.reports.html.navigation import planned_page
+from sim_action.reports.html.small_path import small_path
+from sim_action.reports.html.suite import suite_article
+from sim_action.reports.html.suite_rows import margin_bar, nearest_cell, sort_margin
+from sim_action.reports.scenario_groups import grouped_scenarios
+from sim_action.results.outcome import Failure, Outcome
+from tests.outcomes import outcome, unjudged
+from tests.replays import drive
+from tests.reports.html.gates import failed_gate, run
+
+
+def article(*outcomes: Outcome, changes: dict[int, ScenarioChange] | None = None) -> str:
+    plan = planned_page(grouped_scenarios(outcomes), 2000)
+    return suite_article(plan, {id(each): Html("<svg></svg>") for each in outcomes}, changes or {})
+
+
+def crashed(file: str) -> Outcome:
+    failure = Failure(kind="crash", title="SIGSEGV", message="the process ended")
+    return outcome(file).model_copy(update={"status": "error", "expectations": (), "failures": (failure,)})
+
+
+def with_margin(margin: float, limit: float = 2.0, *, goal: bool = False, file: str = "a.sim.yml") -> Outcome:
+    made = outcome(file, holds=margin >= 0)
+    [expected] = made.expectations
+    verdict = replace(expected.verdict, margin=margin, limit=limit, goal=goal)
+    return made.model_copy(update={"expectations": (expected.model_copy(update={"verdict": verdict}),)})
+
+
+def test_there_is_a_row_for_each_scenario_the_worst_first() -> None:
+    text = article(outcome("a.sim.yml"), outcome("b.sim.yml", holds=False), crashed("c.sim.yml"), unjudged("d.sim.yml"))
+    assert re.findall(r'<th scope="row"><a href="#(s\d)">(\w)</a>', text) == [
+        ("s0", "c"),
+        ("s1", "b"),
+        ("s2", "d"),
+        ("s3", "a"),
+    ]
+    assert re.findall(r'<tbody data-status="(\w+)"', text) == ["error", "failed", "not_exercised", "passed"]
+
+
+def test_statuses_are_counted_as_the_call_counts_them() -> None:
+    varied = [run(number, 0.1 if number else -0.1, gate=None, file="a.sim.yml") for number in range(3)]
+    text = article(*failed_gate().outcomes, *varied, crashed("b.sim.yml"), crashed("c.sim.yml"))
+    chips = re.findall(r'<li data-status="(\w+)">.*?</span> ([\w ]+)</li>', text)
+    assert chips == [("error", "2 errors"), ("failed", "2 failed"), ("passed", "2 passed")]
+
+
+def test_variations_are_folded_below_their_scenario_with_their_parameters() -> None:
+    text = article(*(run(number, 0.1 - number / 20, gate=None) for number in range(4)), outcome("b.sim.yml"))
+    assert "<summary>4 variations</summary>" in text
+    assert '<th scope="col">friction</th><th scope="col">yaw</th>' in text
+    assert '<td data-title="friction">0.13</td>' in text
+    assert '<th scope="row"><a href="#s0">push</a>' in text
+    # Each variation has a status of its own to filter by.
+    assert len(re.findall(r"<tbody data-status", text)) == 1
+
+
+def test_a_gate_has_its_status_its_rate_and_its_runs() -> None:
+    text = article(*failed_gate().outcomes, outcome("b.sim.yml"))
+    assert "gate: 15 of 30 runs passed (50 %)" in text
+    assert "<summary>30 runs</summary>" in text
+    assert '<tbody data-status="failed"' in text
+
+
+def test_a_reason_stands_where_a_scenario_did_not_pass() -> None:
+    assert "SIGSEGV: the process ended" in nearest_cell(crashed("a.sim.yml"))
+    assert "never checked: sensor &#x27;lidar&#x27; had no reading" in nearest_cell(unjudged("a.sim.yml"))
+    assert "travelled 1.5 m" in nearest_cell(outcome("a.sim.yml", holds=False))
+    assert ">travel<" in nearest_cell(outcome("a.sim.yml"))
+
+
+@pytest.mark.parametrize(
+    ("relative", "drawn"),
+    [
+        (0.25, '<rect width="12.5" height="8" class="held"'),
+        (7.0, '<rect width="50.0" height="8" class="held"'),
+        (-0.5, 'x="-25.0" width="25.0" height="8" class="missed"'),
+        (-1e-9, 'x="-1.5" width="1.5" height="8" class="missed"'),
+    ],
+)
+def test_a_bar_shows_a_margin_relative_to_its_limit(relative: float, drawn: str) -> None:
+    assert drawn in margin_bar(relative)
+
+
+def test_a_bar_of_no_number_is_empty() -> None:
+    assert "held" not in margin_bar(float("nan"))
+
+
+def test_scenarios_are_sorted_by_the_relative_margin_and_those_without_a_verdict_come_first() -> None:
+    assert sort_margin(with_margin(0.5)) == "0.25"
+    assert sort_margin(with_margin(-0.5)) == "-0.25"
+    assert sort_margin(crashed("a.sim.yml")) == "-2"
+    # A goal is always reached exactly at its limit.
+    assert sort_margin(with_margin(0.0, goal=True)) is None
+    assert "reached at 2.00 s" in nearest_cell(with_margin(0.0, goal=True))
+
+
+def test_wall_times_are_drawn_relative_to_the_longest() -> None:
+    text = article(outcome("a.sim.yml", wall_time=4.0), outcome("b.sim.yml", wall_time=1.0))
+    assert re.findall(r'<rect width="([\d.]+)" height="4">', text) == ["100.0", "25.0"]
+
+
+def test_changes_have_a_column_only_if_there_are_some() -> None:
+    several = outcome("a.sim.yml"), outcome("b.sim.yml")
+    assert "Change" not in article(*several)
+    fixed, same = ScenarioChange("fixed", "failed before"), ScenarioChange("unchanged", "nothing changed")
+    text = article(*several, changes={id(several[0]): fixed, id(several[1]): same})
+    assert re.findall(r'<td class="change" data-title="Change">(.*?)</td>', text) == ["failed before", ""]
+    assert re.findall(r'data-change="(\d+)"', text) == ["8", "13"]
+
+
+def test_a_group_has_its_most_important_change() -> None:
+    varied = [run(number, 0.1, gate=None) for number in range(3)]
+    new, fails = ScenarioChange("new", "was not there"), ScenarioChange("newly fails", "passed before")
+    text = article(*varied, outcome("b.sim.yml"), changes={id(varied[0]): new, id(varied[1]): fails})
+    assert '<td class="change" data-title="Change">passed before</td>' in text
+    assert 'data-change="0"' in text
+
+
+def test_a_small_path_fits_its_frame_whatever_the_robot_did() -> None:
+    for distance in (0.0, 0.01, 1000.0):
+        drawn = small_path(drive(distance=distance), "passed")
+        numbers = [int(number) for number in re.findall(r'c[xy]="(-?\d+)"', drawn)]
+        assert len(numbers) == 4
+        assert all(0 <= number <= 640 for number in numbers)
+    assert drawn.count(",") == 40
+    assert "polyline" not in small_path(drive(distance=0.0), "passed")
+
+
+def test_a_small_path_runs_from_its_start_to_its_end() -> None:
+    assert re.findall(r'cx="(\d+)" cy="(\d+)" r="30" class="(\w+)"', small_path(drive(distance=2.0), "passed")) == [
+        ("50", "200", "start"),
+        ("590", "200", "end"),
+    ]
