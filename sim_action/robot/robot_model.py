@@ -81,6 +81,7 @@ class Visual:
         size_xyz: m, size of the box around it; zero for a mesh.
         file: the absolute path of a mesh, or `MESH_OF_TEXT` and the name of a mesh in MJCF; empty for other shapes.
         scale: m per unit of that file, along each axis.
+        opacity: 0 (invisible) to 1.
     """
 
     kind: str
@@ -89,6 +90,7 @@ class Visual:
     size_xyz: Vector3 = ZERO
     file: str = ""
     scale: Vector3 = (1.0, 1.0, 1.0)
+    opacity: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)

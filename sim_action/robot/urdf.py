@@ -76,9 +76,9 @@ def model_of(document: ModelDocument, path: Path, packages: Packages, allow: Ite
     series = expand_series(document)
     plugins = with_controllers(plugins_of(document), path, packages)
     commanded = commanded_joints(document)
-    colors = materials(document)
+    paints = materials(document)
     links = tuple(
-        replace(_link(document, link, meshes), visuals=tuple(visuals_of(link, colors, meshes.visuals)))
+        replace(_link(document, link, meshes), visuals=tuple(visuals_of(link, paints, meshes.visuals)))
         for link in document.elements("link")
     )
     findings += proportions(document, links)
@@ -170,17 +170,21 @@ def _mimic(element: Element | None) -> Mimic | None:
     return Mimic(element.attrib["joint"], **{name: value for name, value in stated.items() if value is not None})
 
 
-def materials(document: ModelDocument) -> dict[str, Color]:
+Paint = tuple[Color, float]
+"""A colour and its opacity."""
+
+
+def materials(document: ModelDocument) -> dict[str, Paint]:
     """Return the colours of all named materials, at the top level and in links."""
-    found: dict[str, Color] = {}
+    found: dict[str, Paint] = {}
     for material in document.elements("link/visual/material", "material"):
-        color, name = _stated(material), material.get("name")
-        if color is not None and name:
-            found[name] = color
+        paint, name = _stated(material), material.get("name")
+        if paint is not None and name:
+            found[name] = paint
     return found
 
 
-def visuals_of(link: Element, colors: Mapping[str, Color], meshes: Mapping[Element, Path]) -> Iterator[Visual]:
+def visuals_of(link: Element, paints: Mapping[str, Paint], meshes: Mapping[Element, Path]) -> Iterator[Visual]:
     """Yield the visuals of a link that can be drawn.
 
     :param meshes: <mesh> element -> its file.
@@ -190,22 +194,23 @@ def visuals_of(link: Element, colors: Mapping[str, Color], meshes: Mapping[Eleme
         if shape is None:
             continue
         material = visual.find("material")
-        color = None if material is None else _stated(material) or colors.get(material.get("name", ""))
+        paint = None if material is None else _stated(material) or paints.get(material.get("name", ""))
+        color, opacity = paint or (None, 1.0)
         if shape in meshes:
             scale = vector(shape, "scale", (1.0, 1.0, 1.0))
-            yield Visual("mesh", origin(visual), color, file=str(meshes[shape]), scale=scale)
+            yield Visual("mesh", origin(visual), color, file=str(meshes[shape]), scale=scale, opacity=opacity)
         elif (size := _size(shape)) is not None:
-            yield Visual(shape.tag, origin(visual), color, size)
+            yield Visual(shape.tag, origin(visual), color, size, opacity=opacity)
 
 
-def _stated(material: Element) -> Color | None:
-    """Return the colour of a material, without its alpha: transparent parts are easily overlooked in a picture."""
+def _stated(material: Element) -> Paint | None:
+    """Return the colour of a material; None if it states no valid one."""
     color = material.find("color")
     text = "" if color is None else color.get("rgba", "")
     if not is_numbers(text, 4):
         return None
-    red, green, blue = (min(1.0, max(0.0, float(part))) for part in text.split()[:3])
-    return (red, green, blue)
+    red, green, blue, opacity = (min(1.0, max(0.0, float(part))) for part in text.split())
+    return (red, green, blue), opacity
 
 
 def _size(shape: Element) -> Vector3 | None:

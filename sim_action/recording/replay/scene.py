@@ -132,7 +132,8 @@ def _final_shapes(pieces: Sequence[Piece], names: dict[int, str]) -> Iterator[Sh
         if not isinstance(piece, MeshPiece):
             yield piece
         elif id(piece.surface) in names:
-            yield MeshShape(kind="mesh", mesh=names[id(piece.surface)], pose=piece.pose, color=piece.color)
+            mesh = names[id(piece.surface)]
+            yield MeshShape(kind="mesh", mesh=mesh, pose=piece.pose, color=piece.color, opacity=piece.opacity)
 
 
 class LinkPieces:
@@ -163,12 +164,13 @@ class LinkPieces:
         return seen if seen and len(seen) == len(found) else list(self._touched(link)) or seen
 
     def _piece(self, visual: Visual) -> Piece | None:
-        pose, color = pose_numbers(visual.pose), visual.color or ROBOT
+        pose, color, opacity = pose_numbers(visual.pose), visual.color or ROBOT, round(visual.opacity, 3)
         if not visual.file:
             x, y, z = visual.size_xyz
-            return plain_shape(visual.kind, (x / 2, y / 2, z / 2), pose, color)
+            shape = plain_shape(visual.kind, (x / 2, y / 2, z / 2), pose, color)
+            return shape if opacity == 1 else shape.model_copy(update={"opacity": opacity})
         surface = self._surface(visual)
-        return None if surface is None else MeshPiece(surface, pose, color)
+        return None if surface is None else MeshPiece(surface, pose, color, opacity)
 
     def _surface(self, visual: Visual) -> Triangles | None:
         key = visual.file, visual.scale
@@ -194,6 +196,7 @@ class MeshPiece:
     surface: Triangles
     pose: PoseNumbers
     color: Colour
+    opacity: float = 1.0
 
 
 Piece = Shape | MeshPiece

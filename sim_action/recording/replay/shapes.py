@@ -53,6 +53,7 @@ class _Shape(FrozenModel):
 
     pose: PoseNumbers
     color: tuple[Share, Share, Share]
+    opacity: Share = 1.0
 
 
 class BoxShape(_Shape):

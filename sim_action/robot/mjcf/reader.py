@@ -211,21 +211,23 @@ class _Reader:
         """Return what is drawn of a geom; None if it cannot be drawn."""
         model = self._model
         kind = _SHAPES[model.geom_type[geom]]
-        pose, color = _pose(model.geom_pos[geom], model.geom_quat[geom]), _color(model, geom)
+        pose = _pose(model.geom_pos[geom], model.geom_quat[geom])
+        color, opacity = _paint(model, geom)
         if kind in _UNBOUNDED:
             return None
         if kind != "mesh":
             *_, along_x, along_y, along_z = model.geom_aabb[geom].tolist()
-            return Visual(kind, pose, color, (2 * along_x, 2 * along_y, 2 * along_z))
+            return Visual(kind, pose, color, (2 * along_x, 2 * along_y, 2 * along_z), opacity=opacity)
         mesh = int(model.geom_dataid[geom])
         name = self._meshes[mesh]
         named = self._built.drawn.get(name)
         if named is None:
-            return Visual(kind, pose, color, file=f"{MESH_OF_TEXT}{name}")
+            return Visual(kind, pose, color, file=f"{MESH_OF_TEXT}{name}", opacity=opacity)
         # MuJoCo moves a mesh to its centre of mass and turns it to its axes of inertia.
         own = geometry.inverse(_pose(model.mesh_pos[mesh], model.mesh_quat[mesh]))
         x, y, z = model.mesh_scale[mesh].tolist()
-        return Visual(kind, geometry.compose(pose, own), color, file=str(named.path), scale=(x, y, z))
+        placed = geometry.compose(pose, own)
+        return Visual(kind, placed, color, file=str(named.path), scale=(x, y, z), opacity=opacity)
 
     def _joints(self, body: int) -> Iterator[Joint]:
         """Yield the joints between a body and its parent: one, several in series, or a fixed joint without any."""
@@ -316,15 +318,15 @@ def _carried(joint: Joint, motion: Pose) -> dict[str, Any]:
     }
 
 
-def _color(model: Any, geom: int) -> Color | None:
-    """Return the colour of a geom, or else of its material; None if neither states one."""
+def _paint(model: Any, geom: int) -> tuple[Color | None, float]:
+    """Return colour and opacity of a geom, or else of its material; no colour if neither states one."""
     stated, material = tuple(model.geom_rgba[geom].tolist()), int(model.geom_matid[geom])
     if stated == _NO_COLOUR:
         if material < 0:
-            return None
+            return None, 1.0
         stated = tuple(model.mat_rgba[material].tolist())
-    red, green, blue = stated[:3]
-    return red, green, blue
+    red, green, blue, opacity = (min(1.0, max(0.0, part)) for part in stated)
+    return (red, green, blue), opacity
 
 
 def _shape(model: Any, geom: int) -> Shape:

@@ -255,9 +255,15 @@ def visual_shape(visual: Element) -> Element | None:
 
 
 def write_colour(writer: UrdfWriter, written: Element, visual: Element) -> None:
-    """Write the colour of a visual, if it states one: red, green and blue; alpha is ignored."""
-    words = (visual.findtext("material/diffuse") or "").split()[:3]
-    text = " ".join(words)
+    """Write the colour of a visual, if it states one; the opacity is alpha times that of <transparency>."""
+    words = (visual.findtext("material/diffuse") or "").split()[:4]
+    text, alpha = " ".join(words[:3]), words[3] if len(words) > 3 else "1"
     if is_numbers(text, 3):
+        opacity = _clipped(alpha, 1.0) * (1 - _clipped(visual.findtext("transparency") or "", 0.0))
         material = writer.add(written, "material", visual, name=f"of visual '{visual.get('name', '')}'")
-        writer.add(material, "color", visual, rgba=f"{text} 1")
+        writer.add(material, "color", visual, rgba=f"{text} {opacity:g}")
+
+
+def _clipped(text: str, otherwise: float) -> float:
+    """Return a number from 0 to 1, or `otherwise` if it is none."""
+    return min(1.0, max(0.0, float(text))) if is_numbers(text, 1) else otherwise

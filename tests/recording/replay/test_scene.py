@@ -102,6 +102,7 @@ def test_what_a_model_draws_is_what_is_seen(tmp_path: Path) -> None:
         (shape,) = link.shapes
         assert isinstance(shape, BoxShape)
         assert (shape.size, shape.color, shape.pose[:3]) == ((0.1, 0.2, 0.3), color, (0.0, 0.0, 1.0))
+    assert [link.shapes[0].opacity for link in (base, hand)] == [0.5, 1.0]
     assert hand.joint is not None
     assert (hand.joint.type, hand.origin[2]) == ("prismatic", 2.0)
 
@@ -121,6 +122,7 @@ def test_meshes_of_one_file_are_one(tmp_path: Path) -> None:
     shapes = [shape for link in found.links for shape in link.shapes]
     assert all(isinstance(shape, MeshShape) for shape in shapes)
     assert len({shape.color for shape in shapes}) == 2
+    assert sorted(shape.opacity for shape in shapes) == [0.5, 1.0]
     (mesh,) = found.meshes.values()
     assert extents(mesh) == pytest.approx([4 * half for half in HALF], abs=2e-3)
     assert len(mesh.triangles) == 3 * 12

@@ -281,7 +281,7 @@ DEFAULTS = """\
 <mujoco model="boxy">
   <asset>
     <texture name="wood" type="2d" builtin="flat" width="8" height="8"/>
-    <material name="self" texture="wood" rgba=".7 .5 .3 1"/><material name="green" rgba="0 1 0 1"/>
+    <material name="self" texture="wood" rgba=".7 .5 .3 .25"/><material name="green" rgba="0 1 0 1"/>
     <mesh name="wedge" file="wedge.stl"/>
   </asset>
   <default>
@@ -310,6 +310,7 @@ def test_materials_and_meshes_of_default_classes_reach_their_geoms(tmp_path: Pat
         (0, 0, 1),
         pytest.approx((0, 0, 1)),
     ]
+    assert [visual.opacity for visual in base.visuals] == [0.25, 1, 1]
     drawn = base.visuals[2]
     assert (drawn.kind, drawn.file, drawn.scale) == ("mesh", str(tmp_path / "wedge.stl"), (1, 1, 1))
     # The frame of the file, not that of MuJoCo, which lies at the centre of mass.

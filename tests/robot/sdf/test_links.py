@@ -124,6 +124,23 @@ def test_what_cannot_be_looked_at_is_passed_over(geometry: str, tmp_path: Path) 
     assert (model.links[0].visuals, model.findings) == ((), ())
 
 
+@pytest.mark.parametrize(
+    ("look", "opacity"),
+    [
+        ("<material><diffuse>1 0 0</diffuse></material>", 1),
+        ("<material><diffuse>1 0 0 0.5</diffuse></material>", 0.5),
+        ("<transparency>0.75</transparency><material><diffuse>1 0 0 1</diffuse></material>", 0.25),
+        ("<transparency>0.5</transparency><material><diffuse>1 0 0 0.5</diffuse></material>", 0.25),
+        ("<transparency>7</transparency><material><diffuse>1 0 0 1</diffuse></material>", 0),
+        ("<transparency>glass</transparency><material><diffuse>1 0 0 nan</diffuse></material>", 1),
+    ],
+)
+def test_what_is_transparent_is_so(look: str, opacity: float, tmp_path: Path) -> None:
+    visual = f'<visual name="v">{look}<geometry><box><size>1 2 3</size></box></geometry></visual>'
+    (read,) = load(tmp_path, sdf(link("a", visual))).links[0].visuals
+    assert (read.color, read.opacity) == ((1.0, 0.0, 0.0), opacity)
+
+
 @pytest.mark.parametrize("diffuse", ["", "1 2", "red green blue", "nan 0 0 1"])
 def test_a_colour_that_is_none_is_passed_over(diffuse: str, tmp_path: Path) -> None:
     material = f"<material><diffuse>{diffuse}</diffuse></material>"
