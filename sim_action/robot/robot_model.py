@@ -42,8 +42,6 @@ MOVING_TYPES: Final[frozenset[JointType]] = frozenset({"revolute", "continuous",
 _POLE: Final = 1 - 1e-12
 
 Color = tuple[float, float, float]
-"""Red, green and blue, each 0 to 1."""
-
 Level = Literal["fatal", "error", "warning"]
 """fatal: cannot be simulated; error: refused unless allowed, as it is probably not what was meant; warning: a note."""
 
@@ -77,11 +75,10 @@ class Visual:
     Attributes:
         kind: "box", "cylinder", "sphere", "capsule", or "mesh".
         pose: in the link's frame; of its centre, or of the origin of a mesh.
-        color: None if the model does not state one.
+        color, opacity: red, green, blue and alpha, each 0 to 1; None if the model does not state one.
         size_xyz: m, size of the box around it; zero for a mesh.
         file: the absolute path of a mesh, or `MESH_OF_TEXT` and the name of a mesh in MJCF; empty for other shapes.
         scale: m per unit of that file, along each axis.
-        opacity: 0 (invisible) to 1.
     """
 
     kind: str
