@@ -187,7 +187,8 @@ def stored_files_of(outcome: Outcome, folder: Path | None) -> list[StoredFile]:
 def with_copied_files(outcome: Outcome, files: Sequence[StoredFile], trace: Path | None, folder: Path) -> Outcome:
     """Copy the files of an outcome into `folder` and return the outcome with their new names.
 
-    `trace` is the new path of the trace; None if nothing is to be copied. A file that cannot be copied is a note.
+    `trace` is the new path of the trace; None if nothing is to be copied. A file that cannot be copied is a note. The
+    files of a repetition stay where they are.
     """
     names: dict[str, Any] = {"trace": None, "replay": None, "recordings": ()}
     notes = list(outcome.notes)
@@ -204,7 +205,8 @@ def with_copied_files(outcome: Outcome, files: Sequence[StoredFile], trace: Path
             names["recordings"] += (name,)
         else:
             names[file.kind] = name
-    return outcome.model_copy(update={**names, "notes": tuple(notes)})
+    repeats = outcome.repeats and outcome.repeats.model_copy(update={"replay": None})
+    return outcome.model_copy(update={**names, "repeats": repeats, "notes": tuple(notes)})
 
 
 def _named(outcome: Outcome) -> Iterator[tuple[FileKind, str]]:

@@ -208,11 +208,13 @@ class Repeats(FrozenModel):
         count: number of runs.
         agreed: number of runs with the same motion of the robot and the same verdicts.
         digests: number of different digests.
+        replay: the replay of the first run that differs, named as `Outcome.replay`; None if there is none.
     """
 
     count: Annotated[int, Field(ge=2)]
     agreed: Annotated[int, Field(ge=1)]
     digests: Annotated[int, Field(ge=0)]
+    replay: str | None = None
 
 
 class Outcome(FrozenModel):

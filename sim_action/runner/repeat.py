@@ -78,14 +78,17 @@ def _told(loaded: LoadedScenario, runs: Sequence[_Run], folder: Path) -> tuple[O
         alike.setdefault(run.key, []).append(run)
     most, *others = sorted(alike.values(), key=lambda group: (-len(group), group[0].number))
     digests = {run.outcome.digest for run in runs} - {None}
+    other = min((group[0] for group in others), key=lambda run: run.number, default=None)
+    replay = None if other is None else other.outcome.replay
     about = {
-        "repeats": Repeats(count=len(runs), agreed=len(most), digests=len(digests)) if len(runs) > 1 else None,
+        "repeats": Repeats(count=len(runs), agreed=len(most), digests=len(digests), replay=replay)
+        if len(runs) > 1
+        else None,
         "wall_time": sum(run.outcome.wall_time for run in runs),
     }
     first = most[0]
-    if not others:
+    if other is None:
         return first.outcome.model_copy(update=about), [first.outcome]
-    other = min((group[0] for group in others), key=lambda run: run.number)
     parted = _parting(first, other, folder)
     message = "; ".join(
         (

@@ -20,7 +20,7 @@ from sim_action.results.artifacts import (
     with_copied_files,
     with_existing_files,
 )
-from sim_action.results.outcome import Outcome
+from sim_action.results.outcome import Outcome, Repeats
 from tests.work import work_of
 
 
@@ -139,6 +139,13 @@ def test_files_that_an_outcome_names_are_copied_under_the_name_of_the_new_trace(
     assert new == ["traces/a-2.npz", "replays/a-2.json.gz", "recordings/a-2.mcap", "recordings/a-2.csv"]
     assert [(merged / str(name)).read_text() for name in new] == names
     assert found.notes == ()
+
+
+def test_the_replay_of_a_repetition_is_not_copied_and_not_named(tmp_path: Path) -> None:
+    repeats = Repeats(count=3, agreed=2, digests=2, replay="replays/a-run-2.json.gz")
+    flaky = WHOLE.model_copy(update={"repeats": repeats})
+    found = with_copied_files(flaky, stored_files_of(flaky, tmp_path), tmp_path / "traces/a.npz", tmp_path)
+    assert found.repeats == Repeats(count=3, agreed=2, digests=2)
 
 
 def test_what_an_outcome_does_not_name_is_not_missed(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from sim_action.core.errors import InternalError
-from sim_action.results.outcome import Failure, Outcome
+from sim_action.results.outcome import Failure, Outcome, Repeats
 from sim_action.runner.child_outcome import interrupted, skipped
 from sim_action.runner.repeat import merge_repeats
 from sim_action.scenario.model import LoadedScenario
@@ -57,10 +57,9 @@ def test_the_most_that_agree_are_held_against_the_first_that_does_not(loaded: Lo
     runs = []
     for number, digest in enumerate("abbcb", start=1):
         save_trace(trace([0.0, 0.25], x=[0.0, float("abc".index(digest))]), tmp_path / f"traces/{number}.npz")
-        runs.append(ran(digest, trace=f"traces/{number}.npz"))
+        runs.append(ran(digest, trace=f"traces/{number}.npz", replay=f"replays/{number}.json.gz"))
     told = merge_repeats(loaded, runs, tmp_path)
-    assert told.repeats
-    assert (told.repeats.count, told.repeats.agreed, told.repeats.digests) == (5, 3, 3)
+    assert told.repeats == Repeats(count=5, agreed=3, digests=3, replay="replays/1.json.gz")
     message = told.failures[0].message
     assert message.startswith(
         "3 of 5 runs agree; run 1 differs from run 2 at 0.25 s, in x of base_position_xyz: 0.0 and not 1.0;"

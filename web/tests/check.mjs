@@ -61,6 +61,8 @@ const CHECKS = {
       const parted = Number(await page.getAttribute(".reason button.moment", "data-time"));
       assert.ok(parted > 0);
       assert.ok(Math.abs((await time(page)) - parted) < 0.01);
+      await page.waitForFunction(() => document.querySelector(".against select")?.value === "another repetition");
+      assert.match((await page.textContent(".against button")) ?? "", /^They part at [\d.]+ s/);
     },
   },
   "opens where it broke off": {

@@ -1,4 +1,4 @@
-"""The ghosts that a page offers: the run of `--against`, golden trajectories, and the run in another engine."""
+"""The ghosts of a page: the run of `--against`, golden trajectories, the run in another engine, and a repetition."""
 
 from __future__ import annotations
 
@@ -25,6 +25,9 @@ BASE_RUN: Final = "base run"
 """The label of the run of `--against`."""
 
 GOLDEN: Final = "golden trajectory"
+
+REPETITION: Final = "another repetition"
+"""The label of the first of several runs that differs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +80,7 @@ class GhostSources:
         self._others: dict[int, Outcome] = {}
         for one, other in engine_pairs(outcomes):
             self._others |= {id(one): other, id(other): one}
-        self._readers = {"base": ReplayReader(), "engine": ReplayReader()}
+        self._readers = {kind: ReplayReader() for kind in ("base", "engine", "repetition")}
         self._waiting = WaitingGhosts()
         self.found: dict[str, list[Ghost]] = {}
         """Element id of an article -> its ghosts."""
@@ -89,6 +92,7 @@ class GhostSources:
             missing = self._find_base(identity, outcome, replay)
             self._find_golden(identity, outcome, replay)
             self._find_engine(identity, outcome, replay)
+            self._find_repetition(identity, outcome, replay)
         change = None if self._base is None else self._base.changes.get(id(outcome))
         parts = [each.parting for each in self.found.get(identity, ()) if each.label == BASE_RUN and each.parting]
         told = [change.words] if change is not None else []
@@ -131,6 +135,16 @@ class GhostSources:
             tolerance = Tolerance(max(each.position for each in limits), max(each.angle for each in limits))
             block = replay_id(self._ids[id(other)])
             self._keep(identity, ghost(other.engine or "", block, replay, theirs, tolerance))
+
+    def _find_repetition(self, identity: str, outcome: Outcome, replay: Replay) -> None:
+        if outcome.repeats is None or outcome.repeats.replay is None:
+            return
+        other = outcome.model_copy(update={"replay": outcome.repeats.replay})
+        theirs, _ = stored_replay(other, self._folder, self._readers["repetition"])
+        if theirs is not None:
+            block = f"repetition-{identity}"
+            self._keep(identity, ghost(REPETITION, block, replay, theirs, is_shown=True))
+            self._waiting.add(block, theirs)
 
     def _keep(self, identity: str, found: Ghost) -> None:
         self.found.setdefault(identity, []).append(found)

@@ -1,4 +1,4 @@
-"""The ghosts of a page: the base run and the other engine."""
+"""The ghosts of a page: the base run, the other engine and a repetition."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from sim_action.reports import ReportOptions
 from sim_action.reports.html.document import Page
 from sim_action.reports.html.report import page, write_html
 from sim_action.results.earlier_run import EarlierRun
-from sim_action.results.outcome import Outcome
+from sim_action.results.outcome import Outcome, Repeats
 from tests.outcomes import gate_results, outcome, planned_gate, results, runs_of_gate
 from tests.replays import drive, kept
 
@@ -134,3 +134,14 @@ def test_a_scenario_in_another_engine_is_a_ghost_that_takes_no_room(tmp_path: Pa
     assert one["parting"] == other["parting"]
     assert alone == []
     assert set(found.blocks) == {"replay-s0", "replay-s1", "replay-s2", "meshes"}
+
+
+def test_the_first_repetition_that_differs_is_a_ghost_drawn_at_once(tmp_path: Path) -> None:
+    other = kept(drive(distance=1.2), tmp_path, "a-run-2")
+    repeats = Repeats(count=3, agreed=2, digests=2, replay=other)
+    flaky = run(tmp_path, "a", 1.0, repeats=repeats)
+    gone = run(tmp_path, "b", 1.0, repeats=repeats.model_copy(update={"replay": "replays/gone.json.gz"}))
+    found = page(results(flaky, gone), options(tmp_path))
+    [[ghost], none] = ghosts(found)
+    assert (ghost["label"], ghost["replay"], ghost["shown"]) == ("another repetition", "repetition-s0", True)
+    assert none == []
