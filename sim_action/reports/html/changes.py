@@ -23,10 +23,18 @@ class ScenarioChange:
 
     Attributes:
         words: what changed, such as "newly fails: travelled 1.2 m of 1.5 m; before: 1.6 m".
+        world: how the scene of its replay differs, such as "pallet is new"; empty if it is the same or not known.
     """
 
     kind: ScenarioChangeKind
     words: str
+    world: str = ""
+
+    @property
+    def gist(self) -> str:
+        """The change in a few words, for a table; empty if nothing changed."""
+        kind = "" if self.kind == "unchanged" else self.kind
+        return "; ".join(part for part in (kind, self.world) if part)
 
 
 def scenario_changes(comparison: Comparison) -> Mapping[int, ScenarioChange]:

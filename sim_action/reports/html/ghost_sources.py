@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
-from sim_action.core.records import dataclass
+from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import note
 from sim_action.recording.replay.replay_data import Replay
 from sim_action.recording.replay.replay_file import ReplayReader
@@ -17,6 +17,7 @@ from sim_action.reports.html.ghosts import Ghost, WaitingGhosts, engine_pairs, g
 from sim_action.reports.html.golden_ghost import golden_replay
 from sim_action.reports.html.parting import Tolerance
 from sim_action.reports.html.replay_blocks import ReplayBlocks, replay_id, stored_replay
+from sim_action.reports.html.world_changes import world_changes
 from sim_action.results.comparison import Comparison, compare_outcomes, paired_outcomes
 from sim_action.results.earlier_run import EarlierRun
 from sim_action.results.outcome import Outcome
@@ -82,6 +83,8 @@ class GhostSources:
             self._others |= {id(one): other, id(other): one}
         self._readers = {kind: ReplayReader() for kind in ("base", "engine", "repetition")}
         self._waiting = WaitingGhosts()
+        self.changes = {} if base is None else dict(base.changes)
+        """`id()` of an outcome -> what changed since the base run; complete after `since` of all outcomes."""
         self.found: dict[str, list[Ghost]] = {}
         """Element id of an article -> its ghosts."""
 
@@ -93,9 +96,10 @@ class GhostSources:
             self._find_golden(identity, outcome, replay)
             self._find_engine(identity, outcome, replay)
             self._find_repetition(identity, outcome, replay)
-        change = None if self._base is None else self._base.changes.get(id(outcome))
+        change = self.changes.get(id(outcome))
         parts = [each.parting for each in self.found.get(identity, ()) if each.label == BASE_RUN and each.parting]
         told = [change.words] if change is not None else []
+        told += [f"in its world, {change.world}"] if change is not None and change.world else []
         told += [f"the motions part at {moment(part.time)}, {part.words}" for part in parts]
         words = f"Since the {BASE_RUN}: {'; '.join(told)}." if told else ""
         return f"{words} {missing}".strip()
@@ -113,6 +117,9 @@ class GhostSources:
         theirs, missing = (None, "") if folder is None else stored_replay(old, folder, self._readers["base"])
         if theirs is None:
             return f"The motion of the {BASE_RUN} is not drawn: {missing[0].lower()}{missing[1:]}" if missing else ""
+        world = world_changes(replay.scene, theirs.scene)
+        if world and id(outcome) in self.changes:
+            self.changes[id(outcome)] = replace(self.changes[id(outcome)], world=world)
         block = f"ghost-{identity}"
         self._keep(identity, ghost(BASE_RUN, block, replay, theirs, is_shown=old.status != outcome.status))
         self._waiting.add(block, theirs)

@@ -54,7 +54,7 @@ def page(results: Results, options: ReportOptions) -> Page:
     head = f'{page_head(results, base)}\n<div class="layout">{joined(scenario_list(plan, results), main)}'
     written = [articles[entry.identity] + b"\n" for entry in plan.entries]
     if plan.has_suite:
-        written.insert(0, encoded(f"{suite_article(plan, paths, {} if base is None else base.changes)}\n"))
+        written.insert(0, encoded(f"{suite_article(plan, paths, ghosts.changes)}\n"))
     if written:
         written[-1] = written[-1].removesuffix(b"\n")
     body = (encoded(head), *written, b"</main></div>")

@@ -162,7 +162,7 @@ class _SuiteTable:
             nearest = nearest if group.gate is not None or group.is_part else nearest_cell(shown)
         else:
             name, nearest = name_cell(shown, self._plan.ids[id(shown)]), nearest_cell(shown)
-        changed = "" if change is None or change.kind == "unchanged" else shortened(change.words, _MAX_CHANGE)
+        changed = "" if change is None else shortened(change.gist, _MAX_CHANGE)
         display = group.display
         return element(
             "tr",

@@ -113,9 +113,9 @@ def test_wall_times_are_drawn_relative_to_the_longest() -> None:
 def test_changes_have_a_column_only_if_there_are_some() -> None:
     several = outcome("a.sim.yml"), outcome("b.sim.yml")
     assert "Change" not in article(*several)
-    fixed, same = ScenarioChange("fixed", "failed before"), ScenarioChange("unchanged", "nothing changed")
+    fixed, same = ScenarioChange("fixed", "failed before", "pallet is gone"), ScenarioChange("unchanged", "none")
     text = article(*several, changes={id(several[0]): fixed, id(several[1]): same})
-    assert re.findall(r'<td class="change" data-title="Change">(.*?)</td>', text) == ["failed before", ""]
+    assert re.findall(r'<td class="change" data-title="Change">(.*?)</td>', text) == ["fixed; pallet is gone", ""]
     assert re.findall(r'data-change="(\d+)"', text) == ["8", "13"]
 
 
@@ -123,7 +123,7 @@ def test_a_group_has_its_most_important_change() -> None:
     varied = [run(number, 0.1, gate=None) for number in range(3)]
     new, fails = ScenarioChange("new", "was not there"), ScenarioChange("newly fails", "passed before")
     text = article(*varied, outcome("b.sim.yml"), changes={id(varied[0]): new, id(varied[1]): fails})
-    assert '<td class="change" data-title="Change">passed before</td>' in text
+    assert '<td class="change" data-title="Change">newly fails</td>' in text
     assert 'data-change="0"' in text
 
 
