@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from itertools import chain
-from typing import Final
+from typing import Any, Final
 
 from sim_action.core import units
 from sim_action.core.wording import shortened
-from sim_action.recording.replay.scene_data import BodyData, SceneData
+from sim_action.recording.replay.scene_data import BodyData, LinkData, SceneData
 from sim_action.recording.replay.shapes import PoseNumbers
 from sim_action.reports.escaping import one_line
 from sim_action.reports.html.parting import ANGLE_RAD, POSITION_M
@@ -26,7 +26,7 @@ def world_changes(ours: SceneData, theirs: SceneData) -> str:
 def _of_robot(ours: SceneData, theirs: SceneData) -> Iterator[str]:
     if ours.robot != theirs.robot:
         yield f"the robot is {_name(ours.robot)}, not {_name(theirs.robot)}"
-    elif ours.links != theirs.links:
+    elif [_form(link) for link in ours.links] != [_form(link) for link in theirs.links]:
         yield "the model of the robot differs"
 
 
@@ -39,8 +39,15 @@ def _of_bodies(ours: Sequence[BodyData], theirs: Sequence[BodyData]) -> Iterator
     yield from (f"{_name(body.name)} {words}" for body, words in moved[:_MAX_NAMED])
     yield from _named([body.name for body, _ in moved[_MAX_NAMED:]], "starts elsewhere", "start elsewhere")
     yield from _named(
-        [new.name for old, new in both if old.shapes != new.shapes], "has another shape", "have other shapes"
+        [new.name for old, new in both if _form(old)["shapes"] != _form(new)["shapes"]],
+        "has another shape",
+        "have other shapes",
     )
+
+
+def _form(owner: LinkData | BodyData) -> dict[str, Any]:
+    """Return the data without colours: bodies that state none get them in their order."""
+    return owner.model_dump(exclude={"shapes": {"__all__": {"color", "opacity"}}})
 
 
 def _named(names: Sequence[str], one: str, several: str) -> Iterator[str]:

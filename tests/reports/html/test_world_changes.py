@@ -6,7 +6,7 @@ import pytest
 
 from sim_action.recording.replay.scene_data import BodyData, SceneData
 from sim_action.reports.html.world_changes import world_changes
-from tests.replays import HERE, drive
+from tests.replays import drive
 
 SCENE = drive().scene
 WALL, *OTHERS = SCENE.bodies
@@ -46,4 +46,9 @@ def test_what_differs_is_named(ours: SceneData, theirs: SceneData, words: str) -
 def test_a_difference_below_the_tolerance_of_a_motion_is_none() -> None:
     near = WALL.model_copy(update={"pose": (WALL.pose[0] + 0.004, *WALL.pose[1:])})
     assert world_changes(with_bodies(near), with_bodies(WALL)) == ""
-    assert WALL.pose != HERE
+
+
+def test_a_body_that_only_has_another_colour_is_the_same() -> None:
+    shapes = tuple(shape.model_copy(update={"color": (0.1, 0.2, 0.3)}) for shape in WALL.shapes)
+    assert shapes != WALL.shapes
+    assert world_changes(with_bodies(WALL.model_copy(update={"shapes": shapes})), with_bodies(WALL)) == ""
