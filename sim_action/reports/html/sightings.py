@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Final
 
 from sim_action.core import units
 from sim_action.recording.replay.replay_data import Replay
@@ -11,15 +12,17 @@ from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import moment
 from sim_action.reports.html.document import Html, element, joined
 
-_AHEAD_DEG = 0.5
+_AHEAD_DEG: Final = 0.5
+_NOT_READ: Final = "Not simulated, because no controller or expectation reads it"
 
 
 def sightings(replay: Replay) -> Html:
     """Return the section on the sensors of a run; empty if they saw no obstacle and all of them were read."""
     items = [_obstacle(obstacle, replay) for obstacle in replay.obstacles]
     if replay.unread:
-        names = [one_line(name) for name in replay.unread]
-        items.append(element("li", f"Not read by any controller or expectation: {', '.join(names)}."))
+        names = ", ".join(one_line(name) for name in replay.unread)
+        key = element("code", "trace: true")
+        items.append(element("li", f"{_NOT_READ}: {names}. Add ", key, " to a sensor to see here what it measures."))
     if not items:
         return Html("")
     return joined(element("h3", "What the sensors saw"), element("ul", *items, class_="remarks sightings"))

@@ -46,7 +46,8 @@ def test_the_first_sensor_is_named_with_its_time(obstacle: ObstacleData, words: 
 
 
 def test_sensors_that_nothing_reads_are_named() -> None:
-    assert said(unread=("front", "<b>")) == ["Not read by any controller or expectation: front, <b>."]
+    (words,) = said(unread=("front", "<b>"))
+    assert words.endswith("reads it: front, <b>. Add trace: true to a sensor to see here what it measures.")
 
 
 def test_names_are_text() -> None:

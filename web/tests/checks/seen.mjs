@@ -61,7 +61,7 @@ export const SEEN = {
     look: async (page) => {
       const said = await page.evaluate(() => document.querySelector(".sightings")?.textContent);
       assert.match(said ?? "", /wall was first seen by front \(lidar\) at 0\.00 s, 1\.2 m away straight ahead; the robot touched it at 1\.90 s, 1\.90 s later\./);
-      assert.match(said ?? "", /Not read by any controller or expectation: rear\./);
+      assert.match(said ?? "", /no controller or expectation reads it: rear\./);
     },
   },
 };
