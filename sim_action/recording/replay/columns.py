@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Annotated, Final
 
 import numpy as np
@@ -18,6 +19,11 @@ MAX_MOMENTS: Final = 20_000
 
 # Sums and differences of such numbers are exact in JavaScript, whose numbers have 53 bits.
 _MAX_STEPS: Final = 2**50
+
+# A motion is stored in steps of at most 1 mm or 1 mrad.
+_MAX_MOTION_SCALE: Final = 1.0
+# Thirty years. Between much larger times a computer knows no fractions of a second.
+_MAX_TIME_S: Final = 1e9
 
 Steps = Annotated[int, Field(ge=-(2**53), le=2**53)]
 Index = Annotated[int, Field(ge=0, le=1_000_000)]
@@ -64,8 +70,18 @@ class Column(FrozenModel):
 
     def fits(self, count: int) -> bool:
         """Return True if the column is valid for `count` moments."""
-        in_range = all(start + length <= count for start, length in self.gaps)
-        return in_range and len(self.deltas) in {0, count - 1}
+        return len(self.deltas) in {0, count - 1} and _are_within(self.gaps, count)
+
+    @property
+    def rises(self) -> bool:
+        """True if these can be times in s: each is later than the one before, and the last one is a time."""
+        end = self.scale * (abs(self.first) + sum(self.deltas))
+        return not self.gaps and end <= _MAX_TIME_S and all(delta > 0 for delta in self.deltas)
+
+    @property
+    def is_motion(self) -> bool:
+        """True if there is a value at each moment, and none is beyond what can be computed with."""
+        return not self.gaps and self.scale <= _MAX_MOTION_SCALE
 
 
 # The first character of a text of differences; JSON escapes those before it.
@@ -126,8 +142,7 @@ class TextColumn(FrozenModel):
 
     def fits(self, count: int) -> bool:
         """Return True if the column is valid for `count` moments."""
-        in_range = all(start + length <= count for start, length in self.gaps)
-        return in_range and len(self.deltas) in {0, count - 1}
+        return len(self.deltas) in {0, count - 1} and _are_within(self.gaps, count)
 
     @property
     def rises(self) -> bool:
@@ -154,6 +169,11 @@ def _steps(values: FloatArray, there: NDArray[np.bool_], scale: float) -> NDArra
     first = int(np.argmax(there))
     rows = np.maximum.accumulate(np.where(there, np.arange(len(values)), first))
     return _steps(np.where(there[rows], values[rows], 0.0), np.ones_like(there), scale)
+
+
+def _are_within(gaps: Sequence[tuple[int, int]], count: int) -> bool:
+    """Return True if gaps lie within `count` moments; together they are no longer, or it takes long to apply them."""
+    return all(start + length <= count for start, length in gaps) and sum(length for _, length in gaps) <= count
 
 
 def _runs(flags: NDArray[np.bool_]) -> tuple[tuple[int, int], ...]:

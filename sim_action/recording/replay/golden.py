@@ -35,9 +35,9 @@ class GoldenData(FrozenModel):
 
     def fits(self, joints: int) -> bool:
         """Return True if the columns are complete and the run has `joints` joints or more than the largest index."""
-        rises = not self.time.gaps and all(delta > 0 for delta in self.time.deltas)
         columns = (*self.base, *(column for _, column in self.joints))
-        return rises and all(column.fits(self.count) for column in columns) and self._has_joints(joints)
+        are_whole = all(column.fits(self.count) and column.is_motion for column in columns)
+        return self.time.rises and are_whole and self._has_joints(joints)
 
     def _has_joints(self, joints: int) -> bool:
         return all(index < joints for index, _ in self.joints)

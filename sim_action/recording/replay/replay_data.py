@@ -24,6 +24,12 @@ MAX_CONTACTS: Final = 200
 MAX_SIGNALS: Final = 200
 MAX_CHANNELS: Final = 400
 
+MAX_VALUES: Final = 50_000_000
+"""The largest number of values in all columns of a motion, for which a browser needs 400 MB.
+
+A column that never changes takes no space in a file.
+"""
+
 PoseColumns = tuple[Column, Column, Column, Column, Column, Column, Column]
 """x, y, z, then the quaternion x, y, z, w."""
 
@@ -220,15 +226,18 @@ def _of_sensors(replay: Replay) -> Iterator[str]:
 def _of_frames(frames: Frames) -> Iterator[str]:
     if not all(column.fits(frames.count) for column in frames.columns):
         yield "a column has another number of values than moments"
-    if frames.time.gaps or any(delta <= 0 for delta in frames.time.deltas):
-        yield "the times do not increase"
+    if not frames.time.rises:
+        yield "the times do not increase, or are too large"
+    if not all(column.is_motion for column in (*frames.base, *frames.joints)):
+        yield "the motion of the robot has a gap, or is too large"
+    if len(frames.columns) * frames.count > MAX_VALUES:
+        yield "the motion has too many values"
 
 
 def _is_whole(signal: SignalData, frames: int) -> bool:
     if signal.time is None:
         return signal.values.fits(frames)
-    rises = not signal.time.gaps and all(delta > 0 for delta in signal.time.deltas)
-    return rises and signal.values.fits(1 + len(signal.time.deltas))
+    return signal.time.rises and signal.values.fits(1 + len(signal.time.deltas))
 
 
 def _is_whole_channel(channel: ChannelData, frames: int) -> bool:

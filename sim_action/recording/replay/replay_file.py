@@ -14,6 +14,7 @@ from typing import Final
 from pydantic import ValidationError
 
 from sim_action.core.files import open_regular, whole_file
+from sim_action.core.wording import system_reason
 from sim_action.recording.replay.replay_data import WITHOUT_SCENE, Replay, first_problem
 from sim_action.recording.replay.scene_data import SceneData
 
@@ -67,10 +68,14 @@ class ReplayReader:
         except ValidationError as error:
             found = error.errors(include_url=False, include_context=False)[0]
             if found["loc"] == ("version",) and isinstance(version := found.get("input"), int):
-                raise ReplayError(f"{path}: {_OTHER_VERSION.format(version=version)}") from None
-            raise ReplayError(f"{path}: not a valid replay: {found['msg']}") from None
-        except (OSError, ValueError, zlib.error) as error:
-            raise ReplayError(f"{path}: not a valid replay: {error}") from None
+                raise ReplayError(f"{path.name}: {_OTHER_VERSION.format(version=version)}") from None
+            reason = found["msg"].removeprefix("Value error, ")
+        except OSError as error:
+            reason = system_reason(error)
+        except (ValueError, zlib.error) as error:
+            reason = str(error)
+        # The error is on a page that others read, so it has no path of this machine.
+        raise ReplayError(f"{path.name}: not a valid replay: {reason}")
 
     def _parsed(self, data: bytes) -> Replay:
         """Return the replay. Raise ValueError."""
@@ -81,7 +86,7 @@ class ReplayReader:
             if replay.scene.links[0].name == replay.scene.robot == _UNNAMED:
                 replay = replay.model_copy(update={"scene": self._scene})
                 if (problem := first_problem(replay)) is not None:
-                    raise ValueError(f"Value error, {problem}")
+                    raise ValueError(problem)
                 return replay
         replay = Replay.model_validate_json(data)
         scene = replay.scene.model_dump_json(exclude_defaults=True).encode()

@@ -79,8 +79,7 @@ class ScanData(FrozenModel):
     @property
     def is_whole(self) -> bool:
         """True if the times rise and all scans are complete."""
-        rises = not self.time.gaps and all(delta > 0 for delta in self.time.deltas)
-        return rises and len(self.ranges) == self.count * self.rays
+        return self.time.rises and len(self.ranges) == self.count * self.rays
 
     def decoded(self) -> FloatArray:
         """Return the ranges (S, R) in m; inf without a return, -inf if too near."""
