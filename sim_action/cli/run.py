@@ -47,6 +47,7 @@ _OF_RUNS: Final = (
         "junit",
         "junit_strict",
         "report",
+        "against",
         "summary",
         "annotations",
     ),
