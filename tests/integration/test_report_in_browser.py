@@ -303,16 +303,27 @@ def test_a_gate(tmp_path: Path) -> None:
     assert looked(tmp_path / "report.html", *checks) == dict.fromkeys(checks, "")
 
 
-def test_a_hundred_scenarios(tmp_path: Path) -> None:
-    def ran(number: int) -> Outcome:
-        name = kept(drive(seconds=10.0, distance=number / 20 + 0.5), tmp_path, f"{number}")
-        return outcome(f"{number}.sim.yml", holds=number % 7 > 0).model_copy(
-            update={"name": f"number {number}", "replay": name}
+def test_a_suite(tmp_path: Path) -> None:
+    def ran(folder: str, number: int, *, holds: bool) -> Outcome:
+        # The runs of the base went on.
+        replay = drive(seconds=10.0, distance=number / 20 + (0.5 if holds else 0.2))
+        return outcome(f"{number}.sim.yml", holds=holds).model_copy(
+            update={"name": f"number {number}", "replay": kept(replay, tmp_path / folder, f"{number}")}
         )
 
-    write_html(results(*map(ran, range(100))), options(tmp_path))
-    assert (tmp_path / "report.html").stat().st_size < 4_000_000
-    look("many are filtered, and open quickly", tmp_path / "report.html")
+    bad = range(0, 66, 21)
+    before = tuple(ran("old", number, holds=True) for number in bad)
+    now = (ran("new", number, holds=number not in bad) for number in range(66))
+    against = EarlierRun("old", before, {id(each): tmp_path / "old" for each in before})
+    write_html(results(*now), replace(options(tmp_path / "new"), against=against))
+    report = tmp_path / "new/report.html"
+    assert report.stat().st_size < 3_000_000
+    checks = [
+        "from all scenarios to one moment, by mouse",
+        "from all scenarios to one moment, by keys alone",
+        "many are filtered, and open quickly",
+    ]
+    assert looked(report, *checks) == dict.fromkeys(checks, "")
 
 
 def test_one_scenario_fits_its_budget(broken: Path) -> None:

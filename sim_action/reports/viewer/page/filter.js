@@ -70,12 +70,22 @@ class Filter extends EventTarget {
     this.order = group ? [...together(sorted, group).values()].flat() : sorted;
   }
 
-  /** The words of the address that name this state. @returns {string} */
-  get link() {
+  /** The words of the address that name this state; null: as at the start. @returns {Record<string, string | null>} */
+  get words() {
     const { status, find, tag, sort, group } = this.state;
-    const words = Object.entries({ status: status.join(","), find: find.trim(), tag, sort: sort === "status" ? "" : sort, group });
+    const words = { status: status.join(","), find: find.trim(), tag, sort: sort === "status" ? "" : sort, group };
+    return Object.fromEntries(Object.entries(words).map(([key, value]) => [key, value || null]));
+  }
+
+  /** The address of the page of all scenarios in this state. @returns {string} */
+  get link() {
     // Not the id of its article alone, to which browsers would scroll.
-    return `#${hashOf([["suite", "all"], ...words.filter(([, value]) => value)])}`;
+    return `#${hashOf([["suite", "all"], ...Object.entries(this.words).flatMap(([key, value]) => (value === null ? [] : [[key, value]]))])}`;
+  }
+
+  /** True if the address names a state. */
+  get isAddressed() {
+    return Object.keys(this.words).some((key) => addressed(key) !== null);
   }
 
   /** Takes the state that the address names. */

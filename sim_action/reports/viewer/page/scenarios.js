@@ -44,8 +44,9 @@ class Scenarios {
   /** Opens what the address names: a scenario, or all of them; without a page of all, the first one that counts. */
   async follow() {
     const wanted = asked(this.entries);
+    // A link to a scenario leaves the filter as it is.
+    if (this.filter.isAddressed || !wanted) this.filter.restore();
     if (!wanted && this.suite && !embedded) {
-      this.filter.restore();
       this.showSuite(this.suite);
       return;
     }
@@ -74,10 +75,11 @@ class Scenarios {
     suite.back(left ? linkTo(left, null) : null);
   }
 
-  /** Puts the state of the filter into the address if it is what the address names, and into the link to it. */
+  /** Puts the state of the filter into the address, and into the link to the page of all. */
   rememberFilter() {
     if (this.all) this.all.href = this.filter.link;
     if (this.suite && this.article === this.suite.article) rememberLink(this.filter.link);
+    else if (this.open) remember(this.filter.words);
   }
 
   /**
@@ -90,6 +92,7 @@ class Scenarios {
     this.open = entry;
     // The words of another scenario mean nothing here.
     if (asked([entry]) === null) rememberLink(linkTo(entry, time));
+    this.rememberFilter();
     const article = find(document, `#${entry.id}`);
     this.article = article;
     article.classList.add("open");

@@ -51,10 +51,12 @@ class Ghosts extends EventTarget {
     return this.entry?.label ?? "";
   }
 
-  /** Draws what the address says, or what is drawn from the start. */
+  /** Draws what the address says, or what is drawn from the start; then the address names it, too. */
   restore() {
     const first = this.entries.find(({ shown, replay }) => shown && replay)?.label ?? "";
-    return this.choose(addressed("against") ?? first);
+    const label = addressed("against") ?? first;
+    if (this.entries.length) remember({ against: label });
+    return this.choose(label);
   }
 
   /** Draws the last ghost, or hides it. */

@@ -33,7 +33,8 @@ class Player {
     await painted();
     if (!this.element.isConnected) return;
     await this.views.open();
-    await this.ghosts.restore();
+    // Another scenario may have been opened meanwhile, which the address names by now.
+    if (this.element.isConnected) await this.ghosts.restore();
   }
 
   /** The decisive sim time: that of the failure, or the end of a run with an error, else the start. */
