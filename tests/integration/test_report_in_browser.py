@@ -15,6 +15,7 @@ import pytest
 
 from sim_action.app.live import LivePages
 from sim_action.app.loopback import Answer
+from sim_action.recording.replay.columns import Column
 from sim_action.reports import ReportOptions
 from sim_action.reports.html import document
 from sim_action.reports.html.outcome_page import outcome_page
@@ -67,6 +68,7 @@ expect:
   - travel: {{at_least: 1.5 m}}
 {more}time_limit: {limit}
 """
+FAR_TIMES = Column(scale=1e-7, first=2**53 - 1000, deltas=(1,) * 60)
 HOSTILE = '</script><img src=x onerror="globalThis.pwned=1"> \u2028\u202e \'"`<!-- <b>'
 
 
@@ -260,8 +262,15 @@ def test_hostile_names(tmp_path: Path) -> None:
             "replay": name,
         }
     )
-    write_html(results(hostile, outcome(f"{HOSTILE}.sim.yml")), options(tmp_path))
-    look("hostile names stay text", tmp_path / "report.html")
+    frames = replay.frames.model_copy(
+        update={"base": (Column(scale=1.0, first=2**53), *replay.frames.base[1:]), "time": FAR_TIMES}
+    )
+    far = outcome(f"{HOSTILE}.sim.yml").model_copy(
+        update={"name": "far", "replay": kept(replay.model_copy(update={"frames": frames}), tmp_path, "far")}
+    )
+    write_html(results(hostile, far), options(tmp_path))
+    checks = ("hostile names stay text", "places and times far from zero stop nothing")
+    assert looked(tmp_path / "report.html", *checks) == dict.fromkeys(checks, "")
 
 
 def test_what_the_robot_saw(tmp_path: Path) -> None:

@@ -228,6 +228,16 @@ const CHECKS = {
       assert.equal(marks, false);
     },
   },
+  "places and times far from zero stop nothing": {
+    how: { webgl: false },
+    expected: ["WebGL"],
+    hash: "#scenario=far",
+    look: async (page) => {
+      await ready(page);
+      assert.equal(await kind(page), "top");
+      assert.ok((await page.$$(".plot")).length > 0);
+    },
+  },
   "with scripts blocked verdict and drawing are there": {
     how: { scripts: false },
     look: async (page) => {

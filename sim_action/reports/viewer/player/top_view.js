@@ -131,18 +131,18 @@ class TopView {
 
   drawGrid() {
     const { context, canvas } = this;
-    const step = niceStep(this.span / 8);
+    const rough = this.span / 8;
     context.strokeStyle = this.colours.line;
     context.lineWidth = 1;
     context.beginPath();
     const left = this.centre[0] - this.span / 2, high = (this.span * canvas.height) / canvas.width;
-    for (let x = Math.ceil(left / step) * step; x < left + this.span; x += step) {
+    for (const x of roundNumbers(left, left + this.span, rough)) {
       const [px] = this.pixel([x, 0]);
       context.moveTo(px, 0);
       context.lineTo(px, canvas.height);
     }
     const low = this.centre[1] - high / 2;
-    for (let y = Math.ceil(low / step) * step; y < low + high; y += step) {
+    for (const y of roundNumbers(low, low + high, rough)) {
       const [, py] = this.pixel([0, y]);
       context.moveTo(0, py);
       context.lineTo(canvas.width, py);
@@ -311,4 +311,15 @@ function extent(values) {
 function niceStep(rough) {
   const power = 10 ** Math.floor(Math.log10(rough));
   return [1, 2, 5, 10].map((digit) => digit * power).find((step) => step >= rough * 0.999) ?? 10 * power;
+}
+
+/**
+ * @param {number} low
+ * @param {number} high
+ * @param {number} rough about how far apart they are
+ * @returns {number[]} the round numbers in a range; none if the range is so far from zero that it has no such numbers
+ */
+function roundNumbers(low, high, rough) {
+  const step = niceStep(rough), first = Math.ceil(low / step), count = Math.floor(high / step) - first + 1;
+  return count > 0 && count < 1000 ? Array.from({ length: count }, (_, i) => (first + i) * step) : [];
 }

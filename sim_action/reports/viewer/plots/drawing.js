@@ -18,23 +18,22 @@ function drawAxes(chart, axes) {
     context.textBaseline = "middle";
     context.textAlign = side ? "left" : "right";
     const { low, high } = axis;
-    const step = niceStep((high - low) / 4);
-    for (let value = Math.ceil(low / step) * step; value <= high; value += step) {
+    for (const value of roundNumbers(low, high, (high - low) / 4)) {
       const at = Math.round(heightOf(chart, axis, value)) + 0.5;
       if (side === 0) strokeLine(context, area.left, at, area.right, at);
       else strokeLine(context, area.right, at, area.right + 3, at);
       // The unit has the place at the top.
       if (axes.length > 1 && at < area.top + 10) continue;
-      context.fillText(shortNumber(Math.abs(value) < step / 1e6 ? 0 : value), side ? area.right + 6 : area.left - 6, at);
+      context.fillText(shortNumber(value), side ? area.right + 6 : area.left - 6, at);
     }
     if (axes.length > 1) context.fillText(axis.unit, side ? area.right + 6 : area.left - 6, area.top);
   });
   context.textBaseline = "top";
   context.textAlign = "center";
-  const pace = niceStep((range.to - range.from) / Math.max(2, (area.right - area.left) / 90));
-  for (let time = Math.ceil(range.from / pace - 1e-9) * pace; time <= range.to + 1e-9; time += pace) {
+  const pace = (range.to - range.from) / Math.max(2, (area.right - area.left) / 90);
+  for (const time of roundNumbers(range.from - 1e-9, range.to + 1e-9, pace)) {
     const at = Math.min(chart.x(time), area.right - 8);
-    context.fillText(shortNumber(Math.abs(time) < 1e-9 ? 0 : Number(time.toFixed(6))), at, area.bottom + 5);
+    context.fillText(shortNumber(Number(time.toFixed(6))), at, area.bottom + 5);
   }
 }
 

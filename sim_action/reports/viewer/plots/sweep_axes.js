@@ -66,12 +66,8 @@ function ticksOf(axis, scale, most) {
     const every = Math.ceil(axis.categories.length / Math.max(1, most));
     return axis.categories.map((words, value) => ({ value, words: shortWords(words) })).filter(({ value }) => value % every === 0);
   }
-  const step = niceStep((scale.high - scale.low) / Math.max(2, most));
-  const ticks = [];
-  for (let value = Math.ceil(scale.low / step) * step; value <= scale.high; value += step) {
-    ticks.push({ value, words: shortNumber(Math.abs(value) < step / 1e6 ? 0 : Number(value.toPrecision(12))) });
-  }
-  return ticks;
+  const values = roundNumbers(scale.low, scale.high, (scale.high - scale.low) / Math.max(2, most));
+  return values.map((value) => ({ value, words: shortNumber(Number(value.toPrecision(12))) }));
 }
 
 /** @param {string} words */
