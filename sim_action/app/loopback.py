@@ -20,9 +20,11 @@ from typing import Any, ClassVar, Final
 from sim_action.core.records import dataclass
 from sim_action.core.wording import note
 
+MAX_CONNECTIONS: Final = 32
+"""The number of connections at a time, and so of threads."""
+
 _ADDRESS: Final = "127.0.0.1"
 _NAMES: Final = frozenset({"127.0.0.1", "localhost"})
-_MAX_CONNECTIONS: Final = 32
 _TIMEOUT_S: Final = 10.0
 _HEADERS: Final = (
     ("Cache-Control", "no-store"),
@@ -64,7 +66,8 @@ class LoopbackServer(socketserver.ThreadingMixIn, socketserver.TCPServer):
         """Listen on a port of this machine; 0: any free one. Raise OSError."""
         self.token: Final = secrets.token_urlsafe(24)
         self.answering: Final = answering
-        self._open: set[socket.socket] = set()
+        # The oldest is the first; True: its request is not complete yet.
+        self._open: dict[socket.socket, bool] = {}
         self._guard = threading.Lock()
         super().__init__((_ADDRESS, port), _Handler)
         # The caller knows that there is a request.
@@ -76,20 +79,35 @@ class LoopbackServer(socketserver.ThreadingMixIn, socketserver.TCPServer):
         return f"http://{_ADDRESS}:{self.server_address[1]}/{self.token}/"
 
     def verify_request(self, request: Any, client_address: Any) -> bool:
-        """Refuse a connection if there are too many."""
+        """Make room if there are too many connections: the oldest without a whole request is closed."""
         with self._guard:
-            return len(self._open) < _MAX_CONNECTIONS
+            if len(self._open) < MAX_CONNECTIONS:
+                return True
+            oldest = next((each for each, is_waiting in self._open.items() if is_waiting), None)
+            if oldest is None:
+                return False
+            del self._open[oldest]
+            # Its thread, which waits for the rest of the request, closes it.
+            with suppress(OSError):
+                oldest.shutdown(socket.SHUT_RDWR)
+            return True
 
     def process_request(self, request: Any, client_address: Any) -> None:
         """Answer a request in a thread of its own."""
         with self._guard:
-            self._open.add(request)
+            self._open[request] = True
         super().process_request(request, client_address)
+
+    def is_complete(self, request: Any) -> None:
+        """Keep a connection until it is answered: its request has arrived."""
+        with self._guard:
+            if request in self._open:
+                self._open[request] = False
 
     def shutdown_request(self, request: Any) -> None:
         """Close a connection."""
         with self._guard:
-            self._open.discard(request)
+            self._open.pop(request, None)
         super().shutdown_request(request)
 
     def server_close(self) -> None:
@@ -110,6 +128,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """Answer a request."""
+        self.server.is_complete(self.connection)
         try:
             answer = self._answer()
         except Exception as error:  # noqa: BLE001 - a fault must not end the server, nor show more than its kind
@@ -123,7 +142,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _answer(self) -> Answer | None:
         hosts = self.headers.get_all("Host", [])
-        if len(hosts) != 1 or hosts[0].rpartition(":")[0] not in _NAMES:
+        if len(hosts) != 1 or hosts[0].partition(":")[0] not in _NAMES:
             return None
         path, _, query = self.path.partition("?")
         empty, _, rest = path.partition("/")

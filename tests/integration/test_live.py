@@ -20,7 +20,7 @@ from urllib.parse import urlsplit
 import pytest
 
 from sim_action.app.live import LivePages
-from sim_action.app.loopback import Answering, LoopbackServer
+from sim_action.app.loopback import MAX_CONNECTIONS, Answering, LoopbackServer
 from sim_action.cli.main import call
 from sim_action.results.events import Finished
 from sim_action.results.journal import JOURNAL_FILE
@@ -80,6 +80,8 @@ def test_whoever_has_the_token_sees_progress_and_report(tmp_path: Path, name: st
     begun(tmp_path)(Finished(0, outcome("a")))
     with serving(LivePages(tmp_path)) as server:
         assert urlsplit(server.address).hostname == "127.0.0.1"
+        # A browser leaves out port 80.
+        assert asked(server.address, "state", host=name).status == 200
         for page, word in (("", b"Waiting for a run"), ("report#scenario=a".partition("#")[0], b"travel")):
             answer = asked(server.address, page, host=f"{name}:80")
             assert answer.status == 200
@@ -140,6 +142,17 @@ def test_damaged_requests_end_nothing(tmp_path: Path) -> None:
             with socket.create_connection(("127.0.0.1", port)) as connection:
                 connection.sendall(sent)
         assert asked(server.address, "state").status == 200
+
+
+def test_slow_connections_do_not_lock_anybody_out(tmp_path: Path) -> None:
+    with serving(LivePages(tmp_path)) as server:
+        port = server.server_address[1]
+        slow = [socket.create_connection(("127.0.0.1", port)) for _ in range(2 * MAX_CONNECTIONS)]
+        for connection in slow:
+            connection.sendall(b"GET /")
+        assert asked(server.address, "state").status == 200
+        for connection in slow:
+            connection.close()
 
 
 def test_open_connections_do_not_keep_it_alive(tmp_path: Path) -> None:
