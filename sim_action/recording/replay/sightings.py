@@ -17,8 +17,6 @@ from sim_action.core.units import TIME_EPSILON_S
 from sim_action.recording.replay.columns import FloatArray, Index
 from sim_action.recording.replay.scans import MAX_SENSORS, SensorName, scans_until, times_of
 from sim_action.recording.replay.shapes import Length, Number
-from sim_action.sensors.contact import ContactSensor
-from sim_action.sensors.lidar import Lidar
 from sim_action.state.readings import ContactReading, LidarScan
 from sim_action.world.parts import Part, reach
 
@@ -121,7 +119,7 @@ class _Touches:
         """Return the first reading with a touch of a body."""
         times = (reading.time for reading in self.readings if name in reading.bodies)
         time = next(times, None)
-        return None if time is None else SightingData(sensor=self.sensor, kind=ContactSensor.key, time=round(time, 5))
+        return None if time is None else SightingData(sensor=self.sensor, kind="contact", time=round(time, 5))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -190,7 +188,7 @@ class _Rays:
         ray = rays[self.ranges[row, rays].argmin()]
         return SightingData(
             sensor=self.sensor,
-            kind=Lidar.key,
+            kind="lidar",
             time=round(float(self.time[row]), 5),
             distance=round(float(self.ranges[row, ray]), 4),
             angle=round(math.remainder(float(self.angles[ray]), 2 * math.pi), 4),

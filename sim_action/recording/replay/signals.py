@@ -9,7 +9,6 @@ from typing import Final
 
 import numpy as np
 
-from sim_action.assertions.matches import Matches
 from sim_action.core.errors import InvalidPart
 from sim_action.core.records import replace
 from sim_action.recording.replay.columns import MAX_MOMENTS, Column, FloatArray, fine_scale
@@ -21,7 +20,6 @@ from sim_action.recording.replay.scene import skeleton
 from sim_action.recording.replay.scene_data import MAX_TEXT_LENGTH
 from sim_action.recording.replay.shapes import MAX_ABS_VALUE
 from sim_action.scenario.model import Scenario
-from sim_action.state.golden_trajectory import RESOLUTION
 from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Circle, Mark, Polygon, Polyline, Signal
@@ -69,8 +67,12 @@ def _golden(scenario: Scenario, scene: Scene) -> Iterator[GoldenData]:
         return
     names = [joint.name for joint in scene.model.moving_joints]
     for number, expected in enumerate(scenario.expect):
-        if not isinstance(expected.assertion, Matches):
+        if expected.assertion.key != "matches":
             continue
+        from sim_action.assertions.matches import Matches
+        from sim_action.state.golden_trajectory import RESOLUTION
+
+        assert isinstance(expected.assertion, Matches)
         golden = expected.assertion.golden_in(scene)
         if len(golden.rows) > MAX_MOMENTS:
             continue

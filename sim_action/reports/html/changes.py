@@ -1,20 +1,20 @@
-"""The change of each scenario since the run of `--against`: a kind to sort by, and words."""
+"""The change of a scenario since the run of `--against`: a kind to sort by, and words."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from sim_action.core.records import dataclass
-from sim_action.reports.comparison import rows_of
-from sim_action.results.comparison import Change, ChangeKind, Comparison
 
-ScenarioChangeKind = ChangeKind | Literal["less margin", "weaker", "moves differently", "unchanged"]
-"""The kind of change of a scenario or gate; the last four are those whose verdict is the one of before.
+if TYPE_CHECKING:
+    from sim_action.results.comparison import ChangeKind
 
-- less margin: a margin, or that of the runs of a gate, is less than half of the one of before.
-- weaker: an expectation is gone, allows more, or no longer holds as a warning; or the pass rate of a gate fell.
-"""
+    ScenarioChangeKind = ChangeKind | Literal["less margin", "weaker", "moves differently", "unchanged"]
+    """The kind of change of a scenario or gate; the last four are those whose verdict is the one of before.
+
+    - less margin: a margin, or that of the runs of a gate, is less than half of the one of before.
+    - weaker: an expectation is gone, allows more, or no longer holds as a warning; or the pass rate of a gate fell.
+    """
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,24 +35,3 @@ class ScenarioChange:
         """The change in a few words, for a table; empty if nothing changed."""
         kind = "" if self.kind == "unchanged" else self.kind
         return "; ".join(part for part in (kind, self.world) if part)
-
-
-def scenario_changes(comparison: Comparison) -> Mapping[int, ScenarioChange]:
-    """Return `id()` of an outcome of the new run -> its change."""
-    return {id(change.new): _scenario_change(change) for change in comparison.changes if change.new is not None}
-
-
-def _scenario_change(change: Change) -> ScenarioChange:
-    told = [f"{row.what}: {row.detail}" if row.detail else row.what for row in rows_of(change)]
-    return ScenarioChange(_kind(change), "; ".join(told) or "nothing changed")
-
-
-def _kind(change: Change) -> ScenarioChangeKind:
-    if change.kind not in ("still passes", "still fails"):
-        return change.kind
-    gate = change.gate
-    if change.missed or change.weaker or (gate is not None and gate.failed):
-        return "weaker"
-    if change.smaller_margins or (gate is not None and gate.margins):
-        return "less margin"
-    return "moves differently" if change.moves_differently else "unchanged"

@@ -4,23 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from sim_action.core.records import dataclass, replace
-from sim_action.core.wording import note
+from sim_action.core.records import replace
 from sim_action.recording.replay.replay_data import Replay
 from sim_action.recording.replay.replay_file import ReplayReader
-from sim_action.reports.comparison import headline
 from sim_action.reports.formatting import moment
-from sim_action.reports.html.changes import ScenarioChange, scenario_changes
 from sim_action.reports.html.ghosts import Ghost, WaitingGhosts, engine_pairs, ghost
 from sim_action.reports.html.golden_ghost import golden_replay
 from sim_action.reports.html.parting import Tolerance
 from sim_action.reports.html.replay_blocks import ReplayBlocks, replay_id, stored_replay
 from sim_action.reports.html.world_changes import world_changes
-from sim_action.results.comparison import Comparison, compare_outcomes, paired_outcomes
-from sim_action.results.earlier_run import EarlierRun
 from sim_action.results.outcome import Outcome
+
+if TYPE_CHECKING:
+    from sim_action.reports.html.base_run import Base
 
 BASE_RUN: Final = "base run"
 """The label of the run of `--against`."""
@@ -29,40 +27,6 @@ GOLDEN: Final = "golden trajectory"
 
 REPETITION: Final = "another repetition"
 """The label of the first of several runs that differs."""
-
-
-@dataclass(frozen=True, slots=True)
-class Base:
-    """The earlier run of `--against`, and what changed since."""
-
-    run: EarlierRun
-    comparison: Comparison
-    changes: Mapping[int, ScenarioChange]
-    before: Mapping[int, Outcome]
-
-    @classmethod
-    def of(cls, run: EarlierRun, outcomes: Sequence[Outcome]) -> Base:
-        """Compare the outcomes of a page with the earlier run."""
-        comparison = compare_outcomes(run.outcomes, outcomes, allow_removed=True)
-        pairs = paired_outcomes(run.outcomes, outcomes)
-        before = {id(new): old for old, new in pairs if new is not None and old is not None}
-        return cls(run, comparison, scenario_changes(comparison), before)
-
-    @property
-    def headline(self) -> str:
-        """The counts of all changes, or that there is nothing to compare."""
-        if not self.before:
-            return f"Nothing to compare: no scenario of {self.run.name} has the name of one here"
-        return f"Compared with {self.run.name}: {headline(self.comparison)}"
-
-
-def warn_if_nothing_in_common(run: EarlierRun, outcomes: Sequence[Outcome]) -> None:
-    """Say on standard error that an earlier run has no scenario of this one: its path may be wrong."""
-    if all(old is None or new is None for old, new in paired_outcomes(run.outcomes, outcomes)):
-        note(
-            f"--against {run.name}: no scenario has the file and name of one in this run, so nothing is compared; name "
-            "the results of an earlier run of these scenarios"
-        )
 
 
 class GhostSources:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from math import isfinite
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from sim_action.core.files import whole_file
 from sim_action.recording.replay.replay_file import ReplayReader
@@ -16,7 +16,7 @@ from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import counts_text, shard_text, speed_text
 from sim_action.reports.html.document import Html, Page, element, encoded, joined
 from sim_action.reports.html.gate_article import GroupPlace, gate_article, variations_article
-from sim_action.reports.html.ghost_sources import Base, GhostSources, warn_if_nothing_in_common
+from sim_action.reports.html.ghost_sources import GhostSources
 from sim_action.reports.html.ghosts import Ghost
 from sim_action.reports.html.navigation import PageEntry, PagePlan, planned_page, scenario_list
 from sim_action.reports.html.replay_blocks import ReplayBlocks, packed, page_json, replay_id, stored_replay
@@ -30,6 +30,9 @@ from sim_action.reports.scenario_groups import grouped_scenarios
 from sim_action.results.artifacts import REPORT_FILE
 from sim_action.results.results_json import Results
 
+if TYPE_CHECKING:
+    from sim_action.reports.html.base_run import Base
+
 MAX_PAGE_SCENARIOS: Final = 2_000
 """The number of scenarios on a page, the worst first; further scenarios are only counted."""
 
@@ -37,6 +40,8 @@ MAX_PAGE_SCENARIOS: Final = 2_000
 def write_html(results: Results, options: ReportOptions) -> None:
     """Write `report.html` into the output folder."""
     if options.against is not None:
+        from sim_action.reports.html.base_run import warn_if_nothing_in_common
+
         warn_if_nothing_in_common(options.against, results.outcomes)
     with whole_file(options.folder / REPORT_FILE) as file:
         file.writelines(page(results, options).parts())
@@ -46,7 +51,7 @@ def page(results: Results, options: ReportOptions) -> Page:
     """Return the page with the list, an article for each scenario, run and gate, and the replays that fit."""
     plan = planned_page(grouped_scenarios(results.outcomes, results.gates), MAX_PAGE_SCENARIOS)
     blocks = ReplayBlocks()
-    base = None if options.against is None else Base.of(options.against, results.outcomes)
+    base = _base_run(results, options)
     ghosts = GhostSources(results.runs, plan.ids, options.folder, base)
     articles, paths = _run_articles(plan, results, options, blocks, ghosts)
     plots = _group_articles(plan, options, blocks, articles, ghosts)
@@ -69,6 +74,15 @@ def page(results: Results, options: ReportOptions) -> Page:
     )
     carried = blocks.blocks | shared | {_sweep_id(identity): block for identity, block in plots.items()}
     return Page(title, results.conclusion != "success", body, index, carried, has_replays=bool(blocks.blocks))
+
+
+def _base_run(results: Results, options: ReportOptions) -> Base | None:
+    """Return the run of `--against` with what changed since; None if there is none."""
+    if options.against is None:
+        return None
+    from sim_action.reports.html.base_run import Base
+
+    return Base.of(options.against, results.outcomes)
 
 
 def _sweep_id(identity: str) -> str:

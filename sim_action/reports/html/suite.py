@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from sim_action.core.wording import counted, shortened
-from sim_action.reports.html.changes import ScenarioChange, ScenarioChangeKind
+from sim_action.reports.html.changes import ScenarioChange
 from sim_action.reports.html.document import Html, element, joined
 from sim_action.reports.html.navigation import PagePlan
 from sim_action.reports.html.suite_rows import (
@@ -21,6 +21,9 @@ from sim_action.reports.html.suite_rows import (
 from sim_action.reports.scenario_groups import ScenarioGroup
 from sim_action.reports.statuses import STATUS_DISPLAYS
 from sim_action.results.outcome import WORST_FIRST, DisplayStatus, Outcome
+
+if TYPE_CHECKING:
+    from sim_action.reports.html.changes import ScenarioChangeKind
 
 _CHANGES: Final[tuple[ScenarioChangeKind, ...]] = (
     "newly fails",

@@ -1,0 +1,72 @@
+"""The run of `--against`: an earlier run of the same scenarios, and what changed since."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from sim_action.core.records import dataclass
+from sim_action.core.wording import note
+from sim_action.reports.comparison import headline, rows_of
+from sim_action.reports.html.changes import ScenarioChange
+from sim_action.results.comparison import Change, Comparison, compare_outcomes, paired_outcomes
+from sim_action.results.earlier_run import EarlierRun
+from sim_action.results.outcome import Outcome
+
+if TYPE_CHECKING:
+    from sim_action.reports.html.changes import ScenarioChangeKind
+
+
+@dataclass(frozen=True, slots=True)
+class Base:
+    """The earlier run of `--against`, and what changed since."""
+
+    run: EarlierRun
+    comparison: Comparison
+    changes: Mapping[int, ScenarioChange]
+    before: Mapping[int, Outcome]
+
+    @classmethod
+    def of(cls, run: EarlierRun, outcomes: Sequence[Outcome]) -> Base:
+        """Compare the outcomes of a page with the earlier run."""
+        comparison = compare_outcomes(run.outcomes, outcomes, allow_removed=True)
+        pairs = paired_outcomes(run.outcomes, outcomes)
+        before = {id(new): old for old, new in pairs if new is not None and old is not None}
+        return cls(run, comparison, scenario_changes(comparison), before)
+
+    @property
+    def headline(self) -> str:
+        """The counts of all changes, or that there is nothing to compare."""
+        if not self.before:
+            return f"Nothing to compare: no scenario of {self.run.name} has the name of one here"
+        return f"Compared with {self.run.name}: {headline(self.comparison)}"
+
+
+def warn_if_nothing_in_common(run: EarlierRun, outcomes: Sequence[Outcome]) -> None:
+    """Say on standard error that an earlier run has no scenario of this one: its path may be wrong."""
+    if all(old is None or new is None for old, new in paired_outcomes(run.outcomes, outcomes)):
+        note(
+            f"--against {run.name}: no scenario has the file and name of one in this run, so nothing is compared; name "
+            "the results of an earlier run of these scenarios"
+        )
+
+
+def scenario_changes(comparison: Comparison) -> Mapping[int, ScenarioChange]:
+    """Return `id()` of an outcome of the new run -> its change."""
+    return {id(change.new): _scenario_change(change) for change in comparison.changes if change.new is not None}
+
+
+def _scenario_change(change: Change) -> ScenarioChange:
+    told = [f"{row.what}: {row.detail}" if row.detail else row.what for row in rows_of(change)]
+    return ScenarioChange(_kind(change), "; ".join(told) or "nothing changed")
+
+
+def _kind(change: Change) -> ScenarioChangeKind:
+    if change.kind not in ("still passes", "still fails"):
+        return change.kind
+    gate = change.gate
+    if change.missed or change.weaker or (gate is not None and gate.failed):
+        return "weaker"
+    if change.smaller_margins or (gate is not None and gate.margins):
+        return "less margin"
+    return "moves differently" if change.moves_differently else "unchanged"
