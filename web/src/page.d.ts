@@ -77,6 +77,15 @@ interface BodyData {
   shapes: Shape[];
 }
 
+/** The look of the plane z = 0. */
+interface GroundData {
+  color: [number, number, number];
+  /** The colour of every other square. */
+  checker?: [number, number, number];
+  /** The side of a square in m. */
+  square?: number;
+}
+
 interface PatchData {
   x: number;
   y: number;
@@ -88,8 +97,11 @@ interface SceneData {
   robot: string;
   links: LinkData[];
   bodies: BodyData[];
-  patches: PatchData[];
+  patches?: PatchData[];
   meshes: Record<string, MeshData>;
+  /** What is drawn in another way than the model states it. */
+  notes?: string[];
+  ground?: GroundData;
 }
 
 interface ContactData {

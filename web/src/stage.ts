@@ -5,6 +5,7 @@ import {
   Color,
   DirectionalLight,
   Fog,
+  Group,
   HemisphereLight,
   Mesh,
   MeshLambertMaterial,
@@ -18,12 +19,12 @@ import {
 const SHADOW_TEXELS = 1024;
 
 /** Returns the light whose shadows follow what is seen. */
-export function furnish(scene: Scene, seen: Box3, colours: Colours): Sun {
+export function furnish(scene: Scene, seen: Box3, colours: Colours, { ground: look, patches: areas = [] }: SceneData): Sun {
   const extent = extentOf(seen);
   const middle = seen.getCenter(new Vector3());
   scene.background = new Color(colours.floor);
   scene.fog = new Fog(colours.floor, 3 * extent, 14 * extent);
-  scene.add(ground(extent, middle, colours));
+  scene.add(ground(extent, middle, colours, look), patches(areas, colours));
   scene.add(new HemisphereLight(0xffffff, colours.dark ? 0x3d444c : 0xa9b1ba, colours.dark ? 1.5 : 1.75));
   return new Sun(scene, extent);
 }
@@ -33,24 +34,45 @@ export function extentOf(seen: Box3): number {
   return Math.max(1, seen.getSize(new Vector3()).length());
 }
 
+/** Areas of the ground with their own friction, a little above it and hiding nothing. */
+function patches(areas: PatchData[], colours: Colours): Group {
+  const group = new Group();
+  const material = new MeshLambertMaterial({ color: colours.text, transparent: true, opacity: 0.1, depthWrite: false });
+  for (const { x, y, size } of areas) {
+    const area = new Mesh(new PlaneGeometry(...size), material);
+    area.position.set(x, y, 0);
+    area.receiveShadow = true;
+    area.renderOrder = -1;
+    group.add(area);
+  }
+  return group;
+}
+
 /** A plane with lines and a faint checker; both are computed for each pixel, and fade before they would flicker. */
-function ground(extent: number, middle: Vector3, colours: Colours): Mesh {
+function ground(extent: number, middle: Vector3, colours: Colours, look?: GroundData): Mesh {
   const step = extent > 40 ? 10 : extent > 8 ? 1 : extent > 1 ? 0.5 : 0.1;
   const size = 28 * extent;
+  const tiling = step / (look?.square ?? step);
   // The ground is drawn first and hides nothing, even objects slightly below it.
   const material = new MeshLambertMaterial({ color: colours.floor, depthWrite: false });
+  const [first, second] = squares(colours, look);
   const line = new Color(colours.line);
   const drawn = { value: new Vector4(line.r, line.g, line.b, colours.dark ? 0.8 : 1) };
   material.onBeforeCompile = (shader) => {
     shader.uniforms.ruled = drawn;
+    shader.uniforms.first = { value: first };
+    shader.uniforms.second = { value: second };
     shader.vertexShader = `varying vec2 cell;\n${shader.vertexShader}`.replace("#include <begin_vertex>", `#include <begin_vertex>
 cell = (modelMatrix * vec4(position, 1.0)).xy / ${step.toFixed(2)};`);
-    shader.fragmentShader = `varying vec2 cell;\nuniform vec4 ruled;\n${shader.fragmentShader}`.replace("#include <color_fragment>", `
+    shader.fragmentShader = `varying vec2 cell;\nuniform vec4 ruled;\nuniform vec3 first;\nuniform vec3 second;\n${shader.fragmentShader}`.replace("#include <color_fragment>", `
 vec2 wide = fwidth(cell) + 1e-6;
 vec2 off = abs(fract(cell - 0.5) - 0.5) / wide;
 float clear = 1.0 - smoothstep(0.1, 0.6, max(wide.x, wide.y));
-vec2 dark = step(0.5, fract(0.5 * cell));
-diffuseColor.rgb *= 1.0 - 0.025 * clear * abs(dark.x - dark.y);
+vec2 square = cell * ${tiling.toFixed(4)};
+vec2 soft = fwidth(square) + 1e-6;
+vec2 dark = step(0.5, fract(0.5 * square));
+float sharp = 1.0 - smoothstep(0.1, 0.6, max(soft.x, soft.y));
+diffuseColor.rgb = mix(0.5 * (first + second), mix(first, second, abs(dark.x - dark.y)), sharp);
 diffuseColor.rgb = mix(diffuseColor.rgb, ruled.rgb, ruled.a * clear * (1.0 - min(1.0, min(off.x, off.y))));`);
   };
   const made = new Mesh(new PlaneGeometry(size, size), material);
@@ -58,6 +80,16 @@ diffuseColor.rgb = mix(diffuseColor.rgb, ruled.rgb, ruled.a * clear * (1.0 - min
   made.receiveShadow = true;
   made.renderOrder = -2;
   return made;
+}
+
+/** Returns the colours of the squares of the ground: those of the world, close to those of the page so that marks stand out. */
+function squares(colours: Colours, look?: GroundData): [Color, Color] {
+  const floor = new Color(colours.floor);
+  if (!look) return [floor, floor.clone().multiplyScalar(0.975)];
+  const page = floor.getRGB({ r: 0, g: 0, b: 0 }, "srgb");
+  const mixed = (own: number, part: number) => part + 0.35 * (own - part);
+  const near = ([r, g, b]: [number, number, number]) => new Color().setRGB(mixed(r, page.r), mixed(g, page.g), mixed(b, page.b), "srgb");
+  return [near(look.color), near(look.checker ?? look.color)];
 }
 
 /** A light from far away; its shadow map covers what is seen, and lies on a fixed grid so that edges stay still. */

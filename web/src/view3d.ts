@@ -62,7 +62,7 @@ class View3D implements View {
     });
     const fixed = marks.filter((_, i) => run.replay.marks[i].link === undefined);
     this.seen = this.widened(this.everywhere(run, robot), fixed);
-    this.sun = furnish(this.scene, this.seen, colours);
+    this.sun = furnish(this.scene, this.seen, colours, run.scene);
     this.settle(solids);
     this.clearance = run.base[2][0] - size.min.z;
     this.width = 0.009 * this.seen.getSize(new Vector3()).length();

@@ -9,11 +9,22 @@ from pydantic import Field
 
 from sim_action.core.field_types import FrozenModel
 from sim_action.recording.replay.columns import Index
-from sim_action.recording.replay.shapes import Digest, Length, MeshData, MeshShape, Number, Place, PoseNumbers, Shapes
+from sim_action.recording.replay.shapes import (
+    Colour,
+    Digest,
+    Length,
+    MeshData,
+    MeshShape,
+    Number,
+    Place,
+    PoseNumbers,
+    Shapes,
+)
 
 MAX_LINKS: Final = 1_000
 MAX_BODIES: Final = 5_000
 MAX_MESHES: Final = 2_000
+MAX_NOTES: Final = 8
 
 MAX_TEXT_LENGTH: Final = 300
 
@@ -77,14 +88,35 @@ class PatchData(FrozenModel):
     friction: Number
 
 
+class GroundData(FrozenModel):
+    """The look of the plane z = 0; red, green and blue from 0 to 1.
+
+    Attributes:
+        checker: the colour of every other square; null without squares.
+        square: the side of a square in m.
+    """
+
+    color: Colour
+    checker: Colour | None = None
+    square: Annotated[float, Field(ge=0.01, le=1_000, allow_inf_nan=False)] = 1.0
+
+
 class SceneData(FrozenModel):
-    """The links of the robot, the bodies of the world and the meshes; `robot` is the name of the model."""
+    """The links of the robot, the bodies of the world and the meshes.
+
+    Attributes:
+        robot: the name of the model.
+        ground: its look as the world states it; null if it does not.
+        notes: what is drawn in another way than the model states it, a sentence each.
+    """
 
     robot: Text
     links: Annotated[tuple[LinkData, ...], Field(min_length=1, max_length=MAX_LINKS)]
     bodies: Annotated[tuple[BodyData, ...], Field(max_length=MAX_BODIES)] = ()
     patches: Annotated[tuple[PatchData, ...], Field(max_length=50)] = ()
     meshes: Annotated[dict[Digest, MeshData], Field(max_length=MAX_MESHES)] = Field(default_factory=dict)
+    ground: GroundData | None = None
+    notes: Annotated[tuple[Text, ...], Field(max_length=MAX_NOTES)] = ()
 
 
 def scene_problems(scene: SceneData, joints: int, tracks: int) -> Iterator[str]:

@@ -27,6 +27,9 @@ Number = Annotated[float, Field(ge=-MAX_ABS_VALUE, le=MAX_ABS_VALUE, allow_inf_n
 Length = Annotated[float, Field(ge=0, le=MAX_ABS_VALUE, allow_inf_nan=False)]
 Share = Annotated[float, Field(ge=0, le=1)]
 
+Colour = tuple[Share, Share, Share]
+"""Red, green and blue."""
+
 Place = tuple[Number, Number, Number]
 """A position x, y, z in m."""
 
@@ -52,7 +55,7 @@ class _Shape(FrozenModel):
     """A shape in the frame of its link or body; `color` is red, green, blue from 0 to 1."""
 
     pose: PoseNumbers
-    color: tuple[Share, Share, Share]
+    color: Colour
     opacity: Share = 1.0
 
 

@@ -30,10 +30,15 @@ _TRIES: Final = 6
 
 @dataclass(frozen=True, eq=False)
 class Triangles:
-    """A surface: `points_xyz` (P, 3) in m, and `corners` (T, 3), indices of points."""
+    """A surface: `points_xyz` (P, 3) in m, and `corners` (T, 3), indices of points.
+
+    Attributes:
+        stated: the number of triangles before simplification; 0: these are all.
+    """
 
     points_xyz: FloatArray
     corners: IntArray
+    stated: int = 0
 
     def __len__(self) -> int:
         return len(self.corners)
@@ -42,7 +47,12 @@ class Triangles:
         """Return the surface scaled along each axis; corners are reversed if that mirrors it, to keep its outside."""
         mirrors = math.prod(factors) < 0
         corners = self.corners[:, ::-1] if mirrors else self.corners
-        return Triangles(self.points_xyz * np.array(factors), corners)
+        return Triangles(self.points_xyz * np.array(factors), corners, self.stated)
+
+    @property
+    def size(self) -> float:
+        """The diagonal of the bounding box in m."""
+        return float(np.linalg.norm(np.ptp(self.points_xyz, axis=0))) if len(self.points_xyz) else 0.0
 
 
 def simplified(surface: Triangles, most: int) -> Triangles:
@@ -62,7 +72,8 @@ def simplified(surface: Triangles, most: int) -> Triangles:
         if low > high or (found is tried and len(tried) > 0.8 * most):
             break
         cells = max(low, min(high, int(cells * math.sqrt(most / max(1, len(tried))))))
-    return found or _first(_clustered(surface, _COARSEST), most)
+    kept = found or _first(_clustered(surface, _COARSEST), most)
+    return Triangles(kept.points_xyz, kept.corners, surface.stated or len(surface))
 
 
 def _clustered(surface: Triangles, cells: int) -> Triangles:
@@ -161,27 +172,31 @@ _MIN_STEP_M: Final = 1e-5
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """The largest number of triangles of each mesh and of all meshes."""
+    """The largest number of triangles of each mesh and of all meshes of a replay.
+
+    A triangle takes about 4 bytes of the report, which is packed: 8,000 take 32 kB.
+    """
 
     each: int
     all: int
 
 
-ROBOT_BUDGET: Final = Budget(1_200, 8_000)
+ROBOT_BUDGET: Final = Budget(2_400, 8_000)
 WORLD_BUDGET: Final = Budget(4_500, 8_000)
 
 
 def within(budget: Budget, surfaces: Sequence[Triangles]) -> list[Triangles]:
-    """Simplify surfaces to a budget: small ones are kept, the others share the rest equally."""
-    counts = sorted(min(len(surface), budget.each) for surface in surfaces)
-    each, left = budget.each, budget.all
-    for place, count in enumerate(counts):
-        share = left // (len(counts) - place)
-        if count > share:
-            each = max(_MIN_TRIANGLES, share)
-            break
-        left -= count
-    return [simplified(surface, each) for surface in surfaces]
+    """Simplify surfaces to a budget: those with few triangles are kept, the others share the rest by their size."""
+    wanted = [min(len(surface), budget.each) for surface in surfaces]
+    # A surface without an extent counts as a very small one.
+    sizes = [max(surface.size, 1e-9) if np.isfinite(surface.points_xyz).all() else 1e-9 for surface in surfaces]
+    most, left, above = list(wanted), budget.all, sum(sizes)
+    # First those whose triangles are few for their size.
+    for place in sorted(range(len(surfaces)), key=lambda place: wanted[place] / sizes[place]):
+        share = max(_MIN_TRIANGLES, int(left * sizes[place] / above))
+        most[place] = min(wanted[place], share)
+        left, above = max(0, left - most[place]), above - sizes[place]
+    return [simplified(surface, count) for surface, count in zip(surfaces, most, strict=True)]
 
 
 def mesh_data(surface: Triangles) -> MeshData | None:

@@ -18,18 +18,23 @@ from sim_action.robot.mjcf.model import MESH_OF_TEXT, Mjcf
 from sim_action.robot.robot_model import RobotModel
 
 # The version of cache entries; a new number makes older ones unused.
-_VERSION: Final = 2
+_VERSION: Final = 3
 
 _MAX_BYTES: Final = 20_000_000
 """The largest mesh file that is read; a larger one would take longer than most runs."""
 
 
 class VisualMeshes:
-    """The surfaces of a robot's meshes; each file is read once."""
+    """The surfaces of a robot's meshes; each file is read once.
+
+    Attributes:
+        unreadable: name of each file that could not be read -> the reason.
+    """
 
     def __init__(self, model: RobotModel, most: int) -> None:
         """Simplify each surface to at most `most` triangles."""
         self._mjcf, self._most = model.mjcf, most
+        self.unreadable: dict[str, str] = {}
         self._known: dict[str, Triangles | None] = {}
         self._known_of_text: dict[str, Triangles] | None = None
         self._known_hulls: dict[bytes, Triangles | None] = {}
@@ -68,21 +73,29 @@ class VisualMeshes:
 
     def _read(self, path: Path) -> Triangles | None:
         try:
-            data = mesh_bytes(path)
-            if len(data) > _MAX_BYTES:
-                return None
-            entry = self._entry(data, path.suffix.lower())
-            known = _stored(entry)
-            if known is None:
-                mesh = parsed_mesh(path, data)
-                known = simplified(Triangles(mesh.points_xyz, np.concatenate(mesh.parts)), self._most)
-                _store(known, entry)
-        except MeshError:
+            return self._surface(path, _small_enough(mesh_bytes(path)))
+        except MeshError as error:
+            self.unreadable[path.name] = str(error)
             return None
+
+    def _surface(self, path: Path, data: bytes) -> Triangles:
+        entry = self._entry(data, path.suffix.lower())
+        known = _stored(entry)
+        if known is None:
+            mesh = parsed_mesh(path, data)
+            known = simplified(Triangles(mesh.points_xyz, np.concatenate(mesh.parts)), self._most)
+            _store(known, entry)
         return known
 
     def _entry(self, source: bytes, kind: str) -> Entry:
         return Entry.of(cache_folder("meshes"), "npz", source, _VERSION, "surface", kind, self._most)
+
+
+def _small_enough(data: bytes) -> bytes:
+    if len(data) > _MAX_BYTES:
+        message = f"has {len(data) / 1e6:.0f} MB; meshes are drawn up to {_MAX_BYTES / 1e6:.0f} MB"
+        raise MeshError("too-large-mesh", message)
+    return data
 
 
 def _stored(entry: Entry) -> Triangles | None:
@@ -92,12 +105,14 @@ def _stored(entry: Entry) -> Triangles | None:
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as stored:
             points, corners = stored["points_xyz"].astype(np.float64), stored["corners"].astype(np.int64)
+            stated = int(stored["stated"])
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         return None
-    return Triangles(points, corners)
+    return Triangles(points, corners, stated)
 
 
 def _store(surface: Triangles, entry: Entry) -> None:
     content = io.BytesIO()
-    np.savez(content, points_xyz=surface.points_xyz.astype(np.float32), corners=surface.corners.astype(np.int32))
+    points, corners = surface.points_xyz.astype(np.float32), surface.corners.astype(np.int32)
+    np.savez(content, points_xyz=points, corners=corners, stated=np.int64(surface.stated))
     entry.write(content.getvalue())

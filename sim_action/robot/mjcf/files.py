@@ -34,6 +34,7 @@ from sim_action.robot.mjcf.elements import (
     refusal,
     shown_name,
 )
+from sim_action.robot.mjcf.floor import Pattern, patterns_of
 from sim_action.robot.packages import PackageError, Packages
 from sim_action.robot.robot_model import Finding
 from sim_action.robot.xml_document import MAX_BYTES, MAX_ELEMENTS, ModelDocument, read_document
@@ -68,6 +69,7 @@ class MjcfFiles:
         places: the place of each line of the texts; lines count through all texts.
         left_out: the elements that the text lacks: a message for each kind, its first place, and its count.
         findings: notes about files that are spelled otherwise.
+        patterns: material -> its texture, if MuJoCo computes it; those of the text, which lacks textures.
     """
 
     text: str
@@ -76,6 +78,7 @@ class MjcfFiles:
     places: tuple[Location, ...] = field(repr=False)
     left_out: tuple[tuple[str, Location, int], ...] = ()
     findings: tuple[Finding, ...] = ()
+    patterns: Mapping[str, Pattern] = field(default_factory=dict)
 
     def place(self, line: int) -> Location | None:
         """Return the place in the user's files of a line of the text; None if there is no such line."""
@@ -116,12 +119,14 @@ class _Collector:
         self._meshes: dict[str, MeshFile] = {}
         self._lines: list[Location] = []
         self._left_out: dict[str, tuple[Location, int]] = {}
+        self._patterns: dict[str, Pattern] = {}
         self._files = self._bytes = self._elements = self._named = 0
 
     def collected(self) -> MjcfFiles:
         text, _ = self._model(self._main, None, ())
         left_out = tuple((kind, place, count) for kind, (place, count) in self._left_out.items())
-        return MjcfFiles(text, self._models, self._meshes, tuple(self._lines), left_out, tuple(self._findings.values()))
+        findings = tuple(self._findings.values())
+        return MjcfFiles(text, self._models, self._meshes, tuple(self._lines), left_out, findings, self._patterns)
 
     # --- files and includes ---
 
@@ -149,6 +154,8 @@ class _Collector:
             for name in DROPPED & element.attrib.keys():
                 del element.attrib[name]
         expanded = self._expanded(merged.root, merged, sizes)
+        if not above:
+            self._patterns = patterns_of(merged.root)
         self._leave_out(merged.root, merged)
         # MuJoCo counts lines in each text: blank lines make the numbers distinct.
         written = ["\n" * len(self._lines)]

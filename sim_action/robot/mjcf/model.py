@@ -70,6 +70,20 @@ MeshBytes = tuple[bytes, bytes]
 
 
 @dataclass(frozen=True, slots=True)
+class FloorLook:
+    """The look of the floor: one colour, or squares of two; red, green and blue from 0 to 1.
+
+    Attributes:
+        other: the colour of every other square; None without squares.
+        square: m, the side of a square.
+    """
+
+    color: tuple[float, float, float]
+    other: tuple[float, float, float] | None = None
+    square: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
 class Mjcf:
     """The input of MuJoCo for a model in its own format; it names no file.
 
@@ -80,6 +94,7 @@ class Mjcf:
         looked_at: geoms that are only drawn.
         actuators: names of all actuators; joints without one are passive if there is any.
         floor: m, height of the horizontal plane of the file, which is at the height 0 of the scenario; 0 without one.
+        floor_look: how the file draws that plane; None if it does not say.
         excluded: pairs of bodies that <exclude> lets pass through each other.
         paired: pairs of geoms that <pair> lets collide, whatever their contype and conaffinity.
     """
@@ -92,3 +107,4 @@ class Mjcf:
     floor: float = 0.0
     excluded: frozenset[frozenset[str]] = frozenset()
     paired: frozenset[frozenset[str]] = frozenset()
+    floor_look: FloorLook | None = None

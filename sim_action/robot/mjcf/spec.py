@@ -21,7 +21,8 @@ from sim_action.meshes import READERS, MeshError, parsed_mesh
 from sim_action.robot.audit.rules import finding
 from sim_action.robot.mjcf.elements import refusal
 from sim_action.robot.mjcf.files import MeshFile, MjcfFiles
-from sim_action.robot.mjcf.model import MeshBytes, Mjcf
+from sim_action.robot.mjcf.floor import Pattern, floor_look
+from sim_action.robot.mjcf.model import FloorLook, MeshBytes, Mjcf
 from sim_action.robot.mjcf.worldbody import floor_height, named, names_below, robot_bodies
 from sim_action.robot.robot_model import Finding
 
@@ -78,7 +79,7 @@ def build(files: MjcfFiles, place: Location) -> Built:
     actuators = tuple(actuator.name for actuator in spec.actuators)
     keyframes = _keyframes(spec, files)
     notes = Notes(files, place)
-    floor = _floor(spec, notes)
+    floor, floor_look = _floor(spec, notes, files.patterns)
     excluded = frozenset(frozenset((each.bodyname1, each.bodyname2)) for each in spec.excludes)
     paired = frozenset(frozenset((each.geomname1, each.geomname2)) for each in spec.pairs)
     _leave_out(spec, notes)
@@ -108,6 +109,7 @@ def build(files: MjcfFiles, place: Location) -> Built:
         floor,
         excluded,
         paired,
+        floor_look,
     )
     _fill_meshes(spec, mjcf)
     return Built(spec, mjcf, drawn, positions, keyframes, actuators, notes)
@@ -284,13 +286,13 @@ _OTHER_BODY: Final = "left out, because it is not a part of the robot; make it a
 _WORLD_GEOM: Final = "a <geom> of <worldbody> is left out, such as a floor: 'world' of the scenario has the ground"
 
 
-def _floor(spec: Any, notes: Notes) -> float:
-    """Return the height of the floor of the file in m, and note which one counts if there are several."""
+def _floor(spec: Any, notes: Notes, patterns: Mapping[str, Pattern]) -> tuple[float, FloorLook | None]:
+    """Return the height of the floor of the file in m and its look; note which one counts if there are several."""
     height, geom, count = floor_height(spec)
     if count > 1:
         text = f"geom '{geom.name}' at z = {height:g} m is the ground: it is the highest of {count} level planes"
         notes.leave_out(geom, f"{text}, and heights of keyframes and of a bolted robot start from it")
-    return height
+    return height, None if geom is None else floor_look(spec, geom, patterns)
 
 
 def _leave_out_heightfields(spec: Any, notes: Notes) -> None:

@@ -67,6 +67,20 @@ def test_no_surface_is_beyond_its_budget(seed: int, count: int, most: int) -> No
     assert (few.corners >= 0).all()
 
 
+def test_large_surfaces_get_more_of_a_budget() -> None:
+    large, small = within(Budget(3_000, 2_000), [ball(40, 3.0), ball(40, 1.0)])
+    assert len(large) > 2 * len(small) > 200
+    assert (large.stated, small.stated) == (len(ball(40)), len(ball(40)))
+
+
+@pytest.mark.parametrize("radius", [0.0, np.nan, np.inf])
+def test_a_surface_without_an_extent_takes_nothing_from_the_others(radius: float) -> None:
+    with np.errstate(invalid="ignore"):
+        odd = ball(1, radius)
+    _, kept = within(Budget(1_000, 1_000), [odd, ball(40)])
+    assert len(kept) > 500
+
+
 def test_a_budget_is_shared_by_those_that_need_it() -> None:
     small, large = ball(3), ball(40)
     assert [len(found) for found in within(Budget(1_000, 1_500), [small])] == [len(small)]

@@ -16,7 +16,7 @@ class Player {
     this.plots = new PlotPanel(motion, entry, this.clock);
     this.ghosts = new Ghosts(entry.ghosts, motion, this.clock);
     this.ghosts.addEventListener("chosen", () => this.compare());
-    const screen = make("div", { class: "screen" }, this.views.element, this.controls.element, this.ghosts.element, this.views.sensed, this.views.pictures.element, keysHint(this));
+    const screen = make("div", { class: "screen" }, this.views.element, this.controls.element, this.ghosts.element, this.views.sensed, this.views.pictures.element, notesOf(replay.scene), keysHint(this));
     this.element = make("div", { class: "player" }, screen, this.plots.element);
     this.clock.addEventListener("tick", () => this.show());
     this.observer = new ResizeObserver(() => this.resize());
@@ -77,6 +77,13 @@ class Player {
     this.views.dispose();
     this.element.remove();
   }
+}
+
+/** Says what is drawn in another way than the model states it, and what shaded areas of the ground are. @param {SceneData} scene */
+function notesOf({ notes = [], patches = [] }) {
+  const frictions = [...new Set(patches.map(({ friction }) => friction))].sort((a, b) => a - b).slice(0, 5);
+  const shaded = frictions.length ? [`Shaded areas of the ground have a friction of ${frictions.join(", ")}`] : [];
+  return make("p", { class: "notes faint" }, [...shaded, ...notes].map((note) => `${note}.`).join(" "));
 }
 
 /** Resolves when the browser has painted. */

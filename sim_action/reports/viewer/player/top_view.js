@@ -107,7 +107,9 @@ class TopView {
     context.fillStyle = colours.floor;
     context.fillRect(0, 0, this.canvas.width, this.canvas.height);
     this.scale = this.canvas.width / this.span;
+    this.tintGround();
     this.drawGrid();
+    this.drawPatches();
     this.drawBodies(moment);
     const isShown = (/** @type {MarkData} */ { expectation }) => expectation === undefined || this.shown.has("expectations");
     for (const mark of this.motion.replay.marks.filter(isShown)) this.drawMark(mark);
@@ -129,6 +131,17 @@ class TopView {
     ];
   }
 
+  /** Mixes the colour of the ground into that of the page, as the 3D view does; squares would look like the grid. */
+  tintGround() {
+    const { ground } = this.motion.scene;
+    if (!ground) return;
+    const { color, checker = color } = ground;
+    this.context.globalAlpha = 0.35;
+    this.context.fillStyle = `rgb(${color.map((part, i) => Math.round(127.5 * (part + checker[i]))).join(" ")})`;
+    this.context.fillRect(0, 0, this.canvas.width, this.canvas.height);
+    this.context.globalAlpha = 1;
+  }
+
   drawGrid() {
     const { context, canvas } = this;
     const rough = this.span / 8;
@@ -148,6 +161,23 @@ class TopView {
       context.lineTo(canvas.width, py);
     }
     context.stroke();
+  }
+
+  /** Draws areas of the ground with their own friction and says it in those that are large enough. */
+  drawPatches() {
+    const { context, colours } = this;
+    const size = 11 * (devicePixelRatio || 1);
+    context.font = `${size}px system-ui, sans-serif`;
+    context.textAlign = "center";
+    context.textBaseline = "middle";
+    for (const { x, y, size: [width, depth], friction } of this.motion.scene.patches ?? []) {
+      const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([a, b]) => [x + (a * width) / 2, y + (b * depth) / 2]);
+      this.area(corners, `${colours.text}12`, colours.line);
+      const words = `friction ${friction}`;
+      if (context.measureText(words).width > 0.9 * width * this.scale || 1.5 * size > depth * this.scale) continue;
+      context.fillStyle = colours.faint;
+      context.fillText(words, ...this.pixel([x, y]));
+    }
   }
 
   /** @param {Moment} moment */
