@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
+from math import isfinite
 from typing import Final, Self
 
 from sim_action.core.records import dataclass, replace
@@ -79,7 +80,9 @@ def _time_left(recorded: Recorded, elapsed: float) -> float | None:
     waiting = len(recorded.header.planned) - len(recorded.finished)
     if not done or elapsed < _MIN_TIME_S:
         return None
-    return round(elapsed / done * waiting, 1)
+    left = elapsed / done * waiting
+    # The times of a journal may come from anywhere.
+    return round(left, 1) if isfinite(left) else None
 
 
 def _lists(recorded: Recorded, *, is_over: bool) -> list[dict[str, object]]:

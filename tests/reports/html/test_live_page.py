@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from sim_action.core.records import replace
 from sim_action.reports import ReportOptions
 from sim_action.reports.html import live_page
 from sim_action.reports.html.document import Page
@@ -102,6 +103,15 @@ def test_the_time_left_counts_no_outcome_of_an_earlier_call(tmp_path: Path) -> N
     resumed = looked(tmp_path).recorded
     assert resumed is not None
     assert live_page._time_left(resumed, 3.0) == 3.0
+
+
+def test_a_time_beyond_all_clocks_leaves_the_time_left_open(tmp_path: Path) -> None:
+    begun(tmp_path)(Finished(0, outcome("a")))
+    follower = looked(tmp_path)
+    assert follower.recorded is not None
+    follower.recorded.records[:] = [replace(record, at=1e308) for record in follower.recorded.records]
+    shown = json.loads(json.dumps(live_state(follower), allow_nan=False))
+    assert (shown["finished"], shown["left"]) == (1, None)
 
 
 def test_long_lists_are_cut_and_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
