@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -32,4 +33,14 @@ def test_what_is_not_there_is_told(tmp_path: Path) -> None:
         read_run(str(tmp_path / "none"))
     (tmp_path / "results.json").write_text("{}")
     with pytest.raises(UsageError, match="is not a valid results file"):
+        read_run(str(tmp_path))
+
+
+def test_a_gate_without_a_place_is_told(tmp_path: Path) -> None:
+    planned = planned_gate(runs=3)
+    path = gate_results(planned, *runs_of_gate(planned, passed=3)).write(tmp_path)
+    written = json.loads(path.read_text())
+    written["gates"][0]["line"] = 0
+    path.write_text(json.dumps(written))
+    with pytest.raises(UsageError, match=r"is not a valid results file: gates\.0\.line: "):
         read_run(str(tmp_path))

@@ -205,7 +205,7 @@ class PlannedGate(FrozenModel):
 
     name: str
     file: str
-    line: int | None = None
+    line: Annotated[int, Field(ge=1)] | None = None
     location: Location
     group: str
     gate: Gate
