@@ -192,7 +192,10 @@ def _of_sensor(log: ReadingLog, frames: FloatArray, rate: float) -> Iterator[Cur
     readings = [reading for reading in log.readings if reading.time <= last]
     if kind == "camera" or not readings:
         return
-    steps, first = np.unique(np.rint(np.array([reading.time for reading in readings]) * rate), return_index=True)
+    # The first call of np.unique would take 10 ms: it imports masked arrays.
+    steps = np.rint(np.array([reading.time for reading in readings]) * rate)
+    first = np.flatnonzero(np.diff(steps, prepend=-np.inf) > 0)
+    steps = steps[first]
     time = np.asarray(steps / rate, dtype=np.float64)
     if np.array_equal(steps, np.rint(frames * rate)):
         time = frames
