@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Final
 
 from sim_action.core.wording import counted, shortened
+from sim_action.reports.html.alike import alike
 from sim_action.reports.html.changes import ScenarioChange
 from sim_action.reports.html.document import Html, element, joined
 from sim_action.reports.html.navigation import PagePlan
@@ -56,7 +57,7 @@ def suite_article(plan: PagePlan, paths: Mapping[int, Html], changes: Mapping[in
     return element(
         "article",
         element("header", element("h2", "All scenarios", id="suite-name")),
-        joined(_status_counts(plan.groups), table.drawn(), element("p", _LEGEND, class_="faint legend-of-bars")),
+        joined(_status_counts(plan.groups), alike(plan.groups, plan.ids), table.drawn(), element("p", _LEGEND, class_="faint legend-of-bars")),
         id="suite",
         class_=f"scenario suite{' changed' if changes else ''}",
         aria_labelledby="suite-name",

@@ -1,0 +1,67 @@
+"""Failures that look alike: scenarios that touched the same body, or missed the same expectation."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Final
+
+from sim_action.core.wording import counted
+from sim_action.reports.escaping import one_line
+from sim_action.reports.formatting import moment
+from sim_action.reports.html.document import Html, element, joined
+from sim_action.reports.scenario_groups import ScenarioGroup
+from sim_action.results.outcome import ExpectationOutcome, Outcome
+
+_MAX_KINDS: Final = 8
+_MAX_NAMES: Final = 12
+# Messages on contacts begin with the link of the robot that touched something.
+_TOUCH: Final = re.compile(r"\btouched (.+?) at \d")
+
+
+def alike(groups: Iterable[ScenarioGroup], ids: Mapping[int, str]) -> Html:
+    """Return the list of failures that several scenarios share, the most frequent first; empty without any.
+
+    `ids`: `id()` of an outcome -> the element id of its article.
+    """
+    kinds: dict[str, list[tuple[Outcome, ExpectationOutcome]]] = {}
+    for outcome, expected in _failures(groups):
+        kinds.setdefault(_kind(expected), []).append((outcome, expected))
+    several = sorted((kind for kind in kinds.items() if len(kind[1]) > 1), key=lambda kind: -len(kind[1]))
+    if not several:
+        return Html("")
+    items = [_item(words, failures, ids) for words, failures in several[:_MAX_KINDS]]
+    return joined(element("h3", "Failures that look alike"), element("ul", *items, class_="remarks alike"))
+
+
+def _failures(groups: Iterable[ScenarioGroup]) -> Iterator[tuple[Outcome, ExpectationOutcome]]:
+    """Yield each failed run that counts by itself, with the expectation that failed first."""
+    for group in groups:
+        if group.gate is not None or group.is_part:
+            continue
+        for outcome in group.outcomes:
+            failed = [each for each in outcome.expectations if each.failed and not each.verdict.cut_off]
+            if failed:
+                yield outcome, min(failed, key=_time)
+
+
+def _time(expected: ExpectationOutcome) -> float:
+    time = expected.verdict.time
+    return float("inf") if time is None else time
+
+
+def _kind(expected: ExpectationOutcome) -> str:
+    """Return the words for a kind of failure."""
+    touch = _TOUCH.search(expected.verdict.message)
+    return f"touched {touch[1]} ({expected.assertion})" if touch else f"failed {expected.name}"
+
+
+def _item(words: str, failures: list[tuple[Outcome, ExpectationOutcome]], ids: Mapping[int, str]) -> Html:
+    told: list[str] = [element("b", f"{counted(len(failures), 'scenario')} {one_line(words)}"), ": "]
+    for number, (outcome, expected) in enumerate(failures[:_MAX_NAMES]):
+        name, time = one_line(outcome.name), expected.verdict.time
+        place = ids.get(id(outcome))
+        told += [", " if number else "", name if place is None else element("a", name, href=f"#{place}")]
+        told += [] if time is None else [f" at {moment(time)}"]
+    more = len(failures) - _MAX_NAMES
+    return element("li", *told, f" and {more} more" if more > 0 else "")

@@ -1,0 +1,57 @@
+"""What the page of all scenarios says about failures that look alike."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from html import unescape
+
+from sim_action.reports.html.alike import alike
+from sim_action.reports.scenario_groups import grouped_scenarios
+from sim_action.results.outcome import Outcome
+from tests.outcomes import outcome
+from tests.reports.html.gates import failed_gate
+
+
+def failed(file: str, message: str = "", time: float | None = 1.5, *, cut_off: bool = False) -> Outcome:
+    made = outcome(file, holds=False)
+    [expected] = made.expectations
+    verdict = replace(expected.verdict, message=message, time=time, cut_off=cut_off)
+    return made.model_copy(update={"expectations": (expected.model_copy(update={"verdict": verdict}),)})
+
+
+def said(*outcomes: Outcome) -> list[str]:
+    html = alike(grouped_scenarios(outcomes), {id(each): f"s{number}" for number, each in enumerate(outcomes)})
+    return [unescape(re.sub("<[^>]*>", "", item)) for item in re.findall("<li>.*?</li>", html)]
+
+
+def test_scenarios_that_touched_the_same_body_stand_together() -> None:
+    one = failed("a.sim.yml", "base touched the pallet at 3.77 s, at (1.80, 0.00, 0.01) m, with 73 N in that step")
+    two = failed("b.sim.yml", "wheel touched the pallet at 3.78 s, with 12 N in that step", 3.78)
+    other = failed("c.sim.yml", "base touched wall at 2.00 s")
+    [words] = said(one, outcome("d.sim.yml"), two, other)
+    assert words == f"2 scenarios touched the pallet ({one.expectations[0].assertion}): a at 1.50 s, b at 3.78 s"
+
+
+def test_scenarios_that_missed_the_same_expectation_stand_together() -> None:
+    several = [failed(f"{number}.sim.yml", f"came to {number} m", time=None) for number in range(14)]
+    [words] = said(*several, failed("cut.sim.yml", cut_off=True))
+    assert words.startswith(f"14 scenarios failed {several[0].expectations[0].name}: 0, 1, 2")
+    assert words.endswith("11 and 2 more")
+
+
+def test_the_expectation_that_failed_first_is_the_cause() -> None:
+    late, early = failed("a.sim.yml", "base touched wall at 9.00 s", 9.0), failed("a.sim.yml", "came to 1 m", 2.0)
+    both = late.model_copy(update={"expectations": (*late.expectations, *early.expectations)})
+    [words] = said(both, failed("b.sim.yml", "came to 3 m", 2.5))
+    assert words.endswith("a at 2.00 s, b at 2.50 s")
+
+
+def test_runs_of_a_gate_and_single_failures_are_not_listed() -> None:
+    assert not alike(grouped_scenarios(failed_gate().outcomes), {})
+    assert not said(failed("a.sim.yml", "base touched wall at 9.00 s"), failed("b.sim.yml"), outcome("c.sim.yml"))
+
+
+def test_names_are_text() -> None:
+    hostile = [failed(f"{number}.sim.yml", "base touched <b>box</b> at 1.00 s") for number in range(2)]
+    assert "<b>box" not in alike(grouped_scenarios(hostile), {})
