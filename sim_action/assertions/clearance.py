@@ -21,7 +21,8 @@ from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.joint_selection import links_with_shapes
 from sim_action.state.trace_channels import Channels, ClearanceWatch
-from sim_action.state.verdict import Judged, Signal, Verdict
+from sim_action.state.verdict import Judged, Mark, Polyline, Signal, Verdict
+from sim_action.world.distance_lines import distance_lines
 from sim_action.world.ground import GROUND
 from sim_action.world.scene import Scene
 
@@ -117,6 +118,12 @@ class Clearance(Assertion):
                     ("link",) if self.link else ("links", index),
                     f"the robot has no link '{name}' with a collision shape{hint}",
                 )
+
+    def marks(self, scene: Scene, start: Observation) -> tuple[Mark, ...]:
+        """See Assertion.marks. Returns a line at each limit around the bodies that do not move."""
+        limits = (limit for limit in (self.at_least, self.at_most) if limit is not None)
+        lines = (points for limit in limits for points in distance_lines(scene, self.to, limit))
+        return tuple(Polyline(points, is_aside=True) for points in lines)
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor."""

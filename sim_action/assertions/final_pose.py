@@ -14,7 +14,7 @@ from sim_action.assertions.reach import PoseTarget, TargetAngle
 from sim_action.core import geometry, units
 from sim_action.core.geometry import Pose
 from sim_action.core.records import dataclass, replace
-from sim_action.state.verdict import Mark, Signal, Verdict, goal, line
+from sim_action.state.verdict import Mark, Signal, Verdict, line
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ class FinalPose(PoseTarget):
         x, y, z = origin.position_xyz
         x, y = x + cosine * self.x - sine * self.y, y + sine * self.x + cosine * self.y
         height = None if self.z is None else z + self.z
-        return tuple(goal(x, y, height, self.tolerance, None if angle is None else angle.target))
+        return self.marks_at(x, y, height, angle)
 
 
 @dataclass(frozen=True, slots=True)

@@ -147,7 +147,8 @@ class FollowPath(MotionAssertion):
         points = self._points(scene)
         coarse = points[: -1 : 1 + len(points) // _MAX_DRAWN]
         corners = [(*point, 0.0) for point in (*coarse, points[-1])]
-        way, (x, y, z, *_) = Polyline(tuple((x, y, z) for x, y, z, *_ in corners)), corners[-1]
+        way = Polyline(tuple((x, y, z) for x, y, z, *_ in corners), tolerance=self.max_error or 0.0)
+        x, y, z, *_ = corners[-1]
         return (way,) if self.end is None else (way, Circle(x, y, self.end.tolerance, z))
 
     def _points(self, scene: Scene) -> tuple[Point, ...]:

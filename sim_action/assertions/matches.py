@@ -190,7 +190,8 @@ class Matches(Assertion):
             return ()
         rows = self.golden_in(scene).rows
         coarse = rows[: -1 : 1 + len(rows) // _MAX_DRAWN]
-        return (Polyline(tuple((x, y, z) for x, y, z in (*coarse[:, 1:4].tolist(), rows[-1, 1:4].tolist()))),)
+        places = tuple((x, y, z) for x, y, z in (*coarse[:, 1:4].tolist(), rows[-1, 1:4].tolist()))
+        return (Polyline(places, tolerance=self.position or 0.0),)
 
     def _tolerances(self, scene: Scene) -> Iterator[tuple[Joint, float]]:
         """Yield each compared joint with its tolerance, in the order of the model."""

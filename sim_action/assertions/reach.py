@@ -117,6 +117,12 @@ class PoseTarget(MotionAssertion):
             return TargetAngle("orientation", self.orientation.tolerance, target)
         return None if self.yaw is None else TargetAngle("heading", self.yaw_tolerance, yaw + self.yaw)
 
+    def marks_at(self, x: float, y: float, z: float | None, angle: TargetAngle | None) -> tuple[Mark, ...]:
+        """Return the marks of the place in m and of the angle, with their tolerances."""
+        if angle is None:
+            return tuple(goal(x, y, z, self.tolerance))
+        return tuple(goal(x, y, z, self.tolerance, angle.target, angle_tolerance=angle.tolerance))
+
     def approach(self, place: str, angle: TargetAngle | None) -> ClosestApproach:
         """Return the fold of the distance from the place and of the error of the angle."""
         nearest = ClosestApproach("came", place, "m", self.tolerance)
@@ -163,8 +169,7 @@ class Reach(PoseTarget):
 
     def marks_in(self, watched: Watched, scene: Scene, start: Observation) -> tuple[Mark, ...]:
         """See MotionAssertion.marks_in."""
-        angle = self.angle()
-        return tuple(goal(self.x, self.y, self.z, self.tolerance, None if angle is None else angle.target))
+        return self.marks_at(self.x, self.y, self.z, self.angle())
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ from sim_action.assertions.monitors.bounds import Interval, IntervalsMonitor, ch
 from sim_action.assertions.monitors.watched import MotionAssertion, Watched
 from sim_action.core import units
 from sim_action.core.field_types import Metres
-from sim_action.state.verdict import Mark, line, outline, rectangle
+from sim_action.state.verdict import Mark, box, line, rectangle
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -68,10 +68,10 @@ class StayWithin(MotionAssertion):
         return IntervalsMonitor(tuple(side for interval in intervals for side in interval.sides()))
 
     def marks_in(self, watched: Watched, scene: Scene, start: Observation) -> tuple[Mark, ...]:
-        """See MotionAssertion.marks_in. Returns a rectangle, two for the box of a link, or lines for one axis."""
+        """See MotionAssertion.marks_in. Returns a rectangle, the edges of a box, or lines for one axis."""
         if self.x is not None and self.y is not None:
-            if self.z is not None and watched.subject:
-                return tuple(outline(self.x, self.y, height) for height in self.z)
+            if self.z is not None:
+                return tuple(box(self.x, self.y, self.z))
             return (rectangle(self.x, self.y),)
         x, y, _ = start.pose.position_xyz
         bounds = ((axis, at) for axis, both in self.intervals.items() if axis != "z" for at in both)

@@ -19,7 +19,8 @@ from sim_action.core.units import TIME_EPSILON_S
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.trace_channels import Channels, ClearanceWatch
-from sim_action.state.verdict import Signal, Verdict
+from sim_action.state.verdict import Mark, Polyline, Signal, Verdict
+from sim_action.world.distance_lines import distance_lines
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -84,6 +85,13 @@ class StopsBefore(AtRest):
         bodies = [body.name for body in scene.world.objects]
         if self.body not in bodies:
             yield ("body",), f"the world has no body '{self.body}'{did_you_mean(self.body, bodies)}"
+
+    def marks(self, scene: Scene, start: Observation) -> tuple[Mark, ...]:
+        """See Assertion.marks. Returns a line at each bound of the gap, if the body does not move."""
+        bounds = (bound for bound in self.gap if bound > 0)
+        return tuple(
+            Polyline(points, is_aside=True) for bound in bounds for points in distance_lines(scene, (self.body,), bound)
+        )
 
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor."""

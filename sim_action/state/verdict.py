@@ -162,20 +162,28 @@ class Polygon:
 
 @dataclass(frozen=True, slots=True)
 class Polyline:
-    """A path from point to point."""
+    """A path from point to point.
+
+    Attributes:
+        tolerance: the distance from it that is allowed, in m.
+        is_aside: True if a view need not show all of it.
+    """
 
     points: tuple[tuple[float, float, float], ...]
     link: str = ""
+    tolerance: float = 0.0
+    is_aside: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Arrow:
-    """A heading at a place on the ground plane: `yaw` in rad about the z axis."""
+    """A heading at a place on the ground plane: `yaw` in rad about the z axis; `tolerance` in rad to both sides."""
 
     x: float
     y: float
     yaw: float
     link: str = ""
+    tolerance: float = 0.0
 
 
 Mark: TypeAlias = Circle | Polygon | Polyline | Arrow
@@ -193,6 +201,12 @@ def outline(x: tuple[float, float], y: tuple[float, float], z: float) -> Polylin
     return Polyline(tuple((at_x, at_y, z) for at_x, at_y in (*corners, corners[0])))
 
 
+def box(x: tuple[float, float], y: tuple[float, float], z: tuple[float, float]) -> Iterator[Polyline]:
+    """Yield the edges of a box between two bounds for each axis."""
+    yield from (outline(x, y, height) for height in z)
+    yield from (Polyline(((*corner, z[0]), (*corner, z[1]))) for corner in rectangle(x, y).points)
+
+
 def line(axis: str, at: float, middle_xy: tuple[float, float]) -> Polyline:
     """Return the line of all places with one x, or one y; it is drawn for some metres around `middle_xy`."""
     x, y = middle_xy
@@ -206,9 +220,18 @@ _AXIS_M: Final = 0.1
 
 
 def goal(
-    x: float, y: float, z: float | None, tolerance: float, facing: float | Quaternion | None = None
+    x: float,
+    y: float,
+    z: float | None,
+    tolerance: float,
+    facing: float | Quaternion | None = None,
+    *,
+    angle_tolerance: float = 0.0,
 ) -> Iterator[Mark]:
-    """Yield the marks of a goal: its circle, and a yaw in rad or the x and the z axis of an orientation."""
+    """Yield the marks of a goal: its circle, and a yaw in rad or the x and the z axis of an orientation.
+
+    `angle_tolerance` in rad is that of the yaw.
+    """
     height = z or 0.0
     yield Circle(x, y, tolerance, height)
     if isinstance(facing, tuple):
@@ -216,4 +239,4 @@ def goal(
             dx, dy, dz = rotate(facing, axis)
             yield Polyline(((x, y, height), (x + _AXIS_M * dx, y + _AXIS_M * dy, height + _AXIS_M * dz)))
     elif facing is not None and math.isfinite(facing):
-        yield Arrow(x, y, facing)
+        yield Arrow(x, y, facing, tolerance=angle_tolerance)

@@ -37,12 +37,13 @@ from sim_action.core.geometry import Pose, quaternion_from_rpy
 from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import ClearanceWatch
 from sim_action.state.trace_records import ClearanceRecord, Nearness, SensorRecord
-from sim_action.state.verdict import Arrow, Circle, Mark, Polygon, Polyline, Signal
+from sim_action.state.verdict import Arrow, Circle, Mark, Polygon, Polyline, Signal, box
 from tests.assertions.test_cuts import SPECS, random_trace
 from tests.soak import examples
 from tests.traces import START, WHEELS, contact, expectation, scene, trace
 
 RATE = 240
+FACING = Arrow(3.0, 0.0, 0.5, tolerance=math.radians(5))
 STEP = 1 / RATE
 LEFT = WHEELS[0]
 
@@ -360,17 +361,22 @@ def test_limits_hold_in_the_window_of_the_expectation(options: dict[str, float],
     [
         (Travel(at_least=2.0, at_most=6.0), (Circle(0.0, 0.0, 2.0), Circle(0.0, 0.0, 6.0))),
         (Reach(x=3, y=0, tolerance=0.25), (Circle(3.0, 0.0, 0.25),)),
-        (Reach(x=3, y=0, yaw=0.5, tolerance=0.25), (Circle(3.0, 0.0, 0.25), Arrow(3.0, 0.0, 0.5))),
+        (Reach(x=3, y=0, yaw=0.5, tolerance=0.25), (Circle(3.0, 0.0, 0.25), FACING)),
         (StayWithin(x=(0, 1), y=(2, 3)), (Polygon(((0, 2), (1, 2), (1, 3), (0, 3))),)),
         (StayWithin(x=(0, 1)), (Polyline(((0, -5, 0), (0, 5, 0))), Polyline(((1, -5, 0), (1, 5, 0))))),
+        (StayWithin(x=(0, 1), y=(2, 3), z=(0, 1)), tuple(box((0, 1), (2, 3), (0, 1)))),
         (StayWithin(z=(0, 1)), ()),
         (Upright(max_tilt=math.radians(5)), ()),
-        (FinalPose(x=3, y=0, yaw=0.5, tolerance=0.25), (Circle(3.0, 0.0, 0.25), Arrow(3.0, 0.0, 0.5))),
+        (FinalPose(x=3, y=0, yaw=0.5, tolerance=0.25), (Circle(3.0, 0.0, 0.25), FACING)),
         (FinalPose(x=3), (Polyline(((3, -5, 0), (3, 5, 0))),)),
         (FinalPose(x=3, relative=True), ()),
         (
             FollowPath(path=(PathPoint(x=0, y=0), PathPoint(x=3, y=0)), end=PathEnd(tolerance=0.5)),
             (Polyline(((0, 0, 0), (3, 0, 0))), Circle(3, 0, 0.5)),
+        ),
+        (
+            FollowPath(path=(PathPoint(x=0, y=0), PathPoint(x=3, y=0)), max_error=0.2),
+            (Polyline(((0, 0, 0), (3, 0, 0)), tolerance=0.2),),
         ),
         (Negation(part=Reach(x=3, y=0, tolerance=0.25)), (Circle(3.0, 0.0, 0.25),)),
         (AllOf(parts=(Travel(at_least=2.0), Upright())), (Circle(0.0, 0.0, 2.0),)),
@@ -379,6 +385,22 @@ def test_limits_hold_in_the_window_of_the_expectation(options: dict[str, float],
 )
 def test_marks_say_where_it_is(assertion: Assertion, marks: tuple[Mark, ...]) -> None:
     assert expectation(assertion).marks(scene(), START) == marks
+
+
+@pytest.mark.parametrize(
+    ("assertion", "radii"),
+    [
+        (Clearance(at_least=0.3, to=("ball", "cube")), [0.4]),
+        (Clearance(at_least=0.3, at_most=0.5, to=("ball",)), [0.4, 0.6]),
+        (StopsBefore(body="ball", gap=(0.0, 0.5)), [0.6]),
+    ],
+    ids=lambda value: value.title if isinstance(value, Assertion) else "",
+)
+def test_a_distance_from_bodies_that_do_not_move_is_a_line_around_them(
+    assertion: Assertion, radii: list[float]
+) -> None:
+    marks = assertion.marks(scene(), START)
+    assert [max(x for x, _, _ in mark.points) for mark in marks if isinstance(mark, Polyline)] == pytest.approx(radii)
 
 
 def test_a_place_from_the_start_is_marked_in_the_world() -> None:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from sim_action.state.verdict import Arrow, Circle, Judged, Signal, Verdict, goal, line, rectangle
+from sim_action.state.verdict import Arrow, Circle, Judged, Signal, Verdict, box, goal, line, rectangle
 
 TIME = np.array([0.0, 1.0, 2.0])
 
@@ -52,6 +52,12 @@ def test_a_place_to_come_to_is_a_circle_and_a_heading_there_an_arrow() -> None:
 
 def test_an_area_goes_round_its_corners() -> None:
     assert rectangle((0.0, 1.0), (2.0, 3.0)).points == ((0.0, 2.0), (1.0, 2.0), (1.0, 3.0), (0.0, 3.0))
+
+
+def test_a_box_has_all_its_edges() -> None:
+    edges = [part for way in box((0, 1), (2, 3), (0, 4)) for part in zip(way.points, way.points[1:], strict=False)]
+    assert len({frozenset(edge) for edge in edges}) == 12
+    assert {sum(a != b for a, b in zip(*edge, strict=True)) for edge in edges} == {1}
 
 
 def test_a_bound_of_one_axis_is_a_line_across_it() -> None:

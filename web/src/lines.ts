@@ -2,6 +2,7 @@
 
 import {
   BufferGeometry,
+  CircleGeometry,
   DoubleSide,
   Float32BufferAttribute,
   Group,
@@ -111,6 +112,13 @@ export function mark(data: MarkData, colour: string): Group {
   if (data.kind === "polyline" || data.kind === "arrow") {
     const lowest = data.link === undefined ? OVER_GROUND : -Infinity;
     group.add(new Line(outline(data.kind === "polyline" ? data.points : arrow(data), lowest), line));
+    if (data.tolerance) {
+      const faint = new MeshBasicMaterial({ color: colour, transparent: true, opacity: 0.14, side: DoubleSide, depthWrite: false });
+      const area = data.kind === "polyline" ? band(data.points, data.tolerance) : sector(data, data.tolerance);
+      const allowed = new Mesh(area, faint);
+      allowed.position.z = data.link === undefined ? OVER_GROUND / 2 : 0;
+      group.add(allowed);
+    }
     return group;
   }
   const corners = data.kind === "polygon" ? data.points : ring(data);
@@ -128,6 +136,32 @@ export function mark(data: MarkData, colour: string): Group {
   const height = floor.position.z + OVER_GROUND / 2;
   group.add(floor, new LineLoop(outline(corners.map(([x, y]) => [x, y, height])), line));
   return group;
+}
+
+/** A flat ribbon along a path; it is wider at corners, so that its edges keep their distance. */
+function band(points: number[][], distance: number): BufferGeometry {
+  const sides: number[] = [];
+  const corners: number[] = [];
+  const unit = (from: number[], to: number[]) => {
+    const length = Math.hypot(to[0] - from[0], to[1] - from[1]) || 1;
+    return [(to[0] - from[0]) / length, (to[1] - from[1]) / length];
+  };
+  points.forEach((point, i) => {
+    const after = unit(point, points[i + 1] ?? point), before = i ? unit(points[i - 1], point) : after;
+    const [ax, ay] = i === points.length - 1 ? before : after;
+    const [dx, dy] = [before[0] + ax, before[1] + ay];
+    // At most twice as wide: a sharp corner would make a long tip.
+    const share = Math.max(0.5, (dx * dx + dy * dy) / 4);
+    const [x, y] = [(-dy / 2 / share) * distance, (dx / 2 / share) * distance];
+    sides.push(point[0] + x, point[1] + y, point[2], point[0] - x, point[1] - y, point[2]);
+    if (i) corners.push(2 * i - 2, 2 * i - 1, 2 * i, 2 * i, 2 * i - 1, 2 * i + 1);
+  });
+  return new BufferGeometry().setAttribute("position", new Float32BufferAttribute(sides, 3)).setIndex(corners);
+}
+
+/** The headings that are allowed. */
+function sector({ x, y, yaw }: ArrowMark, tolerance: number): BufferGeometry {
+  return new CircleGeometry(0.3, 24, yaw - tolerance, 2 * tolerance).translate(x, y, 0);
 }
 
 function outline(points: number[][], lowest = -Infinity): BufferGeometry {

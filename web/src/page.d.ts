@@ -186,6 +186,10 @@ interface PolylineMark {
   expectation?: number;
   link?: number;
   points: [number, number, number][];
+  /** m beside it that are allowed. */
+  tolerance?: number;
+  /** A view need not show all of it. */
+  is_aside?: boolean;
 }
 interface ArrowMark {
   kind: "arrow";
@@ -194,6 +198,8 @@ interface ArrowMark {
   x: number;
   y: number;
   yaw: number;
+  /** rad to both sides. */
+  tolerance?: number;
 }
 type MarkData = CircleMark | PolygonMark | PolylineMark | ArrowMark;
 

@@ -60,7 +60,10 @@ class View3D implements View {
       const missed = data.expectation !== undefined && failed.has(data.expectation);
       return mark(data, missed ? colours.bad : colours.accent);
     });
-    const fixed = marks.filter((_, i) => run.replay.marks[i].link === undefined);
+    const fixed = marks.filter((_, i) => {
+      const data = run.replay.marks[i];
+      return data.link === undefined && !(data.kind === "polyline" && data.is_aside);
+    });
     this.seen = this.widened(this.everywhere(run, robot), fixed);
     this.sun = furnish(this.scene, this.seen, colours, run.scene);
     this.settle(solids);

@@ -140,6 +140,13 @@ def _stored_mark(number: int, mark: Mark) -> MarkData:
         case Polygon():
             return PolygonMark(kind="polygon", expectation=number, points=mark.points)
         case Polyline():
-            return PolylineMark(kind="polyline", expectation=number, points=mark.points)
+            return PolylineMark(
+                kind="polyline",
+                expectation=number,
+                points=mark.points,
+                tolerance=mark.tolerance,
+                is_aside=mark.is_aside,
+            )
         case _:
-            return ArrowMark(kind="arrow", expectation=number, x=mark.x, y=mark.y, yaw=mark.yaw)
+            tolerance = min(math.pi, mark.tolerance)
+            return ArrowMark(kind="arrow", expectation=number, x=mark.x, y=mark.y, yaw=mark.yaw, tolerance=tolerance)

@@ -57,7 +57,12 @@ def suite_article(plan: PagePlan, paths: Mapping[int, Html], changes: Mapping[in
     return element(
         "article",
         element("header", element("h2", "All scenarios", id="suite-name")),
-        joined(_status_counts(plan.groups), alike(plan.groups, plan.ids), table.drawn(), element("p", _LEGEND, class_="faint legend-of-bars")),
+        joined(
+            _status_counts(plan.groups),
+            alike(plan.groups, plan.ids),
+            table.drawn(),
+            element("p", _LEGEND, class_="faint legend-of-bars"),
+        ),
         id="suite",
         class_=f"scenario suite{' changed' if changes else ''}",
         aria_labelledby="suite-name",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import islice
 from typing import Final
 
@@ -30,6 +30,7 @@ from sim_action.state.trace import FloatArray
 
 _MAX_POINTS: Final = 120
 _MAX_SOLIDS: Final = 200
+_ARROW_M: Final = 0.3
 _MIN_MARGIN_M: Final = 0.35
 """The margin in m around everything that is drawn."""
 
@@ -77,7 +78,7 @@ def drawing(replay: Replay, outcome: Outcome, outlines: SceneOutlines | None = N
         "svg",
         element("title", f"The path of the robot from above, {width:.2g} m wide"),
         *(_polygon(corners, "body") for corners in islice(_in_view(outlines.bodies(replay.scene), box), _MAX_SOLIDS)),
-        *(_mark(mark, failed) for mark in marks),
+        *(part for mark in marks for part in _mark(mark, failed)),
         *(_polygon(corners, "start") for corners in start),
         *(_polygon(corners, "robot") for corners in end),
         _line(way, "way"),
@@ -150,22 +151,34 @@ def _mark_points(marks: Sequence[MarkData]) -> Iterator[FloatArray]:
                 yield np.array([(mark.x + dx, mark.y + dy) for dx in (-mark.radius, mark.radius) for dy in (-0.1, 0.1)])
             case ArrowMark():
                 yield np.array([(mark.x, mark.y)])
+            case PolylineMark() if mark.is_aside:
+                continue
             case PolylineMark() | PolygonMark():
                 yield np.array([point[:2] for point in mark.points])
 
 
-def _mark(mark: MarkData, failed: frozenset[int]) -> Html:
+def _mark(mark: MarkData, failed: frozenset[int]) -> Iterator[Html]:
     kind = "goal missed" if mark.expectation in failed else "goal"
     match mark:
         case CircleMark():
-            return element("circle", class_=kind, cx=_number(mark.x), cy=_number(-mark.y), r=_number(mark.radius))
+            yield element("circle", class_=kind, cx=_number(mark.x), cy=_number(-mark.y), r=_number(mark.radius))
         case PolygonMark():
-            return _polygon(np.array(mark.points), kind)
+            yield _polygon(np.array(mark.points), kind)
         case PolylineMark():
-            return _line(np.array(mark.points)[:, :2], f"{kind} path")
+            points = np.array(mark.points)[:, :2]
+            if mark.tolerance:
+                band = kind.replace("goal", "band")
+                yield element("polyline", class_=band, points=_points(points), stroke_width=_number(2 * mark.tolerance))
+            yield _line(points, f"{kind} path")
         case ArrowMark():
-            tip = np.array([mark.x + 0.3 * np.cos(mark.yaw), mark.y + 0.3 * np.sin(mark.yaw)])
-            return _line(np.array([(mark.x, mark.y), tip]), f"{kind} path")
+            if mark.tolerance:
+                angles = mark.yaw + np.linspace(-mark.tolerance, mark.tolerance, _ROUND)
+                yield _polygon(np.vstack([(mark.x, mark.y), *map(partial(_towards, mark), angles)]), kind)
+            yield _line(np.array([(mark.x, mark.y), _towards(mark, mark.yaw)]), f"{kind} path")
+
+
+def _towards(mark: ArrowMark, angle: float) -> tuple[float, float]:
+    return mark.x + _ARROW_M * math.cos(angle), mark.y + _ARROW_M * math.sin(angle)
 
 
 def _touch(position: tuple[float, float, float]) -> Html:

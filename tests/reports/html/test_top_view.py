@@ -52,13 +52,32 @@ def test_a_goal_that_was_missed_is_told_apart(holds: bool, kind: str) -> None:
     assert goal.attrib["class"] == kind
 
 
+def test_tolerances_of_a_path_and_of_a_heading_are_areas() -> None:
+    path = PolylineMark(kind="polyline", points=((0.0, 1.0, 0.0), (1.0, 1.0, 0.0)), tolerance=0.2, expectation=0)
+    arrow = ArrowMark(kind="arrow", x=0.0, y=2.0, yaw=0.0, tolerance=0.5, expectation=0)
+    replay = drive(distance=3.0).model_copy(update={"marks": (path, arrow)})
+    svg = ET.fromstring(drawing(replay, outcome("a.sim.yml", holds=False)))
+    [band] = [shape for shape in svg if shape.get("class") == "band missed"]
+    assert (band.attrib["points"], band.attrib["stroke-width"]) == ("0,-1 1,-1", "0.4")
+    [wedge] = points(svg, "goal missed")
+    assert wedge[0] == (0.0, -2.0)
+    assert {round(math.dist(wedge[0], rim), 2) for rim in wedge[1:]} == {0.3}
+
+
+def test_a_line_around_a_far_body_does_not_widen_the_view() -> None:
+    far = PolylineMark(kind="polyline", points=((0.0, 90.0, 0.0), (1.0, 90.0, 0.0)), is_aside=True)
+    plain, added = (drive().model_copy(update={"marks": marks}) for marks in ((), (far,)))
+    views = [ET.fromstring(drawing(replay, outcome("a.sim.yml"))).attrib["viewBox"] for replay in (plain, added)]
+    assert views[0] == views[1]
+
+
 def test_marks_that_move_with_a_link_are_drawn_where_they_are_at_the_end() -> None:
     # The robot ends at (3, 0), with its heading.
-    moved, marks = drive(distance=3.0), {"link": 0, "expectation": 1}
-    circle = CircleMark(kind="circle", x=0.5, y=0.25, radius=0.1, **marks)
-    line = PolylineMark(kind="polyline", points=((0.0, 1.0, 0.0), (1.0, 1.0, 0.0)), **marks)
-    square = PolygonMark(kind="polygon", points=((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)), **marks)
-    arrow = ArrowMark(kind="arrow", x=0.0, y=2.0, yaw=0.0, **marks)
+    moved = drive(distance=3.0)
+    circle = CircleMark(kind="circle", x=0.5, y=0.25, radius=0.1, link=0, expectation=1)
+    line = PolylineMark(kind="polyline", points=((0.0, 1.0, 0.0), (1.0, 1.0, 0.0)), link=0, expectation=1)
+    square = PolygonMark(kind="polygon", points=((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)), link=0, expectation=1)
+    arrow = ArrowMark(kind="arrow", x=0.0, y=2.0, yaw=0.0, link=0, expectation=1)
     replay = moved.model_copy(update={"marks": (circle, line, square, arrow)})
     svg = ET.fromstring(drawing(replay, outcome("a.sim.yml")))
     [goal] = [shape for shape in svg if shape.tag == "circle" and "goal" in shape.attrib["class"]]

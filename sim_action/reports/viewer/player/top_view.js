@@ -252,9 +252,14 @@ class TopView {
   drawMark(mark) {
     const failed = mark.expectation !== undefined && this.failed.has(mark.expectation);
     const colour = failed ? this.colours.bad : this.colours.accent;
-    if (mark.kind === "polyline") this.line(mark.points, colour, 1.5, [6, 5]);
-    else if (mark.kind === "arrow") this.line(arrowPoints(mark), colour, 2);
-    else this.area(mark.kind === "polygon" ? mark.points : circlePoints(mark), `${colour}14`, colour);
+    if (mark.kind === "polyline") {
+      const width = (2 * (mark.tolerance ?? 0) * this.scale) / (devicePixelRatio || 1);
+      if (width) this.line(mark.points, `${colour}24`, width);
+      this.line(mark.points, colour, 1.5, [6, 5]);
+    } else if (mark.kind === "arrow") {
+      if (mark.tolerance) this.area(sectorPoints(mark, mark.tolerance), `${colour}24`, colour);
+      this.line(arrowPoints(mark), colour, 2);
+    } else this.area(mark.kind === "polygon" ? mark.points : circlePoints(mark), `${colour}14`, colour);
   }
 
   /** @param {number[][]} corners @param {string} fill @param {string} edge */
@@ -279,6 +284,7 @@ class TopView {
     context.strokeStyle = colour;
     context.lineWidth = width * (devicePixelRatio || 1);
     context.lineJoin = "round";
+    context.lineCap = dashes.length ? "butt" : "round";
     context.stroke();
     context.setLineDash([]);
   }
@@ -312,6 +318,12 @@ function circlePoints(mark) {
     const angle = (i * Math.PI) / 24;
     return [mark.x + mark.radius * Math.cos(angle), mark.y + mark.radius * Math.sin(angle)];
   });
+}
+
+/** The headings that are allowed. @param {ArrowMark} mark @param {number} tolerance rad */
+function sectorPoints({ x, y, yaw }, tolerance) {
+  const rim = Array.from({ length: 17 }, (_, i) => yaw + (tolerance * (i - 8)) / 8);
+  return [[x, y], ...rim.map((angle) => [x + 0.3 * Math.cos(angle), y + 0.3 * Math.sin(angle)])];
 }
 
 /** @param {ArrowMark} mark */
