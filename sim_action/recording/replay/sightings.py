@@ -42,6 +42,7 @@ class SightingData(FrozenModel):
         time: the sim time in s.
         distance: the range of the nearest return from the body in m; None for a sensor that touches.
         angle: the direction of that return in rad, counter-clockwise from the x axis of the sensor.
+        every: one of so many readings was looked at.
     """
 
     sensor: SensorName
@@ -49,6 +50,7 @@ class SightingData(FrozenModel):
     time: Number
     distance: Length | None = None
     angle: Number | None = None
+    every: Annotated[int, Field(ge=1, le=1_000_000)] = 1
 
 
 class ObstacleData(FrozenModel):
@@ -105,14 +107,15 @@ def _look(scene: Scene, film: Trace, log: ReadingLog, end: float) -> _Rays | _To
     if scans := scans_until(log, end):
         return _Rays.of(scene, film, log, scans)
     touches = [reading for reading in log.readings if isinstance(reading, ContactReading)]
-    return _Touches(log.mounted.name, [touch for touch in touches if touch.time <= end + TIME_EPSILON_S])
+    return _Touches(log.mounted.name, log.every, [touch for touch in touches if touch.time <= end + TIME_EPSILON_S])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Touches:
-    """The readings of a contact sensor."""
+    """The readings of a contact sensor; `every`: one of so many is kept."""
 
     sensor: str
+    every: int
     readings: Sequence[ContactReading]
 
     def first(self, scene: Scene, film: Trace, name: str) -> SightingData | None:
@@ -128,6 +131,7 @@ class _Rays:
 
     Attributes:
         sensor: the name of the lidar.
+        every: one of so many scans is kept.
         time: (S,) s.
         ranges: (S, R) m.
         angles: (R,) rad.
@@ -136,6 +140,7 @@ class _Rays:
     """
 
     sensor: str
+    every: int
     time: FloatArray
     ranges: FloatArray
     angles: FloatArray
@@ -154,7 +159,7 @@ class _Rays:
         for column, (x, y, start) in enumerate(zip(x_axis, y_axis, pose.position_xyz, strict=True)):
             points[:, :, column] = along * _tall(x) + across * _tall(y) + _tall(start)
         noise = float(getattr(log.mounted.sensor, "noise", 0.0))
-        return cls(log.mounted.name, time, ranges, angles, points, noise)
+        return cls(log.mounted.name, log.every, time, ranges, angles, points, noise)
 
     def first(self, scene: Scene, film: Trace, name: str) -> SightingData | None:
         """Return the nearest return of the first scan with a return from a body."""
@@ -192,6 +197,7 @@ class _Rays:
             time=round(float(self.time[row]), 5),
             distance=round(float(self.ranges[row, ray]), 4),
             angle=round(math.remainder(float(self.angles[ray]), 2 * math.pi), 4),
+            every=self.every,
         )
 
 

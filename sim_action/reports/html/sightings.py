@@ -31,7 +31,7 @@ def sightings(replay: Replay) -> Html:
 def _obstacle(obstacle: ObstacleData, replay: Replay) -> Html:
     name = element("b", one_line(replay.scene.bodies[obstacle.body].name))
     if not obstacle.seen:
-        told: list[str] = [name, " was not seen by any sensor"]
+        told: list[str] = [name, " was not seen by any lidar or contact sensor, in the readings that are kept"]
     else:
         first, *later = obstacle.seen
         told = [name, " was first seen by ", *_sighting(first)]
@@ -45,7 +45,8 @@ def _obstacle(obstacle: ObstacleData, replay: Replay) -> Html:
 
 
 def _sighting(sighting: SightingData) -> list[str]:
-    told = [f"{one_line(sighting.sensor)} ({one_line(sighting.kind)}) at ", _moment(sighting.time)]
+    kept = "" if sighting.every == 1 else f", 1 of {sighting.every} readings looked at"
+    told = [f"{one_line(sighting.sensor)} ({one_line(sighting.kind)}{kept}) at ", _moment(sighting.time)]
     if sighting.distance is not None:
         where = "" if sighting.angle is None else f" {direction(sighting.angle)}"
         told.append(f", {units.display(sighting.distance, 'm')} away{where}")

@@ -55,6 +55,11 @@ def test_a_bumper_sees_by_touch() -> None:
     assert [(one.sensor, one.kind, one.time, one.distance) for one in found.seen] == [("bumper", "contact", 0.8, None)]
 
 
+def test_a_sighting_says_of_how_many_readings_one_was_looked_at() -> None:
+    (found,) = seen(BUMP, where(), logs.lidar("front", 121, ahead(2.0), rate=60.0))
+    assert [(one.time, one.every) for one in found.seen] == [(0.9, 2)]
+
+
 def test_a_body_that_no_sensor_saw_is_said() -> None:
     (found,) = seen(BUMP, where(), logs.lidar("front", 21, ahead(0.5)))
     assert (found.touched, found.seen) == (1.95, ())

@@ -34,7 +34,17 @@ def said(*obstacles: ObstacleData, unread: tuple[str, ...] = (), body: str = "wa
             BOTH,
         ),
         (ObstacleData(body=0, seen=(BUMPER,)), "wall was first seen by bumper (contact) at 2.30 s."),
-        (ObstacleData(body=0, touched=2.3), "wall was not seen by any sensor; the robot touched it at 2.30 s."),
+        (
+            ObstacleData(body=0, seen=(BUMPER.model_copy(update={"every": 8}),)),
+            "wall was first seen by bumper (contact, 1 of 8 readings looked at) at 2.30 s.",
+        ),
+        (
+            ObstacleData(body=0, touched=2.3),
+            (
+                "wall was not seen by any lidar or contact sensor, in the readings that are kept; "
+                "the robot touched it at 2.30 s."
+            ),
+        ),
         (
             ObstacleData(body=0, touched=2.3, seen=(BUMPER,)),
             "wall was first seen by bumper (contact) at 2.30 s; the robot touched it at 2.30 s.",
