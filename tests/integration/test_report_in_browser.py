@@ -107,6 +107,7 @@ def options(folder: Path) -> ReportOptions:
 
 
 LIVE = "progress leads to a report that offers what is new"
+ACCESSIBLE = "axe finds nothing"
 CHECKS = [
     "loads",
     "opens where it failed",
@@ -139,7 +140,7 @@ def test_a_proof(tmp_path: Path) -> None:
     (tmp_path / "a.sim.yml").write_text(text, encoding="utf-8")
     ran = sim_action(tmp_path, "prove", "--only", "doubled", ".")
     assert ran.returncode == 0, ran.stdout + ran.stderr
-    checks = ["a survivor plays with the run without a fault as a ghost", "a phone has no sideways scroll"]
+    checks = ["a survivor plays with the run without a fault as a ghost", "a phone has no sideways scroll", ACCESSIBLE]
     assert looked(tmp_path / "sim-results/proof/report.html", *checks) == dict.fromkeys(checks, "")
 
 
@@ -308,6 +309,7 @@ def test_a_gate(tmp_path: Path) -> None:
         "a sweep is used by keys alone",
         "with scripts blocked a gate has its verdict and runs",
         "a gate fits on a phone",
+        ACCESSIBLE,
     ]
     assert looked(tmp_path / "report.html", *checks) == dict.fromkeys(checks, "")
 
@@ -331,6 +333,7 @@ def test_a_suite(tmp_path: Path) -> None:
         "from all scenarios to one moment, by mouse",
         "from all scenarios to one moment, by keys alone",
         "many are filtered, and open quickly",
+        ACCESSIBLE,
     ]
     assert looked(report, *checks) == dict.fromkeys(checks, "")
 

@@ -6,6 +6,7 @@
 import assert from "node:assert/strict";
 import { pathToFileURL } from "node:url";
 import { READY, launch, ready, visit } from "./browser.mjs";
+import { ACCESSIBLE } from "./checks/accessible.mjs";
 import { CAMERAS } from "./checks/cameras.mjs";
 import { GHOSTS } from "./checks/ghosts.mjs";
 import { FRAMES } from "./checks/frames.mjs";
@@ -31,6 +32,7 @@ const CHECKS = {
   ...SIGNALS,
   ...FRAMES,
   ...SUITE,
+  ...ACCESSIBLE,
   loads: {
     look: async (page) => {
       await ready(page);

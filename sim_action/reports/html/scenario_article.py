@@ -135,7 +135,7 @@ def expectations(outcome: Outcome, options: ReportOptions) -> Html:
     """Return the table of all expectations in the order of the scenario file."""
     if not outcome.expectations:
         return Html("")
-    head = element("tr", *(element("th", title, scope="col") for title in ("", "Expectation", *_NUMBERS)))
+    head = element("tr", element("td"), *(element("th", title, scope="col") for title in ("Expectation", *_NUMBERS)))
     rows = [_expectation_row(expected, options) for expected in outcome.expectations]
     table = element("table", element("thead", head), element("tbody", joined(*rows)))
     return joined(element("h3", "Expectations"), element("div", table, class_="wide"))
