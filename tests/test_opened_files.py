@@ -26,6 +26,7 @@ GATED: Final = {
     "commands/onnx_network.py": "Workspace.file",
     "core/user_scripts.py": "Workspace.file",
     "meshes/__init__.py": "Packages.file, or Workspace.file for meshes of the world",
+    "meshes/mesh_colours.py": "beside a mesh that was let through: only a name without folders, and no link",
     "robot/control_tags.py": "Packages.file",
     "robot/package_search.py": "Packages.may_read, or the environment of the job names the folder",
     "robot/xacro_documents.py": "Packages.file",

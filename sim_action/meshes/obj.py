@@ -1,4 +1,4 @@
-"""Read Wavefront OBJ: points, faces and objects. Materials are ignored, and no other file is opened."""
+"""Read Wavefront OBJ: points, faces and objects. No other file is opened; `mesh_colours` reads materials."""
 
 from __future__ import annotations
 

@@ -77,7 +77,9 @@ class LinkPieces:
             shape = plain_shape(visual.kind, (x / 2, y / 2, z / 2), pose, color)
             return shape if opacity == 1 else shape.model_copy(update={"opacity": opacity})
         surface = self._surface(visual)
-        return None if surface is None else MeshPiece(surface, pose, color, opacity)
+        if surface is None:
+            return None
+        return MeshPiece(surface, pose, visual.color or self._meshes.colour(visual.file) or ROBOT, opacity)
 
     def _surface(self, visual: Visual) -> Triangles | None:
         key = visual.file, visual.scale

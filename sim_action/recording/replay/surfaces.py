@@ -96,9 +96,19 @@ def without_idle(surface: Triangles) -> Triangles:
     # Rotate corners so that the smallest comes first; the outside stays the same.
     turns = kept.argmin(axis=1)[:, None]
     kept = np.take_along_axis(kept, (turns + np.arange(3)) % 3, axis=1)
-    kept = np.unique(kept, axis=0)
+    kept = _distinct(kept)[0] if len(kept) else kept
     used, corners = np.unique(kept, return_inverse=True)
     return Triangles(surface.points_xyz[used], corners.reshape(-1, 3).astype(np.int64))
+
+
+def _distinct(rows: IntArray) -> tuple[IntArray, IntArray]:
+    """Return the distinct rows (N, 3) in order, and the number of each row among them, as `numpy.unique` does."""
+    lower = rows.min(axis=0)
+    x, y, z = (rows - lower).T
+    _, wide, deep = (rows.max(axis=0) - lower + 1).tolist()
+    # One number for each row is sorted several times as fast; it has 63 bits for 2 million values in each column.
+    _, firsts, names = np.unique((x * wide + y) * deep + z, return_index=True, return_inverse=True)
+    return rows[firsts], names.ravel()
 
 
 def _first(surface: Triangles, most: int) -> Triangles:
@@ -206,7 +216,7 @@ def mesh_data(surface: Triangles) -> MeshData | None:
         return None
     step = max(_MIN_STEP_M, float(np.ptp(points, axis=0).max()) / _MESH_STEPS)
     places = np.rint(points / step).astype(np.int64)
-    grid, names = np.unique(places, axis=0, return_inverse=True)
+    grid, names = _distinct(places)
     whole = without_idle(Triangles(grid.astype(np.float64), names.ravel()[surface.corners]))
     if not len(whole):
         return None

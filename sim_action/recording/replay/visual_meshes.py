@@ -13,6 +13,7 @@ import numpy as np
 from sim_action.core.content_cache import Entry, cache_folder
 from sim_action.meshes import MeshError, mesh_bytes, parsed_mesh
 from sim_action.meshes.hull_file import read_hull_points
+from sim_action.meshes.mesh_colours import Colour, colour_of, stated_colour
 from sim_action.recording.replay.surfaces import Triangles, hull_surface, simplified
 from sim_action.robot.mjcf.model import MESH_OF_TEXT, Mjcf
 from sim_action.robot.robot_model import RobotModel
@@ -35,6 +36,7 @@ class VisualMeshes:
         """Simplify each surface to at most `most` triangles."""
         self._mjcf, self._most = model.mjcf, most
         self.unreadable: dict[str, str] = {}
+        self._colours: dict[str, Colour | None] = {}
         self._known: dict[str, Triangles | None] = {}
         self._known_of_text: dict[str, Triangles] | None = None
         self._known_hulls: dict[bytes, Triangles | None] = {}
@@ -48,6 +50,12 @@ class VisualMeshes:
         if file not in self._known:
             self._known[file] = self._read(Path(file))
         return self._known[file]
+
+    def colour(self, file: str) -> Colour | None:
+        """Return the colour that a file states; None if it states none, or is a mesh in MJCF."""
+        if file not in self._colours:
+            self._colours[file] = None if file.startswith(MESH_OF_TEXT) else self._colour(Path(file))
+        return self._colours[file]
 
     def hulls(self, text: bytes) -> Triangles | None:
         """Return the convex hulls of a clean mesh (see `Shape`); None if none of them has a volume."""
@@ -77,6 +85,21 @@ class VisualMeshes:
         except MeshError as error:
             self.unreadable[path.name] = str(error)
             return None
+
+    def _colour(self, path: Path) -> Colour | None:
+        try:
+            data = _small_enough(mesh_bytes(path))
+        except MeshError:
+            return None
+        # The material file of an OBJ may change on its own, and a COLLADA file takes long to parse.
+        if path.suffix.lower() != ".dae":
+            return colour_of(path, data)
+        entry = Entry.of(cache_folder("meshes"), "txt", data, _VERSION, "colour")
+        known = entry.read()
+        if known is None:
+            known = " ".join(map(str, colour_of(path, data) or ())).encode()
+            entry.write(known)
+        return stated_colour(known.decode(errors="replace"))
 
     def _surface(self, path: Path, data: bytes) -> Triangles:
         entry = self._entry(data, path.suffix.lower())

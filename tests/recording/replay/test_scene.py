@@ -15,7 +15,7 @@ from sim_action.recording.replay.shapes import BoxShape, CylinderShape, Ellipsoi
 from sim_action.scenario.loading import build_scene
 from sim_action.world import World
 from sim_action.world.parts import BoxPart
-from tests.mesh_files import HALF, stl
+from tests.mesh_files import HALF, obj, stl
 from tests.scenarios import LEAST, load
 from tests.traces import scene
 
@@ -126,6 +126,16 @@ def test_meshes_of_one_file_are_one(tmp_path: Path) -> None:
     (mesh,) = found.meshes.values()
     assert extents(mesh) == pytest.approx([4 * half for half in HALF], abs=2e-3)
     assert len(mesh.triangles) == 3 * 12
+
+
+def test_a_mesh_without_a_material_in_the_model_has_the_colour_of_its_file(tmp_path: Path) -> None:
+    (tmp_path / "box.obj").write_bytes(b"mtllib box.mtl\nusemtl paint\n" + obj())
+    (tmp_path / "box.mtl").write_bytes(b"newmtl paint\nKd 0 0.5 1\n")
+    mesh = MESH.replace("box.stl", "box.obj")
+    stated, own = (
+        link.shapes[0].color for link in seen(tmp_path, mesh.format(material=RED), mesh.format(material="")).links
+    )
+    assert (stated, own) == ((1, 0, 0), (0, 0.5, 1))
 
 
 @pytest.mark.parametrize("data", [b"solid nothing", b"", b"\x00" * 84])
