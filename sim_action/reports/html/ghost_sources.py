@@ -11,10 +11,8 @@ from sim_action.recording.replay.replay_data import Replay
 from sim_action.recording.replay.replay_file import ReplayReader
 from sim_action.reports.formatting import moment
 from sim_action.reports.html.ghosts import Ghost, WaitingGhosts, engine_pairs, ghost
-from sim_action.reports.html.golden_ghost import golden_replay
 from sim_action.reports.html.parting import Tolerance
 from sim_action.reports.html.replay_blocks import ReplayBlocks, replay_id, stored_replay
-from sim_action.reports.html.world_changes import world_changes
 from sim_action.results.outcome import Outcome
 
 if TYPE_CHECKING:
@@ -81,6 +79,8 @@ class GhostSources:
         theirs, missing = (None, "") if folder is None else stored_replay(old, folder, self._readers["base"])
         if theirs is None:
             return f"The motion of the {BASE_RUN} is not drawn: {missing[0].lower()}{missing[1:]}" if missing else ""
+        from sim_action.reports.html.world_changes import world_changes
+
         world = world_changes(replay.scene, theirs.scene)
         if world and id(outcome) in self.changes:
             self.changes[id(outcome)] = replace(self.changes[id(outcome)], world=world)
@@ -91,6 +91,8 @@ class GhostSources:
 
     def _find_golden(self, identity: str, outcome: Outcome, replay: Replay) -> None:
         for number, golden in enumerate(replay.golden, start=1):
+            from sim_action.reports.html.golden_ghost import golden_replay
+
             block, theirs = f"golden-{identity}-{number}", golden_replay(replay, golden)
             label = GOLDEN if number == 1 else f"{GOLDEN} {number}"
             self._keep(identity, ghost(label, block, replay, theirs, Tolerance.of(outcome, "matches")))

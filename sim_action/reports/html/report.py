@@ -22,8 +22,6 @@ from sim_action.reports.html.navigation import PageEntry, PagePlan, planned_page
 from sim_action.reports.html.replay_blocks import ReplayBlocks, packed, page_json, replay_id, stored_replay
 from sim_action.reports.html.scenario_article import article, drawn
 from sim_action.reports.html.sightings import sightings
-from sim_action.reports.html.small_path import small_path
-from sim_action.reports.html.suite import suite_article
 from sim_action.reports.html.sweep import sweep
 from sim_action.reports.html.top_view import SceneOutlines
 from sim_action.reports.scenario_groups import grouped_scenarios
@@ -59,6 +57,8 @@ def page(results: Results, options: ReportOptions) -> Page:
     head = f'{page_head(results, base)}\n<div class="layout">{joined(scenario_list(plan, results), main)}'
     written = [articles[entry.identity] + b"\n" for entry in plan.entries]
     if plan.has_suite:
+        from sim_action.reports.html.suite import suite_article
+
         written.insert(0, encoded(f"{suite_article(plan, paths, ghosts.changes)}\n"))
     if written:
         written[-1] = written[-1].removesuffix(b"\n")
@@ -108,6 +108,8 @@ def _run_articles(
         replay, missing = stored_replay(outcome, options.folder, reader)
         seen = Html("") if replay is None else sightings(replay)
         if replay is not None and plan.has_suite:
+            from sim_action.reports.html.small_path import small_path
+
             paths[id(outcome)] = small_path(replay, outcome.display_status)
         if replay is not None and not blocks.add(replay_id(identity), replay):
             replay, missing = None, "The replay of this run is not included: the size of the page is limited."
