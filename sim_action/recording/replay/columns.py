@@ -60,13 +60,7 @@ class Column(FrozenModel):
 
     def decoded(self, count: int) -> FloatArray:
         """Return the values (N,) of `count` moments, NaN in gaps."""
-        steps = np.full(count, self.first, dtype=np.int64)
-        if self.deltas:
-            steps[1:] += np.cumsum(np.array(self.deltas, dtype=np.int64))
-        values = self.scale * steps.astype(np.float64)
-        for start, length in self.gaps:
-            values[start : start + length] = math.nan
-        return values
+        return _decoded(self, np.array(self.deltas, dtype=np.int64), count)
 
     def fits(self, count: int) -> bool:
         """Return True if the column is valid for `count` moments."""
@@ -132,13 +126,7 @@ class TextColumn(FrozenModel):
         """Return the values (N,) of `count` moments, NaN in gaps."""
         codes = np.frombuffer(self.deltas.encode("utf-32-le"), dtype="<u4").astype(np.int64) - _FIRST_CHARACTER
         deltas = np.where(codes % 2 == 1, -(codes + 1) // 2, codes // 2)
-        steps = np.full(count, self.first, dtype=np.int64)
-        if self.deltas:
-            steps[1:] += np.cumsum(deltas)
-        values = self.scale * steps.astype(np.float64)
-        for start, length in self.gaps:
-            values[start : start + length] = math.nan
-        return values
+        return _decoded(self, deltas, count)
 
     def fits(self, count: int) -> bool:
         """Return True if the column is valid for `count` moments."""
@@ -169,6 +157,16 @@ def _steps(values: FloatArray, there: NDArray[np.bool_], scale: float) -> NDArra
     first = int(np.argmax(there))
     rows = np.maximum.accumulate(np.where(there, np.arange(len(values)), first))
     return _steps(np.where(there[rows], values[rows], 0.0), np.ones_like(there), scale)
+
+
+def _decoded(column: Column | TextColumn, deltas: NDArray[np.int64], count: int) -> FloatArray:
+    steps = np.full(count, column.first, dtype=np.int64)
+    if len(deltas):
+        steps[1:] += np.cumsum(deltas)
+    values = column.scale * steps.astype(np.float64)
+    for start, length in column.gaps:
+        values[start : start + length] = math.nan
+    return values
 
 
 def _are_within(gaps: Sequence[tuple[int, int]], count: int) -> bool:
