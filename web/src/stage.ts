@@ -87,7 +87,7 @@ function squares(colours: Colours, look?: GroundData): [Color, Color] {
   const floor = new Color(colours.floor);
   if (!look) return [floor, floor.clone().multiplyScalar(0.975)];
   const page = floor.getRGB({ r: 0, g: 0, b: 0 }, "srgb");
-  const mixed = (own: number, part: number) => part + 0.35 * (own - part);
+  const mixed = (own: number, part: number) => part + 0.25 * (own - part);
   const near = ([r, g, b]: [number, number, number]) => new Color().setRGB(mixed(r, page.r), mixed(g, page.g), mixed(b, page.b), "srgb");
   return [near(look.color), near(look.checker ?? look.color)];
 }

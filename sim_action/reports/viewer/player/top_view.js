@@ -136,7 +136,7 @@ class TopView {
     const { ground } = this.motion.scene;
     if (!ground) return;
     const { color, checker = color } = ground;
-    this.context.globalAlpha = 0.35;
+    this.context.globalAlpha = 0.25;
     this.context.fillStyle = `rgb(${color.map((part, i) => Math.round(127.5 * (part + checker[i]))).join(" ")})`;
     this.context.fillRect(0, 0, this.canvas.width, this.canvas.height);
     this.context.globalAlpha = 1;
@@ -168,15 +168,16 @@ class TopView {
     const { context, colours } = this;
     const size = 11 * (devicePixelRatio || 1);
     context.font = `${size}px system-ui, sans-serif`;
-    context.textAlign = "center";
-    context.textBaseline = "middle";
+    context.textAlign = "left";
+    context.textBaseline = "top";
     for (const { x, y, size: [width, depth], friction } of this.motion.scene.patches ?? []) {
       const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([a, b]) => [x + (a * width) / 2, y + (b * depth) / 2]);
       this.area(corners, `${colours.text}12`, colours.line);
       const words = `friction ${friction}`;
-      if (context.measureText(words).width > 0.9 * width * this.scale || 1.5 * size > depth * this.scale) continue;
+      if (context.measureText(words).width + size > width * this.scale || 2 * size > depth * this.scale) continue;
+      const [left, top] = this.pixel([x - width / 2, y + depth / 2]);
       context.fillStyle = colours.faint;
-      context.fillText(words, ...this.pixel([x, y]));
+      context.fillText(words, left + size / 2, top + size / 2);
     }
   }
 
