@@ -105,7 +105,7 @@ interface GhostEntry {
   replay: string | null;
   /** The sim time in s at which the motions part, and how; null: they move alike. */
   parting: { time: number; words: string } | null;
-  /** Up to what they move alike. */
+  /** The sentence for runs that do not part. */
   alike: string;
   /** True if it is drawn from the start. */
   shown: boolean;

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from sim_action.core.records import dataclass, field
 from sim_action.recording.replay.replay_data import Replay
 from sim_action.reports.escaping import one_line
-from sim_action.reports.html.parting import Parting, Tolerance, parting
+from sim_action.reports.html.parting import Parting, Tolerance, alike, parting
 from sim_action.reports.html.replay_blocks import MAX_REPLAY_BYTES, PackedReplay, ReplayBlocks
 from sim_action.results.outcome import Outcome
 
@@ -23,7 +23,7 @@ class Ghost:
         label: its name in the choice and in addresses.
         block: the element id of its packed replay.
         parting: the moment at which the two part; None if they move alike.
-        alike: up to what they move alike, in words.
+        alike: the sentence for a pair that does not part.
         is_shown: True if it is drawn from the start.
     """
 
@@ -50,7 +50,7 @@ def ghost(
 ) -> Ghost:
     """Return the ghost of `theirs` in the player of `ours`."""
     tolerance = tolerance or Tolerance()
-    return Ghost(label, block, parting(ours, theirs, tolerance), tolerance.words, is_shown)
+    return Ghost(label, block, parting(ours, theirs, tolerance), alike(ours, theirs, tolerance), is_shown)
 
 
 def motion_of(replay: Replay) -> Replay:

@@ -74,6 +74,12 @@ def parting(ours: Replay, theirs: Replay, tolerance: Tolerance | None = None) ->
     return None
 
 
+def alike(ours: Replay, theirs: Replay, tolerance: Tolerance) -> str:
+    """Return the sentence for two runs that do not part. The joints of a robot that moves are not compared."""
+    compared = "They" if _at_one_place(ours, theirs) or not ours.joint_names else "Their bases"
+    return f"{compared} move alike, up to {tolerance.words}"
+
+
 def _limit_text(limit: float, unit: str) -> str:
     is_small = unit == "m" and limit < _ONE_M
     return units.display(1000 * limit, "mm") if is_small else units.display(limit, unit)
@@ -86,7 +92,7 @@ def _differences(
     mine, other = _base(ours, times), _base(theirs, times)
     yield np.linalg.norm(mine[:, :3] - other[:, :3], axis=1), tolerance.position, "m"
     yield _angles(mine[:, 3:], other[:, 3:]), tolerance.angle, "rad"
-    if not _moves(ours) and not _moves(theirs):
+    if _at_one_place(ours, theirs):
         sliding = {link.joint.column for link in ours.scene.links if link.joint and link.joint.type == "prismatic"}
         others = dict(zip(theirs.joint_names, theirs.frames.joints, strict=True))
         for number, (name, column) in enumerate(zip(ours.joint_names, ours.frames.joints, strict=True)):
@@ -120,6 +126,10 @@ def _angles(mine: FloatArray, other: FloatArray) -> FloatArray:
     mine, other = (each / np.maximum(np.linalg.norm(each, axis=1, keepdims=True), 1e-12) for each in (mine, other))
     apart = np.minimum(np.linalg.norm(mine - other, axis=1), np.linalg.norm(mine + other, axis=1))
     return np.asarray(4 * np.arcsin(np.minimum(apart / 2, 1.0)), dtype=np.float64)
+
+
+def _at_one_place(ours: Replay, theirs: Replay) -> bool:
+    return not _moves(ours) and not _moves(theirs)
 
 
 def _moves(replay: Replay) -> bool:

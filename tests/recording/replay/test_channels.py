@@ -88,6 +88,12 @@ def test_contact_forces_are_the_mean_between_two_moments() -> None:
     assert list(forces.values()) == [[0, 0, 10, 0], [0, 0, 8, 0], [0, 0, 2, 0]]
 
 
+def test_a_contact_without_a_force_has_no_curve() -> None:
+    rigid = contact(0.01, "gate", force=0.0)._replace(has_force=False)
+    assert stored(trace(TIME), contacts=[rigid]) == {}
+    assert list(stored(trace(TIME), contacts=[rigid, contact(0.01)])) == [("contacts", "force of wall", False)]
+
+
 def test_many_touched_bodies_have_one_force() -> None:
     pushed = [contact(0.01, f"body {number}") for number in range(channels.MAX_TOUCHED + 1)]
     assert list(stored(trace(TIME), contacts=pushed)) == [("contacts", "force of all bodies", False)]

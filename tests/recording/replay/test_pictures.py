@@ -76,8 +76,9 @@ GOOD = png_of(np.zeros((2, 2, 3), dtype=np.uint8))
         GOOD.replace(struct.pack(">II", 2, 2), struct.pack(">II", 2, 100_000)),
         GOOD.replace(struct.pack(">II", 2, 2), struct.pack(">II", 0, 2)),
         GOOD + bytes(100_000),
+        GOOD.replace(bytes((8, 2, 0, 0, 0)), bytes((16, 6, 0, 0, 0))),
     ],
-    ids=["nothing", "another format", "vectors", "cut off", "high", "narrow", "large"],
+    ids=["nothing", "another format", "vectors", "cut off", "high", "narrow", "large", "deep colours"],
 )
 def test_what_is_no_small_picture_is_refused(data: bytes) -> None:
     with pytest.raises(ValidationError):

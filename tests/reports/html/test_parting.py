@@ -10,7 +10,7 @@ import pytest
 from sim_action.core.errors import Location
 from sim_action.recording.replay.columns import Column
 from sim_action.recording.replay.replay_data import Replay
-from sim_action.reports.html.parting import Parting, Tolerance, parting
+from sim_action.reports.html.parting import Parting, Tolerance, alike, parting
 from sim_action.results.outcome import ExpectationOutcome
 from sim_action.state.verdict import Verdict
 from tests.outcomes import outcome
@@ -50,6 +50,11 @@ def test_a_heading_counts_and_a_quaternion_is_its_negative() -> None:
     assert found.time == pytest.approx(0.5, abs=0.04)
     assert found.words == "by more than 0.5 deg"
     assert parting(turned(1.0), turned(1.0, sign=-1.0)) is None
+    # Between two moments of the change of sign, too.
+    once = turned(1.0, sign=-1.0)
+    moments = once.frames.time
+    shifted = with_frames(once, time=moments.model_copy(update={"first": moments.first + 10}))
+    assert parting(turned(1.0), shifted) is None
 
 
 def test_runs_that_end_apart_part_there() -> None:
@@ -76,8 +81,23 @@ def test_joints_count_where_no_base_moves() -> None:
     found = parting(arm, bent)
     assert found is not None
     assert found.words == "by more than 0.5 deg"
+    (wheel, *rest) = arm.scene.links[::-1]
+    assert wheel.joint is not None
+    slider = wheel.model_copy(update={"joint": wheel.joint.model_copy(update={"type": "prismatic"})})
+    slid = arm.model_copy(update={"scene": arm.scene.model_copy(update={"links": (*rest[::-1], slider)})})
+    found = parting(slid, bent)
+    assert found is not None
+    assert found.words == "by more than 5 mm"
     renamed = bent.model_copy(update={"joint_names": ("other",)})
     assert parting(arm, renamed) is None
+
+
+def test_what_was_not_compared_is_not_said_to_move_alike() -> None:
+    assert alike(drive(), drive(), Tolerance()) == "Their bases move alike, up to 5 mm or 0.5 deg"
+    arm = drive(distance=0.0)
+    assert alike(arm, arm, Tolerance()) == "They move alike, up to 5 mm or 0.5 deg"
+    body = with_frames(drive().model_copy(update={"joint_names": ()}), joints=())
+    assert alike(body, body, Tolerance()) == "They move alike, up to 5 mm or 0.5 deg"
 
 
 def test_a_larger_tolerance_of_the_scenario_counts() -> None:

@@ -142,3 +142,8 @@ def test_a_small_path_runs_from_its_start_to_its_end() -> None:
         ("50", "200", "start"),
         ("590", "200", "end"),
     ]
+    ahead = drive(distance=2.0)
+    x, y, *rest = ahead.frames.base
+    left = ahead.model_copy(update={"frames": ahead.frames.model_copy(update={"base": (y, x, *rest)})})
+    # Upwards: the end is higher on the page.
+    assert re.findall(r'cy="(\d+)"', small_path(left, "passed")) == ["350", "50"]

@@ -92,6 +92,6 @@ class Ghosts extends EventTarget {
     this.swatch.hidden = entry === null;
     this.part.hidden = !entry?.parting;
     this.part.textContent = entry?.parting ? `They part at ${clockTime(entry.parting.time)}, ${entry.parting.words}` : "";
-    this.note.textContent = entry && !entry.parting ? `They move alike, up to ${entry.alike}` : "";
+    this.note.textContent = entry && !entry.parting ? entry.alike : "";
   }
 }
