@@ -285,6 +285,7 @@ def _outcome(
         file=planned.file,
         line=planned.line,
         group=planned.group,
+        tags=first.tags,
         gate=planned.name,
         statistics=_statistics(planned, looked_at, decision),
         status=status,

@@ -226,6 +226,7 @@ class Outcome(FrozenModel):
         line: the line where the scenario begins, in a file with several scenarios.
         number: the position of the scenario in its file, counted from 1; each variation counts as one.
         group: the name of the scenario that is varied, if this is a variation.
+        tags: the tags of the scenario.
         variation: the exact values of this variation.
         gate: the name of the gate that judges this run together with others; the run has no say of its own then.
         statistics: the counts and bounds of a gate, if this is the outcome of the gate itself.
@@ -258,6 +259,7 @@ class Outcome(FrozenModel):
     line: Annotated[int, Field(ge=1)] | None = None
     number: Annotated[int, Field(ge=1)] | None = None
     group: str | None = None
+    tags: tuple[str, ...] = ()
     variation: tuple[Varied, ...] = ()
     gate: str | None = None
     statistics: GateStatistics | None = None
@@ -377,7 +379,7 @@ class Outcome(FrozenModel):
             outcome = cls(name=refused.name, file=refused.file, status="error", failures=(failure,))
         else:
             outcome = cls.of_invalid(refused.file, refused.error)
-        told = ("name", "line", "number", "group", "variation")
+        told = ("name", "line", "number", "group", "tags", "variation")
         gate = None if refused.gate is None else refused.gate.name
         return outcome.model_copy(update={"gate": gate, **{key: getattr(refused, key) for key in told}})
 

@@ -210,6 +210,7 @@ def _without_result(scenario: Source | Refused, message: str) -> Outcome:
         line=scenario.line,
         number=scenario.number,
         group=scenario.group,
+        tags=scenario.tags,
         variation=scenario.variation,
         gate=scenario.gate_name,
         status="error",

@@ -94,7 +94,8 @@ class Source:
 
     def refused(self, error: InvalidScenario | InternalError) -> Refused:
         """Return the scenario as refused."""
-        return Refused(self.document.file, self.group or self.name, self.line, error, self.number)
+        name = self.group or self.name
+        return Refused(self.document.file, name, self.line, error, self.number, tags=self.tags)
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +108,7 @@ class Refused:
     error: InvalidScenario | InternalError
     number: int = 1
     group: str | None = None
+    tags: tuple[str, ...] = ()
     variation: tuple[Varied, ...] = ()
     gate: PlannedGate | None = None
 

@@ -319,7 +319,11 @@ def test_a_suite(tmp_path: Path) -> None:
         # The runs of the base went on.
         replay = drive(seconds=10.0, distance=number / 20 + (0.5 if holds else 0.2))
         return outcome(f"{number}.sim.yml", holds=holds).model_copy(
-            update={"name": f"number {number}", "replay": kept(replay, tmp_path / folder, f"{number}")}
+            update={
+                "name": f"number {number}",
+                "tags": ("slow",) if number % 3 else ("slow", "dock"),
+                "replay": kept(replay, tmp_path / folder, f"number-{number}"),
+            }
         )
 
     bad = range(0, 66, 21)

@@ -13,7 +13,7 @@ from sim_action.core.errors import Location
 from sim_action.engines import installed
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
 from sim_action.runner.child_files import ChildReport
-from sim_action.runner.child_outcome import Ending, outcome_of, refusal_of
+from sim_action.runner.child_outcome import Ending, outcome_of, refusal_of, skipped
 from sim_action.runner.isolation.child_process import ChildProcess
 from sim_action.runner.job import Job
 from sim_action.scenario.loading import load_scenario
@@ -249,3 +249,10 @@ def test_an_interpreter_that_could_not_open_its_files_has_not_begun(
         gone.listen()
     refusal = refusal_of(gone, ending)
     assert (refusal is not None and refusal.errno == errno.EMFILE) is is_refused
+
+
+def test_outcomes_have_the_tags_of_their_scenario(tmp_path: Path) -> None:
+    (tmp_path / "a.sim.yml").write_text(f"tags: [nightly, slow]\n{SCENARIO}")
+    loaded = load_scenario(tmp_path / "a.sim.yml")
+    job = Job(loaded, tmp_path / "t.npz", tmp_path, memory_is_limited=False)
+    assert skipped(loaded).tags == outcome_of(Gone.start(job), 3).tags == ("nightly", "slow")

@@ -347,6 +347,12 @@ const CHECKS = {
   },
   "many are filtered, and open quickly": {
     look: async (page) => {
+      await page.selectOption("#suite label:has-text('Tag') select", "dock");
+      assert.equal(await page.textContent("#suite .told"), "22 of 66 shown");
+      await page.selectOption("#suite label:has-text('Tag') select", "");
+      await page.fill("#suite input[type=search]", "dock failed");
+      assert.equal(await page.textContent("#suite .told"), "4 of 66 shown");
+      await page.fill("#suite input[type=search]", "");
       await ready(page);
       assert.equal((await page.$$("nav.scenarios li a")).length, 66);
       await page.fill("input[type=search]", "number 42");

@@ -162,6 +162,7 @@ class _SuiteTable:
             data_wall=_rounded(_wall_time(group)),
             data_change=None if change is None else str(_change_rank(change)),
             data_file=shown.file or None,
+            data_tags=" ".join(shown.tags) or None,
         )
 
     def _row(self, group: ScenarioGroup, shown: Outcome, place: str, change: ScenarioChange | None) -> Html:

@@ -48,6 +48,11 @@ def test_there_is_a_row_for_each_scenario_the_worst_first() -> None:
     assert re.findall(r'<tbody data-status="(\w+)"', text) == ["error", "failed", "not_exercised", "passed"]
 
 
+def test_rows_name_the_tags_of_their_scenarios() -> None:
+    tagged = outcome("a.sim.yml").model_copy(update={"tags": ("nightly", "slow")})
+    assert re.findall(r'data-tags="([^"]*)"', article(tagged, outcome("b.sim.yml"))) == ["nightly slow"]
+
+
 def test_statuses_are_counted_as_the_call_counts_them() -> None:
     varied = [run(number, 0.1 if number else -0.1, gate=None, file="a.sim.yml") for number in range(3)]
     text = article(*failed_gate().outcomes, *varied, crashed("b.sim.yml"), crashed("c.sim.yml"))

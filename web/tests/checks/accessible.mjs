@@ -16,7 +16,7 @@ const SCREENS = /** @type {const} */ ([
 /** The rules that are broken, each with the elements that break it. @param {Page} page */
 async function broken(page) {
   const { violations } = /** @type {import("axe-core").AxeResults} */ (await page.evaluate("axe.run({ resultTypes: ['violations'] })"));
-  return violations.map(({ id, nodes }) => `${id}: ${nodes.map(({ html }) => html.slice(0, 160)).join(" | ")}`);
+  return violations.map(({ id, nodes }) => `${id}: ${nodes.map(({ target, html }) => `${target} ${html.slice(0, 120)}`).join(" | ")}`);
 }
 
 /** @type {Record<string, {look: (page: Page) => Promise<void>}>} */
