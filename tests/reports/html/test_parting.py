@@ -51,10 +51,10 @@ def test_a_heading_counts_and_a_quaternion_is_its_negative() -> None:
     assert found.words == "by more than 0.5 deg"
     assert parting(turned(1.0), turned(1.0, sign=-1.0)) is None
     # Between two moments of the change of sign, too.
-    once = turned(1.0, sign=-1.0)
+    once = turned(0.5, sign=-1.0)
     moments = once.frames.time
-    shifted = with_frames(once, time=moments.model_copy(update={"first": moments.first + 10}))
-    assert parting(turned(1.0), shifted) is None
+    shifted = with_frames(once, time=moments.model_copy(update={"first": moments.first + 167}))
+    assert parting(turned(0.5), shifted) is None
 
 
 def test_runs_that_end_apart_part_there() -> None:
