@@ -27,7 +27,9 @@ def alike(groups: Iterable[ScenarioGroup], ids: Mapping[int, str]) -> Html:
     kinds: dict[str, list[tuple[Outcome, ExpectationOutcome]]] = {}
     for outcome, expected in _failures(groups):
         kinds.setdefault(_kind(expected), []).append((outcome, expected))
-    several = sorted((kind for kind in kinds.items() if len(kind[1]) > 1), key=lambda kind: -len(kind[1]))
+    # Variations of one scenario stand together in the table.
+    several = [kind for kind in kinds.items() if len(_scenarios(kind[1])) > 1]
+    several.sort(key=lambda kind: len(kind[1]), reverse=True)
     if not several:
         return Html("")
     items = [_item(words, failures, ids) for words, failures in several[:_MAX_KINDS]]
@@ -45,6 +47,11 @@ def _failures(groups: Iterable[ScenarioGroup]) -> Iterator[tuple[Outcome, Expect
                 yield outcome, min(failed, key=_time)
 
 
+def _scenarios(failures: Iterable[tuple[Outcome, ExpectationOutcome]]) -> set[tuple[str, str]]:
+    """Return file and name of each scenario; all variations of one have the same."""
+    return {(outcome.file, outcome.group or outcome.name) for outcome, _ in failures}
+
+
 def _time(expected: ExpectationOutcome) -> float:
     time = expected.verdict.time
     return float("inf") if time is None else time
@@ -57,7 +64,8 @@ def _kind(expected: ExpectationOutcome) -> str:
 
 
 def _item(words: str, failures: list[tuple[Outcome, ExpectationOutcome]], ids: Mapping[int, str]) -> Html:
-    told: list[str] = [element("b", f"{counted(len(failures), 'scenario')} {one_line(words)}"), ": "]
+    noun = "scenario" if len(_scenarios(failures)) == len(failures) else "run"
+    told: list[str] = [element("b", f"{counted(len(failures), noun)} {one_line(words)}"), ": "]
     for number, (outcome, expected) in enumerate(failures[:_MAX_NAMES]):
         name, time = one_line(outcome.name), expected.verdict.time
         place = ids.get(id(outcome))

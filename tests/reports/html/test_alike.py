@@ -10,7 +10,7 @@ from sim_action.reports.html.alike import alike
 from sim_action.reports.scenario_groups import grouped_scenarios
 from sim_action.results.outcome import Outcome
 from tests.outcomes import outcome
-from tests.reports.html.gates import failed_gate
+from tests.reports.html.gates import failed_gate, run
 
 
 def failed(file: str, message: str = "", time: float | None = 1.5, *, cut_off: bool = False) -> Outcome:
@@ -50,6 +50,14 @@ def test_the_expectation_that_failed_first_is_the_cause() -> None:
 def test_runs_of_a_gate_and_single_failures_are_not_listed() -> None:
     assert not alike(grouped_scenarios(failed_gate().outcomes), {})
     assert not said(failed("a.sim.yml", "base touched wall at 9.00 s"), failed("b.sim.yml"), outcome("c.sim.yml"))
+
+
+def test_variations_of_one_scenario_are_not_listed_but_count() -> None:
+    varied = [run(number, -0.1, gate=None, file="a.sim.yml") for number in range(3)]
+    assert not said(*varied)
+    other = run(1, -0.2, gate=None, group=None, name="b", file="b.sim.yml")
+    [words] = said(*varied, other)
+    assert words.startswith(f"4 runs failed {other.expectations[0].name}: ")
 
 
 def test_names_are_text() -> None:
