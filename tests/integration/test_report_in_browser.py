@@ -113,6 +113,7 @@ CHECKS = [
     "opens where it failed",
     "play moves the robot",
     "scrubbing moves the cursor",
+    "a moving picture follows, and is sharp at rest",
     "a link opens at its time",
     "the address tells what is seen",
     "keys do what buttons do",

@@ -7,6 +7,7 @@ import { Ghost } from "./ghost";
 import type { Layer } from "./layer";
 import { mark, Touches, Trail, Way } from "./lines";
 import { ScanLayer } from "./scans";
+import { isDrawnByProcessor, Pace, shadeCheaply } from "./pace";
 import { place, Solids } from "./solids";
 import { furnish, type Sun } from "./stage";
 
@@ -37,6 +38,8 @@ class View3D implements View {
   /** The time of the frame that the shadows belong to. */
   private shaded = NaN;
   private drawing = false;
+  /** Null: the graphics card keeps pace with all pixels. */
+  private readonly pace: Pace | null = null;
 
   constructor(
     private readonly canvas: HTMLCanvasElement,
@@ -48,6 +51,10 @@ class View3D implements View {
     this.renderer.shadowMap.enabled = true;
     this.renderer.shadowMap.type = PCFShadowMap;
     this.renderer.shadowMap.autoUpdate = false;
+    if (isDrawnByProcessor(this.renderer.getContext())) {
+      shadeCheaply();
+      this.pace = new Pace(() => this.moved());
+    }
     const solids = new Solids(run.scene.meshes);
     this.links = run.scene.links.map((link) => solids.group(link.shapes));
     this.bodies = run.scene.bodies.map((body) => solids.group(body.shapes));
@@ -84,7 +91,7 @@ class View3D implements View {
     this.cameras = new Cameras(canvas, this.seen, heading(run.at(run.start)));
     // The style sheet lets a finger scroll the page until the view was tapped.
     canvas.style.touchAction = "";
-    this.cameras.controls.addEventListener("change", () => canvas.dispatchEvent(new CustomEvent("viewmoved")));
+    this.cameras.controls.addEventListener("change", () => this.moved());
     this.home();
   }
 
@@ -122,6 +129,7 @@ class View3D implements View {
     this.base.set(moment.links[0], moment.links[1], moment.links[2]);
     if (follow) this.cameras.follow(this.base, heading(moment), this.near);
     else this.cameras.letGo();
+    this.setPixels(this.pace?.share() ?? 1);
     const { camera, controls } = this.cameras;
     const isCovered = !this.sun.cover(controls.target, 2.2 * this.cameras.reach());
     this.renderer.shadowMap.needsUpdate = !isCovered || moment.time !== this.shaded;
@@ -154,15 +162,26 @@ class View3D implements View {
   resize(): void {
     const { clientWidth: width, clientHeight: height } = this.canvas;
     if (!width || !height) return;
-    this.renderer.setPixelRatio(Math.min(2, devicePixelRatio || 1));
     this.renderer.setSize(width, height, false);
     this.cameras.resize(width, height);
   }
 
   dispose(): void {
+    this.pace?.dispose();
     this.cameras.controls.dispose();
     this.renderer.dispose();
     this.renderer.forceContextLoss();
+  }
+
+  /** Has the page draw the view anew. */
+  private moved(): void {
+    this.canvas.dispatchEvent(new CustomEvent("viewmoved"));
+  }
+
+  /** @param share of the pixels of the screen along a side */
+  private setPixels(share: number): void {
+    const ratio = share * Math.min(2, devicePixelRatio || 1);
+    if (ratio !== this.renderer.getPixelRatio()) this.renderer.setPixelRatio(ratio);
   }
 
   /** Draws a layer from now on. */

@@ -10,6 +10,7 @@ import { ACCESSIBLE } from "./checks/accessible.mjs";
 import { CAMERAS } from "./checks/cameras.mjs";
 import { GHOSTS } from "./checks/ghosts.mjs";
 import { FRAMES } from "./checks/frames.mjs";
+import { PACE } from "./checks/pace.mjs";
 import { SEEN } from "./checks/seen.mjs";
 import { SIGNALS } from "./checks/signals.mjs";
 import { SUITE } from "./checks/suite.mjs";
@@ -29,6 +30,7 @@ const CHECKS = {
   ...CAMERAS,
   ...GHOSTS,
   ...SEEN,
+  ...PACE,
   ...SIGNALS,
   ...FRAMES,
   ...SUITE,
@@ -160,7 +162,7 @@ const CHECKS = {
       await page.waitForFunction(() => document.querySelector(".scenario.open h2")?.textContent === "burger pushes on");
       await ready(page);
       await page.locator("input[type=range]").fill("2.25");
-      assert.equal(await page.evaluate(() => location.hash), "#scenario=burger%20pushes%20on&t=2.25");
+      await page.waitForFunction(() => location.hash === "#scenario=burger%20pushes%20on&t=2.25");
     },
   },
   "keys do what buttons do": {
