@@ -18,6 +18,17 @@ function make(name, attributes = {}, ...children) {
 }
 
 /**
+ * Has an element contain a text alone. While it moves, to change a text costs the page less than to replace it.
+ * @param {Element} element
+ * @param {string} text
+ */
+function write(element, text) {
+  const { firstChild } = element;
+  if (!(firstChild instanceof Text) || text === "") element.textContent = text;
+  else if (firstChild.data !== text) firstChild.data = text;
+}
+
+/**
  * Returns the first match, which must exist.
  * @param {ParentNode} parent
  * @param {string} selector

@@ -1,4 +1,8 @@
 /** The scenarios of the page: one of them is open, or the page of all. */
+
+/** After so many ms at one time the address names it. */
+const REST = 200;
+
 class Scenarios {
   /**
    * @param {ScenarioEntry[]} entries
@@ -182,10 +186,19 @@ class Scenarios {
     article.classList.add("live");
     this.offerMoments(article, player);
     await player.open(time);
-    const rememberTime = () => {
+    const timed = () => {
       if (this.player === player && !player.clock.playing) remember({ t: timeWord(player.clock.time) });
     };
-    rememberTime();
+    let waiting = 0, moved = -Infinity;
+    // While the time moves the address waits: browsers allow few changes of it, and each costs as much as a frame.
+    const rememberTime = () => {
+      clearTimeout(waiting);
+      const now = performance.now();
+      if (now - moved > REST) timed();
+      else waiting = setTimeout(timed, REST);
+      moved = now;
+    };
+    timed();
     player.clock.addEventListener("tick", rememberTime);
     player.clock.addEventListener("state", rememberTime);
   }

@@ -43,6 +43,7 @@ class Clock extends EventTarget {
   }
 
   pause() {
+    if (!this.playing) return;
     cancelAnimationFrame(this.pending);
     this.playing = false;
     this.dispatchEvent(new Event("state"));

@@ -51,7 +51,7 @@ class Controls {
   show() {
     this.slider.value = String(this.clock.time);
     this.slider.setAttribute("aria-valuetext", clockTime(this.clock.time));
-    this.readout.textContent = clockTime(this.clock.time);
+    write(this.readout, clockTime(this.clock.time));
   }
 }
 

@@ -30,7 +30,7 @@ class Pictures {
       strip.image.src = `data:image/png;base64,${png}`;
       strip.image.alt = `Picture of ${strip.sensor} at ${clockTime(taken)}`;
       const kept = strip.every > 1 ? `, every ${ordinal(strip.every)} picture` : "";
-      strip.caption.textContent = `${strip.sensor} (camera) at ${clockTime(taken)}${kept}`;
+      write(strip.caption, `${strip.sensor} (camera) at ${clockTime(taken)}${kept}`);
     }
   }
 }

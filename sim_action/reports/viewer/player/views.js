@@ -184,7 +184,7 @@ class Views {
 
   drawNow() {
     for (const scans of this.motion.scans) scans.seek(this.clock.time, this.motion);
-    this.sensed.textContent = this.sensedNow();
+    write(this.sensed, this.sensedNow());
     this.pictures.show(this.clock.time, this.layers.shown.has("pictures"));
     this.view?.draw(this.motion.at(this.clock.time), this.following);
     this.ruler.draw();
@@ -196,7 +196,7 @@ class Views {
         : `up to ${told(force, "N")} over 50 ms, ${told(impulse, "N s")} in all`;
       return `${links[link].name} touches ${bodies[body].name}, ${strength}`;
     });
-    this.happening.textContent = words.join("\n");
+    write(this.happening, words.join("\n"));
   }
 
   /** What sensors measure at the present moment, a line for each; then the scale of arrows. */

@@ -32,6 +32,8 @@ class Plot extends EventTarget {
     this.values = [];
     /** The time under the pointer. @type {number | null} */
     this.pointed = null;
+    /** As it was drawn last, in CSS pixels: to ask for it has the page lay itself out. */
+    this.width = 0;
     this.show(curves);
     this.grab();
   }
@@ -75,7 +77,7 @@ class Plot extends EventTarget {
 
   /** The x range of the time axis on the canvas, in CSS pixels. */
   get span() {
-    return { left: 44, right: this.frame.clientWidth - (this.units.length > 1 ? 46 : 8) };
+    return { left: 44, right: this.width - (this.units.length > 1 ? 46 : 8) };
   }
 
   /** @param {number} time */
@@ -118,7 +120,7 @@ class Plot extends EventTarget {
       const ghost = this.ghosts.get(curve.key);
       const known = ghost?.values.some((value) => !Number.isNaN(value));
       const other = ghost && known ? ` · ${this.ghostName} ${told(valueAt(ghost, time), unit)}` : "";
-      this.values[i].textContent = `${told(valueAt(curve, time), unit)}${aim}${other}`;
+      write(this.values[i], `${told(valueAt(curve, time), unit)}${aim}${other}`);
     });
   }
 
@@ -175,7 +177,8 @@ class Plot extends EventTarget {
   /** Draws everything but the cursor. @param {Colours} colours */
   draw(colours) {
     const ratio = devicePixelRatio || 1;
-    const width = this.frame.clientWidth, height = this.frame.clientHeight;
+    const { clientWidth: width, clientHeight: height } = this.frame;
+    this.width = width;
     this.canvas.width = Math.round(width * ratio);
     this.canvas.height = Math.round(height * ratio);
     const context = this.canvas.getContext("2d");
