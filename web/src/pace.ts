@@ -4,7 +4,7 @@ import { ShaderChunk } from "three";
 
 /** Frames that are asked for within so many ms after each other are of a picture that moves. */
 const QUICK = 300;
-/** So many of them stay sharp, as those of single steps. */
+/** So many of them stay sharp, as those of single steps and of choices. */
 const SHARP = 3;
 /** After so many ms without a frame a picture rests. */
 const REST = 250;
@@ -35,26 +35,24 @@ export class Pace {
   /** @param onRest asks for a frame with all pixels */
   constructor(private readonly onRest: () => void) {}
 
-  /** Returns the share of pixels along a side of the frame that is drawn now. */
-  share(): number {
+  /**
+   * Returns the share of pixels along a side of the frame that is drawn now.
+   * @param isOther the frame is of another time, or seen from elsewhere
+   */
+  share(isOther: boolean): number {
     this.dispose();
-    this.quick = performance.now() - this.seen < QUICK ? this.quick + 1 : 0;
+    this.quick = isOther && performance.now() - this.seen < QUICK ? this.quick + 1 : 0;
     this.seen = Infinity;
     const isMoving = this.quick >= SHARP;
     // A frame may take longer than a rest: the browser calls once it has room for the next one.
     requestAnimationFrame(() => {
       this.seen = performance.now();
-      if (isMoving) this.waiting = setTimeout(() => this.rest(), REST);
+      if (isMoving) this.waiting = setTimeout(this.onRest, REST);
     });
     return isMoving ? MOVING : 1;
   }
 
   dispose(): void {
     clearTimeout(this.waiting);
-  }
-
-  private rest(): void {
-    this.seen = -Infinity;
-    this.onRest();
   }
 }

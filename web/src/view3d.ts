@@ -37,6 +37,8 @@ class View3D implements View {
   private readonly base = new Vector3();
   /** The time of the frame that the shadows belong to. */
   private shaded = NaN;
+  /** The place of the camera at that frame. */
+  private readonly eye = new Vector3();
   private drawing = false;
   /** Null: the graphics card keeps pace with all pixels. */
   private readonly pace: Pace | null = null;
@@ -129,8 +131,9 @@ class View3D implements View {
     this.base.set(moment.links[0], moment.links[1], moment.links[2]);
     if (follow) this.cameras.follow(this.base, heading(moment), this.near);
     else this.cameras.letGo();
-    this.setPixels(this.pace?.share() ?? 1);
     const { camera, controls } = this.cameras;
+    this.setPixels(this.pace?.share(moment.time !== this.shaded || !camera.position.equals(this.eye)) ?? 1);
+    this.eye.copy(camera.position);
     const isCovered = !this.sun.cover(controls.target, 2.2 * this.cameras.reach());
     this.renderer.shadowMap.needsUpdate = !isCovered || moment.time !== this.shaded;
     this.shaded = moment.time;
