@@ -11,14 +11,16 @@ const QUIET = [
   "--no-first-run",
 ];
 const WEBGL = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"];
+/** WebGL by the processor in a page that is not drawn by way of it, as in a browser without a graphics card. */
+const WEBGL_ALONE = ["--enable-unsafe-swiftshader"];
 const NO_WEBGL = ["--disable-gpu", "--disable-3d-apis"];
 
 /**
  * Starts a browser.
- * @param {{webgl?: boolean, executable: string}} how
+ * @param {{webgl?: boolean, plain?: boolean, executable: string}} how  plain: pages are not drawn by WebGL, too
  */
 export function launch(how) {
-  const args = [...QUIET, ...(how.webgl === false ? NO_WEBGL : WEBGL)];
+  const args = [...QUIET, ...(how.webgl === false ? NO_WEBGL : how.plain ? WEBGL_ALONE : WEBGL)];
   return chromium.launch({ executablePath: how.executable, args });
 }
 
