@@ -20,13 +20,20 @@ import type { Layer } from "./layer";
 /** The height in m over the ground; lines in the plane of the ground would flicker. */
 const OVER_GROUND = 0.004;
 
+/** The sine of the angle from which on a path turns. */
+const TURN = 0.2;
+
 /** A ribbon along the path; the part ahead is faint. */
 export class Way implements Layer {
   readonly group = new Group();
   private readonly came: Mesh;
+  /** The parts of the ribbon that end by each row. */
+  private readonly parts: Uint32Array;
 
   constructor(private readonly run: Run, colour: string, clearance: number, width: number) {
-    const geometry = ribbon(run, clearance, width);
+    const rows = tellingRows(run, width);
+    this.parts = partsAt(rows, run.count);
+    const geometry = ribbon(run, rows, clearance, width);
     const ahead = new Mesh(geometry, new MeshBasicMaterial({ color: colour, transparent: true, opacity: 0.28, side: DoubleSide }));
     this.came = new Mesh(geometry.clone(), new MeshBasicMaterial({ color: colour, side: DoubleSide }));
     this.came.position.z = OVER_GROUND / 4;
@@ -35,27 +42,51 @@ export class Way implements Layer {
   }
 
   show({ time }: Moment): void {
-    this.came.geometry.setDrawRange(0, 6 * this.run.row(time));
+    this.came.geometry.setDrawRange(0, 6 * this.parts[this.run.row(time)]);
   }
 }
 
 /** The ribbon runs under the robot, also on ramps and in the air; `clearance`: m from the base to its lowest point. */
-function ribbon(run: Run, clearance: number, width: number): BufferGeometry {
+function ribbon(run: Run, rows: number[], clearance: number, width: number): BufferGeometry {
   const [xs, ys, zs] = run.base;
-  const points = new Float32Array(6 * run.count);
+  const points = new Float32Array(6 * rows.length);
   const corners: number[] = [];
   let dx = 1, dy = 0;
-  for (let i = 0; i < run.count; i++) {
+  rows.forEach((i, at) => {
     const next = Math.min(i + 1, run.count - 1), before = Math.max(i - 1, 0);
     const length = Math.hypot(xs[next] - xs[before], ys[next] - ys[before]);
     // At standstill the ribbon keeps its direction.
     if (length > 1e-3) [dx, dy] = [(xs[next] - xs[before]) / length, (ys[next] - ys[before]) / length];
     const x = (-dy * width) / 2, y = (dx * width) / 2, z = OVER_GROUND + Math.max(0, zs[i] - clearance);
-    points.set([xs[i] + x, ys[i] + y, z, xs[i] - x, ys[i] - y, z], 6 * i);
-    if (i > 0) corners.push(2 * i - 2, 2 * i - 1, 2 * i, 2 * i, 2 * i - 1, 2 * i + 1);
-  }
+    points.set([xs[i] + x, ys[i] + y, z, xs[i] - x, ys[i] - y, z], 6 * at);
+    if (at > 0) corners.push(2 * at - 2, 2 * at - 1, 2 * at, 2 * at, 2 * at - 1, 2 * at + 1);
+  });
   const geometry = new BufferGeometry().setAttribute("position", new Float32BufferAttribute(points, 3));
   return geometry.setIndex(corners);
+}
+
+/** Returns the rows that a ribbon shows, as a run of minutes has thousands that lie side by side. */
+function tellingRows(run: Run, width: number): number[] {
+  const [xs, ys, zs] = run.base;
+  const rows = [0];
+  let last = 0, course = NaN;
+  for (let i = 1; i < run.count; i++) {
+    const x = xs[i] - xs[i - 1], y = ys[i] - ys[i - 1];
+    const isTurn = Math.hypot(x, y) > 1e-3 && Math.abs(Math.sin(Math.atan2(y, x) - course)) > TURN;
+    if (!isTurn && Math.hypot(xs[i] - xs[last], ys[i] - ys[last], zs[i] - zs[last]) < width && i < run.count - 1) continue;
+    // The row before a turn is its corner.
+    if (isTurn && last < i - 1) rows.push(i - 1);
+    rows.push(i);
+    last = i;
+    course = Math.atan2(y, x);
+  }
+  return rows;
+}
+
+function partsAt(rows: number[], count: number): Uint32Array {
+  const parts = new Uint32Array(count);
+  rows.forEach((row, part) => parts.fill(part, row));
+  return parts;
 }
 
 /** The path of a link as a line; the part ahead is faint. */
