@@ -41,6 +41,7 @@ export const SEEN = {
       assert.equal(await page.getAttribute(".picture", "alt"), "Picture of eye at 0.00 s");
       const width = await page.$eval(".picture", (image) => image.getBoundingClientRect().width);
       await page.locator("input[type=range]").first().fill("1.95");
+      await drawn(page);
       assert.match((await said()) ?? "", /nearest 0\.30 m, straight ahead/);
       assert.equal(await page.getAttribute(".picture", "alt"), "Picture of eye at 1.50 s");
       assert.ok(await page.$eval(".picture", (image) => image instanceof HTMLImageElement && image.naturalWidth === 4));
