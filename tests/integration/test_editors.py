@@ -66,7 +66,7 @@ def test_an_editor_reports_mistakes_in_draws(server: LanguageServer) -> None:
         "{uniform: [0, 1], samples: 0}": "Value is below the minimum of 1",
     }
     texts = {draw: f"{SCENARIO}variations:\n  robot.pose.x: {draw}\n" for draw in messages}
-    found = server.problems({f"file:///{number}.sim.yml": text for number, text in enumerate(texts.values())})
+    found = server.problems({f"file:///draw-{number}.sim.yml": text for number, text in enumerate(texts.values())})
     last = SCENARIO.count("\n") + 2
     for (draw, message), problems in zip(messages.items(), found.values(), strict=True):
         told = [text for line, text in problems if line == last]

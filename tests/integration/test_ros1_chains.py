@@ -92,7 +92,7 @@ def test_a_chain_of_nodes_has_one_digest(nodes: str, runs: int, tmp_path: Path) 
 
     (outcome,) = outcomes(tmp_path)
     assert done.returncode == 0, done.stdout
-    assert outcome["repeats"] == {"count": runs, "agreed": runs, "digests": 1}
+    assert outcome["repeats"] == {"count": runs, "agreed": runs, "digests": 1, "replay": None}
 
 
 def chain(folder: Path, nodes: str) -> None:

@@ -68,7 +68,7 @@ def test_a_node_drives_the_same_way_every_time(tmp_path: Path) -> None:
     code, outcome = ran(tmp_path, "--repeat", "3")
 
     assert (code, outcome["status"]) == (0, "passed"), outcome
-    assert outcome["repeats"] == {"count": 3, "agreed": 3, "digests": 1}
+    assert outcome["repeats"] == {"count": 3, "agreed": 3, "digests": 1, "replay": None}
     assert not [note for note in outcome["notes"] if "lock-step" in note]
 
 
