@@ -11,6 +11,8 @@ const SHOWN = "nav.scenarios li:not([hidden]) a";
 const title = (/** @type {Page} */ page) => page.textContent(".scenario.open h2");
 const titled = (/** @type {Page} */ page, /** @type {string} */ name) =>
   page.waitForFunction((words) => document.querySelector(".scenario.open h2")?.textContent === words, name);
+const named = (/** @type {Page} */ page, /** @type {string} */ name) =>
+  assert.equal(new URLSearchParams(new URL(page.url()).hash.slice(1)).get("scenario"), name);
 const rows = (/** @type {Page} */ page) => page.locator("#suite .suite-table > tbody:visible").count();
 
 /** What a reader sees. @param {Page} page */
@@ -68,6 +70,7 @@ export const SUITE = {
       assert.equal(await rows(page), 4);
       await page.click("#suite tbody:visible th a");
       await titled(page, "number 0");
+      named(page, "number 0");
       await page.click(`${SHOWN} >> nth=1`);
       await titled(page, "number 21");
       await page.waitForSelector(READY);
@@ -95,6 +98,7 @@ export const SUITE = {
       for (const name of ["number 0", "number 21"]) {
         await page.keyboard.press("n");
         await titled(page, name);
+        named(page, name);
       }
       await page.waitForSelector(READY);
       await page.keyboard.press("Home");

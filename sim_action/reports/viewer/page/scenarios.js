@@ -96,9 +96,9 @@ class Scenarios {
     this.open = entry;
     // The words of another scenario mean nothing here.
     if (asked([entry]) === null) rememberLink(linkTo(entry, time));
-    this.rememberFilter();
     const article = find(document, `#${entry.id}`);
     this.article = article;
+    this.rememberFilter();
     article.classList.add("open");
     if (embedded) linkToWhole(article, (moment) => linkTo(entry, moment), () => this.player?.clock.time ?? null);
     this.list?.mark(entry.id);
