@@ -18,7 +18,7 @@ from sim_action.reports.terminal import open_console
 from sim_action.results.comparison import Change, ChangeKind, Comparison, SmallerMargin
 from sim_action.results.outcome import ExpectationOutcome, Outcome
 from sim_action.results.paired_comparison import CONFIDENCE, GateComparison, MarginLoss, Rate, RateChange
-from sim_action.results.weaker_checks import WeakerCheck, WeakerKind, loosened_times, newly_allowed
+from sim_action.results.weaker_checks import WeakerCheck, WeakerKind, loosened_times, newly_allowed, paired_expectations
 from sim_action.results.written_files import COMPARED
 from sim_action.scenario.variations.gate import percent
 
@@ -118,6 +118,8 @@ def rows_of(change: Change) -> Iterator[Row]:
     if slower := change.slower:
         told = f"{speed_text(slower.old)}, now {speed_text(slower.new)}{elsewhere}"
         yield Row("note" if elsewhere else "warning", "slower", change.outcome, told)
+    for was, now in change.stricter:
+        yield Row("note", "stricter limit", change.outcome, f"{now.name}: {limits_text(was, now)}")
     for old, new in change.renamed:
         yield Row("note", "check renamed", change.outcome, f"{new}; was: {old}")
     # If the verdict changed, a different motion is expected.
@@ -208,7 +210,7 @@ def _detail(change: Change) -> str:
         return "was flaky before, passed now in a single run"
     if change.kind in ("removed", "not run"):
         return "" if change.old is None else f"was: {_word(change.old)}"
-    reason = _reason(change.outcome)
+    reason = _reason(change.outcome).removeprefix(f"{change.kind}: ")
     if change.kind == "fails differently" and change.old:
         return f"was: {_word(change.old)}; {reason}"
     return f"{reason}{_before(change)}" if change.kind == "newly fails" else reason
@@ -231,15 +233,9 @@ def _word(outcome: Outcome | None) -> str:
 def _before(change: Change) -> str:
     """Return the measurement from the run in which the expectation held; empty without a margin (yes or no)."""
     failed = next(iter(change.outcome.causes), None)
-    held = _same(change.old, failed)
-    told = measurements(held.verdict) if held and held.verdict.margin else ""
+    pairs = () if change.old is None or failed is None else paired_expectations(change.old, change.outcome)
+    told = next((measurements(was.verdict) for was, now in pairs if now is failed and was.verdict.margin), "")
     return f"; before: {told}" if told else ""
-
-
-def _same(outcome: Outcome | None, failed: ExpectationOutcome | None) -> ExpectationOutcome | None:
-    if outcome is None or failed is None:
-        return None
-    return next((each for each in outcome.expectations if each.name == failed.name), None)
 
 
 def _weaker_text(weaker: WeakerCheck, change: Change) -> str:
@@ -257,11 +253,16 @@ def _weaker_text(weaker: WeakerCheck, change: Change) -> str:
         return f"{new.name}: {'; '.join(times)}"
     if weaker.kind == "allow":
         return f"{new.name}: allow has {', '.join(newly_allowed(old, new))} now"
+    return f"{new.name}: {limits_text(old, new)}"
+
+
+def limits_text(old: ExpectationOutcome, new: ExpectationOutcome) -> str:
+    """Return a text such as "limit 0.1 m, was 0.3 m" for an expectation whose limit moved."""
     before, now = old.verdict, new.verdict
-    assert before.limit is not None, "the limit allows more"
-    assert now.limit is not None, "the limit allows more"
+    assert before.limit is not None, "the limit moved"
+    assert now.limit is not None, "the limit moved"
     limit, was = units.display_apart(now.limit, before.limit, now.unit)
-    return f"{new.name}: limit {limit}, was {was}"
+    return f"limit {limit}, was {was}"
 
 
 def _time(key: str, time: float | None) -> str:

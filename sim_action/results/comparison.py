@@ -21,7 +21,14 @@ from sim_action.results.paired_comparison import (
     is_smaller_margin,
     moves_differently,
 )
-from sim_action.results.weaker_checks import Pair, WeakerCheck, has_same_limit, paired_expectations, weaker_checks
+from sim_action.results.weaker_checks import (
+    Pair,
+    WeakerCheck,
+    has_same_limit,
+    paired_expectations,
+    stricter_limits,
+    weaker_checks,
+)
 
 ChangeKind = Literal[
     "newly fails",
@@ -100,7 +107,8 @@ class Change:
         old, new: the outcomes; one of them is None if only one run has the scenario.
         missed: expectations that held before and do not hold now, unless the scenario newly fails because of them.
         weaker: expectations that were removed, that only warn now, or whose limit allows more.
-        renamed: the old and new names of expectations with another name; their limits do not allow more.
+        stricter: expectations whose limit allows less.
+        renamed: the old and new names of expectations with another name and no other limit.
         moves_differently: True if the digests differ with the same seed on the same engine build.
         processors: the CPU models of both runs if they differ; the speeds cannot be compared then.
         gate: the comparison of the runs of a gate, if this is one.
@@ -113,6 +121,7 @@ class Change:
     smaller_margins: tuple[SmallerMargin, ...] = ()
     slower: Slower | None = None
     weaker: tuple[WeakerCheck, ...] = ()
+    stricter: tuple[Pair, ...] = ()
     renamed: tuple[tuple[str, str], ...] = ()
     moves_differently: bool = False
     processors: tuple[str, str] | None = None
@@ -260,7 +269,8 @@ def _change(old: Outcome | None, new: Outcome | None, samples: Sequence[RunPair]
         return Change(kind, old, new, gate=gate, weaker=gate.weaker if gate else ())
     pairs = paired_expectations(old, new)
     weaker = tuple(weaker_checks(old, new, pairs))
-    looser = {id(each.new) for each in weaker if each.kind == "limit"}
+    stricter = tuple(stricter_limits(old, new, pairs))
+    moved = {id(each.new) for each in weaker if each.kind == "limit"} | {id(now) for _, now in stricter}
     # The margin of a gate is that of a bound, which follows from the number of runs: its runs are compared instead.
     margins = () if is_gate else (_smaller_margin(*pair, thresholds.margin) for pair in pairs)
     return Change(
@@ -271,7 +281,8 @@ def _change(old: Outcome | None, new: Outcome | None, samples: Sequence[RunPair]
         smaller_margins=tuple(smaller for smaller in margins if smaller),
         slower=_slower(old, new, thresholds.speed),
         weaker=weaker + (gate.weaker if gate else ()),
-        renamed=tuple((one.name, now.name) for one, now in pairs if one.name != now.name and id(now) not in looser),
+        stricter=stricter,
+        renamed=tuple((one.name, now.name) for one, now in pairs if one.name != now.name and id(now) not in moved),
         moves_differently=bool(gate.moved) if gate else moves_differently(old, new),
         processors=_processors(old, new),
         gate=gate,

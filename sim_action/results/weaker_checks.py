@@ -1,4 +1,4 @@
-"""Compare the expectations of one scenario in two runs: removed ones, softened ones, and limits that allow more."""
+"""Compare the expectations of one scenario in two runs: removed ones, softened ones, and limits that moved."""
 
 from __future__ import annotations
 
@@ -71,7 +71,6 @@ def weaker_checks(old: Outcome, new: Outcome, pairs: Sequence[Pair]) -> Iterator
         yield WeakerCheck("confidence", *pairs[0])
     kept = {id(one) for one, _ in pairs}
     yield from (WeakerCheck("removed", one) for one in old.expectations if id(one) not in kept and not _counts(one))
-    alike = old.digest is not None and old.digest == new.digest
     for one, now in pairs:
         if (one.severity, now.severity) == ("error", "warning"):
             yield WeakerCheck("severity", one, now)
@@ -81,9 +80,21 @@ def weaker_checks(old: Outcome, new: Outcome, pairs: Sequence[Pair]) -> Iterator
             yield WeakerCheck("window", one, now)
         if newly_allowed(one, now):
             yield WeakerCheck("allow", one, now)
-        fixed = alike or one.name != now.name or now.assertion not in _CHANGING_LIMITS
-        if fixed and _allows_more(one.verdict, now.verdict):
+        if _is_stated(old, new, one, now) and _allows_more(one.verdict, now.verdict):
             yield WeakerCheck("limit", one, now)
+
+
+def stricter_limits(old: Outcome, new: Outcome, pairs: Iterable[Pair]) -> Iterator[Pair]:
+    """Yield the expectations whose limit allows less in the new run."""
+    for one, now in pairs:
+        if _is_stated(old, new, one, now) and _allows_more(now.verdict, one.verdict):
+            yield one, now
+
+
+def _is_stated(old: Outcome, new: Outcome, one: ExpectationOutcome, now: ExpectationOutcome) -> bool:
+    """Return True if the limit of an expectation is other than before only if the scenario states another one."""
+    alike = old.digest is not None and old.digest == new.digest
+    return alike or one.name != now.name or now.assertion not in _CHANGING_LIMITS
 
 
 def loosened_times(old: ExpectationOutcome, new: ExpectationOutcome) -> dict[str, tuple[float | None, float | None]]:

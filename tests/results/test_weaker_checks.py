@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -198,7 +199,22 @@ def test_a_default_name_that_changes_with_its_limit_is_the_same_expectation() ->
     ]
     assert change.renamed == ()
     tighter = changed(old, outcome(expected("tilt", "upright"), at_least(0.45, name="at least 0.45 m")))
-    assert (tighter.renamed, tighter.warnings) == ((("at least 0.3 m", "at least 0.45 m"),), 0)
+    assert [(was.name, now.name) for was, now in tighter.stricter] == [("at least 0.3 m", "at least 0.45 m")]
+    assert (tighter.renamed, tighter.warnings) == ((), 0)
+
+
+@pytest.mark.parametrize("limit", [at_least, at_most])
+@pytest.mark.parametrize("measured", [0.4, 0.6])
+def test_a_limit_that_allows_less_is_stricter(limit: Callable[..., ExpectationOutcome], measured: float) -> None:
+    was, now = (0.3, 0.5) if limit is at_least else (0.7, 0.5)
+    old, new = (outcome(limit(each, measured, assertion="max_speed")) for each in (was, now))
+    assert [(one.verdict.limit, other.verdict.limit) for one, other in changed(old, new).stricter] == [(was, now)]
+    assert changed(new, old).stricter == changed(old, old).stricter == ()
+
+
+def test_a_limit_that_is_measured_is_not_stricter() -> None:
+    old, new = (outcome(at_least(limit, assertion="follow_path")) for limit in (0.3, 0.4))
+    assert changed(old, new).stricter == ()
 
 
 def test_a_name_that_the_user_changed_is_the_same_expectation() -> None:
