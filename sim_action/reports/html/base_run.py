@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from sim_action.core.records import dataclass
 from sim_action.core.wording import note
-from sim_action.reports.comparison import headline, rows_of
+from sim_action.reports.comparison import headline, limits_text, rows_of
 from sim_action.reports.html.changes import ScenarioChange
 from sim_action.results.comparison import Change, Comparison, compare_outcomes, paired_outcomes
 from sim_action.results.earlier_run import EarlierRun
@@ -58,7 +58,9 @@ def scenario_changes(comparison: Comparison) -> Mapping[int, ScenarioChange]:
 
 def _scenario_change(change: Change) -> ScenarioChange:
     told = [f"{row.what}: {row.detail}" if row.detail else row.what for row in rows_of(change)]
-    return ScenarioChange(_kind(change), "; ".join(told) or "nothing changed")
+    causes = set(map(id, change.outcome.causes))
+    limit = next((limits_text(was, now) for was, now in change.stricter if id(now) in causes), "")
+    return ScenarioChange(_kind(change), "; ".join(told) or "its verdicts are the same", limit)
 
 
 def _kind(change: Change) -> ScenarioChangeKind:
@@ -69,4 +71,6 @@ def _kind(change: Change) -> ScenarioChangeKind:
         return "weaker"
     if change.smaller_margins or (gate is not None and gate.margins):
         return "less margin"
+    if change.slower and not change.processors:
+        return "slower"
     return "moves differently" if change.moves_differently else "unchanged"

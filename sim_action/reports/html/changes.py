@@ -9,10 +9,11 @@ from sim_action.core.records import dataclass
 if TYPE_CHECKING:
     from sim_action.results.comparison import ChangeKind
 
-    ScenarioChangeKind = ChangeKind | Literal["less margin", "weaker", "moves differently", "unchanged"]
-    """The kind of change of a scenario or gate; the last four are those whose verdict is the one of before.
+    ScenarioChangeKind = ChangeKind | Literal["less margin", "slower", "weaker", "moves differently", "unchanged"]
+    """The kind of change of a scenario or gate; the last five are those whose verdict is the one of before.
 
     - less margin: a margin, or that of the runs of a gate, is less than half of the one of before.
+    - slower: the real-time factor is less than half of the one of before.
     - weaker: an expectation is gone, allows more, or no longer holds as a warning; or the pass rate of a gate fell.
     """
 
@@ -23,15 +24,17 @@ class ScenarioChange:
 
     Attributes:
         words: what changed, such as "newly fails: travelled 1.2 m of 1.5 m; before: 1.6 m".
+        limit: the limit that a failed expectation has now and had before; empty if it is the same.
         world: how the scene of its replay differs, such as "pallet is new"; empty if it is the same or not known.
     """
 
     kind: ScenarioChangeKind
     words: str
+    limit: str = ""
     world: str = ""
 
     @property
     def gist(self) -> str:
         """The change in a few words, for a table; empty if nothing changed."""
         kind = "" if self.kind == "unchanged" else self.kind
-        return "; ".join(part for part in (kind, self.world) if part)
+        return "; ".join(part for part in (kind, self.limit, self.world) if part)

@@ -62,7 +62,7 @@ class GhostSources:
         parts = [each.parting for each in self.found.get(identity, ()) if each.label == BASE_RUN and each.parting]
         told = [change.words] if change is not None else []
         told += [f"in its world, {change.world}"] if change is not None and change.world else []
-        told += [f"the motions part at {moment(part.time)}, {part.words}" for part in parts]
+        told += [part.told("the motions", moment(part.time)) for part in parts]
         words = f"Since the {BASE_RUN}: {'; '.join(told)}." if told else ""
         return f"{words} {missing}".strip()
 
@@ -73,17 +73,22 @@ class GhostSources:
     def _find_base(self, identity: str, outcome: Outcome, replay: Replay) -> str:
         base = self._base
         old = None if base is None else base.before.get(id(outcome))
-        if base is None or old is None or _same_motion(old, outcome):
+        if base is None or old is None:
             return ""
         folder = base.run.folders.get(id(old))
         theirs, missing = (None, "") if folder is None else stored_replay(old, folder, self._readers["base"])
+        is_same = old.digest is not None and old.digest == outcome.digest and old.engine == outcome.engine
         if theirs is None:
+            if is_same:
+                return ""
             return f"The motion of the {BASE_RUN} is not drawn: {missing[0].lower()}{missing[1:]}" if missing else ""
         from sim_action.reports.html.world_changes import world_changes
 
         world = world_changes(replay.scene, theirs.scene)
         if world and id(outcome) in self.changes:
             self.changes[id(outcome)] = replace(self.changes[id(outcome)], world=world)
+        if is_same:
+            return ""
         block = f"ghost-{identity}"
         self._keep(identity, ghost(BASE_RUN, block, replay, theirs, is_shown=old.status != outcome.status))
         self._waiting.add(block, theirs)
@@ -121,7 +126,3 @@ class GhostSources:
 
     def _keep(self, identity: str, found: Ghost) -> None:
         self.found.setdefault(identity, []).append(found)
-
-
-def _same_motion(old: Outcome, new: Outcome) -> bool:
-    return old.digest is not None and old.digest == new.digest and old.engine == new.engine

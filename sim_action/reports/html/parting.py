@@ -48,10 +48,21 @@ class Tolerance:
 
 @dataclass(frozen=True, slots=True)
 class Parting:
-    """The first moment at which two motions differ: sim time in s, and how, after "They part at 3.4 s, "."""
+    """The first moment at which two motions differ, or at which one of them ends.
+
+    Attributes:
+        time: the sim time in s.
+        words: how they differ, or which run ends.
+        is_end: True if they move alike up to there.
+    """
 
     time: float
     words: str
+    is_end: bool = False
+
+    def told(self, subject: str, time: str) -> str:
+        """Return a sentence such as "They part at 3.4 s, by more than 5 mm"."""
+        return f"{subject} {'move alike up to' if self.is_end else 'part at'} {time}, {self.words}"
 
 
 def parting(ours: Replay, theirs: Replay, tolerance: Tolerance | None = None) -> Parting | None:
@@ -70,7 +81,7 @@ def parting(ours: Replay, theirs: Replay, tolerance: Tolerance | None = None) ->
         time, limit, unit = min(found)
         return Parting(time, f"by more than {_limit_text(limit, unit)}")
     if abs(mine[-1] - other[-1]) > _SAME_END_S:
-        return Parting(float(end), f"where {'this' if mine[-1] < other[-1] else 'the other'} run ends")
+        return Parting(float(end), f"where {'this' if mine[-1] < other[-1] else 'the other'} run ends", is_end=True)
     return None
 
 

@@ -21,7 +21,7 @@ from sim_action.reports.html.ghosts import Ghost
 from sim_action.reports.html.navigation import PageEntry, PagePlan, planned_page, scenario_list
 from sim_action.reports.html.replay_blocks import ReplayBlocks, packed, page_json, replay_id, stored_replay
 from sim_action.reports.html.scenario_article import article, drawn
-from sim_action.reports.html.sightings import sightings
+from sim_action.reports.html.sightings import first_seen, sightings
 from sim_action.reports.html.sweep import sweep
 from sim_action.reports.html.top_view import SceneOutlines
 from sim_action.reports.scenario_groups import grouped_scenarios
@@ -30,6 +30,7 @@ from sim_action.results.results_json import Results
 
 if TYPE_CHECKING:
     from sim_action.reports.html.base_run import Base
+    from sim_action.reports.html.small_path import RunLook
 
 MAX_PAGE_SCENARIOS: Final = 2_000
 """The number of scenarios on a page, the worst first; further scenarios are only counted."""
@@ -51,7 +52,7 @@ def page(results: Results, options: ReportOptions) -> Page:
     blocks = ReplayBlocks()
     base = _base_run(results, options)
     ghosts = GhostSources(results.runs, plan.ids, options.folder, base)
-    articles, paths = _run_articles(plan, results, options, blocks, ghosts)
+    articles, looks = _run_articles(plan, results, options, blocks, ghosts)
     plots = _group_articles(plan, options, blocks, articles, ghosts)
     main = Html('<main id="main" tabindex="-1">' if plan.has_suite else "<main>")
     head = f'{page_head(results, base)}\n<div class="layout">{joined(scenario_list(plan, results), main)}'
@@ -59,7 +60,7 @@ def page(results: Results, options: ReportOptions) -> Page:
     if plan.has_suite:
         from sim_action.reports.html.suite import suite_article
 
-        written.insert(0, encoded(f"{suite_article(plan, paths, ghosts.changes)}\n"))
+        written.insert(0, encoded(f"{suite_article(plan, looks, ghosts.changes)}\n"))
     if written:
         written[-1] = written[-1].removesuffix(b"\n")
     body = (encoded(head), *written, b"</main></div>")
@@ -92,14 +93,14 @@ def _sweep_id(identity: str) -> str:
 
 def _run_articles(
     plan: PagePlan, results: Results, options: ReportOptions, blocks: ReplayBlocks, ghosts: GhostSources
-) -> tuple[dict[str, bytes], dict[int, Html]]:
-    """Return the articles of all runs by element id, and the pictures of their paths by `id()` of the outcome.
+) -> tuple[dict[str, bytes], dict[int, RunLook]]:
+    """Return the articles of all runs by element id, and by `id()` of the outcome what the table shows of its replay.
 
     The worst runs come first to the place for replays; the ghosts of a run come after all runs as bad as it.
     """
     reader, outlines = ReplayReader(), SceneOutlines()
     articles: dict[str, bytes] = {}
-    paths: dict[int, Html] = {}
+    looks: dict[int, RunLook] = {}
     passes = False
     for outcome in plan.runs:
         if not passes and (passes := outcome.status == "passed"):
@@ -108,9 +109,9 @@ def _run_articles(
         replay, missing = stored_replay(outcome, options.folder, reader)
         seen = Html("") if replay is None else sightings(replay)
         if replay is not None and plan.has_suite:
-            from sim_action.reports.html.small_path import small_path
+            from sim_action.reports.html.small_path import RunLook, small_path
 
-            paths[id(outcome)] = small_path(replay, outcome.display_status)
+            looks[id(outcome)] = RunLook(small_path(replay, outcome.display_status), first_seen(replay))
         if replay is not None and not blocks.add(replay_id(identity), replay):
             replay, missing = None, "The replay of this run is not included: the size of the page is limited."
         still = element("p", missing, class_="faint") if replay is None else drawn(replay, outcome, outlines)
@@ -120,7 +121,7 @@ def _run_articles(
             article(identity, outcome, results, options, still, gate=gate, seen=seen, since=since)
         )
     ghosts.settle(blocks)
-    return articles, paths
+    return articles, looks
 
 
 def _group_articles(

@@ -13,6 +13,7 @@ from sim_action.reports.formatting import moment
 from sim_action.reports.html.document import Html, element, joined
 
 _AHEAD_DEG: Final = 0.5
+_KEPT: Final = "in the readings that are kept"
 _NOT_READ: Final = "Not simulated, because no controller or expectation reads it"
 
 
@@ -28,19 +29,28 @@ def sightings(replay: Replay) -> Html:
     return joined(element("h3", "What the sensors saw"), element("ul", *items, class_="remarks sightings"))
 
 
+def first_seen(replay: Replay) -> dict[str, SightingData]:
+    """Return name of a body -> its first sighting, for the bodies that the robot met."""
+    return {replay.scene.bodies[each.body].name: each.seen[0] for each in replay.obstacles if each.seen}
+
+
 def _obstacle(obstacle: ObstacleData, replay: Replay) -> Html:
     name = element("b", one_line(replay.scene.bodies[obstacle.body].name))
     if not obstacle.seen:
-        told: list[str] = [name, " was not seen by any lidar or contact sensor, in the readings that are kept"]
+        told: list[str] = [name, f" was not seen by any lidar or contact sensor, {_KEPT}"]
     else:
         first, *later = obstacle.seen
         told = [name, " was first seen by ", *_sighting(first)]
         for number, sighting in enumerate(later):
             told += [", then by " if number == 0 else ", ", *_sighting(sighting)]
+        saw = {sighting.sensor for sighting in obstacle.seen}
+        blind = [one_line(scan.sensor) for scan in replay.scans if scan.sensor not in saw]
+        told += [f"; {', '.join(blind)} (lidar) did not see it {_KEPT}"] if blind else []
     if obstacle.touched is not None:
         told += ["; the robot touched it at ", _moment(obstacle.touched)]
         if obstacle.seen and obstacle.seen[0].time < obstacle.touched:
-            told.append(f", {moment(obstacle.touched - obstacle.seen[0].time)} later")
+            # The difference of the times as they are shown.
+            told.append(f", {moment(round(obstacle.touched, 2) - round(obstacle.seen[0].time, 2))} later")
     return element("li", *told, ".")
 
 

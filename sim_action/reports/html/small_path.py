@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import groupby
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sim_action.core.records import dataclass
 from sim_action.recording.replay.replay_data import Replay
 from sim_action.reports.html.document import Html, element
 from sim_action.results.outcome import DisplayStatus
+
+if TYPE_CHECKING:
+    from sim_action.recording.replay.sightings import SightingData
 
 _MAX_POINTS: Final = 40
 _WIDTH: Final = 640
@@ -17,6 +22,19 @@ _HEIGHT: Final = 400
 _EDGE: Final = 50
 _LEAST_EXTENT_M: Final = 0.5
 """A robot that moves less is not magnified further."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunLook:
+    """The parts of a replay that the page of all scenarios shows.
+
+    Attributes:
+        path: the picture of the path.
+        seen: name of a body -> its first sighting, for the bodies that the robot met.
+    """
+
+    path: Html
+    seen: Mapping[str, SightingData]
 
 
 def small_path(replay: Replay, status: DisplayStatus) -> Html:

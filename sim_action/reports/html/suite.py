@@ -25,6 +25,7 @@ from sim_action.results.outcome import WORST_FIRST, DisplayStatus, Outcome
 
 if TYPE_CHECKING:
     from sim_action.reports.html.changes import ScenarioChangeKind
+    from sim_action.reports.html.small_path import RunLook
 
 _CHANGES: Final[tuple[ScenarioChangeKind, ...]] = (
     "newly fails",
@@ -35,6 +36,7 @@ _CHANGES: Final[tuple[ScenarioChangeKind, ...]] = (
     "not repeated",
     "weaker",
     "less margin",
+    "slower",
     "fixed",
     "new",
     "moves differently",
@@ -45,21 +47,21 @@ _CHANGES: Final[tuple[ScenarioChangeKind, ...]] = (
 """The kinds of changes, the most important first."""
 
 
-def suite_article(plan: PagePlan, paths: Mapping[int, Html], changes: Mapping[int, ScenarioChange]) -> Html:
+def suite_article(plan: PagePlan, looks: Mapping[int, RunLook], changes: Mapping[int, ScenarioChange]) -> Html:
     """Return the article of all scenarios.
 
     Args:
         plan: the articles of the page.
-        paths: `id()` of an outcome -> the picture of its path.
+        looks: `id()` of an outcome -> what its replay shows.
         changes: `id()` of an outcome -> its change; empty: the table has no column for changes.
     """
-    table = _SuiteTable(plan, paths, changes)
+    table = _SuiteTable(plan, looks, changes)
     return element(
         "article",
         element("header", element("h2", "All scenarios", id="suite-name")),
         joined(
             _status_counts(plan.groups),
-            alike(plan.groups, plan.ids),
+            alike(plan.groups, plan.ids, looks, changes),
             table.drawn(),
             element("p", _LEGEND, class_="faint legend-of-bars"),
         ),
@@ -120,8 +122,9 @@ _COLUMNS: Final = {
 class _SuiteTable:
     """The table with a body for each group."""
 
-    def __init__(self, plan: PagePlan, paths: Mapping[int, Html], changes: Mapping[int, ScenarioChange]) -> None:
-        self._plan, self._paths, self._changes = plan, paths, changes
+    def __init__(self, plan: PagePlan, looks: Mapping[int, RunLook], changes: Mapping[int, ScenarioChange]) -> None:
+        self._plan, self._changes = plan, changes
+        self._paths = {number: look.path for number, look in looks.items()}
         self._places = {id(entry.group): entry.identity for entry in plan.entries if entry.group is not None}
         self._longest = max((_wall_time(group) for group in plan.groups), default=0.0)
 

@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from html import unescape
 
+import pytest
+
+from sim_action.recording.replay.sightings import SightingData
 from sim_action.reports.html.alike import alike
+from sim_action.reports.html.changes import ScenarioChange
+from sim_action.reports.html.document import Html
+from sim_action.reports.html.small_path import RunLook
 from sim_action.reports.scenario_groups import grouped_scenarios
 from sim_action.results.outcome import Outcome
 from tests.outcomes import outcome
@@ -20,8 +27,13 @@ def failed(file: str, message: str = "", time: float | None = 1.5, *, cut_off: b
     return made.model_copy(update={"expectations": (expected.model_copy(update={"verdict": verdict}),)})
 
 
-def said(*outcomes: Outcome) -> list[str]:
-    html = alike(grouped_scenarios(outcomes), {id(each): f"s{number}" for number, each in enumerate(outcomes)})
+def said(*outcomes: Outcome, seen: Sequence[RunLook] = (), worlds: Sequence[str] = ()) -> list[str]:
+    ids = {id(each): f"s{number}" for number, each in enumerate(outcomes)}
+    looks = dict(zip(ids, seen, strict=False))
+    changes = {
+        number: ScenarioChange("newly fails", "", world=world) for number, world in zip(ids, worlds, strict=False)
+    }
+    html = alike(grouped_scenarios(outcomes), ids, looks, changes)
     return [unescape(re.sub("<[^>]*>", "", item)) for item in re.findall("<li>.*?</li>", html)]
 
 
@@ -31,6 +43,30 @@ def test_scenarios_that_touched_the_same_body_stand_together() -> None:
     other = failed("c.sim.yml", "base touched wall at 2.00 s")
     [words] = said(one, outcome("d.sim.yml"), two, other)
     assert words == f"2 scenarios touched the pallet ({one.expectations[0].assertion}): a at 1.50 s, b at 3.78 s"
+
+
+def look(sensor: str, time: float) -> RunLook:
+    return RunLook(Html(""), {"box": SightingData(sensor=sensor, kind="lidar", time=time, distance=1.0, angle=0.0)})
+
+
+@pytest.mark.parametrize(
+    ("looks", "worlds", "words"),
+    [
+        (
+            [look("a", 1.4), look("a", 1.4)],
+            ["box is new"] * 2,
+            "; since the base run, box is new; first seen by a (lidar) at 1.40 s",
+        ),
+        ([look("a", 1.6), look("a", 1.4)], [], "; first seen by a (lidar) at 1.40 s to 1.60 s"),
+        ([look("a", 1.4), look("b", 1.4)], ["box is new", ""], ""),
+        ([look("a", 1.4), RunLook(Html(""), {})], [], ""),
+        ([look("a", 1.4)], ["box is new"], ""),
+    ],
+)
+def test_what_all_share_is_said(looks: list[RunLook], worlds: list[str], words: str) -> None:
+    both = [failed(f"{name}.sim.yml", "base touched box at 1.50 s, with 73 N in that step") for name in "ab"]
+    [told] = said(*both, seen=looks, worlds=worlds)
+    assert told.partition("b at 1.50 s")[2] == words
 
 
 def test_scenarios_that_missed_the_same_expectation_stand_together() -> None:
@@ -48,7 +84,7 @@ def test_the_expectation_that_failed_first_is_the_cause() -> None:
 
 
 def test_runs_of_a_gate_and_single_failures_are_not_listed() -> None:
-    assert not alike(grouped_scenarios(failed_gate().outcomes), {})
+    assert not alike(grouped_scenarios(failed_gate().outcomes), {}, {}, {})
     assert not said(failed("a.sim.yml", "base touched wall at 9.00 s"), failed("b.sim.yml"), outcome("c.sim.yml"))
 
 
@@ -62,4 +98,4 @@ def test_variations_of_one_scenario_are_not_listed_but_count() -> None:
 
 def test_names_are_text() -> None:
     hostile = [failed(f"{number}.sim.yml", "base touched <b>box</b> at 1.00 s") for number in range(2)]
-    assert "<b>box" not in alike(grouped_scenarios(hostile), {})
+    assert "<b>box" not in alike(grouped_scenarios(hostile), {}, {}, {})

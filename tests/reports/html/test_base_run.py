@@ -31,7 +31,34 @@ def test_another_verdict_is_the_change() -> None:
 
 
 def test_nothing_changed() -> None:
-    assert change(outcome("a.sim.yml"), outcome("a.sim.yml")) == ScenarioChange("unchanged", "nothing changed")
+    assert change(outcome("a.sim.yml"), outcome("a.sim.yml")) == ScenarioChange(
+        "unchanged", "its verdicts are the same"
+    )
+
+
+def limited(limit: float) -> Outcome:
+    made = outcome("a.sim.yml", holds=limit <= 1.5)
+    [expected] = made.expectations
+    verdict = type(expected.verdict)(limit <= 1.5, 1.5, limit, 1.5 - limit, "m", 2.0, "travelled 1.5 m")
+    named = expected.model_copy(update={"verdict": verdict, "name": f"travel {limit} m"})
+    return made.model_copy(update={"expectations": (named,)})
+
+
+def test_a_stricter_limit_is_named_as_the_reason_of_a_failure() -> None:
+    found = change(limited(1.0), limited(1.6))
+    assert found.gist == "newly fails; limit 1.6 m, was 1 m"
+    assert found.words == (
+        "newly fails: travel 1.6 m: travelled 1.5 m; before: measured 1.5 m, limit 1 m, margin 0.5 m, at 2.00 s; "
+        "stricter limit: travel 1.6 m: limit 1.6 m, was 1 m"
+    )
+    assert change(limited(1.0), limited(1.4)).gist == ""
+
+
+def test_a_slower_run_is_a_change() -> None:
+    fast, slow = (
+        outcome("a.sim.yml").model_copy(update={"real_time_factor": factor, "sim_time": 10.0}) for factor in (40.0, 2.0)
+    )
+    assert change(fast, slow).gist == "slower"
 
 
 def test_a_margin_that_shrinks() -> None:

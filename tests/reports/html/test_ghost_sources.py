@@ -46,7 +46,10 @@ def test_the_base_run_is_a_ghost_drawn_at_once_if_the_verdict_changed(tmp_path: 
     found = page(results(*new), options(tmp_path, *old))
     [[ours], [theirs]] = ghosts(found)
     assert (ours["label"], ours["replay"], ours["shown"]) == ("base run", "ghost-s0", True)
-    assert ours["parting"] == {"time": pytest.approx(0.0333, abs=1e-3), "words": "by more than 5 mm"}
+    assert ours["parting"] == {
+        "time": pytest.approx(0.0333, abs=1e-3),
+        "words": "They part at 0.03 s, by more than 5 mm",
+    }
     assert (theirs["replay"], theirs["shown"]) == ("ghost-s1", False)
     assert list(found.blocks)[:4] == ["replay-s0", "ghost-s0", "replay-s1", "ghost-s1"]
     assert "Since the base run: newly fails: travel: travelled 1.5 m" in body(found)
@@ -75,7 +78,25 @@ def test_a_ghost_takes_no_room_from_a_failure(tmp_path: Path, monkeypatch: pytes
 def test_the_same_motion_is_no_ghost(tmp_path: Path) -> None:
     found = page(results(run(tmp_path, "a", 1.0)), options(tmp_path, run(tmp_path / "old", "a", 1.0)))
     assert ghosts(found) == [[]]
-    assert "Since the base run: nothing changed." in body(found)
+    assert "Since the base run: its verdicts are the same." in body(found)
+
+
+def test_a_world_that_changed_is_named_although_the_motion_is_the_same(tmp_path: Path) -> None:
+    old, new = run(tmp_path / "old", "a", 1.0), run(tmp_path, "a", 1.0)
+    kept(drive(distance=1.0, body="pallet"), tmp_path, "a")
+    found = page(results(new), options(tmp_path, old))
+    assert ghosts(found) == [[]]
+    assert "its verdicts are the same; in its world, pallet is new" in body(found)
+
+
+def test_a_run_that_ends_earlier_does_not_part(tmp_path: Path) -> None:
+    old, new = run(tmp_path / "old", "a", 1.0), run(tmp_path, "a", 0.5)
+    short = drive(distance=0.5, seconds=1.0)
+    kept(short, tmp_path, "a")
+    found = page(results(new), options(tmp_path, old))
+    [[ghost]] = ghosts(found)
+    assert ghost["parting"]["words"] == "They move alike up to 1.00 s, where this run ends"
+    assert "the motions move alike up to 1.00 s" in body(found)
 
 
 @pytest.mark.parametrize("content", [None, b"", b"no replay"])
@@ -110,7 +131,7 @@ def test_golden_trajectories_are_ghosts(tmp_path: Path) -> None:
     found = page(results(made), options(tmp_path))
     [[one, other]] = ghosts(found)
     assert (one["label"], one["replay"], other["label"]) == ("golden trajectory", "golden-s0-1", "golden trajectory 2")
-    assert one["parting"] == {"time": 1.0, "words": "by more than 5 mm"}
+    assert one["parting"] == {"time": 1.0, "words": "They part at 1.00 s, by more than 5 mm"}
     assert {"golden-s0-1", "golden-s0-2"} <= set(found.blocks)
 
 

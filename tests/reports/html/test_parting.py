@@ -59,8 +59,8 @@ def test_a_heading_counts_and_a_quaternion_is_its_negative() -> None:
 
 def test_runs_that_end_apart_part_there() -> None:
     short = drive(seconds=1.0, distance=0.5)
-    assert parting(short, drive()) == Parting(1.0, "where this run ends")
-    assert parting(drive(), short) == Parting(1.0, "where the other run ends")
+    assert parting(short, drive()) == Parting(1.0, "where this run ends", is_end=True)
+    assert parting(drive(), short) == Parting(1.0, "where the other run ends", is_end=True)
 
 
 def test_other_moments_of_the_same_motion_do_not_part() -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from sim_action.recording.replay.sightings import ObstacleData, SightingData
 from sim_action.reports.html.sightings import direction, sightings
-from tests.replays import drive
+from tests.replays import drive, seen
 
 LIDAR = SightingData(sensor="front", kind="lidar", time=0.4, distance=1.42, angle=-0.0349)
 BUMPER = SightingData(sensor="bumper", kind="contact", time=2.3)
@@ -53,6 +53,16 @@ def said(*obstacles: ObstacleData, unread: tuple[str, ...] = (), body: str = "wa
 )
 def test_the_first_sensor_is_named_with_its_time(obstacle: ObstacleData, words: str) -> None:
     assert said(obstacle) == [words]
+
+
+def test_a_lidar_that_did_not_see_a_body_is_named() -> None:
+    met = ObstacleData(body=0, touched=2.3, seen=(LIDAR,))
+    (front,) = seen().scans
+    replay = drive(body="wall").model_copy(
+        update={"obstacles": (met,), "scans": (front, front.model_copy(update={"sensor": "<mast>"}))}
+    )
+    words = unescape(re.sub("<[^>]*>", "", sightings(replay)))
+    assert "2 deg to the right; <mast> (lidar) did not see it in the readings that are kept; the robot" in words
 
 
 def test_sensors_that_nothing_reads_are_named() -> None:

@@ -10,7 +10,7 @@ import pytest
 from sim_action.reports.html.changes import ScenarioChange
 from sim_action.reports.html.document import Html
 from sim_action.reports.html.navigation import planned_page
-from sim_action.reports.html.small_path import small_path
+from sim_action.reports.html.small_path import RunLook, small_path
 from sim_action.reports.html.suite import suite_article
 from sim_action.reports.html.suite_rows import margin_bar, nearest_cell, sort_margin
 from sim_action.reports.scenario_groups import grouped_scenarios
@@ -22,7 +22,7 @@ from tests.reports.html.gates import failed_gate, run
 
 def article(*outcomes: Outcome, changes: dict[int, ScenarioChange] | None = None) -> str:
     plan = planned_page(grouped_scenarios(outcomes), 2000)
-    return suite_article(plan, {id(each): Html("<svg></svg>") for each in outcomes}, changes or {})
+    return suite_article(plan, {id(each): RunLook(Html("<svg></svg>"), {}) for each in outcomes}, changes or {})
 
 
 def crashed(file: str) -> Outcome:
@@ -121,7 +121,7 @@ def test_changes_have_a_column_only_if_there_are_some() -> None:
     fixed, same = ScenarioChange("fixed", "failed before", "pallet is gone"), ScenarioChange("unchanged", "none")
     text = article(*several, changes={id(several[0]): fixed, id(several[1]): same})
     assert re.findall(r'<td class="change" data-title="Change">(.*?)</td>', text) == ["fixed; pallet is gone", ""]
-    assert re.findall(r'data-change="(\d+)"', text) == ["8", "13"]
+    assert re.findall(r'data-change="(\d+)"', text) == ["9", "14"]
 
 
 def test_a_group_has_its_most_important_change() -> None:

@@ -91,7 +91,7 @@ class Ghosts extends EventTarget {
     this.list.value = this.label;
     this.swatch.hidden = entry === null;
     this.part.hidden = !entry?.parting;
-    this.part.textContent = entry?.parting ? `They part at ${clockTime(entry.parting.time)}, ${entry.parting.words}` : "";
+    this.part.textContent = entry?.parting?.words ?? "";
     this.note.textContent = entry && !entry.parting ? entry.alike : "";
   }
 }
