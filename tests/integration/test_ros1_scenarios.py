@@ -267,7 +267,9 @@ BY_THE_WALL_CLOCK = {
 
 @pytest.mark.parametrize("waits", BY_THE_WALL_CLOCK)
 def test_a_node_that_acts_by_the_wall_clock_is_named_and_others_are_not(waits: str, tmp_path: Path) -> None:
-    scenario(tmp_path, "{nodes: [nodes/mover.py, nodes/clocked.py]}")
+    # A fast machine simulates 2 s before the node has slept long enough to be noticed.
+    longer = "expect:\n  - max_speed: {linear: 2}\ntime_limit: 8 s\n"
+    scenario(tmp_path, "{nodes: [nodes/mover.py, nodes/clocked.py]}", longer)
     loop = f'import threading\nimport time\n\nrospy.init_node("clocked")\nwhile not rospy.is_shutdown():\n    {waits}\n'
     package(tmp_path / "ws", "nodes", {"clocked.py": f"{HEAD}{loop}"})
 
