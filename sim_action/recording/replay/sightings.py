@@ -21,6 +21,8 @@ from sim_action.state.readings import ContactReading, LidarScan
 from sim_action.world.parts import Part, reach
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from sim_action.sensors.reading_log import ReadingLog
     from sim_action.state.trace import Trace
     from sim_action.world.scene import Scene
@@ -29,8 +31,9 @@ MAX_OBSTACLES: Final = 50
 
 # A return this near to the shape of a body counts as a return from it.
 _NEAR_M: Final = 0.02
-# Noise moves most returns by less than so many standard deviations.
+# Noise moves most returns along their rays by less than so many standard deviations.
 _DEVIATIONS: Final = 3.0
+_MAX_PLACES: Final = 100
 # Scans that are compared with a body at once.
 _BLOCK: Final = 64
 
@@ -135,6 +138,7 @@ class _Rays:
         time: (S,) s.
         ranges: (S, R) m.
         angles: (R,) rad.
+        starts: (S, 3) m, world frame.
         points: (S, R, 3) m, world frame; NaN without a return.
         noise: the standard deviation of the ranges in m.
     """
@@ -144,6 +148,7 @@ class _Rays:
     time: FloatArray
     ranges: FloatArray
     angles: FloatArray
+    starts: FloatArray
     points: FloatArray
     noise: float
 
@@ -159,7 +164,8 @@ class _Rays:
         for column, (x, y, start) in enumerate(zip(x_axis, y_axis, pose.position_xyz, strict=True)):
             points[:, :, column] = along * _tall(x) + across * _tall(y) + _tall(start)
         noise = float(getattr(log.mounted.sensor, "noise", 0.0))
-        return cls(log.mounted.name, log.every, time, ranges, angles, points, noise)
+        starts = np.column_stack(pose.position_xyz)
+        return cls(log.mounted.name, log.every, time, ranges, angles, starts, points, noise)
 
     def first(self, scene: Scene, film: Trace, name: str) -> SightingData | None:
         """Return the nearest return of the first scan with a return from a body."""
@@ -174,20 +180,18 @@ class _Rays:
             # Comparisons with NaN are false.
             near_it = (np.square(away).sum(axis=2) <= within * within) & is_there[rows, None]
             for row in np.flatnonzero(near_it.any(axis=1)).tolist():
-                if (found := self._met(start + row, near_it[row], parts, poses[start + row], near)) is not None:
+                if (found := self._met(start + row, near_it[row], parts, poses[start + row])) is not None:
                     return found
         return None
 
-    def _met(
-        self, row: int, chosen: FloatArray, parts: Sequence[Part], pose: FloatArray, near: float
-    ) -> SightingData | None:
+    def _met(self, row: int, chosen: FloatArray, parts: Sequence[Part], pose: FloatArray) -> SightingData | None:
         from sim_action.recording.replay.surface_distance import distance_to, seen_from
 
         rays = np.flatnonzero(chosen)
         x, y, z, *turn = pose.tolist()
         qx, qy, qz, qw = turn
-        own = seen_from(Pose((x, y, z), (qx, qy, qz, qw)), self.points[row, rays])
-        rays = rays[distance_to(parts, own) <= near]
+        own = seen_from(Pose((x, y, z), (qx, qy, qz, qw)), self._places(row, rays).reshape(-1, 3))
+        rays = rays[(distance_to(parts, own).reshape(len(rays), -1) <= _NEAR_M).any(axis=1)]
         if not len(rays):
             return None
         ray = rays[self.ranges[row, rays].argmin()]
@@ -199,6 +203,15 @@ class _Rays:
             angle=round(math.remainder(float(self.angles[ray]), 2 * math.pi), 4),
             every=self.every,
         )
+
+    def _places(self, row: int, rays: NDArray[np.int64]) -> FloatArray:
+        """Return places (N, P, 3) on rays from which their returns may be: around the measured ones, by the noise."""
+        returns = self.points[row, rays]
+        along = (returns - self.starts[row]) / self.ranges[row, rays, None]
+        spread = _DEVIATIONS * self.noise
+        offsets = np.linspace(-spread, spread, 1 + min(_MAX_PLACES, 2 * math.ceil(spread / _NEAR_M)))
+        places: FloatArray = returns[:, None, :] + offsets[:, None] * along[:, None, :]
+        return places
 
 
 def _tall(column: FloatArray | float) -> FloatArray:

@@ -96,6 +96,15 @@ def test_moving_bodies_are_seen_where_they_are(appears: float | None) -> None:
     assert [one.time for one in found.seen] == [appears or 1.0]
 
 
+def test_a_noisy_return_from_behind_a_low_body_is_not_from_it() -> None:
+    low = Body(name="box", box=(0.2, 2.0, 0.1), pose={"x": 2.8, "z": 0.05})  # type: ignore[arg-type]
+    film = replace(DRIVE, contacts=(traces.contact(1.9, body="box"),))
+    scans = [logs.scan(number / 10, [2.9 - number / 10, math.inf]) for number in range(21)]
+    lidar = logs.log(Lidar(rays=2, noise=0.03), "front", scans, pose=Pose((0.0, 0.0, 0.15)))
+    found = seen(film, where(low, WALL), lidar)
+    assert [(one.body, one.seen) for one in found] == [(0, ())]
+
+
 def test_noisy_returns_count_within_their_noise() -> None:
     scans = [logs.scan(number / 10, [2.9 - number / 10 - 0.05, math.inf]) for number in range(21)]
     for noise, expected in ((0.0, 0), (0.02, 1)):
