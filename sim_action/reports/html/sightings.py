@@ -44,8 +44,10 @@ def _obstacle(obstacle: ObstacleData, replay: Replay) -> Html:
         for number, sighting in enumerate(later):
             told += [", then by " if number == 0 else ", ", *_sighting(sighting)]
         saw = {sighting.sensor for sighting in obstacle.seen}
-        blind = [one_line(scan.sensor) for scan in replay.scans if scan.sensor not in saw]
-        told += [f"; {', '.join(blind)} (lidar) did not see it {_KEPT}"] if blind else []
+        blind = [scan for scan in replay.scans if scan.sensor not in saw]
+        names = ", ".join(one_line(scan.sensor) for scan in blind)
+        kept = "" if all(scan.every_scan == 1 for scan in blind) else f" {_KEPT}"
+        told += [f"; {names} (lidar) did not see it{kept}"] if blind else []
     if obstacle.touched is not None:
         told += ["; the robot touched it at ", _moment(obstacle.touched)]
         if obstacle.seen and obstacle.seen[0].time < obstacle.touched:

@@ -55,14 +55,15 @@ def test_the_first_sensor_is_named_with_its_time(obstacle: ObstacleData, words: 
     assert said(obstacle) == [words]
 
 
-def test_a_lidar_that_did_not_see_a_body_is_named() -> None:
+@pytest.mark.parametrize(("every", "words"), [(1, ""), (2, " in the readings that are kept")])
+def test_a_lidar_that_did_not_see_a_body_is_named(every: int, words: str) -> None:
     met = ObstacleData(body=0, touched=2.3, seen=(LIDAR,))
-    (front,) = seen().scans
+    (front,) = (scan.model_copy(update={"every_scan": every}) for scan in seen().scans)
     replay = drive(body="wall").model_copy(
         update={"obstacles": (met,), "scans": (front, front.model_copy(update={"sensor": "<mast>"}))}
     )
-    words = unescape(re.sub("<[^>]*>", "", sightings(replay)))
-    assert "2 deg to the right; <mast> (lidar) did not see it in the readings that are kept; the robot" in words
+    told = unescape(re.sub("<[^>]*>", "", sightings(replay)))
+    assert f"2 deg to the right; <mast> (lidar) did not see it{words}; the robot" in told
 
 
 def test_sensors_that_nothing_reads_are_named() -> None:
