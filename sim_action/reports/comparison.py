@@ -44,6 +44,7 @@ _WEAKER: Final[dict[WeakerKind, str]] = {
     "limit": "weaker limit",
     "confidence": "less confidence",
 }
+_MAX_KINDS: Final = 3
 # A smaller p-value is shown as a bound.
 _SMALLEST_P: Final = 0.0001
 _ORDER: Final[tuple[Look, ...]] = ("bad", "warning", "note", "good")
@@ -71,13 +72,14 @@ def rows(comparison: Comparison) -> list[Row]:
 
 
 def headline(comparison: Comparison) -> str:
-    """Return the counts of all changes, such as "1 newly fails, 2 warnings, 1 fixed, 12 still pass"."""
+    """Return the counts of all changes, such as "1 newly fails, 2 warnings (slower), 1 fixed, 12 still pass"."""
     warnings = comparison.warnings
+    kinds = f" ({_warning_kinds(comparison)})" if warnings else ""
     named = (
         (comparison.count("newly fails"), "newly fails", "newly fail"),
         (comparison.count("flaky"), "flaky", "flaky"),
         (_rates(comparison, "fell"), "pass rate fell", "pass rates fell"),
-        (warnings, "warning", "warnings"),
+        (warnings, f"warning{kinds}", f"warnings{kinds}"),
         (comparison.count("fails differently"), "fails differently", "fail differently"),
         (comparison.count("still fails"), "still fails", "still fail"),
         (comparison.count("fixed"), "fixed", "fixed"),
@@ -87,6 +89,13 @@ def headline(comparison: Comparison) -> str:
     )
     told = [f"{count} {one if count == 1 else several}" for count, one, several in named if count]
     return ", ".join(told) or "no scenarios"
+
+
+def _warning_kinds(comparison: Comparison) -> str:
+    """Return the kinds of warnings, such as "slower, margin shrinks"."""
+    found = dict.fromkeys(each.what for each in rows(comparison) if each.look == "warning")
+    first, left = list(found)[:_MAX_KINDS], len(found) - _MAX_KINDS
+    return f"{', '.join(first)}{f' and {left} more' if left > 0 else ''}"
 
 
 def _rates(comparison: Comparison, direction: Literal["fell", "rose"]) -> int:

@@ -161,12 +161,12 @@ def test_a_run_that_lacks_every_scenario_is_told(samples: Samples) -> None:
     gone = compare_outcomes(old, [])
     *_, message, counts = printed(gone).splitlines()
     assert message.startswith("every scenario of the old run was removed, so nothing was compared")
-    assert counts == "1 warning"
+    assert counts == "1 warning (removed)"
     title, counts, message, *_ = comparison_markdown(gone).split("\n\n")
     assert title == "## ❌ Every scenario was removed"
     assert "nothing was compared; check the new results, or allow it with --allow-removed." in message
     allowed = compare_outcomes(old, [], allow_removed=True)
-    assert printed(allowed).splitlines()[-1] == "1 warning"
+    assert printed(allowed).splitlines()[-1] == "1 warning (removed)"
     assert "nothing was compared" not in printed(allowed) + comparison_markdown(allowed)
 
 
