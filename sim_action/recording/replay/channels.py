@@ -62,7 +62,8 @@ class Curve:
     @property
     def size(self) -> int:
         """The number of values that take space in a file."""
-        return int(np.count_nonzero(np.diff(self.values)))
+        # A difference of two ranges without a return is not a number.
+        return int(np.count_nonzero(self.values[1:] != self.values[:-1]))
 
     def halved(self) -> Curve:
         """Return every second value."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -141,6 +142,13 @@ def test_wrenches_that_push_are_channels() -> None:
         ("wrenches", "force on arm z", True): "N",
         ("wrenches", "torque on arm z", True): "N m",
     }
+
+
+def test_ranges_without_a_return_take_no_space_and_give_no_warning() -> None:
+    values = np.array([math.inf, math.inf, 1.0, 1.0, math.inf])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert Curve("a", "b", "m", np.arange(5.0), values).size == 2
 
 
 def test_those_with_the_most_values_are_halved_first() -> None:
