@@ -56,6 +56,13 @@ class SightingData(FrozenModel):
     every: Annotated[int, Field(ge=1, le=1_000_000)] = 1
 
 
+class BlindData(FrozenModel):
+    """A lidar that did not see a body; one of `every` readings was looked at."""
+
+    sensor: SensorName
+    every: Annotated[int, Field(ge=1, le=1_000_000)] = 1
+
+
 class ObstacleData(FrozenModel):
     """A body that the robot touched, or that was nearest to it in an expectation of clearance.
 
@@ -63,11 +70,13 @@ class ObstacleData(FrozenModel):
         body: the index of the body.
         touched: the sim time in s of the first contact with the robot; None if it was not touched.
         seen: the first sighting of each sensor that saw it, in the order of time.
+        blind: the lidars that did not see it; without those to which something was too near to be measured.
     """
 
     body: Index
     touched: Number | None = None
     seen: Annotated[tuple[SightingData, ...], Field(max_length=MAX_SENSORS)] = ()
+    blind: Annotated[tuple[BlindData, ...], Field(max_length=MAX_SENSORS)] = ()
 
 
 def obstacles_of(scene: Scene, film: Trace, logs: Mapping[str, ReadingLog]) -> tuple[ObstacleData, ...]:
@@ -82,11 +91,14 @@ def obstacles_of(scene: Scene, film: Trace, logs: Mapping[str, ReadingLog]) -> t
         return ()
     end = float(film.time[-1])
     looks = [look for log in looking if (look := _look(scene, film, log, end)) is not None]
+    rays = [look for look in looks if isinstance(look, _Rays) and not np.isneginf(look.ranges).any()]
     found = []
     for name, touched in met:
         seen = [sighting for look in looks if (sighting := look.first(scene, film, name)) is not None]
         in_order = tuple(sorted(seen, key=lambda sighting: sighting.time))
-        found.append(ObstacleData(body=names[name], touched=touched, seen=in_order))
+        saw = {sighting.sensor for sighting in seen}
+        blind = [BlindData(sensor=look.sensor, every=look.every) for look in rays if look.sensor not in saw]
+        found.append(ObstacleData(body=names[name], touched=touched, seen=in_order, blind=tuple(blind)))
     return tuple(found)
 
 
@@ -180,18 +192,25 @@ class _Rays:
             # Comparisons with NaN are false.
             near_it = (np.square(away).sum(axis=2) <= within * within) & is_there[rows, None]
             for row in np.flatnonzero(near_it.any(axis=1)).tolist():
-                if (found := self._met(start + row, near_it[row], parts, poses[start + row])) is not None:
+                if (found := self._met(start + row, near_it[row], parts, poses[start + row], near)) is not None:
                     return found
         return None
 
-    def _met(self, row: int, chosen: FloatArray, parts: Sequence[Part], pose: FloatArray) -> SightingData | None:
+    def _met(
+        self, row: int, chosen: FloatArray, parts: Sequence[Part], pose: FloatArray, near: float
+    ) -> SightingData | None:
         from sim_action.recording.replay.surface_distance import distance_to, seen_from
 
         rays = np.flatnonzero(chosen)
         x, y, z, *turn = pose.tolist()
         qx, qy, qz, qw = turn
-        own = seen_from(Pose((x, y, z), (qx, qy, qz, qw)), self._places(row, rays).reshape(-1, 3))
-        rays = rays[(distance_to(parts, own).reshape(len(rays), -1) <= _NEAR_M).any(axis=1)]
+        body = Pose((x, y, z), (qx, qy, qz, qw))
+        # Few returns are left for the many places of each.
+        rays = rays[distance_to(parts, seen_from(body, self.points[row, rays])) <= near]
+        if self.noise and len(rays):
+            places = self._places(row, rays)
+            apart = distance_to(parts, seen_from(body, places.reshape(-1, 3))).reshape(places.shape[:2])
+            rays = rays[(apart <= _NEAR_M).any(axis=1)]
         if not len(rays):
             return None
         ray = rays[self.ranges[row, rays].argmin()]
@@ -206,11 +225,14 @@ class _Rays:
 
     def _places(self, row: int, rays: NDArray[np.int64]) -> FloatArray:
         """Return places (N, P, 3) on rays from which their returns may be: around the measured ones, by the noise."""
-        returns = self.points[row, rays]
-        along = (returns - self.starts[row]) / self.ranges[row, rays, None]
+        ranges, start = self.ranges[row, rays, None], self.starts[row]
+        away = self.points[row, rays] - start
+        along = np.divide(away, ranges, out=np.zeros_like(away), where=ranges > 0.0)
         spread = _DEVIATIONS * self.noise
         offsets = np.linspace(-spread, spread, 1 + min(_MAX_PLACES, 2 * math.ceil(spread / _NEAR_M)))
-        places: FloatArray = returns[:, None, :] + offsets[:, None] * along[:, None, :]
+        # Not behind the sensor.
+        spots = np.maximum(ranges + offsets, 0.0)
+        places: FloatArray = start + spots[:, :, None] * along[:, None, :]
         return places
 
 

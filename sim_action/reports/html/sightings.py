@@ -7,13 +7,12 @@ from typing import Final
 
 from sim_action.core import units
 from sim_action.recording.replay.replay_data import Replay
-from sim_action.recording.replay.sightings import ObstacleData, SightingData
+from sim_action.recording.replay.sightings import BlindData, ObstacleData, SightingData
 from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import moment
 from sim_action.reports.html.document import Html, element, joined
 
 _AHEAD_DEG: Final = 0.5
-_KEPT: Final = "in the readings that are kept"
 _NOT_READ: Final = "Not simulated, because no controller or expectation reads it"
 
 
@@ -37,17 +36,13 @@ def first_seen(replay: Replay) -> dict[str, SightingData]:
 def _obstacle(obstacle: ObstacleData, replay: Replay) -> Html:
     name = element("b", one_line(replay.scene.bodies[obstacle.body].name))
     if not obstacle.seen:
-        told: list[str] = [name, f" was not seen by any lidar or contact sensor, {_KEPT}"]
+        told: list[str] = [name, " was not seen by any lidar or contact sensor, in the readings that are kept"]
     else:
         first, *later = obstacle.seen
         told = [name, " was first seen by ", *_sighting(first)]
         for number, sighting in enumerate(later):
             told += [", then by " if number == 0 else ", ", *_sighting(sighting)]
-        saw = {sighting.sensor for sighting in obstacle.seen}
-        blind = [scan for scan in replay.scans if scan.sensor not in saw]
-        names = ", ".join(one_line(scan.sensor) for scan in blind)
-        kept = "" if all(scan.every_scan == 1 for scan in blind) else f" {_KEPT}"
-        told += [f"; {names} (lidar) did not see it{kept}"] if blind else []
+        told += [f"; {', '.join(map(_blind, obstacle.blind))} did not see it"] if obstacle.blind else []
     if obstacle.touched is not None:
         told += ["; the robot touched it at ", _moment(obstacle.touched)]
         if obstacle.seen and obstacle.seen[0].time < obstacle.touched:
@@ -73,6 +68,11 @@ def direction(angle: float) -> str:
     if abs(degrees) > 180 - _AHEAD_DEG:
         return "behind"
     return f"{abs(degrees):.0f} deg to the {'left' if degrees > 0 else 'right'}"
+
+
+def _blind(lidar: BlindData) -> str:
+    kept = "" if lidar.every == 1 else f", 1 of {lidar.every} readings looked at"
+    return f"{one_line(lidar.sensor)} (lidar{kept})"
 
 
 def _moment(time: float) -> Html:

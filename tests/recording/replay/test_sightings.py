@@ -105,6 +105,37 @@ def test_a_noisy_return_from_behind_a_low_body_is_not_from_it() -> None:
     assert [(one.body, one.seen) for one in found] == [(0, ())]
 
 
+def standing(x: float, body: str) -> Trace:
+    times = [step / 30 for step in range(61)]
+    return replace(traces.trace(times, x=[x] * 61), contacts=(traces.contact(1.9, body=body),))
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.01])
+def test_a_lidar_on_a_surface_sees_it(noise: float) -> None:
+    scans = [logs.scan(number / 10, [0.0, math.inf]) for number in range(21)]
+    (found,) = seen(standing(2.9, "wall"), where(), logs.log(Lidar(rays=2, noise=noise), "front", scans))
+    assert [(one.time, one.distance) for one in found.seen] == [(0.0, 0.0)]
+
+
+def test_a_return_is_not_from_behind_the_sensor() -> None:
+    behind = Body(name="box", box=(0.2, 2.0, 1.0), pose={"x": -0.15})  # type: ignore[arg-type]
+    scans = [logs.scan(number / 10, [0.1, math.inf]) for number in range(21)]
+    (found,) = seen(standing(0.0, "box"), where(behind), logs.log(Lidar(rays=2, noise=0.05), "front", scans))
+    assert found.seen == ()
+
+
+def test_lidars_that_saw_nothing_of_a_body_are_named_with_their_share() -> None:
+    blind, thinned = (
+        logs.lidar(name, round(2 * rate) + 1, lambda _: [math.inf, 0.5], rate=rate)
+        for name, rate in (("blind", 10.0), ("thinned", 60.0))
+    )
+    # What is too near to be measured may be the body.
+    doubtful = logs.lidar("doubtful", 21, lambda _: [math.inf, -math.inf])
+    (found,) = seen(BUMP, where(), logs.lidar("front", 21, ahead(2.0)), blind, thinned, doubtful)
+    assert [one.sensor for one in found.seen] == ["front"]
+    assert [(one.sensor, one.every) for one in found.blind] == [("blind", 1), ("thinned", 2)]
+
+
 def test_noisy_returns_count_within_their_noise() -> None:
     scans = [logs.scan(number / 10, [2.9 - number / 10 - 0.05, math.inf]) for number in range(21)]
     for noise, expected in ((0.0, 0), (0.02, 1)):

@@ -8,9 +8,9 @@ from html import unescape
 
 import pytest
 
-from sim_action.recording.replay.sightings import ObstacleData, SightingData
+from sim_action.recording.replay.sightings import BlindData, ObstacleData, SightingData
 from sim_action.reports.html.sightings import direction, sightings
-from tests.replays import drive, seen
+from tests.replays import drive
 
 LIDAR = SightingData(sensor="front", kind="lidar", time=0.4, distance=1.42, angle=-0.0349)
 BUMPER = SightingData(sensor="bumper", kind="contact", time=2.3)
@@ -55,15 +55,11 @@ def test_the_first_sensor_is_named_with_its_time(obstacle: ObstacleData, words: 
     assert said(obstacle) == [words]
 
 
-@pytest.mark.parametrize(("every", "words"), [(1, ""), (2, " in the readings that are kept")])
+@pytest.mark.parametrize(("every", "words"), [(1, "lidar"), (2, "lidar, 1 of 2 readings looked at")])
 def test_a_lidar_that_did_not_see_a_body_is_named(every: int, words: str) -> None:
-    met = ObstacleData(body=0, touched=2.3, seen=(LIDAR,))
-    (front,) = (scan.model_copy(update={"every_scan": every}) for scan in seen().scans)
-    replay = drive(body="wall").model_copy(
-        update={"obstacles": (met,), "scans": (front, front.model_copy(update={"sensor": "<mast>"}))}
-    )
-    told = unescape(re.sub("<[^>]*>", "", sightings(replay)))
-    assert f"2 deg to the right; <mast> (lidar) did not see it{words}; the robot" in told
+    blind = (BlindData(sensor="<mast>", every=every), BlindData(sensor="rear"))
+    (told,) = said(ObstacleData(body=0, touched=2.3, seen=(LIDAR,), blind=blind))
+    assert f"2 deg to the right; <mast> ({words}), rear (lidar) did not see it; the robot" in told
 
 
 def test_sensors_that_nothing_reads_are_named() -> None:
