@@ -69,6 +69,23 @@ def test_what_all_share_is_said(looks: list[RunLook], worlds: list[str], words: 
     assert told.partition("b at 1.50 s")[2] == words
 
 
+def test_a_name_with_a_number_is_a_name() -> None:
+    [told] = said(*(failed(f"{name}.sim.yml", "base touched dock at 3 at 1.50 s, with 7 N") for name in "ab"))
+    assert told.startswith("2 scenarios touched dock at 3 (")
+
+
+def test_links_that_touch_each_other_are_no_bodies() -> None:
+    both = [failed(f"{name}.sim.yml", "arm touched box at 1.50 s") for name in "ab"]
+    own = [
+        each.model_copy(
+            update={"expectations": (each.expectations[0].model_copy(update={"assertion": "self_collision"}),)}
+        )
+        for each in both
+    ]
+    [told] = said(*own, seen=[look("a", 1.4), look("a", 1.4)])
+    assert "seen by" not in told
+
+
 def test_scenarios_that_missed_the_same_expectation_stand_together() -> None:
     several = [failed(f"{number}.sim.yml", f"came to {number} m", time=None) for number in range(14)]
     [words] = said(*several, failed("cut.sim.yml", cut_off=True))
