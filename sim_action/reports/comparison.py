@@ -128,7 +128,8 @@ def rows_of(change: Change) -> Iterator[Row]:
         told = f"{speed_text(slower.old)}, now {speed_text(slower.new)}{elsewhere}"
         yield Row("note" if elsewhere else "warning", "slower", change.outcome, told)
     for was, now in change.stricter:
-        yield Row("note", "stricter limit", change.outcome, f"{now.name}: {limits_text(was, now)}")
+        names = now.name if now.name == was.name else f"{now.name}; was: {was.name}"
+        yield Row("note", "stricter limit", change.outcome, f"{names}; {limits_text(was, now)}")
     for old, new in change.renamed:
         yield Row("note", "check renamed", change.outcome, f"{new}; was: {old}")
     # If the verdict changed, a different motion is expected.
@@ -243,8 +244,11 @@ def _before(change: Change) -> str:
     """Return the measurement from the run in which the expectation held; empty without a margin (yes or no)."""
     failed = next(iter(change.outcome.causes), None)
     pairs = () if change.old is None or failed is None else paired_expectations(change.old, change.outcome)
-    told = next((measurements(was.verdict) for was, now in pairs if now is failed and was.verdict.margin), "")
-    return f"; before: {told}" if told else ""
+    held = next((was for was, now in pairs if now is failed and was.status == "passed"), None)
+    if failed is None or held is None or not held.verdict.margin:
+        return ""
+    name = "" if held.name == failed.name else f" ({held.name})"
+    return f"; before{name}: {measurements(held.verdict)}"
 
 
 def _weaker_text(weaker: WeakerCheck, change: Change) -> str:

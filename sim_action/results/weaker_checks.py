@@ -26,10 +26,9 @@ WeakerKind = Literal["removed", "severity", "unexercised", "window", "allow", "l
 Pair = tuple[ExpectationOutcome, ExpectationOutcome]
 """One expectation in the old and in the new run."""
 
-# They report one of several limits, or a limit that is itself measured: it can differ although the file did not change.
-_CHANGING_LIMITS: Final = frozenset(
-    {"all_of", "any_of", "not", "stl", "matches", "follow_path", "assertion", "feet_on_ground"}
-)
+# The limit that they report can differ although the file did not change: it is one of several, or itself measured.
+_SEVERAL_LIMITS: Final = frozenset({"all_of", "any_of", "stay_within", "joint_within", "object"})
+_MEASURED_LIMITS: Final = frozenset({"not", "stl", "matches", "follow_path", "assertion", "feet_on_ground"})
 
 # Results of different versions may round a converted limit differently.
 _SAME_LIMIT: Final = 1e-6
@@ -86,15 +85,24 @@ def weaker_checks(old: Outcome, new: Outcome, pairs: Sequence[Pair]) -> Iterator
 
 def stricter_limits(old: Outcome, new: Outcome, pairs: Iterable[Pair]) -> Iterator[Pair]:
     """Yield the expectations whose limit allows less in the new run."""
+    if not new.has_verdict:
+        return
+    # Of several with one name, it is not known which is which.
+    counts = Counter((id(run), each.assertion, each.name) for run in (old, new) for each in run.expectations)
     for one, now in pairs:
-        if _is_stated(old, new, one, now) and _allows_more(now.verdict, one.verdict):
+        several = counts[id(old), one.assertion, one.name] > 1 or counts[id(new), now.assertion, now.name] > 1
+        if not several and _is_stated(old, new, one, now) and _allows_more(now.verdict, one.verdict):
             yield one, now
 
 
 def _is_stated(old: Outcome, new: Outcome, one: ExpectationOutcome, now: ExpectationOutcome) -> bool:
     """Return True if the limit of an expectation is other than before only if the scenario states another one."""
     alike = old.digest is not None and old.digest == new.digest
-    return alike or one.name != now.name or now.assertion not in _CHANGING_LIMITS
+    if now.assertion in _SEVERAL_LIMITS:
+        # The same quantity of the same motion.
+        was, measured = one.verdict.measured, now.verdict.measured
+        return alike and was is not None and measured is not None and math.isclose(was, measured, rel_tol=_SAME_LIMIT)
+    return alike or one.name != now.name or now.assertion not in _MEASURED_LIMITS
 
 
 def loosened_times(old: ExpectationOutcome, new: ExpectationOutcome) -> dict[str, tuple[float | None, float | None]]:

@@ -217,6 +217,29 @@ def test_a_limit_that_is_measured_is_not_stricter() -> None:
     assert changed(old, new).stricter == ()
 
 
+@pytest.mark.parametrize("assertion", ["stay_within", "joint_within", "object", "all_of", "any_of"])
+def test_of_several_limits_the_reported_one_is_known_by_its_value(assertion: str) -> None:
+    def run(limit: float, measured: float, digest: str, name: str = "bounds") -> Outcome:
+        return outcome(at_most(limit, measured, assertion=assertion, name=name), digest=digest)
+
+    wide = run(2.0, 1.4, "f0")
+    # Another bound was nearest, or the same of another motion.
+    for other in (run(0.8, 0.5, "f0"), run(0.8, 0.5, "f0", "others"), run(1.5, 1.4, "f1")):
+        assert (changed(wide, other).stricter, changed(other, wide).weaker) == ((), ())
+    assert len(changed(wide, run(1.5, 1.4, "f0")).stricter) == 1
+    assert weaker(run(1.5, 1.4, "f0"), wide) == [("limit", "bounds")]
+
+
+def test_of_several_expectations_with_one_name_none_is_stricter() -> None:
+    old = outcome(at_most(0.8), at_most(0.6))
+    assert changed(old, outcome(at_most(0.6))).stricter == ()
+
+
+def test_a_run_without_a_verdict_has_no_stricter_limit() -> None:
+    broken = outcome(at_most(0.6), status="error")
+    assert changed(outcome(at_most(0.8)), broken).stricter == ()
+
+
 def test_a_name_that_the_user_changed_is_the_same_expectation() -> None:
     change = changed(outcome(expected("a")), outcome(expected("b")))
     assert (change.renamed, change.warnings) == ((("a", "b"),), 0)

@@ -58,9 +58,21 @@ def scenario_changes(comparison: Comparison) -> Mapping[int, ScenarioChange]:
 
 def _scenario_change(change: Change) -> ScenarioChange:
     told = [f"{row.what}: {row.detail}" if row.detail else row.what for row in rows_of(change)]
-    causes = set(map(id, change.outcome.causes))
-    limit = next((limits_text(was, now) for was, now in change.stricter if id(now) in causes), "")
-    return ScenarioChange(_kind(change), "; ".join(told) or "its verdicts are the same", limit)
+    return ScenarioChange(_kind(change), "; ".join(told) or "it still passes", _decisive_limit(change))
+
+
+def _decisive_limit(change: Change) -> str:
+    """Return the limits now and before of the expectation that failed first, if it would have held with the former."""
+    first = next(iter(change.outcome.causes), None)
+    if change.outcome.failures or first is None or not first.failed or first.verdict.cut_off:
+        return ""
+    was = next((was for was, now in change.stricter if now is first), None)
+    if was is None:
+        return ""
+    former, limit, margin = was.verdict.limit, first.verdict.limit, first.verdict.margin
+    if former is None or limit is None or margin is None:
+        return ""
+    return limits_text(was, first) if margin + abs(limit - former) >= 0 else ""
 
 
 def _kind(change: Change) -> ScenarioChangeKind:

@@ -24,7 +24,7 @@ class ScenarioChange:
 
     Attributes:
         words: what changed, such as "newly fails: travelled 1.2 m of 1.5 m; before: 1.6 m".
-        limit: the limit that a failed expectation has now and had before; empty if it is the same.
+        limit: the limits now and before of the expectation that failed; empty if it fails with both.
         world: how the scene of its replay differs, such as "pallet is new"; empty if it is the same or not known.
     """
 

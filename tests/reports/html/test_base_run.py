@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from sim_action.reports.html.base_run import scenario_changes
@@ -31,15 +33,13 @@ def test_another_verdict_is_the_change() -> None:
 
 
 def test_nothing_changed() -> None:
-    assert change(outcome("a.sim.yml"), outcome("a.sim.yml")) == ScenarioChange(
-        "unchanged", "its verdicts are the same"
-    )
+    assert change(outcome("a.sim.yml"), outcome("a.sim.yml")) == ScenarioChange("unchanged", "it still passes")
 
 
-def limited(limit: float) -> Outcome:
-    made = outcome("a.sim.yml", holds=limit <= 1.5)
+def limited(limit: float, measured: float = 1.5) -> Outcome:
+    made = outcome("a.sim.yml", holds=limit <= measured)
     [expected] = made.expectations
-    verdict = type(expected.verdict)(limit <= 1.5, 1.5, limit, 1.5 - limit, "m", 2.0, "travelled 1.5 m")
+    verdict = type(expected.verdict)(limit <= measured, measured, limit, measured - limit, "m", 2.0, "travelled 1.5 m")
     named = expected.model_copy(update={"verdict": verdict, "name": f"travel {limit} m"})
     return made.model_copy(update={"expectations": (named,)})
 
@@ -48,10 +48,28 @@ def test_a_stricter_limit_is_named_as_the_reason_of_a_failure() -> None:
     found = change(limited(1.0), limited(1.6))
     assert found.gist == "newly fails; limit 1.6 m, was 1 m"
     assert found.words == (
-        "newly fails: travel 1.6 m: travelled 1.5 m; before: measured 1.5 m, limit 1 m, margin 0.5 m, at 2.00 s; "
-        "stricter limit: travel 1.6 m: limit 1.6 m, was 1 m"
+        "newly fails: travel 1.6 m: travelled 1.5 m; before (travel 1.0 m): measured 1.5 m, limit 1 m, margin 0.5 m, "
+        "at 2.00 s; stricter limit: travel 1.6 m; was: travel 1.0 m; limit 1.6 m, was 1 m"
     )
     assert change(limited(1.0), limited(1.4)).gist == ""
+
+
+def test_a_limit_that_is_not_the_reason_of_a_failure_is_not_in_the_table() -> None:
+    # It fails with the former limit, too.
+    assert change(limited(1.0), limited(1.6, measured=0.9)).gist == "newly fails"
+    old, new = limited(1.0), limited(1.6)
+    [before], [late] = old.expectations, new.expectations
+    # Another expectation failed, and ended the run.
+    hit = before.model_copy(update={"name": "no_collision", "assertion": "no_collision"})
+    missed = replace(before.verdict, passed=False, measured=1.0, limit=0.0, margin=-1.0, unit="contacts")
+    cut = late.model_copy(update={"verdict": replace(late.verdict, cut_off=True)})
+    both = old.model_copy(update={"expectations": (hit, before)})
+    ended = new.model_copy(update={"expectations": (hit.model_copy(update={"verdict": missed}), cut)})
+    found = change(both, ended)
+    assert found.gist == "newly fails"
+    assert "stricter limit" in found.words
+    alone = new.model_copy(update={"expectations": (cut,)})
+    assert change(old, alone).gist == "newly fails"
 
 
 def test_a_slower_run_is_a_change() -> None:

@@ -78,7 +78,7 @@ def test_a_ghost_takes_no_room_from_a_failure(tmp_path: Path, monkeypatch: pytes
 def test_the_same_motion_is_no_ghost(tmp_path: Path) -> None:
     found = page(results(run(tmp_path, "a", 1.0)), options(tmp_path, run(tmp_path / "old", "a", 1.0)))
     assert ghosts(found) == [[]]
-    assert "Since the base run: its verdicts are the same." in body(found)
+    assert "Since the base run: it still passes." in body(found)
 
 
 def test_a_world_that_changed_is_named_although_the_motion_is_the_same(tmp_path: Path) -> None:
@@ -86,7 +86,7 @@ def test_a_world_that_changed_is_named_although_the_motion_is_the_same(tmp_path:
     kept(drive(distance=1.0, body="pallet"), tmp_path, "a")
     found = page(results(new), options(tmp_path, old))
     assert ghosts(found) == [[]]
-    assert "its verdicts are the same; in its world, pallet is new" in body(found)
+    assert "it still passes; in its world, pallet is new" in body(found)
 
 
 def test_a_run_that_ends_earlier_does_not_part(tmp_path: Path) -> None:
