@@ -234,8 +234,8 @@ class ClearanceMonitor:
         distance, least = units.display_apart(near.distance, limit, "m")
         message = f"{_told(near, distance)} at {near.time:.2f} s"
         message = f"closest approach: {message}" if passed else f"{message}, less than {least}"
-        margin = self.invariant.margin
-        return Verdict(passed, near.distance, limit, margin, "m", near.time, message, judged=self.steps)
+        margin, body = self.invariant.margin, "" if passed else near.body
+        return Verdict(passed, near.distance, limit, margin, "m", near.time, message, judged=self.steps, body=body)
 
     def _came_near(self, limit: float) -> Verdict:
         near, passed = self.at_goal, self.goal.state is State.HOLDS
@@ -251,7 +251,8 @@ class ClearanceMonitor:
             if passed
             else f"closest approach in {self.end:.1f} s: {_told(near, distance)} at {near.time:.2f} s"
         )
-        return Verdict(passed, near.distance, limit, self.goal.margin, "m", near.time, message, judged=self.steps)
+        margin, body = self.goal.margin, near.body if passed else ""
+        return Verdict(passed, near.distance, limit, margin, "m", near.time, message, judged=self.steps, body=body)
 
     def _unknown(self, limit: float | None) -> Verdict:
         names = ", ".join(self.spec.to) if self.spec.to else "any body"

@@ -146,4 +146,4 @@ class NoCollisionMonitor:
             f"{self.first.link} touched {self.first.body} at {self.first.time:.2f} s, "
             f"at ({x:.2f}, {y:.2f}, {z:.2f}) m, {strength(self.first)}"
         )
-        return Verdict(False, 1.0, 0.0, -1.0, "contacts", self.first.time, message)
+        return Verdict(False, 1.0, 0.0, -1.0, "contacts", self.first.time, message, body=self.first.body)

@@ -211,7 +211,7 @@ class StopsBeforeMonitor:
         lower, upper = self.spec.gap
         if self.touch is not None:
             message = f"{self.touch.link} touched {self.spec.body} at {self.touch.time:.2f} s"
-            return Verdict(False, 0.0, lower, -lower, "m", self.touch.time, message)
+            return Verdict(False, 0.0, lower, -lower, "m", self.touch.time, message, body=self.spec.body)
         if self.met is not None:
             limit, margin = min((lower, self.met - lower), (upper, upper - self.met), key=lambda side: side[1])
             message = f"at rest {units.display(self.met, 'm')} before {self.spec.body} from {self.rest.began:.2f} s on"

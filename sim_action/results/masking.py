@@ -111,9 +111,8 @@ class Mask:
         return data
 
     def _expectation(self, expected: ExpectationOutcome, *, names: bool) -> ExpectationOutcome:
-        verdict = expected.verdict
-        masked = replace(verdict, message=self.text(verdict.message), unit=self.text(verdict.unit))
-        return _changed(expected, name=self.text(expected.name) if names else expected.name, verdict=masked)
+        name = self.text(expected.name) if names else expected.name
+        return _changed(expected, name=name, verdict=expected.verdict.with_texts(self.text))
 
     def _failure(self, failure: Failure) -> Failure:
         place = failure.location and replace(failure.location, file=self.text(failure.location.file))

@@ -188,9 +188,7 @@ def _of_limited_length(outcome: Outcome) -> Outcome:
     if not any(len(text) > MAX_MESSAGE_CHARS for text in _texts(outcome)):
         return outcome
     expectations = tuple(
-        each.model_copy(update={"verdict": replace(verdict, message=_cut(verdict.message), unit=_cut(verdict.unit))})
-        for each in outcome.expectations
-        for verdict in [each.verdict]
+        each.model_copy(update={"verdict": each.verdict.with_texts(_cut)}) for each in outcome.expectations
     )
     failures = tuple(
         each.model_copy(
@@ -209,7 +207,7 @@ def _of_limited_length(outcome: Outcome) -> Outcome:
 def _texts(outcome: Outcome) -> Iterator[str]:
     """Yield the texts that user code may have written."""
     for expected in outcome.expectations:
-        yield from (expected.verdict.message, expected.verdict.unit)
+        yield from expected.verdict.texts
     for failure in outcome.failures:
         yield from (failure.message, failure.details, failure.location.file if failure.location else "")
     yield from (*outcome.notes, *outcome.model_notes)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, Final, Literal, Self, TypeAlias
 
 from sim_action.core.geometry import AXES, Quaternion, rotate
@@ -57,6 +57,7 @@ class Verdict:
         goal: True if it had to become true once; its margin then belongs to that moment, and says little.
         judged: the moments at which it was judged; None if they were not counted, as in ROS tests and old results.
         inconclusive: the reason why there is no decision; "statistical": there are too few runs for the confidence.
+        body: the body that decided it, because the robot touched it or came near to it; empty if there is none.
     """
 
     passed: bool
@@ -70,6 +71,7 @@ class Verdict:
     goal: bool = False
     judged: Judged | None = None
     inconclusive: Literal["statistical"] | None = None
+    body: str = ""
 
     @property
     def status(self) -> VerdictStatus:
@@ -77,6 +79,16 @@ class Verdict:
         if self.judged is not None and self.judged.moments <= 0:
             return "not_exercised"
         return "passed" if self.passed else "failed" if self.inconclusive is None else "inconclusive"
+
+    @property
+    def texts(self) -> tuple[str, ...]:
+        """All texts, which user code may have written."""
+        return self.message, self.unit, self.body
+
+    def with_texts(self, changed: Callable[[str], str]) -> Verdict:
+        """Return the verdict with each text replaced by `changed(text)`."""
+        message, unit, body = map(changed, self.texts)
+        return replace(self, message=message, unit=unit, body=body)
 
     def counted(self, steps: Judged) -> Verdict:
         """Return the verdict with the moments at which it was judged; `steps`: those of the run, the default.

@@ -38,7 +38,7 @@ def test_the_nearest_moment_speaks_if_all_keep_clear() -> None:
 
 def test_the_first_that_is_too_near_speaks_though_another_comes_nearer() -> None:
     assert judged(Clearance(at_least=0.75), seen()) == Verdict(
-        False, 0.5, 0.75, -0.25, "m", 2.0, "base_footprint was 0.5 m from wall at 2.00 s, less than 0.75 m"
+        False, 0.5, 0.75, -0.25, "m", 2.0, "base_footprint was 0.5 m from wall at 2.00 s, less than 0.75 m", body="wall"
     )
 
 
@@ -56,7 +56,7 @@ def test_a_bound_may_be_met_to_the_last_bit() -> None:
 
 def test_a_goal_comes_true_when_something_is_near_enough() -> None:
     assert judged(Clearance(at_most=0.25), seen()) == Verdict(
-        True, 0.125, 0.25, 0.125, "m", 3.0, "base_scan was 0.125 m from wall at 3.00 s"
+        True, 0.125, 0.25, 0.125, "m", 3.0, "base_scan was 0.125 m from wall at 3.00 s", body="wall"
     )
 
 

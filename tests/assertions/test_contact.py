@@ -41,7 +41,7 @@ def seen(*forces: float | None, first: int = 1, link: str = "base_scan") -> Trac
 
 def test_the_first_touch_is_enough() -> None:
     assert judged(touch(), seen(None, 3.0, 4.0)) == Verdict(
-        True, 1.0, 1.0, 0.0, "contacts", 2 / RATE, "touched ball at 0.01 s"
+        True, 1.0, 1.0, 0.0, "contacts", 2 / RATE, "touched ball at 0.01 s", body="ball"
     )
 
 
@@ -80,11 +80,11 @@ def test_what_is_too_strong_breaks_it_also_after_the_touch() -> None:
     gentle = opened.observe(seen(*[4.5] * WINDOW))
     assert (opened.state, gentle.state, is_decided(gentle, opened.state)) == (State.HOLDS, State.HOLDS, False)
     passed = "touched ball with at most 4.5 N at 0.05 s, limit 5 N (0.225 N s within 50 ms)"
-    assert gentle.verdict() == Verdict(True, 4.5, 5.0, 0.5, "N", 0.05, passed)
+    assert gentle.verdict() == Verdict(True, 4.5, 5.0, 0.5, "N", 0.05, passed, body="ball")
     rough = gentle.observe(seen(4.5, 16.5, first=WINDOW + 1))
     assert (rough.state, is_decided(rough, opened.state)) == (State.BROKEN, True)
     failed = "touched ball with 5.5 N at 0.06 s, more than 5 N (0.275 N s within 50 ms)"
-    assert rough.verdict() == Verdict(False, 5.5, 5.0, -0.5, "N", (WINDOW + 2) / RATE, failed)
+    assert rough.verdict() == Verdict(False, 5.5, 5.0, -0.5, "N", (WINDOW + 2) / RATE, failed, body="ball")
 
 
 def test_an_impulse_is_that_of_a_window() -> None:

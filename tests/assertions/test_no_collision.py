@@ -25,6 +25,7 @@ def test_the_first_contact_is_named() -> None:
         "contacts",
         2.0,
         "base_footprint touched wall at 2.00 s, at (1.00, 0.25, 0.10) m, with 12.5 N in that physics step",
+        body="wall",
     )
 
 

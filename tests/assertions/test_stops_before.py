@@ -87,7 +87,8 @@ def test_a_touch_breaks_it_before_and_after_its_rest() -> None:
     assert (opened.state, rested.state) == (State.PENDING, State.HOLDS)
     touched = rested.observe(trace([3.0], contacts=[contact(3.0, "wall", "base_scan")]))
     assert touched.state is State.BROKEN
-    assert touched.verdict() == Verdict(False, 0.0, 0.25, -0.25, "m", 3.0, "base_scan touched wall at 3.00 s")
+    message = "base_scan touched wall at 3.00 s"
+    assert touched.verdict() == Verdict(False, 0.0, 0.25, -0.25, "m", 3.0, message, body="wall")
     assert rested.observe(trace([3.0], contacts=[contact(3.0, "ball")])).state is State.HOLDS
 
 

@@ -214,14 +214,13 @@ def test_messages_of_verdicts_are_cut(tmp_path: Path) -> None:
         assertion="upright",
         severity=expected.severity,
         location=expected.location,
-        verdict=Verdict(passed=True, unit="x" * 100_000, message="x" * 100_000),
+        verdict=Verdict(passed=True, unit="x" * 100_000, message="x" * 100_000, body="x" * 100_000),
     )
     written = Outcome(name="n", file="a.sim.yml", status="passed", expectations=(judged,))
     gone.report = ChildReport(outcome=written.model_dump_json().encode())
     found = outcome_of(gone, 0)
     assert found.status == "passed"
-    verdict = found.expectations[0].verdict
-    assert (len(verdict.message), len(verdict.unit)) == (2_000, 2_000)
+    assert [len(text) for text in found.expectations[0].verdict.texts] == [2_000] * 3
 
 
 NO_FILE = "Traceback (most recent call last):\nOSError: [Errno 24] Too many open files: 'a.py'\n"

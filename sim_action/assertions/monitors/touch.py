@@ -238,7 +238,8 @@ class TouchMonitor:
     def _counted(self) -> Verdict:
         body = self.spec.body
         if self.first is not None:
-            return Verdict(True, 1.0, 1.0, 0.0, "contacts", self.first, f"touched {body} at {self.first:.2f} s")
+            message = f"touched {body} at {self.first:.2f} s"
+            return Verdict(True, 1.0, 1.0, 0.0, "contacts", self.first, message, body=body)
         if self.end is None:
             return Verdict(False, None, 1.0, None, "contacts", None, "no physics step to measure")
         message = f"did not touch {body} in {self.end:.1f} s; {self._near()}{self._instead()}"
@@ -269,7 +270,7 @@ class TouchMonitor:
             f"at most {found} at {fold.time:.2f} s, limit" if passed else f"{found} at {fold.time:.2f} s, more than"
         )
         message = f"touched {body} with {compared} {allowed}{self._meaning(value, unit)}"
-        return Verdict(passed, value, limit, fold.margin, unit, fold.time, message)
+        return Verdict(passed, value, limit, fold.margin, unit, fold.time, message, body=body)
 
     def _meaning(self, value: float, unit: str) -> str:
         """Return a text that relates a mean force and an impulse, one of which is `value`, to the window."""
