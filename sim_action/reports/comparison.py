@@ -11,7 +11,7 @@ from sim_action.core.records import dataclass
 from sim_action.core.wording import counted, shortened
 from sim_action.reports.console import Console
 from sim_action.reports.escaping import log_text, markdown_text
-from sim_action.reports.formatting import measurements, quantity, speed_text
+from sim_action.reports.formatting import measurements, moment, quantity, speed_text
 from sim_action.reports.github.markdown import code, row, table
 from sim_action.reports.statuses import STATUS_DISPLAYS
 from sim_action.reports.terminal import open_console
@@ -223,7 +223,8 @@ def _detail(change: Change) -> str:
     reason = _reason(change.outcome).removeprefix(f"{change.kind}: ")
     if change.kind == "fails differently" and change.old:
         return f"was: {_word(change.old)}; {reason}"
-    return f"{reason}{_before(change)}" if change.kind == "newly fails" else reason
+    told = (reason, before_text(change) if change.kind == "newly fails" else "")
+    return "; ".join(filter(None, told))
 
 
 def _reason(outcome: Outcome | None) -> str:
@@ -240,15 +241,17 @@ def _word(outcome: Outcome | None) -> str:
     return "" if outcome is None else STATUS_DISPLAYS[outcome.status].word
 
 
-def _before(change: Change) -> str:
-    """Return the measurement from the run in which the expectation held; empty without a margin (yes or no)."""
+def before_text(change: Change) -> str:
+    """Return when a goal that failed came true before, or what was measured; empty without a margin (yes or no)."""
     failed = next(iter(change.outcome.causes), None)
     pairs = () if change.old is None or failed is None else paired_expectations(change.old, change.outcome)
     held = next((was for was, now in pairs if now is failed and was.status == "passed"), None)
     if failed is None or held is None or not held.verdict.margin:
         return ""
     name = "" if held.name == failed.name else f" ({held.name})"
-    return f"; before{name}: {measurements(held.verdict)}"
+    # The margin of a goal that came true says little.
+    told = f"came true at {moment(held.verdict.time)}" if held.verdict.goal else measurements(held.verdict)
+    return f"before{name}: {told}"
 
 
 def _weaker_text(weaker: WeakerCheck, change: Change) -> str:

@@ -253,3 +253,15 @@ def test_the_change_of_a_rate_in_words(old: int, new: int, told: str) -> None:
     before, now = (judged(verdicts([sample < passed for sample in range(100)])) for passed in (old, new))
     (row,) = rows(compare_outcomes(before, now))
     assert row.detail == f"the pass rate {told}"
+
+
+@pytest.mark.parametrize(
+    ("goal", "told"),
+    [(True, "came true at 2.00 s"), (False, "measured 1.501 m, limit 1.5 m, margin 0.0012 m, at 2.00 s")],
+)
+def test_a_goal_that_was_met_before_has_no_margin(goal: bool, told: str, samples: Samples) -> None:
+    passed, failed = samples["passed"].outcomes[0], samples["failed"].outcomes[2]
+    travel = passed.expectations[0]
+    met = _named("a", _with(passed, _renamed(travel, travel.name, verdict=replace(travel.verdict, goal=goal))))
+    (row,) = rows(compare_outcomes([met], [_named("a", failed)]))
+    assert row.detail.endswith(f"; before: {told}")

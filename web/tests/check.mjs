@@ -68,7 +68,7 @@ const CHECKS = {
       assert.ok(parted > 0);
       assert.ok(Math.abs((await time(page)) - parted) < 0.01);
       await page.waitForFunction(() => document.querySelector(".against select")?.value === "another repetition");
-      assert.match((await page.textContent(".against button")) ?? "", /^They part at [\d.]+ s/);
+      assert.match((await page.textContent(".against button")) ?? "", /^The motions part at [\d.]+ s/);
     },
   },
   "opens where it broke off": {

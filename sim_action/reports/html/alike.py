@@ -10,12 +10,12 @@ from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import moment
 from sim_action.reports.html.changes import ScenarioChange
 from sim_action.reports.html.document import Html, element, joined
+from sim_action.reports.html.sightings import first_seen_words
 from sim_action.reports.scenario_groups import ScenarioGroup
 from sim_action.results.outcome import ExpectationOutcome, Outcome
 from sim_action.state.verdict import Verdict
 
 if TYPE_CHECKING:
-    from sim_action.recording.replay.sightings import SightingData
     from sim_action.reports.html.small_path import RunLook
 
 _Failed: TypeAlias = tuple[Outcome, ExpectationOutcome]
@@ -48,10 +48,7 @@ def alike(
     several.sort(key=len, reverse=True)
     if not several:
         return Html("")
-    items = []
-    for failures in several[:_MAX_KINDS]:
-        shared = _shared([outcome for outcome, _ in failures], failures[0][1].verdict.body, looks, changes)
-        items.append(_item(failures, ids, shared))
+    items = [_item(failures, ids, looks, _shared(failures, changes)) for failures in several[:_MAX_KINDS]]
     return joined(element("h3", "Failures that look alike"), element("ul", *items, class_="remarks alike"))
 
 
@@ -92,39 +89,24 @@ def _is_apart(verdict: Verdict) -> bool:
     return verdict.unit == "m" and verdict.measured is not None and verdict.measured > 0.0
 
 
-def _shared(
-    outcomes: Sequence[Outcome], body: str, looks: Mapping[int, RunLook], changes: Mapping[int, ScenarioChange]
-) -> str:
-    """Return what changed in the worlds of all runs, and which sensor saw the body first in all of them."""
-    told = []
-    worlds = {change.world if (change := changes.get(id(each))) else "" for each in outcomes}
-    if len(worlds) == 1 and (world := worlds.pop()):
-        told.append(f"since the base run, {world}")
-    seen = [look.seen.get(body) if (look := looks.get(id(each))) else None for each in outcomes]
-    first = [sighting for sighting in seen if sighting is not None]
-    if len(first) == len(seen) and len({(each.sensor, each.kind) for each in first}) == 1:
-        told.append(_first_seen(first))
-    return "; ".join(told)
+def _shared(failures: Sequence[_Failed], changes: Mapping[int, ScenarioChange]) -> str:
+    """Return what changed in the worlds of all runs since an earlier one; empty if it is not the same change."""
+    worlds = {change.world if (change := changes.get(id(each))) else "" for each, _ in failures}
+    return worlds.pop() if len(worlds) == 1 else ""
 
 
-def _first_seen(first: Sequence[SightingData]) -> str:
-    """Return the words for sightings by one sensor, such as "first seen by skirt (lidar) at 1.40 s"."""
-    times = sorted(each.time for each in first)
-    earliest, latest = moment(times[0]), moment(times[-1])
-    sensor = f"{one_line(first[0].sensor)} ({one_line(first[0].kind)})"
-    return f"first seen by {sensor} at {earliest}{'' if earliest == latest else f' to {latest}'}"
-
-
-def _item(failures: Sequence[_Failed], ids: Mapping[int, str], shared: str) -> Html:
+def _item(failures: Sequence[_Failed], ids: Mapping[int, str], looks: Mapping[int, RunLook], shared: str) -> Html:
     noun = "scenario" if len(_scenarios(failures)) == len(failures) else "run"
-    told: list[str] = [element("b", f"{counted(len(failures), noun)} {one_line(_kind(failures))}"), ": "]
-    # Without a body, the words name the expectation.
-    has_assertions = bool(failures[0][1].verdict.body)
+    told: list[str] = [element("b", f"{counted(len(failures), noun)} {one_line(_kind(failures))}")]
+    told += [". Since the base run, ", element("b", shared), ": "] if shared else [": "]
     for number, (outcome, expected) in enumerate(failures[:_MAX_NAMES]):
         name, time = one_line(outcome.name), expected.verdict.time
         place = ids.get(id(outcome))
-        told += [", " if number else "", name if place is None else element("a", name, href=f"#{place}")]
+        told += ["; " if number else "", name if place is None else element("a", name, href=f"#{place}")]
         told += [] if time is None else [f" at {moment(time)}"]
-        told += [f" ({one_line(expected.assertion)})"] if has_assertions else []
+        # Without a body, the words name the expectation.
+        if body := expected.verdict.body:
+            seen = look.seen.get(body) if (look := looks.get(id(outcome))) else None
+            told.append(f" ({one_line(expected.assertion)}{'' if seen is None else f', {first_seen_words(seen)}'})")
     more = len(failures) - _MAX_NAMES
-    return element("li", *told, f" and {more} more" if more > 0 else "", f"; {shared}" if shared else "")
+    return element("li", *told, f" and {more} more" if more > 0 else "")

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from sim_action.core.records import dataclass
 from sim_action.core.wording import note
-from sim_action.reports.comparison import headline, limits_text, rows_of
+from sim_action.reports.comparison import before_text, headline, limits_text, rows_of
 from sim_action.reports.html.changes import ScenarioChange
 from sim_action.results.comparison import Change, Comparison, compare_outcomes, paired_outcomes
 from sim_action.results.earlier_run import EarlierRun
@@ -39,7 +39,7 @@ class Base:
         """The counts of all changes, or that there is nothing to compare."""
         if not self.before:
             return f"Nothing to compare: no scenario of {self.run.name} has the name of one here"
-        return f"Compared with {self.run.name}: {headline(self.comparison)}"
+        return f"Compared with the base run ({self.run.name}): {headline(self.comparison)}"
 
 
 def warn_if_nothing_in_common(run: EarlierRun, outcomes: Sequence[Outcome]) -> None:
@@ -57,8 +57,17 @@ def scenario_changes(comparison: Comparison) -> Mapping[int, ScenarioChange]:
 
 
 def _scenario_change(change: Change) -> ScenarioChange:
-    told = [f"{row.what}: {row.detail}" if row.detail else row.what for row in rows_of(change)]
-    return ScenarioChange(_kind(change), "; ".join(told) or "it still passes", _decisive_limit(change))
+    told = "; ".join(_words(change)) or "it still passes"
+    return ScenarioChange(_kind(change), told, _decisive_limit(change))
+
+
+def _words(change: Change) -> Iterator[str]:
+    """Yield each change in words. The reason why a scenario fails is left out: it stands below."""
+    for row in rows_of(change):
+        has_detail = row.detail and row.what not in ("newly fails", "still fails")
+        yield f"{row.what}: {row.detail}" if has_detail else row.what
+        if row.what == "newly fails" and (before := before_text(change)):
+            yield before
 
 
 def _decisive_limit(change: Change) -> str:

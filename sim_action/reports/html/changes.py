@@ -23,18 +23,22 @@ class ScenarioChange:
     """The change of a scenario or gate.
 
     Attributes:
-        words: what changed, such as "newly fails: travelled 1.2 m of 1.5 m; before: 1.6 m".
+        words: what changed, such as "newly fails; before: came true at 5.75 s".
         limit: the limits now and before of the expectation that failed; empty if it fails with both.
         world: how the scene of its replay differs, such as "pallet is new"; empty if it is the same or not known.
+        command: the first command that differs before the motions part, with both values and its time; empty if the
+            commands are the same, None if that is not known, or if the motions do not part.
     """
 
     kind: ScenarioChangeKind
     words: str
     limit: str = ""
     world: str = ""
+    command: str | None = None
 
     @property
     def gist(self) -> str:
         """The change in a few words, for a table; empty if nothing changed."""
         kind = "" if self.kind == "unchanged" else self.kind
-        return "; ".join(part for part in (kind, self.limit, self.world) if part)
+        command = "other commands" if self.command else ""
+        return "; ".join(part for part in (kind, self.limit, self.world, command) if part)

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from sim_action.core.records import replace
 from sim_action.recording.replay.replay_data import Replay
 from sim_action.recording.replay.replay_file import ReplayReader
-from sim_action.reports.formatting import moment
+from sim_action.reports.html.document import Html, element, joined, text
 from sim_action.reports.html.ghosts import Ghost, WaitingGhosts, engine_pairs, ghost
-from sim_action.reports.html.parting import Tolerance
+from sim_action.reports.html.parting import Tolerance, commands_until
 from sim_action.reports.html.replay_blocks import ReplayBlocks, replay_id, stored_replay
 from sim_action.results.outcome import Outcome
 
 if TYPE_CHECKING:
     from sim_action.reports.html.base_run import Base
+    from sim_action.reports.html.changes import ScenarioChange
 
 BASE_RUN: Final = "base run"
 """The label of the run of `--against`."""
@@ -50,7 +51,7 @@ class GhostSources:
         self.found: dict[str, list[Ghost]] = {}
         """Element id of an article -> its ghosts."""
 
-    def since(self, identity: str, outcome: Outcome, replay: Replay | None) -> str:
+    def since(self, identity: str, outcome: Outcome, replay: Replay | None) -> Html:
         """Find the ghosts of a run; return what changed since the base run, and why its motion is not drawn."""
         missing = ""
         if replay is not None:
@@ -58,13 +59,23 @@ class GhostSources:
             self._find_golden(identity, outcome, replay)
             self._find_engine(identity, outcome, replay)
             self._find_repetition(identity, outcome, replay)
-        change = self.changes.get(id(outcome))
+        told = self._told(identity, self.changes.get(id(outcome)))
+        words = Html("; ".join(map(text, told)))
+        return joined(Html(f"Since the {BASE_RUN}: {words}.") if words else "", missing)
+
+    def _told(self, identity: str, change: ScenarioChange | None) -> Iterator[str]:
+        """Yield what changed since the base run, the causes first."""
         parts = [each.parting for each in self.found.get(identity, ()) if each.label == BASE_RUN and each.parting]
-        told = [change.words] if change is not None else []
-        told += [f"in its world, {change.world}"] if change is not None and change.world else []
-        told += [part.told("the motions", moment(part.time)) for part in parts]
-        words = f"Since the {BASE_RUN}: {'; '.join(told)}." if told else ""
-        return f"{words} {missing}".strip()
+        same = ""
+        if change is not None:
+            if change.world:
+                yield Html(f"in its world, {element('b', change.world)}")
+            if change.command:
+                yield Html(f"another command, {element('b', change.command)}")
+            same = ", after the same commands" if change.command == "" else ""
+        yield from (f"{part.told}{same}" for part in parts)
+        if change is not None:
+            yield change.words
 
     def settle(self, blocks: ReplayBlocks) -> None:
         """Add the ghosts found so far to the page, as far as they fit."""
@@ -84,14 +95,16 @@ class GhostSources:
             return f"The motion of the {BASE_RUN} is not drawn: {missing[0].lower()}{missing[1:]}" if missing else ""
         from sim_action.reports.html.world_changes import world_changes
 
-        world = world_changes(replay.scene, theirs.scene)
-        if world and id(outcome) in self.changes:
-            self.changes[id(outcome)] = replace(self.changes[id(outcome)], world=world)
-        if is_same:
-            return ""
-        block = f"ghost-{identity}"
-        self._keep(identity, ghost(BASE_RUN, block, replay, theirs, is_shown=old.status != outcome.status))
-        self._waiting.add(block, theirs)
+        world, command = world_changes(replay.scene, theirs.scene), None
+        if not is_same:
+            block = f"ghost-{identity}"
+            found = ghost(BASE_RUN, block, replay, theirs, is_shown=old.status != outcome.status)
+            self._keep(identity, found)
+            self._waiting.add(block, theirs)
+            if (part := found.parting) is not None and not part.is_end:
+                command = commands_until(replay, theirs, part.time)
+        if id(outcome) in self.changes:
+            self.changes[id(outcome)] = replace(self.changes[id(outcome)], world=world, command=command)
         return ""
 
     def _find_golden(self, identity: str, outcome: Outcome, replay: Replay) -> None:

@@ -10,7 +10,6 @@ from collections.abc import Iterator, Sequence
 from sim_action.core.records import dataclass, field
 from sim_action.recording.replay.replay_data import Replay
 from sim_action.reports.escaping import one_line
-from sim_action.reports.formatting import moment
 from sim_action.reports.html.parting import Parting, Tolerance, alike, parting
 from sim_action.reports.html.replay_blocks import MAX_REPLAY_BYTES, PackedReplay, ReplayBlocks
 from sim_action.results.outcome import Outcome
@@ -23,7 +22,7 @@ class Ghost:
     Attributes:
         label: its name in the choice and in addresses.
         block: the element id of its packed replay.
-        parting: the moment at which the two part, or one of them ends; None if they move alike to the end.
+        parting: the moment at which the two part, or one of them ends; None if their motions are the same to the end.
         alike: the sentence for a pair that does not part.
         is_shown: True if it is drawn from the start.
     """
@@ -40,7 +39,9 @@ class Ghost:
         return {
             "label": one_line(self.label),
             "replay": self.block if self.block in blocks.blocks else None,
-            "parting": None if parts is None else {"time": parts.time, "words": parts.told("They", moment(parts.time))},
+            "parting": None
+            if parts is None
+            else {"time": parts.time, "words": f"{parts.told[0].upper()}{parts.told[1:]}"},
             "alike": self.alike,
             "shown": self.is_shown,
         }

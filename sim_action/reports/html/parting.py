@@ -1,4 +1,7 @@
-"""The moment at which the motions of two runs part: their bases, or their joints if neither base moves."""
+"""The moment at which the motions of two runs part, and the command that differed before.
+
+Bases are compared, or the joints if neither base moves.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +15,8 @@ from sim_action.core import units
 from sim_action.core.records import dataclass
 from sim_action.recording.replay.columns import Column
 from sim_action.recording.replay.replay_data import Replay
+from sim_action.reports.escaping import one_line
+from sim_action.reports.formatting import moment, quantity
 from sim_action.results.outcome import Outcome
 from sim_action.state.trace import FloatArray
 
@@ -22,6 +27,9 @@ _ONE_M: Final = 1.0
 _MIN_MOVE_M: Final = 1e-3
 # Runs of equal length may differ by a moment of the replay.
 _SAME_END_S: Final = 0.1
+# Commands that differ by less are the same: a share of the larger one, or steps of the stored values.
+_SAME_COMMAND_SHARE: Final = 0.01
+_SAME_COMMAND_STEPS: Final = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,20 +61,21 @@ class Parting:
     Attributes:
         time: the sim time in s.
         words: how they differ, or which run ends.
-        is_end: True if they move alike up to there.
+        is_end: True if the motions are the same up to there.
     """
 
     time: float
     words: str
     is_end: bool = False
 
-    def told(self, subject: str, time: str) -> str:
-        """Return a sentence such as "They part at 3.4 s, by more than 5 mm"."""
-        return f"{subject} {'move alike up to' if self.is_end else 'part at'} {time}, {self.words}"
+    @property
+    def told(self) -> str:
+        """A clause such as "the motions part at 3.40 s, by more than 5 mm"."""
+        return f"the motions {'are the same up to' if self.is_end else 'part at'} {moment(self.time)}, {self.words}"
 
 
 def parting(ours: Replay, theirs: Replay, tolerance: Tolerance | None = None) -> Parting | None:
-    """Return the moment at which two runs part; None if they move alike, up to a tolerance, and end together."""
+    """Return the moment at which two runs part; None if the motions are the same, up to a tolerance."""
     tolerance = tolerance or Tolerance()
     mine, other = _times(ours), _times(theirs)
     end = min(mine[-1], other[-1])
@@ -87,8 +96,53 @@ def parting(ours: Replay, theirs: Replay, tolerance: Tolerance | None = None) ->
 
 def alike(ours: Replay, theirs: Replay, tolerance: Tolerance) -> str:
     """Return the sentence for two runs that do not part. The joints of a robot that moves are not compared."""
-    compared = "They" if _at_one_place(ours, theirs) or not ours.joint_names else "Their bases"
-    return f"{compared} move alike, up to {tolerance.words}"
+    compared = "motions" if _at_one_place(ours, theirs) or not ours.joint_names else "motions of the bases"
+    return f"The {compared} are the same, up to {tolerance.words}"
+
+
+def commands_until(ours: Replay, theirs: Replay, until: float) -> str | None:
+    """Return the first command that differs from the earlier run up to a sim time in s, such as "linear x 0.28 m/s".
+
+    The text has both values and the moment. It is empty if the commands are the same, and None if they are not known.
+    """
+    mine, others = _commands(ours), _commands(theirs)
+    shared = [name for name in mine if name in others]
+    found = []
+    for name in shared:
+        (times, values, step, unit), (times_before, before, step_before, _) = mine[name], others[name]
+        rows = np.flatnonzero(times >= times_before[0])
+        now, then = values[rows], before[np.searchsorted(times_before, times[rows] + 1e-9, side="right") - 1]
+        larger = np.maximum(np.abs(now), np.abs(then))
+        differs = np.abs(now - then) > np.maximum(
+            _SAME_COMMAND_SHARE * larger, _SAME_COMMAND_STEPS * max(step, step_before)
+        )
+        # A single moment may be the one at which a command changes, sampled before and after.
+        lasting = np.flatnonzero(differs[1:] & differs[:-1] & (times[rows[:-1]] <= until + 1e-9))
+        if len(lasting):
+            first = int(lasting[0])
+            values_text = f"{quantity(float(now[first]), unit)}, before {quantity(float(then[first]), unit)}"
+            found.append((float(times[rows[first]]), f"{name} {values_text}"))
+    if not shared:
+        return None
+    time, words = min(found, default=(0.0, ""))
+    return f"{words}, at {moment(time)}" if words else ""
+
+
+def _commands(replay: Replay) -> dict[str, tuple[FloatArray, FloatArray, float, str]]:
+    """Return name -> times in s, values, the size of a stored step, and unit, for each recorded command."""
+    frames, found = replay.frames, {}
+    times = _times(replay)
+    for channel in replay.channels:
+        if channel.commanded:
+            own = times if channel.time is None else channel.time.decoded(channel.time.count)
+            values = channel.values.decoded(len(own))
+            found[one_line(channel.name)] = (own, values, channel.values.scale, channel.unit)
+    sliding = _sliding(replay)
+    for number, (name, column) in enumerate(zip(replay.joint_names, frames.commanded, strict=False)):
+        if column is not None:
+            unit = "m" if number in sliding else "rad"
+            found[f"{one_line(name)} position"] = (times, column.decoded(frames.count), column.scale, unit)
+    return found
 
 
 def _limit_text(limit: float, unit: str) -> str:
@@ -104,13 +158,18 @@ def _differences(
     yield np.linalg.norm(mine[:, :3] - other[:, :3], axis=1), tolerance.position, "m"
     yield _angles(mine[:, 3:], other[:, 3:]), tolerance.angle, "rad"
     if _at_one_place(ours, theirs):
-        sliding = {link.joint.column for link in ours.scene.links if link.joint and link.joint.type == "prismatic"}
+        sliding = _sliding(ours)
         others = dict(zip(theirs.joint_names, theirs.frames.joints, strict=True))
         for number, (name, column) in enumerate(zip(ours.joint_names, ours.frames.joints, strict=True)):
             if name in others:
                 gap = np.abs(_at(ours, column, times) - _at(theirs, others[name], times))
                 slides = number in sliding
                 yield gap, tolerance.position if slides else tolerance.angle, "m" if slides else "rad"
+
+
+def _sliding(replay: Replay) -> set[int]:
+    """Return the columns of joints that slide."""
+    return {link.joint.column for link in replay.scene.links if link.joint and link.joint.type == "prismatic"}
 
 
 def _times(replay: Replay) -> FloatArray:

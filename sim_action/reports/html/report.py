@@ -21,7 +21,7 @@ from sim_action.reports.html.ghosts import Ghost
 from sim_action.reports.html.navigation import PageEntry, PagePlan, planned_page, scenario_list
 from sim_action.reports.html.replay_blocks import ReplayBlocks, packed, page_json, replay_id, stored_replay
 from sim_action.reports.html.scenario_article import article, drawn
-from sim_action.reports.html.sightings import first_seen, sightings
+from sim_action.reports.html.sightings import first_seen
 from sim_action.reports.html.sweep import sweep
 from sim_action.reports.html.top_view import SceneOutlines
 from sim_action.reports.scenario_groups import grouped_scenarios
@@ -106,8 +106,8 @@ def _run_articles(
         if not passes and (passes := outcome.status == "passed"):
             ghosts.settle(blocks)
         identity = plan.ids[id(outcome)]
-        replay, missing = stored_replay(outcome, options.folder, reader)
-        seen = Html("") if replay is None else sightings(replay)
+        recorded, missing = stored_replay(outcome, options.folder, reader)
+        replay = recorded
         if replay is not None and plan.has_suite:
             from sim_action.reports.html.small_path import RunLook, small_path
 
@@ -118,7 +118,7 @@ def _run_articles(
         since = ghosts.since(identity, outcome, replay)
         gate = plan.gates.get((outcome.file, outcome.gate), "")
         articles[identity] = encoded(
-            article(identity, outcome, results, options, still, gate=gate, seen=seen, since=since)
+            article(identity, outcome, results, options, still, gate=gate, replay=recorded, since=since)
         )
     ghosts.settle(blocks)
     return articles, looks

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from sim_action.core import units
 from sim_action.core.errors import Location
 from sim_action.recording.replay.replay_data import Replay
+from sim_action.recording.replay.sightings import SightingData
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import (
@@ -19,6 +20,7 @@ from sim_action.reports.formatting import (
     user_output,
 )
 from sim_action.reports.html.document import Html, element, joined
+from sim_action.reports.html.sightings import first_seen, first_seen_words, sightings
 from sim_action.reports.html.top_view import SceneOutlines, drawing
 from sim_action.reports.links import file_and_line, rerun_command, source_url
 from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS
@@ -36,13 +38,20 @@ def article(
     still: Html,
     *,
     gate: str = "",
-    seen: str = "",
+    replay: Replay | None = None,
     since: str = "",
 ) -> Html:
-    """Return the article of a scenario; `identity` is its element id, `still` the drawing shown without scripts.
+    """Return the article of a scenario.
 
-    `gate` is the element id of the article of the gate that judges this run, if it has one; `seen` the section on what
-    the sensors saw; `since`: what changed since an earlier run.
+    Args:
+        identity: its element id.
+        outcome: the outcome of its run.
+        results: the results of all runs.
+        options: the options of the report.
+        still: the drawing shown without scripts.
+        gate: the element id of the article of the gate that judges this run, if it has one.
+        replay: the recording of the run, also if the page has no room for it.
+        since: what changed since an earlier run.
     """
     kind = outcome.display_status
     return element(
@@ -56,9 +65,9 @@ def article(
             element("p", since, class_="since") if since else "",
         ),
         joined(
-            reasons(outcome, options),
+            reasons(outcome, options, {} if replay is None else first_seen(replay)),
             element("div", still, class_="stage"),
-            seen,
+            "" if replay is None else sightings(replay),
             expectations(outcome, options),
             measurements(outcome),
             details(outcome, results, options),
@@ -109,10 +118,13 @@ _MAX_WARNINGS = 100
 _MAX_MEASUREMENTS = 100
 
 
-def reasons(outcome: Outcome, options: ReportOptions) -> Html:
-    """Return the reasons why a scenario did not pass, with measured value, limit, time and missing margin."""
+def reasons(outcome: Outcome, options: ReportOptions, seen: Mapping[str, SightingData]) -> Html:
+    """Return the reasons why a scenario did not pass, with measured value, limit, time and missing margin.
+
+    `seen`: name of a body -> its first sighting.
+    """
     told = failure_sections(outcome, options)
-    told += [_missed_section(expected) for expected in outcome.not_passed]
+    told += [_missed_section(expected, seen.get(expected.verdict.body)) for expected in outcome.not_passed]
     told += [_warning_section(warning, options) for warning in outcome.warnings[:_MAX_WARNINGS]]
     return element("div", joined(*told), class_="reasons") if told else Html("")
 
@@ -170,7 +182,7 @@ def _failure_section(failure: Failure, options: ReportOptions) -> Html:
     )
 
 
-def _missed_section(expected: ExpectationOutcome) -> Html:
+def _missed_section(expected: ExpectationOutcome, seen: SightingData | None) -> Html:
     verdict = expected.verdict
     word = STATUS_DISPLAYS[expected.status].word
     cut = (
@@ -184,6 +196,7 @@ def _missed_section(expected: ExpectationOutcome) -> Html:
         element("p", verdict.message or "It did not hold.", class_="what"),
         _figures(verdict),
         element("p", cut, class_="faint") if cut else "",
+        element("p", first_seen_words(seen), class_="faint") if seen is not None else "",
         class_=f"reason {'cut' if verdict.cut_off else expected.status}",
     )
 

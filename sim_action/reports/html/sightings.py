@@ -33,6 +33,11 @@ def first_seen(replay: Replay) -> dict[str, SightingData]:
     return {replay.scene.bodies[each.body].name: each.seen[0] for each in replay.obstacles if each.seen}
 
 
+def first_seen_words(seen: SightingData) -> str:
+    """Return words such as "first seen by skirt (lidar) at 1.40 s"."""
+    return f"first seen by {one_line(seen.sensor)} ({one_line(seen.kind)}) at {moment(seen.time)}"
+
+
 def _obstacle(obstacle: ObstacleData, replay: Replay) -> Html:
     name = element("b", one_line(replay.scene.bodies[obstacle.body].name))
     if not obstacle.seen:

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from sim_action.core.errors import Location
-from sim_action.recording.replay.columns import Column
-from sim_action.recording.replay.replay_data import Replay
-from sim_action.reports.html.parting import Parting, Tolerance, alike, parting
+from sim_action.recording.replay.columns import Column, TextColumn
+from sim_action.recording.replay.replay_data import ChannelData, Replay
+from sim_action.reports.html.parting import Parting, Tolerance, alike, commands_until, parting
 from sim_action.results.outcome import ExpectationOutcome
 from sim_action.state.verdict import Verdict
 from tests.outcomes import outcome
@@ -93,11 +93,11 @@ def test_joints_count_where_no_base_moves() -> None:
 
 
 def test_what_was_not_compared_is_not_said_to_move_alike() -> None:
-    assert alike(drive(), drive(), Tolerance()) == "Their bases move alike, up to 5 mm or 0.5 deg"
+    assert alike(drive(), drive(), Tolerance()) == "The motions of the bases are the same, up to 5 mm or 0.5 deg"
     arm = drive(distance=0.0)
-    assert alike(arm, arm, Tolerance()) == "They move alike, up to 5 mm or 0.5 deg"
+    assert alike(arm, arm, Tolerance()) == "The motions are the same, up to 5 mm or 0.5 deg"
     body = with_frames(drive().model_copy(update={"joint_names": ()}), joints=())
-    assert alike(body, body, Tolerance()) == "They move alike, up to 5 mm or 0.5 deg"
+    assert alike(body, body, Tolerance()) == "The motions are the same, up to 5 mm or 0.5 deg"
 
 
 def test_a_larger_tolerance_of_the_scenario_counts() -> None:
@@ -113,3 +113,52 @@ def test_a_larger_tolerance_of_the_scenario_counts() -> None:
     assert Tolerance.of(made, "matches") == Tolerance()
     assert parting(drive(), drive(distance=1.1), tolerance) is None
     assert Tolerance(position=2.0).words == "2 m or 0.5 deg"
+
+
+def told(values: list[float], commanded: float, *, name: str = "linear x", unit: str = "m/s") -> Replay:
+    """A drive whose joint command is that of `commanded`, with a channel of commands, one a second."""
+    replay = drive()
+    count = replay.frames.count
+    channel = ChannelData(
+        group="base",
+        name=name,
+        unit=unit,
+        time=TextColumn.encoded(np.arange(len(values), dtype=float), 1e-3),
+        values=TextColumn.encoded(np.array(values), 1e-3),
+        commanded=True,
+    )
+    aim = Column.encoded(np.full(count, commanded), 1e-3)
+    return with_frames(replay, commanded=(aim,)).model_copy(update={"channels": (channel,)})
+
+
+@pytest.mark.parametrize(
+    ("ours", "theirs", "until", "words"),
+    [
+        (([0.5, 0.3, 0.3], 1.0), ([0.5, 0.5, 0.5], 1.0), 2.0, "linear x 0.3 m/s, before 0.5 m/s, at 1.00 s"),
+        # The motions parted before.
+        (([0.5, 0.3, 0.3], 1.0), ([0.5, 0.5, 0.5], 1.0), 0.9, ""),
+        # The same, up to one percent.
+        (([0.5, 0.5, 0.5], 1.0), ([0.5, 0.504, 0.5], 1.005), 2.0, ""),
+        # At a single moment.
+        (([0.5, 0.3, 0.5], 1.0), ([0.5, 0.5, 0.5], 1.0), 2.0, ""),
+        # Of two that differ, the first.
+        (
+            ([0.5, 0.3, 0.3], 1.2),
+            ([0.5, 0.5, 0.5], 1.0),
+            2.0,
+            "wheel_joint position 68.75 deg, before 57.3 deg, at 0.00 s",
+        ),
+        (([0.5, math.nan, 0.3], 1.0), ([0.5, 0.5, 0.3], 1.0), 2.0, ""),
+    ],
+)
+def test_the_first_command_that_differs_is_named(
+    ours: tuple[list[float], float], theirs: tuple[list[float], float], until: float, words: str
+) -> None:
+    assert commands_until(told(*ours), told(*theirs), until) == words
+
+
+def test_commands_that_only_one_run_has_are_not_compared() -> None:
+    bare = with_frames(drive(), commanded=())
+    assert commands_until(bare, drive(), 2.0) is None
+    other = with_frames(told([0.5, 0.5], 1.0, name="linear y"), commanded=())
+    assert commands_until(with_frames(told([0.5, 0.3], 1.0), commanded=()), other, 2.0) is None

@@ -26,7 +26,7 @@ export const GHOSTS = {
     hash: "#scenario=burger%20(doubled)&t=2",
     look: async (page) => {
       await isDrawn(page, "the run without the fault");
-      assert.match((await page.textContent(".against button")) ?? "", /^They part at [\d.]+ s, by more than 5 mm$/);
+      assert.match((await page.textContent(".against button")) ?? "", /^The motions part at [\d.]+ s, by more than 5 mm$/);
       const before = await picture(page);
       await page.keyboard.press("g");
       await isDrawn(page, "");
@@ -39,7 +39,7 @@ export const GHOSTS = {
   "the base run is a ghost, by mouse": {
     look: async (page) => {
       await isDrawn(page, "base run");
-      assert.match((await page.textContent(".scenario.open .since")) ?? "", /^Since the base run: newly fails/);
+      assert.match((await page.textContent(".scenario.open .since")) ?? "", /^Since the base run: .*; the motions part at [\d.]+ s, by more than 5 mm; newly fails/);
       assert.ok(await page.isVisible(".parted"));
       await page.click(".against button");
       const parted = await time(page);

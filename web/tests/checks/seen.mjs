@@ -20,6 +20,10 @@ export const SEEN = {
       assert.equal(await box(page, "Lidar rays").isChecked(), false);
       const before = await picture(page);
       await page.keyboard.press("l");
+      assert.ok(await page.evaluate(() => {
+        const boxes = [".layers div", ".view"].map((name) => document.querySelector(name)?.getBoundingClientRect());
+        return boxes[0] && boxes[1] && boxes[0].left >= boxes[1].left && boxes[0].right <= boxes[1].right;
+      }), "the menu is inside the view");
       await page.keyboard.press("Tab");
       await page.keyboard.press("Space");
       await page.keyboard.press("Escape");

@@ -74,6 +74,10 @@ export const SUITE = {
       await page.click(`${SHOWN} >> nth=1`);
       await titled(page, "number 21");
       await page.waitForSelector(READY);
+      // The focus is on the link.
+      await page.keyboard.press("Space");
+      await page.waitForSelector("[aria-label=Pause]");
+      await page.keyboard.press("Space");
       const slider = await page.locator(".player input[type=range]").boundingBox();
       assert.ok(slider);
       await page.mouse.click(slider.x + slider.width / 4, slider.y + slider.height / 2);

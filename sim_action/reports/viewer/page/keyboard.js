@@ -74,7 +74,7 @@ function isFree(event) {
   if (target.matches("input[type=search], textarea, select") || target.closest("dialog")) return false;
   // An open menu of the player closes.
   if (event.key === "Escape" && target.closest(".player details")) return false;
-  if (event.key === " ") return !target.closest("button, a, summary, input[type=checkbox]");
+  if (event.key === " ") return !target.closest("button, summary, input[type=checkbox]");
   return true;
 }
 

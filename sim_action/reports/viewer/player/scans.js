@@ -68,9 +68,12 @@ class Scans {
       if (step >= 0 && (nearest < 0 || step < this.steps[first + nearest])) nearest = ray;
       if (step < NO_RETURN) near++;
     }
+    // Rounding makes neighbours equal: the middle one is meant.
+    let last = nearest;
+    while (last + 1 < rays && this.steps[first + last + 1] === this.steps[first + nearest]) last++;
     const found = nearest < 0
       ? "no return"
-      : `nearest ${(this.steps[first + nearest] * scale).toFixed(2)} m, ${direction(first_angle + nearest * increment)}`;
+      : `nearest ${(this.steps[first + nearest] * scale).toFixed(2)} m, ${direction(first_angle + (nearest + last) / 2 * increment)}`;
     const close = near ? `; ${near} ${near === 1 ? "ray" : "rays"} too near to measure` : "";
     const left = [every_scan > 1 ? `every ${ordinal(every_scan)} scan` : "", every_ray > 1 ? `every ${ordinal(every_ray)} ray` : ""];
     const kept = left.filter(Boolean).join(", ");
