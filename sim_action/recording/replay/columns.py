@@ -138,6 +138,13 @@ class TextColumn(FrozenModel):
         return not self.gaps and all(ord(code) > _FIRST_CHARACTER and ord(code) % 2 == 0 for code in set(self.deltas))
 
 
+def steady(orientation_xyzw: FloatArray) -> FloatArray:
+    """Return equivalent quaternions (N, 4) without sign changes between successive rows."""
+    dots = np.einsum("ij,ij->i", orientation_xyzw[1:], orientation_xyzw[:-1])
+    signs = np.cumprod(np.concatenate(([1.0], np.where(dots < 0, -1.0, 1.0))))
+    return orientation_xyzw * signs[:, None]
+
+
 def fine_scale(values: FloatArray) -> float:
     """Return a power of ten that divides the range of the values into at least 2,000 steps."""
     finite = values[np.isfinite(values)]

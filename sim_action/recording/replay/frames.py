@@ -9,7 +9,7 @@ import numpy as np
 
 from sim_action.core.records import dataclass
 from sim_action.core.units import TIME_EPSILON_S
-from sim_action.recording.replay.columns import MAX_MOMENTS, Column, FloatArray
+from sim_action.recording.replay.columns import MAX_MOMENTS, Column, FloatArray, steady
 from sim_action.recording.replay.replay_data import Frames, PoseColumns
 from sim_action.state.trace import Trace
 from sim_action.state.trace_records import BodyRecord, CommandedValues
@@ -94,10 +94,3 @@ def _pose_columns(position_xyz: FloatArray, orientation_xyzw: FloatArray) -> Pos
     x, y, z = (Column.encoded(column, _LENGTH) for column in position_xyz.T)
     qx, qy, qz, qw = (Column.encoded(column, _TURN) for column in steady(orientation_xyzw).T)
     return (x, y, z, qx, qy, qz, qw)
-
-
-def steady(orientation_xyzw: FloatArray) -> FloatArray:
-    """Return equivalent quaternions without sign changes between successive rows."""
-    dots = np.einsum("ij,ij->i", orientation_xyzw[1:], orientation_xyzw[:-1])
-    signs = np.cumprod(np.concatenate(([1.0], np.where(dots < 0, -1.0, 1.0))))
-    return orientation_xyzw * signs[:, None]

@@ -14,7 +14,7 @@ from sim_action.core.field_types import FrozenModel
 from sim_action.core.geometry import Pose
 from sim_action.core.records import dataclass
 from sim_action.core.units import TIME_EPSILON_S
-from sim_action.recording.replay.columns import FloatArray, Index
+from sim_action.recording.replay.columns import FloatArray, Index, steady
 from sim_action.recording.replay.scans import MAX_SENSORS, SensorName, scans_until, times_of
 from sim_action.recording.replay.shapes import Length, Number
 from sim_action.state.readings import ContactReading, LidarScan
@@ -267,8 +267,6 @@ def _body_poses(scene: Scene, film: Trace, name: str, time: FloatArray) -> Float
 
 def _between(known: FloatArray, position: FloatArray, orientation: FloatArray, time: FloatArray) -> FloatArray:
     """Return poses (T, 7) at given times, interpolated linearly."""
-    from sim_action.recording.replay.frames import steady
-
     rows = np.column_stack((position, steady(orientation)))
     found = np.column_stack([np.interp(time, known, column) for column in rows.T])
     found[:, 3:] /= np.linalg.norm(found[:, 3:], axis=1)[:, None]

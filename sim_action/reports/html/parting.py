@@ -13,7 +13,7 @@ import numpy as np
 
 from sim_action.core import units
 from sim_action.core.records import dataclass
-from sim_action.recording.replay.columns import Column
+from sim_action.recording.replay.columns import Column, steady
 from sim_action.recording.replay.replay_data import Replay
 from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import moment, quantity
@@ -185,9 +185,7 @@ def _base(replay: Replay, times: FloatArray) -> FloatArray:
     """Return (N, 7): position in m and quaternion of the base at some times."""
     count, known = replay.frames.count, _times(replay)
     poses = np.column_stack([column.decoded(count) for column in replay.frames.base])
-    # A quaternion and its negative are one rotation; between rows they must not change places.
-    turned = np.sum(poses[1:, 3:] * poses[:-1, 3:], axis=1) < 0
-    poses[1:, 3:] *= np.cumprod(np.where(turned, -1.0, 1.0))[:, None]
+    poses[:, 3:] = steady(poses[:, 3:])
     return np.column_stack([np.interp(times, known, values) for values in poses.T])
 
 
