@@ -115,12 +115,11 @@ export class Touches implements Layer {
   readonly group = new Group();
   private readonly spheres: Mesh[];
 
-  constructor(private readonly contacts: ContactData[], colour: string, size: number) {
+  constructor(private readonly contacts: ContactData[], private readonly track: PushTrack, colour: string, size: number) {
     const ball = new SphereGeometry(size, 16, 12);
     const material = new MeshBasicMaterial({ color: colour, depthTest: false, transparent: true, opacity: 0.9 });
-    this.spheres = contacts.map(({ position }) => {
+    this.spheres = contacts.map(() => {
       const sphere = new Mesh(ball, material);
-      sphere.position.set(...position);
       sphere.renderOrder = 2;
       return sphere;
     });
@@ -131,6 +130,7 @@ export class Touches implements Layer {
     this.spheres.forEach((sphere, i) => {
       const { time: from, until } = this.contacts[i];
       sphere.visible = from <= time + 0.02;
+      sphere.position.set(...(this.track.place(i, time) as [number, number, number]));
       sphere.scale.setScalar(time <= until + 0.02 ? 1 : 0.5);
     });
   }

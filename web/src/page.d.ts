@@ -21,6 +21,8 @@ interface ScanTrack {
 
 /** The forces of contacts as arrows. */
 interface PushTrack {
+  /** Where a contact is while it lasts, in the world; otherwise where it began. */
+  place(contact: number, time: number): number[];
   at(time: number): { from: number[]; to: number[] }[];
 }
 

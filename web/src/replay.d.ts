@@ -119,6 +119,8 @@ interface ContactData {
   /** The time between two forces in s. */
   period?: number;
   forces?: Column;
+  /** x, y and z of the mean contact point over each period; missing in older replays. */
+  places?: [Column, Column, Column];
 }
 
 interface SignalData {

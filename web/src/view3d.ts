@@ -79,7 +79,7 @@ class View3D implements View {
     this.clearance = run.base[2][0] - size.min.z;
     this.width = 0.009 * this.seen.getSize(new Vector3()).length();
     this.add(new Way(run, colours.accent, this.clearance, this.width));
-    this.touches = this.add(new Touches(run.replay.contacts, failed.size ? colours.bad : colours.text, touchSize(size, this.seen)));
+    this.touches = this.add(new Touches(run.replay.contacts, run.pushes, failed.size ? colours.bad : colours.text, touchSize(size, this.seen)));
     this.forces = this.add(new ForceLayer(run.pushes, colours.bad, 0.6 * touchSize(size, this.seen)));
     this.scans = run.scans.map((track) => this.add(new ScanLayer(track, track.colour(colours))));
     this.marks = marks;

@@ -81,6 +81,7 @@ class ContactData(FrozenModel):
         normal: the direction of the mean force on the link as a unit vector, world frame; None if it is not known.
         period: the time in s between two values of `forces`.
         forces: the mean force in N over each period since `time`.
+        places: x, y and z of the mean contact point in m over each period, world frame; null in older replays.
     """
 
     time: Number
@@ -93,6 +94,14 @@ class ContactData(FrozenModel):
     normal: Place | None = None
     period: Annotated[Length, Field(gt=0)] | None = None
     forces: Column | None = None
+    places: tuple[Column, Column, Column] | None = None
+
+    @property
+    def is_whole(self) -> bool:
+        """True if all columns are there and have the same length; one that never changes has no differences."""
+        columns = (*([] if self.forces is None else [self.forces]), *(self.places or ()))
+        lengths = {len(column.deltas) for column in columns} - {0}
+        return (self.forces is None) == (self.period is None) and len(lengths) <= 1
 
 
 class SignalData(FrozenModel):
@@ -197,8 +206,8 @@ def _problems(replay: Replay) -> Iterator[str]:
         yield "the number of commanded columns differs from the number of joint columns"
     if any(contact.link >= len(scene.links) or contact.body >= len(scene.bodies) for contact in replay.contacts):
         yield "a contact refers to a link or body that does not exist"
-    if any((contact.forces is None) != (contact.period is None) for contact in replay.contacts):
-        yield "a contact has forces without a period"
+    if not all(contact.is_whole for contact in replay.contacts):
+        yield "the forces or places of a contact are not complete"
     if any(mark.link is not None and mark.link >= len(scene.links) for mark in replay.marks):
         yield "a mark refers to a link that does not exist"
     yield from _of_sensors(replay)

@@ -23,6 +23,8 @@ _MAX_VALUES: Final = 12_000
 _LEAST_VALUES: Final = 30
 _MOST_VALUES: Final = 300
 _FORCE_STEP_N: Final = 0.01
+_PLACE_STEP_M: Final = 1e-3
+_LEAST_WEIGHT_N: Final = 1e-9
 
 # A shorter gap does not end a contact, for example of a robot that rattles along a wall.
 _MAX_GAP_S: Final = 0.1
@@ -33,19 +35,25 @@ class Touch:
     """An uninterrupted contact of a link with a body.
 
     Attributes:
-        first: the first contact point.
+        points: the contact points in the order of time.
         until: the time in s of the last contact.
         steps: the time in s of each step with a contact, and the total force in N.
         push: the sum of the forces on the link in N, as a vector in the world frame.
     """
 
-    first: Contact
+    points: list[Contact]
     until: float
     steps: list[tuple[float, float]] = field(default_factory=list)
     push: Vector3 = ZERO
 
+    @property
+    def first(self) -> Contact:
+        """The first contact point."""
+        return self.points[0]
+
     def add(self, contact: Contact) -> None:
         """Add a contact point of the same or a later step."""
+        self.points.append(contact)
         before = self.steps.pop()[1] if self.steps and contact.time == self.until else 0.0
         self.steps.append((contact.time, before + contact.force))
         self.until = contact.time
@@ -60,15 +68,31 @@ class Touch:
         x, y, z = numbers(geometry.scale(self.push, 1 / length))
         return (x, y, z)
 
-    def force_over_time(self, rate: float, most: int) -> tuple[float, Column]:
-        """Return a period in s, and the mean force in N over each period since the first contact."""
+    def over_time(self, rate: float, most: int) -> tuple[float, Column, tuple[Column, Column, Column]]:
+        """Return a period in s, and the mean force in N and its place in m in each period since the first contact."""
         span = self.until - self.first.time + 1 / rate
         # A whole number of steps, so that each period has as many.
         period = math.ceil(max(1 / FRAME_RATE, span / most) * rate - 1e-6) / rate
-        since = np.array([time for time, _ in self.steps]) - self.first.time
-        places = np.floor(since / period + 1e-6).astype(np.int64)
-        sums = np.bincount(places, weights=np.array([force for _, force in self.steps]))
-        return period, Column.encoded(np.minimum(sums / (period * rate), MAX_ABS_VALUE), _FORCE_STEP_N)
+        since = np.array([point.time for point in self.points]) - self.first.time
+        periods = np.floor(since / period + 1e-6).astype(np.int64)
+        forces = np.array([point.force for point in self.points])
+        sums = np.bincount(periods, weights=forces)
+        force = Column.encoded(np.minimum(sums / (period * rate), MAX_ABS_VALUE), _FORCE_STEP_N)
+        # Points without a force count only if no other point has one.
+        weights = np.maximum(forces, _LEAST_WEIGHT_N)
+        known = np.flatnonzero(sums_of_weights := np.bincount(periods, weights=weights))
+        x, y, z = (
+            Column.encoded(
+                np.interp(
+                    np.arange(len(sums)),
+                    known,
+                    np.bincount(periods, weights=weights * axis)[known] / sums_of_weights[known],
+                ),
+                _PLACE_STEP_M,
+            )
+            for axis in np.array([point.position_xyz for point in self.points]).T
+        )
+        return period, force, (x, y, z)
 
     def force(self, rate: float) -> float:
         """Return the greatest mean force in N over FORCE_WINDOW_S, or over one step if that is longer."""
@@ -96,7 +120,7 @@ def joined_touches(contacts: Iterable[Contact]) -> list[Touch]:
         pair = contact.link, contact.body
         touch = lasting.get(pair)
         if touch is None or contact.time - touch.until > _MAX_GAP_S:
-            touch = lasting[pair] = Touch(contact, contact.time)
+            touch = lasting[pair] = Touch([], contact.time)
             found.append(touch)
         touch.add(contact)
     return found
@@ -125,7 +149,7 @@ def _contact_data(touch: Touch, link: int, body: int, rate: float, values: int) 
     force, impulse = (round(min(value, MAX_ABS_VALUE), 3) for value in (touch.force(rate), touch.impulse(rate)))
     time, until = numbers((touch.first.time, touch.until))
     normal = touch.normal
-    period, forces = (None, None) if normal is None else touch.force_over_time(rate, values)
+    period, forces, places = (None, None, None) if normal is None else touch.over_time(rate, values)
     return ContactData(
         time=time,
         until=until,
@@ -137,4 +161,5 @@ def _contact_data(touch: Touch, link: int, body: int, rate: float, values: int) 
         normal=normal,
         period=period,
         forces=forces,
+        places=places,
     )

@@ -7,6 +7,7 @@ import pytest
 from sim_action.recording.replay.columns import Column
 from sim_action.recording.replay.replay_data import MAX_CONTACTS
 from sim_action.recording.replay.touches import joined_touches, strongest_touches
+from sim_action.state.observation import Contact
 from tests.traces import contact
 
 RATE = 240
@@ -98,4 +99,21 @@ def test_a_long_contact_has_fewer_forces() -> None:
 
 def test_a_contact_without_a_direction_has_no_course() -> None:
     ((found,), _) = strongest_touches(joined_touches([contact(1.0)]), {"base_footprint": 0}, {"wall": 0}, RATE)
-    assert (found.normal, found.period, found.forces) == (None, None, None)
+    assert (found.normal, found.period, found.forces, found.places) == (None, None, None, None)
+
+
+def test_the_place_of_a_force_moves_with_it() -> None:
+    def at(step: int, x: float, y: float, force: float) -> Contact:
+        return contact(step / RATE, force=force)._replace(position_xyz=(x, y, 0.1), normal_xyz=(1.0, 0.0, 0.0))
+
+    # Two points of each step, one with three times the force of the other; in between, a period without contact.
+    steps = [at(step, x, y, 1.0 + y) for step, x in ((0, 1.0), (1, 1.2), (24, 4.0)) for y in (0.0, 2.0)]
+    ((found,), _) = strongest_touches(joined_touches(steps), {"base_footprint": 0}, {"wall": 0}, RATE)
+    assert found.places is not None
+    x, y, z = (column.decoded(4) for column in found.places)
+    assert x == pytest.approx([1.1, 2.067, 3.033, 4.0], abs=1e-3)
+    assert (y.tolist(), z.tolist()) == ([1.5] * 4, [0.1] * 4)
+    assert found.is_whole
+    assert not found.model_copy(update={"period": None}).is_whole
+    short = found.places[0].model_copy(update={"deltas": (1,)})
+    assert not found.model_copy(update={"places": (short, *found.places[1:])}).is_whole

@@ -7,9 +7,12 @@ const LONGEST = 1.5;
 class Pushes {
   /** @param {Replay} replay @param {number} size of the robot in m */
   constructor({ contacts }, size) {
-    this.pushes = contacts.flatMap(({ time, until, position, normal, period, forces }) => {
-      if (!normal || !period || !forces) return [];
-      return [{ time, until, position, normal, period, newtons: decoded(forces, 1 + forces.deltas.length) }];
+    this.pushes = contacts.map(({ time, until, position, normal, period, forces, places }) => {
+      if (!normal || !period || !forces) return { time, until, position, normal: [0, 0, 0], period: 1, newtons: new Float64Array(), from: [] };
+      // A column that never changes has no differences.
+      const count = 1 + Math.max(...[forces, ...(places ?? [])].map(({ deltas }) => deltas.length));
+      const from = (places ?? []).map((column) => decoded(column, count));
+      return { time, until, position, normal, period, newtons: decoded(forces, count), from };
     });
     const most = Math.max(0, ...this.pushes.map(({ newtons }) => newtons.reduce((a, b) => Math.max(a, b), 0)));
     /** N per m of an arrow, a round number. */
@@ -17,19 +20,36 @@ class Pushes {
     this.unit = size < 0.7 ? 0.1 : 1;
   }
 
+  /** @param {number} contact its number @param {number} time s */
+  lasts(contact, time) {
+    const { time: start, until } = this.pushes[contact];
+    return time >= start - 0.02 && time <= until + 0.02;
+  }
+
+  /** Where a contact is while it lasts, in the world; otherwise where it began. @param {number} contact its number @param {number} time s */
+  place(contact, time) {
+    const { position, from } = this.pushes[contact];
+    return from.length && this.lasts(contact, time) ? from.map((values) => values[this.row(contact, time)]) : position;
+  }
+
+  /** @param {number} contact @param {number} time */
+  row(contact, time) {
+    const { time: start, period, newtons } = this.pushes[contact];
+    return Math.min(newtons.length - 1, Math.max(0, Math.floor((time - start) / period + 1e-6)));
+  }
+
   /** @param {number} time s @returns {{from: number[], to: number[]}[]} the arrows at that time, in the world */
   at(time) {
-    return this.pushes.flatMap(({ time: start, until, position, normal, period, newtons }) => {
-      if (time < start - 0.02 || time > until + 0.02) return [];
-      const place = Math.min(newtons.length - 1, Math.max(0, Math.floor((time - start) / period + 1e-6)));
-      const length = newtons[place] / this.scale;
-      return length > 0 ? [{ from: position, to: position.map((value, axis) => value + normal[axis] * length) }] : [];
+    return this.pushes.flatMap(({ normal, newtons }, i) => {
+      if (!this.lasts(i, time) || !newtons.length) return [];
+      const from = this.place(i, time), length = newtons[this.row(i, time)] / this.scale;
+      return length > 0 ? [{ from, to: from.map((value, axis) => value + normal[axis] * length) }] : [];
     });
   }
 
   /** What the length of an arrow means. */
   get words() {
-    return this.pushes.length ? `Arrows of contact forces: ${this.unit} m is ${told(this.scale * this.unit, "N")}` : "";
+    return this.pushes.some(({ newtons }) => newtons.length) ? `Arrows of contact forces: ${this.unit} m is ${told(this.scale * this.unit, "N")}` : "";
   }
 }
 

@@ -239,9 +239,9 @@ class TopView {
   /** @param {number} time */
   drawContacts(time) {
     const ratio = devicePixelRatio || 1;
-    for (const contact of this.motion.replay.contacts) {
+    for (const [i, contact] of this.motion.replay.contacts.entries()) {
       if (contact.time > time + 0.02) continue;
-      const [x, y] = this.pixel(contact.position);
+      const [x, y] = this.pixel(this.motion.pushes.place(i, time));
       this.context.fillStyle = this.failed.size ? this.colours.bad : this.colours.text;
       this.context.beginPath();
       this.context.arc(x, y, (time <= contact.until + 0.02 ? 5 : 2.5) * ratio, 0, 2 * Math.PI);
