@@ -25,7 +25,7 @@ from bench.journal_cost import COUNT, journal_calls
 from bench.lidar import lidar_cost
 from bench.reading import reading_costs
 from bench.recording_cost import recording_cost
-from bench.reporting import opening_cost, report_cost
+from bench.reporting import MANY, opening_cost, report_cost
 from bench.ros1 import command as command_of_rostest
 from bench.ros1 import parts, ros
 from bench.script_cost import script_costs
@@ -269,18 +269,18 @@ def filming() -> Iterator[Ratio]:
 
 def reporting() -> Iterator[Ratio]:
     """The cost of writing report.html, and its size."""
-    cost = report_cost()
-    yield Ratio("report.html of a run of 30 s, against the run", cost.written, cost.run, 0.25)
-    one, many = cost.size / 1e6, cost.size_of_many / 1e6
-    yield Ratio("report.html of a run of 30 s, against what it may weigh", one, 0.46, 1, unit="kB")
-    yield Ratio("report.html of 100 runs of 10 s, against what it may weigh", many, 4, 1, unit="kB")
-    yield Ratio("what a further run of 10 s adds, against what it may", (many - one) / 99, 0.025, 1, unit="kB")
+    one, many = report_cost(1, 30), report_cost(MANY, 10)
+    yield Ratio("report.html of a run of 30 s, against the run", one.written, one.runs, 0.25)
+    yield Ratio(f"report.html of {MANY} runs of 10 s, against the runs", many.written, many.runs, 0.25)
+    size, all_sizes = one.size / 1e6, many.size / 1e6
+    yield Ratio("report.html of a run of 30 s, against what it may weigh", size, 0.46, 1, unit="kB")
+    further = (all_sizes - size) / (MANY - 1)
+    yield Ratio("what a further run of 10 s adds, against what it may", further, 0.025, 1, unit="kB")
 
 
 def opening() -> Iterator[Ratio]:
     """The time until a headless browser shows a report. Raises NotMeasuredError."""
-    name = "report.html of 100 runs shows verdict and plots in a headless browser, against 3 s"
-    yield Ratio(name, opening_cost(), 3, 1)
+    yield Ratio(f"report.html of {MANY} runs in a headless browser, against 1 s", opening_cost(), 1, 1)
 
 
 def recordings() -> Iterator[Ratio]:
