@@ -113,7 +113,7 @@ class ScenarioGroup:
     @property
     def worst(self) -> Outcome:
         """The worst outcome by status; among equals, the one with the smallest relative margin."""
-        return min(self.outcomes, key=_badness)
+        return self.outcomes[0] if len(self.outcomes) == 1 else min(self.outcomes, key=_badness)
 
     @property
     def worst_text(self) -> str:

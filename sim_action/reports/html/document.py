@@ -222,12 +222,14 @@ def element(name: str, /, *children: str, **attributes: str | float | bool | Non
     In attribute names an underscore stands for a hyphen, and one at the end is removed. True gives an attribute without
     a value; False and None omit it.
     """
-    told = "".join([_attribute(key, value) for key, value in attributes.items() if value not in (None, False)])
-    start = f"<{name}{told}>"
+    start = f"<{name}"
+    for key, value in attributes.items():
+        if value is not None and value is not False:
+            start += _attribute(key, value)
     if name in _VOID:
-        return Html(start)
+        return Html(f"{start}>")
     inner = "".join([child if isinstance(child, Html) else text(child) for child in children])
-    return Html(f"{start}{inner}</{name}>")
+    return Html(f"{start}>{inner}</{name}>")
 
 
 def joined(*parts: str) -> Html:

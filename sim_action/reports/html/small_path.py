@@ -6,8 +6,6 @@ from collections.abc import Mapping
 from itertools import groupby
 from typing import TYPE_CHECKING, Final
 
-import numpy as np
-
 from sim_action.core.records import dataclass
 from sim_action.recording.replay.replay_data import Replay
 from sim_action.reports.html.document import Html, element
@@ -40,13 +38,15 @@ class RunLook:
 def small_path(replay: Replay, status: DisplayStatus) -> Html:
     """Return an SVG of the path from above, as large as it fits: y is up, the start is a circle, the end a dot."""
     count = replay.frames.count
-    rows = np.linspace(0, count - 1, min(count, _MAX_POINTS)).astype(int)
-    places = np.column_stack([column.decoded(count)[rows] for column in replay.frames.base[:2]])
-    low, high = places.min(axis=0), places.max(axis=0)
-    width, height = np.maximum(high - low, _LEAST_EXTENT_M).tolist()
+    last, parts = count - 1, max(1, min(count, _MAX_POINTS) - 1)
+    rows = [number * last // parts for number in range(parts + 1)]
+    # For so few numbers, arrays take longer than lists.
+    xs, ys = (column.decoded(count)[rows].tolist() for column in replay.frames.base[:2])
+    left, right, low, high = min(xs), max(xs), min(ys), max(ys)
+    width, height = max(right - left, _LEAST_EXTENT_M), max(high - low, _LEAST_EXTENT_M)
     scale = min((_WIDTH - 2 * _EDGE) / width, (_HEIGHT - 2 * _EDGE) / height)
-    middle = (low + high) / 2
-    drawn = np.rint((places - middle) * (scale, -scale) + (_WIDTH / 2, _HEIGHT / 2)).astype(int).tolist()
+    x0, y0 = _WIDTH / 2 - scale * (left + right) / 2, _HEIGHT / 2 + scale * (low + high) / 2
+    drawn = [(round(x0 + scale * x), round(y0 - scale * y)) for x, y in zip(xs, ys, strict=True)]
     points = [f"{x},{y}" for (x, y), _ in groupby(drawn)]
     return element(
         "svg",
@@ -59,5 +59,5 @@ def small_path(replay: Replay, status: DisplayStatus) -> Html:
     )
 
 
-def _dot(place: list[int], kind: str) -> Html:
+def _dot(place: tuple[int, int], kind: str) -> Html:
     return element("circle", cx=place[0], cy=place[1], r=30, class_=kind)

@@ -194,8 +194,9 @@ def _line(points: FloatArray, kind: str) -> Html:
 
 
 def _points(points: FloatArray) -> str:
-    numbers = [_number(value) for x, y in points.tolist() for value in (x, -y)]
-    return " ".join(map(",".join, zip(numbers[::2], numbers[1::2], strict=True)))
+    # Whole millimetres. Adding 0 turns a negative zero into 0.
+    rounded = (np.rint(points * (1000.0, -1000.0)) / 1000.0 + 0.0).tolist()
+    return " ".join([f"{x:.10g},{y:.10g}" for x, y in rounded])
 
 
 def _number(value: float) -> str:

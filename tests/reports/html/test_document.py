@@ -115,3 +115,8 @@ def test_text_that_reorders_what_follows_loses_that() -> None:
 
 def test_empty_parts_leave_no_line() -> None:
     assert joined("a", "", Html("<b>")) == "a\n<b>"
+
+
+def test_false_and_none_omit_an_attribute_and_zero_does_not() -> None:
+    made = element("span", hidden=True, title=None, open=False, data_time=0.0, x=0)
+    assert made == '<span hidden data-time="0.0" x="0"></span>'

@@ -87,8 +87,8 @@ def test_a_reason_stands_where_a_scenario_did_not_pass() -> None:
 @pytest.mark.parametrize(
     ("relative", "drawn"),
     [
-        (0.25, '<rect width="12.5" height="8" class="held"'),
-        (7.0, '<rect width="50.0" height="8" class="held"'),
+        (0.25, '<rect x="0" width="12.5" height="8" class="held"'),
+        (7.0, '<rect x="0" width="50.0" height="8" class="held"'),
         (-0.5, 'x="-25.0" width="25.0" height="8" class="missed"'),
         (-1e-9, 'x="-1.5" width="1.5" height="8" class="missed"'),
     ],
