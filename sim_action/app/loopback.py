@@ -14,6 +14,7 @@ import sys
 import threading
 from collections.abc import Callable
 from contextlib import suppress
+from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler
 from typing import Any, ClassVar, Final
 
@@ -153,9 +154,9 @@ class _Handler(BaseHTTPRequestHandler):
         return self.server.answering(page, query)
 
     def send_error(self, code: int, message: str | None = None, explain: str | None = None) -> None:
-        """Answer without any detail."""
+        """Answer without any detail. Another method than GET is answered as a page that is not there."""
         self.close_connection = True
-        self._send(code, Answer(b"", "text/plain"))
+        self._send(404 if code == HTTPStatus.NOT_IMPLEMENTED else code, Answer(b"", "text/plain"))
 
     def _send(self, code: int, answer: Answer) -> None:
         with suppress(OSError):

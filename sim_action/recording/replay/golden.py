@@ -9,6 +9,7 @@ from pydantic import Field
 from sim_action.core.field_types import FrozenModel
 from sim_action.recording.replay.columns import Column, Index
 from sim_action.recording.replay.scene_data import MAX_LINKS
+from sim_action.recording.replay.shapes import Length
 
 MAX_GOLDEN: Final = 8
 
@@ -21,12 +22,15 @@ class GoldenData(FrozenModel):
         time: the sim time in s.
         base: x, y, z in m and yaw in rad of the base link, in the world frame.
         joints: (index in `Replay.joint_names`, positions in rad, or m if prismatic) of the joints that the file has.
+        position, yaw: the tolerances of the expectation in m and rad; None if it has none, and in older replays.
     """
 
     expectation: Index
     time: Column
     base: tuple[Column, Column, Column, Column]
     joints: Annotated[tuple[tuple[Index, Column], ...], Field(max_length=MAX_LINKS)] = ()
+    position: Length | None = None
+    yaw: Length | None = None
 
     @property
     def count(self) -> int:

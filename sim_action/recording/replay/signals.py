@@ -83,6 +83,8 @@ def _golden(scenario: Scenario, scene: Scene) -> Iterator[GoldenData]:
             time=Column.encoded(golden.time, _TIME_RESOLUTION_S),
             base=(x, y, z, yaw),
             joints=tuple(zip(places, joints, strict=True)),
+            position=expected.assertion.position,
+            yaw=expected.assertion.yaw,
         )
 
 

@@ -19,7 +19,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Base:
-    """The earlier run of `--against`, and what changed since."""
+    """The earlier run of `--against`, and what changed since.
+
+    Attributes:
+        run: the earlier run.
+        comparison: the comparison with it.
+        changes: `id()` of an outcome -> its change; empty if no scenario is in both runs.
+        before: `id()` of an outcome -> the outcome of the same scenario in the earlier run.
+    """
 
     run: EarlierRun
     comparison: Comparison
@@ -32,7 +39,7 @@ class Base:
         comparison = compare_outcomes(run.outcomes, outcomes, allow_removed=True)
         pairs = paired_outcomes(run.outcomes, outcomes)
         before = {id(new): old for old, new in pairs if new is not None and old is not None}
-        return cls(run, comparison, scenario_changes(comparison), before)
+        return cls(run, comparison, scenario_changes(comparison) if before else {}, before)
 
     @property
     def headline(self) -> str:

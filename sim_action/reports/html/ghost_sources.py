@@ -11,7 +11,7 @@ from sim_action.recording.replay.replay_data import Replay
 from sim_action.recording.replay.replay_file import ReplayReader
 from sim_action.reports.html.document import Html, element, joined, text
 from sim_action.reports.html.ghosts import Ghost, WaitingGhosts, engine_pairs, ghost
-from sim_action.reports.html.parting import Tolerance, commands_until
+from sim_action.reports.html.parting import ANGLE_RAD, POSITION_M, Tolerance, commands_until
 from sim_action.reports.html.replay_blocks import ReplayBlocks, replay_id, stored_replay
 from sim_action.results.outcome import Outcome
 
@@ -56,7 +56,7 @@ class GhostSources:
         missing = ""
         if replay is not None:
             missing = self._find_base(identity, outcome, replay)
-            self._find_golden(identity, outcome, replay)
+            self._find_golden(identity, replay)
             self._find_engine(identity, outcome, replay)
             self._find_repetition(identity, outcome, replay)
         told = self._told(identity, self.changes.get(id(outcome)))
@@ -100,21 +100,22 @@ class GhostSources:
             block = f"ghost-{identity}"
             found = ghost(BASE_RUN, block, replay, theirs, is_shown=old.status != outcome.status)
             self._keep(identity, found)
-            self._waiting.add(block, theirs)
+            self._waiting.add(block, theirs, replay)
             if (part := found.parting) is not None and not part.is_end:
                 command = commands_until(replay, theirs, part.time)
         if id(outcome) in self.changes:
             self.changes[id(outcome)] = replace(self.changes[id(outcome)], world=world, command=command)
         return ""
 
-    def _find_golden(self, identity: str, outcome: Outcome, replay: Replay) -> None:
+    def _find_golden(self, identity: str, replay: Replay) -> None:
         for number, golden in enumerate(replay.golden, start=1):
             from sim_action.reports.html.golden_ghost import golden_replay
 
             block, theirs = f"golden-{identity}-{number}", golden_replay(replay, golden)
             label = GOLDEN if number == 1 else f"{GOLDEN} {number}"
-            self._keep(identity, ghost(label, block, replay, theirs, Tolerance.of(outcome, "matches")))
-            self._waiting.add(block, theirs)
+            tolerance = Tolerance(max(POSITION_M, golden.position or 0.0), max(ANGLE_RAD, golden.yaw or 0.0))
+            self._keep(identity, ghost(label, block, replay, theirs, tolerance))
+            self._waiting.add(block, theirs, replay)
 
     def _find_engine(self, identity: str, outcome: Outcome, replay: Replay) -> None:
         other = self._others.get(id(outcome))
@@ -122,7 +123,7 @@ class GhostSources:
             return
         theirs, _ = stored_replay(other, self._folder, self._readers["engine"])
         if theirs is not None:
-            limits = [Tolerance.of(each, "agreement") for each in (outcome, other)]
+            limits = [Tolerance.of(each) for each in (outcome, other)]
             tolerance = Tolerance(max(each.position for each in limits), max(each.angle for each in limits))
             block = replay_id(self._ids[id(other)])
             self._keep(identity, ghost(other.engine or "", block, replay, theirs, tolerance))
@@ -135,7 +136,7 @@ class GhostSources:
         if theirs is not None:
             block = f"repetition-{identity}"
             self._keep(identity, ghost(REPETITION, block, replay, theirs, is_shown=True))
-            self._waiting.add(block, theirs)
+            self._waiting.add(block, theirs, replay)
 
     def _keep(self, identity: str, found: Ghost) -> None:
         self.found.setdefault(identity, []).append(found)

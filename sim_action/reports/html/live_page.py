@@ -7,7 +7,7 @@ as text.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from math import isfinite
 from typing import Final, Self
 
@@ -47,28 +47,46 @@ def live_state(follower: JournalFollower) -> dict[str, object]:
     }
     if recorded is None:
         return state
-    total, finished = len(recorded.header.planned), len(recorded.finished)
+    planned = recorded.header.planned
+    judged = _judged(recorded)
+    statuses = Counter(outcome.display_status for _, outcome in judged)
     return state | {
-        "total": total,
-        "finished": finished,
+        "noun": _noun(recorded),
+        "total": len(planned),
+        "finished": len(recorded.finished),
         "left": None if follower.is_over else _time_left(recorded, follower.elapsed),
         "counts": [
             [kind, display.symbol, f"{number} {display.word}"]
             for kind, display in STATUS_DISPLAYS.items()
-            if (number := _counts(recorded)[kind])
+            if (number := statuses[kind])
         ],
-        "lists": _lists(recorded, is_over=follower.is_over),
+        "lists": _lists(recorded, judged, is_over=follower.is_over),
     }
+
+
+def _noun(recorded: Recorded) -> str:
+    """Return the word for the planned outcomes: with gates, most of them are no scenarios."""
+    return "run" if recorded.header.gates else "scenario"
+
+
+def _judged(recorded: Recorded) -> list[tuple[int, Outcome]]:
+    """Return the final outcomes that count, each with its place: gates instead of their runs."""
+    found = [
+        (place, record.outcome)
+        for place, record in recorded.finished.items()
+        if record.outcome is not None and record.outcome.gate is None
+    ]
+    if recorded.header.gates:
+        places = {(planned.file, planned.gate): place for place, planned in enumerate(recorded.header.planned)}
+        gates = (outcome for outcome in recorded.results_so_far().outcomes if outcome.statistics is not None)
+        found += [(places[gate.file, gate.name], gate) for gate in gates]
+    return found
 
 
 def version(follower: JournalFollower) -> str:
     """Return a word that changes with every record."""
     records = 0 if follower.recorded is None else len(follower.recorded.records)
     return f"{follower.call}.{records}.{int(follower.has_more)}"
-
-
-def _counts(recorded: Recorded) -> Counter[str]:
-    return Counter(each.outcome.display_status for each in recorded.finished.values() if each.outcome is not None)
 
 
 def _time_left(recorded: Recorded, elapsed: float) -> float | None:
@@ -85,8 +103,8 @@ def _time_left(recorded: Recorded, elapsed: float) -> float | None:
     return round(left, 1) if isfinite(left) else None
 
 
-def _lists(recorded: Recorded, *, is_over: bool) -> list[dict[str, object]]:
-    """Return the scenarios by what became of them: running, without a pass, passed (the newest first), waiting."""
+def _lists(recorded: Recorded, judged: Sequence[tuple[int, Outcome]], *, is_over: bool) -> list[dict[str, object]]:
+    """Return the scenarios by their state: running, without a pass, passed (the newest first), waiting."""
     started: dict[int, float] = {}
     ended: Counter[int] = Counter()
     for record in recorded.records:
@@ -95,12 +113,16 @@ def _lists(recorded: Recorded, *, is_over: bool) -> list[dict[str, object]]:
         elif record.place is not None and record.event == "run":
             ended[record.place] += 1
     unfinished = [place for place in range(len(recorded.header.planned)) if place not in recorded.finished]
-    finished = [(place, record.outcome) for place, record in recorded.finished.items() if record.outcome is not None]
-    bad = [(place, outcome) for place, outcome in finished if outcome.display_status not in _GOOD]
-    good = [(place, outcome) for place, outcome in reversed(finished) if outcome.display_status in _GOOD]
+    bad = [(place, outcome) for place, outcome in judged if outcome.display_status not in _GOOD]
+    good = [(place, outcome) for place, outcome in reversed(judged) if outcome.display_status in _GOOD]
+    samples = [
+        (place, record.outcome)
+        for place, record in reversed(recorded.finished.items())
+        if record.outcome is not None and record.outcome.gate is not None
+    ]
     running = [place for place in unfinished if place in started]
     waiting = [place for place in unfinished if place not in started]
-    return [
+    told = [
         _list(
             "Not finished" if is_over else "Running",
             len(running),
@@ -108,12 +130,11 @@ def _lists(recorded: Recorded, *, is_over: bool) -> list[dict[str, object]]:
         ),
         _list("Did not pass", len(bad), (_finished(*each) for each in bad[:MAX_ROWS])),
         _list("Passed", len(good), (_finished(*each) for each in good[:MAX_ROWS])),
-        _list(
-            "Not started" if is_over else "Waiting",
-            len(waiting),
-            (_unfinished(recorded, place, None, 0) for place in waiting[:MAX_ROWS]),
-        ),
     ]
+    if samples:
+        told.append(_list("Runs of gates", len(samples), (_finished(*each) for each in samples[:MAX_ROWS])))
+    last = (_unfinished(recorded, place, None, 0) for place in waiting[:MAX_ROWS])
+    return [*told, _list("Not started" if is_over else "Waiting", len(waiting), last)]
 
 
 def _list(title: str, count: int, rows: Iterable[Mapping[str, object]]) -> dict[str, object]:
@@ -170,29 +191,32 @@ class Finished:
 
     Attributes:
         call: the number of the call.
-        finished, total: the numbers of scenarios.
+        finished, total: the numbers of scenarios, or of runs.
+        noun: the word for one of them.
         is_over: True if the call has ended.
     """
 
     call: int
     finished: int
     total: int
+    noun: str
     is_over: bool
 
     @classmethod
     def of(cls, follower: JournalFollower) -> Self:
-        """Return what has finished at the last look."""
+        """Return the finished part of the call, as last read."""
         recorded = follower.recorded
         if recorded is None:
-            return cls(follower.call, 0, 0, is_over=False)
-        return cls(follower.call, len(recorded.finished), len(recorded.header.planned), follower.is_over)
+            return cls(follower.call, 0, 0, "scenario", is_over=False)
+        planned = len(recorded.header.planned)
+        return cls(follower.call, len(recorded.finished), planned, _noun(recorded), follower.is_over)
 
     @property
     def scope(self) -> str:
         """The part of the call that the report has; empty for all of it."""
         if self.is_over:
             return ""
-        return f"This report has {self.finished} of {counted(self.total, 'scenario')} so far."
+        return f"This report has {self.finished} of {counted(self.total, self.noun)} so far."
 
 
 def live_report(results: Results, known: Finished, options: ReportOptions) -> Page:

@@ -40,9 +40,9 @@ class Tolerance:
     angle: float = ANGLE_RAD
 
     @classmethod
-    def of(cls, outcome: Outcome, assertion: str) -> Self:
-        """Return the tolerance, or the limits of the expectations of this kind where they are larger."""
-        verdicts = [each.verdict for each in outcome.expectations if each.assertion == assertion]
+    def of(cls, outcome: Outcome) -> Self:
+        """Return the tolerance, or the limits of the agreement of two engines where they are larger."""
+        verdicts = [each.verdict for each in outcome.expectations if each.assertion == "agreement"]
         limits = [(verdict.unit, verdict.limit or 0.0) for verdict in verdicts]
         position = max((limit for unit, limit in limits if unit == "m"), default=0.0)
         angle = max((limit for unit, limit in limits if unit == "rad"), default=0.0)

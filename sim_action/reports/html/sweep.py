@@ -159,9 +159,15 @@ _QUANTITIES: Final[tuple[tuple[str, str | None, Callable[[ExpectationOutcome], f
 
 
 def _tightest(run: Outcome) -> float | None:
-    """Return the relative margin of the nearest expectation in per cent; None if nothing was judged."""
+    """Return the relative margin of the nearest expectation in per cent; None if nothing was judged.
+
+    It is 0 for a goal that came true: its margin is only how far the last step went beyond its limit.
+    """
     expected = nearest_expectation(run)
-    return None if expected is None else 100.0 * relative_margin(expected)
+    if expected is None:
+        return None
+    is_met = expected.verdict.goal and expected.verdict.status == "passed"
+    return 0.0 if is_met else 100.0 * relative_margin(expected)
 
 
 def _rounded(values: Sequence[float | None]) -> list[JsonValue]:

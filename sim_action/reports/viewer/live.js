@@ -9,7 +9,7 @@
    * @typedef {{place: number, name: string, file: string, why: string, since?: number | null, status?: string,
    *   symbol?: string, word?: string, took?: number, link?: string}} Row
    * @typedef {{call: number, version: string, hasMore: boolean, problem: string, isOver: boolean, elapsed: number,
-   *   total?: number, finished?: number, left?: number | null, counts?: [string, string, string][],
+   *   noun?: string, total?: number, finished?: number, left?: number | null, counts?: [string, string, string][],
    *   lists?: {title: string, count: number, rows: Row[]}[]}} State
    */
 
@@ -71,12 +71,12 @@
 
   /** @param {State} now */
   function showProgress(now) {
-    const { total = 0, finished = 0, counts = [], lists = [] } = now;
+    const { noun = "scenario", total = 0, finished = 0, counts = [], lists = [] } = now;
     const bar = /** @type {HTMLProgressElement} */ (at("live-bar"));
     bar.max = Math.max(1, total);
     bar.value = finished;
-    const title = !total ? "Waiting for a run" : now.isOver ? `The run has ended: ${finished} of ${counted(total, "scenario")} finished`
-      : `${finished} of ${counted(total, "scenario")} finished`;
+    const title = !total ? "Waiting for a run" : now.isOver ? `The run has ended: ${finished} of ${counted(total, noun)} finished`
+      : `${finished} of ${counted(total, noun)} finished`;
     at("live-title").textContent = title;
     document.title = total ? `${now.isOver ? "ended" : `${finished}/${total}`} · sim-action` : "Progress · sim-action";
     const shown = counts.flatMap(([kind, symbol, words]) => [part("span", symbol, `mark ${kind}`), ` ${words}   `]);
@@ -144,7 +144,7 @@
     const more = (now.finished ?? 0) - (isOther ? 0 : Number(finished));
     const isNew = (now.finished ?? 0) > 0 && (isOther || more > 0 || String(Number(now.isOver)) !== over);
     at("live-news").textContent = more > 0
-      ? `${more === 1 ? "1 scenario has a new result" : `${more} scenarios have new results`}.`
+      ? `${counted(more, now.noun ?? "scenario")} ${more === 1 ? "has a new result" : "have new results"}.`
       : isNew ? "The run has ended." : "";
     at("live-update").hidden = !isNew;
     const follow = /** @type {HTMLInputElement} */ (at("live-follow"));

@@ -118,8 +118,12 @@ def test_no_scenario_in_common(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert capsys.readouterr().err == ""
     write_html(new, options(tmp_path, run(tmp_path / "old", "b", 1.0, file="b.sim.yml")))
     assert "--against old: no scenario has the file and name of one in this run" in capsys.readouterr().err
-    found = page(results(run(tmp_path, "a", 0.5)), options(tmp_path, run(tmp_path / "old", "b", 1.0, file="b.sim.yml")))
+    found = page(
+        results(run(tmp_path, "a", 0.5, holds=False), run(tmp_path, "c", 0.5)),
+        options(tmp_path, run(tmp_path / "old", "b", 1.0, file="b.sim.yml")),
+    )
     assert "Nothing to compare: no scenario of old has the name of one here" in body(found)
+    assert "newly fails" not in body(found)
 
 
 def test_golden_trajectories_are_ghosts(tmp_path: Path) -> None:
@@ -128,11 +132,15 @@ def test_golden_trajectories_are_ghosts(tmp_path: Path) -> None:
     times = Column(scale=1.0, first=0, deltas=(1, 1))
     golden = GoldenData(expectation=0, time=times, base=(ahead, still, still, still))
     made = run(tmp_path, "a", 1.0)
-    kept(drive().model_copy(update={"golden": (golden, golden)}), tmp_path, "a")
+    wide = golden.model_copy(update={"position": 0.25, "yaw": 0.1})
+    kept(drive().model_copy(update={"golden": (golden, wide)}), tmp_path, "a")
     found = page(results(made), options(tmp_path))
     [[one, other]] = ghosts(found)
     assert (one["label"], one["replay"], other["label"]) == ("golden trajectory", "golden-s0-1", "golden trajectory 2")
     assert one["parting"] == {"time": 1.0, "words": "The motions part at 1.00 s, by more than 5 mm"}
+    # Its expectation allows more.
+    assert other["parting"] is None
+    assert other["alike"] == "The motions of the bases are the same, up to 250 mm or 5.73 deg"
     assert {"golden-s0-1", "golden-s0-2"} <= set(found.blocks)
 
 

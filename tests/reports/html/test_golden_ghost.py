@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
-from sim_action.recording.replay.columns import Column
+from sim_action.recording.replay.columns import Column, TextColumn
 from sim_action.recording.replay.golden import GoldenData
-from sim_action.recording.replay.replay_data import Replay
+from sim_action.recording.replay.replay_data import ChannelData, Replay
 from sim_action.reports.html.ghosts import motion_of
 from sim_action.reports.html.golden_ghost import golden_replay
 from sim_action.reports.html.parting import parting
@@ -31,7 +32,7 @@ def test_it_has_the_motion_of_the_file_and_is_a_valid_replay() -> None:
     assert found.frames.base[0].decoded(count).tolist() == [0.0, 0.5, 1.0]
     assert found.frames.base[5].decoded(count)[0] == pytest.approx(math.sin(0.5), abs=1e-5)
     assert found.scene.bodies == ()
-    assert Replay.model_validate_json(motion_of(found).model_dump_json()) is not None
+    assert Replay.model_validate_json(motion_of(found, drive()).model_dump_json()) is not None
 
 
 def test_joints_that_the_file_does_not_have_stay_as_at_the_start() -> None:
@@ -47,3 +48,18 @@ def test_a_run_parts_from_it() -> None:
     found = parting(replay, golden_replay(replay, golden(0.6)))
     assert found is not None
     assert found.time == 1.0
+
+
+def test_a_channel_that_only_one_run_has_is_zero_in_the_ghost() -> None:
+    def turning(name: str, *, group: str = "base", commanded: bool = False) -> ChannelData:
+        values = TextColumn.encoded(np.full(61, 0.5), 1e-3)
+        return ChannelData(group=group, name=name, unit="rad/s", values=values, commanded=commanded)
+
+    named = (turning("angular z"), turning("linear x", commanded=True), turning("range", group="front"))
+    ours = drive().model_copy(update={"channels": named})
+    theirs = drive().model_copy(update={"channels": (turning("linear y"),)})
+    found = motion_of(theirs, ours).channels
+    assert [(channel.group, channel.name) for channel in found] == [("base", "linear y"), ("base", "angular z")]
+    assert found[1].values.decoded(61).tolist() == [0.0] * 61
+    # Nothing is known of the channels of a golden trajectory.
+    assert motion_of(golden_replay(ours, golden(0.5)), ours).channels == ()

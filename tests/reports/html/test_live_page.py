@@ -17,6 +17,8 @@ from sim_action.reports.html.live_page import live_report, live_state, progress_
 from sim_action.results.events import Finished, RunEnded, Started
 from sim_action.results.journal import Journal
 from sim_action.results.journal_follower import JournalFollower
+from sim_action.results.journal_records import Planned
+from tests.reports.html.gates import gated, run
 from tests.results.test_journal import FAILED, header, outcome, unheard
 
 
@@ -62,6 +64,23 @@ def test_each_scenario_is_in_one_list(tmp_path: Path) -> None:
     assert [words for _, _, words in shown["counts"]] == ["1 error", "1 passed"]
     assert shown["lists"][1]["rows"][0]["why"] == FAILED.message
     assert shown["lists"][2]["rows"][0]["link"] == "report#scenario=b"
+
+
+def test_a_gate_counts_in_place_of_its_runs(tmp_path: Path) -> None:
+    made = [run(number, -0.1 if number == 1 else 0.5) for number in range(3)]
+    results = gated({"passes": {"at_least": 0.2, "confidence": 0.5}, "runs": 3}, *made)
+    planned = tuple(Planned.of(each) for each in (*made, outcome("a")))
+    begin = Journal(tmp_path, header().model_copy(update={"gates": results.gates, "planned": planned}), unheard, 0.0)
+    for place, each in enumerate(made[:2]):
+        begin(Finished(place, each))
+    shown = state(tmp_path)
+    assert (shown["noun"], shown["finished"], shown["total"], shown["counts"]) == ("run", 2, 4, [])
+    assert {title: len(rows) for title, rows in names(shown).items() if rows} == {"Runs of gates": 2, "Waiting": 2}
+    assert "This report has 2 of 4 runs so far." in reported(tmp_path).text()
+    begin(Finished(2, made[2]))
+    shown = state(tmp_path)
+    assert (names(shown)["Passed"], names(shown)["Did not pass"]) == (["push"], [])
+    assert [words for _, _, words in shown["counts"]] == ["1 passed"]
 
 
 def test_runs_of_a_repeated_scenario_are_counted(tmp_path: Path) -> None:

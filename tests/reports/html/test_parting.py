@@ -108,9 +108,9 @@ def test_a_larger_tolerance_of_the_scenario_counts() -> None:
         )
 
     made = outcome("a.sim.yml").model_copy(update={"expectations": (agreed(0.2, "m"), agreed(1e-4, "rad"))})
-    tolerance = Tolerance.of(made, "agreement")
+    tolerance = Tolerance.of(made)
     assert tolerance.words == "200 mm or 0.5 deg"
-    assert Tolerance.of(made, "matches") == Tolerance()
+    assert Tolerance.of(outcome("a.sim.yml")) == Tolerance()
     assert parting(drive(), drive(distance=1.1), tolerance) is None
     assert Tolerance(position=2.0).words == "2 m or 0.5 deg"
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -62,6 +63,18 @@ def test_what_runs_measured_is_packed_with_the_articles() -> None:
     assert data["statuses"] == ["passed", "failed", "error"]
     assert data["entries"] == ["s4", None, None]
     assert data["claim"] == 0.9
+
+
+def test_a_goal_that_came_true_has_no_margin() -> None:
+    def met(number: int, margin: float) -> Outcome:
+        made = run(number, margin)
+        [expected] = made.expectations
+        goal = expected.model_copy(update={"verdict": replace(expected.verdict, goal=True)})
+        return made.model_copy(update={"expectations": (goal,)})
+
+    data = sweep([met(0, 0.15), met(1, -0.3), met(2, 0.001)], {}, None)
+    assert data is not None
+    assert json.loads(json.dumps(data))["series"][0]["values"] == [0.0, -20.0, 0.0]
 
 
 def test_values_that_no_browser_reads_are_left_out() -> None:
