@@ -1,7 +1,7 @@
 """Draw the documents' pictures of two real runs, one of which fails: docs/images/terminal.svg and summary.png.
 
-`make picture`; the second needs Chromium and a font with emoji (Debian: chromium, fonts-noto-color-emoji), and for the
-charts in it Mermaid: its `dist/mermaid.min.js`, which npm brings, is named by the environment variable MERMAID.
+`make picture`; the second needs Chromium, a font with emoji (Debian: chromium, fonts-noto-color-emoji), and for its
+charts Mermaid: the environment variable MERMAID names the `dist/mermaid.min.js` of its npm package.
 """
 
 from __future__ import annotations
@@ -107,9 +107,11 @@ def draw_terminal(output: str) -> None:
 
 def draw_summary(markdown: str) -> None:
     """Writes the picture of the job summary."""
+    library = os.environ.get("MERMAID")
+    if library is None:
+        raise SystemExit("the charts need Mermaid: set MERMAID to the dist/mermaid.min.js of its npm package")
     body = MarkdownIt("commonmark", {"html": True}).enable("table").render(markdown)
-    if library := os.environ.get("MERMAID"):
-        body += f"<script src='{Path(library).resolve().as_uri()}'></script><script>{CHARTS}</script>"
+    body += f"<script src='{Path(library).resolve().as_uri()}'></script><script>{CHARTS}</script>"
     with tempfile.TemporaryDirectory() as name:
         page = Path(name, "summary.html")
         page.write_text(f'<!doctype html><meta charset="utf-8"><style>{STYLE}</style>{body}', encoding="utf-8")
