@@ -81,7 +81,7 @@ def ran(folder: Path, name: str, *arguments: str) -> Path:
 
 
 def compared(folder: Path) -> Path:
-    """The report of several scenarios beside their base run, since which the robot turns."""
+    """Run several scenarios twice, and return the report that compares both runs."""
     for name, turn in (("base", 0.0), ("now", 0.12)):
         (folder / "corridor.sim.yml").write_text(SUITE.format(turn=turn), encoding="utf-8")
         page = ran(folder, name)
@@ -91,7 +91,7 @@ def compared(folder: Path) -> Path:
 
 
 def main() -> None:
-    """Takes all; with an argument, `light` or `dark`, in these colours."""
+    """Take all pictures in light colours, or in those of the argument: `light` or `dark`."""
     browser = shutil.which("chromium") or shutil.which("google-chrome")
     if browser is None:
         raise SystemExit("there is neither chromium nor google-chrome to look at the report with")

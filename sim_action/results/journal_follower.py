@@ -64,7 +64,7 @@ class JournalFollower:
         return last if self.is_over else last + max(0.0, time.time() - self.written_at)
 
     def look(self) -> None:
-        """Read what is new, up to a size."""
+        """Read the new lines, up to a size."""
         self.has_more, self.problem = False, ""
         try:
             with open_regular(self._path, follow_link=False) as file:

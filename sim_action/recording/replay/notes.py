@@ -1,4 +1,4 @@
-"""Notes of a replay: what is drawn in another way than the model states it, and why."""
+"""Notes of a replay: the differences between the drawing and the model, with their reasons."""
 
 from __future__ import annotations
 

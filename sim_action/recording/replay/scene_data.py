@@ -107,7 +107,7 @@ class SceneData(FrozenModel):
     Attributes:
         robot: the name of the model.
         ground: its look as the world states it; null if it does not.
-        notes: what is drawn in another way than the model states it, a sentence each.
+        notes: the differences between the drawing and the model, a sentence each.
     """
 
     robot: Text

@@ -119,7 +119,7 @@ def _headline_without_verdicts(results: Results) -> str:
 
 
 def _nouns(results: Results) -> tuple[str, str]:
-    """Return the names of what has verdicts, in the plural and in the singular."""
+    """Return the noun for the judged items, in the plural and in the singular."""
     gates = sum(outcome.statistics is not None for outcome in results.verdicts)
     if not gates:
         return "scenarios", "scenario"

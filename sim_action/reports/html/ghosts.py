@@ -12,7 +12,7 @@ from sim_action.core.records import dataclass, field
 from sim_action.recording.replay.columns import TextColumn
 from sim_action.recording.replay.replay_data import Replay
 from sim_action.reports.escaping import one_line
-from sim_action.reports.html.parting import Parting, Tolerance, alike, parting
+from sim_action.reports.html.parting import Parting, Tolerance, parting, same_motion_text
 from sim_action.reports.html.replay_blocks import MAX_REPLAY_BYTES, PackedReplay, ReplayBlocks
 from sim_action.results.outcome import Outcome
 
@@ -54,7 +54,7 @@ def ghost(
 ) -> Ghost:
     """Return the ghost of `theirs` in the player of `ours`."""
     tolerance = tolerance or Tolerance()
-    return Ghost(label, block, parting(ours, theirs, tolerance), alike(ours, theirs, tolerance), is_shown)
+    return Ghost(label, block, parting(ours, theirs, tolerance), same_motion_text(ours, theirs, tolerance), is_shown)
 
 
 # A quantity of these that is zero all the time has no channel.

@@ -94,7 +94,7 @@ def parting(ours: Replay, theirs: Replay, tolerance: Tolerance | None = None) ->
     return None
 
 
-def alike(ours: Replay, theirs: Replay, tolerance: Tolerance) -> str:
+def same_motion_text(ours: Replay, theirs: Replay, tolerance: Tolerance) -> str:
     """Return the sentence for two runs that do not part. The joints of a robot that moves are not compared."""
     compared = "motions" if _at_one_place(ours, theirs) or not ours.joint_names else "motions of the bases"
     return f"The {compared} are the same, up to {tolerance.words}"

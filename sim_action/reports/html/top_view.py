@@ -238,11 +238,6 @@ class Frame:
         return points @ self.rotation.T + self.position
 
 
-def robot_outlines(replay: Replay, *moments: int) -> list[list[FloatArray]]:
-    """Return the outline (N, 2) in m, world frame, of each shape of the robot at each of some moments."""
-    return [_outlines(replay.scene, posture) for posture in _postures(replay, *moments)]
-
-
 _Posture = tuple[tuple[float, ...], tuple[float, ...]]
 """The pose of the base as numbers, and the positions of joints."""
 

@@ -13,6 +13,7 @@ from sim_action.core.records import replace
 from sim_action.recording.replay.sightings import ObstacleData, obstacles_of
 from sim_action.sensors.lidar import Lidar
 from sim_action.sensors.reading_log import ReadingLog
+from sim_action.state.readings import LidarScan
 from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import ClearanceWatch
 from sim_action.state.trace_records import BodyRecord, ClearanceRecord, Nearness
@@ -142,3 +143,29 @@ def test_noisy_returns_count_within_their_noise() -> None:
         lidar = logs.log(Lidar(rays=2, noise=noise), "front", scans, pose=Pose())
         (found,) = seen(BUMP, where(), lidar)
         assert len(found.seen) == expected
+
+
+def test_a_body_is_found_late_in_a_long_run() -> None:
+    times = [step / 30 for step in range(301)]
+    film = replace(traces.trace(times, x=[0.29 * time for time in times]), contacts=(traces.contact(9.9),))
+    log = logs.lidar("front", 101, lambda time: [2.9 - 0.29 * time if time >= 7.6 else math.inf, math.inf])
+    (found,) = seen(film, where(), log)
+    assert [one.time for one in found.seen] == [7.6]
+
+
+def test_the_nearest_return_from_a_body_counts_with_its_direction() -> None:
+    right = Body(name="wall", box=(4.0, 0.2, 0.5), pose={"y": -1.1})  # type: ignore[arg-type]
+    angles = (1.4 * math.pi, 1.5 * math.pi, 1.6 * math.pi)
+    ranges = np.array([1.0 / abs(math.sin(angle)) for angle in angles])
+    scan = LidarScan(0.1, angles[0], 0.1 * math.pi, 0.1, 5.0, ranges)
+    (found,) = seen(standing(0.0, "wall"), where(right), logs.log(Lidar(rays=3), "front", [scan]))
+    assert [(one.distance, one.angle) for one in found.seen] == [(1.0, round(-math.pi / 2, 4))]
+
+
+def test_a_body_whose_quaternion_changes_sign_is_seen_between_two_moments() -> None:
+    long = Body(name="wall", box=(0.2, 2.0, 0.5), mass=1.0)
+    rows = np.tile([2.0, 0.0, 0.0], (61, 1)), np.outer([(-1.0) ** step for step in range(61)], [0, 0, 1.0, 0])
+    film = replace(standing(0.0, "wall"), bodies={"wall": BodyRecord(DRIVE.time, *rows)})
+    scans = [logs.scan((step + 0.5) / 30, [1.9, math.inf]) for step in range(30, 40)]
+    (found,) = seen(film, where(long), logs.log(Lidar(rays=2), "front", scans))
+    assert [one.time for one in found.seen] == [pytest.approx(30.5 / 30, abs=1e-4)]

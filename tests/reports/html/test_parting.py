@@ -10,7 +10,7 @@ import pytest
 from sim_action.core.errors import Location
 from sim_action.recording.replay.columns import Column, TextColumn
 from sim_action.recording.replay.replay_data import ChannelData, Replay
-from sim_action.reports.html.parting import Parting, Tolerance, alike, commands_until, parting
+from sim_action.reports.html.parting import Parting, Tolerance, commands_until, parting, same_motion_text
 from sim_action.results.outcome import ExpectationOutcome
 from sim_action.state.verdict import Verdict
 from tests.outcomes import outcome
@@ -61,6 +61,8 @@ def test_runs_that_end_apart_part_there() -> None:
     short = drive(seconds=1.0, distance=0.5)
     assert parting(short, drive()) == Parting(1.0, "where this run ends", is_end=True)
     assert parting(drive(), short) == Parting(1.0, "where the other run ends", is_end=True)
+    # Some moments of the replay are too many.
+    assert parting(drive(), drive(seconds=1.8, distance=0.9)) is not None
 
 
 def test_other_moments_of_the_same_motion_do_not_part() -> None:
@@ -93,11 +95,14 @@ def test_joints_count_where_no_base_moves() -> None:
 
 
 def test_what_was_not_compared_is_not_said_to_move_alike() -> None:
-    assert alike(drive(), drive(), Tolerance()) == "The motions of the bases are the same, up to 5 mm or 0.5 deg"
+    assert (
+        same_motion_text(drive(), drive(), Tolerance())
+        == "The motions of the bases are the same, up to 5 mm or 0.5 deg"
+    )
     arm = drive(distance=0.0)
-    assert alike(arm, arm, Tolerance()) == "The motions are the same, up to 5 mm or 0.5 deg"
+    assert same_motion_text(arm, arm, Tolerance()) == "The motions are the same, up to 5 mm or 0.5 deg"
     body = with_frames(drive().model_copy(update={"joint_names": ()}), joints=())
-    assert alike(body, body, Tolerance()) == "The motions are the same, up to 5 mm or 0.5 deg"
+    assert same_motion_text(body, body, Tolerance()) == "The motions are the same, up to 5 mm or 0.5 deg"
 
 
 def test_a_larger_tolerance_of_the_scenario_counts() -> None:
@@ -162,3 +167,15 @@ def test_commands_that_only_one_run_has_are_not_compared() -> None:
     assert commands_until(bare, drive(), 2.0) is None
     other = with_frames(told([0.5, 0.5], 1.0, name="linear y"), commanded=())
     assert commands_until(with_frames(told([0.5, 0.3], 1.0), commanded=()), other, 2.0) is None
+
+
+def test_the_first_of_several_differences_counts() -> None:
+    replay = drive()
+    angles = np.where(np.arange(replay.frames.count) >= 10, 0.05, 0.0)
+    z, w = (Column.encoded(part(angles / 2), 1e-5) for part in (np.sin, np.cos))
+    # The heading differs at 0.33 s, the position from 1 s on.
+    other = drive(distance=1.0101)
+    found = parting(replay, with_frames(other, base=(*other.frames.base[:5], z, w)))
+    assert found is not None
+    assert found.time == pytest.approx(1 / 3, abs=0.01)
+    assert found.words == "by more than 0.5 deg"

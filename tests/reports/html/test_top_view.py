@@ -11,7 +11,7 @@ import pytest
 from sim_action.core.geometry import quaternion_from_rpy, rotate
 from sim_action.recording.replay.marks import ArrowMark, CircleMark, PolygonMark, PolylineMark
 from sim_action.recording.replay.shapes import BoxShape, CapsuleShape, CylinderShape, EllipsoidShape, MeshShape
-from sim_action.reports.html.top_view import Frame, SceneOutlines, drawing, outline, robot_outlines
+from sim_action.reports.html.top_view import Frame, SceneOutlines, drawing, outline
 from tests.outcomes import outcome
 from tests.replays import GREY, HERE, MESH, drive
 
@@ -141,10 +141,12 @@ def test_a_mesh_is_its_points() -> None:
 
 def test_links_go_where_the_base_goes() -> None:
     replay = drive(distance=2.0)
-    (base, wheel), last = robot_outlines(replay, 0, replay.frames.count - 1)
-    assert extent(base) == pytest.approx([-0.2, -0.1, 0.2, 0.1])
-    assert extent(wheel) == pytest.approx([0.0, 0.13, 0.2, 0.17], abs=1e-3)
-    assert extent(last[0]) == pytest.approx([1.8, -0.1, 2.2, 0.1])
+    svg = ET.fromstring(drawing(replay, outcome("a.sim.yml")))
+    # The y axis of a drawing points down.
+    base, wheel = (extent(np.array(corners)) for corners in points(svg, "start"))
+    assert base == pytest.approx([-0.2, -0.1, 0.2, 0.1])
+    assert wheel == pytest.approx([0.0, -0.17, 0.2, -0.13], abs=1e-3)
+    assert extent(np.array(points(svg, "robot")[0])) == pytest.approx([1.8, -0.1, 2.2, 0.1])
 
 
 def test_drawings_that_share_outlines_are_those_made_alone() -> None:

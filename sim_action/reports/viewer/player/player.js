@@ -79,7 +79,7 @@ class Player {
   }
 }
 
-/** Says what is drawn in another way than the model states it, and what shaded areas of the ground are. @param {SceneData} scene */
+/** The differences between the drawing and the model, and the meaning of shaded areas of the ground. @param {SceneData} scene */
 function notesOf({ notes = [], patches = [] }) {
   const frictions = [...new Set(patches.map(({ friction }) => friction))].sort((a, b) => a - b).slice(0, 5);
   const shaded = frictions.length ? [`Shaded areas of the ground have a friction of ${frictions.join(", ")}`] : [];
