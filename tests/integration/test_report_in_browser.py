@@ -33,7 +33,7 @@ from tests.integration.test_examples import sim_action
 from tests.integration.test_live import serving
 from tests.outcomes import outcome, results
 from tests.replays import drive, kept, seen
-from tests.reports.html.gates import inconclusive_gate
+from tests.reports.html.gates import grid_of_runs, inconclusive_gate
 
 ROOT = Path(__file__).parents[2]
 WEB = ROOT / "web"
@@ -312,6 +312,15 @@ def test_a_gate(tmp_path: Path) -> None:
         "a gate fits on a phone",
         ACCESSIBLE,
     ]
+    assert looked(tmp_path / "report.html", *checks) == dict.fromkeys(checks, "")
+
+
+def test_folded_runs(tmp_path: Path) -> None:
+    gate = inconclusive_gate()
+    scenarios = [outcome(f"{name}.sim.yml") for name in ("first", "second")]
+    ran = gate.model_copy(update={"outcomes": (*gate.outcomes, *grid_of_runs(), *scenarios)})
+    write_html(ran, options(tmp_path))
+    checks = ["keys go past folded rows, and back"]
     assert looked(tmp_path / "report.html", *checks) == dict.fromkeys(checks, "")
 
 

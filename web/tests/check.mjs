@@ -10,6 +10,7 @@ import { ACCESSIBLE } from "./checks/accessible.mjs";
 import { CAMERAS } from "./checks/cameras.mjs";
 import { GHOSTS } from "./checks/ghosts.mjs";
 import { FRAMES } from "./checks/frames.mjs";
+import { GROUPS } from "./checks/groups.mjs";
 import { PACE } from "./checks/pace.mjs";
 import { SEEN } from "./checks/seen.mjs";
 import { SIGNALS } from "./checks/signals.mjs";
@@ -34,6 +35,7 @@ const CHECKS = {
   ...SIGNALS,
   ...FRAMES,
   ...SUITE,
+  ...GROUPS,
   ...ACCESSIBLE,
   loads: {
     look: async (page) => {

@@ -43,6 +43,18 @@ def run(number: int, margin: float | None, **changes: Any) -> Outcome:
     ).model_copy(update=changes)
 
 
+def grid_of_runs() -> list[Outcome]:
+    """The variations of a scenario over five speeds and three frictions, each of which counts; two of them fail."""
+    made = []
+    for speed in (0.1, 0.15, 0.2, 0.3, 0.4):
+        for friction in (0.3, 0.5, 0.9):
+            name = f"stop[speed={speed:g},friction={friction:g}]"
+            varied = (Varied("commands.twist.0.speed", speed), Varied("world.ground.friction", friction))
+            margin = -0.1 if speed == 0.4 and friction < 0.9 else 0.5 - speed
+            made.append(run(0, margin, name=name, file="stop.sim.yml", group="stop", gate=None, variation=varied))
+    return made
+
+
 def gated(gate: dict[str, Any], *runs: Outcome) -> Results:
     """The results of a gate over runs."""
     planned = PlannedGate(

@@ -138,7 +138,7 @@ class Suite {
 
   /** Moves the focus to the next or previous row. @param {number} step 1 or -1 */
   step(step) {
-    const links = [...this.table.querySelectorAll("tbody:not([hidden]) > tr > th > a")].filter((link) => link instanceof HTMLElement);
+    const links = [...this.table.querySelectorAll(":scope > tbody:not([hidden]) > tr > th > a")].filter((link) => link instanceof HTMLElement);
     const focused = document.activeElement?.closest(".suite-table > tbody")?.querySelector("th > a");
     const place = links.findIndex((link) => link === focused);
     const next = place < 0 ? links[step > 0 ? 0 : links.length - 1] : links[place + step];
