@@ -262,6 +262,20 @@ interface SweepScale {
   at(value: number): number;
 }
 
+/** The place of a plot over parameters in px. */
+interface SweepArea {
+  left: number;
+  right: number;
+  top: number;
+  bottom: number;
+}
+
+/** An axis as it is drawn, with its scale. */
+interface SweepSide {
+  axis: SweepAxis;
+  scale: SweepScale;
+}
+
 /** A run or a cell of a heat map in the plot, with its centre and half size in px. */
 interface SweepTarget {
   x: number;

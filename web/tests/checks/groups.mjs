@@ -26,4 +26,31 @@ export const GROUPS = {
       }
     },
   },
+  "a heat map has a cell for each listed value": {
+    hash: "#scenario=stop",
+    look: async (page) => {
+      await page.waitForSelector(".run-point");
+      const chosen = { Across: "speed", Up: "friction", Show: "heat map of the mean" };
+      for (const [label, option] of Object.entries(chosen)) await page.selectOption(`select[aria-label=${label}]`, { label: option });
+      const told = await page.$$eval(".points .cell", (cells) => cells.map((cell) => cell.getAttribute("aria-label") ?? ""));
+      assert.equal(told.length, 15);
+      assert.ok(told.includes("-6.7 % (mean of smallest margin): 0 of 1 passed at speed 0.4, friction 0.3"), told.join("\n"));
+      const labels = await page.$$eval(".points .axes text:not(.name)", (all) => all.map((one) => one.textContent));
+      assert.deepEqual(labels.sort(), ["0.1", "0.15", "0.2", "0.3", "0.3", "0.4", "0.5", "0.9"]);
+      // The address has the choice, and a page that opens with it restores it.
+      await page.selectOption("select[aria-label=Up]", { label: "smallest margin" });
+      const address = new URLSearchParams(new URL(page.url()).hash.slice(1));
+      assert.deepEqual(["across", "up", "show"].map((key) => address.get(key)), [null, "smallest margin", "margin"]);
+      await page.reload();
+      await page.waitForSelector(".points .cell");
+      const fields = await page.$$eval(".fields select", (all) => all.map((one) => (one instanceof HTMLSelectElement ? one.selectedOptions[0].label : "")));
+      assert.deepEqual(fields, ["speed", "smallest margin", "smallest margin", chosen.Show]);
+      // A run and back: the choice is still there.
+      await page.click("nav.scenarios li li a:has-text('friction=0.9') >> nth=0");
+      await page.waitForFunction(() => !document.querySelector(".group.open"));
+      await page.click("nav.scenarios a:has-text('All 15 variations')");
+      await page.waitForSelector(".points .cell");
+      assert.match(page.url(), /show=margin/);
+    },
+  },
 };

@@ -21,6 +21,8 @@ class Scenarios {
     this.article = null;
     /** @type {Player | null} */
     this.player = null;
+    /** The plots over parameters by their blocks. @type {Map<string, Sweep>} */
+    this.sweeps = new Map();
     this.pending = 0;
     this.byId = new Map(entries.map((entry) => [entry.id, entry]));
     /** @type {HTMLAnchorElement | null} */
@@ -57,8 +59,12 @@ class Scenarios {
     const first = this.entries.find(({ kind }) => kind === "scenario" || kind === "gate") ?? this.entries[0];
     const { scenario, time } = wanted ?? { scenario: this.open ?? first, time: null };
     if (!scenario) return;
-    if (scenario !== this.open) await this.show(scenario, time);
-    else if (time !== null) {
+    if (scenario !== this.open) {
+      await this.show(scenario, time);
+      return;
+    }
+    this.sweeps.get(scenario.sweep ?? "")?.restore();
+    if (time !== null) {
       this.player?.clock.pause();
       this.player?.clock.seek(time);
       this.player?.plots.restore();
@@ -103,7 +109,7 @@ class Scenarios {
     if (embedded) linkToWhole(article, (moment) => linkTo(entry, moment), () => this.player?.clock.time ?? null);
     this.list?.mark(entry.id);
     if (hadOther && document.activeElement === document.body) document.querySelector("main")?.focus({ preventScroll: true });
-    if (entry.sweep) await this.plot(entry.sweep, find(article, ".sweep"));
+    if (entry.sweep) await this.plot(entry, entry.sweep, find(article, ".sweep"));
     if (entry.replay) await this.mount(entry, article, time);
   }
 
@@ -204,16 +210,22 @@ class Scenarios {
   }
 
   /**
-   * Draws the plot over the parameters, once.
+   * Draws the plot over the parameters, once, and has it show what the address says.
+   * @param {ScenarioEntry} entry
    * @param {string} block
    * @param {HTMLElement} place
    */
-  async plot(block, place) {
-    if (!place.hidden) return;
-    place.hidden = false;
-    const data = JSON.parse((await unpacked(block)) ?? "{}");
-    const entries = data.entries.map((/** @type {string | null} */ id) => this.byId.get(id ?? "") ?? null);
-    place.append(new Sweep(block, data, entries).element);
+  async plot(entry, block, place) {
+    if (place.hidden) {
+      place.hidden = false;
+      const data = JSON.parse((await unpacked(block)) ?? "{}");
+      const entries = data.entries.map((/** @type {string | null} */ id) => this.byId.get(id ?? "") ?? null);
+      const made = new Sweep(block, data, entries);
+      this.sweeps.set(block, made);
+      place.append(made.element);
+    }
+    // Another scenario may have been opened meanwhile, which the address names by now.
+    if (this.open === entry) this.sweeps.get(block)?.restore();
   }
 
   /**

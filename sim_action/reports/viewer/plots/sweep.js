@@ -2,6 +2,8 @@
 
 const MARGINS = { left: 58, leftOfWords: 104, right: 14, top: 12, bottom: 44 };
 const NEAR = 22;
+/** The word of the address for what the plot shows -> as the menu says it. */
+const KINDS = { runs: "each run", margin: "heat map of the mean", share: "heat map of the share passed" };
 const SHAPES = {
   passed: "M-4.5,0a4.5,4.5 0 1,0 9,0a4.5,4.5 0 1,0 -9,0z",
   failed: "M0,-6.5L6.5,0L0,6.5L-6.5,0z",
@@ -19,6 +21,7 @@ class Sweep {
     this.data = data;
     this.entries = entries;
     const parameters = data.parameters.map(sweepAxis), series = data.series.map(sweepAxis);
+    this.parameters = parameters;
     this.axes = [...parameters, ...series];
     const margins = this.axes.filter(({ signed }) => signed);
     /** @type {SweepTarget[]} */
@@ -30,8 +33,9 @@ class Sweep {
     this.x = this.choice("Across", parameters, ranked[0]);
     this.y = this.choice("Up", this.axes, ranked[1] ?? series[0]);
     this.colour = this.choice("Colour", margins, margins[0]);
-    this.kind = make("select", { "aria-label": "Show" }, ...[["runs", "each run"], ["margin", "heat map of the mean"], ["share", "heat map of the share passed"]].map(([value, words]) => make("option", { value }, words)));
-    this.kind.addEventListener("change", () => this.draw());
+    this.kind = make("select", { "aria-label": "Show" }, ...Object.entries(KINDS).map(([value, words]) => make("option", { value }, words)));
+    this.kind.addEventListener("change", () => this.changed());
+    this.usual = this.words;
     this.drawing = drawnElement("svg", { class: "points", tabindex: 0, role: "listbox", "aria-label": "Runs; the arrow keys move between them, Enter opens one" });
     this.readout = make("p", { class: "readout-of-run" });
     this.legend = make("p", { class: "legend" });
@@ -48,8 +52,30 @@ class Sweep {
    */
   choice(words, axes, first) {
     const list = make("select", { "aria-label": words }, ...axes.map((axis, i) => make("option", { value: i, selected: axis === first }, axis.name)));
-    list.addEventListener("change", () => this.draw());
-    return { list, get axis() { return axes[Number(list.value)]; } };
+    list.addEventListener("change", () => this.changed());
+    return { list, axes, get axis() { return axes[Number(list.value)]; } };
+  }
+
+  /** The choices as words of the address. @returns {Record<string, string>} */
+  get words() {
+    return { across: this.x.axis.name, up: this.y.axis.name, colour: this.colour.axis.name, show: this.kind.value };
+  }
+
+  /** Takes the choices that the address names and keeps the others; then the address names all that are not the usual ones. */
+  restore() {
+    const { x: across, y: up, colour } = this;
+    for (const [key, { list, axes }] of Object.entries({ across, up, colour })) {
+      const place = axes.findIndex(({ name }) => name === addressed(key));
+      if (place >= 0) list.value = String(place);
+    }
+    const show = addressed("show") ?? "";
+    if (show in KINDS) this.kind.value = show;
+    this.changed();
+  }
+
+  changed() {
+    remember(Object.fromEntries(Object.entries(this.words).map(([key, word]) => [key, word === this.usual[key] ? null : word])));
+    this.draw();
   }
 
   listen() {
@@ -126,35 +152,38 @@ class Sweep {
   draw() {
     const { width, height } = this.drawing.getBoundingClientRect();
     if (width < 100) return;
+    const isMap = this.kind.value !== "runs";
+    const [across, up] = [this.x.axis, this.y.axis].map((axis) => (isMap && this.parameters.includes(axis) ? listedAxis(axis) : axis));
     const left_of_plot = this.y.axis.categories.length ? MARGINS.leftOfWords : MARGINS.left;
     const area = { left: left_of_plot, right: width - MARGINS.right, top: MARGINS.top, bottom: height - MARGINS.bottom };
-    const x = scaleOf(this.x.axis, area.left, area.right), y = scaleOf(this.y.axis, area.bottom, area.top);
+    const x = scaleOf(across, area.left, area.right), y = scaleOf(up, area.bottom, area.top);
     const chosen = this.active?.run;
     this.targets = [];
     this.active = null;
-    this.drawing.replaceChildren(this.frame(area, x, y));
-    if (this.kind.value === "runs") this.drawRuns(x, y);
-    else this.drawCells(area, x, y);
+    this.drawing.replaceChildren(this.frame(area, { axis: across, scale: x }, { axis: up, scale: y }));
+    if (isMap) this.drawCells(area, { axis: across, scale: x }, { axis: up, scale: y });
+    else this.drawRuns(x, y);
     this.showLegend();
     const left = this.data.statuses.length - this.targets.reduce((sum, { runs }) => sum + runs, 0);
-    this.readout.textContent = `Point at a ${this.kind.value === "runs" ? "run" : "cell"} to see its values.${left ? ` ${left} without a value here.` : ""}`;
+    this.readout.textContent = `Point at a ${isMap ? "cell" : "run"} to see its values.${left ? ` ${left} without a value here.` : ""}`;
     this.point(this.targets.find(({ run }) => run === chosen));
   }
 
-  /** @param {{left: number, right: number, top: number, bottom: number}} area @param {SweepScale} x @param {SweepScale} y */
-  frame(area, x, y) {
+  /** @param {SweepArea} area @param {SweepSide} across @param {SweepSide} up */
+  frame(area, { axis: across, scale: x }, { axis: up, scale: y }) {
     const group = drawnElement("g", { class: "axes", "aria-hidden": "true" });
-    for (const { value, words } of ticksOf(this.y.axis, y, (area.bottom - area.top) / 50)) {
-      group.append(drawnElement("line", { x1: area.left, x2: area.right, y1: y.at(value), y2: y.at(value), class: value === 0 && this.y.axis.signed ? "zero" : "grid" }));
+    for (const { value, words } of ticksOf(up, y, (area.bottom - area.top) / 50, 15)) {
+      group.append(drawnElement("line", { x1: area.left, x2: area.right, y1: y.at(value), y2: y.at(value), class: value === 0 && up.signed ? "zero" : "grid" }));
       group.append(drawnElement("text", { x: area.left - 6, y: y.at(value) + 4, "text-anchor": "end" }, words));
     }
-    for (const { value, words } of ticksOf(this.x.axis, x, (area.right - area.left) / 80)) {
+    const longest = Math.max(0, ...across.categories.map((words) => shortWords(words).length));
+    for (const { value, words } of ticksOf(across, x, (area.right - area.left) / 80, 7 * longest + 8)) {
       group.append(drawnElement("line", { x1: x.at(value), x2: x.at(value), y1: area.top, y2: area.bottom, class: "grid" }));
       group.append(drawnElement("text", { x: x.at(value), y: area.bottom + 16, "text-anchor": "middle" }, words));
     }
     const middle = (area.top + area.bottom) / 2;
-    group.append(drawnElement("text", { x: (area.left + area.right) / 2, y: area.bottom + 36, "text-anchor": "middle", class: "name" }, axisTitle(this.x.axis)));
-    group.append(drawnElement("text", { x: 12, y: middle, transform: `rotate(-90 12 ${middle})`, "text-anchor": "middle", class: "name" }, axisTitle(this.y.axis)));
+    group.append(drawnElement("text", { x: (area.left + area.right) / 2, y: area.bottom + 36, "text-anchor": "middle", class: "name" }, axisTitle(across)));
+    group.append(drawnElement("text", { x: 12, y: middle, transform: `rotate(-90 12 ${middle})`, "text-anchor": "middle", class: "name" }, axisTitle(up)));
     return group;
   }
 
@@ -175,14 +204,14 @@ class Sweep {
     this.drawing.append(...this.drawing.querySelectorAll(".failed"));
   }
 
-  /** @param {{left: number, right: number, top: number, bottom: number}} area @param {SweepScale} x @param {SweepScale} y */
-  drawCells(area, x, y) {
-    const [columns, rows] = [this.x.axis, this.y.axis].map((axis) => axis.categories.length || binCount(axis.values.length));
+  /** @param {SweepArea} area @param {SweepSide} across @param {SweepSide} up */
+  drawCells(area, { axis: across, scale: x }, { axis: up, scale: y }) {
+    const [columns, rows] = [across, up].map((axis) => axis.categories.length || binCount(axis.values.length));
     const [width, height] = [(area.right - area.left) / columns, (area.bottom - area.top) / rows];
     /** @type {Map<number, number[]>} */
     const cells = new Map();
     for (const [run, status] of this.data.statuses.entries()) {
-      const at = { x: x.at(this.x.axis.values[run]), y: y.at(this.y.axis.values[run]) };
+      const at = { x: x.at(across.values[run]), y: y.at(up.values[run]) };
       if (Number.isNaN(at.x + at.y) || status === "skipped") continue;
       const column = Math.min(columns - 1, Math.floor((at.x - area.left) / width)), row = Math.min(rows - 1, Math.floor((at.y - area.top) / height));
       const key = row * columns + column;

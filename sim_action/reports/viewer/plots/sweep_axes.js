@@ -2,6 +2,8 @@
 
 const NAMESPACE = "http://www.w3.org/2000/svg";
 const TONES = 9;
+/** A heat map has a cell for each value of a parameter with at most so many of them; the values of others share cells. */
+const MOST_VALUES = 12;
 
 /**
  * Creates an element of a drawing.
@@ -25,6 +27,18 @@ function sweepAxis(column) {
   const { factor, name } = shownUnit(column.unit);
   const values = column.values.map((value) => (value === null ? NaN : value * factor));
   return { name: column.name, unit: name, categories: column.categories ?? [], signed: column.signed ?? false, values };
+}
+
+/**
+ * Returns the axis of a parameter with equal room for each of its values, if they are few.
+ * @param {SweepAxis} axis
+ * @returns {SweepAxis}
+ */
+function listedAxis(axis) {
+  const found = [...new Set(axis.values.filter((value) => !Number.isNaN(value)))].sort((a, b) => a - b);
+  if (axis.categories.length || found.length > MOST_VALUES) return axis;
+  const values = axis.values.map((value) => (Number.isNaN(value) ? NaN : found.indexOf(value)));
+  return { ...axis, categories: found.map(shortNumber), values };
 }
 
 /** @param {SweepAxis} axis */
@@ -58,12 +72,13 @@ function scaleOf(axis, from, to) {
 /**
  * @param {SweepAxis} axis
  * @param {SweepScale} scale
- * @param {number} most number of labels
+ * @param {number} most number of labels of numbers
+ * @param {number} apart the least distance of words in px
  * @returns {{value: number, words: string}[]}
  */
-function ticksOf(axis, scale, most) {
+function ticksOf(axis, scale, most, apart) {
   if (axis.categories.length) {
-    const every = Math.ceil(axis.categories.length / Math.max(1, most));
+    const every = Math.ceil(apart / Math.abs(scale.at(1) - scale.at(0)));
     return axis.categories.map((words, value) => ({ value, words: shortWords(words) })).filter(({ value }) => value % every === 0);
   }
   const values = roundNumbers(scale.low, scale.high, (scale.high - scale.low) / Math.max(2, most));
