@@ -320,7 +320,11 @@ def test_folded_runs(tmp_path: Path) -> None:
     scenarios = [outcome(f"{name}.sim.yml") for name in ("first", "second")]
     ran = gate.model_copy(update={"outcomes": (*gate.outcomes, *grid_of_runs(), *scenarios)})
     write_html(ran, options(tmp_path))
-    checks = ["keys go past folded rows, and back", "a heat map has a cell for each listed value"]
+    checks = [
+        "keys go past folded rows, and back",
+        "keys go into a group that is open",
+        "a heat map has a cell for each listed value",
+    ]
     assert looked(tmp_path / "report.html", *checks) == dict.fromkeys(checks, "")
 
 

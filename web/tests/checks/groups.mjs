@@ -53,4 +53,32 @@ export const GROUPS = {
       assert.match(page.url(), /show=margin/);
     },
   },
+  "keys go into a group that is open": {
+    look: async (page) => {
+      const press = async (/** @type {string} */ key, /** @type {string} */ name) => {
+        await page.keyboard.press(key);
+        await titled(page, name);
+      };
+      const open = (/** @type {string} */ name) => page.evaluate((words) => void (location.hash = `#scenario=${words}`), name);
+      await open("stop");
+      await titled(page, "stop");
+      await press("n", "stop[speed=0.4,friction=0.3]");
+      await press("n", "stop[speed=0.4,friction=0.5]");
+      await press("k", "stop[speed=0.4,friction=0.3]");
+      await open("stop");
+      await titled(page, "stop");
+      await press("j", "stop[speed=0.4,friction=0.3]");
+      // The runs of a gate come only after the gate itself.
+      await open("push");
+      await titled(page, "push");
+      await press("n", "push[friction=0.12,yaw=-8deg]");
+      await press("j", "push[friction=0.11,yaw=-9deg]");
+      await press("n", "push[friction=0.1,yaw=-10deg]");
+      await press("n", "stop[speed=0.4,friction=0.3]");
+      await open("push");
+      await titled(page, "push");
+      await press("k", "stop[speed=0.1,friction=0.9]");
+      await press("j", "push");
+    },
+  },
 };

@@ -142,15 +142,17 @@ class Scenarios {
 
   /** The scenarios after the open one in the shown order; -1: before it, the nearest first. @param {number} step */
   beyond(step) {
-    const { sequence, order } = this.filter;
-    const ordered = step > 0 ? sequence : [...sequence].reverse();
-    const place = ordered.findIndex((entry) => entry === this.open);
-    if (place >= 0 || !this.open) return ordered.slice(place + 1);
-    // A run of a gate, or a scenario that the filter hides: go on from its place.
-    const { id } = this.open;
-    const around = order.findIndex(({ heads, texts }) => heads.includes(id) || texts.has(id));
-    const units = step > 0 ? order.slice(around + 1) : order.slice(0, Math.max(0, around)).reverse();
-    return units.flatMap(({ counted }) => ordered.filter((entry) => counted.includes(entry.id)));
+    const { shown, order } = this.filter;
+    const open = this.open?.id ?? "";
+    const ids = order.flatMap(({ heads, counted, texts }) => {
+      const is_around = heads.includes(open) || texts.has(open);
+      // In a gate, or from the page of all variations, its runs come next; the open one has its place even if it is hidden.
+      const all = is_around ? [...(heads.includes(open) ? heads : []), ...counted, ...texts.keys()] : counted;
+      return [...new Set(all)].filter((id) => id === open || shown.has(id));
+    });
+    const place = ids.indexOf(open);
+    const found = step > 0 ? ids.slice(place + 1) : ids.slice(0, Math.max(0, place)).reverse();
+    return found.flatMap((id) => this.byId.get(id) ?? []);
   }
 
   /** @param {ScenarioEntry | undefined} entry */
