@@ -154,7 +154,11 @@ def test_a_base_run(tmp_path: Path) -> None:
     )
     against = EarlierRun("old", (before,), {id(before): tmp_path / "old"})
     write_html(results(now), replace(options(tmp_path / "new"), against=against))
-    checks = ["the base run is a ghost, by mouse", "the ghost of an address is drawn, by keys"]
+    checks = [
+        "the base run is a ghost, by mouse",
+        "the ghost of an address is drawn, by keys",
+        "files have the ghost, too",
+    ]
     assert looked(tmp_path / "new/report.html", *checks) == dict.fromkeys(checks, "")
 
 

@@ -1,5 +1,6 @@
 /** A real browser that looks at a page from the disk: no network, nothing kept, WebGL by the processor. */
 
+import { readFile } from "node:fs/promises";
 import { chromium } from "playwright-core";
 
 const QUIET = [
@@ -70,4 +71,14 @@ export const READY = ".scenario.live .view canvas[data-kind]";
 export async function ready(page) {
   if (await page.$("#suite.open")) await page.click("#suite th a");
   await page.waitForSelector(READY);
+}
+
+/**
+ * The file that a click saves.
+ * @param {import("playwright-core").Page} page
+ * @param {() => Promise<void>} click
+ */
+export async function saved(page, click) {
+  const [download] = await Promise.all([page.waitForEvent("download"), click()]);
+  return { name: download.suggestedFilename(), bytes: await readFile(/** @type {string} */ (await download.path())) };
 }

@@ -1,8 +1,7 @@
 /** Checks of another run that is drawn as a ghost. */
 
 import assert from "node:assert/strict";
-import { ready } from "../browser.mjs";
-
+import { ready, saved } from "../browser.mjs";
 
 /** @typedef {import("playwright-core").Page} Page */
 
@@ -60,6 +59,25 @@ export const GHOSTS = {
         await page.keyboard.press("v");
         await page.waitForFunction((former) => document.querySelector(".view canvas")?.getAttribute("data-kind") !== former, kind);
       }
+    },
+  },
+  "files have the ghost, too": {
+    hash: "#scenario=burger%20moves&plots=base.speed",
+    look: async (page) => {
+      await isDrawn(page, "base run");
+      const lines = (await saved(page, () => page.click("text=CSV"))).bytes.toString("utf8").split("\r\n");
+      assert.equal(lines[0], "time (s),speed (m/s),speed [base run] (m/s)");
+      assert.match(lines[2], /^[\d.]+,0\.5,0\.75$/);
+      const height = async () => {
+        await page.click(".plot summary");
+        return (await saved(page, () => page.click("text=Save as PNG"))).bytes.readUInt32BE(20);
+      };
+      const with_ghost = await height();
+      await page.selectOption(".against select", "");
+      await isDrawn(page, "");
+      // A line of the legend, twice as large as on the page.
+      assert.equal(with_ghost - (await height()), 36);
+      assert.equal((await saved(page, () => page.click("text=CSV"))).bytes.toString("utf8").split("\r\n")[0], "time (s),speed (m/s)");
     },
   },
   "the ghost of an address is drawn, by keys": {

@@ -1,8 +1,7 @@
 /** The checks of plots: the choice of signals, zoom, values, files and the address. */
 
 import assert from "node:assert/strict";
-import { readFile } from "node:fs/promises";
-import { ready } from "../browser.mjs";
+import { ready, saved } from "../browser.mjs";
 
 /** @typedef {import("playwright-core").Page} Page */
 
@@ -20,12 +19,6 @@ async function drag(page, from, to) {
   await page.mouse.down();
   await page.mouse.move(box.x + box.width * to, box.y + 40, { steps: 3 });
   await page.mouse.up();
-}
-
-/** The rows of the file that a click saves. @param {Page} page @param {() => Promise<void>} click */
-async function saved(page, click) {
-  const [download] = await Promise.all([page.waitForEvent("download"), click()]);
-  return { name: download.suggestedFilename(), bytes: await readFile(/** @type {string} */ (await download.path())) };
 }
 
 /** @type {Record<string, {how?: {width?: number, height?: number, dark?: boolean}, hash?: string, look: (page: Page) => Promise<void>}>} */

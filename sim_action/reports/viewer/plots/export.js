@@ -4,13 +4,18 @@
  * Returns the values of curves in the shown time as RFC 4180 CSV, in SI units; a field is empty where there is no value.
  * @param {Curve[]} curves
  * @param {{from: number, to: number}} range
+ * @param {(curve: Curve) => Curve | null} ghostOf returns the same curve of the run that is drawn as a ghost
+ * @param {string} ghostName
  */
-function csvOf(curves, range) {
+function csvOf(curves, range, ghostOf, ghostName) {
   const columns = curves.flatMap((curve) => {
     const name = curve.title && curve.title !== curve.name ? `${curve.title}: ${curve.name}` : curve.name;
     const unit = curve.si ? ` (${curve.si})` : "";
     const measured = { head: `${name}${curve.aimed ? " commanded" : ""}${unit}`, curve, values: curve.values };
-    return curve.commanded ? [measured, { head: `${name} commanded${unit}`, curve, values: curve.commanded }] : [measured];
+    const commanded = curve.commanded ? [{ head: `${name} commanded${unit}`, curve, values: curve.commanded }] : [];
+    const ghost = ghostOf(curve);
+    const other = ghost ? [{ head: `${name} [${ghostName}]${unit}`, curve: ghost, values: ghost.values }] : [];
+    return [measured, ...commanded, ...other];
   });
   // Times of several rates that differ by rounding are one row.
   const rowOf = (/** @type {number} */ time) => time.toFixed(6);
@@ -50,7 +55,15 @@ function csvField(text) {
  */
 function pictureOf(plot, heading, colours) {
   const width = Math.max(480, plot.frame.clientWidth), ratio = 2, line = 18;
-  const top = 14 + line * (1 + plot.curves.length), height = top + 200;
+  const samples = plot.curves.flatMap((curve, i) => {
+    const aim = curve.commanded ? ", fine dashes: commanded" : "";
+    const title = curve.title && curve.title !== curve.name ? `${curve.title}: ` : "";
+    const words = `${title}${curve.name}${curve.unit ? ` (${curve.unit})` : ""}`;
+    const dash = DASHES[i % DASHES.length];
+    const measured = { words: `${words}${aim}`, colour: lineColour(colours, i), width: 2, dash: curve.aimed ? COMMANDED_DASH : dash };
+    return plot.ghosts.has(curve.key) ? [measured, { words: `${words}, ${plot.ghostName}`, colour: colours.ghost, width: 1.1, dash }] : [measured];
+  });
+  const top = 14 + line * (1 + samples.length), height = top + 200;
   const canvas = make("canvas", { width: width * ratio, height: height * ratio });
   const context = canvas.getContext("2d");
   if (!context) return canvas;
@@ -64,16 +77,14 @@ function pictureOf(plot, heading, colours) {
     context.fillText(words, left, y, width - left - 8);
   };
   write("600", heading, 10, 6 + line / 2);
-  plot.curves.forEach((curve, i) => {
+  samples.forEach(({ words, colour, width: thickness, dash }, i) => {
     const y = 8 + line * (1.5 + i);
-    context.strokeStyle = lineColour(colours, i);
-    context.lineWidth = 2;
-    context.setLineDash(curve.aimed ? COMMANDED_DASH : DASHES[i % DASHES.length]);
+    context.strokeStyle = colour;
+    context.lineWidth = thickness;
+    context.setLineDash(dash);
     strokeLine(context, 10, y, 40, y);
     context.setLineDash([]);
-    const aim = curve.commanded ? ", fine dashes: commanded" : "";
-    const title = curve.title && curve.title !== curve.name ? `${curve.title}: ` : "";
-    write("400", `${title}${curve.name}${curve.unit ? ` (${curve.unit})` : ""}${aim}`, 48, y);
+    write("400", words, 48, y);
   });
   const right = width - (plot.units.length > 1 ? 46 : 10);
   plot.paint(context, { left: 46, right, top: top + 6, bottom: height - 24 }, colours);

@@ -192,7 +192,7 @@ class PlotPanel {
   /** @param {Plot[]} plots */
   saveCsv(plots) {
     const curves = [...new Set(plots.flatMap((plot) => plot.curves))];
-    saveFile(new Blob([csvOf(curves, this.range)], { type: "text/csv;charset=utf-8" }), `${fileStem(this.entry.name)}.csv`);
+    saveFile(new Blob([csvOf(curves, this.range, ({ key }) => this.ghost?.curve(key) ?? null, this.ghostName)], { type: "text/csv;charset=utf-8" }), `${fileStem(this.entry.name)}.csv`);
   }
 
   /** @param {Plot} plot */
