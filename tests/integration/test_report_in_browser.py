@@ -11,11 +11,13 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from sim_action.app.live import LivePages
 from sim_action.app.loopback import Answer
 from sim_action.recording.replay.columns import Column
+from sim_action.recording.replay.replay_data import SignalData
 from sim_action.reports import ReportOptions
 from sim_action.reports.html import document
 from sim_action.reports.html.outcome_page import outcome_page
@@ -302,6 +304,20 @@ def test_runs_of_one_name(tmp_path: Path) -> None:
     write_html(results(*ran), options(tmp_path))
     checks = ["a link tells runs of one name apart", "a joint is plotted with its command"]
     assert looked(tmp_path / "report.html", *checks) == dict.fromkeys(checks, "")
+
+
+def test_words_of_plots(tmp_path: Path) -> None:
+    """Limits near each other at the bottom and at the top, and small numbers with a sign."""
+    replay = drive()
+    falls, rises = (Column.encoded(np.linspace(first, last, 61), 1e-4) for first, last in ((3, 0.45), (0, 3)))
+    gap = SignalData(expectation=0, name="gap", unit="m", values=falls, lower=0.4, upper=0.55)
+    height = SignalData(expectation=0, name="height", unit="m", values=rises, lower=2.9, upper=3.0)
+    drift = Column.encoded(np.linspace(0, -6e-4, 61), 1e-5)
+    frames = replay.frames.model_copy(update={"base": (replay.frames.base[0], drift, *replay.frames.base[2:])})
+    moved = replay.model_copy(update={"signals": (gap, height), "frames": frames})
+    ran = outcome("a.sim.yml").model_copy(update={"name": "burger", "replay": kept(moved, tmp_path, "burger")})
+    write_html(results(ran), options(tmp_path))
+    look("words of plots do not overlap, and time axes agree", tmp_path / "report.html")
 
 
 def test_a_gate(tmp_path: Path) -> None:

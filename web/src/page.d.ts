@@ -209,10 +209,18 @@ interface Curve {
   to: number;
 }
 
+/** A place on the screen in pixels. */
+interface Box {
+  left: number;
+  right: number;
+  top: number;
+  bottom: number;
+}
+
 /** The plot area in pixels, and the mapping of times and values to it. */
 interface Chart {
   context: CanvasRenderingContext2D;
-  area: { left: number; right: number; top: number; bottom: number };
+  area: Box;
   colours: Colours;
   /** The shown time in s. */
   range: { from: number; to: number };
@@ -260,14 +268,6 @@ interface SweepScale {
   high: number;
   /** Returns the place of a value in px. */
   at(value: number): number;
-}
-
-/** The place of a plot over parameters in px. */
-interface SweepArea {
-  left: number;
-  right: number;
-  top: number;
-  bottom: number;
 }
 
 /** An axis as it is drawn, with its scale. */

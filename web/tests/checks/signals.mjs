@@ -21,6 +21,24 @@ async function drag(page, from, to) {
   await page.mouse.up();
 }
 
+/** The words that each plot has on its canvas, with their places. @param {Page} page */
+async function written(page) {
+  await page.evaluate(() => {
+    const all = Reflect.set(globalThis, "written", new Map()) && Reflect.get(globalThis, "written");
+    const write = CanvasRenderingContext2D.prototype.fillText;
+    CanvasRenderingContext2D.prototype.fillText = function (words, x, y, most = Infinity) {
+      const width = Math.min(most, this.measureText(words).width);
+      const left = x - width * { left: 0, start: 0, center: 0.5, right: 1, end: 1 }[this.textAlign];
+      const top = y - (this.textBaseline === "top" ? -1 : this.textBaseline === "middle" ? 4 : 9);
+      all.set(this.canvas, [...(all.get(this.canvas) ?? []), { words, left, right: left + width, top, bottom: top + 8 }]);
+      write.call(this, words, x, y, most);
+    };
+  });
+  await page.keyboard.press("0");
+  return page.$$eval(".plot .frame canvas", (plots) =>
+    plots.map((canvas) => /** @type {(Box & {words: string})[]} */ (Reflect.get(globalThis, "written").get(canvas))));
+}
+
 /** @type {Record<string, {how?: {width?: number, height?: number, dark?: boolean}, hash?: string, look: (page: Page) => Promise<void>}>} */
 export const SIGNALS = {
   "signals are chosen by mouse": {
@@ -109,6 +127,25 @@ export const SIGNALS = {
       assert.notEqual(await page.locator(".plot .value").first().textContent(), said);
       await page.mouse.move(box.x, box.y - 60);
       assert.equal(await page.locator(".plot .value").first().textContent(), said);
+    },
+  },
+  "words of plots do not overlap, and time axes agree": {
+    hash: "#scenario=burger&t=1&plots=expectations.1.%20gap;base.y;base.yaw,base.speed;expectations.1.%20height",
+    look: async (page) => {
+      await ready(page);
+      const plots = await written(page);
+      assert.deepEqual(plots.map((all) => all.filter(({ words }) => words === "1 s").length), [1, 1, 1, 1]);
+      const places = plots.map((all) => all.find(({ words }) => words === "1 s")?.left);
+      assert.equal(new Set(places).size, 1, String(places));
+      assert.ok(plots[1].some(({ words }) => /^-0\.000\d$/.test(words)), JSON.stringify(plots[1]));
+      for (const all of plots) {
+        for (const one of all) {
+          assert.ok(one.left >= 0, one.words);
+          const met = all.find((other) => other !== one && other.left < one.right && other.right > one.left && other.top < one.bottom && other.bottom > one.top);
+          assert.equal(met && `${one.words} meets ${met.words}`, undefined);
+        }
+      }
+      for (const place of [0, 3]) assert.deepEqual(plots[place].filter(({ words }) => /^at/.test(words)).length, 2);
     },
   },
 };

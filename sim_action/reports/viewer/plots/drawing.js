@@ -4,8 +4,12 @@
 const DASHES = [[], [14, 4], [10, 3, 2, 3], [5, 2], [16, 3, 2, 3, 2, 3]];
 const COMMANDED_DASH = [2.5, 2.5];
 
+/** The room for the numbers beside a plot in pixels. */
+const LABEL_WIDTH = 37;
 /** The shortest line of a limit in pixels. */
 const LEAST_LIMIT = 24;
+/** The height of the words of a limit in pixels. */
+const WORDS_HEIGHT = 11;
 
 /** @param {Chart} chart @param {PlotAxis[]} axes */
 function drawAxes(chart, axes) {
@@ -24,7 +28,8 @@ function drawAxes(chart, axes) {
       else strokeLine(context, area.right, at, area.right + 3, at);
       // The unit has the place at the top.
       if (axes.length > 1 && at < area.top + 10) continue;
-      context.fillText(shortNumber(value), side ? area.right + 6 : area.left - 6, at);
+      // A long number becomes narrower, so that its sign stays in the picture.
+      context.fillText(shortNumber(value), side ? area.right + 6 : area.left - 6, at, LABEL_WIDTH);
     }
     if (axes.length > 1) context.fillText(axis.unit, side ? area.right + 6 : area.left - 6, area.top);
   });
@@ -32,8 +37,9 @@ function drawAxes(chart, axes) {
   context.textAlign = "center";
   const pace = (range.to - range.from) / Math.max(2, (area.right - area.left) / 90);
   for (const time of roundNumbers(range.from - 1e-9, range.to + 1e-9, pace)) {
-    const at = Math.min(chart.x(time), area.right - 8);
-    context.fillText(shortNumber(Number(time.toFixed(6))), at, area.bottom + 5);
+    const words = `${shortNumber(Number(time.toFixed(6)))} s`;
+    const at = Math.min(chart.x(time), area.right + 7 - context.measureText(words).width / 2);
+    context.fillText(words, at, area.bottom + 5);
   }
 }
 
@@ -62,8 +68,14 @@ function drawWindow(chart, curve, clock) {
   context.globalAlpha = 1;
 }
 
-/** @param {Chart} chart @param {Curve} curve @param {PlotAxis} axis */
-function drawLimits(chart, curve, axis) {
+/**
+ * Draws the limits of a curve, each with its words where there is room.
+ * @param {Chart} chart
+ * @param {Curve} curve
+ * @param {PlotAxis} axis
+ * @param {Box[]} taken the places of the words of limits; those of this curve are added
+ */
+function drawLimits(chart, curve, axis, taken) {
   const { context, area, colours, x } = chart;
   context.setLineDash([5, 4]);
   context.lineWidth = 1.25;
@@ -71,20 +83,43 @@ function drawLimits(chart, curve, axis) {
   context.fillStyle = context.strokeStyle;
   context.font = "10.5px system-ui, sans-serif";
   context.textAlign = "left";
-  for (const limit of [curve.lower, curve.upper]) {
-    if (limit === null || limit < axis.low || limit > axis.high || x(curve.from) > area.right + 1 || x(curve.to) < area.left - 1) continue;
+  context.textBaseline = "top";
+  const lines = [curve.upper, curve.lower].flatMap((limit) => {
+    if (limit === null || limit < axis.low || limit > axis.high || x(curve.from) > area.right + 1 || x(curve.to) < area.left - 1) return [];
     // A run that ends as the window begins shows its limit, too.
     const right = Math.max(area.left + LEAST_LIMIT, Math.min(area.right, x(curve.to)));
     const left = Math.min(right - LEAST_LIMIT, Math.max(area.left, x(curve.from)));
-    const at = heightOf(chart, axis, limit);
-    strokeLine(context, left, at, right, at);
-    const below = at < area.top + 14;
-    context.textBaseline = below ? "top" : "bottom";
+    const top = heightOf(chart, axis, limit);
+    strokeLine(context, left, top, right, top);
+    return [{ limit, left, right, top, bottom: top }];
+  });
+  for (const { limit, left, top } of lines) {
     const words = `${limit === curve.lower ? "at least" : "at most"} ${told(limit, curve.unit)}`;
-    const room = area.right - context.measureText(words).width - 4;
-    context.fillText(words, Math.max(area.left + 4, Math.min(left + 4, room)), at + (below ? 3 : -2));
+    const place = freePlace(area, { left: left + 4, at: top, width: context.measureText(words).width }, taken, lines);
+    context.fillText(words, place.left, place.top);
+    taken.push(place);
   }
   context.setLineDash([]);
+}
+
+/**
+ * Returns a place for words above a line, below it, on the other side of a line close by, or behind other words.
+ * @param {Chart["area"]} area
+ * @param {{left: number, at: number, width: number}} wanted
+ * @param {Box[]} taken
+ * @param {Box[]} lines that words should not cross
+ * @returns {Box}
+ */
+function freePlace(area, { left, at, width }, taken, lines) {
+  const start = Math.max(area.left + 4, Math.min(left, area.right - width - 4));
+  const near = [at, ...lines.map(({ top }) => top).filter((top) => top !== at && Math.abs(top - at) < 2 * WORDS_HEIGHT)];
+  const tops = near.flatMap((line) => [line - 13, line + 3]).filter((top) => top > area.top - 6 && top + WORDS_HEIGHT < area.bottom + 1);
+  const places = [...tops.map((top) => ({ left: start, top })), ...taken.map(({ right, top }) => ({ left: right + 10, top }))]
+    .map((place) => ({ ...place, right: place.left + width, bottom: place.top + WORDS_HEIGHT }));
+  const inside = places.filter(({ right }) => right <= area.right);
+  const isFree = (/** @type {Box} */ one, /** @type {Box[]} */ others) =>
+    others.every((other) => other.right < one.left || other.left > one.right || other.bottom < one.top || other.top > one.bottom);
+  return inside.find((place) => isFree(place, [...taken, ...lines])) ?? inside.find((place) => isFree(place, taken)) ?? places[0];
 }
 
 /**

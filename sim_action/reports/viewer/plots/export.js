@@ -91,7 +91,7 @@ function pictureOf(plot, heading, colours) {
   context.fillStyle = colours.faint;
   context.textAlign = "right";
   context.textBaseline = "bottom";
-  context.fillText("time in s", right, height - 1);
+  context.fillText("time", right, height - 1);
   return canvas;
 }
 

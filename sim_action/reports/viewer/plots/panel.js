@@ -176,7 +176,12 @@ class PlotPanel {
 
   draw() {
     const colours = coloursOfPage();
-    for (const plot of this.plots) plot.draw(colours);
+    // The time axes of all plots are below each other.
+    const hasRightAxis = this.plots.some((plot) => plot.units.length > 1);
+    for (const plot of this.plots) {
+      plot.hasRightAxis = hasRightAxis;
+      plot.draw(colours);
+    }
     for (const plot of this.plots) plot.moveCursor(this.clock.time);
   }
 

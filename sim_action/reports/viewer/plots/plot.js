@@ -34,6 +34,8 @@ class Plot extends EventTarget {
     this.pointed = null;
     /** As it was drawn last, in CSS pixels: to ask for it has the page lay itself out. */
     this.width = 0;
+    /** True if there is room for an axis on the right: in all plots of a run, or in none. */
+    this.hasRightAxis = false;
     this.show(curves);
     this.grab();
   }
@@ -77,7 +79,7 @@ class Plot extends EventTarget {
 
   /** The x range of the time axis on the canvas, in CSS pixels. */
   get span() {
-    return { left: 44, right: this.width - (this.units.length > 1 ? 46 : 8) };
+    return { left: 44, right: this.width - (this.hasRightAxis ? 46 : 8) };
   }
 
   /** @param {number} time */
@@ -199,7 +201,9 @@ class Plot extends EventTarget {
     const axis = (/** @type {Curve} */ curve) => axes[this.units.indexOf(curve.unit)];
     for (const curve of this.curves) drawWindow(chart, curve, this.clock);
     drawAxes(chart, axes);
-    for (const curve of this.curves) drawLimits(chart, curve, axis(curve));
+    /** @type {Box[]} */
+    const taken = [];
+    for (const curve of this.curves) drawLimits(chart, curve, axis(curve), taken);
     context.save();
     context.beginPath();
     context.rect(area.left, 0, area.right - area.left, area.bottom + 2);

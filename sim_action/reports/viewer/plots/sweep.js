@@ -169,7 +169,7 @@ class Sweep {
     this.point(this.targets.find(({ run }) => run === chosen));
   }
 
-  /** @param {SweepArea} area @param {SweepSide} across @param {SweepSide} up */
+  /** @param {Box} area @param {SweepSide} across @param {SweepSide} up */
   frame(area, { axis: across, scale: x }, { axis: up, scale: y }) {
     const group = drawnElement("g", { class: "axes", "aria-hidden": "true" });
     for (const { value, words } of ticksOf(up, y, (area.bottom - area.top) / 50, 15)) {
@@ -204,7 +204,7 @@ class Sweep {
     this.drawing.append(...this.drawing.querySelectorAll(".failed"));
   }
 
-  /** @param {SweepArea} area @param {SweepSide} across @param {SweepSide} up */
+  /** @param {Box} area @param {SweepSide} across @param {SweepSide} up */
   drawCells(area, { axis: across, scale: x }, { axis: up, scale: y }) {
     const [columns, rows] = [across, up].map((axis) => axis.categories.length || binCount(axis.values.length));
     const [width, height] = [(area.right - area.left) / columns, (area.bottom - area.top) / rows];
