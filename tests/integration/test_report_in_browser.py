@@ -164,6 +164,18 @@ def test_a_base_run(tmp_path: Path) -> None:
     assert looked(tmp_path / "new/report.html", *checks) == dict.fromkeys(checks, "")
 
 
+def test_a_base_run_that_ended_earlier(tmp_path: Path) -> None:
+    before, now = (
+        outcome("a.sim.yml").model_copy(
+            update={"name": "burger goes on", "replay": kept(motion, tmp_path / folder, "burger")}
+        )
+        for folder, motion in (("old", drive(seconds=1.5)), ("new", drive(seconds=3.0, distance=1.5)))
+    )
+    against = EarlierRun("old", (before,), {id(before): tmp_path / "old"})
+    write_html(results(now), replace(options(tmp_path / "new"), against=against))
+    look("a ghost that ended earlier is said to", tmp_path / "new/report.html")
+
+
 def test_a_report_in_a_notebook(broken: Path, tmp_path: Path) -> None:
     (tmp_path / "notebook.html").write_text(report_frame(broken.read_text(encoding="utf-8")), encoding="utf-8")
     look("links in the frame of a notebook stay in it", tmp_path / "notebook.html")

@@ -80,6 +80,19 @@ export const GHOSTS = {
       assert.equal((await saved(page, () => page.click("text=CSV"))).bytes.toString("utf8").split("\r\n")[0], "time (s),speed (m/s)");
     },
   },
+  "a ghost that ended earlier is said to": {
+    hash: "#scenario=burger%20goes%20on&plots=base.speed&t=0.5&against=base+run",
+    look: async (page) => {
+      await isDrawn(page, "base run");
+      assert.match((await page.textContent(".against")) ?? "", /It ended at 1\.50 s$/);
+      assert.equal(await page.textContent(".plot .value"), "0.5 m/s · base run 0.667 m/s");
+      await page.keyboard.press("End");
+      assert.equal(await page.textContent(".plot .value"), "0.5 m/s · base run ended");
+      await page.keyboard.press("g");
+      await isDrawn(page, "");
+      assert.doesNotMatch((await page.textContent(".against")) ?? "", /ended/);
+    },
+  },
   "the ghost of an address is drawn, by keys": {
     hash: "#scenario=burger%20moves&against=base+run",
     look: async (page) => {

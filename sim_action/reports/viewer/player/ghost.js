@@ -1,5 +1,8 @@
 /** Another run beside the open one: its motion, the choice of it, and the moment at which the two part. */
 
+/** A ghost that ends so many s before the run is said to. */
+const LEAST_EARLIER = 0.1;
+
 /** @implements {GhostRun} */
 class GhostMotion extends Motion {
   /**
@@ -92,6 +95,7 @@ class Ghosts extends EventTarget {
     this.swatch.hidden = entry === null;
     this.part.hidden = !entry?.parting;
     this.part.textContent = entry?.parting?.words ?? "";
-    this.note.textContent = entry && !entry.parting ? entry.alike : "";
+    const early = this.ghost && this.ghost.end < this.motion.end - LEAST_EARLIER ? `It ended at ${clockTime(this.ghost.end)}` : "";
+    this.note.textContent = [entry && !entry.parting ? entry.alike : "", early].filter(Boolean).join(". ");
   }
 }

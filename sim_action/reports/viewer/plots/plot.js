@@ -19,6 +19,8 @@ class Plot extends EventTarget {
     /** The same curves of another run. @type {Map<string, Curve>} */
     this.ghosts = new Map();
     this.ghostName = "";
+    /** The sim time at which the other run ended. */
+    this.ghostEnd = Infinity;
     this.canvas = make("canvas", { role: "img" });
     this.cursor = make("div", { class: "cursor" });
     this.hover = make("div", { class: "cursor hover", hidden: true }, make("span"));
@@ -75,6 +77,7 @@ class Plot extends EventTarget {
     const found = other ? this.keys.map((key) => other.curve(key)) : [];
     this.ghosts = new Map(found.flatMap((curve) => (curve ? [[curve.key, curve]] : [])));
     this.ghostName = name;
+    this.ghostEnd = other?.motion.end ?? Infinity;
   }
 
   /** The x range of the time axis on the canvas, in CSS pixels. */
@@ -121,7 +124,9 @@ class Plot extends EventTarget {
       const aim = commanded ? ` · commanded ${told(valueAt(curve, time, commanded), unit)}` : "";
       const ghost = this.ghosts.get(curve.key);
       const known = ghost?.values.some((value) => !Number.isNaN(value));
-      const other = ghost && known ? ` · ${this.ghostName} ${told(valueAt(ghost, time), unit)}` : "";
+      const value = ghost && known ? valueAt(ghost, time) : NaN;
+      const has_ended = Number.isNaN(value) && time > this.ghostEnd;
+      const other = ghost && known ? ` · ${this.ghostName} ${has_ended ? "ended" : told(value, unit)}` : "";
       write(this.values[i], `${told(valueAt(curve, time), unit)}${aim}${other}`);
     });
   }
