@@ -137,6 +137,10 @@ interface Signal {
   name: string;
   /** The SI unit. */
   unit: string;
+  /** The name of the expectation to which it belongs; empty for none. */
+  about: string;
+  /** The words for commanded values; empty if there are only measured ones. */
+  kind: string;
   /** Returns its values in SI units. */
   read: () => Partial<Curve> & { values: Float64Array };
 }

@@ -127,6 +127,13 @@ export const SIGNALS = {
       assert.notEqual(await page.locator(".plot .value").first().textContent(), said);
       await page.mouse.move(box.x, box.y - 60);
       assert.equal(await page.locator(".plot .value").first().textContent(), said);
+      // Both are found by the words for them.
+      await page.keyboard.press("p");
+      for (const [typed, found] of [["commanded", "wheel_jointmeasured and commanded, deg"], ["expectations", "1. travelledtravelm"]]) {
+        await page.keyboard.press("Control+a");
+        await page.keyboard.type(typed);
+        assert.deepEqual(await page.locator(".chooser [role=option]").allTextContents(), [found]);
+      }
     },
   },
   "words of plots do not overlap, and time axes agree": {

@@ -55,7 +55,7 @@ class Chooser {
   fill() {
     const words = this.search.value.toLowerCase().split(/\s+/).filter(Boolean);
     const fits = (/** @type {string} */ title, /** @type {Signal} */ signal) => {
-      const all = `${title} ${signal.name}`.toLowerCase();
+      const all = `${title} ${signal.name} ${signal.about} ${signal.kind}`.toLowerCase();
       return words.every((word) => all.includes(word));
     };
     this.options = [];
@@ -77,7 +77,9 @@ class Chooser {
   option(signal) {
     const { name: unit } = shownUnit(signal.unit);
     const id = `${this.list.id}-${this.options.length}`;
-    const option = make("div", { role: "option", id, "data-key": signal.key, "aria-selected": String(this.isChosen(signal.key)) }, signal.name, make("small", {}, unit));
+    const option = make("div", { role: "option", id, "data-key": signal.key, "aria-selected": String(this.isChosen(signal.key)) }, signal.name);
+    if (signal.about) option.append(make("small", { class: "about" }, signal.about));
+    option.append(make("small", {}, [signal.kind, unit].filter(Boolean).join(", ")));
     const number = this.options.length;
     option.addEventListener("click", () => {
       this.activate(number);

@@ -5,6 +5,9 @@ const AXES = ["x", "y", "z"];
 /** The titles of the groups of signals, in the order in which they are offered; other groups are named as they are. */
 const GROUPS = { expectations: "Expectations", base: "Base", joints: "Joints", contacts: "Contacts", links: "Links", bodies: "Objects" };
 
+/** The word for a signal that is drawn with what was commanded. */
+const BOTH = "measured and commanded";
+
 /** Everything of a run that can be plotted; a curve is computed when it is needed. */
 class Catalogue {
   /**
@@ -28,11 +31,17 @@ class Catalogue {
     this.addBodies();
   }
 
-  /** @param {string} group @param {string} name @param {string} unit SI @param {() => Partial<Curve> & {values: Float64Array}} read */
-  add(group, name, unit, read) {
+  /**
+   * @param {string} group
+   * @param {string} name
+   * @param {string} unit SI
+   * @param {() => Partial<Curve> & {values: Float64Array}} read
+   * @param {{about?: string, kind?: string}} [more]
+   */
+  add(group, name, unit, read, { about = "", kind = "" } = {}) {
     let key = `${group}.${name}`;
     while (this.signals.has(key)) key += "'";
-    this.signals.set(key, { key, group, name, unit, read });
+    this.signals.set(key, { key, group, name, unit, about, kind, read });
   }
 
   /** @param {string} key @returns {Curve | null} the same object for each call */
@@ -68,7 +77,7 @@ class Catalogue {
           status: expected?.status ?? "free", cutOff: expected?.cutOff ?? false, decided: expected?.time ?? null,
           lower: limit(signal.lower), upper: limit(signal.upper), from: signal.start, to: signal.end ?? this.motion.end,
         };
-      });
+      }, { about: title });
     }
   }
 
@@ -85,7 +94,7 @@ class Catalogue {
     const { replay, scene, joints, commanded } = this.motion;
     replay.joint_names.forEach((name, i) => {
       const slides = scene.links.some(({ joint }) => joint?.type === "prismatic" && joint.column === i);
-      this.add("joints", name, slides ? "m" : "rad", () => ({ values: joints[i], commanded: commanded[i] ?? null }));
+      this.add("joints", name, slides ? "m" : "rad", () => ({ values: joints[i], commanded: commanded[i] ?? null }), { kind: commanded[i] ? BOTH : "" });
     });
   }
 
@@ -108,7 +117,7 @@ class Catalogue {
         // Nothing was measured: the commanded values alone.
         if (!aim || aim === channel) return { ...found, aimed: aim === channel };
         return { ...found, commanded: onto(found.times, read(aim)) };
-      });
+      }, { kind: aim === channel ? "commanded" : aim ? BOTH : "" });
     }
   }
 
