@@ -58,7 +58,7 @@ def drive(*, distance: float = 1.0, seconds: float = 2.0, body: str = "wall", ro
 
 
 def seen(name: str = "front") -> Replay:
-    """The same drive with a lidar, a camera, and the force of the contact."""
+    """The same drive with a lidar, a camera, the force of the contact, and the path of its commands."""
     replay, here = drive(), HERE
     wall = np.round(100 * (1.2 - np.linspace(0, 1, 11))).astype(np.int64)
     # Ahead the wall, to the left a near thing, behind nothing, to the right something too near.
@@ -89,6 +89,7 @@ def seen(name: str = "front") -> Replay:
             "cameras": (CameraData(sensor="eye" if name == "front" else name, pictures=pictures),),
             "obstacles": (ObstacleData(body=0, touched=1.9, seen=(sighting,)),),
             "unread": ("rear" if name == "front" else name,),
+            "commanded_path": ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)),
         }
     )
 

@@ -1,5 +1,10 @@
 /** The colours of the style sheet in the light or dark scheme. */
 
+/** The number of colours of lines in the style sheet. */
+const LINE_COLOURS = 6;
+/** The number of that of the commanded path, from 0. */
+const COMMAND_COLOUR = 4;
+
 /** @returns {Colours} */
 function coloursOfPage() {
   const style = getComputedStyle(document.documentElement);
@@ -7,7 +12,14 @@ function coloursOfPage() {
   return {
     ground: of("ground"), raised: of("raised"), line: of("line"), text: of("text"), faint: of("faint"),
     accent: of("accent"), bad: of("bad"), body: of("body"), robot: of("robot"), floor: of("floor"), ghost: of("ghost"),
-    lines: [1, 2, 3, 4, 5, 6].map((number) => of(`line${number}`)),
+    lines: Array.from({ length: LINE_COLOURS }, (_, i) => of(`line${i + 1}`)),
     dark: matchMedia("(prefers-color-scheme: dark)").matches,
   };
+}
+
+/** Returns the place in a legend of a colour of lines; it follows the scheme. @param {number} number from 0 */
+function lineSwatch(number) {
+  const swatch = make("span", { class: "swatch" });
+  swatch.style.background = `var(--line${1 + (number % LINE_COLOURS)})`;
+  return swatch;
 }

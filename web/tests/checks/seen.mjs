@@ -40,13 +40,16 @@ export const SEEN = {
     hash: "#scenario=a&t=0",
     look: async (page) => {
       await ready(page);
-      const said = () => page.textContent(".sensed");
-      assert.match((await said()) ?? "", /^front \(lidar\): nearest 0\.50 m, 90 deg to the left; 1 ray too near to measure \(every 2nd scan is shown\)\nArrows of contact forces: 0\.1 m is 2 N$/);
+      const said = async () => (await page.locator(".sensed p:visible").allTextContents()).join("\n");
+      const swatches = () => page.locator(".sensed .swatch:visible").evaluateAll((all) => all.map((one) => getComputedStyle(one).backgroundColor));
+      assert.match(await said(), /^front \(lidar\): nearest 0\.50 m, 90 deg to the left; 1 ray too near to measure \(every 2nd scan is shown\)\nCommanded path\nArrows of contact forces: 0\.1 m is 2 N$/);
+      // The colours of the points of the first lidar, and of the commanded path.
+      assert.deepEqual(await swatches(), ["rgb(184, 92, 0)", "rgb(111, 100, 0)"]);
       assert.equal(await page.getAttribute(".picture", "alt"), "Picture of eye at 0.00 s");
       const width = await page.$eval(".picture", (image) => image.getBoundingClientRect().width);
       await page.locator("input[type=range]").first().fill("1.95");
       await drawn(page);
-      assert.match((await said()) ?? "", /nearest 0\.30 m, straight ahead/);
+      assert.match(await said(), /nearest 0\.30 m, straight ahead/);
       assert.equal(await page.getAttribute(".picture", "alt"), "Picture of eye at 1.50 s");
       assert.ok(await page.$eval(".picture", (image) => image instanceof HTMLImageElement && image.naturalWidth === 4));
       await page.click(".pictures button");
@@ -58,7 +61,12 @@ export const SEEN = {
       await box(page, "Contact forces").evaluate((input) => input instanceof HTMLElement && input.click());
       await drawn(page);
       assert.notEqual(await picture(page), before);
-      assert.doesNotMatch((await said()) ?? "", /Arrows/);
+      assert.doesNotMatch(await said(), /Arrows/);
+      await box(page, "Commanded path").evaluate((input) => input instanceof HTMLElement && input.click());
+      await box(page, "Lidar points").evaluate((input) => input instanceof HTMLElement && input.click());
+      await drawn(page);
+      assert.doesNotMatch(await said(), /Commanded/);
+      assert.deepEqual(await swatches(), []);
     },
   },
   "with scripts blocked an article says which sensor saw what": {

@@ -8,7 +8,8 @@ class Scans {
   constructor(data, number) {
     const { rays } = data;
     this.data = data;
-    this.number = number;
+    /** The number of its colour of lines; the first one is that of the path. */
+    this.line = number + 1;
     this.count = 1 + data.time.deltas.length;
     this.times = decoded(data.time, this.count);
     /** The ranges in steps, scan after scan. */
@@ -52,8 +53,7 @@ class Scans {
 
   /** @param {Colours} colours */
   colour({ lines }) {
-    // The first colour is that of the path.
-    return lines[(this.number + 1) % lines.length];
+    return lines[this.line % lines.length];
   }
 
   /** What the scan says, in words. */

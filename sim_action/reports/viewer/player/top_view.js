@@ -114,7 +114,7 @@ class TopView {
     const isShown = (/** @type {MarkData} */ { expectation }) => expectation === undefined || this.shown.has("expectations");
     for (const mark of this.motion.replay.marks.filter(isShown)) this.drawMark(mark);
     const { commanded_path } = this.motion.replay;
-    if (commanded_path && this.shown.has("command")) this.line(commanded_path, colours.lines[4], 1.5, [2, 4]);
+    if (commanded_path && this.shown.has("command")) this.line(commanded_path, colours.lines[COMMAND_COLOUR], 1.5, [2, 4]);
     if (this.ghost) this.drawGhost(this.ghost, moment.time);
     this.drawWay(moment.time);
     this.drawRobot(moment);

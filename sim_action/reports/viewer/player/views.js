@@ -41,7 +41,8 @@ class Views {
     this.note = make("p", { class: "note", role: "status" });
     this.happening = make("p", { class: "happening" });
     this.pictures = new Pictures(motion.replay);
-    this.sensed = make("p", { class: "sensed" });
+    this.lines = this.linesBelow();
+    this.sensed = make("div", { class: "sensed" }, ...this.lines.map(({ element }) => element));
     /** The camera of the 3D view. @type {Preset} */
     this.preset = "overview";
     const sides = Object.entries(SIDES).map(([value, words]) => make("option", { value }, words));
@@ -184,7 +185,7 @@ class Views {
 
   drawNow() {
     for (const scans of this.motion.scans) scans.seek(this.clock.time, this.motion);
-    write(this.sensed, this.sensedNow());
+    this.sayBelow();
     this.pictures.show(this.clock.time, this.layers.shown.has("pictures"));
     this.view?.draw(this.motion.at(this.clock.time), this.following);
     this.ruler.draw();
@@ -199,11 +200,28 @@ class Views {
     write(this.happening, words.join("\n"));
   }
 
-  /** What sensors measure at the present moment, a line for each; then the scale of arrows. */
-  sensedNow() {
-    const { scans, pushes } = this.motion;
-    const arrows = this.layers.shown.has("forces") ? pushes.words : "";
-    return [...scans.map((each) => each.words()), arrows].filter(Boolean).join("\n");
+  /** The lines below the view: what sensors measure at the present moment, and what is drawn in which colour or scale. */
+  linesBelow() {
+    const { scans, pushes, replay } = this.motion;
+    const line = (/** @type {string[]} */ layers, /** @type {number | null} */ colour, /** @type {() => string} */ words) => {
+      const swatch = colour === null ? null : lineSwatch(colour);
+      const text = make("span");
+      return { layers, words, swatch, text, element: make("p", {}, ...(swatch ? [swatch] : []), text) };
+    };
+    return [
+      ...scans.map((each) => line(["points", "rays"], each.line, () => each.words())),
+      line(["command"], COMMAND_COLOUR, () => (replay.commanded_path?.length && this.layers.shown.has("command") ? "Commanded path" : "")),
+      line([], null, () => (this.layers.shown.has("forces") ? pushes.words : "")),
+    ];
+  }
+
+  sayBelow() {
+    for (const { layers, words, swatch, text, element } of this.lines) {
+      const said = words();
+      write(text, said);
+      element.hidden = !said;
+      if (swatch) swatch.hidden = !layers.some((name) => this.layers.shown.has(name));
+    }
   }
 
   dispose() {
