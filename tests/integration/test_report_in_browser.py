@@ -129,6 +129,8 @@ CHECKS = [
     "signals are chosen by mouse",
     "signals are chosen by keys alone",
     "a drag zooms all plots, and the address restores them",
+    "embedded there is only the player",
+    "embedded the picture begins below the name",
 ]
 
 
@@ -356,6 +358,8 @@ def test_folded_runs(tmp_path: Path) -> None:
         "keys go past folded rows, and back",
         "keys go into a group that is open",
         "a heat map has a cell for each listed value",
+        "a link to a scenario that is not there says so",
+        "the filter of the list covers what scrolls below it",
     ]
     assert looked(tmp_path / "report.html", *checks) == dict.fromkeys(checks, "")
 

@@ -2,6 +2,7 @@
 
 import assert from "node:assert/strict";
 import { ready } from "../browser.mjs";
+import { broken } from "./accessible.mjs";
 
 /** @typedef {import("playwright-core").Page} Page */
 
@@ -17,7 +18,7 @@ export const FRAMES = {
       await ready(page);
       const address = await hash(page);
       assert.equal(await page.textContent(".readout"), "1.50 s");
-      for (const hidden of ["nav.scenarios", ".run", ".plots", ".keys", ".expectations", ".reasons"]) {
+      for (const hidden of ["nav.scenarios", ".run p", ".plots", ".keys", ".expectations", ".reasons"]) {
         assert.equal(await page.locator(`${hidden}:visible`).count(), 0, hidden);
       }
       const beyond = await page.evaluate(() =>
@@ -36,6 +37,24 @@ export const FRAMES = {
       const link = (await page.getAttribute("h2 a", "href")) ?? "";
       assert.match(link, /report\.html#scenario=burger%20pushes%20on&t=1\.533$/);
       assert.equal(await page.getAttribute("h2 a", "target"), "_blank");
+    },
+  },
+  "embedded the picture begins below the name": {
+    hash: "#embed&scenario=burger%20pushes%20on&t=1.5",
+    how: { width: 600, height: 420 },
+    look: async (page) => {
+      await ready(page);
+      const [name, view, tools] = await Promise.all(["h2", ".view", ".tools"].map((part) => page.locator(`.scenario.open ${part}`).boundingBox()));
+      assert.ok(name && view && tools);
+      assert.ok(view.y - (name.y + name.height) < 12, `${view.y - name.y - name.height} px`);
+      assert.ok(tools.y >= view.y);
+      assert.equal(await page.title(), "burger pushes on · 2 of 2 scenarios did not pass · sim-action");
+      assert.deepEqual(await broken(page), []);
+      await page.evaluate(() => {
+        location.hash = "#embed&scenario=no%20such";
+      });
+      await page.waitForSelector("text=No scenario 'no such' in this report.");
+      assert.equal(await page.locator(".scenario:visible").count(), 0);
     },
   },
   "a frame without rights plays": {

@@ -8,7 +8,7 @@ const titled = (/** @type {Page} */ page, /** @type {string} */ name) =>
   page.waitForFunction((words) => document.querySelector(".scenario.open h2")?.textContent === words, name);
 const focused = (/** @type {Page} */ page) => page.evaluate(() => document.activeElement?.textContent ?? "");
 
-/** @type {Record<string, {hash?: string, look: (page: Page) => Promise<void>}>} */
+/** @type {Record<string, {hash?: string, how?: {width: number, height: number}, look: (page: Page) => Promise<void>}>} */
 export const GROUPS = {
   "keys go past folded rows, and back": {
     look: async (page) => {
@@ -79,6 +79,34 @@ export const GROUPS = {
       await titled(page, "push");
       await press("k", "stop[speed=0.1,friction=0.9]");
       await press("j", "push");
+    },
+  },
+  "a link to a scenario that is not there says so": {
+    hash: "#scenario=no%20such&t=1",
+    look: async (page) => {
+      const whole = await page.title();
+      await page.waitForSelector("#suite.open");
+      assert.equal(await page.textContent(".missing:visible"), "No scenario 'no such' in this report.");
+      assert.deepEqual(await page.locator("#suite label:has-text('Sort') option").allTextContents().then((all) => all.slice(0, 2)), ["status", "name"]);
+      await page.keyboard.press("n");
+      await titled(page, "stop[speed=0.4,friction=0.3]");
+      assert.equal(await page.title(), `stop[speed=0.4,friction=0.3] · ${whole}`);
+      assert.equal(await page.isVisible(".missing"), false);
+      await page.keyboard.press("u");
+      await page.waitForSelector("#suite.open");
+      assert.equal(await page.title(), whole);
+    },
+  },
+  "the filter of the list covers what scrolls below it": {
+    how: { width: 1000, height: 500 },
+    look: async (page) => {
+      await page.$eval("nav.scenarios", (list) => list.scrollTo(0, 300));
+      const box = await page.locator("nav.scenarios .filter").boundingBox();
+      assert.ok(box);
+      const met = await page.evaluate(({ x, y, height, width }) =>
+        [[x - 8, y + 4], [x + 30, y - 4], [x + width + 8, y + height], [x + 30, y + height + 2]]
+          .map(([left, top]) => document.elementFromPoint(left, top)?.className), box);
+      assert.deepEqual(met, ["finder", "finder", "finder", "finder"]);
     },
   },
 };

@@ -4,7 +4,7 @@ const NOT_FAILURES = new Set(["passed", "warned", "skipped"]);
 
 /** What scenarios are sorted by -> its words, and the sign of the order: 1 shows the smallest value first. */
 const SORTS = {
-  status: { words: "worst first", sign: 1 },
+  status: { words: "status", sign: 1 },
   name: { words: "name", sign: 1 },
   margin: { words: "smallest margin", sign: 1 },
   sim: { words: "longest sim time", sign: -1 },

@@ -20,7 +20,7 @@ class ScenarioList {
 
   offerFilter() {
     this.none = make("p", { class: "faint none", hidden: true, role: "status" }, "No scenario matches.");
-    this.list.before(filterBox(this.filter, "Filter scenarios"), this.none);
+    this.list.before(make("div", { class: "finder" }, filterBox(this.filter, "Filter scenarios")), this.none);
     this.filter.addEventListener("change", () => this.show());
   }
 

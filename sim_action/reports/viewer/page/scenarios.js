@@ -24,6 +24,10 @@ class Scenarios {
     /** The plots over parameters by their blocks. @type {Map<string, Sweep>} */
     this.sweeps = new Map();
     this.pending = 0;
+    /** The title of the whole page. */
+    this.title = document.title;
+    this.missing = make("p", { class: "missing", role: "status", hidden: true });
+    find(document, "main").prepend(this.missing);
     this.byId = new Map(entries.map((entry) => [entry.id, entry]));
     /** @type {HTMLAnchorElement | null} */
     this.all = document.querySelector("nav.scenarios .all");
@@ -50,6 +54,14 @@ class Scenarios {
   /** Opens what the address names: a scenario, or all of them; without a page of all, the first one that counts. */
   async follow() {
     const wanted = asked(this.entries);
+    const missing = wanted ? null : addressed("scenario");
+    this.missing.hidden = missing === null;
+    this.missing.textContent = missing === null ? "" : `No scenario '${missing}' in this report.`;
+    if (missing !== null && embedded) {
+      // Another scenario in its place would not be noticed.
+      this.leave();
+      return;
+    }
     // A link to a scenario leaves the filter as it is.
     if (this.filter.isAddressed || !wanted) this.filter.restore();
     if (!wanted && this.suite && !embedded) {
@@ -79,6 +91,7 @@ class Scenarios {
     this.leave();
     suite.article.classList.add("open");
     this.article = suite.article;
+    document.title = this.title;
     this.all?.setAttribute("aria-current", "page");
     this.list?.mark(null);
     this.rememberFilter();
@@ -104,6 +117,7 @@ class Scenarios {
     if (asked([entry]) === null) rememberLink(linkTo(entry, time));
     const article = find(document, `#${entry.id}`);
     this.article = article;
+    document.title = `${entry.name} · ${this.title}`;
     this.rememberFilter();
     article.classList.add("open");
     if (embedded) linkToWhole(article, (moment) => linkTo(entry, moment), () => this.player?.clock.time ?? null);
@@ -121,6 +135,7 @@ class Scenarios {
     this.player = this.open = null;
     player?.dispose();
     this.article.classList.remove("open", "live");
+    this.article = null;
     this.all?.removeAttribute("aria-current");
     if (innerWidth <= 800) document.querySelector("nav.scenarios > details")?.removeAttribute("open");
     scrollTo(0, 0);
