@@ -131,6 +131,7 @@ CHECKS = [
     "a drag zooms all plots, and the address restores them",
     "embedded there is only the player",
     "embedded the picture begins below the name",
+    "each key stays with its word",
 ]
 
 

@@ -189,6 +189,17 @@ const CHECKS = {
       await page.waitForSelector(".view canvas[data-kind=top]");
     },
   },
+  "each key stays with its word": {
+    how: { width: 1100, height: 700 },
+    look: async (page) => {
+      await ready(page);
+      const pairs = await page.$$eval(".keys > *", (all) => all.map((one) => [one.textContent, one.getClientRects().length]));
+      assert.deepEqual(pairs[pairs.length - 1], ["? all keys", 1]);
+      // They take more than one line here.
+      const lines = await page.$$eval(".keys > *", (all) => new Set(all.map((one) => one.getBoundingClientRect().top)).size);
+      assert.equal(lines, 2);
+    },
+  },
   "every button has the focus in turn, and shows it": {
     look: async (page) => {
       await ready(page);

@@ -86,9 +86,10 @@ function keyNames({ keys }) {
 
 /** The most useful keys of the player, below its controls. @param {Player} player */
 function keysHint(player) {
-  const shown = SHORTCUTS.flatMap((shortcut) =>
-    shortcut.hint && (shortcut.isThere?.(player) ?? true) ? [make("kbd", {}, keyNames(shortcut).join(" ")), ` ${shortcut.hint}  `] : []);
-  return make("p", { class: "keys" }, ...shown, make("kbd", {}, "?"), " all keys");
+  const pair = (/** @type {string} */ keys, /** @type {string} */ words) => make("span", {}, make("kbd", {}, keys), ` ${words}`);
+  const shown = SHORTCUTS.filter(({ isThere }) => isThere?.(player) ?? true)
+    .flatMap((shortcut) => (shortcut.hint ? [pair(keyNames(shortcut).join(" "), shortcut.hint)] : []));
+  return make("p", { class: "keys" }, ...shown, pair("?", "all keys"));
 }
 
 /** Opens the list of all keys. */
