@@ -87,7 +87,7 @@ function pictureOf(plot, heading, colours) {
     write("400", words, 48, y);
   });
   const right = width - (plot.units.length > 1 ? 46 : 10);
-  plot.paint(context, { left: 46, right, top: top + 6, bottom: height - 24 }, colours);
+  plot.paint(context, { left: 46, right, top: top + 6, bottom: height - 30 }, colours);
   context.fillStyle = colours.faint;
   context.textAlign = "right";
   context.textBaseline = "bottom";
