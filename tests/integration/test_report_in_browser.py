@@ -146,7 +146,12 @@ def test_a_proof(tmp_path: Path) -> None:
     (tmp_path / "a.sim.yml").write_text(text, encoding="utf-8")
     ran = sim_action(tmp_path, "prove", "--only", "doubled", ".")
     assert ran.returncode == 0, ran.stdout + ran.stderr
-    checks = ["a survivor plays with the run without a fault as a ghost", "a phone has no sideways scroll", ACCESSIBLE]
+    checks = [
+        "a survivor plays with the run without a fault as a ghost",
+        "a phone has no sideways scroll",
+        "a phone has room for a finding",
+        ACCESSIBLE,
+    ]
     assert looked(tmp_path / "sim-results/proof/report.html", *checks) == dict.fromkeys(checks, "")
 
 

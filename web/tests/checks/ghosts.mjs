@@ -35,6 +35,15 @@ export const GHOSTS = {
       assert.equal(await page.isVisible(".against"), false);
     },
   },
+  "a phone has room for a finding": {
+    how: { width: 390, height: 844 },
+    look: async (page) => {
+      await ready(page);
+      const widths = await page.$$eval("td[data-title=Finding]", (all) => all.map((one) => one.getBoundingClientRect().width).filter(Boolean));
+      assert.ok(widths.length > 0);
+      assert.ok(Math.min(...widths) >= 150, `the cells are ${widths} px wide`);
+    },
+  },
   "the base run is a ghost, by mouse": {
     look: async (page) => {
       await isDrawn(page, "base run");
