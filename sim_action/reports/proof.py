@@ -93,7 +93,9 @@ def by_suggestion(scenario: ProvenScenario) -> list[tuple[str, list[MutantResult
 
 def survivor_text(survivor: MutantResult) -> str:
     """Return a mutant that survived in words: its fault, and the other motion that nothing noticed."""
-    return f"{survivor.words}: {survivor.change.text if survivor.change else ''}, and nothing failed"
+    changed = survivor.change.text if survivor.change else ""
+    warned = survivor.noticed_by or survivor.not_exercised
+    return f"{survivor.words}: {changed}, and {'the scenario passed with a warning' if warned else 'nothing failed'}"
 
 
 def suggestion_title(survivors: Sequence[MutantResult]) -> str:
@@ -103,16 +105,18 @@ def suggestion_title(survivors: Sequence[MutantResult]) -> str:
 
 def finding_text(expected: ProvenExpectation, scenario: ProvenScenario) -> str:
     """Return the finding on an expectation in words."""
-    changed = len(scenario.with_status("noticed", "survived"))
+    lost = f"; not exercised in: {_names(expected.not_exercised)}" if expected.not_exercised else ""
     near = "" if expected.sensitivity is None else f"; {expected.sensitivity:.0%} from its limit"
     if expected.finding == "notices":
-        return f"notices {len(expected.noticed)} of {changed}: {_names(expected.noticed)}{near}"
+        return f"notices {len(expected.noticed)} of {expected.changed}: {_names(expected.noticed)}{lost}{near}"
     if expected.finding == "checks nothing":
         others = f", {len(expected.missed)} of them noticed by others" if expected.missed else ""
-        return f"checks nothing here: {counted(changed, 'mutant')} changed the run{others}{near}"
+        return f"checks nothing here: {counted(expected.changed, 'mutant')} changed the run{others}{lost}{near}"
     if scenario.unfinished:
         return "nothing is known: the call was interrupted"
-    return "nothing is known: no mutant changed the run" if not changed else "it did not pass in the original run"
+    if not expected.changed:
+        return f"nothing is known: no {'other ' if lost else ''}mutant changed the run{lost}"
+    return "it did not pass in the original run"
 
 
 def _names(names: Sequence[str]) -> str:

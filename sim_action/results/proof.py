@@ -18,9 +18,9 @@ from sim_action.scenario.source import Varied
 MutantStatus = Literal["noticed", "survived", "no effect", "could not run"]
 """The result of a mutant.
 
-- noticed: at least one expectation that passed before did not pass.
-- survived: the run was another one, and every expectation passed as before.
-- no effect: the run was the same, bit for bit; it counts for nothing.
+- noticed: the scenario did not pass, because an expectation that passed before failed or was not exercised.
+- survived: the run was another one, and the scenario passed as before.
+- no effect: the robot moved the same, bit for bit, and every verdict was the same; it counts for nothing.
 - could not run: there is no verdict, such as after a crash; it counts for nothing.
 """
 
@@ -58,7 +58,8 @@ class MutantResult(FrozenModel):
     Attributes:
         name: the kind and the subject, such as "motor-off:wheel_left_joint".
         words: the fault in words.
-        noticed_by: the places of the expectations that noticed it, from 0 on.
+        noticed_by: the places of the expectations that noticed it, from 0 on: they passed before, and failed now.
+        not_exercised: the places of the expectations that passed before, and were not exercised now.
         reason: the reason why there is no verdict; or empty.
         digest: of the run; null if there is none.
         change: the change of the motion, of a mutant that survived; null if it is small.
@@ -69,6 +70,7 @@ class MutantResult(FrozenModel):
     words: str
     status: MutantStatus
     noticed_by: tuple[int, ...] = ()
+    not_exercised: tuple[int, ...] = ()
     reason: str = ""
     digest: str | None = None
     change: PathChange | None = None
@@ -82,6 +84,8 @@ class ProvenExpectation(FrozenModel):
         location: its place in the scenario file.
         noticed: the names of the mutants that it noticed.
         missed: the names of the mutants that only other expectations noticed.
+        not_exercised: the names of the mutants in whose runs it was not exercised; they count for nothing else.
+        changed: the number of mutants that it could have noticed: the other ones that changed the run.
         sensitivity: the distance of the measured value from the limit, as a share of the limit, in the original run;
             null without a limit, and for goals, which end at their limit. It is information only.
     """
@@ -93,6 +97,8 @@ class ProvenExpectation(FrozenModel):
     finding: Finding
     noticed: tuple[str, ...] = ()
     missed: tuple[str, ...] = ()
+    not_exercised: tuple[str, ...] = ()
+    changed: Annotated[int, Field(ge=0)] = 0
     sensitivity: NotNegative | None = None
 
 

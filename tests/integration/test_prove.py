@@ -128,6 +128,22 @@ def test_a_failure_does_not_hide_what_other_expectations_notice(tmp_path: Path) 
     assert scenario["mutants"][0]["noticed_by"] == [0, 1]
 
 
+def test_an_expectation_that_is_not_exercised_in_a_run_notices_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The doubled run ends before the post appears."""
+    text = (
+        "world: {objects: [{name: post, box: [0.1, 0.1, 0.5], pose: {x: 50, y: 50}, appears: 4 s}]}\n"
+        "commands: {rate: 10 Hz, twist: [{linear: 0.2, for: 10 s}]}\n"
+        "expect: [{travel: {at_least: 1.0}, before: 7}, {clearance: {at_least: 0.05, to: [post]}}]"
+    )
+    (scenario,) = proof(written(tmp_path, "post", text))["scenarios"]
+    clearance = scenario["expectations"][1]
+    assert (clearance["finding"], clearance["noticed"]) == ("checks nothing", [])
+    assert clearance["not_exercised"] == ["doubled"]
+    assert "; not exercised in: doubled;" in capsys.readouterr().out
+
+
 def test_scenarios_that_do_not_pass_are_listed_and_not_mutated(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -20,8 +20,8 @@ PROVEN = ProvenScenario(
     file="a.sim.yml",
     line=3,
     expectations=(
-        expected("reach", finding="notices", noticed=(*"abcdefgh",), sensitivity=0.25),
-        expected("upright", finding="checks nothing", missed=("a", "b")),
+        expected("reach", finding="notices", noticed=(*"abcdefgh",), changed=9, sensitivity=0.25),
+        expected("upright", finding="checks nothing", missed=("a", "b"), not_exercised=("h",), changed=5),
     ),
     mutants=(
         MutantResult(name="a", words="a fault", status="noticed", noticed_by=(0,)),

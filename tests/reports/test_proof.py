@@ -13,8 +13,8 @@ def test_the_report() -> None:
     print_proof(PROOF, {}, stream)
     assert stream.getvalue().splitlines() == [
         "burger turns  a.sim.yml:3",
-        "  ✓ reach: notices 8 of 5: a, b, c, d, e, f and 2 more; 25% from its limit",
-        "  ✗ upright: checks nothing here: 5 mutants changed the run, 2 of them noticed by others",
+        "  ✓ reach: notices 8 of 9: a, b, c, d, e, f and 2 more; 25% from its limit",
+        "  ✗ upright: checks nothing here: 5 mutants changed the run, 2 of them noticed by others; not exercised in: h",
         "      a.sim.yml:8:5",
         "  ! b: b fault: the robot was 0.80 m further left at 3.1 s, and nothing failed",
         "  ! g: g fault: the robot was 0.80 m further left at 3.1 s, and nothing failed",

@@ -47,12 +47,10 @@ def judged(original: Original, mutant: Mutant, outcome: Outcome, folder: Path) -
     match status:
         case "could not run":
             update |= {"reason": outcome.ending}
-        case "noticed":
-            update |= {"noticed_by": _noticed(original.outcome, outcome)}
         case "survived":
-            update |= {"change": _change(original, outcome, folder)}
-        case "no effect":
-            pass
+            update |= _changed(original.outcome, outcome) | {"change": _change(original, outcome, folder)}
+        case "noticed" | "no effect":
+            update |= _changed(original.outcome, outcome)
     return JudgedMutant(mutant, outcome, result.model_copy(update=update))
 
 
@@ -60,19 +58,36 @@ def status_of(original: Original, outcome: Outcome) -> MutantStatus:
     """Return the result of a mutant, given the outcome of its run."""
     if not outcome.has_verdict:
         return "could not run"
-    if _noticed(original.outcome, outcome):
+    changed = [
+        now for before, now in _pairs(original.outcome, outcome) if notices(before, now) or _is_unexercised(before, now)
+    ]
+    if any(now.prevents_pass for now in changed):
         return "noticed"
-    return "no effect" if outcome.digest == original.outcome.digest else "survived"
+    return "survived" if changed or outcome.digest != original.outcome.digest else "no effect"
 
 
-def _noticed(original: Outcome, mutant: Outcome) -> tuple[int, ...]:
-    """Return the places of the expectations that passed, and do not pass by themselves with the mutant."""
-    pairs = zip(original.expectations, mutant.expectations, strict=True)
-    return tuple(
-        place
-        for place, (before, now) in enumerate(pairs)
-        if before.verdict.passed and not now.verdict.passed and not now.verdict.cut_off
-    )
+def _pairs(original: Outcome, mutant: Outcome) -> Sequence[tuple[ExpectationOutcome, ExpectationOutcome]]:
+    """Return each expectation without the mutant and with it."""
+    return list(zip(original.expectations, mutant.expectations, strict=True))
+
+
+def notices(before: ExpectationOutcome, now: ExpectationOutcome) -> bool:
+    """Return True if an expectation passed without a mutant, and fails by itself with it."""
+    return before.verdict.passed and now.verdict.status == "failed" and not now.verdict.cut_off
+
+
+def _is_unexercised(before: ExpectationOutcome, now: ExpectationOutcome) -> bool:
+    """Return True if an expectation passed without a mutant, and is not exercised with it."""
+    return before.verdict.passed and now.verdict.status == "not_exercised" and not now.verdict.cut_off
+
+
+def _changed(original: Outcome, mutant: Outcome) -> dict[str, object]:
+    """Return the places of the expectations whose verdicts a mutant changed, as `MutantResult` has them."""
+    pairs = _pairs(original, mutant)
+    return {
+        "noticed_by": tuple(place for place, pair in enumerate(pairs) if notices(*pair)),
+        "not_exercised": tuple(place for place, pair in enumerate(pairs) if _is_unexercised(*pair)),
+    }
 
 
 def _change(original: Original, outcome: Outcome, folder: Path) -> PathChange | None:
@@ -117,10 +132,12 @@ def _placed(loaded: LoadedScenario, scenario: ProvenScenario, outcome: Outcome) 
 def _finding(
     place: int, expected: ExpectationOutcome, mutants: Sequence[MutantResult], *, is_unfinished: bool
 ) -> ProvenExpectation:
-    noticed = tuple(each.name for each in mutants if place in each.noticed_by)
-    missed = tuple(each.name for each in mutants if each.status == "noticed" and place not in each.noticed_by)
-    changed = any(each.status in ("noticed", "survived") for each in mutants) and not is_unfinished
-    finding: Finding = "notices" if noticed else "checks nothing" if changed and expected.verdict.passed else "unknown"
+    others = [each for each in mutants if place not in each.not_exercised]
+    noticed = tuple(each.name for each in others if place in each.noticed_by)
+    missed = tuple(each.name for each in others if each.status == "noticed" and place not in each.noticed_by)
+    changed = sum(each.status in ("noticed", "survived") for each in others)
+    is_known = changed > 0 and not is_unfinished and expected.verdict.passed
+    finding: Finding = "notices" if noticed else "checks nothing" if is_known else "unknown"
     return ProvenExpectation(
         name=expected.name,
         assertion=expected.assertion,
@@ -129,6 +146,8 @@ def _finding(
         finding=finding,
         noticed=noticed,
         missed=missed,
+        not_exercised=tuple(each.name for each in mutants if place in each.not_exercised),
+        changed=changed,
         sensitivity=_sensitivity(expected),
     )
 

@@ -16,6 +16,7 @@ from sim_action.core.errors import InvalidScenario
 from sim_action.core.permissions import Permissions
 from sim_action.core.records import dataclass, replace
 from sim_action.results.outcome import ExpectationOutcome, Outcome
+from sim_action.runner.mutation.judgement import notices
 from sim_action.runner.mutation.mutant import Original
 from sim_action.runner.mutation.path_change import LEAST_ANGLE, LEAST_DISTANCE_M
 from sim_action.scenario.loading import Libraries, checked
@@ -67,7 +68,7 @@ class Candidates:
         """Return the places of the candidates that passed in the original run and noticed the mutant."""
         # A run without a verdict has none of them.
         pairs = zip(self._of(original), self._of(mutant), strict=False)
-        return [place for place, (before, now) in enumerate(pairs) if before.verdict.passed and not now.verdict.passed]
+        return [place for place, pair in enumerate(pairs) if notices(*pair)]
 
     def text(self, place: int) -> str:
         """Return a candidate as YAML."""

@@ -35,7 +35,7 @@ def page(folder: Path) -> Page:
 
 def test_the_findings_are_plain_html(tmp_path: Path) -> None:
     text = page(tmp_path).text()
-    assert "checks nothing here: 5 mutants changed the run, 2 of them noticed by others" in text
+    assert "checks nothing here: 5 mutants changed the run, 2 of them noticed by others; not exercised in: h" in text
     assert "- reach: {x: 1}\n  before: 2" in text
     assert "failed (travelled 1 m)" in text
     assert "e: script error: stuck" in text

@@ -7,11 +7,12 @@ from pathlib import Path
 import pytest
 
 from sim_action.core.records import replace
-from sim_action.results.outcome import Failure, Outcome, Status
+from sim_action.results.outcome import Failure, Outcome, status_of
 from sim_action.results.proof import MutantStatus
 from sim_action.runner.mutation.judgement import judged, not_mutated, proven, stored, with_suggestion
 from sim_action.runner.mutation.mutant import Mutant, Original
 from sim_action.runner.mutation.table import TABLE
+from sim_action.scenario.model import Severity
 from sim_action.state.trace_storage import save_trace
 from sim_action.state.verdict import Judged, Verdict
 from tests.outcomes import outcome
@@ -19,16 +20,21 @@ from tests.runner.mutation.runs import original, straight
 
 HOLDS = Verdict(True, 1.5, 2.0, 0.5, "m")
 FAILS = Verdict(False, 2.5, 2.0, -0.5, "m")
+UNEXERCISED = replace(FAILS, judged=Judged())
 
 
-def judged_run(*verdicts: Verdict, digest: str = "theirs", trace: str | None = None) -> Outcome:
+def judged_run(
+    *verdicts: Verdict, digest: str = "theirs", trace: str | None = None, severities: tuple[Severity, ...] = ()
+) -> Outcome:
     (expected,) = outcome("a.sim.yml").expectations
     several = tuple(expected.model_copy(update={"verdict": verdict}) for verdict in verdicts)
-    status: Status = "passed" if all(verdict.passed for verdict in verdicts) else "failed"
+    if severities:
+        pairs = zip(several, severities, strict=True)
+        several = tuple(each.model_copy(update={"severity": severity}) for each, severity in pairs)
     return Outcome(
         name="a",
         file="a.sim.yml",
-        status=status,
+        status=status_of(several),
         expectations=several,
         digest=digest,
         trace=trace,
@@ -54,7 +60,12 @@ def silenced(run: Original) -> Mutant:
         (judged_run(HOLDS, FAILS), "noticed", (1,)),
         (judged_run(FAILS, FAILS), "noticed", (0, 1)),
         (judged_run(HOLDS, replace(FAILS, cut_off=True)), "survived", ()),
-        (judged_run(HOLDS, replace(FAILS, judged=Judged())), "noticed", (1,)),
+        # The scenario does not pass, but the expectation has checked nothing.
+        (judged_run(HOLDS, UNEXERCISED), "noticed", ()),
+        # The run stays green, but the expectation has failed.
+        (judged_run(HOLDS, FAILS, severities=("error", "warning")), "survived", (1,)),
+        (judged_run(HOLDS, FAILS, severities=("error", "warning"), digest="ours"), "survived", (1,)),
+        (judged_run(HOLDS, UNEXERCISED, severities=("error", "warning")), "survived", ()),
         # A sensor that only an expectation reads does not change the motion.
         (judged_run(HOLDS, FAILS, digest="ours"), "noticed", (1,)),
     ],
@@ -91,6 +102,17 @@ def test_findings_count_mutants_that_changed_the_run(run: Original, tmp_path: Pa
     assert (useless.sensitivity, scenario.left_out, scenario.useless) == (0.25, 3, (useless,))
     same = [judged(run, silenced(run), judged_run(HOLDS, HOLDS, digest="ours"), tmp_path)]
     assert [each.finding for each in proven(run, same, 0).expectations] == ["unknown", "unknown"]
+
+
+def test_an_expectation_that_was_not_exercised_has_noticed_nothing(run: Original, tmp_path: Path) -> None:
+    lost = judged(run, silenced(run), judged_run(HOLDS, UNEXERCISED), tmp_path)
+    assert (lost.result.noticed_by, lost.result.not_exercised) == ((), (1,))
+    other, unexercised = proven(run, [lost], 0).expectations
+    assert (other.finding, other.changed, other.missed) == ("checks nothing", 1, ("silenced",))
+    assert (unexercised.finding, unexercised.changed, unexercised.not_exercised) == ("unknown", 0, ("silenced",))
+    survivor = judged(run, silenced(run), judged_run(HOLDS, HOLDS), tmp_path)
+    _, useless = proven(run, [lost, survivor], 0).expectations
+    assert (useless.finding, useless.changed, useless.not_exercised) == ("checks nothing", 1, ("silenced",))
 
 
 def test_the_motion_of_a_survivor_is_compared(run: Original, tmp_path: Path) -> None:
