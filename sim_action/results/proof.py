@@ -83,9 +83,9 @@ class ProvenExpectation(FrozenModel):
     Attributes:
         location: its place in the scenario file.
         noticed: the names of the mutants that it noticed.
-        missed: the names of the mutants that only other expectations noticed.
+        missed: the names of the mutants that moved the robot another way, and that only other expectations noticed.
         not_exercised: the names of the mutants in whose runs it was not exercised; they count for nothing else.
-        changed: the number of mutants that it could have noticed: the other ones that changed the run.
+        changed: the number of mutants that it noticed, and of the other ones that moved the robot another way.
         sensitivity: the distance of the measured value from the limit, as a share of the limit, in the original run;
             null without a limit, and for goals, which end at their limit. It is information only.
     """

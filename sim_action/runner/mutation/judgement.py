@@ -108,7 +108,7 @@ def proven(original: Original, mutants: Sequence[JudgedMutant], left_out: int, u
     """
     results = tuple(each.result for each in mutants)
     expectations = tuple(
-        _finding(place, expected, results, is_unfinished=bool(unfinished))
+        _finding(place, expected, results, original.outcome.digest, is_unfinished=bool(unfinished))
         for place, expected in enumerate(original.outcome.expectations)
     )
     scenario = ProvenScenario(
@@ -130,12 +130,21 @@ def _placed(loaded: LoadedScenario, scenario: ProvenScenario, outcome: Outcome) 
 
 
 def _finding(
-    place: int, expected: ExpectationOutcome, mutants: Sequence[MutantResult], *, is_unfinished: bool
+    place: int,
+    expected: ExpectationOutcome,
+    mutants: Sequence[MutantResult],
+    digest: str | None,
+    *,
+    is_unfinished: bool,
 ) -> ProvenExpectation:
-    others = [each for each in mutants if place not in each.not_exercised]
-    noticed = tuple(each.name for each in others if place in each.noticed_by)
-    missed = tuple(each.name for each in others if each.status == "noticed" and place not in each.noticed_by)
-    changed = sum(each.status in ("noticed", "survived") for each in others)
+    """Return the finding on the expectation at a place; `digest`: of the run without a mutant."""
+    noticed = tuple(each.name for each in mutants if place in each.noticed_by)
+    # A reading that changed no motion concerns only the expectations that read it.
+    others = [
+        each for each in mutants if each.digest != digest and place not in (*each.noticed_by, *each.not_exercised)
+    ]
+    missed = tuple(each.name for each in others if each.status == "noticed")
+    changed = len(noticed) + sum(each.status in ("noticed", "survived") for each in others)
     is_known = changed > 0 and not is_unfinished and expected.verdict.passed
     finding: Finding = "notices" if noticed else "checks nothing" if is_known else "unknown"
     return ProvenExpectation(

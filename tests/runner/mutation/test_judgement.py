@@ -104,6 +104,13 @@ def test_findings_count_mutants_that_changed_the_run(run: Original, tmp_path: Pa
     assert [each.finding for each in proven(run, same, 0).expectations] == ["unknown", "unknown"]
 
 
+def test_a_mutant_with_the_same_motion_counts_for_the_verdict_that_it_changed(run: Original, tmp_path: Path) -> None:
+    reading = judged(run, silenced(run), judged_run(HOLDS, FAILS, digest="ours"), tmp_path)
+    other, reader = proven(run, [reading], 0).expectations
+    assert (other.finding, other.changed, other.missed) == ("unknown", 0, ())
+    assert (reader.finding, reader.changed, reader.noticed) == ("notices", 1, ("silenced",))
+
+
 def test_an_expectation_that_was_not_exercised_has_noticed_nothing(run: Original, tmp_path: Path) -> None:
     lost = judged(run, silenced(run), judged_run(HOLDS, UNEXERCISED), tmp_path)
     assert (lost.result.noticed_by, lost.result.not_exercised) == ((), (1,))
