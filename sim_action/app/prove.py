@@ -311,7 +311,7 @@ class _Call:
         runs, left = sum(len(plan.chosen) for plan in plans), sum(plan.left_out for plan in plans)
         seconds = cost(plans, self._request.jobs)
         took = f"{seconds / _MINUTE_S:.0f} min" if seconds > 2 * _MINUTE_S else f"{seconds:.0f} s"
-        over = f"; {left:,} more are over the budget" if left else ""
+        over = f"; {counted(left, 'mutant')} left out" if left else ""
         if not self._request.is_quiet:
             note(f"{counted(runs, 'mutant')} of {counted(len(plans), 'scenario')}, about {took} in all{over}")
             sys.stderr.flush()

@@ -78,7 +78,7 @@ def _of_scenario(scenario: ProvenScenario, symbols: Mapping[Finding, str]) -> It
     for mutant in scenario.with_status("could not run"):
         yield [(f"  could not run: {mutant.name}: {shortened(mutant.reason, _MOST_TEXT)}", "dim")]
     if scenario.left_out:
-        yield [(f"  {counted(scenario.left_out, 'mutant')} left out: over the budget", "yellow")]
+        yield [(f"  {counted(scenario.left_out, 'mutant')} left out", "yellow")]
     if scenario.unfinished:
         yield [(f"  {counted(scenario.unfinished, 'mutant')} had not ended when the call was interrupted", "yellow")]
 
@@ -112,11 +112,18 @@ def finding_text(expected: ProvenExpectation, scenario: ProvenScenario) -> str:
     if expected.finding == "checks nothing":
         others = f", {len(expected.missed)} of them noticed by others" if expected.missed else ""
         return f"checks nothing here: {counted(expected.changed, 'mutant')} changed the run{others}{lost}{near}"
-    if scenario.unfinished:
-        return "nothing is known: the call was interrupted"
+    return f"unknown: {_unknown_reason(expected, scenario)}{lost}"
+
+
+def _unknown_reason(expected: ProvenExpectation, scenario: ProvenScenario) -> str:
+    if not expected.passed:
+        return "it did not pass without a mutant either"
+    seen = f"it noticed none of {counted(expected.changed, 'mutant')} that changed the run"
     if not expected.changed:
-        return f"nothing is known: no {'other ' if lost else ''}mutant changed the run{lost}"
-    return "it did not pass in the original run"
+        seen = f"no {'other ' if expected.not_exercised else ''}mutant changed the run"
+    if left := scenario.left_out:
+        seen += f"; {counted(left, 'mutant')} {'was' if left == 1 else 'were'} left out"
+    return seen + (f"; {counted(scenario.unfinished, 'mutant')} had not ended" if scenario.unfinished else "")
 
 
 def _names(names: Sequence[str]) -> str:

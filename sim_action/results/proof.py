@@ -29,8 +29,8 @@ Finding = Literal["notices", "checks nothing", "unknown"]
 
 - notices: it noticed at least one mutant.
 - checks nothing: mutants changed the run, and it noticed none of them.
-- unknown: no mutant changed the run, the expectation did not pass without a mutant either, or the call was interrupted
-  before all mutants had ended.
+- unknown: no mutant changed the run, the expectation did not pass without a mutant either, or it noticed none of the
+  mutants that ran, and others were left out or had not ended when the call was interrupted.
 """
 
 
@@ -82,6 +82,7 @@ class ProvenExpectation(FrozenModel):
 
     Attributes:
         location: its place in the scenario file.
+        passed: True if it passed in the original run; a warning need not.
         noticed: the names of the mutants that it noticed.
         missed: the names of the mutants that moved the robot another way, and that only other expectations noticed.
         not_exercised: the names of the mutants in whose runs it was not exercised; they count for nothing else.
@@ -95,6 +96,7 @@ class ProvenExpectation(FrozenModel):
     severity: Severity
     location: Location
     finding: Finding
+    passed: bool = True
     noticed: tuple[str, ...] = ()
     missed: tuple[str, ...] = ()
     not_exercised: tuple[str, ...] = ()
@@ -109,7 +111,7 @@ class ProvenScenario(FrozenModel):
         name, file, line, variation: as in results.json; of a scenario with variations, only the first one is proven.
         reason: the reason why the scenario was not mutated, such as a failed expectation; empty if it was.
         exit_code: of the original run.
-        left_out: the number of mutants that did not fit into the budget.
+        left_out: the number of mutants that did not run, because the call named others, or because of its budget.
         unfinished: the number of mutants that had not ended when the call was interrupted.
     """
 

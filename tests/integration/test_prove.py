@@ -171,7 +171,7 @@ def test_a_mutant_that_crashes_has_noticed_nothing(tmp_path: Path) -> None:
     assert (silenced["status"], silenced["noticed_by"]) == ("could not run", [])
     assert "stuck" in silenced["reason"]
     assert halved["status"] == "survived"
-    assert scenario["expectations"][0]["finding"] == "checks nothing"
+    assert scenario["expectations"][0]["finding"] == "unknown"
 
 
 def test_sensors_and_objects_have_mutants(tmp_path: Path) -> None:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import io
 
-from sim_action.reports.proof import headline, print_proof
-from tests.reports.proofs import PROOF, PROVEN
+import pytest
+
+from sim_action.reports.proof import finding_text, headline, print_proof
+from tests.reports.proofs import PROOF, PROVEN, UNKNOWN, expected
 
 
 def test_the_report() -> None:
@@ -25,16 +27,35 @@ def test_the_report() -> None:
         "  unnoticed, with little other motion: c",
         "  no effect: d",
         "  could not run: e: script error: stuck",
-        "  2 mutants left out: over the budget",
+        "  2 mutants left out",
         "",
         "burger fails  b.sim.yml",
         "  not mutated: failed (travelled 1 m)",
         "",
         "lamp  c.sim.yml",
-        "  · settled: nothing is known: no mutant changed the run",
+        "  · settled: unknown: no mutant changed the run",
         "",
         headline(PROOF),
     ]
+
+
+@pytest.mark.parametrize(
+    ("keys", "counts", "reason"),
+    [
+        ({}, {}, "no mutant changed the run"),
+        ({"not_exercised": ("doubled",)}, {}, "no other mutant changed the run; not exercised in: doubled"),
+        ({"changed": 1}, {"left_out": 8}, "it noticed none of 1 mutant that changed the run; 8 mutants were left out"),
+        (
+            {},
+            {"left_out": 1, "unfinished": 2},
+            "no mutant changed the run; 1 mutant was left out; 2 mutants had not ended",
+        ),
+        ({"passed": False}, {"left_out": 1}, "it did not pass without a mutant either"),
+    ],
+)
+def test_the_reason_why_nothing_is_known(keys: dict[str, object], counts: dict[str, int], reason: str) -> None:
+    settled = expected("settled", finding="unknown", **keys)
+    assert finding_text(settled, UNKNOWN.model_copy(update=counts)) == f"unknown: {reason}"
 
 
 def test_symbols_that_a_stream_cannot_show_are_letters() -> None:

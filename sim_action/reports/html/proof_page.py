@@ -299,7 +299,7 @@ def _others(scenario: ProvenScenario) -> Html:
         )
         for each in scenario.with_status("could not run")
     ]
-    counts = {"left out, over the budget": scenario.left_out, "not ended": scenario.unfinished}
+    counts = {"left out": scenario.left_out, "not ended": scenario.unfinished}
     told += [
         element("div", element("dt", words), element("dd", str(count))) for words, count in counts.items() if count
     ]

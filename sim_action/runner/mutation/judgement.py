@@ -104,11 +104,11 @@ def not_mutated(loaded: LoadedScenario, outcome: Outcome) -> ProvenScenario:
 def proven(original: Original, mutants: Sequence[JudgedMutant], left_out: int, unfinished: int = 0) -> ProvenScenario:
     """Return a scenario with the findings on its expectations.
 
-    `left_out`, `unfinished`: the numbers of mutants that did not fit into the budget, and that an interruption ended.
+    `left_out`, `unfinished`: the numbers of mutants that were not to run, and that an interruption ended.
     """
     results = tuple(each.result for each in mutants)
     expectations = tuple(
-        _finding(place, expected, results, original.outcome.digest, is_unfinished=bool(unfinished))
+        _finding(place, expected, results, original.outcome.digest, is_complete=not (left_out or unfinished))
         for place, expected in enumerate(original.outcome.expectations)
     )
     scenario = ProvenScenario(
@@ -135,7 +135,7 @@ def _finding(
     mutants: Sequence[MutantResult],
     digest: str | None,
     *,
-    is_unfinished: bool,
+    is_complete: bool,
 ) -> ProvenExpectation:
     """Return the finding on the expectation at a place; `digest`: of the run without a mutant."""
     noticed = tuple(each.name for each in mutants if place in each.noticed_by)
@@ -145,7 +145,7 @@ def _finding(
     ]
     missed = tuple(each.name for each in others if each.status == "noticed")
     changed = len(noticed) + sum(each.status in ("noticed", "survived") for each in others)
-    is_known = changed > 0 and not is_unfinished and expected.verdict.passed
+    is_known = changed > 0 and is_complete and expected.verdict.passed
     finding: Finding = "notices" if noticed else "checks nothing" if is_known else "unknown"
     return ProvenExpectation(
         name=expected.name,
@@ -153,6 +153,7 @@ def _finding(
         severity=expected.severity,
         location=expected.location,
         finding=finding,
+        passed=expected.verdict.passed,
         noticed=noticed,
         missed=missed,
         not_exercised=tuple(each.name for each in mutants if place in each.not_exercised),

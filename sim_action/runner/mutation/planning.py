@@ -22,7 +22,7 @@ class PlannedMutants:
     Attributes:
         original: the run that passed.
         chosen: the mutants to run, in the order of the table.
-        left_out: the number of mutants that do not fit into the budget.
+        left_out: the number of mutants that do not run: the call named others, or they do not fit into the budget.
     """
 
     original: Original
@@ -57,14 +57,13 @@ def refuse_unknown(names: Iterable[str]) -> None:
 
 def planned(originals: Iterable[Original], only: Collection[str] = ()) -> list[PlannedMutants]:
     """Return the mutants of each run, all of them if `only` is empty; see `refuse_unknown`."""
-    return [PlannedMutants(original, [*_mutants(original, only)]) for original in originals]
+    return [_planned(original, only) for original in originals]
 
 
-def _mutants(original: Original, only: Collection[str]) -> Iterator[Mutant]:
-    for row in TABLE:
-        for mutant in row.mutants(original):
-            if not only or mutant.kind in only or mutant.name in only:
-                yield mutant
+def _planned(original: Original, only: Collection[str]) -> PlannedMutants:
+    every = [mutant for row in TABLE for mutant in row.mutants(original)]
+    chosen = [mutant for mutant in every if not only or mutant.kind in only or mutant.name in only]
+    return PlannedMutants(original, chosen, len(every) - len(chosen))
 
 
 def cost(plans: Iterable[PlannedMutants], jobs: int) -> float:
@@ -85,7 +84,7 @@ def within(plans: Sequence[PlannedMutants], seconds: float, jobs: int) -> list[P
             left -= needed
             chosen[place].add(mutant.name)
     return [
-        replace(each, chosen=kept, left_out=len(each.chosen) - len(kept))
+        replace(each, chosen=kept, left_out=each.left_out + len(each.chosen) - len(kept))
         for each, names in zip(plans, chosen, strict=True)
         for kept in [[mutant for mutant in each.chosen if mutant.name in names]]
     ]

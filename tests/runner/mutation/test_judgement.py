@@ -81,7 +81,8 @@ def test_an_expectation_that_failed_before_notices_nothing(run: Original, tmp_pa
     failing = replace(run, outcome=judged_run(HOLDS, FAILS, digest="ours"))
     each = judged(failing, silenced(run), judged_run(FAILS, FAILS), tmp_path)
     assert each.result.noticed_by == (0,)
-    assert [found.finding for found in proven(failing, [each], 0).expectations] == ["notices", "unknown"]
+    found = proven(failing, [each], 0).expectations
+    assert [(one.finding, one.passed) for one in found] == [("notices", True), ("unknown", False)]
 
 
 def test_a_crash_is_no_notice(run: Original, tmp_path: Path) -> None:
@@ -95,13 +96,20 @@ def test_findings_count_mutants_that_changed_the_run(run: Original, tmp_path: Pa
     several = [
         judged(run, silenced(run), each, tmp_path) for each in (judged_run(HOLDS, FAILS), judged_run(HOLDS, HOLDS))
     ]
-    scenario = proven(run, several, 3)
+    scenario = proven(run, several, 0)
     useless, useful = scenario.expectations
     assert (useless.finding, useless.noticed, useless.missed) == ("checks nothing", (), ("silenced",))
     assert (useful.finding, useful.noticed, useful.missed) == ("notices", ("silenced",), ())
-    assert (useless.sensitivity, scenario.left_out, scenario.useless) == (0.25, 3, (useless,))
+    assert (useless.sensitivity, scenario.useless) == (0.25, (useless,))
     same = [judged(run, silenced(run), judged_run(HOLDS, HOLDS, digest="ours"), tmp_path)]
     assert [each.finding for each in proven(run, same, 0).expectations] == ["unknown", "unknown"]
+
+
+def test_nothing_is_blamed_before_all_mutants_ran(run: Original, tmp_path: Path) -> None:
+    several = [judged(run, silenced(run), judged_run(HOLDS, FAILS), tmp_path)]
+    for scenario in (proven(run, several, 3), proven(run, several, 0, 3)):
+        assert [(each.finding, each.changed) for each in scenario.expectations] == [("unknown", 1), ("notices", 1)]
+        assert (scenario.left_out, scenario.unfinished) in ((3, 0), (0, 3))
 
 
 def test_a_mutant_with_the_same_motion_counts_for_the_verdict_that_it_changed(run: Original, tmp_path: Path) -> None:

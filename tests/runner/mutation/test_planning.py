@@ -33,6 +33,8 @@ def test_the_command_line_chooses_kinds_and_single_mutants(tmp_path: Path) -> No
         "motor-off:wheel_left_joint",
         "removed:crate",
     ]
+    assert plan.left_out == 12
+    assert within([plan], 0.5, 1)[0].left_out == 14
     assert len(planned([run])[0].chosen) == 14
     refuse_unknown(["wall", "removed:any name"])
     with pytest.raises(UsageError, match="did you mean 'wall'"):
