@@ -38,7 +38,15 @@ from sim_action.runner.mutation.judgement import (
     with_suggestion,
 )
 from sim_action.runner.mutation.mutant import Original
-from sim_action.runner.mutation.planning import PlannedMutants, cost, first_runs, planned, refuse_unknown, within
+from sim_action.runner.mutation.planning import (
+    PlannedMutants,
+    cost,
+    first_runs,
+    planned,
+    refuse_unknown,
+    refuse_unmatched,
+    within,
+)
 from sim_action.runner.mutation.suggestions import Candidates, Search, candidates
 from sim_action.runner.process_pool import execute
 from sim_action.runner.run_plan import PlanRequest, plan_runs
@@ -69,7 +77,7 @@ class ProveRequest:
         only: names of the mutants to run, see `planning.refuse_unknown`; empty: all of them.
         budget: the wall time in s that mutants may take, as estimated before they start; None: any.
         json: the file for the proof; None: none.
-        strict: an expectation that checks nothing fails the call.
+        strict: an expectation that has noticed nothing fails the call.
     """
 
     plan: PlanRequest
@@ -218,6 +226,8 @@ class _Call:
         """Return the scenarios that passed, after the runs of their mutants."""
         request = self._request
         plans = planned(originals, request.only)
+        if not self._interruption.happened:
+            refuse_unmatched(plans, request.only)
         if request.budget is not None:
             plans = within(plans, request.budget, request.jobs)
         self._announce(plans)

@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 @click.option(
     "--strict/--no-strict",
     default=False,
-    help="Fail if an expectation checks nothing, or if a scenario does not pass.  [default: no]",
+    help="Fail if an expectation has noticed nothing, or if a scenario does not pass.  [default: no]",
 )
 @click.option(
     "--backend",
@@ -101,7 +101,7 @@ def prove(
     commands silenced, left and right swapped, a motor off, an object missing, a wall across the way, and others. An
     expectation that notices no mutant checks nothing here. Of variations, only the first one is proven.
 
-    Exit code: 0 everything ran; 1 with --strict: an expectation checks nothing, or a scenario does not pass; 2 a
+    Exit code: 0 everything ran; 1 with --strict: an expectation has noticed nothing, or a scenario does not pass; 2 a
     scenario or the command line is invalid; 3 internal error of sim-action; 5 no scenario found; 130 interrupted.
     """
     from sim_action.core.process import Interruption, usable_cores
@@ -121,12 +121,20 @@ def prove(
             PlanRequest(suite, permissions, None, backend, seed),
             ReportRequest(Path(output_dir) / PROOF_FOLDER, None, False, "quiet" if quiet else "normal", silenced),
             jobs or usable_cores(),
-            tuple(name.strip() for names in only for name in names.split(",") if name.strip()),
+            tuple(name for names in only for name in _names(names)),
             seconds,
             None if json_file is None else Path(json_file),
             strict,
         )
         return prove_scenarios(request, interruption)
+
+
+def _names(text: str) -> list[str]:
+    """Return the names of an option, which are separated by commas. Raise BadParameter if there is none."""
+    names = [name.strip() for name in text.split(",") if name.strip()]
+    if not names:
+        raise click.BadParameter(f"expected names of mutants, not '{text}'", param_hint="'--only'")
+    return names
 
 
 def _seconds(text: str) -> float:

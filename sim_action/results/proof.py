@@ -137,6 +137,11 @@ class ProvenScenario(FrozenModel):
         return tuple(each for each in self.expectations if each.finding == "checks nothing")
 
     @property
+    def unproven(self) -> tuple[ProvenExpectation, ...]:
+        """The expectations that have noticed nothing: those that check nothing, and those that are unknown."""
+        return tuple(each for each in self.expectations if each.finding != "notices")
+
+    @property
     def survivors(self) -> tuple[MutantResult, ...]:
         """The mutants that moved the robot another way, and that nothing noticed."""
         return tuple(each for each in self.mutants if each.status == "survived" and each.change is not None)
@@ -175,13 +180,13 @@ class Proof(FrozenModel):
         return sum(len(scenario.survivors) for scenario in self.scenarios)
 
     def exit_code(self, *, strict: bool) -> ExitCode:
-        """Return the exit code; with `strict`, an expectation that checks nothing fails, and a bad scenario."""
+        """Return the exit code; with `strict`, an expectation that has noticed nothing fails, and a bad scenario."""
         if self.interrupted:
             return ExitCode.INTERRUPTED
         if not self.scenarios:
             return ExitCode.NO_SCENARIO
         worst = max(_always(scenario.exit_code for scenario in self.scenarios), default=ExitCode.PASSED)
-        is_weak = self.useless or any(not scenario.is_proven for scenario in self.scenarios)
+        is_weak = any(scenario.unproven or not scenario.is_proven for scenario in self.scenarios)
         return max(worst, ExitCode.FAILED) if strict and is_weak else worst
 
     def write(self, path: Path) -> None:

@@ -212,6 +212,8 @@ def test_a_budget_takes_the_most_telling_mutants(tmp_path: Path, capsys: pytest.
     ("arguments", "told"),
     [
         (["--only", "silence"], "did you mean 'silenced'"),
+        (["--only", "motor-off:wheel_lft_joint"], "did you mean 'motor-off:wheel_left_joint'"),
+        (["--only", ","], "expected names of mutants, not ','"),
         (["--budget", "soon"], "--budget"),
         (["--budget", "0 s"], "greater than 0"),
         (["--json", "mine.json"], "mine.json exists and is no proof"),

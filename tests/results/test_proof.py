@@ -37,7 +37,7 @@ def scenario(finding: Finding = "notices", reason: str = "", exit_code: int = 0)
     [
         (proof(), ExitCode.NO_SCENARIO, ExitCode.NO_SCENARIO),
         (proof(scenario()), ExitCode.PASSED, ExitCode.PASSED),
-        (proof(scenario("unknown")), ExitCode.PASSED, ExitCode.PASSED),
+        (proof(scenario("unknown")), ExitCode.PASSED, ExitCode.FAILED),
         (proof(scenario("checks nothing")), ExitCode.PASSED, ExitCode.FAILED),
         (proof(scenario(), scenario(reason="failed", exit_code=1)), ExitCode.PASSED, ExitCode.FAILED),
         (proof(scenario(reason="invalid", exit_code=2)), ExitCode.INVALID, ExitCode.INVALID),

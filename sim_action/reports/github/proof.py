@@ -108,7 +108,7 @@ def _survivors(scenario: ProvenScenario) -> Iterator[str]:
 def write_proof_annotations(proof: Proof, options: ReportOptions, *, strict: bool) -> None:
     """Print an annotation at each expectation that checks nothing, if this is GitHub Actions.
 
-    `strict`: they are errors, and a scenario that is not mutated has one, too.
+    `strict`: they are errors, and each unknown expectation and each scenario that is not mutated has one, too.
     """
     if options.environment.get("GITHUB_ACTIONS") != "true":
         return
@@ -120,9 +120,9 @@ def write_proof_annotations(proof: Proof, options: ReportOptions, *, strict: boo
 
 def _annotations(proof: Proof, level: Level, *, strict: bool) -> Iterator[Annotation]:
     for scenario in proof.scenarios:
-        for expected in scenario.useless:
+        for expected in scenario.unproven if strict else scenario.useless:
             message = f"{scenario.name}: {expected.name}: {finding_text(expected, scenario)}"
-            yield Annotation(level, f"checks nothing: {expected.name}", message, expected.location)
+            yield Annotation(level, f"{expected.finding}: {expected.name}", message, expected.location)
         if strict and not scenario.is_proven:
             place = Location(scenario.file, scenario.line, None) if scenario.file else None
             yield Annotation(level, f"not mutated: {scenario.name}", scenario.reason, place)

@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 
 from sim_action.core.errors import UsageError
 from sim_action.core.records import dataclass, replace
-from sim_action.core.wording import did_you_mean, shown
+from sim_action.core.wording import did_you_mean, escaped_line, shown
 from sim_action.runner.mutation.mutant import Mutant, Original
 from sim_action.runner.mutation.table import KINDS, TABLE
 from sim_action.runner.run_plan import Plan
@@ -21,13 +21,18 @@ class PlannedMutants:
 
     Attributes:
         original: the run that passed.
-        chosen: the mutants to run, in the order of the table.
-        left_out: the number of mutants that do not run: the call named others, or they do not fit into the budget.
+        every: all its mutants, in the order of the table.
+        chosen: the mutants to run, in the same order.
     """
 
     original: Original
+    every: Sequence[Mutant]
     chosen: Sequence[Mutant]
-    left_out: int = 0
+
+    @property
+    def left_out(self) -> int:
+        """The number of mutants that do not run: the call named others, or they do not fit into the budget."""
+        return len(self.every) - len(self.chosen)
 
 
 def first_runs(plans: Iterable[Plan]) -> Iterator[LoadedScenario | Refused]:
@@ -51,8 +56,17 @@ def refuse_unknown(names: Iterable[str]) -> None:
     for name in names:
         kind = name.partition(":")[0]
         if kind not in KINDS:
-            hint = did_you_mean(kind, KINDS)
-            raise UsageError(f"--only: there is no mutant {shown(name)}{hint}; known: {', '.join(KINDS)}")
+            raise UsageError(f"--only: there is no mutant {shown(name)}{did_you_mean(kind, KINDS)}")
+
+
+def refuse_unmatched(plans: Sequence[PlannedMutants], names: Iterable[str]) -> None:
+    """Raise UsageError for a name of a single mutant that no run has; without any run, nothing is known."""
+    every = {mutant.name for plan in plans for mutant in plan.every}
+    for name in names:
+        kind, colon, _ = name.partition(":")
+        if plans and colon and name not in every:
+            hint = did_you_mean(name, (each for each in every if each.partition(":")[0] == kind))
+            raise UsageError(escaped_line(f"--only: no scenario that passes has the mutant {shown(name)}{hint}"))
 
 
 def planned(originals: Iterable[Original], only: Collection[str] = ()) -> list[PlannedMutants]:
@@ -63,7 +77,7 @@ def planned(originals: Iterable[Original], only: Collection[str] = ()) -> list[P
 def _planned(original: Original, only: Collection[str]) -> PlannedMutants:
     every = [mutant for row in TABLE for mutant in row.mutants(original)]
     chosen = [mutant for mutant in every if not only or mutant.kind in only or mutant.name in only]
-    return PlannedMutants(original, chosen, len(every) - len(chosen))
+    return PlannedMutants(original, every, chosen)
 
 
 def cost(plans: Iterable[PlannedMutants], jobs: int) -> float:
@@ -84,9 +98,8 @@ def within(plans: Sequence[PlannedMutants], seconds: float, jobs: int) -> list[P
             left -= needed
             chosen[place].add(mutant.name)
     return [
-        replace(each, chosen=kept, left_out=each.left_out + len(each.chosen) - len(kept))
+        replace(each, chosen=[mutant for mutant in each.chosen if mutant.name in names])
         for each, names in zip(plans, chosen, strict=True)
-        for kept in [[mutant for mutant in each.chosen if mutant.name in names]]
     ]
 
 

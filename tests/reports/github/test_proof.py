@@ -87,7 +87,12 @@ def test_an_annotation_is_at_the_line_of_the_expectation(
         )
     )
     assert [line.split("::")[1] for line in rest] == (
-        ["error file=b.sim.yml,title=not mutated%3A burger fails"] if strict else []
+        [
+            "error file=b.sim.yml,title=not mutated%3A burger fails",
+            "error file=a.sim.yml,line=8,col=5,title=unknown%3A settled",
+        ]
+        if strict
+        else []
     )
 
 

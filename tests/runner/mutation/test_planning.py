@@ -8,7 +8,7 @@ import pytest
 
 from sim_action.core.errors import InvalidScenario, UsageError
 from sim_action.core.records import replace
-from sim_action.runner.mutation.planning import cost, first_runs, planned, refuse_unknown, within
+from sim_action.runner.mutation.planning import cost, first_runs, planned, refuse_unknown, refuse_unmatched, within
 from sim_action.scenario.source import Refused
 from tests.runner.mutation.runs import original
 from tests.scenarios import LEAST, load
@@ -37,8 +37,19 @@ def test_the_command_line_chooses_kinds_and_single_mutants(tmp_path: Path) -> No
     assert within([plan], 0.5, 1)[0].left_out == 14
     assert len(planned([run])[0].chosen) == 14
     refuse_unknown(["wall", "removed:any name"])
-    with pytest.raises(UsageError, match="did you mean 'wall'"):
+    with pytest.raises(UsageError, match="did you mean 'wall'") as refused:
         refuse_unknown(["wal"])
+    assert str(refused.value).count("silenced") == 1
+
+
+def test_a_single_mutant_that_no_run_has_is_refused(tmp_path: Path) -> None:
+    plans = planned([original(tmp_path)])
+    refuse_unmatched(plans, ["motor-off:wheel_left_joint", "dropped"])
+    refuse_unmatched([], ["motor-off:wheel"])
+    for name, hint in (("motor-off:wheel_lft_joint", "did you mean 'motor-off:wheel_left_joint'"), ("noisy:x", "none")):
+        with pytest.raises(UsageError, match=hint) as refused:
+            refuse_unmatched(plans, ["silenced", name])
+        assert "removed:crate" not in str(refused.value)
 
 
 def test_a_budget_takes_the_first_of_each_kind_first_and_scenarios_in_turns(tmp_path: Path) -> None:
