@@ -33,9 +33,9 @@ commands:                       # what drives the robot (sim-action commands lis
 
 expect:                         # expectations (sim-action assertions lists what they can be)
   - travel: {at_least: 1.5 m}   # a goal: it must come true once; the run ends when all goals are met
-    before: 10 s                # deadline of this goal
+    before: 5 s                 # deadline of this goal
   - no_collision                # an invariant: it must always hold; the run ends when it is broken
-  - upright: {max_tilt: 10 deg}
+  - max_speed: {linear: 0.6 m/s}
 
 time_limit: 20 s                # sim time at which the scenario fails if a goal is not met
 """
@@ -49,9 +49,9 @@ robot:
   model: ur5e_gripper           # a built-in model (sim-action models), or the path of your .urdf, relative to this file
   joints: {shoulder_lift_joint: -90 deg}   # where joints begin; all others begin at 0
 
-world:                          # flat ground, and a box that the arm must not touch
+world:                          # flat ground, and a box below the gripper that the arm must not touch
   objects:
-    - {name: box, box: [0.2, 0.2, 0.2], pose: {x: 0.5, y: 0.5}}
+    - {name: box, box: [0.2, 0.2, 0.2], pose: {x: 0.5, y: 0.1}}
 
 commands:                       # what moves the arm (sim-action commands lists more)
   rate: 240 Hz                  # a command at each physics step; fewer would jerk

@@ -13,6 +13,8 @@ import yaml
 from sim_action.app.schema import proof_schema
 from sim_action.cli.main import call
 from sim_action.core.errors import ExitCode
+from sim_action.robot.built_in import BUILT_IN
+from tests.soak import soaked
 
 HEAD: Final = "robot: {model: turtlebot3_burger}\ntime_limit: 12 s\n"
 FLAT: Final = HEAD.replace("turtlebot3_burger", "f1tenth")
@@ -81,6 +83,13 @@ def test_ten_planted_scenarios_are_judged_right(tmp_path: Path, capsys: pytest.C
         for scenario in found["scenarios"]
     }
     assert useless == {f"useless-{name}": [key] for name, key in NAMED.items()} | {f"useful-{n}": [] for n in USEFUL}
+
+
+@pytest.mark.parametrize("robot", soaked(BUILT_IN, short=("turtlebot3_burger", "f1tenth")))
+def test_every_expectation_that_init_writes_notices_something(robot: str) -> None:
+    assert call(["init", "--robot", robot]) == ExitCode.PASSED
+    found = proof("--strict", "simulation")
+    assert all(each["finding"] == "notices" for each in found["scenarios"][0]["expectations"])
 
 
 def test_the_table_is_the_same_with_one_job_and_with_two(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
