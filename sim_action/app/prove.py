@@ -47,7 +47,7 @@ from sim_action.runner.mutation.planning import (
     refuse_unmatched,
     within,
 )
-from sim_action.runner.mutation.suggestions import Candidates, Search, candidates
+from sim_action.runner.mutation.suggestions import MOST_TRIALS, Candidates, Search, candidates, most_runs
 from sim_action.runner.process_pool import execute
 from sim_action.runner.run_plan import PlanRequest, plan_runs
 from sim_action.scenario.loading import Libraries
@@ -58,8 +58,6 @@ _MINUTE_S: Final = 60
 # The folders of the runs without a mutant, and of those with one.
 _ORIGINALS: Final = "originals"
 _MUTANTS: Final = "mutants"
-# The number of candidates that are run alone, for each survivor.
-_MOST_TRIALS: Final = 3
 # The width of the results of mutants in the progress.
 _WIDTH: Final = max(map(len, get_args(MutantStatus)))
 
@@ -292,7 +290,7 @@ class _Call:
 
     def _decide(self, searches: Sequence[Search]) -> None:
         """Run each survivor with one candidate after the other, until one is found."""
-        for turn in range(_MOST_TRIALS):
+        for turn in range(MOST_TRIALS):
             left = [search for search in searches if search.places]
             outcomes = self._outcomes([run for search in left for run in search.pair], f"suggestions-{turn}", _tried)
             for search, original, mutant in zip(left, outcomes[::2], outcomes[1::2], strict=True):
@@ -323,7 +321,9 @@ class _Call:
         took = f"{seconds / _MINUTE_S:.0f} min" if seconds > 2 * _MINUTE_S else f"{seconds:.0f} s"
         over = f"; {counted(left, 'mutant')} left out" if left else ""
         if not self._request.is_quiet:
-            note(f"{counted(runs, 'mutant')} of {counted(len(plans), 'scenario')}, about {took} in all{over}")
+            tried = sum(most_runs(len(plan.chosen)) for plan in plans)
+            more = f"; and up to {counted(tried, 'run')} to try expectations that would have noticed" if tried else ""
+            note(f"{counted(runs, 'mutant')} of {counted(len(plans), 'scenario')}, about {took} in all{over}{more}")
             sys.stderr.flush()
 
 

@@ -15,6 +15,7 @@ from sim_action.app.prove import ProveRequest, prove_scenarios
 from sim_action.core.errors import ExitCode
 from sim_action.core.permissions import Permissions
 from sim_action.core.process import Interruption
+from sim_action.core.records import replace
 from sim_action.reports import ReportRequest
 from sim_action.results.outcome import Outcome
 from sim_action.runner.child_outcome import interrupted
@@ -46,6 +47,17 @@ def test_an_interruption_leaves_no_findings(tmp_path: Path, capsys: pytest.Captu
 def test_without_scenarios_there_is_nothing_to_prove(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert prove_scenarios(request(tmp_path), Mock(happened=False)) == ExitCode.NO_SCENARIO
     assert capsys.readouterr().out == "0 expectations check nothing, 0 notice something\n"
+
+
+@pytest.mark.process
+def test_the_cost_is_told_before_the_start(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "a.sim.yml").write_text(LEAST)
+    asked = request(tmp_path)
+    asked = replace(asked, only=("silenced", "swapped"), reports=replace(asked.reports, verbosity="normal"))
+    prove_scenarios(asked, Mock(happened=False))
+    told = capsys.readouterr().err
+    assert "2 mutants of 1 scenario, about " in told
+    assert "; and up to 15 runs to try expectations that would have noticed\n" in told
 
 
 class _InterruptedAfter(Interruption):

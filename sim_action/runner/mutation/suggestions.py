@@ -24,6 +24,9 @@ from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.mutation import Mutation
 from sim_action.state.trace import FloatArray
 
+MOST_TRIALS: Final = 3
+"""The number of candidates that are run alone, for each survivor."""
+
 _TOLERANCE_M: Final = 0.1
 _TOLERANCE_RAD: Final = 0.087
 _CLEARANCES_M: Final = (0.2, 0.1, 0.05)
@@ -102,6 +105,11 @@ class Search:
         place = self.places.pop(0)
         if self.offer.noticing(original, mutant):
             self.suggestion, self.places = self.offer.text(place), []
+
+
+def most_runs(mutants: int) -> int:
+    """Return the number of runs for the suggestions of one scenario, if all its mutants survive with another motion."""
+    return 1 + mutants * (1 + 2 * MOST_TRIALS) if mutants else 0
 
 
 def candidates(original: Original, permissions: Permissions, libraries: Libraries) -> Candidates | None:
