@@ -32,7 +32,9 @@ from sim_action.runner.mutation.judgement import (
     JudgedMutant,
     judged,
     not_mutated,
+    place_of,
     proven,
+    reason_of,
     status_of,
     stored,
     with_suggestion,
@@ -361,7 +363,8 @@ def _of_refused(outcome: Outcome) -> ShownScenario:
             file=outcome.file,
             line=outcome.line,
             variation=outcome.variation,
-            reason=outcome.ending,
+            reason=reason_of(outcome),
+            location=place_of(outcome),
             exit_code=int(outcome.exit_code),
         )
     )

@@ -57,7 +57,14 @@ def _of_scenario(scenario: ProvenScenario, symbols: Mapping[Finding, str]) -> It
     yield [(scenario.name, "bold"), (place, "dim")]
     if not scenario.is_proven:
         yield [("  not mutated: ", "yellow"), (scenario.reason, "")]
-        return
+        if scenario.location is not None and scenario.location.line is not None:
+            yield [("      ", ""), (str(scenario.location), "cyan")]
+    else:
+        yield from _of_expectations(scenario, symbols)
+        yield from _of_mutants(scenario)
+
+
+def _of_expectations(scenario: ProvenScenario, symbols: Mapping[Finding, str]) -> Iterator[_Line]:
     for expected in scenario.expectations:
         look = _STYLES[expected.finding]
         yield [
@@ -67,6 +74,9 @@ def _of_scenario(scenario: ProvenScenario, symbols: Mapping[Finding, str]) -> It
         ]
         if expected.finding == "checks nothing":
             yield [("      ", ""), (str(expected.location), "cyan")]
+
+
+def _of_mutants(scenario: ProvenScenario) -> Iterator[_Line]:
     for suggestion, survivors in by_suggestion(scenario):
         yield from _of_survivors(suggestion, survivors)
     for words, mutants in (
@@ -98,9 +108,12 @@ def survivor_text(survivor: MutantResult) -> str:
     return f"{survivor.words}: {changed}, and {'the scenario passed with a warning' if warned else 'nothing failed'}"
 
 
-def suggestion_title(survivors: Sequence[MutantResult]) -> str:
-    """Return the words before the expectation that would have noticed some survivors."""
-    return f"this expectation would have noticed {'it' if len(survivors) == 1 else 'them'}:"
+def suggestion_title(suggestion: str, survivors: Sequence[MutantResult]) -> str:
+    """Return the words before the expectation that would have noticed some survivors, or that there is none."""
+    them = "it" if len(survivors) == 1 else "them"
+    if not suggestion:
+        return f"no expectation was found that would have noticed {them}"
+    return f"this expectation would have noticed {them}:"
 
 
 def finding_text(expected: ProvenExpectation, scenario: ProvenScenario) -> str:
@@ -135,7 +148,6 @@ def _of_survivors(suggestion: str, survivors: Sequence[MutantResult]) -> Iterato
     """Yield the mutants that one expectation would have noticed, and then this expectation; or those without one."""
     for survivor in survivors:
         yield [("  ! ", "yellow"), (survivor.name, ""), (f": {survivor_text(survivor)}", "")]
-    if suggestion:
-        yield [(f"      {suggestion_title(survivors)}", "dim")]
-        for line in suggestion.split("\n"):
-            yield [("        ", ""), (line, "cyan")]
+    yield [(f"      {suggestion_title(suggestion, survivors)}", "dim")]
+    for line in suggestion.splitlines():
+        yield [("        ", ""), (line, "cyan")]

@@ -110,6 +110,7 @@ class ProvenScenario(FrozenModel):
     Attributes:
         name, file, line, variation: as in results.json; of a scenario with variations, only the first one is proven.
         reason: the reason why the scenario was not mutated, such as a failed expectation; empty if it was.
+        location: the place of this reason; null if there is none.
         exit_code: of the original run.
         left_out: the number of mutants that did not run, because the call named others, or because of its budget.
         unfinished: the number of mutants that had not ended when the call was interrupted.
@@ -120,6 +121,7 @@ class ProvenScenario(FrozenModel):
     line: Annotated[int, Field(ge=1)] | None = None
     variation: tuple[Varied, ...] = ()
     reason: str = ""
+    location: Location | None = None
     exit_code: Annotated[int, Field(ge=0)] = 0
     expectations: tuple[ProvenExpectation, ...] = ()
     mutants: tuple[MutantResult, ...] = ()
@@ -130,6 +132,11 @@ class ProvenScenario(FrozenModel):
     def is_proven(self) -> bool:
         """True if the scenario passed, so that it was mutated."""
         return not self.reason
+
+    @property
+    def is_refused(self) -> bool:
+        """True if it is invalid or missing, or met an internal error: the call fails in any case."""
+        return self.exit_code in (ExitCode.INVALID, ExitCode.INTERNAL)
 
     @property
     def useless(self) -> tuple[ProvenExpectation, ...]:

@@ -38,6 +38,19 @@ PROVEN = ProvenScenario(
     ),
     left_out=2,
 )
-FAILED = ProvenScenario(name="burger fails", file="b.sim.yml", reason="failed (travelled 1 m)", exit_code=1)
+FAILED = ProvenScenario(
+    name="burger fails",
+    file="b.sim.yml",
+    reason="failed (travelled 1 m)",
+    location=Location("b.sim.yml", 6, 5),
+    exit_code=1,
+)
+INVALID = ProvenScenario(
+    name="burger is invalid",
+    file="d.sim.yml",
+    reason="invalid scenario: expect: unknown key 'nonsense'",
+    location=Location("d.sim.yml", 3, 9),
+    exit_code=2,
+)
 UNKNOWN = ProvenScenario(name="lamp", file="c.sim.yml", expectations=(expected("settled", finding="unknown"),))
 PROOF = Proof(sim_action="1.0.0", runs=9, wall_time=1.0, scenarios=(PROVEN, FAILED, UNKNOWN))

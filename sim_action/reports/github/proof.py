@@ -82,7 +82,8 @@ def _section(scenario: ProvenScenario, options: ReportOptions) -> str:
     place = source_link(options, Location(scenario.file, scenario.line, None)) if scenario.file else ""
     parts = [f"### {markdown_text(shortened(scenario.name, _MAX_NAME))}", place]
     if not scenario.is_proven:
-        parts.append(f"not mutated: {message_text(scenario.reason)}")
+        where = "" if scenario.location is None else f"<br>{source_link(options, scenario.location)}"
+        parts.append(f"not mutated: {message_text(scenario.reason)}{where}")
     if scenario.expectations:
         rows = (_row(expected, scenario, options) for expected in scenario.expectations)
         parts.append(table(("", "Expectation", "Finding"), rows))
@@ -100,20 +101,22 @@ def _survivors(scenario: ProvenScenario) -> Iterator[str]:
     """Yield each group of survivors, followed by the expectation to paste."""
     for suggestion, survivors in by_suggestion(scenario):
         yield "\n".join(f"- {code(each.name)}: {message_text(survivor_text(each))}" for each in survivors)
+        yield suggestion_title(suggestion, survivors).capitalize()
         if suggestion:
-            yield suggestion_title(survivors).capitalize()
             yield markdown_block(suggestion, "yaml")
 
 
 def write_proof_annotations(proof: Proof, options: ReportOptions, *, strict: bool) -> None:
     """Print an annotation at each expectation that checks nothing, if this is GitHub Actions.
 
-    `strict`: they are errors, and each unknown expectation and each scenario that is not mutated has one, too.
+    They are warnings, and invalid scenarios are errors. `strict`: all are errors, and each unknown expectation and each
+    scenario that is not mutated has one, too.
     """
     if options.environment.get("GITHUB_ACTIONS") != "true":
         return
     found = list(_annotations(proof, "error" if strict else "warning", strict=strict))
-    for annotation in found[:MAX_ANNOTATIONS]:
+    errors, warnings = ([each for each in found if each.level == level] for level in ("error", "warning"))
+    for annotation in (*errors[:MAX_ANNOTATIONS], *warnings[:MAX_ANNOTATIONS]):
         sys.stdout.write(log_text(annotation.command(options.workspace), sys.stdout.encoding or "utf-8") + "\n")
     sys.stdout.flush()
 
@@ -123,9 +126,8 @@ def _annotations(proof: Proof, level: Level, *, strict: bool) -> Iterator[Annota
         for expected in scenario.unproven if strict else scenario.useless:
             message = f"{scenario.name}: {expected.name}: {finding_text(expected, scenario)}"
             yield Annotation(level, f"{expected.finding}: {expected.name}", message, expected.location)
-        if strict and not scenario.is_proven:
-            place = Location(scenario.file, scenario.line, None) if scenario.file else None
-            yield Annotation(level, f"not mutated: {scenario.name}", scenario.reason, place)
+        if scenario.is_refused or (strict and not scenario.is_proven):
+            yield Annotation("error", f"not mutated: {scenario.name}", scenario.reason, scenario.location)
 
 
 def write_proof_outputs(proof: Proof, options: ReportOptions) -> None:

@@ -214,7 +214,7 @@ def _scenario_article(runs: _Runs, still: Html, options: ReportOptions) -> Html:
             element("p", place, class_="faint"),
         ),
         joined(
-            _reasons(scenario, links),
+            _reasons(scenario, links, options),
             _expectations(scenario, options),
             _others(scenario),
             element("h3", "The run without a mutant") if still else "",
@@ -226,14 +226,15 @@ def _scenario_article(runs: _Runs, still: Html, options: ReportOptions) -> Html:
     )
 
 
-def _reasons(scenario: ProvenScenario, links: dict[str, PageEntry]) -> Html:
+def _reasons(scenario: ProvenScenario, links: dict[str, PageEntry], options: ReportOptions) -> Html:
     """Return why a scenario has no mutants, and its survivors with the expectations to paste."""
     told = []
     if not scenario.is_proven:
         title = element("h3", "No mutants")
-        told.append(
-            element("section", title, element("p", scenario.reason, class_="what"), class_="reason inconclusive")
-        )
+        place = scenario.location
+        where = Html("") if place is None else element("p", source(place, options), class_="faint")
+        what = element("p", scenario.reason, class_="what")
+        told.append(element("section", title, what, where, class_="reason inconclusive"))
     for suggestion, survivors in by_suggestion(scenario):
         each = [
             joined(
@@ -247,13 +248,12 @@ def _reasons(scenario: ProvenScenario, links: dict[str, PageEntry]) -> Html:
 
 
 def _suggestion(suggestion: str, survivors: Sequence[MutantResult]) -> Html:
+    words = suggestion_title(suggestion, survivors)
+    title = element("p", f"{words[0].upper()}{words[1:]}", class_="faint")
     if not suggestion:
-        return Html("")
-    words = suggestion_title(survivors)
+        return title
     shown = element("pre", element("code", suggestion), tabindex="0")
-    return joined(
-        element("p", f"{words[0].upper()}{words[1:]}", class_="faint"), element("div", shown, class_="command")
-    )
+    return joined(title, element("div", shown, class_="command"))
 
 
 def _expectations(scenario: ProvenScenario, options: ReportOptions) -> Html:

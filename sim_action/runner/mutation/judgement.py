@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from sim_action.core.errors import Location
 from sim_action.core.records import dataclass, replace
+from sim_action.core.wording import counted
 from sim_action.results.artifacts import stored_file
 from sim_action.results.outcome import ExpectationOutcome, Outcome
 from sim_action.results.proof import Finding, MutantResult, MutantStatus, PathChange, ProvenExpectation, ProvenScenario
@@ -46,7 +48,7 @@ def judged(original: Original, mutant: Mutant, outcome: Outcome, folder: Path) -
     update: dict[str, object] = {"status": status}
     match status:
         case "could not run":
-            update |= {"reason": outcome.ending}
+            update |= {"reason": reason_of(outcome)}
         case "survived":
             update |= _changed(original.outcome, outcome) | {"change": _change(original, outcome, folder)}
         case "noticed" | "no effect":
@@ -97,8 +99,24 @@ def _change(original: Original, outcome: Outcome, folder: Path) -> PathChange | 
 
 def not_mutated(loaded: LoadedScenario, outcome: Outcome) -> ProvenScenario:
     """Return a scenario that did not pass, or whose run left no trace."""
-    reason = "it left no trace" if outcome.status == "passed" else outcome.ending
-    return _placed(loaded, ProvenScenario(name=outcome.name, file=outcome.file, reason=reason), outcome)
+    reason = "it left no trace" if outcome.status == "passed" else reason_of(outcome)
+    scenario = ProvenScenario(name=outcome.name, file=outcome.file, reason=reason, location=place_of(outcome))
+    return _placed(loaded, scenario, outcome)
+
+
+def reason_of(outcome: Outcome) -> str:
+    """Return the reason why a run did not pass."""
+    if outcome.status != "error":
+        return outcome.ending
+    first, *others = outcome.failures
+    more = f"; and {counted(len(others), 'more problem')}" if others else ""
+    return f"{first.title}: {first.message}{more}"
+
+
+def place_of(outcome: Outcome) -> Location | None:
+    """Return the place of the reason why a run did not pass; None if there is none."""
+    places = (*(each.location for each in outcome.failures), *(each.location for each in outcome.causes))
+    return next((place for place in places if place is not None), outcome.location)
 
 
 def proven(original: Original, mutants: Sequence[JudgedMutant], left_out: int, unfinished: int = 0) -> ProvenScenario:

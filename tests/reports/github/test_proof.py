@@ -15,7 +15,7 @@ from sim_action.reports.github.proof import (
     write_proof_summary,
 )
 from sim_action.results.proof import Proof
-from tests.reports.proofs import FAILED, PROOF, PROVEN, UNKNOWN, expected
+from tests.reports.proofs import FAILED, INVALID, PROOF, PROVEN, UNKNOWN, expected
 
 
 def options(folder: Path, **environment: str) -> ReportOptions:
@@ -37,7 +37,8 @@ def test_the_summary_has_what_to_do_first(tmp_path: Path) -> None:
     assert "| ❌ | upright<br><code>a.sim.yml:8</code> | checks nothing here: 5 mutants changed the run" in text
     pasted = "This expectation would have noticed them:\n\n```yaml\n- reach: {x: 1}\n  before: 2\n```"
     assert text.count(pasted) == 1
-    assert "not mutated: failed (travelled 1 m)" in text
+    assert "not mutated: failed (travelled 1 m)<br><code>b.sim.yml:6</code>" in text
+    assert "No expectation was found that would have noticed it" in text
     assert text.index("### burger turns") < text.index("### burger fails") < text.index("<details>")
     assert text.index("<details>") < text.index("### good")
 
@@ -88,12 +89,20 @@ def test_an_annotation_is_at_the_line_of_the_expectation(
     )
     assert [line.split("::")[1] for line in rest] == (
         [
-            "error file=b.sim.yml,title=not mutated%3A burger fails",
+            "error file=b.sim.yml,line=6,col=5,title=not mutated%3A burger fails",
             "error file=a.sim.yml,line=8,col=5,title=unknown%3A settled",
         ]
         if strict
         else []
     )
+
+
+def test_an_invalid_scenario_is_an_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_proof_annotations(proof(PROVEN, INVALID), options(tmp_path, GITHUB_ACTIONS="true"), strict=False)
+    assert [line.split(",")[:3] for line in capsys.readouterr().out.splitlines()] == [
+        ["::error file=d.sim.yml", "line=3", "col=9"],
+        ["::warning file=a.sim.yml", "line=8", "col=5"],
+    ]
 
 
 def test_the_outputs_count(tmp_path: Path) -> None:

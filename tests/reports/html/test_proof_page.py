@@ -38,6 +38,8 @@ def test_the_findings_are_plain_html(tmp_path: Path) -> None:
     assert "checks nothing here: 5 mutants changed the run, 2 of them noticed by others; not exercised in: h" in text
     assert "- reach: {x: 1}\n  before: 2" in text
     assert "failed (travelled 1 m)" in text
+    assert "b.sim.yml:6" in text
+    assert "No expectation was found that would have noticed it" in text
     assert "e: script error: stuck" in text
     assert text.count("<svg") >= 4
     assert text.count("<article") == 3 + len(PROVEN.survivors)

@@ -6,10 +6,19 @@ from pathlib import Path
 
 import pytest
 
+from sim_action.core.errors import Location
 from sim_action.core.records import replace
 from sim_action.results.outcome import Failure, Outcome, status_of
 from sim_action.results.proof import MutantStatus
-from sim_action.runner.mutation.judgement import judged, not_mutated, proven, stored, with_suggestion
+from sim_action.runner.mutation.judgement import (
+    judged,
+    not_mutated,
+    place_of,
+    proven,
+    reason_of,
+    stored,
+    with_suggestion,
+)
 from sim_action.runner.mutation.mutant import Mutant, Original
 from sim_action.runner.mutation.table import TABLE
 from sim_action.scenario.model import Severity
@@ -89,7 +98,15 @@ def test_a_crash_is_no_notice(run: Original, tmp_path: Path) -> None:
     failure = Failure(kind="crash", title="SIGSEGV", message="the process ended")
     crashed = Outcome(name="a", file="a.sim.yml", status="error", failures=(failure,))
     result = judged(run, silenced(run), crashed, tmp_path).result
-    assert (result.status, result.reason) == ("could not run", "ended in an error (SIGSEGV: the process ended)")
+    assert (result.status, result.reason) == ("could not run", "SIGSEGV: the process ended")
+
+
+def test_the_reason_of_an_error_counts_further_problems() -> None:
+    here = Location("a.sim.yml", 3, 9)
+    one = Failure(kind="invalid", title="invalid scenario", message="unknown key 'x'", location=here)
+    broken = Outcome(name="a", file="a.sim.yml", status="error", failures=(one, one, one))
+    assert reason_of(broken) == "invalid scenario: unknown key 'x'; and 2 more problems"
+    assert place_of(broken) == here
 
 
 def test_findings_count_mutants_that_changed_the_run(run: Original, tmp_path: Path) -> None:
@@ -151,4 +168,5 @@ def test_a_scenario_that_did_not_pass_says_why(run: Original) -> None:
     told = not_mutated(run.loaded, judged_run(FAILS))
     assert (told.is_proven, told.exit_code) == (False, 1)
     assert told.reason.startswith("failed")
+    assert told.location == Location("a.sim.yml", 8, 5)
     assert not_mutated(run.loaded, judged_run(HOLDS)).reason == "it left no trace"
