@@ -233,26 +233,6 @@ _FILES: Final = (
         help="Write JUnit XML for strict readers: only what the schema junit-10.xsd of Jenkins allows.  [default: no]",
     ),
 )
-_SWITCHES: Final = (
-    click.option(
-        "--report/--no-report",
-        envvar="SIM_ACTION_REPORT",
-        default=True,
-        help="Write report.html with a replay of each run.  [default: yes]",
-    ),
-    click.option(
-        "--summary/--no-summary",
-        envvar="SIM_ACTION_SUMMARY",
-        default=True,
-        help="On GitHub, write the job summary.  [default: yes]",
-    ),
-    click.option(
-        "--annotations/--no-annotations",
-        envvar="SIM_ACTION_ANNOTATIONS",
-        default=True,
-        help="On GitHub, mark the line of each failed expectation.  [default: yes]",
-    ),
-)
 _AGAINST: Final = click.option(
     "--against",
     callback=not_empty,
@@ -278,16 +258,45 @@ _VERBOSITY: Final = (
 )
 
 
-def switches(command: Command) -> Command:
-    """Add the options that switch reports off to a command."""
-    for option in reversed(_SWITCHES):
-        command = option(command)
-    return command
+def switches(report: str, annotations: str) -> Callable[[Command], Command]:
+    """Return a decorator that adds the options to switch reports off; its arguments say what two of them do."""
+    options = (
+        click.option(
+            "--report/--no-report",
+            envvar="SIM_ACTION_REPORT",
+            default=True,
+            help=f"{report}  [default: yes]",
+        ),
+        click.option(
+            "--summary/--no-summary",
+            envvar="SIM_ACTION_SUMMARY",
+            default=True,
+            help="On GitHub, write the job summary.  [default: yes]",
+        ),
+        click.option(
+            "--annotations/--no-annotations",
+            envvar="SIM_ACTION_ANNOTATIONS",
+            default=True,
+            help=f"{annotations}  [default: yes]",
+        ),
+    )
+
+    def added(command: Command) -> Command:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return added
+
+
+_SWITCHES: Final = switches(
+    "Write report.html with a replay of each run.", "On GitHub, mark the line of each failed expectation."
+)
 
 
 def report_flags(command: Command) -> Command:
     """Add the options for output and reports to a command."""
-    for option in reversed((*_FILES, _AGAINST, *_SWITCHES, *_VERBOSITY)):
+    for option in reversed((*_FILES, _AGAINST, _SWITCHES, *_VERBOSITY)):
         command = option(command)
     return command
 

@@ -71,7 +71,10 @@ if TYPE_CHECKING:
     help="Number of runs in parallel, 1 to 256.  [default: number of cores]",
 )
 @output_dir("Folder with the report, in its subfolder proof.")
-@switches
+@switches(
+    "Write report.html with a replay of each mutant that moved the robot another way, and that nothing noticed.",
+    "On GitHub, mark the line of each expectation that checks nothing, and of each invalid scenario.",
+)
 @click.option("--quiet", "-q", envvar="SIM_ACTION_QUIET", is_flag=True, help="Show no progress.")
 @code_flags
 @PACKAGES

@@ -15,6 +15,7 @@ _SYMBOLS: Final[dict[Finding, str]] = {"notices": "✓", "checks nothing": "✗"
 _ASCII_SYMBOLS: Final[dict[Finding, str]] = {"notices": "+", "checks nothing": "x", "unknown": "-"}
 _STYLES: Final[dict[Finding, str]] = {"notices": "green", "checks nothing": "bold red", "unknown": "dim"}
 _MOST_NAMES: Final = 6
+_MOST_SENSITIVITY: Final = 10.0
 _MOST_TEXT: Final = 300
 
 _Line = Sequence[tuple[str, str]]
@@ -119,7 +120,7 @@ def suggestion_title(suggestion: str, survivors: Sequence[MutantResult]) -> str:
 def finding_text(expected: ProvenExpectation, scenario: ProvenScenario) -> str:
     """Return the finding on an expectation in words."""
     lost = f"; not exercised in: {_names(expected.not_exercised)}" if expected.not_exercised else ""
-    near = "" if expected.sensitivity is None else f"; {expected.sensitivity:.0%} from its limit"
+    near = "" if expected.sensitivity is None else f"; {_share(expected.sensitivity)} from its limit"
     if expected.finding == "notices":
         return f"notices {len(expected.noticed)} of {expected.changed}: {_names(expected.noticed)}{lost}{near}"
     if expected.finding == "checks nothing":
@@ -137,6 +138,10 @@ def _unknown_reason(expected: ProvenExpectation, scenario: ProvenScenario) -> st
     if left := scenario.left_out:
         seen += f"; {counted(left, 'mutant')} {'was' if left == 1 else 'were'} left out"
     return seen + (f"; {counted(scenario.unfinished, 'mutant')} had not ended" if scenario.unfinished else "")
+
+
+def _share(sensitivity: float) -> str:
+    return f"{sensitivity:.0%}" if sensitivity <= _MOST_SENSITIVITY else f"more than {_MOST_SENSITIVITY:.0%}"
 
 
 def _names(names: Sequence[str]) -> str:

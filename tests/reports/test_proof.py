@@ -60,6 +60,12 @@ def test_the_reason_why_nothing_is_known(keys: dict[str, object], counts: dict[s
     assert finding_text(settled, UNKNOWN.model_copy(update=counts)) == f"unknown: {reason}"
 
 
+def test_a_limit_that_is_far_away_has_no_exact_share() -> None:
+    near, far = (expected("reach", finding="notices", sensitivity=share) for share in (10.0, 12.5))
+    assert finding_text(near, UNKNOWN).endswith("; 1000% from its limit")
+    assert finding_text(far, UNKNOWN).endswith("; more than 1000% from its limit")
+
+
 def test_symbols_that_a_stream_cannot_show_are_letters() -> None:
     stream = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
     print_proof(PROOF, {}, stream)

@@ -94,7 +94,10 @@ def _changed(original: Outcome, mutant: Outcome) -> dict[str, object]:
 
 def _change(original: Original, outcome: Outcome, folder: Path) -> PathChange | None:
     trace = stored(outcome, folder)
-    return None if trace is None else path_change(original.trace, trace)
+    model = original.loaded.model
+    joints = () if model is None else model.moving_joints
+    sliding = [joint.name for joint in joints if joint.type == "prismatic"]
+    return None if trace is None else path_change(original.trace, trace, sliding)
 
 
 def not_mutated(loaded: LoadedScenario, outcome: Outcome) -> ProvenScenario:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from typing import Final
 
 import numpy as np
@@ -20,8 +21,11 @@ LEAST_ANGLE: Final = math.radians(5)
 _DIGITS: Final = 6
 
 
-def path_change(original: Trace, mutant: Trace) -> PathChange | None:
-    """Return the greatest change of the motion at equal times, and at the end; None if none is large enough."""
+def path_change(original: Trace, mutant: Trace, sliding: Collection[str] = ()) -> PathChange | None:
+    """Return the greatest change of the motion at equal times, and at the end; None if none is large enough.
+
+    `sliding`: the joints whose positions are in m, not in rad.
+    """
     ours, theirs = _pairs(original, mutant)
     apart = mutant.base_position_xyz[theirs] - original.base_position_xyz[ours]
     distances = np.linalg.norm(apart, axis=1).round(_DIGITS)
@@ -35,7 +39,7 @@ def path_change(original: Trace, mutant: Trace) -> PathChange | None:
     if angles[row] >= LEAST_ANGLE:
         words = f"the robot was turned by {units.display(float(angles[row]), 'rad')} more{_when(mutant, theirs, row)}"
         return PathChange(text=words, distance=float(distances.max()), angle=float(angles[row]))
-    return _joint_change(original, mutant, ours, theirs)
+    return _joint_change(original, mutant, ours, theirs, sliding)
 
 
 def _joint_change(
@@ -43,6 +47,7 @@ def _joint_change(
     mutant: Trace,
     ours: np.ndarray[tuple[int], np.dtype[np.intp]],
     theirs: np.ndarray[tuple[int], np.dtype[np.intp]],
+    sliding: Collection[str],
 ) -> PathChange | None:
     """Return the greatest change of a joint of a base that stays where it is; wheels of others turn anyhow."""
     travel = np.linalg.norm(np.ptp(original.base_position_xyz, axis=0))
@@ -54,7 +59,8 @@ def _joint_change(
     if change < LEAST_ANGLE:
         return None
     joint = original.joint_names[column]
-    words = f"joint '{joint}' was {change:.2f} rad (m if it slides) elsewhere{_when(mutant, theirs, row)}"
+    apart = units.display(change, "m" if joint in sliding else "rad")
+    words = f"joint '{joint}' was {apart} elsewhere{_when(mutant, theirs, row)}"
     return PathChange(text=words, distance=0.0, angle=0.0, joint=joint, joint_change=change)
 
 
@@ -69,7 +75,7 @@ def _pairs(
 
 
 def _when(mutant: Trace, theirs: np.ndarray[tuple[int], np.dtype[np.intp]], row: int) -> str:
-    return " at the end" if row == len(theirs) - 1 else f" at {float(mutant.time[theirs[row]]):.1f} s"
+    return " at the end" if row == len(theirs) - 1 else f" at {float(mutant.time[theirs[row]]):.2f} s"
 
 
 def _where(apart_xyz: list[float], forward: float) -> str:

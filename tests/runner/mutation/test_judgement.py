@@ -151,7 +151,7 @@ def test_the_motion_of_a_survivor_is_compared(run: Original, tmp_path: Path) -> 
     save_trace(straight(1.0), tmp_path / "m.npz")
     each = judged(run, silenced(run), judged_run(HOLDS, HOLDS, trace="m.npz"), tmp_path)
     assert each.result.change is not None
-    assert each.result.change.text == "the robot was 1.00 m behind at 20.0 s"
+    assert each.result.change.text == "the robot was 1.00 m behind at 20.00 s"
     told = with_suggestion(each, "- no_collision").result
     assert told.suggestion == "- no_collision"
     assert proven(run, [replace(each, result=told)], 0).survivors == (told,)

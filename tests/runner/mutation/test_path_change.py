@@ -24,13 +24,13 @@ AHEAD = moved(x=[0, 1, 2])
 @pytest.mark.parametrize(
     ("mutant", "told"),
     [
-        (moved(x=[0, 1, 2], y=[0, 0.8, 0.2]), "the robot was 0.80 m further left at 1.0 s"),
-        (moved(x=[0, 1, 2], y=[0, -0.8, 0.2]), "the robot was 0.80 m further right at 1.0 s"),
-        (moved(x=[0, 1.5, 2]), "the robot was 0.50 m further ahead at 1.0 s"),
-        (moved(x=[0, 1, 1.5]), "the robot was 0.50 m behind at 2.0 s"),
-        (moved(x=[0, 1, 2], z=[0, 0.3, 0]), "the robot was 0.30 m higher at 1.0 s"),
-        (moved(x=[0, 0.92, 2], y=[0, 0.09, 0]), "the robot was 0.12 m further left at 1.0 s"),
-        (moved(x=[0, 1, 2], yaw=[0, 0, 0.2]), "the robot was turned by 11.46 deg more at 2.0 s"),
+        (moved(x=[0, 1, 2], y=[0, 0.8, 0.2]), "the robot was 0.80 m further left at 1.00 s"),
+        (moved(x=[0, 1, 2], y=[0, -0.8, 0.2]), "the robot was 0.80 m further right at 1.00 s"),
+        (moved(x=[0, 1.5, 2]), "the robot was 0.50 m further ahead at 1.00 s"),
+        (moved(x=[0, 1, 1.5]), "the robot was 0.50 m behind at 2.00 s"),
+        (moved(x=[0, 1, 2], z=[0, 0.3, 0]), "the robot was 0.30 m higher at 1.00 s"),
+        (moved(x=[0, 0.92, 2], y=[0, 0.09, 0]), "the robot was 0.12 m further left at 1.00 s"),
+        (moved(x=[0, 1, 2], yaw=[0, 0, 0.2]), "the robot was turned by 11.46 deg more at 2.00 s"),
     ],
 )
 def test_the_greatest_change_is_told(mutant: Trace, told: str) -> None:
@@ -62,5 +62,9 @@ def test_the_joints_of_a_robot_that_stays_count() -> None:
     change = path_change(still, bent)
     assert change is not None
     assert (change.joint, change.joint_change) == ("wheel_left_joint", 0.5)
+    assert change.text == "joint 'wheel_left_joint' was 28.65 deg elsewhere at 1.00 s"
+    slid = path_change(still, bent, ["wheel_left_joint"])
+    assert slid is not None
+    assert slid.text == "joint 'wheel_left_joint' was 0.5 m elsewhere at 1.00 s"
     assert path_change(still, moved(position=[0, 0.05, 0])) is None
     assert path_change(straight(), straight()) is None
