@@ -266,8 +266,10 @@ class _Call:
         libraries = Libraries()
         survived = [[_survived(each) for each in several] for several in results]
         offers = [
-            candidates(plan.original, self._request.plan.permissions, libraries) if any(several) else None
-            for plan, several in zip(plans, survived, strict=True)
+            candidates(plan.original, self._request.plan.permissions, libraries, _changed_joints(several))
+            if any(alive)
+            else None
+            for plan, several, alive in zip(plans, results, survived, strict=True)
         ]
         outcomes = iter(self._outcomes([*_with_candidates(offers, results, survived)], "candidates", _tried))
         searches: list[list[Search | None]] = []
@@ -332,6 +334,10 @@ class _Call:
 def _tried(_: RunEnded) -> str:
     """Return the word for a run of a suggestion in the progress."""
     return "tried"
+
+
+def _changed_joints(judged_ones: Sequence[JudgedMutant]) -> frozenset[str]:
+    return frozenset(each.result.change.joint for each in judged_ones if each.result.change is not None)
 
 
 def _survived(each: JudgedMutant) -> bool:

@@ -7,7 +7,7 @@ them. Runs with one candidate alone then decide: together, candidates may prolon
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -33,6 +33,8 @@ _CLEARANCES_M: Final = (0.2, 0.1, 0.05)
 # The time in s that a robot may take longer, and the factor by which it may be faster.
 _LATER_S: Final = 0.25
 _FASTER: Final = 1.2
+# Added to the speed of a joint, in rad/s or m/s.
+_LEAST_SPEED: Final = 0.1
 _MOST_POINTS: Final = 12
 _MOST_JOINTS: Final = 3
 _DIGITS: Final = 2
@@ -112,9 +114,14 @@ def most_runs(mutants: int) -> int:
     return 1 + mutants * (1 + 2 * MOST_TRIALS) if mutants else 0
 
 
-def candidates(original: Original, permissions: Permissions, libraries: Libraries) -> Candidates | None:
-    """Return the candidates for a run that are valid in its scenario; None if there are none."""
-    entries = list(_entries(original))
+def candidates(
+    original: Original, permissions: Permissions, libraries: Libraries, joints: Collection[str] = ()
+) -> Candidates | None:
+    """Return the candidates for a run that are valid in its scenario; None if there are none.
+
+    `joints`: those that moved most differently in the runs of survivors.
+    """
+    entries = list(_entries(original, joints))
     for kept in (entries, [entry for entry in entries if _with(original, [entry], permissions, libraries) is not None]):
         if kept and (loaded := _with(original, kept, permissions, libraries)) is not None:
             return Candidates(kept, loaded, len(original.scenario.expect))
@@ -139,7 +146,7 @@ def _with(
     return replace(original.loaded, scenario=scenario, mutation=Mutation())
 
 
-def _entries(original: Original) -> Iterator[Entry]:
+def _entries(original: Original, joints: Collection[str]) -> Iterator[Entry]:
     """Yield all candidates, the simplest first."""
     places, trace = original.trace.base_position_xyz, original.trace
     drives = float(np.ptp(places, axis=0).max()) >= LEAST_DISTANCE_M
@@ -148,7 +155,7 @@ def _entries(original: Original) -> Iterator[Entry]:
     if objects:
         yield "no_collision"
     if not (drives or turns):
-        yield from _of_joints(original)
+        yield from _of_joints(original, joints)
     yield {"stay_within": {axis: _bounds(places[:, column]) for column, axis in enumerate("xy")}}
     x, y, z = (round(value, _DIGITS) + 0.0 for value in places[-1].tolist())
     yield {"final_pose": {"x": x, "y": y, "tolerance": _TOLERANCE_M}}
@@ -191,19 +198,26 @@ def _before(original: Original, away: FloatArray, tolerance: float) -> float:
     return round(reached + _LATER_S, _DIGITS)
 
 
-def _of_joints(original: Original) -> Iterator[Entry]:
-    """Yield where the joints that moved most were, and where they came to."""
+def _of_joints(original: Original, changed: Collection[str]) -> Iterator[Entry]:
+    """Yield where joints were, where they came to, and how fast they were: those that moved most, and changed ones."""
+    names, velocities = original.trace.joint_names, original.trace.joint_velocity
     positions = original.trace.joint_position
     ways = np.ptp(positions, axis=0).round(_DIGITS).tolist()
     most = sorted(range(len(ways)), key=lambda column: -ways[column])[:_MOST_JOINTS]
     moved = [column for column in most if ways[column] > _TOLERANCE_RAD]
-    ranges = {original.trace.joint_names[column]: _bounds(positions[:, column]) for column in moved}
+    others = [column for column, name in enumerate(names) if name in changed and column not in moved]
+    ranges = {names[column]: _bounds(positions[:, column]) for column in moved}
     if ranges:
         yield {"joint_within": {"position": ranges}}
     for column in moved:
-        name, position = original.trace.joint_names[column], round(float(positions[-1, column]), _DIGITS)
+        name, position = names[column], round(float(positions[-1, column]), _DIGITS)
         before = _before(original, np.abs(positions[:, column] - position), _TOLERANCE_RAD)
         yield {"joint": {"name": name, "near": position, "tolerance": _TOLERANCE_RAD}, "before": before}
+    for column in others:
+        yield {"joint_within": {"position": {names[column]: _bounds(positions[:, column])}}}
+    for column in (*moved, *others):
+        fastest = round(_FASTER * float(np.abs(velocities[:, column]).max()) + _LEAST_SPEED, _DIGITS)
+        yield {"joint_within": {"velocity": {names[column]: (-fastest, fastest)}}}
 
 
 def _bounds(values: FloatArray) -> tuple[float, float]:

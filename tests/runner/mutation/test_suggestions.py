@@ -99,6 +99,19 @@ def test_an_arm_gets_its_joints(tmp_path: Path) -> None:
     assert joint["before"] == 1.25
 
 
+def test_a_joint_that_moved_only_in_a_mutant_or_faster_gets_limits(tmp_path: Path) -> None:
+    time = [step / 10 for step in range(11)]
+    bent = trace(time, position=[now * 1.5 for now in time], velocity=[1.5] * 11)
+    offer = candidates(original(tmp_path, bent), Permissions(), Libraries(), ["wheel_right_joint"])
+    assert offer is not None
+    for limits in (
+        {"position": {"wheel_right_joint": (-0.1, 0.1)}},
+        {"velocity": {"wheel_left_joint": (-1.9, 1.9)}},
+        {"velocity": {"wheel_right_joint": (-0.1, 0.1)}},
+    ):
+        assert {"joint_within": limits} in offer.entries
+
+
 def test_a_robot_that_turns_on_the_spot_gets_its_turn(tmp_path: Path) -> None:
     time = [step / 10 for step in range(11)]
     offer = found(tmp_path, trace(time, yaw=[2 * now for now in time], turn_rate=[2.0] * 11))
