@@ -9,6 +9,8 @@ import numpy as np
 
 from sim_action.core.records import dataclass, replace
 from sim_action.results.outcome import Outcome
+from sim_action.robot.link_motion import link_motion
+from sim_action.robot.robot_model import WORLD
 from sim_action.scenario.model import LoadedScenario, Scenario
 from sim_action.scenario.mutation import Mutation
 from sim_action.state.trace import FloatArray, Trace
@@ -19,6 +21,13 @@ if TYPE_CHECKING:
     from sim_action.world.parts import Part
 
 _NO_FAULT: Final = Mutation()
+_DIGITS: Final = 3
+
+
+def lengths(way: FloatArray) -> FloatArray:
+    """Return the length of a way so far, (T,) m; `way`: (T, 2) or (T, 3) m."""
+    steps = np.linalg.norm(np.diff(way, axis=0), axis=1)
+    return np.concatenate(([0.0], np.cumsum(steps)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,11 +48,32 @@ class Original:
         """The places of the base on the ground plane, (T, 2) m."""
         return self.trace.base_position_xyz[:, :2]
 
+    @property
+    def is_fixed(self) -> bool:
+        """True if the base of the robot cannot move."""
+        model = self.loaded.model
+        return self.scenario.robot.base == "fixed" or (model is not None and model.root == WORLD)
+
+    @cached_property
+    def moving_link(self) -> tuple[str, FloatArray] | None:
+        """The link with the longest way, and its places, (T, 3) m; None if the base can move."""
+        model = self.loaded.model
+        if model is None or not self.is_fixed:
+            return None
+        ways = {link.name: link_motion(model, self.trace, link.name).position_xyz for link in model.links}
+        # Rounding must not decide between fingers.
+        name = max(ways, key=lambda each: round(float(lengths(ways[each])[-1]), _DIGITS))
+        return name, ways[name]
+
+    @property
+    def moving_xy(self) -> FloatArray:
+        """The places on the ground plane of the base, or of the link that moved furthest, (T, 2) m."""
+        return self.way_xy if self.moving_link is None else self.moving_link[1][:, :2]
+
     @cached_property
     def driven(self) -> FloatArray:
         """The length of the way on the ground plane so far, (T,) m."""
-        steps = np.linalg.norm(np.diff(self.way_xy, axis=0), axis=1)
-        return np.concatenate(([0.0], np.cumsum(steps)))
+        return lengths(self.way_xy)
 
     def mutant(self, kind: str, subject: str, words: str, mutation: Mutation) -> Mutant:
         """Return the mutant with a fault at the seams of the run."""

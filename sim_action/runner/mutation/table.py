@@ -164,7 +164,9 @@ def _read_sensors(original: Original) -> list[MountedSensor]:
 TABLE: Final = (
     Row("silenced", "no command reaches the robot", _silenced),
     Row("swapped", "left and right are swapped in all commands", _swapped),
-    Row("wall", "a wall stands across the way that the robot drove", world_faults.walled),
+    Row(
+        "wall", "a wall stands across the way that the robot drove, or a box in the way of an arm", world_faults.walled
+    ),
     Row("halved", "commanded speeds, efforts and forces are halved, and the way of joints from their start", _halved),
     Row(
         "motor-off",

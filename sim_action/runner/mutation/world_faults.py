@@ -5,20 +5,23 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
 from sim_action.core.field_types import Placement
-from sim_action.core.geometry import multiply, quaternion_from_rpy
 from sim_action.robot.kinematics import link_poses, robot_box
-from sim_action.robot.robot_model import WORLD
-from sim_action.runner.mutation.mutant import Mutant, Original
+from sim_action.runner.mutation.free_space import (
+    LEAST_MOVE_M,
+    body_box,
+    extent,
+    free_place,
+    parts_of,
+    robot_boxes,
+    touches,
+)
+from sim_action.runner.mutation.mutant import Mutant, Original, lengths
 from sim_action.world import Body, Disturbance, World
-from sim_action.world.parts import lowest
-
-if TYPE_CHECKING:
-    from sim_action.world.parts import Part
 
 MOST_OBJECTS: Final = 5
 """The number of objects that have mutants: those nearest to the way of the robot."""
@@ -38,7 +41,9 @@ _WALL_AT: Final = 0.6
 _LEAST_TO_WALL_M: Final = 0.5
 # Objects that move stay this far away from the start, in m.
 _FREE_M: Final = 0.35
-_LEAST_MOVE_M: Final = 0.02
+# The edges of the box in the way of an arm, the first that fits, and its least distance from the start of the link.
+_BOX_SIZES_M: Final = (0.3, 0.2, 0.1, 0.05)
+_LEAST_TO_BOX_M: Final = 0.1
 _MOVABLE: Final = frozenset({"box", "cylinder", "sphere", "mesh", "shapes"})
 
 
@@ -66,7 +71,10 @@ def moved(original: Original) -> Iterator[Mutant]:
 
 
 def walled(original: Original) -> Iterator[Mutant]:
-    """Yield the mutant with a wall across the way that the robot drove."""
+    """Yield the mutant with a wall across the way that the robot drove, or with a box in the way of an arm."""
+    if original.is_fixed:
+        yield from _boxed(original)
+        return
     way, driven = original.way_xy, original.driven
     index = int(np.searchsorted(driven, _WALL_AT * driven[-1]))
     if index == 0 or math.dist(way[index], way[0]) < _LEAST_TO_WALL_M:
@@ -81,10 +89,30 @@ def walled(original: Original) -> Iterator[Mutant]:
     yield _with_objects(original, "wall", "", words, (*original.scenario.world.objects, wall))
 
 
+def _boxed(original: Original) -> Iterator[Mutant]:
+    """Yield the mutant with the largest box in the way of the link that moved furthest, which touches nothing yet."""
+    if original.moving_link is None:
+        return
+    link, way = original.moving_link
+    away, moved = np.linalg.norm(way - way[0], axis=1), lengths(way)
+    index = int(np.searchsorted(moved, _WALL_AT * moved[int(np.argmax(away))]))
+    if away[index] < _LEAST_TO_BOX_M:
+        return
+    loose = [body_box(original, body) for body in original.scenario.world.objects if body.mass is not None]
+    taken = [*robot_boxes(original), *loose]
+    x, y, z = way[index].tolist()
+    for size in _BOX_SIZES_M:
+        box = Body(name=WALL, box=(size, size, size), pose=Placement(x=x, y=y, z=max(z, size / 2)))
+        if not touches(body_box(original, box), taken):
+            words = f"a box of {size:g} m stands in the way of link '{link}', after {moved[index]:.2f} m"
+            yield _with_objects(original, "wall", "", words, (*original.scenario.world.objects, box))
+            return
+
+
 def slippery(original: Original) -> Iterator[Mutant]:
     """Yield the mutant with less friction of the ground, for robots that are not fixed."""
     world = original.scenario.world
-    if original.scenario.robot.base == "fixed":
+    if original.is_fixed:
         return
     ground = world.ground.model_copy(update={"friction": world.ground.friction / FRICTION_DIVISOR})
     patches = tuple(each.model_copy(update={"friction": each.friction / FRICTION_DIVISOR}) for each in world.patches)
@@ -95,7 +123,7 @@ def slippery(original: Original) -> Iterator[Mutant]:
 def shoved(original: Original) -> Iterator[Mutant]:
     """Yield the mutant with a push from the right against the upper edge of the robot, halfway through the run."""
     model, trace = original.loaded.model, original.trace
-    if model is None or original.scenario.robot.base == "fixed" or model.root == WORLD:
+    if model is None or original.is_fixed:
         return
     time = float(trace.time[-1]) / 2
     row = int(np.searchsorted(trace.time, time))
@@ -138,7 +166,7 @@ def _near_way(original: Original) -> list[Body]:
 
 def _nearest(original: Original, body: Body, start: int = 0) -> tuple[int, float]:
     """Return the index of the nearest place on the way, from an index on, and its distance in m."""
-    away = np.linalg.norm(original.way_xy[start:] - (body.beginning.x, body.beginning.y), axis=1)
+    away = np.linalg.norm(original.moving_xy[start:] - (body.beginning.x, body.beginning.y), axis=1)
     index = int(np.argmin(away))
     return start + index, float(away[index])
 
@@ -148,26 +176,22 @@ def _moved_place(original: Original, body: Body) -> tuple[float, float] | None:
 
     It never goes beyond the way, nor into the robot at its start.
     """
-    parts = original.loaded.parts[body.name] if body.is_read else body.parts()
-    at, (start_x, start_y) = np.array((body.pose.x, body.pose.y)), original.way_xy[0].tolist()
+    parts = parts_of(original, body)
+    at, (start_x, start_y) = np.array((body.pose.x, body.pose.y)), original.moving_xy[0].tolist()
     index, distance = _nearest(original, body)
     if distance == 0:
         return None
-    x, y = ((original.way_xy[index] - at) / distance).tolist()
-    ahead, behind = _extent(parts, body.pose, x, y), _extent(parts, body.pose, -x, -y)
+    x, y = ((original.moving_xy[index] - at) / distance).tolist()
+    ahead, behind = extent(parts, body.pose, x, y), extent(parts, body.pose, -x, -y)
+    if original.is_fixed:
+        return free_place(original, body, (x, y), min(ahead + behind, distance))
     room = max(0.0, float(np.linalg.norm(at - (start_x, start_y))) - ahead - _FREE_M)
     # Towards the start, it stops before the robot; elsewhere, on the way.
     most = min(distance, room) if index == 0 or distance > room else distance
     shift = min(ahead + behind, most)
-    if shift < _LEAST_MOVE_M:
+    if shift < LEAST_MOVE_M:
         return None
     return float(at[0] + shift * x), float(at[1] + shift * y)
-
-
-def _extent(parts: Sequence[Part], place: Placement, x: float, y: float) -> float:
-    """Return how far parts reach from their frame in a direction on the ground plane, in m."""
-    down = multiply(quaternion_from_rpy(0.0, math.pi / 2, 0.0), quaternion_from_rpy(0.0, 0.0, -math.atan2(y, x)))
-    return max(0.0, -lowest(parts, multiply(down, place.orientation_xyzw)))
 
 
 def _is_named(original: Original, body: str) -> bool:

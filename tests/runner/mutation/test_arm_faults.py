@@ -1,0 +1,108 @@
+"""The faults of the world around a robot whose base is fixed: they follow the link that moved furthest."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sim_action.results.outcome import Outcome
+from sim_action.runner.mutation.free_space import body_box, robot_boxes, touches
+from sim_action.runner.mutation.mutant import Mutant, Original
+from sim_action.runner.mutation.table import TABLE
+from sim_action.runner.mutation.world_faults import WALL
+from sim_action.state.trace import Trace
+from sim_action.world import Body
+from tests.scenarios import load
+from tests.traces import trace
+
+TEXT = """\
+name: arm swings
+robot: {{model: ur5e_gripper}}
+world:
+  objects:
+    - {{name: crate, box: [0.1, 0.1, 0.1], pose: {{x: {x}, y: {y}}}{mass}}}
+commands: {{joints: [{{at: 2 s, position: {{shoulder_pan_joint: 90 deg}}}}]}}
+expect: [{{joint: {{name: shoulder_pan_joint, near: 90 deg, tolerance: 1 deg}}}}]
+time_limit: 5 s
+"""
+
+
+def swinging(folder: Path, angle: float = math.pi / 2, *, x: float = 0.6, y: float = 0.9, mass: str = "") -> Original:
+    """An arm that is stretched out along x and turns to y, at the height of its shoulder."""
+    loaded = load(folder, TEXT.format(x=x, y=y, mass=mass))
+    assert loaded.model is not None
+    names = tuple(joint.name for joint in loaded.model.moving_joints)
+    time = [step / 10 for step in range(21)]
+    still = trace(time)
+    positions = np.zeros((len(time), len(names)))
+    positions[:, names.index("shoulder_pan_joint")] = np.linspace(0, angle, len(time))
+    seen = Trace.of_columns(
+        joint_names=names,
+        time=still.time,
+        base_position_xyz=still.base_position_xyz,
+        base_orientation_xyzw=still.base_orientation_xyzw,
+        base_linear_xyz=still.base_linear_xyz,
+        base_angular_xyz=still.base_angular_xyz,
+        joint_position=positions,
+        joint_velocity=np.zeros_like(positions),
+        joint_effort=np.zeros_like(positions),
+        contacts=(),
+    )
+    return Original(loaded, Outcome(name="arm swings", file=loaded.file, status="passed", digest="ours"), seen)
+
+
+def of_kind(run: Original, kind: str) -> list[Mutant]:
+    return list(next(row for row in TABLE if row.kind == kind).mutants(run))
+
+
+def added(mutant: Mutant) -> Body:
+    body = mutant.loaded.scenario.world.objects[-1]
+    assert body.name == WALL
+    return body
+
+
+def test_a_box_stands_in_the_way_of_the_hand_and_touches_nothing_at_the_start(tmp_path: Path) -> None:
+    run = swinging(tmp_path)
+    assert run.moving_link is not None
+    link, way = run.moving_link
+    reach, angle = math.hypot(*way[0, :2]), math.atan2(way[0, 1], way[0, 0]) + 0.6 * math.pi / 2
+    (mutant,) = of_kind(run, "wall")
+    box = added(mutant)
+    assert (box.pose.x, box.pose.y) == pytest.approx((reach * math.cos(angle), reach * math.sin(angle)), abs=0.05)
+    assert mutant.words.startswith(f"a box of 0.3 m stands in the way of link '{link}', after 0.")
+    assert not touches(body_box(run, box), robot_boxes(run))
+
+
+def test_a_hand_that_hardly_moves_has_a_small_box_or_none(tmp_path: Path) -> None:
+    (mutant,) = of_kind(swinging(tmp_path, 0.35), "wall")
+    assert added(mutant).box is not None
+    assert max(added(mutant).box or ()) < 0.3
+    assert not of_kind(swinging(tmp_path, 0.05), "wall")
+
+
+def test_an_object_moves_towards_the_way_of_the_hand_and_not_into_the_arm(tmp_path: Path) -> None:
+    (mutant,) = of_kind(swinging(tmp_path, x=0.8, y=0.8), "moved")
+    moved = mutant.loaded.scenario.world.objects[0].pose
+    assert 0.1 < math.dist((moved.x, moved.y), (0.8, 0.8)) < 0.15
+    assert moved.x == pytest.approx(moved.y, abs=0.03)
+    assert moved.x < 0.8
+    run = swinging(tmp_path, x=0.4, y=0.4)
+    assert not touches(body_box(run, of_kind(run, "moved")[0].loaded.scenario.world.objects[0]), robot_boxes(run))
+
+
+def test_an_arm_has_no_faults_of_robots_that_drive(tmp_path: Path) -> None:
+    run = swinging(tmp_path)
+    assert run.is_fixed
+    assert not of_kind(run, "slippery")
+    assert not of_kind(run, "shoved")
+
+
+def test_the_box_is_not_inside_an_object_that_can_move(tmp_path: Path) -> None:
+    (free,) = of_kind(swinging(tmp_path), "wall")
+    at = added(free).pose
+    run = swinging(tmp_path, x=at.x + 0.15, y=at.y + 0.15, mass=", mass: 1")
+    for mutant in of_kind(run, "wall"):
+        assert not touches(body_box(run, added(mutant)), [body_box(run, run.scenario.world.objects[0])])
