@@ -192,7 +192,8 @@ TABLE: Final = (
     ),
     Row(
         "moved",
-        f"one object stands nearer to the way, by its own size at most; for the {world_faults.MOST_OBJECTS} nearest",
+        "one object stands nearer to the way, or farther from an arm that comes to it, by its own size at most; "
+        f"for the {world_faults.MOST_OBJECTS} nearest",
         world_faults.moved,
     ),
     Row("delayed", f"all commands arrive {DELAY_S:g} s later", _delayed),

@@ -60,13 +60,15 @@ def moved(original: Original) -> Iterator[Mutant]:
     for body in _near_way(original):
         if body.shape not in _MOVABLE or body.path:
             continue
-        at = _moved_place(original, body)
+        at, where = _moved_place(original, body), "nearer to the robot's way"
+        if at is None and original.is_fixed:
+            at, where = _farther_place(original, body), "farther from the robot"
         if at is None:
             continue
         shift = math.dist(at, (body.pose.x, body.pose.y))
         there = body.model_copy(update={"pose": body.pose.model_copy(update={"x": at[0], "y": at[1]})})
         objects = tuple(there if each is body else each for each in original.scenario.world.objects)
-        words = f"the object '{body.name}' stands {shift:.2f} m nearer to the robot's way"
+        words = f"the object '{body.name}' stands {shift:.2f} m {where}"
         yield _with_objects(original, "moved", body.name, words, objects)
 
 
@@ -192,6 +194,20 @@ def _moved_place(original: Original, body: Body) -> tuple[float, float] | None:
     if shift < LEAST_MOVE_M:
         return None
     return float(at[0] + shift * x), float(at[1] + shift * y)
+
+
+def _farther_place(original: Original, body: Body) -> tuple[float, float] | None:
+    """Return where an object is after it moved by its own size away from the base; None if there is no such place.
+
+    It is for arms that come to the object.
+    """
+    away = np.array((body.pose.x, body.pose.y)) - original.way_xy[0]
+    distance = float(np.linalg.norm(away))
+    if distance == 0:
+        return None
+    x, y = (away / distance).tolist()
+    parts = parts_of(original, body)
+    return free_place(original, body, (x, y), extent(parts, body.pose, x, y) + extent(parts, body.pose, -x, -y))
 
 
 def _is_named(original: Original, body: str) -> bool:

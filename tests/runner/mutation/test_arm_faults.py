@@ -93,6 +93,16 @@ def test_an_object_moves_towards_the_way_of_the_hand_and_not_into_the_arm(tmp_pa
     assert not touches(body_box(run, of_kind(run, "moved")[0].loaded.scenario.world.objects[0]), robot_boxes(run))
 
 
+def test_an_object_on_the_way_of_the_hand_moves_away_from_the_arm(tmp_path: Path) -> None:
+    link = swinging(tmp_path).moving_link
+    assert link is not None
+    x, y = link[1][10, :2].tolist()
+    (mutant,) = of_kind(swinging(tmp_path, x=x, y=y), "moved")
+    moved = mutant.loaded.scenario.world.objects[0].pose
+    assert 0.1 < math.hypot(moved.x, moved.y) - math.hypot(x, y) < 0.15
+    assert mutant.words.endswith(" m farther from the robot")
+
+
 def test_an_arm_has_no_faults_of_robots_that_drive(tmp_path: Path) -> None:
     run = swinging(tmp_path)
     assert run.is_fixed
