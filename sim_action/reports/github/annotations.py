@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -25,7 +25,7 @@ from sim_action.reports.statuses import STATUS_DISPLAYS, Level
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
 
-MAX_ANNOTATIONS: Final = 10
+_MAX_ANNOTATIONS: Final = 10
 """The number of annotations that GitHub shows for each level and step."""
 
 MAX_CHARACTERS: Final = 4096
@@ -65,6 +65,11 @@ def write_annotations(results: Results, options: ReportOptions) -> None:
         return
     ordered = worst_first(grouped_scenarios(results.outcomes, results.gates))
     found = [annotation for group in ordered for annotation in _of_group(group, options)]
+    print_annotations(found, options)
+
+
+def print_annotations(found: Sequence[Annotation], options: ReportOptions) -> None:
+    """Print errors, then warnings: as many as GitHub shows. The last one of each counts those that are missing."""
     encoding = sys.stdout.encoding or "utf-8"
     for annotation in (*_limited(found, "error"), *_limited(found, "warning")):
         sys.stdout.write(log_text(annotation.command(options.workspace), encoding) + "\n")
@@ -138,11 +143,11 @@ def _replayed(outcome: Outcome, options: ReportOptions, time: float | None) -> s
     return f" (replay{'' if time is None else f' at {moment(time)}'}: {link})" if link else ""
 
 
-def _limited(found: list[Annotation], level: Level) -> list[Annotation]:
+def _limited(found: Sequence[Annotation], level: Level) -> list[Annotation]:
     """Return at most as many annotations as GitHub shows; the last one counts those that are missing."""
     chosen = [annotation for annotation in found if annotation.level == level]
-    if len(chosen) <= MAX_ANNOTATIONS:
+    if len(chosen) <= _MAX_ANNOTATIONS:
         return chosen
-    shown = chosen[: MAX_ANNOTATIONS - 1]
+    shown = chosen[: _MAX_ANNOTATIONS - 1]
     more = f"{len(chosen) - len(shown)} more {level}s: see the job summary"
     return [*shown, Annotation(level, "sim-action", more)]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
@@ -11,8 +10,8 @@ from sim_action.core.errors import Location
 from sim_action.core.files import append_whole
 from sim_action.core.wording import counted, shortened
 from sim_action.reports import ReportOptions
-from sim_action.reports.escaping import log_text, markdown_block, markdown_text
-from sim_action.reports.github.annotations import MAX_ANNOTATIONS, Annotation
+from sim_action.reports.escaping import markdown_block, markdown_text
+from sim_action.reports.github.annotations import Annotation, print_annotations
 from sim_action.reports.github.job_summary import MAX_BYTES
 from sim_action.reports.github.markdown import code, fitting, folded, message_text, row, source_link, table
 from sim_action.reports.github.step_outputs import append_outputs
@@ -114,11 +113,7 @@ def write_proof_annotations(proof: Proof, options: ReportOptions, *, strict: boo
     """
     if options.environment.get("GITHUB_ACTIONS") != "true":
         return
-    found = list(_annotations(proof, "error" if strict else "warning", strict=strict))
-    errors, warnings = ([each for each in found if each.level == level] for level in ("error", "warning"))
-    for annotation in (*errors[:MAX_ANNOTATIONS], *warnings[:MAX_ANNOTATIONS]):
-        sys.stdout.write(log_text(annotation.command(options.workspace), sys.stdout.encoding or "utf-8") + "\n")
-    sys.stdout.flush()
+    print_annotations(list(_annotations(proof, "error" if strict else "warning", strict=strict)), options)
 
 
 def _annotations(proof: Proof, level: Level, *, strict: bool) -> Iterator[Annotation]:

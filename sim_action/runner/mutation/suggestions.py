@@ -11,6 +11,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Final
 
 import numpy as np
+import yaml
 
 from sim_action.core.errors import InvalidScenario
 from sim_action.core.permissions import Permissions
@@ -77,7 +78,7 @@ class Candidates:
 
     def text(self, place: int) -> str:
         """Return a candidate as YAML."""
-        return _yaml(self.entries[place])
+        return entry_text(self.entries[place])
 
     def _of(self, outcome: Outcome) -> Sequence[ExpectationOutcome]:
         return outcome.expectations[self.own :] if outcome.has_verdict else ()
@@ -251,7 +252,7 @@ def _distances(points: FloatArray, start: FloatArray, end: FloatArray) -> FloatA
     return np.asarray(np.linalg.norm(points - start - shares[:, None] * way, axis=1), dtype=np.float64)
 
 
-def _yaml(entry: Entry) -> str:
+def entry_text(entry: Entry) -> str:
     """Return an entry of `expect` as YAML to paste."""
     if isinstance(entry, str):
         return f"- {entry}"
@@ -259,14 +260,20 @@ def _yaml(entry: Entry) -> str:
 
 
 def _flow(value: object) -> str:
-    """Return a value in YAML's flow style."""
+    """Return a value in YAML's flow style, on one line."""
+    listed = yaml.safe_dump(
+        [_plain(value)], default_flow_style=True, sort_keys=False, width=math.inf, allow_unicode=True
+    )
+    return listed.strip()[1:-1]
+
+
+def _plain(value: object) -> object:
+    """Return a value with short numbers, and lists in place of tuples."""
     if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{key}: {_flow(each)}" for key, each in value.items()) + "}"
+        return {key: _plain(each) for key, each in value.items()}
     if isinstance(value, tuple):
-        return "[" + ", ".join(map(_flow, value)) + "]"
-    return f"{value:g}" if isinstance(value, float) else f"'{value}'" if _needs_quotes(value) else str(value)
-
-
-def _needs_quotes(value: object) -> bool:
-    """Return True for a text that is no plain scalar in flow style everywhere."""
-    return isinstance(value, str) and not value.replace("_", "").replace(" ", "").replace("-", "").isalnum()
+        return list(map(_plain, value))
+    if isinstance(value, float):
+        short = float(f"{value:g}")
+        return int(short) if short.is_integer() else short
+    return value

@@ -105,6 +105,14 @@ def test_an_invalid_scenario_is_an_error(tmp_path: Path, capsys: pytest.CaptureF
     ]
 
 
+def test_of_many_annotations_the_last_one_counts_the_others(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    many = proof(*(INVALID for _ in range(12)))
+    write_proof_annotations(many, options(tmp_path, GITHUB_ACTIONS="true"), strict=False)
+    *shown, last = capsys.readouterr().out.splitlines()
+    assert len(shown) == 9
+    assert last == "::error title=sim-action::3 more errors: see the job summary"
+
+
 def test_the_outputs_count(tmp_path: Path) -> None:
     found = proof_outputs(PROOF, options(tmp_path))
     report = str(tmp_path / "report.html")

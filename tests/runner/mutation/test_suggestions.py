@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
 import yaml
 
 from sim_action.core.permissions import Permissions
 from sim_action.results.outcome import ExpectationOutcome, Outcome
-from sim_action.runner.mutation.suggestions import Candidates, Search, candidates
+from sim_action.runner.mutation.suggestions import Candidates, Search, candidates, entry_text
 from sim_action.runner.mutation.table import TABLE
 from sim_action.scenario.loading import Libraries
 from sim_action.scenario.mutation import Mutation
@@ -87,6 +88,14 @@ def test_suggestions_are_yaml(tmp_path: Path) -> None:
     for place, entry in enumerate(offer.entries):
         (read,) = yaml.safe_load(offer.text(place))
         assert (read if isinstance(read, str) else list(read)) == (entry if isinstance(entry, str) else list(entry))
+
+
+@pytest.mark.parametrize("name", ["left, knee", "it's: a", "a: b", "1", "no", "[x]", "- y", "knee 2", "é #1", ""])
+def test_names_of_any_kind_are_read_back(name: str) -> None:
+    entry = {"joint": {"name": name, "position": {name: (-0.1, 3.0)}}, "before": 1.25}
+    text = entry_text(entry)
+    assert yaml.safe_load(text) == [{"joint": {"name": name, "position": {name: [-0.1, 3]}}, "before": 1.25}]
+    assert text.isprintable() or text.count("\n") == 1
 
 
 def test_an_arm_gets_its_joints(tmp_path: Path) -> None:
