@@ -374,10 +374,12 @@ def test_a_suite(tmp_path: Path) -> None:
     def ran(folder: str, number: int, *, holds: bool) -> Outcome:
         # The runs of the base went on.
         replay = drive(seconds=10.0, distance=number / 20 + (0.5 if holds else 0.2))
-        return outcome(f"{number}.sim.yml", holds=holds).model_copy(
+        file = f"{'odd' if number % 2 else 'even'}/{number}.sim.yml"
+        return outcome(file, holds=holds).model_copy(
             update={
                 "name": f"number {number}",
-                "tags": ("slow",) if number % 3 else ("slow", "dock"),
+                "tags": ("slow",) if number % 3 else ("slow", "dock-2"),
+                "sim_time": None if number == 5 else 1.0 + number,
                 "replay": kept(replay, tmp_path / folder, f"number-{number}"),
             }
         )
@@ -393,6 +395,7 @@ def test_a_suite(tmp_path: Path) -> None:
         "from all scenarios to one moment, by mouse",
         "from all scenarios to one moment, by keys alone",
         "many are filtered, and open quickly",
+        "many are sorted and grouped, and the address keeps it",
         ACCESSIBLE,
     ]
     assert looked(report, *checks) == dict.fromkeys(checks, "")

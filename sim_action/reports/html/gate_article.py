@@ -165,8 +165,10 @@ def rate_figure(statistics: GateStatistics, planned: PlannedGate | None, kind: s
         marks += _bound_labels(lower, upper)
     for number, (words, rate) in enumerate(claims):
         marks += [element("line", x1=_at(rate), x2=_at(rate), y1=_BAR - 11, y2=_BAR + 11, class_="claim")]
-        anchor = "end" if number == 0 and (len(claims) > 1 or rate > _MIDDLE) else "start"
-        marks += [_label(_at(rate) + (3 if anchor == "start" else -3), 12, anchor, f"{words} {percent(rate)}")]
+        anchor = "end" if rate > _MIDDLE else "start"
+        # A test between two rates has no bounds, whose labels are below.
+        y = 12 if number == 0 else _BAR + 24
+        marks += [_label(_at(rate) + (3 if anchor == "start" else -3), y, anchor, f"{words} {percent(rate)}")]
     marks += [element("circle", cx=_at(statistics.rate), cy=_BAR, r=4.5, class_="rate")]
     drawn = element(
         "svg", *marks, viewBox=f"0 0 {_WIDTH} {_HEIGHT}", role="img", aria_label="; ".join(told), class_="bar"

@@ -60,6 +60,13 @@ async function openedAnew(page) {
   assert.equal(await fresh.getAttribute("#suite .chips button", "aria-pressed"), "true");
 }
 
+const names = (/** @type {Page} */ page) =>
+  page.$$eval("#suite .suite-table > tbody:not(.group-title) > tr:first-child > th > a", (links) => links.map((link) => link.textContent));
+const groupTitles = (/** @type {Page} */ page) => page.$$eval("#suite .group-title th", (titles) => titles.map((title) => title.textContent));
+const sorted = (/** @type {Page} */ page) =>
+  page.$$eval("#suite thead th[aria-sort]", (titles) => titles.map((title) => `${title.getAttribute("data-sort")} ${title.getAttribute("aria-sort")}`));
+const arranged = async (/** @type {Page} */ page) => [await names(page), await groupTitles(page), await sorted(page)];
+
 /** @type {Record<string, {how?: {webgl?: boolean, width?: number, height?: number}, expected?: string[], look: (page: Page) => Promise<void>}>} */
 export const SUITE = {
   "from all scenarios to one moment, by mouse": {
@@ -119,6 +126,36 @@ export const SUITE = {
       await page.waitForSelector(".against .swatch", { state: "hidden" });
       await page.keyboard.press("g");
       await openedAnew(page);
+    },
+  },
+  "many are sorted and grouped, and the address keeps it": {
+    look: async (page) => {
+      const choose = (/** @type {string} */ label, /** @type {string} */ value) => page.selectOption(`#suite label:has-text('${label}') select`, value);
+      const click = (/** @type {string} */ key) => page.click(`#suite thead th[data-sort=${key}] button`);
+      await choose("Sort", "name");
+      const rising = Array.from({ length: 66 }, (_, number) => `number ${number}`);
+      assert.deepEqual(await names(page), rising);
+      assert.deepEqual(await sorted(page), ["name ascending"]);
+      await click("name");
+      assert.deepEqual(await names(page), [...rising].reverse());
+      assert.deepEqual(await sorted(page), ["name descending"]);
+      assert.equal(await page.inputValue("#suite label:has-text('Sort') select"), "name");
+      // The longest first, then the shortest; one has no time.
+      const timed = rising.filter((name) => name !== "number 5");
+      await click("sim");
+      assert.deepEqual(await names(page), [...[...timed].reverse(), "number 5"]);
+      assert.deepEqual(await sorted(page), ["sim descending"]);
+      await click("sim");
+      assert.deepEqual(await names(page), [...timed, "number 5"]);
+      assert.deepEqual(await sorted(page), ["sim ascending"]);
+      await choose("Group by", "folder");
+      assert.deepEqual(await groupTitles(page), ["even/ 33, 2 did not pass", "odd/ 33, 2 did not pass"]);
+      const seen = await arranged(page);
+      await page.reload();
+      await page.waitForSelector("#suite .group-title");
+      assert.deepEqual(await arranged(page), seen);
+      await page.click("#suite .chips button:has-text('failed')");
+      assert.deepEqual(await groupTitles(page), ["even/ 2, 2 did not pass", "odd/ 2, 2 did not pass"]);
     },
   },
 };

@@ -67,7 +67,8 @@ class Suite {
     const element = make("select", {}, ...options.map(([value, words]) => make("option", { value }, words)));
     element.addEventListener("change", () => this.filter.change({ [key]: element.value }));
     const show = () => {
-      element.value = this.filter.state[key].replace("-", "");
+      // A hyphen before the key of an order reverses it.
+      element.value = key === "sort" ? this.filter.state[key].replace(/^-/, "") : this.filter.state[key];
     };
     this.filter.addEventListener("change", show);
     show();

@@ -79,6 +79,7 @@ class Views {
   async open3D() {
     try {
       const make3D = await viewer3D();
+      if (this.disposed) return;
       if (make3D) {
         this.show((canvas) => make3D(canvas, this.motion, this.failed, coloursOfPage()), "3d");
         this.side.hidden = false;
@@ -225,6 +226,7 @@ class Views {
   }
 
   dispose() {
+    this.disposed = true;
     cancelAnimationFrame(this.pending);
     document.removeEventListener("click", this.tapped);
     this.view?.dispose();

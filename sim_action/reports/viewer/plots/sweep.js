@@ -268,7 +268,11 @@ class Sweep {
     const tones = [...Array(TONES).keys()].map((tone) => swatch(`tone${tone}`, "M-8,-8h16v16h-16z"));
     const share = this.kind.value === "share", { axis } = this.colour, range = colourRange(axis);
     const claim = 100 * (this.data.claim ?? 0.5);
-    const [low, middle, high] = share ? ["0 %", told(claim, "%"), "100 %"] : [told(range[0], axis.unit), "0", told(range[1], axis.unit)];
+    const [least, most] = extent(axis.values);
+    // Single values far from the others have the last colour.
+    const [below, above] = [least < range[0] ? " or less" : "", most > range[1] ? " or more" : ""];
+    const ends = [`${told(range[0], axis.unit)}${below}`, `${told(range[1], axis.unit)}${above}`];
+    const [low, middle, high] = share ? ["0 %", told(claim, "%"), "100 %"] : [ends[0], "0", ends[1]];
     const shapes = this.kind.value !== "runs" ? [] : [["passed", "passed"], ["failed", "failed"], ["open", "without a verdict"]].map(([shape, words]) =>
       make("span", {}, swatch(`run-point ${shape}`, SHAPES[/** @type {keyof SHAPES} */ (shape)]), words));
     const title = share ? "share passed" : axis.name;
