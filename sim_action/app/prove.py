@@ -49,7 +49,7 @@ from sim_action.runner.mutation.planning import (
     refuse_unmatched,
     within,
 )
-from sim_action.runner.mutation.suggestions import MOST_TRIALS, Candidates, Search, candidates, most_runs
+from sim_action.runner.mutation.suggestions import MOST_RUNS, MOST_TRIALS, Candidates, Search, candidates
 from sim_action.runner.process_pool import execute
 from sim_action.runner.run_plan import PlanRequest, plan_runs
 from sim_action.scenario.loading import Libraries
@@ -325,8 +325,7 @@ class _Call:
         took = f"{seconds / _MINUTE_S:.0f} min" if seconds > 2 * _MINUTE_S else f"{seconds:.0f} s"
         over = f"; {counted(left, 'mutant')} left out" if left else ""
         if not self._request.is_quiet:
-            tried = sum(most_runs(len(plan.chosen)) for plan in plans)
-            more = f"; and up to {counted(tried, 'run')} to try expectations that would have noticed" if tried else ""
+            more = f"; then up to {MOST_RUNS} runs for each mutant that survives, to try expectations" if runs else ""
             note(f"{counted(runs, 'mutant')} of {counted(len(plans), 'scenario')}, about {took} in all{over}{more}")
             sys.stderr.flush()
 

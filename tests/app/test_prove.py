@@ -57,7 +57,7 @@ def test_the_cost_is_told_before_the_start(tmp_path: Path, capsys: pytest.Captur
     prove_scenarios(asked, Mock(happened=False))
     told = capsys.readouterr().err
     assert "2 mutants of 1 scenario, about " in told
-    assert "; and up to 15 runs to try expectations that would have noticed\n" in told
+    assert "; then up to 7 runs for each mutant that survives, to try expectations\n" in told
 
 
 class _InterruptedAfter(Interruption):

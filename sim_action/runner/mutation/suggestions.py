@@ -28,6 +28,9 @@ from sim_action.state.trace import FloatArray
 MOST_TRIALS: Final = 3
 """The number of candidates that are run alone, for each survivor."""
 
+MOST_RUNS: Final = 1 + 2 * MOST_TRIALS
+"""The number of runs for one survivor: one with all candidates, and each candidate alone with and without the mutant."""
+
 _TOLERANCE_M: Final = 0.1
 _TOLERANCE_RAD: Final = 0.087
 _CLEARANCES_M: Final = (0.2, 0.1, 0.05)
@@ -108,11 +111,6 @@ class Search:
         place = self.places.pop(0)
         if self.offer.noticing(original, mutant):
             self.suggestion, self.places = self.offer.text(place), []
-
-
-def most_runs(mutants: int) -> int:
-    """Return the number of runs for the suggestions of one scenario, if all its mutants survive with another motion."""
-    return 1 + mutants * (1 + 2 * MOST_TRIALS) if mutants else 0
 
 
 def candidates(
