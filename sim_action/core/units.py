@@ -18,8 +18,8 @@ _DEGREE: Final = math.pi / 180
 # One turn, rounded up, because 2 pi may be rounded.
 _MAX_BARE_RAD: Final = 6.29
 _BYTES: Final = ((1e9, "GB"), (1e6, "MB"), (1e3, "kB"))
-# All floats differ with 17 digits; one more, because `display` shows one digit less with an exponent.
-_ALL_DIGITS: Final = 18
+ALL_DIGITS: Final = 18
+"""All floats differ with 17 digits; one more, because `display` shows one digit less with an exponent."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -171,7 +171,7 @@ def display(value: float, unit: str, digits: int = 4) -> str:
 def display_apart(value: float, limit: float, unit: str) -> tuple[str, str]:
     """Return a value and its limit with enough digits to show their difference."""
     texts = display(value, unit), display(limit, unit)
-    for digits in range(5, _ALL_DIGITS + 1):
+    for digits in range(5, ALL_DIGITS + 1):
         if texts[0] != texts[1] or value == limit:
             break
         texts = display(value, unit, digits), display(limit, unit, digits)

@@ -12,7 +12,7 @@ from sim_action.core.wording import counted
 from sim_action.reports.console import Console, shows_colours
 from sim_action.reports.escaping import log_text, one_line
 from sim_action.scenario.source import Refused, Source
-from sim_action.scenario.variations.gate import Gate, Passes, PlannedGate, Quantile, StopEarly, percent
+from sim_action.scenario.variations.gate import Gate, Passes, PlannedGate, Quantile, StopEarly, percent, percents_apart
 
 _MAX_NAMES: Final = 3
 # Shares of the failures that a claim allows: robots that are worse than it, just as good, better, and much better.
@@ -100,7 +100,7 @@ def true_rates(claim: Passes | StopEarly) -> tuple[float, ...]:
         )
     else:
         rates = tuple(max(0.0, 1 - share * (1 - claim.at_least)) for share in _FAILURES)
-    return tuple(dict.fromkeys(round(rate, 6) for rate in rates))
+    return tuple(dict.fromkeys(round(rate, 12) for rate in rates))
 
 
 def aligned(rows: Iterable[Sequence[str]]) -> list[str]:
@@ -126,7 +126,7 @@ def _chances(gate: Gate, runs: int, names: Sequence[str]) -> ChanceTable:
     title = f"{called}: gate of {most}{counted(runs, 'run')}, {rate_claim_text(claim)}"
     rates = true_rates(claim)
     rows = _of_test(claim, runs, rates) if isinstance(claim, StopEarly) else _of_rate(claim, runs, rates)
-    return ChanceTable(title, tuple(map(percent, rates)), rows, remarks)
+    return ChanceTable(title, percents_apart(*rates), rows, remarks)
 
 
 def _of_rate(claim: Passes, runs: int, rates: Sequence[float]) -> tuple[tuple[str, ...], ...]:

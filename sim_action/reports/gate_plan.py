@@ -24,6 +24,7 @@ from sim_action.scenario.variations.gate import (
     Quantile,
     StopEarly,
     percent,
+    percents_apart,
 )
 
 _POWERS: Final = (0.8, 0.9)
@@ -64,7 +65,7 @@ def _rate_plan(claim: Passes, runs: int, wish: float, duration: Duration) -> Ite
     numbers = {binomial.runs_needed(claim.at_least, claim.confidence, failures) for failures in range(_ROWS)}
     numbers = {number for number in (*numbers, runs, *filter(None, enough)) if number <= MAX_RUNS_OF_GATE}
     rates = sorted({*true_rates(claim), wish})
-    rows = [("runs", "may fail", *map(percent, rates), *_heading(duration))]
+    rows = [("runs", "may fail", *percents_apart(*rates), *_heading(duration))]
     for number in sorted(numbers):
         passing = binomial.passes_needed(number, claim.at_least, claim.confidence)
         chances = [binomial.chances(rate, number, claim.at_least, claim.confidence).passed for rate in rates]
@@ -99,7 +100,7 @@ def _test_plan(claim: StopEarly, runs: int, wish: float, duration: Duration) -> 
     numbers = {claim.least_runs * 2**step for step in range(_ROWS)}
     numbers = {number for number in (*numbers, runs, *filter(None, enough)) if number <= MAX_RUNS_OF_GATE}
     rates = sorted({*true_rates(claim), wish})
-    rows = [("at most", *map(percent, rates), "mean runs", *_heading(duration))]
+    rows = [("at most", *percents_apart(*rates), "mean runs", *_heading(duration))]
     for number in sorted(numbers):
         found = [_exact(claim, number, rate) for rate in rates]
         mean = found[rates.index(wish)].mean_runs

@@ -19,7 +19,7 @@ from sim_action.core.units import display, with_si_unit
 from sim_action.core.wording import counted
 from sim_action.results.gate_statistics import GateStatistics
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, Status, status_of
-from sim_action.scenario.variations.gate import Passes, PlannedGate, Quantile, StopEarly, percent
+from sim_action.scenario.variations.gate import Passes, PlannedGate, Quantile, StopEarly, percent, percents_apart
 from sim_action.state.verdict import Verdict
 
 _BLOCKING: Final = ("interrupted", "internal", "missing", "invalid")
@@ -161,13 +161,16 @@ class _Counts:
 
 def _rate(claim: Passes, counts: _Counts) -> Condition:
     lower, upper = counts.bounds(claim.confidence)
-    limit, sure = percent(claim.at_least), f"with {percent(claim.confidence)} confidence"
-    name = f"at least {limit} of the runs pass"
+    sure = f"with {percent(claim.confidence)} confidence"
+    name = f"at least {percent(claim.at_least)} of the runs pass"
     if binomial.proves(counts.passed, counts.runs, claim.at_least, claim.confidence):
-        return name, _share(counts, claim, f"{counts}; {sure} at least {percent(lower)} do", lower, passed=True)
+        least, _ = percents_apart(lower, claim.at_least)
+        return name, _share(counts, claim, f"{counts}; {sure} at least {least} do", lower, passed=True)
     if binomial.refutes(counts.passed + counts.without_verdict, counts.runs, claim.at_least, claim.confidence):
-        return name, _share(counts, claim, f"{counts}; {sure} at most {percent(upper)} do, less than {limit}", upper)
-    message = f"{counts}; {sure} at least {percent(lower)} and at most {percent(upper)} do: too few runs to tell"
+        most, limit = percents_apart(upper, claim.at_least)
+        return name, _share(counts, claim, f"{counts}; {sure} at most {most} do, less than {limit}", upper)
+    least, most, limit = percents_apart(lower, upper, claim.at_least)
+    message = f"{counts}; {sure} at least {least} and at most {most} do: too few runs to tell"
     needed = binomial.passes_needed(counts.runs, claim.at_least, claim.confidence)
     if needed is not None:
         message = f"{message}; {needed} of {counts.runs} would show {limit}"

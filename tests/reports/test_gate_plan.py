@@ -48,6 +48,13 @@ def test_a_wish_that_no_number_of_runs_fulfils() -> None:
     assert last == "  A robot that is 90.01 % good does not pass with P = 0.9 at any number of runs up to 10,000."
 
 
+def test_a_rate_near_100_percent_is_not_shown_as_100_percent() -> None:
+    lines = list(plan_lines(planned_gate(61), 0.99999, unknown))
+    (heading,) = (line for line in lines if line.startswith("  runs "))
+    assert heading.split()[-4:] == ["99", "%", "99.999", "%"]
+    assert lines[-1].startswith("  A robot that is 99.999 % good passes")
+
+
 def test_the_time_follows_from_the_number_of_runs() -> None:
     lines = list(plan_lines(planned_gate(61), 0.97, lambda runs: f"{2 * runs:g} s"))
     assert "  >     61          2   0.00   0.05   0.41   0.72   0.98   122 s" in lines

@@ -82,6 +82,11 @@ def test_the_rate_is_shown_refuted_or_open(passes: int, fails: int, status: Stat
     assert (statistics.planned, statistics.runs, statistics.passed, statistics.failed) == (61, 61, passes, fails)
 
 
+def test_a_bound_next_to_the_limit_is_shown_with_enough_digits() -> None:
+    judged = judged_gate(planned(NINETY, 289), [PASS] * 251 + [FAIL] * 38)
+    assert "at most 89.9999 % do, less than 90 %" in messages(judged)[0]
+
+
 def test_a_run_without_a_verdict_counts_against_whatever_is_claimed() -> None:
     lenient = {**NINETY, "errors": {"at_most": 20}}
     kept = judged_gate(planned(lenient, 61), [PASS] * 58 + [ERROR] * 2 + [UNJUDGED])

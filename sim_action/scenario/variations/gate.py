@@ -5,10 +5,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Annotated, Final, Literal, Self
 
-from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, model_validator
+from pydantic import BeforeValidator, Field, ValidationError, WrapValidator, model_validator
 
 from sim_action.core import units
 from sim_action.core.errors import InvalidScenario, Location, Problem
@@ -29,29 +29,40 @@ SAMPLE: Final = "sample"
 MAX_RUNS_OF_GATE: Final = 10_000
 
 _DIGITS: Final = 14
+_LEAST_DIGITS_SHOWN: Final = 4
 
 
-def _rate(value: float) -> float:
-    rate = _rounded(value)
-    if not 0 < rate < 1:
-        raise ValueError(f"a rate lies between 0 % and 100 %, both excluded; found {_as_found(value)}")
-    return rate
+def _rate(stated: object, parsed: Callable[[object], float]) -> float:
+    return _share(stated, parsed, "a rate lies between 0 % and 100 %, both excluded")
 
 
-def _confidence(value: float) -> float:
-    confidence = _rounded(value)
+def _quantile_share(stated: object, parsed: Callable[[object], float]) -> float:
+    return _share(stated, parsed, "the share 'q' lies between 0 % and 100 %, both excluded")
+
+
+def _share(stated: object, parsed: Callable[[object], float], rule: str) -> float:
+    share = _rounded(value := parsed(stated))
+    if not 0 < share < 1:
+        raise ValueError(f"{rule}; found {_as_found(stated, value)}")
+    return share
+
+
+def _confidence(stated: object, parsed: Callable[[object], float]) -> float:
+    confidence = _rounded(value := parsed(stated))
     if not 0.5 <= confidence < 1:
-        remedy = "; use 95 %" if value <= 1 else ""
+        found = _as_found(stated, value)
+        remedy = "" if "write" in found else "; use 95 %"
         raise ValueError(
-            "a confidence lies between 50 % and 100 %, and no number of runs gives 100 %; "
-            f"found {_as_found(value)}{remedy}"
+            f"a confidence lies between 50 % and 100 %, and no number of runs gives 100 %; found {found}{remedy}"
         )
     return confidence
 
 
-def _as_found(value: float) -> str:
+def _as_found(stated: object, value: float) -> str:
     """Return a share that is refused, with what was meant by a number without its unit."""
-    return f"{value * 100:g} %" if value <= 1 else f"{value:g}, which is {value * 100:g} %; write '{value:g} %'"
+    found = percent(value)
+    is_percentage = units.is_bare(stated) and 1 < value < 100
+    return f"{value:g}, which is {found}; write '{value:g} %'" if is_percentage else found
 
 
 def _rounded(share: float) -> float:
@@ -59,8 +70,9 @@ def _rounded(share: float) -> float:
     return round(share, _DIGITS)
 
 
-Rate = Annotated[float, Quantity((units.SHARE,)), AfterValidator(_rate)]
-Confidence = Annotated[float, Quantity((units.SHARE,)), AfterValidator(_confidence)]
+Rate = Annotated[float, Quantity((units.SHARE,)), WrapValidator(_rate)]
+QuantileShare = Annotated[float, Quantity((units.SHARE,)), WrapValidator(_quantile_share)]
+Confidence = Annotated[float, Quantity((units.SHARE,)), WrapValidator(_confidence)]
 _CONFIDENCE_HELP: Final = "how sure the verdict has to be; default: 95 %"
 
 
@@ -82,7 +94,7 @@ class StopEarly(FrozenModel):
     def _in_order(self) -> Self:
         if not self.reject < self.accept:
             raise ValueError(
-                f"'reject' must be below 'accept'; found {self.reject * 100:g} % and {self.accept * 100:g} %"
+                "'reject' must be below 'accept'; found {} and {}".format(*percents_apart(self.reject, self.accept))
             )
         if self.confidence == 0.5:
             raise ValueError("a test that stops early needs a confidence above 50 %; use 95 %")
@@ -107,7 +119,7 @@ class Quantile(FrozenModel):
             "such as travel.measured",
         ),
     ]
-    q: Annotated[Rate, Field(description="the share of runs below the quantile, such as 5 %")]
+    q: Annotated[QuantileShare, Field(description="the share of runs below the quantile, such as 5 %")]
     at_least: Annotated[float | str | None, Field(description="lower bound, with a unit")] = None
     at_most: Annotated[float | str | None, Field(description="upper bound, with a unit")] = None
     confidence: Annotated[Confidence, Field(description=_CONFIDENCE_HELP)] = 0.95
@@ -332,5 +344,15 @@ def _too_few(runs: int, needed: int, what: str, confidence: float) -> str:
 
 
 def percent(share: float) -> str:
-    """Return a share for people, such as "90 %"."""
-    return f"{share * 100:.4g} %"
+    """Return a share for people, such as "90 %"; one below 1 is never "100 %"."""
+    return percents_apart(share)[0]
+
+
+def percents_apart(*shares: float) -> tuple[str, ...]:
+    """Return shares with as many digits, four or more, as make different ones differ, also from 100 %."""
+    found: tuple[str, ...] = ()
+    for digits in range(_LEAST_DIGITS_SHOWN, units.ALL_DIGITS + 1):
+        found = tuple(units.display(share * 100, "%", digits) for share in shares)
+        if len({*found, "100 %"}) == len({*shares, 1.0}):
+            break
+    return found

@@ -14,7 +14,7 @@ from sim_action.scenario.files import read_file
 from sim_action.scenario.loading import checked, load_all
 from sim_action.scenario.source import Refused, Source
 from sim_action.scenario.variations.expansion import expanded
-from sim_action.scenario.variations.gate import Gate, percent
+from sim_action.scenario.variations.gate import Gate, percent, percents_apart
 from tests.scenarios import LEAST
 
 DRAWN = "variations: {robot.pose.x: {uniform: [0 m, 1 m]}}\n"
@@ -78,9 +78,17 @@ def test_a_gate_does_not_reach_its_runs(tmp_path: Path) -> None:
         ("{passes: {at_least: 100 %}}", "gate.passes.at_least: a rate lies between 0 % and 100 %"),
         ("{passes: {at_least: 90 %, confidence: 100 %}}", "no number of runs gives 100 %; found 100 %; use 95 %"),
         ("{passes: {at_least: 90 %, confidence: 10 %}}", "a confidence lies between 50 % and 100 %"),
-        ("{passes: {at_least: 90 %, confidence: 99.99999999999999 %}}", "no number of runs gives 100 %; found 100 %"),
+        ("{passes: {at_least: 90 %, confidence: 99.99999999999999 %}}", "found 99.99999999999999 %; use 95 %"),
         ("{passes: {at_least: 90 %, confidence: 97}}", "found 97, which is 9700 %; write '97 %'"),
         ("{passes: {at_least: 1e-15}}", "a rate lies between 0 % and 100 %"),
+        ("{passes: {at_least: 120 %}}", "a rate lies between 0 % and 100 %, both excluded; found 120 %"),
+        ("{passes: {at_least: 1}}", "both excluded; found 100 %"),
+        ("{passes: {at_least: 90 %, confidence: 120 %}}", "gives 100 %; found 120 %; use 95 %"),
+        ("{quantile: {of: travel.measured, q: 0, at_least: 1 m}}", "the share 'q' lies between 0 % and 100 %"),
+        (
+            "{stop_early: {reject: 95.00001 %, accept: 95 %}}",
+            "'reject' must be below 'accept'; found 95.00001 % and 95 %",
+        ),
         ("{passes: {at_least: 90}}", "found 90, which is 9000 %; write '90 %'"),
         ("{passes: {at_least: 90 %, most: 1}}", "gate.passes.most: unknown key"),
         ("{quantile: {of: a.margin, q: 5 %, at_least: 1 m, x: 1}}", "gate.quantile.x: unknown key"),
@@ -218,3 +226,21 @@ def test_a_sample_that_cannot_run_refuses_the_gate(tmp_path: Path) -> None:
     assert isinstance(refused, Refused)
     assert (refused.name, refused.group, refused.gate) == ("burger drives straight", None, None)
     assert "choose bounds within the allowed range" in str(refused.problems[0])
+
+
+@pytest.mark.parametrize(
+    ("shares", "texts"),
+    [
+        ((0.9,), ("90 %",)),
+        ((0.95082,), ("95.08 %",)),
+        ((1.0,), ("100 %",)),
+        ((0.99999,), ("99.999 %",)),
+        ((0.9999999999999999,), ("99.99999999999999 %",)),
+        ((0.899996, 0.9), ("89.9996 %", "90 %")),
+        ((0.9, 0.9), ("90 %", "90 %")),
+        ((0.9901, 0.990123, 1.0), ("99.01 %", "99.012 %", "100 %")),
+    ],
+)
+def test_shares_that_differ_are_shown_differently(shares: tuple[float, ...], texts: tuple[str, ...]) -> None:
+    assert percents_apart(*shares) == texts
+    assert len(shares) > 1 or percent(*shares) == texts[0]
