@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 from collections.abc import Sequence
 from functools import cache
+from typing import Any
 
 from sim_action.core.errors import Location
 from sim_action.results.gates import judged_gate
@@ -53,6 +54,12 @@ def judged(
 ) -> list[Outcome]:
     """Return the outcome of the gate, followed by its runs."""
     return [judged_gate(planned(len(runs), gate, runs[0].file, at_least, confidence), runs), *runs]
+
+
+def stated(runs: int = 100, **gate: Any) -> PlannedGate:
+    """Return a gate with these keys."""
+    claims = Gate.model_validate(gate)
+    return PlannedGate(name="push", file=FILE, location=Location(FILE, 4), group="push", gate=claims, runs=runs)
 
 
 def verdicts(passed: Sequence[bool], gate: str = "push", *, seed: int = 0) -> list[Outcome]:

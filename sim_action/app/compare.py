@@ -47,11 +47,13 @@ def compare_results(request: CompareRequest) -> ExitCode:
     """Report the changes and return the exit code. Raises UsageError."""
     if request.markdown not in (None, STANDARD_OUTPUT):
         _refuse_foreign(Path(request.markdown))
+    old, new = read_run(request.old), read_run(request.new)
     comparison = compare_outcomes(
-        read_run(request.old).outcomes,
-        read_run(request.new).outcomes,
+        old.outcomes,
+        new.outcomes,
         request.thresholds,
         allow_removed=request.allow_removed,
+        gates=(old.gates, new.gates),
     )
     if request.markdown not in (None, STANDARD_OUTPUT):
         _write(Path(request.markdown), comparison)

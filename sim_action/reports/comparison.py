@@ -12,15 +12,16 @@ from sim_action.core.wording import counted, shortened
 from sim_action.reports.console import Console
 from sim_action.reports.escaping import log_text, markdown_text
 from sim_action.reports.formatting import measurements, moment, quantity, speed_text
+from sim_action.reports.gate_changes import claim_text, mean_margins_text, no_change_text, rate_change_text, rate_text
 from sim_action.reports.github.markdown import code, row, table
 from sim_action.reports.statuses import STATUS_DISPLAYS
 from sim_action.reports.terminal import open_console
 from sim_action.results.comparison import Change, ChangeKind, Comparison, SmallerMargin
+from sim_action.results.gate_claims import ClaimChange, ClaimKind
 from sim_action.results.outcome import ExpectationOutcome, Outcome
-from sim_action.results.paired_comparison import CONFIDENCE, GateComparison, MarginLoss, Rate, RateChange
+from sim_action.results.paired_comparison import GateComparison
 from sim_action.results.weaker_checks import WeakerCheck, WeakerKind, loosened_times, newly_allowed, paired_expectations
 from sim_action.results.written_files import COMPARED
-from sim_action.scenario.variations.gate import percent
 
 Look = Literal["bad", "warning", "note", "good"]
 
@@ -42,11 +43,16 @@ _WEAKER: Final[dict[WeakerKind, str]] = {
     "window": "weaker window",
     "allow": "allows more",
     "limit": "weaker limit",
-    "confidence": "less confidence",
 }
+_CLAIMS: Final[dict[tuple[ClaimKind, bool], tuple[Look, str]]] = {
+    ("removed", True): ("warning", "no longer checked"),
+    ("limit", True): ("warning", "weaker limit"),
+    ("confidence", True): ("warning", "less confidence"),
+    ("limit", False): ("note", "stricter limit"),
+    ("confidence", False): ("note", "more confidence"),
+}
+"""The looks and names of the changes of a gate's claims, by kind and `is_weaker`."""
 _MAX_KINDS: Final = 3
-# A smaller p-value is shown as a bound.
-_SMALLEST_P: Final = 0.0001
 _ORDER: Final[tuple[Look, ...]] = ("bad", "warning", "note", "good")
 
 
@@ -120,7 +126,8 @@ def rows_of(change: Change) -> Iterator[Row]:
         what = "no longer checked" if missed.verdict.status == "not_exercised" else "no longer holds"
         yield Row("warning", what, change.outcome, f"{missed.name}: {missed.verdict.message}")
     for weaker in change.weaker:
-        yield Row("warning", _WEAKER[weaker.kind], change.outcome, _weaker_text(weaker, change))
+        yield Row("warning", _WEAKER[weaker.kind], change.outcome, _weaker_text(weaker))
+    yield from (_row_of_claim(claim, change.outcome) for claim in change.claims)
     for smaller in change.smaller_margins:
         yield Row("warning", "margin shrinks", change.outcome, _margins_text(smaller))
     elsewhere = "" if change.processors is None else " (different CPUs: before {}, now {})".format(*change.processors)
@@ -140,75 +147,30 @@ def rows_of(change: Change) -> Iterator[Row]:
         yield Row("note", "moves differently", change.outcome, detail)
 
 
+def _row_of_claim(claim: ClaimChange, outcome: Outcome) -> Row:
+    look, what = _CLAIMS[claim.kind, claim.is_weaker]
+    return Row(look, what, outcome, claim_text(claim))
+
+
 def _rows_of_runs(gate: GateComparison, outcome: Outcome) -> Iterator[Row]:
     """Yield the rows of the runs of a gate, without those of weaker checks."""
     if not gate.same_draws:
         detail = (
             f"{counted(gate.pairs, 'run')} of the old and the new result have the same draws, so the runs are not "
-            f"compared; unpaired rates: {_rate_text(gate.old)}, now {_rate_text(gate.new)}"
+            f"compared; unpaired rates: {rate_text(gate.old)}, now {rate_text(gate.new)}"
         )
         yield Row("warning", "samples differ", outcome, detail)
     if rate := gate.rate:
         if rate.direction is not None:
             look: Look = "bad" if rate.direction == "fell" else "good"
-            yield Row(look, f"pass rate {rate.direction}", outcome, _rate_change_text(rate))
+            yield Row(look, f"pass rate {rate.direction}", outcome, rate_change_text(rate))
         elif rate.worse or rate.better:
-            yield Row("note", "no change shown", outcome, _no_change_text(rate))
+            yield Row("note", "no change shown", outcome, no_change_text(rate))
     for margin in gate.margins:
-        yield Row("warning", "margins shrink", outcome, _mean_margins_text(margin))
+        yield Row("warning", "margins shrink", outcome, mean_margins_text(margin))
     if gate.left_out:
         detail = f"{gate.left_out} of {gate.left_out + gate.pairs} samples: no verdict before or now"
         yield Row("note", "not compared", outcome, detail)
-
-
-def _rate_change_text(rate: RateChange) -> str:
-    """Return a text such as "the pass rate fell by 15 points (from 95 % to 80 % of 100 runs; ...; p = 0.0003)"."""
-    change, found = rate.new.share - rate.old.share, rate.interval
-    ends = (found.low, found.high) if change > 0 else (-found.high, -found.low)
-    interval = " to ".join(_points(end) for end in ends)
-    points = _points(abs(change))
-    return (
-        f"the pass rate {rate.direction} by {points} {'point' if points == '1' else 'points'} ({_from_to(rate)}; "
-        f"{percent(CONFIDENCE)} interval {interval}; {_p_text(rate)})"
-    )
-
-
-def _no_change_text(rate: RateChange) -> str:
-    low, high = (_points(end) for end in (rate.interval.low, rate.interval.high))
-    return (
-        f"the pass rate went {_from_to(rate)}; {percent(CONFIDENCE)} interval of the change {low} to {high} points; "
-        f"{_p_text(rate)}"
-    )
-
-
-def _from_to(rate: RateChange) -> str:
-    return f"from {percent(rate.old.share)} to {percent(rate.new.share)} of {counted(rate.new.runs, 'run')}"
-
-
-def _rate_text(rate: Rate) -> str:
-    return f"{percent(rate.share)} of {counted(rate.runs, 'run')}" if rate.runs else "no run with a verdict"
-
-
-def _points(share: float) -> str:
-    """Return a difference of rates in percentage points, such as "15" or "7.3"."""
-    # Adding 0 turns a negative zero into 0.
-    return f"{round(share * 100, 1) + 0.0:.1f}".removesuffix(".0")
-
-
-def _p_text(rate: RateChange) -> str:
-    """Return a text such as "p = 0.0003" or "p < 0.0001"."""
-    value = f"p = {rate.p:.2g}" if rate.p >= _SMALLEST_P else f"p < {_SMALLEST_P}"
-    return value if rate.tests == 1 else f"{value}, adjusted for {rate.tests} gates"
-
-
-def _mean_margins_text(margin: MarginLoss) -> str:
-    """Return a text such as "clearance: mean margin of 100 pairs 0.4 m, now 0.1 m (95 % interval ...)"."""
-    old, new = (quantity(value, margin.unit) for value in (margin.old, margin.new))
-    ends = " to ".join(quantity(end, margin.unit) for end in (margin.change.low, margin.change.high))
-    return (
-        f"{margin.expectation}: mean margin of {counted(margin.pairs, 'pair')} {old}, now {new} "
-        f"({percent(margin.confidence)} interval of the change {ends})"
-    )
 
 
 def _detail(change: Change) -> str:
@@ -254,12 +216,9 @@ def before_text(change: Change) -> str:
     return f"before{name}: {told}"
 
 
-def _weaker_text(weaker: WeakerCheck, change: Change) -> str:
+def _weaker_text(weaker: WeakerCheck) -> str:
     """Return a text such as "clearance: limit 0.1 m, was 0.3 m"."""
     old, new = weaker.old, weaker.new
-    if weaker.kind == "confidence":
-        gates = (gate.statistics for gate in (change.new, change.old) if gate)
-        return "confidence {}, was {}".format(*(percent(statistics.confidence) for statistics in gates if statistics))
     if new is None:
         return f"{old.name}: removed from the scenario"
     if weaker.kind in ("severity", "unexercised"):

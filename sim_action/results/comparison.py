@@ -12,6 +12,7 @@ from typing import Final, Literal
 
 from sim_action.core.errors import ExitCode
 from sim_action.core.records import dataclass, replace
+from sim_action.results.gate_claims import ClaimChange, claim_changes
 from sim_action.results.outcome import ExpectationOutcome, Outcome
 from sim_action.results.paired_comparison import (
     GateComparison,
@@ -29,6 +30,7 @@ from sim_action.results.weaker_checks import (
     stricter_limits,
     weaker_checks,
 )
+from sim_action.scenario.variations.gate import Gate, PlannedGate
 
 ChangeKind = Literal[
     "newly fails",
@@ -108,6 +110,7 @@ class Change:
         missed: expectations that held before and do not hold now, unless the scenario newly fails because of them.
         weaker: expectations that were removed, that only warn now, or whose limit allows more.
         stricter: expectations whose limit allows less.
+        claims: the claims of a gate that demand less or more than before.
         renamed: the old and new names of expectations with another name and no other limit.
         moves_differently: True if the digests differ with the same seed on the same engine build.
         processors: the CPU models of both runs if they differ; the speeds cannot be compared then.
@@ -122,6 +125,7 @@ class Change:
     slower: Slower | None = None
     weaker: tuple[WeakerCheck, ...] = ()
     stricter: tuple[Pair, ...] = ()
+    claims: tuple[ClaimChange, ...] = ()
     renamed: tuple[tuple[str, str], ...] = ()
     moves_differently: bool = False
     processors: tuple[str, str] | None = None
@@ -145,7 +149,8 @@ class Change:
         slower = self.slower is not None and self.processors is None
         of_runs = 0 if self.gate is None else self.gate.warnings
         found = sum(map(len, (self.missed, self.weaker, self.smaller_margins)))
-        return (self.kind in _WARNINGS) + found + slower + of_runs
+        of_claims = sum(claim.is_weaker for claim in self.claims)
+        return (self.kind in _WARNINGS) + found + slower + of_runs + of_claims
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,14 +197,27 @@ def compare_outcomes(
     thresholds: Thresholds | None = None,
     *,
     allow_removed: bool = False,
+    gates: tuple[Iterable[PlannedGate], Iterable[PlannedGate]] = ((), ()),
 ) -> Comparison:
-    """Compare the outcomes of a new run with those of an old one."""
+    """Compare the outcomes of a new run with those of an old one; `gates`: the stated gates of both, see `claims`."""
     thresholds = thresholds or Thresholds()
     alone, samples = _parted(list(old), list(new))
     changes = [_change(before, now, samples.get(_gate_key(now), ()), thresholds) for before, now in alone]
-    gates = adjusted([change.gate for change in changes])
-    found = (replace(change, gate=gate) for change, gate in zip(changes, gates, strict=True))
+    stated, states = (dict(_by_key(each)) for each in gates)
+    judged = adjusted([change.gate for change in changes])
+    found = (
+        replace(change, gate=gate, claims=_claims(stated.get(_gate_key(change.old)), states.get(_gate_key(change.new))))
+        for change, gate in zip(changes, judged, strict=True)
+    )
     return Comparison(tuple(found), allow_removed)
+
+
+def _claims(old: Gate | None, new: Gate | None) -> tuple[ClaimChange, ...]:
+    return () if old is None or new is None else claim_changes(old, new)
+
+
+def _by_key(gates: Iterable[PlannedGate]) -> Iterator[tuple[_GateKey | None, Gate]]:
+    return (((gate.file, gate.name), gate.gate) for gate in gates)
 
 
 _GateKey = tuple[str, str]
@@ -268,8 +286,9 @@ def _change(old: Outcome | None, new: Outcome | None, samples: Sequence[RunPair]
     if old is None or new is None:
         return Change(kind, old, new, gate=gate, weaker=gate.weaker if gate else ())
     pairs = paired_expectations(old, new)
-    weaker = tuple(weaker_checks(old, new, pairs))
-    stricter = tuple(stricter_limits(old, new, pairs))
+    # Of a gate, the stated claims are compared instead.
+    weaker = () if is_gate or old.statistics else tuple(weaker_checks(old, new, pairs))
+    stricter = () if is_gate else tuple(stricter_limits(old, new, pairs))
     moved = {id(each.new) for each in weaker if each.kind == "limit"} | {id(now) for _, now in stricter}
     # The margin of a gate is that of a bound, which follows from the number of runs: its runs are compared instead.
     margins = () if is_gate else (_smaller_margin(*pair, thresholds.margin) for pair in pairs)

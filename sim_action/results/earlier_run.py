@@ -12,6 +12,7 @@ from sim_action.results.outcome import Outcome
 from sim_action.results.over_variations import over_variations
 from sim_action.results.results_json import RESULTS_FILE, find_all, read_all
 from sim_action.results.shard_results import gates_of, merge_shards
+from sim_action.scenario.variations.gate import PlannedGate
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,12 +22,14 @@ class EarlierRun:
     Attributes:
         name: its results, as typed.
         outcomes: the outcomes, with those of gates.
+        gates: the gates as they are stated.
         folders: `id()` of an outcome -> the folder of its results file, from which its files are named.
     """
 
     name: str
     outcomes: tuple[Outcome, ...]
     folders: Mapping[int, Path]
+    gates: tuple[PlannedGate, ...] = ()
 
 
 def read_run(pattern: str) -> EarlierRun:
@@ -35,9 +38,10 @@ def read_run(pattern: str) -> EarlierRun:
     if not files:
         raise UsageError(escaped_line(f"no {RESULTS_FILE} found at '{pattern}'; name a results file or its folder"))
     entries = merge_shards(files, None)
-    outcomes = over_variations([entry.outcome for entry in entries], gates_of(files))
-    # Gates are judged anew; the runs keep their order.
+    gates = gates_of(files)
+    outcomes = over_variations([entry.outcome for entry in entries], gates)
+    # The gates are judged again; the runs keep their order.
     runs = [outcome for outcome in outcomes if outcome.statistics is None]
     origins = [entry.origin for entry in entries if entry.outcome.statistics is None]
     folders = {id(run): origin.parent for run, origin in zip(runs, origins, strict=True) if origin is not None}
-    return EarlierRun(pattern, outcomes, folders)
+    return EarlierRun(pattern, outcomes, folders, gates)

@@ -9,9 +9,10 @@ from typing import Final, Literal
 
 from sim_action.core.records import dataclass
 from sim_action.results.outcome import ExpectationOutcome, Outcome
+from sim_action.scenario.variations.gate import GATE
 from sim_action.state.verdict import Verdict
 
-WeakerKind = Literal["removed", "severity", "unexercised", "window", "allow", "limit", "confidence"]
+WeakerKind = Literal["removed", "severity", "unexercised", "window", "allow", "limit"]
 """The way in which a scenario checks less than before.
 
 - removed: the new run does not have the expectation.
@@ -20,7 +21,6 @@ WeakerKind = Literal["removed", "severity", "unexercised", "window", "allow", "l
 - window: a goal has more time, or must hold for less; an invariant is checked for less time.
 - allow: it allows more names.
 - limit: the new limit allows more.
-- confidence: a gate needs less confidence.
 """
 
 Pair = tuple[ExpectationOutcome, ExpectationOutcome]
@@ -47,7 +47,7 @@ def paired_expectations(old: Outcome, new: Outcome) -> list[Pair]:
     """Pair the expectations with equal assertion and name, in the order of the new run; duplicates in their order.
 
     Of the others, two of one assertion are a pair if each run has exactly one of them: its name has changed, as the
-    default name does with the limit.
+    default name does with the limit. Claims of a gate with other names are other claims.
     """
     before: dict[tuple[str, str], list[ExpectationOutcome]] = {}
     for expected in old.expectations:
@@ -66,10 +66,8 @@ def weaker_checks(old: Outcome, new: Outcome, pairs: Sequence[Pair]) -> Iterator
     """Yield the expectations that check less in the new run, if it has verdicts; `pairs`: those of both runs."""
     if not new.has_verdict:
         return
-    if _needs_less_confidence(old, new) and pairs:
-        yield WeakerCheck("confidence", *pairs[0])
     kept = {id(one) for one, _ in pairs}
-    yield from (WeakerCheck("removed", one) for one in old.expectations if id(one) not in kept and not _counts(one))
+    yield from (WeakerCheck("removed", one) for one in old.expectations if id(one) not in kept)
     for one, now in pairs:
         if (one.severity, now.severity) == ("error", "warning"):
             yield WeakerCheck("severity", one, now)
@@ -138,7 +136,7 @@ def has_same_limit(old: Verdict, new: Verdict) -> bool:
 
 def _only_ones(expectations: Iterable[ExpectationOutcome]) -> dict[str, ExpectationOutcome]:
     """Return assertion -> expectation for assertions that occur exactly once."""
-    every = list(expectations)
+    every = [expected for expected in expectations if expected.assertion != GATE]
     counts = Counter(expected.assertion for expected in every)
     return {expected.assertion: expected for expected in every if counts[expected.assertion] == 1}
 
@@ -147,16 +145,6 @@ def _renamed(
     now: ExpectationOutcome, added: dict[str, ExpectationOutcome], left: dict[str, ExpectationOutcome]
 ) -> ExpectationOutcome | None:
     return left.get(now.assertion) if added.get(now.assertion) is now else None
-
-
-def _needs_less_confidence(old: Outcome, new: Outcome) -> bool:
-    was, now = old.statistics, new.statistics
-    return was is not None and now is not None and now.confidence < was.confidence
-
-
-def _counts(expected: ExpectationOutcome) -> bool:
-    """Return True for the bound of a gate on runs without a verdict: a gate has it only if it has such runs."""
-    return expected.assertion == "gate" and expected.verdict.unit == "runs"
 
 
 def _allows_more(old: Verdict, new: Verdict) -> bool:
@@ -169,8 +157,7 @@ def _allows_more(old: Verdict, new: Verdict) -> bool:
 
 def _side(verdict: Verdict) -> int:
     """Return 1 for a lower limit, -1 for an upper one; 0 if the verdict does not show it."""
-    # The margin of a gate without a decision is that of a bound, on the other side of the limit than the rate.
-    if verdict.measured is None or verdict.limit is None or not verdict.margin or verdict.inconclusive:
+    if verdict.measured is None or verdict.limit is None or not verdict.margin:
         return 0
     above = verdict.measured - verdict.limit
     return 0 if not above else 1 if (above > 0) == (verdict.margin > 0) else -1

@@ -13,9 +13,10 @@ from markdown_it import MarkdownIt
 from sim_action.core.provenance import Provenance
 from sim_action.reports.comparison import MAX_CHARACTERS, comparison_markdown, headline, print_comparison, rows
 from sim_action.results.comparison import Comparison, compare_outcomes
+from sim_action.results.gates import judged_gate
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, Scope
 from sim_action.results.results_json import Results
-from tests.gate_runs import judged, run, verdicts
+from tests.gate_runs import judged, planned, run, stated, verdicts
 
 Samples = dict[str, Results]
 
@@ -237,8 +238,28 @@ def test_golden_markdown_of_gates(gates: Comparison, golden: Callable[[str, str]
 
 def test_a_gate_that_needs_less_confidence_is_a_warning() -> None:
     old, new = (judged(verdicts([True] * 40), confidence=confidence) for confidence in (0.95, 0.8))
-    (row,) = rows(compare_outcomes(old, new))
-    assert (row.look, row.what, row.detail) == ("warning", "less confidence", "confidence 80 %, was 95 %")
+    gates = [planned(40, confidence=0.95)], [planned(40, confidence=0.8)]
+    (row,) = rows(compare_outcomes(old, new, gates=gates))
+    assert (row.look, row.what, row.detail) == ("warning", "less confidence", "passes: confidence 80 %, was 95 %")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "look", "what", "detail"),
+    [
+        (0.9, 0.8, "warning", "weaker limit", "passes: at least 80 %, was at least 90 %"),
+        (0.8, 0.9, "note", "stricter limit", "passes: at least 90 %, was at least 80 %"),
+        (0.9, None, "warning", "no longer checked", "passes: removed from the gate, was at least 90 %"),
+    ],
+)
+def test_a_claim_that_moved_is_shown_with_both_values(
+    old: float, new: float | None, look: str, what: str, detail: str
+) -> None:
+    runs = verdicts([True] * 100)
+    quantile = {"of": "clearance.measured", "q": 0.05, "at_least": "1 m"}
+    gates = [stated(quantile=quantile, passes=rate and {"at_least": rate}) for rate in (old, new)]
+    before, now = ([judged_gate(gate, runs), *runs] for gate in gates)
+    (row,) = rows(compare_outcomes(before, now, gates=([gates[0]], [gates[1]])))
+    assert (row.look, row.what, row.detail) == (look, what, detail)
 
 
 @pytest.mark.parametrize(

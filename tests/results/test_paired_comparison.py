@@ -11,9 +11,10 @@ import pytest
 from sim_action.app.compare import CompareRequest, compare_results
 from sim_action.core.errors import ExitCode
 from sim_action.results.comparison import Change, Comparison, Thresholds, compare_outcomes
+from sim_action.results.gates import judged_gate
 from sim_action.results.outcome import ExpectationOutcome, Outcome, Scope
 from sim_action.results.paired_comparison import GateComparison, Rate, adjusted, compare_gate
-from tests.gate_runs import FILE, judged, planned, run, simulated, verdicts
+from tests.gate_runs import FILE, judged, planned, run, simulated, stated, verdicts
 from tests.outcomes import results
 
 SEEDS = 100
@@ -258,20 +259,27 @@ def with_scope(outcome: Outcome, scope: Scope) -> Outcome:
     return outcome.model_copy(update={"expectations": (expected.model_copy(update={"scope": scope}),)})
 
 
-def test_a_stricter_gate_that_cannot_decide_is_no_weaker_check() -> None:
-    old, new = judged(verdicts(passing(93)), at_least=0.9), judged(verdicts(passing(93)), at_least=0.91)
-    assert {old[0].status, new[0].status} == {"inconclusive"}
-    assert only(compare_outcomes(old, new))[0].weaker == ()
-    looser = judged(verdicts(passing(93)), at_least=0.8)
-    old = judged(verdicts(passing(93)), at_least=0.85)
-    assert [weaker.kind for weaker in only(compare_outcomes(old, looser))[0].weaker] == ["limit"]
-
-
-def test_a_gate_that_needs_less_confidence_is_a_weaker_check() -> None:
+def test_the_stated_claims_of_both_gates_are_compared() -> None:
     runs = verdicts(passing(100))
-    sure, unsure = judged(runs, confidence=0.95), judged(runs, confidence=0.8)
-    assert [weaker.kind for weaker in only(compare_outcomes(sure, unsure))[0].weaker] == ["confidence"]
-    assert only(compare_outcomes(unsure, sure))[0].weaker == ()
+    gates = stated(passes={"at_least": 0.9}), stated(passes={"at_least": 0.8})
+    old, new = ([judged_gate(gate, runs), *runs] for gate in gates)
+    comparison = compare_outcomes(old, new, gates=([gates[0]], [gates[1]]))
+    change, _ = only(comparison)
+    assert [(claim.kind, claim.claim, claim.is_weaker) for claim in change.claims] == [("limit", "passes", True)]
+    assert (change.weaker, change.stricter, change.renamed, comparison.warnings) == ((), (), (), 1)
+    assert comparison.exit_code(strict=True) is ExitCode.FAILED
+    stricter = compare_outcomes(new, old, gates=([gates[1]], [gates[0]]))
+    assert [(claim.kind, claim.is_weaker) for claim in only(stricter)[0].claims] == [("limit", False)]
+    assert stricter.warnings == 0
+    assert only(compare_outcomes(old, new))[0].claims == ()
+
+
+def test_claims_of_other_kinds_are_not_renamed() -> None:
+    runs = verdicts(passing(100))
+    gates = stated(passes={"at_least": 0.95}), stated(stop_early={"reject": 0.3, "accept": 0.6})
+    old, new = ([judged_gate(gate, runs), *runs] for gate in gates)
+    change, _ = only(compare_outcomes(old, new, gates=([gates[0]], [gates[1]])))
+    assert (change.renamed, [claim.kind for claim in change.claims]) == ((), ["limit"])
 
 
 def test_errors_that_are_gone_are_no_removed_check() -> None:
@@ -330,3 +338,13 @@ def test_results_of_shards_are_joined_first(tmp_path: Path, capsys: pytest.Captu
     same = CompareRequest(str(tmp_path / "old"), str(tmp_path / "old"))
     assert compare_results(same) is ExitCode.PASSED
     assert capsys.readouterr().out == "1 still passes\n"
+
+
+def test_the_stated_gates_of_results_files_are_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for folder, at_least in (("old", 0.9), ("new", 0.8)):
+        (tmp_path / folder).mkdir()
+        found = results(*verdicts(passing(100)))
+        found.model_copy(update={"gates": (planned(100, at_least=at_least),)}).write(tmp_path / folder)
+    request = CompareRequest(str(tmp_path / "old"), str(tmp_path / "new"), strict=True)
+    assert compare_results(request) is ExitCode.FAILED
+    assert "passes: at least 80 %, was at least 90 %" in capsys.readouterr().out
