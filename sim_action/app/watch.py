@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import nullcontext
-from operator import itemgetter
 from pathlib import Path
 from typing import Final
 
@@ -18,8 +17,9 @@ from sim_action.core.records import dataclass, field, replace
 from sim_action.core.wording import note
 from sim_action.reports.comparison import print_comparison, rows
 from sim_action.results.comparison import Thresholds, compare_outcomes
-from sim_action.results.events import Event, Finished
 from sim_action.results.outcome import Outcome
+from sim_action.results.results_json import Results
+from sim_action.scenario.variations.gate import PlannedGate
 from sim_action.scenario.watched_files import Stamp, stamps, watched_files
 
 _POLL_S: Final = 0.5
@@ -59,6 +59,14 @@ class _Watched:
         return [file for file, made_of in self.files.items() if not changed.isdisjoint(made_of)]
 
 
+@dataclass(slots=True)
+class _Found:
+    """The results of one scenario file: outcomes, those of gates included, and the gates as they are stated."""
+
+    outcomes: list[Outcome] = field(default_factory=list)
+    gates: list[PlannedGate] = field(default_factory=list)
+
+
 def watch_scenarios(
     request: RunRequest, patterns: Sequence[str], interruption: Interruption, *, live_port: int | None = None
 ) -> ExitCode:
@@ -74,15 +82,13 @@ def watch_scenarios(
 def _watch(request: RunRequest, patterns: Sequence[str], interruption: Interruption) -> ExitCode:
     watched = _Watched()
     _look(watched, request, request.plan.suite.files, patterns)
-    collected = _Collected()
-    run_scenarios(request, interruption, collected)
-    outcomes = collected.by_file()
+    known = _by_file(run_scenarios(request, interruption).results)
     written = _without_written(watched, set())
     _note_watched(watched)
     while changed := _wait(watched, interruption):
         if touched := _touched(watched, changed, request, patterns):
             note(f"changed: {_names(changed - watched.folders)}")
-            outcomes |= _rerun(request, touched, outcomes, interruption)
+            known |= _rerun(request, touched, known, interruption)
             written = _without_written(watched, written)
             _note_watched(watched)
     return ExitCode.INTERRUPTED
@@ -147,43 +153,39 @@ def _touched(watched: _Watched, changed: set[Path], request: RunRequest, pattern
 
 
 def _rerun(
-    request: RunRequest, touched: Sequence[Path], outcomes: Mapping[str, list[Outcome]], interruption: Interruption
-) -> dict[str, list[Outcome]]:
-    """Return the new outcomes of these files and print the differences."""
+    request: RunRequest, touched: Sequence[Path], known: Mapping[str, _Found], interruption: Interruption
+) -> dict[str, _Found]:
+    """Return the new results of these files and print the differences."""
     suite = replace(request.plan.suite, files=tuple(touched), empty=(), complete=False)
-    collected = _Collected()
     try:
-        run_scenarios(replace(request, plan=replace(request.plan, suite=suite)), interruption, collected)
+        results = run_scenarios(replace(request, plan=replace(request.plan, suite=suite)), interruption).results
     except UsageError as error:
         note(str(error))
         return {}
     if interruption.happened:
         return {}
-    found = {file_name(file): list[Outcome]() for file in touched} | collected.by_file()
-    before = [outcome for file in found for outcome in outcomes.get(file, [])]
-    now = [outcome for several in found.values() for outcome in several]
-    comparison = compare_outcomes(before, now, _THRESHOLDS, allow_removed=True)
+    found = {file_name(file): _Found() for file in touched} | _by_file(results)
+    before, now = ([each.get(file, _Found()) for file in found] for each in (known, found))
+    comparison = compare_outcomes(
+        [outcome for each in before for outcome in each.outcomes],
+        [outcome for each in now for outcome in each.outcomes],
+        _THRESHOLDS,
+        allow_removed=True,
+        gates=([gate for each in before for gate in each.gates], [gate for each in now for gate in each.gates]),
+    )
     if rows(comparison):
         print_comparison(comparison, os.environ)
     return found
 
 
-class _Collected:
-    """A listener that collects the outcomes of a call."""
-
-    def __init__(self) -> None:
-        self._outcomes: dict[int, Outcome] = {}
-
-    def __call__(self, event: Event) -> None:
-        if isinstance(event, Finished):
-            self._outcomes[event.place] = event.outcome
-
-    def by_file(self) -> dict[str, list[Outcome]]:
-        """Return the outcomes of each file, in the order of the results."""
-        found: dict[str, list[Outcome]] = {}
-        for _, outcome in sorted(self._outcomes.items(), key=itemgetter(0)):
-            found.setdefault(outcome.file, []).append(outcome)
-        return found
+def _by_file(results: Results) -> dict[str, _Found]:
+    """Return the results of each file, in the order of the call."""
+    found: dict[str, _Found] = {}
+    for outcome in results.outcomes:
+        found.setdefault(outcome.file, _Found()).outcomes.append(outcome)
+    for gate in results.gates:
+        found.setdefault(gate.file, _Found()).gates.append(gate)
+    return found
 
 
 def _names(changed: set[Path]) -> str:

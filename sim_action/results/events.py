@@ -1,4 +1,4 @@
-"""The events of a call, in the order in which they happen: the terminal, the journal and `--watch` read them.
+"""The events of a call, in the order in which they happen: the terminal, the journal and early stops read them.
 
     Started, Progressed ..., RunEnded     one run of one scenario, in a child process
     Finished                              an outcome of the results is final

@@ -103,6 +103,25 @@ def test_what_is_touched_runs_again_and_what_changed_is_told(folder: Path) -> No
         assert process.wait() == 130
 
 
+GATE = f"""\
+{SCENARIO}variations: {{{{world.ground.friction: {{{{uniform: [0.4, 0.9]}}}}}}}}
+gate: {{{{passes: {{{{at_least: 50 %}}}}, runs: 6}}}}
+"""
+
+
+def test_gates_are_compared_and_not_their_samples(tmp_path: Path) -> None:
+    (tmp_path / ".git").mkdir()
+    gate = write(tmp_path / "a.sim.yml", GATE.format(name="often"))
+    with watching(tmp_path) as (process, until):
+        until("watching 1 file")
+        write(gate, GATE.format(name="often").replace("expect: [{travel: {at_least: 5 cm}}]", FORBIDDEN))
+        told = until("watching 1 file")
+        assert re.search(r"newly fails +often  a.sim.yml", told)
+        assert "newly fails  often[" not in told
+        process.send_signal(signal.SIGINT)
+        assert process.wait() == 130
+
+
 def test_a_new_scenario_is_run_and_one_that_is_gone_is_not(folder: Path) -> None:
     with watching(folder, ".") as (process, until):
         until("watching 3 files")
