@@ -17,7 +17,7 @@ from sim_action.core.records import dataclass
 from sim_action.results.outcome import Failure, NotNegative, Outcome
 from sim_action.results.results_json import MAX_OUTCOMES
 from sim_action.results.shards import Shard
-from sim_action.scenario.source import Varied
+from sim_action.scenario.source import Variation
 from sim_action.scenario.variations.gate import PlannedGate
 
 Place = Annotated[int, Field(ge=0)]
@@ -33,7 +33,7 @@ class Planned:
     line: Annotated[int, Field(ge=1)] | None = None
     number: Annotated[int, Field(ge=1)] | None = None
     group: str | None = None
-    variation: tuple[Varied, ...] = ()
+    variation: Variation = ()
     gate: str | None = None
     __pydantic_config__: ClassVar[ConfigDict] = FrozenModel.model_config
 

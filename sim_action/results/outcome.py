@@ -24,7 +24,7 @@ from sim_action.results.gate_statistics import GateStatistics
 from sim_action.scenario.claim_audit import AuditWarning
 from sim_action.scenario.model import Severity, Unexercised
 from sim_action.scenario.selection import Unmatched
-from sim_action.scenario.source import Refused, Varied
+from sim_action.scenario.source import Refused, Variation
 from sim_action.state.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -260,7 +260,7 @@ class Outcome(FrozenModel):
     number: Annotated[int, Field(ge=1)] | None = None
     group: str | None = None
     tags: tuple[str, ...] = ()
-    variation: tuple[Varied, ...] = ()
+    variation: Variation = ()
     gate: str | None = None
     statistics: GateStatistics | None = None
     status: Status

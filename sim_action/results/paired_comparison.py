@@ -187,7 +187,12 @@ def adjusted(gates: Sequence[GateComparison | None]) -> list[GateComparison | No
 def is_smaller_margin(old: float, new: float, pairs: Iterable[Pair], threshold: float) -> bool:
     """Return True if a margin is less than a fraction of the old one, and the loss matters against the limit."""
     scales = [_scale(*pair) for pair in pairs]
-    return new < threshold * old and old - new >= _MIN_RELATIVE_LOSS * math.fsum(scales) / len(scales)
+    return new < threshold * old and old - new >= _MIN_RELATIVE_LOSS * _mean(scales)
+
+
+def _mean(values: Sequence[float]) -> float:
+    """Return the mean; the sum of large values could be larger than any float."""
+    return math.fsum(value / len(values) for value in values)
 
 
 def moves_differently(old: Outcome, new: Outcome) -> bool:
@@ -253,7 +258,7 @@ def _margin_losses(pairs: Iterable[tuple[Outcome, Outcome]], threshold: float) -
     compared = [several for several in by_place.values() if len(several) >= MIN_PAIRS_OF_MARGIN]
     for several in compared:
         margins = [(one.verdict.margin or 0.0, now.verdict.margin or 0.0) for one, now in several]
-        old_mean, new_mean = (math.fsum(values) / len(margins) for values in zip(*margins, strict=True))
+        old_mean, new_mean = map(_mean, zip(*margins, strict=True))
         if old_mean <= 0 or not is_smaller_margin(old_mean, new_mean, several, threshold):
             continue
         confidence = 1.0 - (1.0 - CONFIDENCE) / len(compared)
@@ -270,8 +275,9 @@ def _is_same_quantity(old: ExpectationOutcome, new: ExpectationOutcome) -> bool:
     The margin of a goal belongs to the moment at which it is reached; an undecided one (cut off) is not known.
     """
     before, now = old.verdict, new.verdict
-    known = all(one.margin is not None and math.isfinite(one.margin) for one in (before, now))
-    if not known or before.unit != now.unit or any(one.goal or one.cut_off for one in (before, now)):
+    if before.margin is None or now.margin is None or not math.isfinite(now.margin - before.margin):
+        return False
+    if before.unit != now.unit or any(one.goal or one.cut_off for one in (before, now)):
         return False
     # The margin to a new limit is another quantity, unless the user keeps the name.
     return old.name == new.name or has_same_limit(before, now)

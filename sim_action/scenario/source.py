@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Final
+from typing import Annotated, Final
 
-from pydantic import JsonValue
+from pydantic import Field, JsonValue
 
 from sim_action.core.errors import InternalError, InvalidScenario, Location, Problem
 from sim_action.core.records import dataclass, replace
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import Document
 from sim_action.scenario.variations.gate import PlannedGate
+
+MAX_KEYS: Final = 20
+"""The largest number of varied keys."""
 
 _LONGEST_VALUES: Final = 100
 
@@ -23,6 +26,10 @@ class Varied:
 
     key: str
     value: JsonValue
+
+
+Variation = Annotated[tuple[Varied, ...], Field(max_length=MAX_KEYS)]
+"""The varied keys of a run, and their values."""
 
 
 @dataclass(frozen=True, slots=True)

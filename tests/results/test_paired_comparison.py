@@ -180,6 +180,15 @@ def test_a_loss_of_margin_that_may_be_chance_is_not_reported() -> None:
     assert only(compared(with_margins(old), with_margins(new)))[1].margins == ()
 
 
+@pytest.mark.parametrize("scale", [1e110, 1e307])
+def test_margins_of_any_size_are_compared(scale: float) -> None:
+    old, new = ([scale * size] * 30 for size in (4.0, 1.0))
+    (loss,) = only(compared(with_margins(old), with_margins([*new[1:], 0.5 * scale])))[1].margins
+    assert (loss.change.low / scale, loss.change.high / scale) == pytest.approx((-3.0, -3.0), abs=0.2)
+    opposite = with_margins([-1.7e308] * 30)
+    assert only(compared(with_margins([1.7e308] * 30), opposite))[1].margins == ()
+
+
 def test_few_pairs_have_no_comparison_of_margins() -> None:
     for count, found in ((19, 0), (20, 1)):
         _, gate = only(compared(with_margins([0.4] * count), with_margins([0.1] * count)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from sim_action.core.errors import ExitCode, Location, UsageError
 from sim_action.results.outcome import ExpectationOutcome, Failure, FailureKind, Measurement, Outcome
 from sim_action.results.results_json import Results, find_all, read_all
 from sim_action.results.shards import Shard
+from sim_action.scenario.source import Varied
 from sim_action.state.verdict import Judged, Verdict
 from tests.outcomes import as_former_version, outcome, results, stored
 
@@ -155,6 +157,15 @@ def test_results_of_version_2_are_read_and_keep_their_status(tmp_path: Path) -> 
             del expected["unexercised"], expected["verdict"]["judged"]
     path.write_text(json.dumps(written))
     assert [outcome.status for outcome in Results.read(path).outcomes] == ["passed", "failed"]
+
+
+def test_more_varied_keys_than_a_scenario_has_are_not_read(tmp_path: Path) -> None:
+    varied = tuple(Varied(f"a.b{number}", number) for number in range(21))
+    for count in (20, 21):
+        varying = Outcome(name="a", file="a.sim.yml", status="skipped")
+        path = results(varying.model_copy(update={"variation": varied[:count]})).write(tmp_path)
+        with nullcontext() if count == 20 else pytest.raises(UsageError, match=r"outcomes\.0\.variation"):
+            Results.read(path)
 
 
 def test_results_larger_than_anybody_writes_are_not_read(tmp_path: Path) -> None:

@@ -79,13 +79,16 @@ def paired_bootstrap(differences: Sequence[float], confidence: float, seed: int 
 
     The seed of the resamples is fixed: the same differences in the same order have the same interval.
     """
-    values = list(map(float, differences))
-    if len(values) < 2 or not all(map(math.isfinite, values)):
-        raise ValueError(f"an interval needs at least two differences, and finite ones: {len(values)} are given")
+    stated = list(map(float, differences))
+    if len(stated) < 2 or not all(map(math.isfinite, stated)):
+        raise ValueError(f"an interval needs at least two differences, and finite ones: {len(stated)} are given")
     z = _upper_normal(confidence)
+    if min(stated) == max(stated):
+        return Interval(stated[0], stated[0])
+    # A power of 2 changes no digit, and the powers of values up to 1 stay in the range of floats.
+    exponent = math.frexp(max(map(abs, stated)))[1]
+    values = [math.ldexp(value, -exponent) for value in stated]
     mean = math.fsum(values) / len(values)
-    if min(values) == max(values):
-        return Interval(mean, mean)
     means = _means_of_resamples(values, seed)
     # Means that are equal but for rounding count half: differences with few distinct values have many of them.
     slack = 1e-12 * max(map(abs, values))
@@ -95,7 +98,7 @@ def paired_bootstrap(differences: Sequence[float], confidence: float, seed: int 
     cubes, squares = (math.fsum(each**power for each in deviations) for power in (3, 2))
     acceleration = cubes / (6.0 * squares**1.5)
     low, high = (_corrected(side, bias, acceleration) for side in (-z, z))
-    return Interval(_quantile(means, low), _quantile(means, high))
+    return Interval(*(_restored(_quantile(means, share), exponent, values) for share in (low, high)))
 
 
 def _means_of_resamples(values: Sequence[float], seed: int) -> list[float]:
@@ -103,6 +106,12 @@ def _means_of_resamples(values: Sequence[float], seed: int) -> list[float]:
     # Plain Python: `sim-action compare` runs where numpy is not installed.
     choices, size = Random(seed).choices, len(values)
     return sorted(sum(choices(values, k=size)) / size for _ in range(RESAMPLES))
+
+
+def _restored(mean: float, exponent: int, values: Sequence[float]) -> float:
+    """Return a mean of scaled values in their former scale."""
+    # Its rounding may not leave the range of floats.
+    return math.ldexp(min(max(mean, min(values)), max(values)), exponent)
 
 
 def _quantile(ascending: Sequence[float], share: float) -> float:

@@ -26,7 +26,7 @@ from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import shown
 from sim_action.core.yaml_document import Document, KeyPath
 from sim_action.scenario.extends import without
-from sim_action.scenario.source import Source, Varied
+from sim_action.scenario.source import MAX_KEYS, Source, Varied
 from sim_action.scenario.variations.dotted_keys import NoSuchKey, placed, resolved
 from sim_action.scenario.variations.draws import Sobol
 from sim_action.scenario.variations.gate import (
@@ -115,8 +115,6 @@ def _written(value: object) -> str | None:
 
 MAX_RUNS: Final = 10_000
 """The largest number of runs of all scenarios of a file."""
-
-MAX_KEYS: Final = 20
 
 # Number of values; shared values count for each variation, as each is checked.
 _MAX_WRITTEN_OUT: Final = 5_000_000

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import random
+import sys
 from collections.abc import Callable, Iterator
 from fractions import Fraction
 from math import comb
@@ -142,6 +144,21 @@ def test_the_interval_of_a_mean_follows_a_shift_and_a_scale() -> None:
     assert (interval.low, interval.high) == pytest.approx((values.mean() - half, values.mean() + half), abs=0.01)
     moved = paired_bootstrap((2.0 * values + 5.0).tolist(), 0.95)
     assert (moved.low, moved.high) == pytest.approx((2.0 * interval.low + 5.0, 2.0 * interval.high + 5.0), abs=1e-9)
+
+
+@pytest.mark.parametrize("exponent", [-1070, -400, 300, 1020])
+def test_the_interval_of_a_mean_has_the_scale_of_its_values(exponent: int) -> None:
+    """Their squares and cubes, and even their sum, may leave the range of floats."""
+    values = [math.ldexp(float(value), exponent) for value in (*range(1, 9), 15)]
+    interval, expected = paired_bootstrap(values, 0.95), paired_bootstrap([*map(float, range(1, 9)), 15.0], 0.95)
+    scaled = (math.ldexp(expected.low, exponent), math.ldexp(expected.high, exponent))
+    assert (interval.low, interval.high) == pytest.approx(scaled, rel=1e-9, abs=1e-323)
+    assert values[0] < interval.low < interval.high < values[-1]
+
+
+def test_the_interval_of_the_largest_floats_is_finite() -> None:
+    values = [sys.float_info.max, *[sys.float_info.max * (1 - 1e-16)] * 20]
+    assert paired_bootstrap(values, 0.95).high <= sys.float_info.max
 
 
 def test_the_interval_of_a_skewed_mean_reaches_further_to_the_long_tail() -> None:
