@@ -12,7 +12,13 @@ from sim_action.core.wording import counted, shortened
 from sim_action.reports.console import Console
 from sim_action.reports.escaping import log_text, markdown_text
 from sim_action.reports.formatting import measurements, moment, quantity, speed_text
-from sim_action.reports.gate_changes import claim_text, mean_margins_text, no_change_text, rate_change_text, rate_text
+from sim_action.reports.gate_changes import (
+    claim_text,
+    mean_margins_text,
+    no_change_text,
+    rate_change_text,
+    unpaired_text,
+)
 from sim_action.reports.github.markdown import code, row, table
 from sim_action.reports.statuses import STATUS_DISPLAYS
 from sim_action.reports.terminal import open_console
@@ -22,6 +28,7 @@ from sim_action.results.outcome import ExpectationOutcome, Outcome
 from sim_action.results.paired_comparison import GateComparison
 from sim_action.results.weaker_checks import WeakerCheck, WeakerKind, loosened_times, newly_allowed, paired_expectations
 from sim_action.results.written_files import COMPARED
+from sim_action.scenario.variations.gate import GATE
 
 Look = Literal["bad", "warning", "note", "good"]
 
@@ -155,11 +162,7 @@ def _row_of_claim(claim: ClaimChange, outcome: Outcome) -> Row:
 def _rows_of_runs(gate: GateComparison, outcome: Outcome) -> Iterator[Row]:
     """Yield the rows of the runs of a gate, without those of weaker checks."""
     if not gate.same_draws:
-        detail = (
-            f"{counted(gate.pairs, 'run')} of the old and the new result have the same draws, so the runs are not "
-            f"compared; unpaired rates: {rate_text(gate.old)}, now {rate_text(gate.new)}"
-        )
-        yield Row("warning", "samples differ", outcome, detail)
+        yield Row("warning", "samples differ", outcome, unpaired_text(gate))
     if rate := gate.rate:
         if rate.direction is not None:
             look: Look = "bad" if rate.direction == "fell" else "good"
@@ -213,7 +216,8 @@ def before_text(change: Change) -> str:
     name = "" if held.name == failed.name else f" ({held.name})"
     # The margin of a goal that came true says little.
     told = f"came true at {moment(held.verdict.time)}" if held.verdict.goal else measurements(held.verdict)
-    return f"before{name}: {told}"
+    # The margin of a gate is that of a bound, not of the measured rate.
+    return f"before{name}: {held.verdict.message if held.assertion == GATE else told}"
 
 
 def _weaker_text(weaker: WeakerCheck) -> str:

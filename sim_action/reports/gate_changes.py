@@ -7,7 +7,7 @@ from typing import Final
 from sim_action.core.wording import counted
 from sim_action.reports.formatting import quantity
 from sim_action.results.gate_claims import ClaimChange
-from sim_action.results.paired_comparison import CONFIDENCE, MarginLoss, Rate, RateChange
+from sim_action.results.paired_comparison import CONFIDENCE, GateComparison, MarginLoss, Rate, RateChange
 from sim_action.scenario.variations.gate import percent
 
 # A smaller p-value is shown as a bound.
@@ -39,8 +39,14 @@ def _from_to(rate: RateChange) -> str:
     return f"from {percent(rate.old.share)} to {percent(rate.new.share)} of {counted(rate.new.runs, 'run')}"
 
 
-def rate_text(rate: Rate) -> str:
-    """Return a text such as "94 % of 100 runs"."""
+def unpaired_text(gate: GateComparison) -> str:
+    """Return a text such as "only 50 of 60 runs have the same draws, ..." for gates with other samples."""
+    same = f"{gate.pairs} of {counted(max(gate.old.runs, gate.new.runs), 'run')} have the same draws"
+    rates = f"{_rate_text(gate.old)}, now {_rate_text(gate.new)}"
+    return f"{'only ' if gate.pairs else ''}{same}, so the runs are not compared; unpaired rates: {rates}"
+
+
+def _rate_text(rate: Rate) -> str:
     return f"{percent(rate.share)} of {counted(rate.runs, 'run')}" if rate.runs else "no run with a verdict"
 
 

@@ -276,6 +276,12 @@ def test_the_change_of_a_rate_in_words(old: int, new: int, told: str) -> None:
     assert row.detail == f"the pass rate {told}"
 
 
+def test_other_draws_are_counted_of_all_runs() -> None:
+    before, now = (judged(verdicts([True] * count)) for count in (50, 60))
+    (row,) = rows(compare_outcomes(before, now))
+    assert row.detail.startswith("only 50 of 60 runs have the same draws, so the runs are not compared; unpaired")
+
+
 @pytest.mark.parametrize(
     ("goal", "told"),
     [(True, "came true at 2.00 s"), (False, "measured 1.501 m, limit 1.5 m, margin 0.0012 m, at 2.00 s")],
