@@ -81,8 +81,10 @@ class ScenarioGroup:
 
     @property
     def not_passed(self) -> tuple[Outcome, ...]:
-        """The runs that did not pass, the worst first, without those that were not run, or interrupted."""
-        bad = [outcome for outcome in self.outcomes if outcome.status not in ("passed", "skipped")]
+        """The runs that did not pass, the worst first, without interrupted ones, and those beyond an early decision."""
+        counts = None if self.gate is None else self.gate.statistics
+        judged = self.outcomes if counts is None or counts.decision is None else self.outcomes[: counts.runs]
+        bad = [outcome for outcome in judged if outcome.status not in ("passed", "skipped")]
         return tuple(sorted((run for run in bad if run.exit_code is not ExitCode.INTERRUPTED), key=_badness))
 
     @property

@@ -242,3 +242,13 @@ def test_runs_on_several_engines_have_one_entry_for_each_gate() -> None:
     assert [(group.name, len(group.outcomes), group.is_part) for group in found] == [
         (gate.name, 29, False) for gate in gates
     ]
+
+
+def test_runs_beyond_an_early_decision_are_not_listed() -> None:
+    """Shards run all samples of a gate, and `merge` counts up to the decision."""
+    planned = planned_gate(100, stop_early={"reject": "85 %", "accept": "95 %"})
+    (group,) = grouped_scenarios(gate_results(planned, *runs_of_gate(planned, passed=2, failed=98)).outcomes)
+    assert group.gate is not None
+    assert group.gate.statistics is not None
+    assert group.rate_text.startswith("2 of 5 runs passed")
+    assert group.not_passed_text == "3 runs failed"
