@@ -40,6 +40,7 @@ from sim_action.scenario.model import DrivenRobot, LoadedScenario, Scenario
 from sim_action.scenario.part_reader import PartReader
 from sim_action.scenario.robot_claims import audit_robot
 from sim_action.scenario.source import Refused, Source
+from sim_action.scenario.variations.gate import GATE
 from sim_action.scenario.world_file import WorldLibrary, filled, with_robot_of_world
 from sim_action.world.scene import Fitting, Scene, WorldPlaces
 from sim_action.world.shape_files import ShapeLibrary, read_surroundings
@@ -327,8 +328,10 @@ class _Loader:
         """Note a gate whose runs would all be the same."""
         source = self._source
         if source.gate is not None and source.differs_by_seed and not scenario.is_random:
+            keys = " and ".join(f"'{key}'" for key in source.equal_draws)
+            reason = f"all samples of {keys} have one value" if keys else "nothing is drawn"
             message = (
-                f"all {source.gate.runs} runs would be the same: nothing is drawn and nothing is noisy; draw a key in "
+                f"{GATE}: all {source.gate.runs} runs would be the same: {reason} and nothing is noisy; draw a key in "
                 "'variations', such as world.ground.friction: {uniform: [0.4, 0.8]}, or give a sensor 'noise'"
             )
             self._problems.note_elsewhere(Problem(source.gate.location, message))

@@ -48,7 +48,8 @@ class Source:
         draws: key paths of randomly drawn values -> advice for an invalid one.
         scenario_seed: the seed of the scenario, if this is one of its samples: each sample has a seed derived from it.
         gate: the gate that judges this run together with others.
-        differs_by_seed: True if only the seed tells it from the other runs of its gate.
+        differs_by_seed: True if only the seed differs from the other runs of its gate.
+        equal_draws: the drawn keys of such a run: all of their values are equal.
     """
 
     path: Path
@@ -63,6 +64,7 @@ class Source:
     scenario_seed: int | None = None
     gate: PlannedGate | None = None
     differs_by_seed: bool = False
+    equal_draws: tuple[str, ...] = ()
 
     @property
     def gate_name(self) -> str | None:

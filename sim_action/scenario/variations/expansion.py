@@ -201,9 +201,12 @@ def expanded(source: Source, seed: int | None, most: int = MAX_RUNS) -> tuple[So
         names = [_named(source, listed, each) for each in indices]
         size = len(drawn[0].values.values)
         gates = {name: gate.planned(name, source.name, source.document.file, source.line, size) for name in names}
-        by_seed = all(key.written in (SAMPLE, SEED) for key in drawn)
+        keys_of_values = [key for key in drawn if key.written not in (SAMPLE, SEED)]
+        by_seed = all(len(set(map(repr, key.values.values))) == 1 for key in keys_of_values)
+        equal = tuple(key.written for key in keys_of_values) if by_seed else ()
         found = (
-            replace(run, gate=gates[name], differs_by_seed=by_seed) for run, name in zip(found, names, strict=True)
+            replace(run, gate=gates[name], differs_by_seed=by_seed, equal_draws=equal)
+            for run, name in zip(found, names, strict=True)
         )
     return tuple(found)
 

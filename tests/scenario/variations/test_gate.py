@@ -179,7 +179,26 @@ def test_samples_that_would_all_be_the_same_are_refused(tmp_path: Path) -> None:
     several = runs(tmp_path, gate)
     assert several[0].differs_by_seed
     (same,) = told_of_first(tmp_path, gate)
-    assert same.startswith(f"{LINE}:1: all 5 runs would be the same: nothing is drawn and nothing is noisy; draw a key")
+    assert same.startswith(
+        f"{LINE}:1: gate: all 5 runs would be the same: nothing is drawn and nothing is noisy; draw a key"
+    )
+
+
+@pytest.mark.parametrize(
+    "draw",
+    [
+        "{choice: [0.5, 0.6], weights: [1, 0]}",
+        "{csv: equal.csv, column: friction}",
+        "{choice: [0.5, 0.6], weights: [0, 1]}, seed: {integers: [0, 99]}",
+    ],
+)
+def test_equal_samples_that_are_known_before_any_run_are_refused(tmp_path: Path, draw: str) -> None:
+    (tmp_path / "equal.csv").write_text("friction\n" + "0.5\n" * 5)
+    text = f"variations: {{world.ground.friction: {draw}}}\ngate: {{passes: {{at_least: 50 %}}, runs: 5}}\n"
+    (same,) = told_of_first(tmp_path, text)
+    assert "all 5 runs would be the same: all samples of 'world.ground.friction' have one value and nothing" in same
+    noisy = "sensors: [{name: imu, imu: {gyro_noise: 0.1}, rate: 10 Hz}]\n"
+    assert told_of_first(tmp_path, f"{noisy}{text}") == []
 
 
 @pytest.mark.parametrize(
