@@ -42,6 +42,9 @@ class Assertion(FrozenModel):
     runs_user_code: ClassVar[bool] = False
     """True if the monitor runs user code. Such a scenario gets an interpreter of its own."""
 
+    measured_unit: ClassVar[str | None] = None
+    """The unit of what it measures, an SI symbol; None if the scenario or the run decides it."""
+
     @classmethod
     def __pydantic_init_subclass__(cls, **_: object) -> None:
         """Let the assertions of installed packages count as user code."""

@@ -41,6 +41,7 @@ class Clearance(Assertion):
     """
 
     key: ClassVar[str] = "clearance"
+    measured_unit: ClassVar[str | None] = "m"
 
     at_least: Annotated[PositiveMetres | None, Field(description="an invariant: minimum distance")] = None
     at_most: Annotated[PositiveMetres | None, Field(description="a goal: the distance must fall to this value")] = None

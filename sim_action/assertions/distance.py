@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 class LengthBounds(MotionAssertion):
     """The base class of assertions with two bounds on a length."""
 
+    measured_unit: ClassVar[str | None] = "m"
+
     at_least: Annotated[PositiveMetres | None, Field(description="a goal: must be reached")] = None
     at_most: Annotated[NonNegativeMetres | None, Field(description="an invariant: must not be exceeded")] = None
 

@@ -35,6 +35,7 @@ class Energy(Assertion):
     """
 
     key: ClassVar[str] = "energy"
+    measured_unit: ClassVar[str | None] = "J"
 
     at_most: Annotated[NonNegativeJoules, Field(description="an invariant: must not be exceeded")]
     joints: Annotated[

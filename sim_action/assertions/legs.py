@@ -224,6 +224,7 @@ class SupportMargin(Feet):
     """
 
     key: ClassVar[str] = "support_margin"
+    measured_unit: ClassVar[str | None] = "m"
 
     at_least: Annotated[Metres, Field(description="an invariant: distance of the centre of mass to the edge")] = 0.0
 

@@ -32,6 +32,7 @@ class NoCollision(Assertion):
     """
 
     key: ClassVar[str] = "no_collision"
+    measured_unit: ClassVar[str | None] = "contacts"
 
     allow: Annotated[
         tuple[str, ...], Field(description="objects that may be touched, and links of the robot that may touch")

@@ -40,6 +40,7 @@ class SelfCollision(Assertion):
     """
 
     key: ClassVar[str] = "self_collision"
+    measured_unit: ClassVar[str | None] = "contacts"
 
     allow: Annotated[
         tuple[tuple[str, str], ...],

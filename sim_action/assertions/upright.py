@@ -22,6 +22,7 @@ class Upright(MotionAssertion):
     """The angle between the z axis of the base link, or of `link`, and that of `frame` never exceeds `max_tilt`."""
 
     key: ClassVar[str] = "upright"
+    measured_unit: ClassVar[str | None] = "rad"
 
     max_tilt: Annotated[PositiveRadians, Field(description="an invariant: must not be exceeded")] = math.radians(20)
 

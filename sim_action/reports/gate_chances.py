@@ -8,6 +8,7 @@ from typing import Final, TextIO
 from sim_action.core.records import dataclass
 from sim_action.core.statistics import binomial, order_statistics
 from sim_action.core.statistics.sequential import SequentialTest
+from sim_action.core.units import is_bare
 from sim_action.core.wording import counted
 from sim_action.reports.console import Console, shows_colours
 from sim_action.reports.escaping import log_text, one_line
@@ -86,7 +87,8 @@ def rate_claim_text(claim: Passes | StopEarly) -> str:
 def quantile_text(claim: Quantile) -> str:
     """Return a claim about a quantile, such as "5 % quantile of travel.measured at least 1.4 m ..."."""
     side = claim.claim.replace("_", " ")
-    return f"{percent(claim.q)} quantile of {claim.of} {side} {claim.bound} with {percent(claim.confidence)} confidence"
+    bound = f"{claim.bound} (SI)" if is_bare(claim.bound) else claim.bound
+    return f"{percent(claim.q)} quantile of {claim.of} {side} {bound} with {percent(claim.confidence)} confidence"
 
 
 def true_rates(claim: Passes | StopEarly) -> tuple[float, ...]:

@@ -15,7 +15,7 @@ from sim_action.core.records import dataclass
 from sim_action.core.statistics import binomial, order_statistics
 from sim_action.core.statistics.order_statistics import QuantileBounds
 from sim_action.core.statistics.sequential import Decision, SequentialTest, SequentialVerdict
-from sim_action.core.units import display, with_si_unit
+from sim_action.core.units import display, is_bare, with_si_unit
 from sim_action.core.wording import counted
 from sim_action.results.gate_statistics import GateStatistics
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, Status, status_of
@@ -217,7 +217,8 @@ def _quantile(claim: Quantile, runs: Sequence[Outcome]) -> Condition:
     found, unit = _values(claim, runs)
     known = [value for value in found if value is not None]
     word = "at least" if claim.at_most is None else "at most"
-    name = f"{percent(claim.q)} quantile of {claim.of} {word} {claim.bound}"
+    stated = f"{claim.bound} {unit}".rstrip() if is_bare(claim.bound) else claim.bound
+    name = f"{percent(claim.q)} quantile of {claim.of} {word} {stated}"
     bounds = order_statistics.quantile_bounds(known, claim.q, claim.confidence, len(found) - len(known))
     proving, refuting = bounds.lower, bounds.upper
     sign = 1.0

@@ -36,11 +36,11 @@ from sim_action.scenario.claim_audit import (
 )
 from sim_action.scenario.command_maps import Unfolded, unfolded
 from sim_action.scenario.files import read_only_scenario
+from sim_action.scenario.gate_checks import gate_problems
 from sim_action.scenario.model import DrivenRobot, LoadedScenario, Scenario
 from sim_action.scenario.part_reader import PartReader
 from sim_action.scenario.robot_claims import audit_robot
 from sim_action.scenario.source import Refused, Source
-from sim_action.scenario.variations.gate import GATE
 from sim_action.scenario.world_file import WorldLibrary, filled, with_robot_of_world
 from sim_action.world.scene import Fitting, Scene, WorldPlaces
 from sim_action.world.shape_files import ShapeLibrary, read_surroundings
@@ -294,7 +294,8 @@ class _Loader:
         self._problems.note_all((), _in_document(self._own_problems(scenario), written))
         if not self._problems:  # a source with a problem may be the code
             self._problems.note_all((), scenario_checks.environment_problems(scenario))
-        self._check_samples(scenario)
+        for problem in gate_problems(self._source, scenario):
+            self._problems.note_elsewhere(problem)
         self._take(audit_scenario(scenario, self._parts.expect_paths, self._parts.command_paths))
         self.unchecked = tuple(remark for source in scenario.commands for remark in source.unchecked)
         surroundings = read_surroundings(scenario.world, self._workspace, self._libraries.shapes, self.parts)
@@ -323,18 +324,6 @@ class _Loader:
                 self._problems.note(finding.path, f"{finding.message} [{finding.rule}]")
         document = self._source.document
         self.warnings += tuple(finding.warning(document) for finding in found if not finding.is_error)
-
-    def _check_samples(self, scenario: Scenario) -> None:
-        """Note a gate whose runs would all be the same."""
-        source = self._source
-        if source.gate is not None and source.differs_by_seed and not scenario.is_random:
-            keys = " and ".join(f"'{key}'" for key in source.equal_draws)
-            reason = f"all samples of {keys} have one value" if keys else "nothing is drawn"
-            message = (
-                f"{GATE}: all {source.gate.runs} runs would be the same: {reason} and nothing is noisy; draw a key in "
-                "'variations', such as world.ground.friction: {uniform: [0.4, 0.8]}, or give a sensor 'noise'"
-            )
-            self._problems.note_elsewhere(Problem(source.gate.location, message))
 
     def _own_problems(self, scenario: Scenario) -> SpecProblems:
         """Yield the problems that are visible without reading other files."""

@@ -185,6 +185,11 @@ def test_a_quantile_by_order_statistics() -> None:
     assert told.message.startswith("59 runs; with 95 % confidence the 5 % quantile is at least 1.4 m and at most 1.4")
 
 
+def test_a_limit_without_a_unit_is_in_that_of_the_value() -> None:
+    found = quantile({"at_least": 1.4}, [1.5] * 59)
+    assert (found.name, found.status) == ("5 % quantile of travel.measured at least 1.4 m", "passed")
+
+
 def test_a_value_that_was_not_measured_counts_against_the_claim() -> None:
     values: list[float | None] = [1.5] * 100
     assert quantile({"at_least": "1.4 m"}, values).status == "passed"

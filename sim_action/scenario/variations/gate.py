@@ -120,8 +120,8 @@ class Quantile(FrozenModel):
         ),
     ]
     q: Annotated[QuantileShare, Field(description="the share of runs below the quantile, such as 5 %")]
-    at_least: Annotated[float | str | None, Field(description="lower bound, with a unit")] = None
-    at_most: Annotated[float | str | None, Field(description="upper bound, with a unit")] = None
+    at_least: Annotated[float | str | None, Field(description="lower bound, with a unit; a number is SI")] = None
+    at_most: Annotated[float | str | None, Field(description="upper bound, with a unit; a number is SI")] = None
     confidence: Annotated[Confidence, Field(description=_CONFIDENCE_HELP)] = 0.95
 
     @model_validator(mode="after")
@@ -282,7 +282,9 @@ def _written(path: KeyPath, stated: object) -> KeyPath:
 
 def _unknown(quantile: Quantile, expect: object) -> str | None:
     """Return the problem of a quantile that names no expectation, or several."""
-    entries = [entry for entry in expect if isinstance(entry, dict)] if isinstance(expect, tuple) else []
+    listed = expect if isinstance(expect, tuple) else ()
+    # An assertion without keys may be written as its name alone.
+    entries = [{each: {}} if isinstance(each, str) else each for each in listed if isinstance(each, (str, dict))]
     called = [name for entry in entries if isinstance(name := entry.get("name"), str)]
     keys = [key for entry in entries for key in entry if key not in _OPTIONS]
     found = called.count(quantile.expectation) or keys.count(quantile.expectation)

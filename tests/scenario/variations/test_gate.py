@@ -21,8 +21,8 @@ DRAWN = "variations: {robot.pose.x: {uniform: [0 m, 1 m]}}\n"
 LINE = LEAST.count("\n") + 1
 
 
-def runs(folder: Path, text: str) -> tuple[Source, ...]:
-    document = read_document("s.sim.yml", LEAST + text)
+def runs(folder: Path, text: str, least: str = LEAST) -> tuple[Source, ...]:
+    document = read_document("s.sim.yml", least + text)
     return expanded(Source(folder / "s.sim.yml", Workspace(folder, folder), document, "push"), None)
 
 
@@ -201,6 +201,39 @@ def test_equal_samples_that_are_known_before_any_run_are_refused(tmp_path: Path,
     assert told_of_first(tmp_path, f"{noisy}{text}") == []
 
 
+def test_an_expectation_that_is_a_name_alone_is_found(tmp_path: Path) -> None:
+    gate = f"{DRAWN}gate: {{quantile: {{of: no_collision.measured, q: 50 %, at_most: 0}}, runs: 9}}\n"
+    once = LEAST.replace("expect:\n", "expect:\n  - no_collision\n")
+    assert len(runs(tmp_path, gate, once)) == 9
+    twice = once.replace("  - no_collision\n", "  - no_collision\n  - no_collision: {allow: [wall]}\n")
+    with pytest.raises(InvalidScenario, match="2 expectations are 'no_collision'; give the one that is meant a 'name'"):
+        runs(tmp_path, gate, twice)
+
+
+@pytest.mark.parametrize(
+    ("expect", "of", "bound", "problem"),
+    [
+        ("travel: {at_least: 1 m}", "travel", "0.5 kg", "travel.measured is in m, and the limit is 0.5 kg; write it"),
+        ("travel: {at_least: 1 m}, name: far", "far", "0.5 kg", "far.measured is in m, and the limit is 0.5 kg"),
+        ("upright: {max_tilt: 9 deg}", "upright", "2 m", "upright.measured is in rad, and the limit is 2 m"),
+        ("no_collision", "no_collision", "1 m", "no_collision.measured is in contacts, and the limit is 1 m"),
+        ("travel: {at_least: 1 m}", "travel", "50 cm", ""),
+        ("travel: {at_least: 1 m}", "travel", "0.5", ""),
+        ("travel: {at_least: 1 m}, for: 1 s", "travel", "0.5 s", ""),
+        ("upright: {max_tilt: 9 deg}", "upright", "2 deg", ""),
+        ("settled: {for: 1 s}", "settled", "2 m", ""),
+    ],
+)
+def test_a_limit_of_a_quantile_in_another_unit_is_refused(
+    tmp_path: Path, expect: str, of: str, bound: str, problem: str
+) -> None:
+    entry = expect if ":" not in expect else f"{{{expect}}}"
+    least = LEAST.replace("- travel: {at_least: 1.5 m}", f"- {entry}")
+    gate = f"{{quantile: {{of: {of}.measured, q: 50 %, at_most: {bound}}}, runs: 9}}"
+    found = told_of_first(tmp_path, f"{DRAWN}gate: {gate}\n", least)
+    assert (len(found) == 1 and f"gate.quantile: {problem}" in found[0]) if problem else found == []
+
+
 @pytest.mark.parametrize(
     "noisy",
     [
@@ -219,10 +252,10 @@ def test_a_perfect_sensor_makes_no_difference(tmp_path: Path) -> None:
     assert "would be the same" in found
 
 
-def told_of_first(folder: Path, text: str) -> list[str]:
+def told_of_first(folder: Path, text: str, least: str = LEAST) -> list[str]:
     """The problems of the first sample, checked as a whole."""
     try:
-        checked(runs(folder, text)[0], Permissions())
+        checked(runs(folder, text, least)[0], Permissions())
     except InvalidScenario as error:
         return [str(problem).removeprefix("s.sim.yml:") for problem in error.problems]
     return []
