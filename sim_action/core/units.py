@@ -90,13 +90,13 @@ def parse(value: object, *dimensions: Dimension) -> float:
     Raise UnitError for anything else, and for numbers that are not finite.
     """
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
-        raise UnitError(f"expected {_expected(dimensions)}, found {shown(value)}")
+        raise UnitError(f"{_expected(dimensions)}, found {shown(value)}")
     try:
         number = _parse_text(value, dimensions) if isinstance(value, str) else float(value)
     except OverflowError:
         number = math.inf
     if not math.isfinite(number):
-        raise UnitError(f"expected a finite {_expected(dimensions)}, found {shown(value)}")
+        raise UnitError(f"{_expected(dimensions, 'a finite ')}, found {shown(value)}")
     return number
 
 
@@ -136,7 +136,7 @@ def conversion(unit: str, other: str) -> float | None:
 def _parse_text(text: str, dimensions: tuple[Dimension, ...]) -> float:
     match = _QUANTITY.fullmatch(text.strip())
     if match is None:
-        raise UnitError(f"expected {_expected(dimensions)}, found {shown(text)}")
+        raise UnitError(f"{_expected(dimensions)}, found {shown(text)}")
     number, unit = match.groups()
     if unit is None:
         return float(number)
@@ -148,10 +148,12 @@ def _parse_text(text: str, dimensions: tuple[Dimension, ...]) -> float:
     return float(number) * factors[unit]
 
 
-def _expected(dimensions: tuple[Dimension, ...]) -> str:
+def _expected(dimensions: tuple[Dimension, ...], which: str = "") -> str:
+    if dimensions == (SHARE,):
+        return f"expected {which or 'a '}share such as 90 %"
     names = " or ".join(dimension.name for dimension in dimensions)
     example = next((f" such as '1 {dimension.si}'" for dimension in dimensions if dimension.si), " such as 0.5")
-    return f"{names}{example}"
+    return f"expected {which}{names}{example}"
 
 
 def display(value: float, unit: str, digits: int = 4) -> str:

@@ -71,6 +71,7 @@ _EXPECTED = {
     "string_type": "text",
     "bool_type": "true or false",
     "int_type": "a whole number",
+    "float_type": "a number",
     "is_instance_of": "a map of keys",
 }
 

@@ -5,7 +5,7 @@ Every error has its file, line and column, and all of them are reported at once.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -15,7 +15,6 @@ from sim_action.core.errors import (
     InvalidScenario,
     ModelError,
     PackageFault,
-    Problem,
     RefusedModel,
     UsageError,
 )
@@ -39,6 +38,7 @@ from sim_action.scenario.files import read_only_scenario
 from sim_action.scenario.gate_checks import gate_problems
 from sim_action.scenario.model import DrivenRobot, LoadedScenario, Scenario
 from sim_action.scenario.part_reader import PartReader
+from sim_action.scenario.refused_variations import together
 from sim_action.scenario.robot_claims import audit_robot
 from sim_action.scenario.source import Refused, Source
 from sim_action.scenario.world_file import WorldLibrary, filled, with_robot_of_world
@@ -103,7 +103,7 @@ def load_all(
     found: list[LoadedScenario | Refused] = []
     for several in scenarios_of(sources):
         scenarios = list(_sharing(_loaded_or_refused(source, permissions, libraries) for source in several))
-        found += _together(several, scenarios)
+        found += together(several, scenarios)
     return found
 
 
@@ -139,55 +139,6 @@ def scenarios_of(sources: Iterable[Source | Refused]) -> Iterator[tuple[Source |
 def _scenario_of(index: int, source: Source | Refused) -> Hashable:
     """Return a key that all variations of one scenario share."""
     return (source.path, source.group) if isinstance(source, Source) and source.group is not None else index
-
-
-def _together(
-    sources: Sequence[Source | Refused], scenarios: Sequence[LoadedScenario | Refused]
-) -> Sequence[LoadedScenario | Refused]:
-    """Return all variations of a scenario, refused as a whole if any of them is invalid."""
-    refused = [scenario for scenario in scenarios if isinstance(scenario, Refused)]
-    if refused and any(each.gate is not None for each in sources):
-        # A gate without some of its runs has no verdict, so none of them is worth its time.
-        told = [_told(source, each) for source, each in zip(sources, scenarios, strict=True)]
-        return [_as_one([each for each in told if each is not None], sources[0].number)]
-    alike = len(scenarios) == len(refused) > 1 and len({scenario.problems for scenario in refused}) == 1
-    pairs = list(zip(sources, scenarios, strict=True))
-    if alike or any(isinstance(scenario, Refused) and not _is_of_draws(source, scenario) for source, scenario in pairs):
-        return [_as_one(refused, sources[0].number)]
-    return [
-        source.refused_alone(scenario) if isinstance(source, Source) and isinstance(scenario, Refused) else scenario
-        for source, scenario in pairs
-    ]
-
-
-def _told(source: Source | Refused, scenario: LoadedScenario | Refused) -> Refused | None:
-    """Return a refusal, with advice for values that were drawn; None for a scenario that can run."""
-    if not isinstance(scenario, Refused):
-        return None
-    if not isinstance(source, Source) or not source.is_of_draws(scenario):
-        return scenario
-    told = source.refused_alone(scenario)
-    return replace(told, name=scenario.name, group=None, variation=(), gate=None)
-
-
-def _is_of_draws(source: Source | Refused, refused: Refused) -> bool:
-    return isinstance(source, Source) and source.is_of_draws(refused)
-
-
-def _as_one(refused: Sequence[Refused], number: int) -> Refused:
-    """Return one refusal with the problems of all variations, each once.
-
-    A fault of sim-action is reported alone, as it may hide other problems. `number` is that of the first variation,
-    where the refusal is reported.
-    """
-    if fault := next((each for each in refused if isinstance(each.error, InternalError)), None):
-        return replace(fault, number=number)
-    told: list[Problem] = []
-    known: set[str] = set()
-    for each in refused:
-        told += [problem for problem in each.problems if problem.message not in known]
-        known.update(problem.message for problem in each.problems)
-    return replace(refused[0], error=InvalidScenario(told), number=number)
 
 
 def _loaded_or_refused(

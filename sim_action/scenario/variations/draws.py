@@ -43,6 +43,14 @@ _MAX_INTEGER: Final = 2**52
 Bounds = tuple[float | str, float | str]
 
 
+class DrawError(ValueError):
+    """A value of a draw that makes no sense; `key` leads to it."""
+
+    def __init__(self, message: str, key: str) -> None:
+        self.key = key
+        super().__init__(message)
+
+
 class Draw(FrozenModel):
     """Values drawn at random. Only the seed and the key decide them: other keys change nothing."""
 
@@ -99,7 +107,7 @@ class _Pair(Distribution):
         factor = units.conversion(unit, other) if unit and other else None
         if factor is None or not math.isfinite(first * factor):
             raise ValueError(
-                f"both figures must have units of one dimension, or none; found {shown(stated)} and {shown(bound)}"
+                f"both figures must have units of one dimension, or none; found {_shown(stated)} and {_shown(bound)}"
             )
         return first * factor, second, other
 
@@ -114,8 +122,7 @@ class _Range(_Pair):
     @model_validator(mode="after")
     def _is_a_range(self) -> Self:
         low, high, _ = self.numbers
-        if not low < high or not math.isfinite(high - low):
-            raise ValueError("the first bound must be below the second")
+        _refuse_no_range(self.key, getattr(self, self.key), low, high)
         return self
 
     def _quantile(self, first: float, second: float) -> Callable[[float], float]:
@@ -144,7 +151,8 @@ class LogUniform(_Range):
     @model_validator(mode="after")
     def _is_positive(self) -> Self:
         if self.numbers[0] <= 0:
-            raise ValueError("both bounds must be above 0; use 'uniform' for a range with 0 or negative numbers")
+            message = f"both bounds must be above 0; found {_listed(self.log_uniform)}"
+            raise DrawError(f"{message}; use 'uniform' for a range with 0 or negative numbers", self.key)
         return self
 
     def _quantile(self, first: float, second: float) -> Callable[[float], float]:
@@ -184,19 +192,18 @@ class Normal(_Pair):
     def _spreads(self) -> Self:
         mean, deviation, _ = self.numbers
         if deviation <= 0:
-            raise ValueError("the standard deviation must be above 0")
+            stated, remedy = _listed(self.normal), f"or list one value: [{_as_written(self.normal[0])}]"
+            message = f"the second figure, the standard deviation, must be above 0; found {stated}"
+            raise DrawError(f"{message}; choose a positive one, {remedy}", self.key)
         if not math.isfinite(abs(mean) + _MOST_DEVIATIONS * deviation):
-            raise ValueError("samples would be larger than any number; choose a smaller standard deviation")
+            raise DrawError("samples would be larger than any number; choose a smaller standard deviation", self.key)
         if self.between is None:
             return self
         low, high = self._bounds
-        if not low < high:
-            raise ValueError("the first bound of 'between' must be below the second")
+        _refuse_no_range("between", self.between, low, high)
         if (mass := _Bell(mean, deviation, low, high).mass) < _LEAST_MASS:
-            raise ValueError(
-                f"'between' holds {mass:.1g} of the normal distribution, less than {_LEAST_MASS:g}; widen it, move the "
-                "mean, or use 'uniform'"
-            )
+            message = f"'between' holds {mass:.1g} of the normal distribution, less than {_LEAST_MASS:g}"
+            raise DrawError(f"{message}; widen it, move the mean, or use 'uniform'", "between")
         return self
 
     def __str__(self) -> str:
@@ -263,9 +270,7 @@ class Integers(Distribution):
 
     @model_validator(mode="after")
     def _is_a_range(self) -> Self:
-        low, high = self.integers
-        if not low < high:
-            raise ValueError("the first bound must be below the second")
+        _refuse_no_range(self.key, self.integers, *self.integers)
         return self
 
     def drawn(self, numbers: Iterable[float]) -> Iterator[int]:
@@ -288,18 +293,18 @@ class Choice(Draw):
     def _can_choose(self) -> Self:
         count = len(self.choice)
         if count < _LEAST_CHOICE:
-            raise ValueError(f"'choice' needs at least two values, found {count}; a list can have a single one")
+            message = f"'choice' needs at least two values, found {count}; a list can have a single one"
+            raise DrawError(message, self.key)
         if self.weights is None:
             return self
         if len(self.weights) != count:
-            raise ValueError(
-                f"'weights' must have one number for each of the {count} values, found {len(self.weights)}"
-            )
+            message = f"'weights' must have one number for each of the {count} values, found {len(self.weights)}"
+            raise DrawError(message, "weights")
         for weight in self.weights:
             if not 0 <= weight < math.inf:
-                raise ValueError(f"'weights' must be finite and not negative, found {shown(weight)}")
+                raise DrawError(f"'weights' must be finite and not negative, found {_as_written(weight)}", "weights")
         if not 0 < sum(self.weights) < math.inf:
-            raise ValueError("the sum of 'weights' must be finite and above 0, such as that of [3, 1]")
+            raise DrawError("the sum of 'weights' must be finite and above 0, such as that of [3, 1]", "weights")
         return self
 
     def indices(self, numbers: Iterable[float]) -> Iterator[int]:
@@ -332,8 +337,29 @@ OPTIONS: Final = ("samples", "between", "weights", "column")
 """The other keys of draws."""
 
 
-def _listed(figures: Iterable[object]) -> str:
-    return f"[{', '.join(map(str, figures))}]"
+def _refuse_no_range(key: str, stated: Bounds, low: float, high: float) -> None:
+    """Raise DrawError unless the first bound is below the second, in one unit, and by a finite number."""
+    if low == high:
+        message = f"both bounds are {_as_written(stated[0])}"
+        raise DrawError(f"{message}; choose two different ones, or list the value: [{_as_written(stated[0])}]", key)
+    if low > high:
+        swapped = _listed(reversed(stated))
+        raise DrawError(f"the first bound must be below the second; found {_listed(stated)}; write {swapped}", key)
+    if not math.isfinite(high - low):
+        raise DrawError(f"the bounds {_listed(stated)} are farther apart than any number; choose nearer ones", key)
+
+
+def _listed(figures: Iterable[float | str]) -> str:
+    return f"[{', '.join(map(_as_written, figures))}]"
+
+
+def _shown(figure: float | str) -> str:
+    return shown(figure) if isinstance(figure, str) else _as_written(figure)
+
+
+def _as_written(figure: float | str) -> str:
+    """Return a figure as a scenario states it: whole numbers without a point."""
+    return figure if isinstance(figure, str) else repr(figure).removesuffix(".0")
 
 
 def _converted(value: float | str, unit: str) -> float:
@@ -344,7 +370,7 @@ def _converted(value: float | str, unit: str) -> float:
     factor = units.conversion(own, unit) if own and unit else None
     if factor is None or not math.isfinite(number * factor):
         expected = f"units of the same dimension as {unit}" if unit else "no unit, like the mean"
-        raise ValueError(f"the bounds of 'between' must have {expected}; found {shown(value)}")
+        raise ValueError(f"the bounds of 'between' must have {expected}; found {_shown(value)}")
     return number * factor
 
 
@@ -352,5 +378,5 @@ def _number(value: float | str) -> tuple[float, str]:
     found = _QUANTITY.fullmatch(value) if isinstance(value, str) else None
     number = float(found[1]) if found else math.nan if isinstance(value, str) else float(value)
     if not math.isfinite(number):
-        raise ValueError(f"expected a finite number or quantity, found {shown(value)}")
+        raise ValueError(f"expected a finite number or quantity, found {_shown(value)}")
     return number, found[2] if found else ""

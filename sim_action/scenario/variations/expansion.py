@@ -33,6 +33,7 @@ from sim_action.scenario.variations.gate import (
     GATE,
     SAMPLE,
     GateOfScenario,
+    refuse_misspelt,
     refuse_unfit,
     runs_without_draws,
     stated_gate,
@@ -164,6 +165,7 @@ def expanded(source: Source, seed: int | None, most: int = MAX_RUNS) -> tuple[So
     gate = stated_gate(source.document)
     if not isinstance(data, dict) or (gate is None and "variations" not in data):
         return (source,)
+    refuse_misspelt(source.document)
     base = without(source.document, "variations", GATE)
     keys: list[_Key] = []
     if "variations" in data:

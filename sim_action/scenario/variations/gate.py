@@ -16,7 +16,7 @@ from sim_action.core.field_types import FrozenModel, Quantity
 from sim_action.core.records import dataclass
 from sim_action.core.statistics import binomial, order_statistics
 from sim_action.core.statistics.sequential import SequentialTest
-from sim_action.core.wording import counted, did_you_mean, shown
+from sim_action.core.wording import counted, did_you_mean, nearest, shown
 from sim_action.core.yaml_document import Document, KeyPath
 from sim_action.core.yaml_errors import spec_errors
 
@@ -195,7 +195,7 @@ class Gate(FrozenModel):
         if self.passes is not None and self.stop_early is not None:
             raise ValueError(
                 "'passes' and 'stop_early' exclude each other: a test that stops early tells two rates apart, and "
-                "shows no rate of 'at_least'; keep one of them"
+                "shows no rate of 'at_least'; keep one of them; 'passes: null' removes that of a base file"
             )
         if self.passes is None and self.stop_early is None and not self.quantile:
             raise ValueError("must have 'passes', 'stop_early' or 'quantile'; such as passes: {at_least: 90 %}")
@@ -241,6 +241,14 @@ class GateOfScenario:
         )
 
 
+def refuse_misspelt(document: Document) -> None:
+    """Raise InvalidScenario for a key such as `gates`: draws without it miss their number of samples."""
+    keys = document.data if isinstance(document.data, dict) else ()
+    found = [key for key in keys if key != GATE and nearest(key, [GATE]) is not None]
+    if found and GATE not in keys:
+        raise InvalidScenario([document.problem((key,), f"unknown key; did you mean '{GATE}'?") for key in found])
+
+
 class UnattainableGate(InvalidScenario):
     """A gate that no result of its runs passes.
 
@@ -265,8 +273,8 @@ def stated_gate(document: Document) -> GateOfScenario | None:
         found = [document.problem(_written(path, stated), text) for path, text in spec_errors(Gate, stated, error)]
         raise InvalidScenario(found) from None
     problems = [
-        document.problem((GATE, "quantile"), problem)
-        for each in gate.quantile
+        document.problem(_written(("quantile", index), stated), problem)
+        for index, each in enumerate(gate.quantile)
         if (problem := _unknown(each, document.data.get("expect"))) is not None
     ]
     if problems:
@@ -316,7 +324,13 @@ def refuse_unfit(document: Document, stated: GateOfScenario, runs: int) -> None:
     if stated.gate.errors.at_most >= runs:
         message = f"all of the {runs} runs may be without a verdict; allow fewer"
         raise InvalidScenario([document.problem((GATE, "errors", "at_most"), message)])
-    problems = [document.problem((GATE, *path), text) for path, text in _unattainable(stated.gate, runs)]
+    assert isinstance(document.data, dict)
+    # The file that has to change may be a base of several scenarios.
+    scenario = "" if stated.location.file == document.file else f"the scenario {document.file}: "
+    problems = [
+        document.problem(_written(path, document.data[GATE]), f"{scenario}{text}")
+        for path, text in _unattainable(stated.gate, runs)
+    ]
     if problems:
         raise UnattainableGate(problems, stated, runs)
 
@@ -331,11 +345,11 @@ def _unattainable(gate: Gate, runs: int) -> Iterator[tuple[KeyPath, str]]:
         if runs < needed:
             rates = f"{percent(test.accept)} against {percent(test.reject)}"
             yield ("stop_early",), _too_few(runs, needed, rates, test.confidence)
-    for each in gate.quantile:
+    for index, each in enumerate(gate.quantile):
         needed = order_statistics.runs_needed_for_quantile(each.q, each.confidence, each.claim)
         if runs < needed:
             what = f"a bound for the {percent(each.q)} quantile"
-            yield ("quantile",), _too_few(runs, needed, what, each.confidence)
+            yield ("quantile", index), _too_few(runs, needed, what, each.confidence)
 
 
 def _too_few(runs: int, needed: int, what: str, confidence: float) -> str:

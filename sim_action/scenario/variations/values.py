@@ -24,6 +24,7 @@ from sim_action.scenario.variations.draws import (
     CsvColumn,
     Distribution,
     Draw,
+    DrawError,
     Integers,
     Sobol,
     Uniform,
@@ -243,7 +244,8 @@ def _draw(stated: object) -> Draw:
         return model.model_validate(stated)
     except ValidationError as error:
         path, message = next(spec_errors(model, stated, error))
-        raise ValuesError(message, path) from None
+        cause = error.errors(include_url=False)[0].get("ctx", {}).get("error")
+        raise ValuesError(message, (cause.key,) if isinstance(cause, DrawError) else path) from None
 
 
 def _count(draw: Draw, runs: int | None) -> int:
@@ -282,9 +284,10 @@ def _of_csv(key: str, draw: CsvColumn, runs: int | None, files: CsvFiles | None)
     if (times := table.columns.count(column)) != 1:
         found = f"{table.name} has {'no column' if not times else f'{times} columns'} {shown(column)}"
         hint = did_you_mean(column, table.columns) if not times else "; give each column a name of its own"
-        separated = "; separate columns by commas" if len(table.columns) == 1 and not times else ""
-        remedy = "" if draw.column or times else "; name one with 'column'"
-        raise ValuesError(f"{found}{hint}{separated}{remedy}", ("column",) if draw.column else ("csv",))
+        if len(table.columns) == 1 and not times:
+            hint = f"; separate columns by commas, its first line is {shown(table.columns[0])}"
+        remedy = "" if draw.column or times or len(table.columns) == 1 else "; name one with 'column'"
+        raise ValuesError(f"{found}{hint}{remedy}", ("column",) if draw.column else ("csv",))
     wanted = draw.samples or runs
     if (wanted or 1) > len(table.rows):
         asked = "'samples' is" if draw.samples else "the gate needs" if runs else "it needs at least"

@@ -82,6 +82,7 @@ def test_a_gate_does_not_reach_its_runs(tmp_path: Path) -> None:
         ("{passes: {at_least: 90 %, confidence: 97}}", "found 97, which is 9700 %; write '97 %'"),
         ("{passes: {at_least: 1e-15}}", "a rate lies between 0 % and 100 %"),
         ("{passes: {at_least: 120 %}}", "a rate lies between 0 % and 100 %, both excluded; found 120 %"),
+        ("{passes: {at_least: often}}", "expected a share such as 90 %, found 'often'"),
         ("{passes: {at_least: 1}}", "both excluded; found 100 %"),
         ("{passes: {at_least: 90 %, confidence: 120 %}}", "gives 100 %; found 120 %; use 95 %"),
         ("{quantile: {of: travel.measured, q: 0, at_least: 1 m}}", "the share 'q' lies between 0 % and 100 %"),
@@ -99,7 +100,7 @@ def test_a_gate_does_not_reach_its_runs(tmp_path: Path) -> None:
         ),
         (
             "{passes: {at_least: 90 %}, stop_early: {reject: 85 %, accept: 95 %}}",
-            "a test that stops early tells two rates apart, and shows no rate of 'at_least'",
+            "and shows no rate of 'at_least'; keep one of them; 'passes: null' removes that of a base file",
         ),
         (
             "{stop_early: {reject: 85 %, accept: 95 %}, quantile: {of: travel.measured, q: 5 %, at_least: 1 m}}",
@@ -277,7 +278,42 @@ def test_a_sample_that_cannot_run_refuses_the_gate(tmp_path: Path) -> None:
     (refused,) = load_all(read_file(tmp_path / "s.sim.yml", Permissions()), Permissions())
     assert isinstance(refused, Refused)
     assert (refused.name, refused.group, refused.gate) == ("burger drives straight", None, None)
-    assert "choose bounds within the allowed range" in str(refused.problems[0])
+    (problem,) = refused.problems
+    assert "choose bounds within the allowed range); 4 of 7 samples have a problem here" in str(problem)
+
+
+@pytest.mark.parametrize("key", ["world.ground.frction", "world.ground.friction"])
+def test_a_draw_of_which_no_sample_can_run_has_no_advice_about_bounds(tmp_path: Path, key: str) -> None:
+    text = f"{LEAST}variations: {{{key}: {{uniform: [0.1 m, 0.9 m]}}}}\ngate: {{passes: {{at_least: 50 %}}, runs: 7}}\n"
+    (tmp_path / "s.sim.yml").write_text(text)
+    (refused,) = load_all(read_file(tmp_path / "s.sim.yml", Permissions()), Permissions())
+    assert isinstance(refused, Refused)
+    (problem,) = refused.problems
+    assert ("unknown key" if key.endswith("frction") else "no unit") in problem.message
+    assert "drawn from" not in problem.message
+
+
+def test_a_misspelt_gate_is_named(tmp_path: Path) -> None:
+    (found,) = refused(tmp_path, f"{DRAWN}gates: {{passes: {{at_least: 50 %}}, runs: 7}}\n")
+    assert found == f"{LINE + 1}:1: gates: unknown key; did you mean 'gate'?"
+
+
+def test_a_problem_of_one_of_several_quantiles_is_at_its_entry(tmp_path: Path) -> None:
+    good, bad = (f"{{of: {name}.measured, q: 50 %, at_least: 1 m}}" for name in ("travel", "travle"))
+    (found,) = refused(tmp_path, f"{DRAWN}gate:\n  runs: 5\n  quantile:\n    - {good}\n    - {bad}\n")
+    assert found.startswith(f"{LINE + 5}:7: gate.quantile.1: no expectation is 'travle'")
+    few = good.replace("50 %", "1 %")
+    (found,) = refused(tmp_path, f"{DRAWN}gate:\n  runs: 5\n  quantile:\n    - {good}\n    - {few}\n")
+    assert found.startswith(f"{LINE + 5}:7: gate.quantile.1: 5 runs cannot show")
+
+
+def test_a_gate_of_a_base_file_names_the_scenario_that_it_does_not_fit(tmp_path: Path) -> None:
+    (tmp_path / "base.yml").write_text("gate: {passes: {at_least: 90 %}, runs: 5}\n")
+    (tmp_path / "s.sim.yml").write_text(f"extends: base.yml\n{LEAST}{DRAWN}")
+    (found,) = read_file(tmp_path / "s.sim.yml", Permissions())
+    assert isinstance(found, Refused)
+    assert "s.sim.yml: 5 runs cannot show a rate of 90 %" in found.problems[0].message
+    assert found.problems[0].location.file.endswith("base.yml")
 
 
 @pytest.mark.parametrize(

@@ -198,7 +198,11 @@ def test_files_of_spreadsheets_are_read(tmp_path: Path, data: bytes) -> None:
             "csv: rows.csv, column: bbb",
             "rows.csv has no column 'bbb'; did you mean 'bb'? (allowed: a, bb)",
         ),
-        ("x;y\n1;2\n", "csv: rows.csv", "rows.csv has no column 'x' (allowed: x;y); separate columns by commas"),
+        (
+            "x;y\n1;2\n",
+            "csv: rows.csv",
+            "no column 'x'; separate columns by commas, its first line is 'x;y'",
+        ),
         ("x,x\n1,2\n", "csv: rows.csv", "rows.csv has 2 columns 'x'; give each column a name of its own"),
         ("x,y\n", "csv: rows.csv", "rows.csv has 0 rows after the header, but it needs at least 1"),
         ("x,y\n1,2\n", "csv: rows.csv, samples: 2", "rows.csv has 1 row after the header, but 'samples' is 2"),
