@@ -91,8 +91,8 @@ _WISHED_RATE: Final = "97%"
     flag_value=_WISHED_RATE,
     callback=not_empty,
     metavar="[RATE]",
-    help="For each gate, print the chances to pass with several numbers of runs, and how many runs a robot needs that "
-    f"is RATE good. Run nothing.  [default: {_WISHED_RATE}]",
+    help="Print the number of runs that a robot with the true pass rate RATE needs to pass each gate, and its chances "
+    f"with other numbers. Run nothing.  [default: {_WISHED_RATE}]",
 )
 @click.option("--watch", is_flag=True, help="Run scenarios again when their files change, until Ctrl-C.")
 @click.option(

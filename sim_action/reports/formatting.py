@@ -93,8 +93,8 @@ def provenance_rows(provenance: Provenance | None) -> dict[str, str]:
 
 
 def shard_text(shard: Shard) -> str:
-    """Return a text such as "shard 1 of 3 (5 scenarios in total)"."""
-    return f"{shard} ({shard.total} {'scenario' if shard.total == 1 else 'scenarios'} in total)"
+    """Return a text such as "shard 1 of 3 (5 runs in total)"; a scenario without variations is one run."""
+    return f"{shard} ({counted(shard.total, 'run')} in total)"
 
 
 def speed_text(real_time_factor: float | None) -> str:

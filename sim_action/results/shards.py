@@ -28,7 +28,7 @@ class Shard(FrozenModel):
     Attributes:
         index: the number of this part, counted from 1.
         count: the number of parts.
-        total: the number of scenarios in all parts together.
+        total: the number of scenarios in all parts together; each variation is one.
     """
 
     index: _Number
