@@ -59,6 +59,8 @@ def test_a_test_that_stops_early_has_its_mean_number_of_runs() -> None:
         ("at_least", 59, "at least 1.4 m with 95 % confidence: no value of 59 may be below the bound"),
         ("at_least", 93, "at least 1.4 m with 95 % confidence: at most 1 value of 93 may be below the bound"),
         ("at_most", 93, "at most 1.4 m with 95 % confidence: 93 runs cannot show it"),
+        ("at_most", 299, "at most 1.4 m with 95 % confidence: no value of 299 may be above the bound"),
+        ("at_most", 473, "at most 1.4 m with 95 % confidence: at most 1 value of 473 may be above the bound"),
     ],
 )
 def test_a_quantile_states_how_many_values_may_lie_beyond_it(bound: str, runs: int, remark: str) -> None:

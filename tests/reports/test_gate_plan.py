@@ -72,6 +72,13 @@ def test_the_plan_of_a_test_that_stops_early_has_mean_runs() -> None:
     )
 
 
+def test_the_limit_of_a_test_that_stops_early_is_the_least_one() -> None:
+    """189 runs have a probability of 0.795, and 190 runs one of 0.802."""
+    planned = planned_gate(100, stop_early={"reject": "85 %", "accept": "95 %"})
+    lines = list(plan_lines(planned, 0.93, unknown))
+    assert lines[-2].startswith("  A robot that is 93 % good passes with P >= 0.8 at a limit of 190 runs;")
+
+
 def test_a_rate_between_those_of_the_test_has_no_number_of_runs() -> None:
     planned = planned_gate(100, stop_early={"reject": "50 %", "accept": "95 %"})
     *_, last = plan_lines(planned, 0.6, unknown)

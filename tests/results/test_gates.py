@@ -190,6 +190,52 @@ def test_a_limit_without_a_unit_is_in_that_of_the_value() -> None:
     assert (found.name, found.status) == ("5 % quantile of travel.measured at least 1.4 m", "passed")
 
 
+@pytest.mark.parametrize(
+    ("bound", "share", "status"),
+    [
+        # With 95 % confidence, the 95 % quantile of these values is at least 1.452 m and at most 1.458 m.
+        ({"at_most": "1.458 m"}, "95 %", "passed"),
+        ({"at_most": "1.457 m"}, "95 %", "inconclusive"),
+        ({"at_most": "1.452 m"}, "95 %", "inconclusive"),
+        ({"at_most": "1.451 m"}, "95 %", "failed"),
+        # The 5 % quantile is at least 1.4 m and at most 1.406 m.
+        ({"at_least": "1.406 m"}, "5 %", "inconclusive"),
+        ({"at_least": "1.407 m"}, "5 %", "failed"),
+    ],
+)
+def test_a_quantile_is_refuted_beyond_its_other_bound(bound: dict[str, Any], share: str, status: str) -> None:
+    values = [round(1.4 + number / 1000, 3) for number in range(59)]
+    assert quantile({"q": share, **bound}, values).status == status
+
+
+def test_a_value_of_several_expectations_or_of_an_undecided_one_is_not_known() -> None:
+    (expected,) = PASS.expectations
+    cut_off = expected.model_copy(update={"verdict": Verdict(True, 1.5, 1.0, 0.5, "m", cut_off=True)})
+    gate = planned({"quantile": {"of": "travel.measured", "q": "5 %", "at_least": "1.4 m"}}, 100)
+    for expectations in ((expected, expected), (cut_off,)):
+        runs = [PASS.model_copy(update={"expectations": expectations}) for _ in range(100)]
+        assert "100 runs measured nothing" in messages(judged_gate(gate, runs))[0]
+
+
+def test_as_many_runs_without_a_verdict_as_allowed_are_accepted() -> None:
+    judged = judged_gate(planned({**NINETY, "errors": {"at_most": 1}}, 100), [PASS] * 99 + [ERROR])
+    assert [expected.status for expected in judged.expectations] == ["passed", "passed"]
+
+
+def test_an_early_stop_does_not_look_beyond_a_run_that_was_skipped() -> None:
+    judged = judged_gate(planned(EARLY, 60), [PASS] * 20 + [SKIP] + [PASS] * 20 + [SKIP] * 19)
+    assert judged.status == "skipped"
+
+
+def test_the_bounds_of_the_rate_have_the_confidence_of_the_first_quantile() -> None:
+    claims = [
+        {"of": "travel.measured", "q": "50 %", "at_least": "1 m", "confidence": each} for each in ("90 %", "80 %")
+    ]
+    statistics = judged_gate(planned({"quantile": claims}, 100), [PASS] * 100).statistics
+    assert statistics is not None
+    assert statistics.confidence == 0.9
+
+
 def test_a_value_that_was_not_measured_counts_against_the_claim() -> None:
     values: list[float | None] = [1.5] * 100
     assert quantile({"at_least": "1.4 m"}, values).status == "passed"

@@ -5,11 +5,13 @@ from __future__ import annotations
 import random
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from sim_action.app.compare import CompareRequest, compare_results
 from sim_action.core.errors import ExitCode
+from sim_action.core.records import replace
 from sim_action.results.comparison import Change, Comparison, Thresholds, compare_outcomes
 from sim_action.results.gates import judged_gate
 from sim_action.results.outcome import ExpectationOutcome, Outcome, Scope
@@ -176,7 +178,8 @@ def test_a_loss_of_margin_beyond_the_threshold_is_a_warning() -> None:
 
 def test_a_loss_of_margin_that_may_be_chance_is_not_reported() -> None:
     # One of 50 pairs loses much: the mean falls below half, and the interval of the change includes 0.
-    old, new = [0.1] * 50, [-3.0, *[0.12] * 49]
+    old, new = [0.1] * 50, [-5.0, *[0.12] * 49]
+    assert sum(new) < 0.5 * sum(old)
     assert only(compared(with_margins(old), with_margins(new)))[1].margins == ()
 
 
@@ -187,6 +190,20 @@ def test_margins_of_any_size_are_compared(scale: float) -> None:
     assert (loss.change.low / scale, loss.change.high / scale) == pytest.approx((-3.0, -3.0), abs=0.2)
     opposite = with_margins([-1.7e308] * 30)
     assert only(compared(with_margins([1.7e308] * 30), opposite))[1].margins == ()
+
+
+@pytest.mark.parametrize("side", ["old", "new"])
+def test_margins_of_undecided_expectations_are_not_compared(side: str) -> None:
+    old, new = with_margins([0.4] * 30), with_margins([0.1] * 30)
+    for runs in (old,) if side == "old" else (new,):
+        runs[:] = [with_verdict(each, cut_off=True) for each in runs]
+    assert only(compared(old, new))[1].margins == ()
+
+
+def with_verdict(outcome: Outcome, **changes: Any) -> Outcome:
+    (expected,) = outcome.expectations
+    verdict = replace(expected.verdict, **changes)
+    return outcome.model_copy(update={"expectations": (expected.model_copy(update={"verdict": verdict}),)})
 
 
 def test_few_pairs_have_no_comparison_of_margins() -> None:
@@ -261,6 +278,39 @@ def test_runs_that_check_less_are_reported_once() -> None:
     none = [each.model_copy(update={"expectations": ()}) for each in new]
     (change,) = compared(strict, none).changes
     assert [weaker.kind for weaker in change.weaker] == ["removed"]
+
+
+def test_weaker_checks_are_reported_for_each_expectation() -> None:
+    def twofold(scope: Scope) -> list[Outcome]:
+        runs = [with_scope(each, scope) for each in verdicts(passing(30, 30))]
+        return [
+            each.model_copy(update={"expectations": (*each.expectations, renamed(each, "upright"))}) for each in runs
+        ]
+
+    (change,) = compared(twofold(Scope(before=2)), twofold(Scope(after=1, before=2))).changes
+    assert [(weaker.kind, weaker.old.name) for weaker in change.weaker] == [
+        ("window", "clearance"),
+        ("window", "upright"),
+    ]
+
+
+def test_limits_of_other_draws_are_not_compared() -> None:
+    """A limit may be drawn."""
+    old = verdicts(passing(30, 30))
+    loose = [with_verdict(each, limit=0.5, margin=0.9) for each in old]
+    assert [weaker.kind for weaker in compared(old, loose).changes[0].weaker] == ["limit"]
+    others = [with_verdict(each, limit=0.5, margin=0.9) for each in verdicts(passing(30, 30), seed=1)]
+    assert compared(old, others).changes[0].weaker == ()
+    windows = [with_scope(each, Scope(after=1)) for each in others]
+    scoped = [with_scope(each, Scope()) for each in old]
+    assert [weaker.kind for weaker in compared(scoped, windows).changes[0].weaker] == ["window"]
+
+
+def test_runs_of_other_seeds_are_no_pairs_although_their_values_are_equal() -> None:
+    old = verdicts(passing(95))
+    new = [each.model_copy(update={"seed": 5000}) for each in old]
+    _, gate = only(compared(old, new))
+    assert (gate.same_draws, gate.pairs) == (False, 0)
 
 
 def with_scope(outcome: Outcome, scope: Scope) -> Outcome:

@@ -233,6 +233,7 @@ def test_of_several_limits_the_reported_one_is_known_by_its_value(assertion: str
 def test_of_several_expectations_with_one_name_none_is_stricter() -> None:
     old = outcome(at_most(0.8), at_most(0.6))
     assert changed(old, outcome(at_most(0.6))).stricter == ()
+    assert changed(outcome(at_most(0.8)), outcome(at_most(0.6), at_most(0.7))).stricter == ()
 
 
 def test_a_run_without_a_verdict_has_no_stricter_limit() -> None:

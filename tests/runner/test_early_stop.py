@@ -23,9 +23,9 @@ from tests.scenarios import LEAST
 GATE = "stop_early: {reject: 20 %, accept: 80 %, confidence: 90 %}"
 
 
-def loaded(folder: Path, gate: str, runs: int = 12) -> list[LoadedScenario]:
+def loaded(folder: Path, gate: str, runs: int = 12, file: str = "s.sim.yml") -> list[LoadedScenario]:
     text = f"{LEAST}variations: {{robot.pose.x: {{uniform: [0 m, 1 m]}}}}\ngate: {{{gate}, runs: {runs}}}\n"
-    source = Source(folder / "s.sim.yml", Workspace(folder, folder), read_document("s.sim.yml", text), "push")
+    source = Source(folder / file, Workspace(folder, folder), read_document(file, text), "push")
     return [checked(each, Permissions()) for each in expanded(source, None)]
 
 
@@ -67,3 +67,20 @@ def test_a_part_of_a_gate_is_not_decided(tmp_path: Path) -> None:
     for place in range(6):
         end(stop, runs, place, "passed")
     assert not stop.is_needless(5)
+
+
+def test_a_run_that_was_skipped_is_no_result(tmp_path: Path) -> None:
+    runs = loaded(tmp_path, GATE)
+    stop = EarlyStop(runs, range(len(runs)))
+    end(stop, runs, 0, "skipped")
+    for place in range(1, 6):
+        end(stop, runs, place, "passed")
+    assert not stop.is_needless(11)
+
+
+def test_gates_of_one_name_in_two_files_are_two_gates(tmp_path: Path) -> None:
+    runs = loaded(tmp_path, GATE, file="a.sim.yml") + loaded(tmp_path, GATE, file="b.sim.yml")
+    stop = EarlyStop(runs, range(len(runs)))
+    for place in range(2):
+        end(stop, runs, place, "passed")
+    assert [stop.is_needless(place) for place in (11, 12, 23)] == [True, False, False]

@@ -164,6 +164,10 @@ def test_a_listed_seed_has_samples_of_its_own() -> None:
     found = seeds(f"variations:\n  seed: [1, 2]\n{drawn}")
     assert found == [*seeds(f"seed: 1\nvariations:\n{drawn}"), *seeds(f"seed: 2\nvariations:\n{drawn}")]
     assert seeds("variations: {seed: [1, 2]}\n") == [1, 2]
+    # That of the command line decides the drawn values, and not the listed seeds.
+    typed = varied(f"variations:\n  seed: [1, 2]\n{drawn}", seed=7)
+    assert [source.scenario_seed for source in typed] == [1] * (len(typed) // 2) + [2] * (len(typed) // 2)
+    assert [source.document.data["seed"] for source in typed if isinstance(source.document.data, dict)] == found
 
 
 def test_seeds_are_drawn_as_different_whole_numbers() -> None:
