@@ -24,7 +24,7 @@ MAX_MODULE_LINES: Final = 400
 _FOLDERS: Final = ("sim_action", "docs", "action", "bench")
 _OPENING: Final = re.compile(r"(?:What|Whether|Who|Whom|Whose|Whoever|Of|Where|How|Why|That|Those)\b")
 _RIDDLES: Final = re.compile(
-    r"\b(?:of what|what is|those that|whatever|whoever|nobody|beside|anew|lest|told|tells)\b", re.IGNORECASE
+    r"\b(?:of what|what is|those that|whatever|whoever|nobody|beside|anew|lest|tell|told|tells)\b", re.IGNORECASE
 )
 
 

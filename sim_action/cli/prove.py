@@ -98,7 +98,7 @@ def prove(
     allow_outside: bool,
     **flags: Any,
 ) -> ExitCode:
-    """Run each scenario again with faults of the system on purpose, and tell which expectations notice anything.
+    """Run each scenario again with faults of the system on purpose, and report the expectations that notice them.
 
     PATHS are scenario files, globs, or folders, as for "run". Each scenario that passes runs once more for each mutant:
     commands silenced, left and right swapped, a motor off, an object missing, a wall across the way, and others. An

@@ -41,7 +41,7 @@ class ScenarioGroup:
 
     @property
     def could_not_run(self) -> tuple[Outcome, ...]:
-        """The runs that fail the call, whatever a gate says of them: invalid or interrupted ones, internal errors."""
+        """The runs that fail the call in spite of their gate: invalid or interrupted ones, and internal errors."""
         return tuple(outcome for outcome in self.outcomes if outcome.exit_code > ExitCode.FAILED)
 
     @property
@@ -51,7 +51,7 @@ class ScenarioGroup:
 
     @property
     def gate_text(self) -> str:
-        """The runs of a gate, such as "gate of 61 runs"; for those of a part also who judges them."""
+        """The runs of a gate, such as "gate of 61 runs"; for a part also the command that judges it."""
         if self.gate is None or self.gate.statistics is None:
             whole = "a gate" if self.planned is None else f"the {counted(self.planned.runs, 'run')} of the gate"
             several = len(self.outcomes) != 1
@@ -71,7 +71,7 @@ class ScenarioGroup:
 
     @property
     def ending(self) -> str:
-        """The reasons for the status of a gate; for runs of a part, who judges them, or why one of them cannot run."""
+        """The reasons for the status of a gate; for a part, the reason why a run cannot run, or the judging command."""
         if self.gate is None:
             reasons = [f"{failure.title}: {failure.message}" for run in self.could_not_run for failure in run.failures]
             return reasons[0] if reasons else self.gate_text
@@ -132,7 +132,7 @@ class ScenarioGroup:
 
     @property
     def status(self) -> DisplayStatus:
-        """The status of the gate, or of the worst outcome; runs that another call judges have no say."""
+        """The status of the gate, or of the worst outcome; a run that another call judges does not count by itself."""
         if self.is_part:
             return "error" if self.could_not_run else "skipped"
         return self.worst.display_status if self.gate is None else self.gate.display_status

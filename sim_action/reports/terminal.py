@@ -116,7 +116,7 @@ class _Printer:
         self._warnings(group)
 
     def _runs_of_gate(self, group: ScenarioGroup) -> None:
-        """Print the worst runs of a gate, without a colour: a run has no say of its own."""
+        """Print the worst runs of a gate, without a colour: a run does not count by itself."""
         bad = group.not_passed
         if bad:
             self._line("  ", (f"{group.not_passed_text}; the worst first:", "dim"))

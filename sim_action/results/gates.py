@@ -86,7 +86,7 @@ def _blocking(planned: PlannedGate, runs: Sequence[Outcome], looked_at: Sequence
 
 
 def _same_run(runs: Sequence[Outcome]) -> str | None:
-    """Return the problem of runs that are one run: what was drawn, or the noise, had no effect at all."""
+    """Return the problem if all runs are equal: neither the draws nor the noise had an effect."""
     if len(runs) < 2 or any(run.digest is None for run in runs):
         return None
     found = {(run.digest, *(expected.verdict.measured for expected in run.expectations)) for run in runs}
@@ -99,7 +99,7 @@ def _same_run(runs: Sequence[Outcome]) -> str | None:
 
 
 def _other_unit(planned: PlannedGate, runs: Sequence[Outcome]) -> str | None:
-    """Return the problem of a quantile whose limit has another unit than what was measured."""
+    """Return the problem of a quantile whose limit has another unit than the measured value."""
     for claim in planned.gate.quantile:
         _, stated = with_si_unit(claim.bound)
         values, unit = _values(claim, runs)

@@ -228,7 +228,7 @@ class Outcome(FrozenModel):
         group: the name of the scenario that is varied, if this is a variation.
         tags: the tags of the scenario.
         variation: the exact values of this variation.
-        gate: the name of the gate that judges this run together with others; the run has no say of its own then.
+        gate: the name of the gate that judges this run together with others; the run does not count by itself.
         statistics: the counts and bounds of a gate, if this is the outcome of the gate itself.
         measurements: the values that were measured for information only; nothing judged them.
         failures: the reasons why there is no verdict; empty unless `status` is "error" or "flaky".
@@ -338,7 +338,7 @@ class Outcome(FrozenModel):
     def exit_code(self) -> ExitCode:
         """The exit code of a process that has only this outcome.
 
-        A sample that did not pass has a say in its gate alone, unless it could not run.
+        A sample that did not pass counts for its gate only, unless it could not run.
         """
         kinds = {failure.kind for failure in self.failures}
         if "interrupted" in kinds:

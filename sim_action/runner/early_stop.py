@@ -1,7 +1,7 @@
-"""The gates that stop early: they tell which runs are not needed any more.
+"""The gates that stop early, and the runs that they no longer need.
 
-A gate is decided by its first runs in their order, however many run at the same time. So the verdict is the same with
-any number of jobs; runs beyond the decision that have ended keep their outcomes.
+The first runs in their order decide a gate. So the verdict is the same with any number of jobs. Runs beyond the
+decision that have ended keep their outcomes.
 """
 
 from __future__ import annotations

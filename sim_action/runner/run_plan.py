@@ -137,7 +137,7 @@ def plan_runs(request: PlanRequest) -> RunPlan:
 
 
 def _with_whole_gates(every: Sequence[Source | Refused], warn: Callable[[str], None]) -> list[Source | Refused]:
-    """Return the scenarios without gates of which not all runs are selected once: these count by themselves."""
+    """Return the scenarios; runs count by themselves unless each run of their gate is selected exactly once."""
     selected = Counter((each.gate.file, each.gate.name) for each in every if each.gate is not None)
     partial: dict[tuple[str, str], PlannedGate] = {}
     for gate in (each.gate for each in every if each.gate is not None):

@@ -42,12 +42,14 @@ def test_help_texts_are_there_and_plain() -> None:
 
     @program.command(help="Of one run.")
     @click.option("--only", help="Name of a scenario.")
+    @click.option("--report", help="Run and tell the result.")
     def show() -> None: ...
 
     assert list(help_violations(program, "x")) == [
         "x --seed: avoid 'whatever' in the help text",
         "x --quiet: write a help text",
         "x show: avoid 'Of' in the help text",
+        "x show --report: avoid 'tell' in the help text",
     ]
 
 

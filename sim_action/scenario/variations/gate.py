@@ -59,7 +59,7 @@ def _confidence(stated: object, parsed: Callable[[object], float]) -> float:
 
 
 def _as_found(stated: object, value: float) -> str:
-    """Return a share that is refused, with what was meant by a number without its unit."""
+    """Return a refused share as text; a number that looks like a percentage without its unit has a remedy."""
     found = percent(value)
     is_percentage = units.is_bare(stated) and 1 < value < 100
     return f"{value:g}, which is {found}; write '{value:g} %'" if is_percentage else found
