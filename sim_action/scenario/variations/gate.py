@@ -37,7 +37,7 @@ def _rate(stated: object, parsed: Callable[[object], float]) -> float:
 
 
 def _quantile_share(stated: object, parsed: Callable[[object], float]) -> float:
-    return _share(stated, parsed, "the share 'q' lies between 0 % and 100 %, both excluded")
+    return _share(stated, parsed, "a quantile lies between 0 % and 100 %, both excluded")
 
 
 def _share(stated: object, parsed: Callable[[object], float], rule: str) -> float:
