@@ -13,7 +13,7 @@ from sim_action.core.field_types import FrozenModel
 from sim_action.core.files import whole_file
 from sim_action.results.outcome import NotNegative
 from sim_action.scenario.model import Severity
-from sim_action.scenario.source import Varied
+from sim_action.scenario.source import Variation
 
 MutantStatus = Literal["noticed", "survived", "no effect", "could not run"]
 """The result of a mutant.
@@ -119,7 +119,7 @@ class ProvenScenario(FrozenModel):
     name: str
     file: str
     line: Annotated[int, Field(ge=1)] | None = None
-    variation: tuple[Varied, ...] = ()
+    variation: Variation = ()
     reason: str = ""
     location: Location | None = None
     exit_code: Annotated[int, Field(ge=0)] = 0

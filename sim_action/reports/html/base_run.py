@@ -12,6 +12,7 @@ from sim_action.reports.html.changes import ScenarioChange
 from sim_action.results.comparison import Change, Comparison, compare_outcomes, paired_outcomes
 from sim_action.results.earlier_run import EarlierRun
 from sim_action.results.outcome import Outcome
+from sim_action.results.results_json import Results
 
 if TYPE_CHECKING:
     from sim_action.reports.html.changes import ScenarioChangeKind
@@ -34,9 +35,11 @@ class Base:
     before: Mapping[int, Outcome]
 
     @classmethod
-    def of(cls, run: EarlierRun, outcomes: Sequence[Outcome]) -> Base:
-        """Compare the outcomes of a page with the earlier run."""
-        comparison = compare_outcomes(run.outcomes, outcomes, allow_removed=True)
+    def of(cls, run: EarlierRun, results: Results) -> Base:
+        """Compare the results of a page with the earlier run."""
+        outcomes = results.outcomes
+        gates = (run.gates, results.gates)
+        comparison = compare_outcomes(run.outcomes, outcomes, allow_removed=True, gates=gates)
         pairs = paired_outcomes(run.outcomes, outcomes)
         before = {id(new): old for old, new in pairs if new is not None and old is not None}
         return cls(run, comparison, scenario_changes(comparison) if before else {}, before)

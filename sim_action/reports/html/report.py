@@ -83,7 +83,7 @@ def _base_run(results: Results, options: ReportOptions) -> Base | None:
         return None
     from sim_action.reports.html.base_run import Base
 
-    return Base.of(options.against, results.outcomes)
+    return Base.of(options.against, results)
 
 
 def _sweep_id(identity: str) -> str:

@@ -85,7 +85,7 @@ def status_line(kind: DisplayStatus, words: str) -> Html:
 
 
 def _gate_line(outcome: Outcome, gate: str) -> Html:
-    """Return the line that names the gate of a run, which has no say of its own."""
+    """Return the line that names the gate of a run, because it does not count by itself."""
     name = one_line(outcome.gate or "")
     return element("p", "One run of the gate ", element("a", name, href=f"#{gate}") if gate else name, class_="faint")
 

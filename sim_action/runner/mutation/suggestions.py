@@ -29,7 +29,7 @@ MOST_TRIALS: Final = 3
 """The number of candidates that are run alone, for each survivor."""
 
 MOST_RUNS: Final = 1 + 2 * MOST_TRIALS
-"""The number of runs for one survivor: one with all candidates, and each candidate alone with and without the mutant."""
+"""The number of runs for one survivor: one with all candidates, then each alone with and without the mutant."""
 
 _TOLERANCE_M: Final = 0.1
 _TOLERANCE_RAD: Final = 0.087

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -149,6 +150,14 @@ def test_a_gate_says_what_changed(tmp_path: Path) -> None:
     old, new = (gate_results(planned, *runs_of_gate(planned, **counts)) for counts in ({"passed": 3}, {"failed": 3}))
     found = page(new, options(tmp_path, *old.outcomes))
     assert "Since the base run: newly fails" in body(found)
+
+
+def test_a_gate_that_claims_less_says_so(tmp_path: Path) -> None:
+    strict, loose = (planned_gate(runs=3, passes={"at_least": rate, "confidence": "60 %"}) for rate in ("50 %", "10 %"))
+    old, new = (gate_results(planned, *runs_of_gate(planned, passed=3)) for planned in (strict, loose))
+    before = EarlierRun("old", old.outcomes, {}, old.gates)
+    found = body(page(new, replace(options(tmp_path), against=before)))
+    assert "Since the base run: weaker limit: passes: at least 10 %, was at least 50 %." in found
 
 
 def test_a_scenario_in_another_engine_is_a_ghost_that_takes_no_room(tmp_path: Path) -> None:
