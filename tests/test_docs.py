@@ -31,7 +31,7 @@ README = PAGES["README.md"]
 REFERENCE = "\n".join(text for name, text in PAGES.items() if name.startswith("docs/scenario/"))
 ROBOTS = PAGES["docs/models/robots.md"]
 
-MAX_README_BYTES = 12_000
+MAX_README_BYTES = 12_500
 MAX_PAGE_LINES = 600
 
 
