@@ -16,11 +16,8 @@ _REMEDY: Final = (
 )
 
 
-def gate_problems(source: Source, scenario: Scenario) -> Iterator[Problem]:
+def gate_problems(gate: PlannedGate, source: Source, scenario: Scenario) -> Iterator[Problem]:
     """Yield the problems of the gate of a scenario; its file may be a base of the scenario."""
-    gate = source.gate
-    if gate is None:
-        return
     if source.differs_by_seed and not scenario.is_random:
         yield Problem(gate.location, _equal_runs(gate, source.equal_draws))
     for claim in gate.gate.quantile:

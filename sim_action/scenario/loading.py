@@ -35,10 +35,8 @@ from sim_action.scenario.claim_audit import (
 )
 from sim_action.scenario.command_maps import Unfolded, unfolded
 from sim_action.scenario.files import read_only_scenario
-from sim_action.scenario.gate_checks import gate_problems
 from sim_action.scenario.model import DrivenRobot, LoadedScenario, Scenario
 from sim_action.scenario.part_reader import PartReader
-from sim_action.scenario.refused_variations import together
 from sim_action.scenario.robot_claims import audit_robot
 from sim_action.scenario.source import Refused, Source
 from sim_action.scenario.world_file import WorldLibrary, filled, with_robot_of_world
@@ -103,7 +101,11 @@ def load_all(
     found: list[LoadedScenario | Refused] = []
     for several in scenarios_of(sources):
         scenarios = list(_sharing(_loaded_or_refused(source, permissions, libraries) for source in several))
-        found += together(several, scenarios)
+        if any(isinstance(each, Refused) for each in scenarios):
+            from sim_action.scenario.refused_variations import together
+
+            scenarios = list(together(several, scenarios))
+        found += scenarios
     return found
 
 
@@ -245,8 +247,11 @@ class _Loader:
         self._problems.note_all((), _in_document(self._own_problems(scenario), written))
         if not self._problems:  # a source with a problem may be the code
             self._problems.note_all((), scenario_checks.environment_problems(scenario))
-        for problem in gate_problems(self._source, scenario):
-            self._problems.note_elsewhere(problem)
+        if (gate := self._source.gate) is not None:
+            from sim_action.scenario.gate_checks import gate_problems
+
+            for problem in gate_problems(gate, self._source, scenario):
+                self._problems.note_elsewhere(problem)
         self._take(audit_scenario(scenario, self._parts.expect_paths, self._parts.command_paths))
         self.unchecked = tuple(remark for source in scenario.commands for remark in source.unchecked)
         surroundings = read_surroundings(scenario.world, self._workspace, self._libraries.shapes, self.parts)

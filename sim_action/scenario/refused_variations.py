@@ -16,7 +16,7 @@ from sim_action.scenario.source import Refused, Source
 def together(
     sources: Sequence[Source | Refused], scenarios: Sequence[LoadedScenario | Refused]
 ) -> Sequence[LoadedScenario | Refused]:
-    """Return all variations of a scenario, refused as a whole if any of them is invalid."""
+    """Return all variations of a scenario of which some are refused; all are, unless only drawn values are wrong."""
     refused = [scenario for scenario in scenarios if isinstance(scenario, Refused)]
     alike = len(scenarios) == len(refused) > 1 and len({scenario.problems for scenario in refused}) == 1
     pairs = list(zip(sources, scenarios, strict=True))
