@@ -75,7 +75,8 @@ def _margin(expected: ExpectationOutcome) -> Html:
         return element("span", f"reached at {moment(verdict.time)}", class_="margin")
     if verdict.margin is None or verdict.cut_off:
         return Html("")
-    words = quantity(verdict.margin, verdict.unit)
+    # A count of contacts is 0 or 1: its margin says nothing.
+    words = "" if verdict.unit == "contacts" else quantity(verdict.margin, verdict.unit)
     return element("span", margin_bar(relative_margin(expected)), element("span", words), class_="margin")
 
 
