@@ -142,7 +142,9 @@ def rows_of(change: Change) -> Iterator[Row]:
         told = f"{speed_text(slower.old)}, now {speed_text(slower.new)}{elsewhere}"
         yield Row("note" if elsewhere else "warning", "slower", change.outcome, told)
     for was, now in change.stricter:
-        names = now.name if now.name == was.name else f"{now.name}; was: {was.name}"
+        # A default name has the limit.
+        is_known = now.name == was.name or quantity(was.verdict.limit, was.verdict.unit) in was.name
+        names = now.name if is_known else f"{now.name}; was: {was.name}"
         yield Row("note", "stricter limit", change.outcome, f"{names}; {limits_text(was, now)}")
     for old, new in change.renamed:
         yield Row("note", "check renamed", change.outcome, f"{new}; was: {old}")

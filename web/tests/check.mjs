@@ -273,6 +273,12 @@ const CHECKS = {
       assert.equal(wide, seen);
       const small = await page.$$eval("button, select", (all) => all.filter((one) => one.getBoundingClientRect().right > innerWidth + 1).length);
       assert.equal(small, 0);
+      await page.keyboard.press("p");
+      const inside = await page.$eval("dialog.chooser", (dialog) => {
+        const { left, right } = dialog.getBoundingClientRect();
+        return left >= 0 && right <= innerWidth;
+      });
+      assert.ok(inside, "the list of signals is on the screen");
     },
   },
   "a chosen link has a path and a frame": {

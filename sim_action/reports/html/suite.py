@@ -132,7 +132,9 @@ class _SuiteTable:
         """Return the table."""
         columns = {key: title for key, title in _COLUMNS.items() if key != "change" or self._changes}
         heads = [
-            element("th", title, scope="col", data_sort=key) if title else element("td", data_sort=key)
+            element("th", title, scope="col", data_sort=None if key == "path" else key)
+            if title
+            else element("td", data_sort=key)
             for key, title in columns.items()
         ]
         return element(

@@ -95,6 +95,9 @@ export const SIGNALS = {
       assert.equal(await page.textContent(".readout"), time);
       const zoom = /^([\d.]+)-([\d.]+)$/.exec((await word(page, "zoom")) ?? "");
       assert.ok(zoom && Number(zoom[1]) > 3 && Number(zoom[2]) < 25, String(await hash(page)));
+      // The time under the pointer is one of the shown range.
+      const pointed = Number.parseFloat((await first(page).locator(".hover").textContent()) ?? "");
+      assert.ok(Math.abs((pointed - Number(zoom[1])) / (Number(zoom[2]) - Number(zoom[1])) - 0.6) < 0.1, `${pointed} of ${zoom[0]}`);
       await page.reload();
       await ready(page);
       assert.deepEqual(await names(page), [["speed", "tilt"], ["x"]]);

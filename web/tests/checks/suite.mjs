@@ -154,6 +154,15 @@ export const SUITE = {
       await page.reload();
       await page.waitForSelector("#suite .group-title");
       assert.deepEqual(await arranged(page), seen);
+      // From the row with the focus on, in this order: 0 and 21 are behind it.
+      await page.focus("#suite th a:text-is('number 22')");
+      await page.keyboard.press("n");
+      await titled(page, "number 42");
+      await page.keyboard.press("u");
+      await page.waitForSelector("#suite.open");
+      await page.fill("#suite input[type=search]", "newly fails");
+      assert.equal(await rows(page), 6);
+      await page.fill("#suite input[type=search]", "");
       await page.click("#suite .chips button:has-text('failed')");
       assert.deepEqual(await groupTitles(page), ["even/ 2, 2 did not pass", "odd/ 2, 2 did not pass"]);
     },

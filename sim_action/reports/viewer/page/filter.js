@@ -38,6 +38,12 @@ class Filter extends EventTarget {
     return ids.flatMap((id) => this.entries.get(id) ?? []);
   }
 
+  /** The id of the scenario or gate whose row in the table has the focus; empty if none has it. */
+  get focused() {
+    const unit = this.units.find(({ body }) => body?.contains(document.activeElement));
+    return unit?.heads[0] ?? unit?.counted[0] ?? "";
+  }
+
   get narrows() {
     const { status, find, tag } = this.state;
     return status.length > 0 || find.trim() !== "" || tag !== "";
@@ -154,7 +160,8 @@ function unitsOfPage(entries) {
     const heads = known.map(({ id }) => id).filter(isHead);
     const runs = known.length > heads.length ? known.filter(({ id }) => !isHead(id)) : known;
     const title = item.querySelector("summary .name, a .name")?.firstChild?.textContent ?? "";
-    const shared = `${title} ${item.matches(".gate") ? anchors[0].textContent : ""} ${data.file ?? ""} ${data.tags ?? ""}`;
+    const changed = body?.querySelector(":scope > tr > .change")?.textContent ?? "";
+    const shared = `${title} ${item.matches(".gate") ? anchors[0].textContent : ""} ${data.file ?? ""} ${data.tags ?? ""} ${changed}`;
     const numbers = Object.entries({ margin: data.margin, sim: data.sim, wall: data.wall, change: data.change });
     return {
       item: /** @type {HTMLElement} */ (item),

@@ -33,7 +33,7 @@ const SHORTCUTS = [
   },
   { part: "Replay", keys: ["f"], words: "follow the robot", hint: "follow", act: ({ player }) => player?.views.toggleFollow() },
   { part: "Replay", keys: ["h"], words: "show the whole path", act: ({ player }) => player?.views.showAll() },
-  { part: "Replay", keys: ["v"], words: "3D or top view", act: ({ player }) => void player?.views.toggleKind() },
+  { part: "Replay", keys: ["v"], words: "3D or drawing from above", act: ({ player }) => void player?.views.toggleKind() },
   { part: "Replay", keys: ["c"], words: "next camera", act: ({ player }) => void player?.views.nextSide() },
   { part: "Replay", keys: ["l"], words: "layers: what the robot saw", act: ({ player }) => player?.layers.toggle() },
   { part: "Replay", keys: ["p"], words: "plot of signals", hint: "plot", act: ({ player }) => player?.plots.choose(null) },

@@ -150,15 +150,19 @@ class Scenarios {
 
   /** Opens the next scenario that did not pass, after the last one the first again. */
   nextFailure() {
-    const after = this.beyond(1);
+    const isTable = this.suite !== null && this.article === this.suite.article;
+    const after = this.beyond(1, isTable ? this.filter.focused : this.open?.id);
     const failures = [...after, ...this.filter.sequence].filter(({ status }) => !NOT_FAILURES.has(status));
     this.go(failures.find((entry) => entry !== this.open));
   }
 
-  /** The scenarios after the open one in the shown order; -1: before it, the nearest first. @param {number} step */
-  beyond(step) {
+  /**
+   * The scenarios after the open one in the shown order; -1: before it, the nearest first.
+   * @param {number} step
+   * @param {string} [open]
+   */
+  beyond(step, open = this.open?.id ?? "") {
     const { shown, order } = this.filter;
-    const open = this.open?.id ?? "";
     const ids = order.flatMap(({ heads, counted, texts }) => {
       const is_around = heads.includes(open) || texts.has(open);
       // In a gate, or from the page of all variations, its runs come next; the open one has its place even if it is hidden.

@@ -158,7 +158,11 @@ class Plot extends EventTarget {
     });
     const end = (/** @type {PointerEvent} */ event) => {
       if (does === "click" && event.type === "pointerup") seek(event);
-      if (does === "zoom" && event.type === "pointerup") this.zoom(from, this.timeOf(event));
+      if (does === "zoom" && event.type === "pointerup") {
+        this.zoom(from, this.timeOf(event));
+        // Another time is under the pointer now.
+        this.dispatchEvent(new CustomEvent("pointed", { detail: event.pointerType === "touch" ? null : this.timeOf(event) }));
+      }
       does = "";
       this.picked.hidden = true;
     };
