@@ -43,6 +43,18 @@ scenarios:
         - {{name: left, box: [0.4, 0.4, 0.5], pose: {{x: 1.2, y: 0.42}}}}
         - {{name: right, box: [0.4, 0.4, 0.5], pose: {{x: 1.2, y: -0.42}}}}
     expect: [{{travel: {{at_least: 2 m}}}}, no_collision]
+  - name: round the pillar
+    tags: [corridor]
+    robot: {{model: turtlebot3_burger, pose: {{y: -0.1}}}}
+    world: {{objects: [{{name: pillar, cylinder: {{radius: 0.15, height: 1}}, pose: {{x: 1.6, y: 0.5}}}}]}}
+    expect: [{{travel: {{at_least: 2 m}}}}, {{clearance: {{at_least: 20 cm}}}}]
+  - name: behind the shelf
+    tags: [narrow]
+    world: {{objects: [{{name: shelf, box: [2.0, 0.3, 0.8], pose: {{x: 2.0, y: -0.9}}}}]}}
+    expect: [{{travel: {{at_least: 2 m}}}}, {{clearance: {{at_least: 10 cm}}}}]
+  - name: to the charger
+    tags: [dock]
+    expect: [{{travel: {{at_least: 2.5 m}}}}, {{max_speed: {{linear: 0.6 m/s}}}}]
   - name: slow and level
     expect: [{{max_speed: {{linear: 0.6 m/s}}}}, upright]
   - name: stops before the dock

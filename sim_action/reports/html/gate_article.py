@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from sim_action.core import units
 from sim_action.core.records import dataclass
 from sim_action.core.wording import counted, shortened
 from sim_action.reports import ReportOptions
@@ -241,7 +240,8 @@ def _row(run: Outcome, index: int, columns: Sequence[Parameter], place: GroupPla
     verdict = None if expected is None else expected.verdict
     values = [(column.label, shortened(column.texts[index], _MAX_TEXT)) for column in columns]
     reason = next((failure.title for failure in run.failures), "") if expected is None else one_line(expected.name)
-    margin = "" if verdict is None or verdict.margin is None else units.display(verdict.margin, verdict.unit)
+    # A count of contacts is 0 or 1: its margin says nothing.
+    margin = "" if verdict is None or verdict.unit == "contacts" else quantity(verdict.margin, verdict.unit)
     if verdict is not None and verdict.status == "passed" and verdict.goal:
         margin = f"at {moment(verdict.time)}" if verdict.time is not None else quantity(verdict.margin, verdict.unit)
     link = element("a", f"run {index + 1}", href=f"#{identity}")

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Final, Self
+from typing import Final, Self, TypeAlias
 
 import numpy as np
 
 from sim_action.core import units
-from sim_action.core.records import dataclass
+from sim_action.core.records import dataclass, replace
 from sim_action.recording.replay.columns import Column, steady
 from sim_action.recording.replay.replay_data import Replay
 from sim_action.reports.escaping import one_line
@@ -100,49 +100,77 @@ def same_motion_text(ours: Replay, theirs: Replay, tolerance: Tolerance) -> str:
     return f"The {compared} are the same, up to {tolerance.words}"
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Command:
+    """One recorded command: times (N,) in s, values (N,), the size of a stored step, and the SI unit."""
+
+    times: FloatArray
+    values: FloatArray
+    step: float
+    unit: str
+
+    def at(self, times: FloatArray) -> FloatArray:
+        """Return the values at some times, none of which is before the first one."""
+        return self.values[np.searchsorted(self.times, times + 1e-9, side="right") - 1]
+
+
 def commands_until(ours: Replay, theirs: Replay, until: float) -> str | None:
     """Return the first command that differs from the earlier run up to a sim time in s, such as "linear x 0.28 m/s".
 
     The text has both values and the moment. It is empty if the commands are the same, and None if they are not known.
     """
     mine, others = _commands(ours), _commands(theirs)
-    shared = [name for name in mine if name in others]
+    # The parts of a twist that are zero all the time are not stored.
+    mine, others = _with_zeros(mine, others), _with_zeros(others, mine)
     found = []
-    for name in shared:
-        (times, values, step, unit), (times_before, before, step_before, _) = mine[name], others[name]
-        rows = np.flatnonzero(times >= times_before[0])
-        now, then = values[rows], before[np.searchsorted(times_before, times[rows] + 1e-9, side="right") - 1]
+    for key in mine.keys() & others.keys():
+        command, other = mine[key], others[key]
+        times = command.times[command.times >= other.times[0]]
+        now, then = command.at(times), other.at(times)
         larger = np.maximum(np.abs(now), np.abs(then))
-        differs = np.abs(now - then) > np.maximum(
-            _SAME_COMMAND_SHARE * larger, _SAME_COMMAND_STEPS * max(step, step_before)
-        )
+        same = np.maximum(_SAME_COMMAND_SHARE * larger, _SAME_COMMAND_STEPS * max(command.step, other.step))
+        differs = np.abs(now - then) > same
         # A single moment may be the one at which a command changes, sampled before and after.
-        lasting = np.flatnonzero(differs[1:] & differs[:-1] & (times[rows[:-1]] <= until + 1e-9))
+        lasting = np.flatnonzero(differs[1:] & differs[:-1] & (times[:-1] <= until + 1e-9))
         if len(lasting):
             first = int(lasting[0])
-            values_text = f"{quantity(float(now[first]), unit)}, before {quantity(float(then[first]), unit)}"
-            found.append((float(times[rows[first]]), f"{name} {values_text}"))
-    if not shared:
-        return None
-    time, words = min(found, default=(0.0, ""))
-    return f"{words}, at {moment(time)}" if words else ""
+            texts = [quantity(float(values[first]), command.unit) for values in (now, then)]
+            found.append((float(times[first]), f"{key[1]} {texts[0]}, before {texts[1]}"))
+    if found:
+        time, words = min(found)
+        return f"{words}, at {moment(time)}"
+    return "" if mine and mine.keys() == others.keys() else None
 
 
-def _commands(replay: Replay) -> dict[str, tuple[FloatArray, FloatArray, float, str]]:
-    """Return name -> times in s, values, the size of a stored step, and unit, for each recorded command."""
-    frames, found = replay.frames, {}
+_Commands: TypeAlias = dict[tuple[str, str], _Command]
+"""Group and name -> each recorded command."""
+
+
+def _commands(replay: Replay) -> _Commands:
+    found: _Commands = {}
     times = _times(replay)
     for channel in replay.channels:
         if channel.commanded:
             own = times if channel.time is None else channel.time.decoded(channel.time.count)
             values = channel.values.decoded(len(own))
-            found[one_line(channel.name)] = (own, values, channel.values.scale, channel.unit)
+            key = one_line(channel.group), one_line(channel.name)
+            found[key] = _Command(own, values, channel.values.scale, channel.unit)
     sliding = _sliding(replay)
-    for number, (name, column) in enumerate(zip(replay.joint_names, frames.commanded, strict=False)):
+    for number, (name, column) in enumerate(zip(replay.joint_names, replay.frames.commanded, strict=False)):
         if column is not None:
-            unit = "m" if number in sliding else "rad"
-            found[f"{one_line(name)} position"] = (times, column.decoded(frames.count), column.scale, unit)
+            unit, values = "m" if number in sliding else "rad", column.decoded(replay.frames.count)
+            found["positions", f"{one_line(name)} position"] = _Command(times, values, column.scale, unit)
     return found
+
+
+def _with_zeros(known: _Commands, other: _Commands) -> _Commands:
+    """Return the commands of a run with those parts of a twist at zero that only the other run has."""
+    twist = next((command for (group, _), command in known.items() if group == "base"), None)
+    if twist is None:
+        return known
+    missing = {key: each for key, each in other.items() if key[0] == "base" and key not in known}
+    still = {key: replace(twist, values=np.zeros(len(twist.times)), unit=each.unit) for key, each in missing.items()}
+    return known | still
 
 
 def _limit_text(limit: float, unit: str) -> str:

@@ -162,11 +162,19 @@ def test_the_first_command_that_differs_is_named(
     assert commands_until(told(*ours), told(*theirs), until) == words
 
 
+def test_a_part_of_a_twist_that_is_not_stored_is_zero() -> None:
+    straight, turning = told([0.5, 0.5, 0.5], 1.0), told([0.1, 0.1, 0.1], 1.0, name="angular z", unit="rad/s")
+    both = straight.model_copy(update={"channels": (*straight.channels, *turning.channels)})
+    assert commands_until(both, straight, 2.0) == "angular z 5.73 deg/s, before 0 deg/s, at 0.00 s"
+    assert commands_until(straight, both, 2.0) == "angular z 0 deg/s, before 5.73 deg/s, at 0.00 s"
+
+
 def test_commands_that_only_one_run_has_are_not_compared() -> None:
     bare = with_frames(drive(), commanded=())
     assert commands_until(bare, drive(), 2.0) is None
-    other = with_frames(told([0.5, 0.5], 1.0, name="linear y"), commanded=())
-    assert commands_until(with_frames(told([0.5, 0.3], 1.0), commanded=()), other, 2.0) is None
+    # The commands that both have are the same, and nothing is known of the other.
+    assert commands_until(with_frames(told([0.5, 0.5], 1.0), commanded=()), drive(), 2.0) is None
+    assert commands_until(told([0.5, 0.5], 1.0), with_frames(told([0.5, 0.5], 1.0), commanded=()), 2.0) is None
 
 
 def test_the_first_of_several_differences_counts() -> None:
