@@ -260,8 +260,25 @@ def outline(shape: Shape, owner: Frame, meshes: dict[str, MeshData]) -> FloatArr
 
 def _seen(shape: Shape, owner: Frame, meshes: dict[str, MeshData]) -> FloatArray:
     """Return the points (N, 2) of a shape, seen from above."""
+    frame = _fixed_frame(shape.pose).after(owner)
+    if (balls := _balls(shape)) is not None:
+        centres, radius = balls
+        # A ball is a circle from all sides.
+        rings = frame.transform(centres)[:, None, :2] + _ring(radius, 0.0)[:, :2]
+        return np.asarray(rings.reshape(-1, 2))
     points = _mesh_points(meshes[shape.mesh]) if isinstance(shape, MeshShape) else _solid_points(shape)
-    return _fixed_frame(shape.pose).after(owner).transform(points)[:, :2]
+    return frame.transform(points)[:, :2]
+
+
+def _balls(shape: Shape) -> tuple[FloatArray, float] | None:
+    """Return the centres (N, 3) and the radius of the balls whose hull a shape is; None if it is another shape."""
+    match shape:
+        case EllipsoidShape() if len(set(shape.half)) == 1:
+            return np.zeros((1, 3)), shape.half[0]
+        case CapsuleShape():
+            half = shape.length / 2
+            return np.array([(0.0, 0.0, -half), (0.0, 0.0, half)]), shape.radius
+    return None
 
 
 def _outlines(scene: SceneData, posture: _Posture) -> list[FloatArray]:
@@ -300,7 +317,7 @@ def _motion(joint: JointMotion, value: float) -> Frame:
 
 
 @lru_cache(maxsize=1024)
-def _solid_points(shape: BoxShape | CylinderShape | EllipsoidShape | CapsuleShape) -> FloatArray:
+def _solid_points(shape: BoxShape | CylinderShape | EllipsoidShape) -> FloatArray:
     """Return points (N, 3) in the frame of the shape; their hull approximates the shape."""
     match shape:
         case BoxShape():
@@ -308,9 +325,6 @@ def _solid_points(shape: BoxShape | CylinderShape | EllipsoidShape | CapsuleShap
             return np.asarray(signs * np.array(shape.size) / 2)
         case EllipsoidShape():
             return np.asarray(_ball() * np.array(shape.half))
-        case CapsuleShape():
-            caps = [_ball() * shape.radius + np.array([0, 0, end * shape.length / 2]) for end in (-1, 1)]
-            return np.concatenate(caps)
         case CylinderShape():
             return np.concatenate([_ring(shape.radius, end * shape.length / 2) for end in (-1, 1)])
 
@@ -322,6 +336,7 @@ def _mesh_points(mesh: MeshData) -> FloatArray:
     return points[:: max(1, len(points) // _MAX_MESH_POINTS)]
 
 
+@lru_cache(maxsize=256)
 def _ring(radius: float, height: float) -> FloatArray:
     angles = np.linspace(0, 2 * math.pi, _ROUND, endpoint=False)
     return np.column_stack((radius * np.cos(angles), radius * np.sin(angles), np.full(_ROUND, height)))
