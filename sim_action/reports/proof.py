@@ -33,7 +33,8 @@ def _lines(proof: Proof, symbols: Mapping[Finding, str]) -> Iterator[_Line]:
     for scenario in proof.scenarios:
         yield from _of_scenario(scenario, symbols)
         yield ()
-    yield [(headline(proof), "bold red" if proof.useless else "green")]
+    is_good = proof.scenarios and proof.all_notice
+    yield [(headline(proof), "bold red" if proof.useless else "green" if is_good else "yellow")]
 
 
 def headline(proof: Proof) -> str:

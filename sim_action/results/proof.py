@@ -186,6 +186,11 @@ class Proof(FrozenModel):
         """The number of mutants that moved the robot another way, and that nothing noticed."""
         return sum(len(scenario.survivors) for scenario in self.scenarios)
 
+    @property
+    def all_notice(self) -> bool:
+        """True if every scenario has mutants, and every expectation has noticed something."""
+        return all(scenario.is_proven and not scenario.unproven for scenario in self.scenarios)
+
     def exit_code(self, *, strict: bool) -> ExitCode:
         """Return the exit code; with `strict`, an expectation that has noticed nothing fails, and a bad scenario."""
         if self.interrupted:
@@ -193,8 +198,7 @@ class Proof(FrozenModel):
         if not self.scenarios:
             return ExitCode.NO_SCENARIO
         worst = max(_always(scenario.exit_code for scenario in self.scenarios), default=ExitCode.PASSED)
-        is_weak = any(scenario.unproven or not scenario.is_proven for scenario in self.scenarios)
-        return max(worst, ExitCode.FAILED) if strict and is_weak else worst
+        return max(worst, ExitCode.FAILED) if strict and not self.all_notice else worst
 
     def write(self, path: Path) -> None:
         """Write the file as a whole. Raise OSError."""

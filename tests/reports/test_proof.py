@@ -7,7 +7,10 @@ import io
 import pytest
 
 from sim_action.reports.proof import finding_text, headline, print_proof
+from sim_action.results.proof import ProvenScenario
 from tests.reports.proofs import PROOF, PROVEN, UNKNOWN, expected
+
+GOOD = PROVEN.model_copy(update={"expectations": PROVEN.expectations[:1]})
 
 
 def test_the_report() -> None:
@@ -93,3 +96,14 @@ def test_an_interruption_is_told() -> None:
     assert headline(interrupted).startswith("interrupted before 3 mutants had ended: 1 expectation checks nothing")
     complete = PROOF.model_copy(update={"interrupted": True})
     assert headline(complete).startswith("interrupted: 1 expectation")
+
+
+@pytest.mark.parametrize(
+    ("scenarios", "colour"), [((PROVEN,), "1;31"), ((UNKNOWN,), "33"), ((), "33"), ((GOOD,), "32")]
+)
+def test_the_headline_is_green_only_if_every_expectation_notices(
+    scenarios: tuple[ProvenScenario, ...], colour: str
+) -> None:
+    stream = io.StringIO()
+    print_proof(PROOF.model_copy(update={"scenarios": scenarios}), {"FORCE_COLOR": "1"}, stream)
+    assert stream.getvalue().splitlines()[-1].startswith(f"\x1b[{colour}m")

@@ -150,7 +150,8 @@ def _without_fault(original: PageEntry, faulty: Replay, replay: Replay) -> Ghost
 
 
 def _head(proof: Proof) -> Html:
-    kind = "failed" if proof.useless else "inconclusive" if proof.survivors or proof.interrupted else "passed"
+    is_open = proof.survivors or proof.interrupted or not proof.all_notice
+    kind = "failed" if proof.useless else "inconclusive" if is_open else "passed"
     told = f"{counted(proof.runs, 'run')} in {proof.wall_time:.1f} s · sim-action {proof.sim_action}"
     return element(
         "header", element("h1", headline(proof), class_=kind), element("p", told, class_="faint"), class_="run"
