@@ -98,11 +98,11 @@ def prove(
     allow_outside: bool,
     **flags: Any,
 ) -> ExitCode:
-    """Run each scenario again with faults of the system on purpose, and report the expectations that notice them.
+    """Run each scenario again with injected faults, and report the expectations that notice them.
 
     PATHS are scenario files, globs, or folders, as for "run". Each scenario that passes runs once more for each mutant:
     commands silenced, left and right swapped, a motor off, an object missing, a wall across the way, and others. An
-    expectation that notices no mutant checks nothing here. Of variations, only the first one is proven.
+    expectation that notices no mutant checks nothing here. Only the first variation of a scenario is proven.
 
     Exit code: 0 everything ran; 1 with --strict: an expectation has noticed nothing, or a scenario does not pass; 2 a
     scenario or the command line is invalid; 3 internal error of sim-action; 5 no scenario found; 130 interrupted.

@@ -33,8 +33,7 @@ def _lines(proof: Proof, symbols: Mapping[Finding, str]) -> Iterator[_Line]:
     for scenario in proof.scenarios:
         yield from _of_scenario(scenario, symbols)
         yield ()
-    is_good = proof.scenarios and proof.all_notice
-    yield [(headline(proof), "bold red" if proof.useless else "green" if is_good else "yellow")]
+    yield [(headline(proof), "bold red" if proof.useless else "green" if proof.all_notice else "yellow")]
 
 
 def headline(proof: Proof) -> str:

@@ -188,8 +188,9 @@ class Proof(FrozenModel):
 
     @property
     def all_notice(self) -> bool:
-        """True if every scenario has mutants, and every expectation has noticed something."""
-        return all(scenario.is_proven and not scenario.unproven for scenario in self.scenarios)
+        """True if there are scenarios, all of them have mutants, and every expectation has noticed something."""
+        proven = all(scenario.is_proven and not scenario.unproven for scenario in self.scenarios)
+        return bool(self.scenarios) and proven
 
     def exit_code(self, *, strict: bool) -> ExitCode:
         """Return the exit code; with `strict`, an expectation that has noticed nothing fails, and a bad scenario."""

@@ -357,7 +357,7 @@ class LoadedScenario:
         warnings: the findings of the audit of claims that do not refuse it.
         compared: True if the run is compared with that of another engine.
         places: of the models in the world file.
-        mutation: the fault that the run has on purpose; None in all runs but those of `sim-action prove`.
+        mutation: the injected fault; None in all runs but those of `sim-action prove`.
     """
 
     scenario: Scenario

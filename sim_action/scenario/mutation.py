@@ -1,4 +1,4 @@
-"""The mutation of a run: a fault that its system has on purpose, to see which expectations notice it."""
+"""The mutation of a run: an injected fault that shows which expectations notice it."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Mutation of scenarios: runs with a fault of the system on purpose show which expectations notice anything."""
+"""Mutation of scenarios: runs with injected faults show which expectations notice anything."""

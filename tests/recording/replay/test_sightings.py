@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pytest
 
+from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose
 from sim_action.core.records import replace
 from sim_action.recording.replay.sightings import ObstacleData, obstacles_of
@@ -31,7 +32,7 @@ def where(*objects: Body) -> Scene:
     return replace(traces.scene(), world=World(objects=objects or (WALL,)))
 
 
-WALL = Body(name="wall", box=(0.2, 2.0, 0.5), pose={"x": 3.0})  # type: ignore[arg-type]
+WALL = Body(name="wall", box=(0.2, 2.0, 0.5), pose=Placement(x=3.0))
 
 
 def ahead(far: float) -> Callable[[float], Sequence[float]]:
@@ -98,7 +99,7 @@ def test_moving_bodies_are_seen_where_they_are(appears: float | None) -> None:
 
 
 def test_a_noisy_return_from_behind_a_low_body_is_not_from_it() -> None:
-    low = Body(name="box", box=(0.2, 2.0, 0.1), pose={"x": 2.8, "z": 0.05})  # type: ignore[arg-type]
+    low = Body(name="box", box=(0.2, 2.0, 0.1), pose=Placement(x=2.8, z=0.05))
     film = replace(DRIVE, contacts=(traces.contact(1.9, body="box"),))
     scans = [logs.scan(number / 10, [2.9 - number / 10, math.inf]) for number in range(21)]
     lidar = logs.log(Lidar(rays=2, noise=0.03), "front", scans, pose=Pose((0.0, 0.0, 0.15)))
@@ -119,7 +120,7 @@ def test_a_lidar_on_a_surface_sees_it(noise: float) -> None:
 
 
 def test_a_return_is_not_from_behind_the_sensor() -> None:
-    behind = Body(name="box", box=(0.2, 2.0, 1.0), pose={"x": -0.15})  # type: ignore[arg-type]
+    behind = Body(name="box", box=(0.2, 2.0, 1.0), pose=Placement(x=-0.15))
     scans = [logs.scan(number / 10, [0.1, math.inf]) for number in range(21)]
     (found,) = seen(standing(0.0, "box"), where(behind), logs.log(Lidar(rays=2, noise=0.05), "front", scans))
     assert found.seen == ()
@@ -154,7 +155,7 @@ def test_a_body_is_found_late_in_a_long_run() -> None:
 
 
 def test_the_nearest_return_from_a_body_counts_with_its_direction() -> None:
-    right = Body(name="wall", box=(4.0, 0.2, 0.5), pose={"y": -1.1})  # type: ignore[arg-type]
+    right = Body(name="wall", box=(4.0, 0.2, 0.5), pose=Placement(y=-1.1))
     angles = (1.4 * math.pi, 1.5 * math.pi, 1.6 * math.pi)
     ranges = np.array([1.0 / abs(math.sin(angle)) for angle in angles])
     scan = LidarScan(0.1, angles[0], 0.1 * math.pi, 0.1, 5.0, ranges)
