@@ -6,13 +6,11 @@ A ghost has its motion and its signals. Its contacts and marks are not drawn.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Final
 
 from sim_action.core.records import dataclass, field
-from sim_action.recording.replay.columns import TextColumn
 from sim_action.recording.replay.replay_data import Replay
 from sim_action.reports.escaping import one_line
-from sim_action.reports.html.parting import Parting, Tolerance, parting, same_motion_text
+from sim_action.reports.html.parting import Parting, Tolerance, parting, same_motion_text, with_zeros
 from sim_action.reports.html.replay_blocks import MAX_REPLAY_BYTES, PackedReplay, ReplayBlocks
 from sim_action.results.outcome import Outcome
 
@@ -57,26 +55,15 @@ def ghost(
     return Ghost(label, block, parting(ours, theirs, tolerance), same_motion_text(ours, theirs, tolerance), is_shown)
 
 
-# A quantity of these that is zero all the time has no channel.
-_ZERO_IF_MISSING: Final = frozenset({"base", "joints"})
-
-
 def motion_of(replay: Replay, ours: Replay) -> Replay:
-    """Return what a ghost of `ours` needs of a replay, with the channels that only the other run has at zero."""
-    known = {(channel.group, channel.name) for channel in replay.channels}
-    # A golden trajectory has no channels, and nothing is known of them.
-    still = [
-        channel.model_copy(update={"time": None, "values": TextColumn(scale=channel.values.scale, first=0)})
-        for channel in (ours.channels if known else ())
-        if channel.group in _ZERO_IF_MISSING and not channel.commanded and (channel.group, channel.name) not in known
-    ]
+    """Return what a ghost of `ours` needs of a replay."""
     return Replay.model_construct(
         version=replay.version,
         scene=replay.scene,
         joint_names=replay.joint_names,
         frames=replay.frames,
         signals=replay.signals,
-        channels=(*replay.channels, *still),
+        channels=with_zeros(replay, ours).channels,
     )
 
 

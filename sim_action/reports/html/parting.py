@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Final, Self, TypeAlias
+from typing import Final, Self
 
 import numpy as np
 
 from sim_action.core import units
-from sim_action.core.records import dataclass, replace
-from sim_action.recording.replay.columns import Column, steady
+from sim_action.core.records import dataclass
+from sim_action.recording.replay.columns import Column, TextColumn, steady
 from sim_action.recording.replay.replay_data import Replay
 from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import moment, quantity
@@ -119,9 +119,7 @@ def commands_until(ours: Replay, theirs: Replay, until: float) -> str | None:
 
     The text has both values and the moment. It is empty if the commands are the same, and None if they are not known.
     """
-    mine, others = _commands(ours), _commands(theirs)
-    # The parts of a twist that are zero all the time are not stored.
-    mine, others = _with_zeros(mine, others), _with_zeros(others, mine)
+    mine, others = _commands(with_zeros(ours, theirs)), _commands(with_zeros(theirs, ours))
     found = []
     for key in mine.keys() & others.keys():
         command, other = mine[key], others[key]
@@ -142,12 +140,9 @@ def commands_until(ours: Replay, theirs: Replay, until: float) -> str | None:
     return "" if mine and mine.keys() == others.keys() else None
 
 
-_Commands: TypeAlias = dict[tuple[str, str], _Command]
-"""Group and name -> each recorded command."""
-
-
-def _commands(replay: Replay) -> _Commands:
-    found: _Commands = {}
+def _commands(replay: Replay) -> dict[tuple[str, str], _Command]:
+    """Return (group, name) -> each recorded command."""
+    found: dict[tuple[str, str], _Command] = {}
     times = _times(replay)
     for channel in replay.channels:
         if channel.commanded:
@@ -163,14 +158,21 @@ def _commands(replay: Replay) -> _Commands:
     return found
 
 
-def _with_zeros(known: _Commands, other: _Commands) -> _Commands:
-    """Return the commands of a run with those parts of a twist at zero that only the other run has."""
-    twist = next((command for (group, _), command in known.items() if group == "base"), None)
-    if twist is None:
-        return known
-    missing = {key: each for key, each in other.items() if key[0] == "base" and key not in known}
-    still = {key: replace(twist, values=np.zeros(len(twist.times)), unit=each.unit) for key, each in missing.items()}
-    return known | still
+def with_zeros(replay: Replay, other: Replay) -> Replay:
+    """Return a replay with those channels at zero that only another replay has.
+
+    A quantity of the base or of a joint that is zero all the time has no channel. Without any channel of its kind,
+    nothing is known.
+    """
+    known = {(channel.group, channel.name, channel.commanded) for channel in replay.channels}
+    has_twist = any(group == "base" and commanded for group, _, commanded in known)
+    groups = {True: {"base"} if has_twist else set(), False: {"base", "joints"} if known else set()}
+    still = [
+        channel.model_copy(update={"time": None, "values": TextColumn(scale=channel.values.scale, first=0)})
+        for channel in other.channels
+        if channel.group in groups[channel.commanded] and (channel.group, channel.name, channel.commanded) not in known
+    ]
+    return replay.model_copy(update={"channels": (*replay.channels, *still)})
 
 
 def _limit_text(limit: float, unit: str) -> str:
