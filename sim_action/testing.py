@@ -15,6 +15,7 @@ from contextlib import contextmanager
 from typing import Any, ClassVar, Final
 
 from pydantic import PydanticUserError
+from typing_extensions import override
 
 from sim_action.app.library import load, run
 from sim_action.app.library_results import Outcome
@@ -117,7 +118,6 @@ class _Problems:
 
 
 def _check_part(spec: Assertion | Sensor, table: Table[Any], problems: _Problems) -> None:
-    """Check the rules that assertions and sensors share."""
     for name, problem in _RULES.items():
         with problems.of(name):
             problems.add_if(problem(spec, table))
@@ -182,7 +182,6 @@ def _why_no_line(text: object, most: int) -> str | None:
 
 
 def _one(scenario: OneScenario) -> Scenario:
-    """Return a scenario; the first one of a file with several."""
     return scenario if isinstance(scenario, Scenario) else load(scenario, allow_outside=True)[0]
 
 
@@ -262,18 +261,18 @@ class _Shown(Assertion):
     seen: Any
 
     @property
+    @override
     def channels(self) -> Channels:
-        """See Assertion.channels."""
         channels: Channels = self.inner.channels
         return channels
 
     @property
+    @override
     def title(self) -> str:
-        """See Assertion.title."""
         return self.key
 
+    @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        """See Assertion.monitor."""
         self.seen.scene, self.seen.start = scene, start
         return _Keeper(self.seen)
 

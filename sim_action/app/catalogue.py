@@ -104,7 +104,6 @@ def fields(model: type[BaseModel]) -> tuple[FieldEntry, ...]:
 
 
 def _takes(annotation: Any, metadata: Iterable[Any] = ()) -> str:
-    """Return the type of a value and its bounds, in words."""
     bounds = bounds_text(annotation, metadata)
     return f"{_kind_of(annotation, metadata)}{bounds and f', {bounds}'}"
 

@@ -132,7 +132,6 @@ class EditorSchemas:
         return {"anyOf": [chosen, _NULL]} if len(others) < len(flat) else chosen
 
     def _with_text(self, schema: Schema) -> Schema:
-        """Return a schema whose properties describe how a quantity is written, and their default."""
         if "properties" not in schema:
             return schema
         return {**schema, "properties": {key: self._described(value) for key, value in schema["properties"].items()}}
@@ -245,7 +244,6 @@ def _flattened(branches: Iterable[Schema]) -> Iterator[Schema]:
 
 
 def _to_the_end(pattern: str) -> str:
-    """Return a pattern whose `$` matches at the end alone, as in ECMA-262; in Python, also before a last line break."""
     return pattern if pattern.endswith(END_OF_TEXT) else re.sub(r"[$]$", r"(?!\\n)$", pattern)
 
 

@@ -120,7 +120,6 @@ def _of_keys(name: str, width: int) -> Iterator[str]:
 
 
 def _by_entry(model: type[BaseModel]) -> Iterator[FieldInfo]:
-    """Yield the fields of a model in the order of its entries."""
     named = {field.alias or name: field for name, field in model.model_fields.items()}
     yield from (named[entry.name] for entry in fields(model))
 

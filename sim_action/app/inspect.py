@@ -83,7 +83,6 @@ def _above(height: float) -> str:
 
 
 def _length(metres: float) -> str:
-    """Return a length in m, rounded to 0.1 mm."""
     return f"{round(metres, 4) + 0.0:.4g}"
 
 
@@ -126,7 +125,6 @@ def _joint(joint: JointEntry) -> str:
 
 
 def _axis(direction: Vector3) -> str:
-    """Return an axis such as "-z", or all three components if it is not parallel to an axis."""
     along = [place * round(part) for place, part in enumerate(direction, 1) if abs(part) > 1 - 1e-6]
     return _AXES[along[0]] if along else " ".join(f"{part:.3g}" for part in direction)
 
@@ -163,7 +161,6 @@ _MAX_OTHERS: Final = 4
 
 
 def _kind(finding: Finding) -> str:
-    """Return the message of a finding without names, numbers and hints."""
     return _NUMBER.sub("0", _NAME.sub("''", _HINT.sub("", finding.message)))
 
 
@@ -183,7 +180,6 @@ def _places(findings: list[Finding]) -> str:
 
 
 def _line(finding: Finding, file: str) -> str:
-    """Return the line of a finding, with the name of its file if it is another one than `file`."""
     place = finding.location
     return str(place.line) if place.file == file else f"{PurePath(place.file).name}:{place.line}"
 
@@ -336,13 +332,11 @@ def _inspection(robot: Robot, model: RobotModel, start: Mapping[str, float], nee
 
 
 def _described(drive: Drive, model: RobotModel) -> str:
-    """Return the parameters of a recognised drive, and the statements of the model that it does not use."""
     ignored = ignored_statements(model, drive.source(model), drive.open(model, 1.0).joints)
     return "; ".join((drive.describe(model), *ignored))
 
 
 def _may_roll(robot: Robot, model: RobotModel) -> bool:
-    """Return False for a bolted robot, and for one like an arm or a legged robot, in which nothing turns freely."""
     is_bolted = robot.base == "fixed" or model.root == WORLD
     return not is_bolted and (bool(model.plugins) or any(joint.type == "continuous" for joint in model.joints))
 
@@ -364,12 +358,10 @@ def _remarks(model: RobotModel, robot: Robot, wheels: tuple[WheelEntry, ...], dr
 
 
 def _height(model: RobotModel, lowest_corner: Vector3) -> float:
-    """Return the height of the base link above the ground in m."""
     return 0.0 if model.root == WORLD else -lowest_corner[2]
 
 
 def _base(model: RobotModel) -> str | None:
-    """Return "fixed" for a base without mass, which engines hold still, and for a model without any mass."""
     is_weightless = model.links_by_name[model.root].mass == 0 or not model.mass
     return "fixed" if is_weightless and model.root != WORLD else None
 

@@ -241,7 +241,6 @@ def _suite(scenarios: Scenarios, selection: Selection | None = None, *, outside:
 
 
 def _folders_of(here: Path, suite: Suite) -> tuple[Path, ...]:
-    """Return the current folder, and those of the files that may run code."""
     return (here, *{path.parent: None for path in suite.files})
 
 
@@ -261,7 +260,6 @@ def _whole(argument: str, value: object) -> int | None:
 
 
 def _texts(given: Iterable[str]) -> tuple[str, ...]:
-    """Return several texts, or one: a text alone is no list of its letters."""
     return (given,) if isinstance(given, str) else tuple(given)
 
 

@@ -192,14 +192,12 @@ class Outcome:
 
     @property
     def _shown(self) -> tuple[RecordedOutcome, ...]:
-        """The outcomes that its part of the report shows."""
         return (self.record,)
 
     def __repr__(self) -> str:
         return f"Outcome(name={self.name!r}, status={self.status!r})"
 
     def _repr_html_(self) -> str:
-        """Return the verdicts and the replay, for a notebook."""
         return self._folder.html_of(self._shown) + self._folder.player_of(self.record)
 
 

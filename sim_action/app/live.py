@@ -140,7 +140,6 @@ def main() -> None:
 
 
 def _serve(server: LoopbackServer, interruption: Interruption, ended: threading.Event) -> None:
-    """Answer requests until a signal or the event."""
     while not interruption.happened and not ended.is_set():
         interruption.wait(_POLL_S, server.socket)
         server.handle_request()

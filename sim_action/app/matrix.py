@@ -76,13 +76,11 @@ def known_durations(results: Results) -> dict[Unit, float]:
 
 
 def _names(files: Sequence[FileOfScenarios], shard: Sequence[tuple[int, int]]) -> Iterator[str]:
-    """Yield the files of a shard with their numbers; `shard`: indices of files, and numbers."""
     for place, several in groupby(shard, key=itemgetter(0)):
         yield files[place].named([number for _, number in several])
 
 
 def _durations(files: Sequence[FileOfScenarios], known: Mapping[Unit, float]) -> list[float]:
-    """Return durations in s; an unknown one is the mean of its file, or else of all files."""
     found = [_known(file, known) for file in files]
     mean = _mean((duration for durations in found for duration in durations), 1.0)
     return [duration or _mean(durations, mean) for durations in found for duration in durations]

@@ -117,7 +117,6 @@ def _nothing() -> Results:
 
 
 def _distinct(texts: Iterable[str]) -> str:
-    """Return all different texts, separated by commas."""
     return shortened(escaped_line(", ".join(dict.fromkeys(texts))), _MAX_VERSION_CHARS)
 
 

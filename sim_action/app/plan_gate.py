@@ -71,7 +71,6 @@ def gate_plans(scenarios: Sequence[Source | Refused], wish: float, folder: Path,
 
 
 def _called(gate: PlannedGate) -> PlannedGate:
-    """Return the gate with the name of its scenario, as it stands for all combinations of listed values."""
     return gate.model_copy(update={"name": escaped_line(gate.group)})
 
 

@@ -218,7 +218,6 @@ class _Call:
         return [next(proven_ones) if isinstance(each, Original) else each for each in told]
 
     def _original(self, loaded: LoadedScenario, outcome: Outcome) -> ShownScenario | Original:
-        """Return a run that passed, or the reason why it is not mutated."""
         trace = stored(outcome, self._folder / _ORIGINALS) if outcome.status == "passed" else None
         return ShownScenario(not_mutated(loaded, outcome)) if trace is None else Original(loaded, outcome, trace)
 
@@ -331,7 +330,6 @@ class _Call:
 
 
 def _tried(_: RunEnded) -> str:
-    """Return the word for a run of a suggestion in the progress."""
     return "tried"
 
 
@@ -356,7 +354,6 @@ def _with_candidates(
 
 
 def _below(outcome: Outcome, folder: str) -> Outcome:
-    """Return an outcome whose replay is named from the folder of the call, not from that of its runs."""
     return outcome.model_copy(update={"replay": outcome.replay and f"{folder}/{outcome.replay}"})
 
 

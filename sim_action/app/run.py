@@ -207,7 +207,6 @@ class _Call:
                 print_chances(self._found.gates, sys.stderr, os.environ)
 
     def _runs_of_gates(self) -> Counter[GateKey]:
-        """Return the number of runs of each gate in this call, with those that are taken over."""
         gates = (run.source.gate for run in self._every * self._request.repeat)
         return Counter((gate.file, gate.name) for gate in gates if gate is not None)
 
@@ -269,7 +268,6 @@ class _Call:
         )
 
     def _files(self, folder: Path) -> list[RunFiles]:
-        """Return the files of all runs below a folder: of all first repetitions, of all second ones, and so on."""
         names = [run.scenario.name for run in self._every] * self._request.repeat
         return run_files(names, folder, replays=_has_replays(self._request), formats=self._request.recordings)
 
@@ -280,7 +278,6 @@ def _emit(listeners: Iterable[Listener], event: Event) -> None:
 
 
 def _of_patterns(found: RunPlan) -> list[Outcome]:
-    """Return the outcomes of paths and patterns on the command line that match no scenario."""
     return [*map(Outcome.of_nothing, found.empty), *map(Outcome.of_unmatched, found.unmatched)]
 
 

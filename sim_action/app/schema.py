@@ -72,7 +72,6 @@ def schema_here(kind: str) -> Schema:
 
 
 def _added(table: Table[Any]) -> Kinds:
-    """Return the classes that installed packages add to a table; those without a schema are left out."""
     found = {part.name: kind for part, kind in package_parts(table) if not isinstance(kind, PackageProblem)}
     return {name: kind for name, kind in found.items() if _definitions_of(kind)}
 
@@ -197,7 +196,6 @@ def _prefix(kind: type[BaseModel]) -> str:
 
 
 def _name(kind: type[BaseModel]) -> str:
-    """Return the name of the definition of a class."""
     return f"{_prefix(kind)}{kind.__name__}"
 
 
@@ -296,7 +294,6 @@ def _one_of(kinds: Kinds, options: Schema) -> Schema:
 
 
 def _value(model: type[BaseModel]) -> Schema:
-    """A map of keys, or the value of the one that may stand alone."""
     is_bare = getattr(model, "bare_value", None) is not None
     return {"anyOf": [_ref(model), {"type": "string"}]} if is_bare else _ref(model)
 

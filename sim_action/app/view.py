@@ -77,7 +77,6 @@ def _sole(names: Iterable[str]) -> str:
 
 
 def _has_display(environment: Mapping[str, str]) -> bool:
-    """Return True if there is a display. A text browser would take over the terminal."""
     if sys.platform != "linux":
         return True
     return any(environment.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER"))

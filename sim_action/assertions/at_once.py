@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, ClassVar, Self
 
+from typing_extensions import override
+
 from sim_action.assertions import Assertion
 from sim_action.assertions.combined import Several
 from sim_action.assertions.monitors import ConditionMonitor, Monitor, State, Truth, begun, has_truth
@@ -36,18 +38,18 @@ class AtOnce(Several):
     key: ClassVar[str] = "at_once"
 
     @property
+    @override
     def is_goal(self) -> bool:
-        """See Assertion.is_goal."""
         return True
 
     @property
+    @override
     def has_truth(self) -> bool:
-        """See Assertion.has_truth."""
         return True
 
     @property
+    @override
     def channels(self) -> Channels:
-        """See Assertion.channels."""
         return self.truth_channels
 
     def problems(self, scene: Scene) -> SpecProblems:
@@ -64,8 +66,8 @@ class AtOnce(Several):
         counts = signals_of(self.monitor(scene, start), trace, after, before)
         return (*counts, *super().signals(scene, start, trace, after, before))
 
+    @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        """See Assertion.monitor."""
         monitors = tuple(_condition(part, scene, start) for part in self.parts)
         return AtOnceMonitor(tuple(part.inner_title for part in self.parts), monitors, (UNKNOWN,) * len(monitors))
 
@@ -143,7 +145,6 @@ class AtOnceMonitor:
         return (Signal("conditions that are true", "", trace.time, count, lower=float(len(self.monitors))),)
 
     def _truths(self, trace: Trace) -> NDArray[np.int8]:
-        """Return (P, T) the truth of each part at each step: 1, 0 or UNKNOWN."""
         return truths(self.monitors, trace, self.before)
 
     def verdict(self) -> Verdict:

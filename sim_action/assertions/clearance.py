@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
+from typing_extensions import override
 
 from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import Monitor, State, Truth
@@ -64,13 +65,13 @@ class Clearance(Assertion):
         return self.links if self.link is None else (self.link,)
 
     @property
+    @override
     def has_truth(self) -> bool:
-        """See Assertion.has_truth."""
         return True
 
     @property
+    @override
     def title(self) -> str:
-        """See Assertion.title."""
         whose = f" of {', '.join(self.chosen)}" if self.chosen else ""
         where = f" to {', '.join(self.to)}" if self.to else ""
         return f"clearance{whose}{where} {bounds_title(self.at_least, self.at_most, 'm')}"
@@ -87,18 +88,18 @@ class Clearance(Assertion):
         return ClearanceWatch(self.chosen, self.to, within=limit or 0.0, always=True)
 
     @property
+    @override
     def channels(self) -> Channels:
-        """See Assertion.channels."""
         return self.truth_channels if self.is_goal else Channels(clearances=frozenset({self.watch}))
 
     @property
+    @override
     def truth_channels(self) -> Channels:
-        """See Assertion.truth_channels."""
         return Channels(clearances=frozenset({self.watch, self.close}))
 
     @property
+    @override
     def is_goal(self) -> bool:
-        """See Assertion.is_goal."""
         return self.at_most is not None
 
     def problems(self, scene: Scene) -> SpecProblems:
@@ -126,8 +127,8 @@ class Clearance(Assertion):
         lines = (points for limit in limits for points in distance_lines(scene, self.to, limit))
         return tuple(Polyline(points, is_aside=True) for points in lines)
 
+    @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        """See Assertion.monitor."""
         return ClearanceMonitor(self)
 
 
@@ -176,7 +177,6 @@ class ClearanceMonitor:
         return later.measured(record) if len(record) else later
 
     def _recorded(self, trace: Trace) -> ClearanceRecord:
-        """Return all recorded distances: each one less than all before, and for a goal each one within its limit."""
         return recorded(trace, *self._watches)
 
     @property

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 from pydantic import Field
+from typing_extensions import override
 
 from sim_action.assertions import Assertion, shortened_title
 from sim_action.assertions.monitors import Monitor
@@ -50,29 +51,29 @@ class Combined(Assertion):
     def placed_parts(self) -> Sequence[tuple[Place, Assertion]]:
         """The parts with the keys that lead to each."""
 
+    @override
     def leaves(self) -> Iterator[Assertion]:
-        """See Assertion.leaves."""
         for _, part in self.placed_parts:
             yield from part.leaves()
 
     @property
+    @override
     def channels(self) -> Channels:
-        """See Assertion.channels."""
         return Channels.all_of(part.channels for _, part in self.placed_parts)
 
     @property
+    @override
     def truth_channels(self) -> Channels:
-        """See Assertion.truth_channels."""
         return Channels.all_of(part.truth_channels for _, part in self.placed_parts)
 
     @property
+    @override
     def is_goal(self) -> bool:
-        """See Assertion.is_goal."""
         return any(part.is_goal for _, part in self.placed_parts)
 
     @property
+    @override
     def horizon(self) -> float:
-        """See Assertion.horizon."""
         return max(part.horizon for _, part in self.placed_parts)
 
     def signals(
@@ -111,30 +112,30 @@ class Several(Combined):
     parts: Annotated[tuple[Assertion, ...], Field(min_length=1, description="the list, which is the whole value")]
 
     @classmethod
+    @override
     def entries(cls, data: Any) -> Sequence[tuple[Place, Any]]:
-        """See Combined.entries."""
         if not isinstance(data, tuple) or not data:
             raise ValueError(f"expected a list of assertions, each starting with '- ', found {shown(data)}")
         return [((index,), entry) for index, entry in enumerate(data)]
 
     @classmethod
+    @override
     def made_of(cls, parts: tuple[Assertion, ...]) -> Self:
-        """See Combined.made_of."""
         return cls(parts=parts)
 
     @classmethod
+    @override
     def value_schema(cls, part: dict[str, Any]) -> dict[str, Any]:
-        """See Combined.value_schema."""
         return {"type": "array", "minItems": 1, "items": part}
 
     @property
+    @override
     def placed_parts(self) -> Sequence[tuple[Place, Assertion]]:
-        """See Combined.placed_parts."""
         return [((index,), part) for index, part in enumerate(self.parts)]
 
     @property
+    @override
     def title(self) -> str:
-        """See Assertion.title."""
         return shortened_title(f"{self.key}: {'; '.join(part.inner_title for part in self.parts)}")
 
     @property
@@ -149,8 +150,8 @@ class Joined(Several):
     every: ClassVar[bool]
     """True if all parts must hold, False if one is enough."""
 
+    @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        """See Assertion.monitor."""
         return self._combination(part.monitor(scene, start) for part in self.parts)
 
     def opened(self, scene: Scene, start: Observation, span: float | None = None) -> Monitor:
@@ -192,8 +193,8 @@ class AnyOf(Joined):
     every: ClassVar[bool] = False
 
     @property
+    @override
     def has_truth(self) -> bool:
-        """See Assertion.has_truth."""
         return all(part.has_truth for part in self.parts)
 
 
@@ -211,24 +212,24 @@ class Negation(Combined):
     part: Annotated[Assertion, Field(description="the assertion, which is the whole value")]
 
     @classmethod
+    @override
     def entries(cls, data: Any) -> Sequence[tuple[Place, Any]]:
-        """See Combined.entries."""
         return [((), data)]
 
     @classmethod
+    @override
     def made_of(cls, parts: tuple[Assertion, ...]) -> Self:
-        """See Combined.made_of."""
         (part,) = parts
         return cls(part=part)
 
     @classmethod
+    @override
     def value_schema(cls, part: dict[str, Any]) -> dict[str, Any]:
-        """See Combined.value_schema."""
         return part
 
     @property
+    @override
     def placed_parts(self) -> Sequence[tuple[Place, Assertion]]:
-        """See Combined.placed_parts."""
         return [((), self.part)]
 
     @property
@@ -237,18 +238,18 @@ class Negation(Combined):
         return not self.part.is_goal
 
     @property
+    @override
     def has_truth(self) -> bool:
-        """See Assertion.has_truth."""
         return self.part.has_truth
 
     @property
+    @override
     def channels(self) -> Channels:
-        """See Assertion.channels."""
         return self.part.channels | self.part.truth_channels
 
     @property
+    @override
     def title(self) -> str:
-        """See Assertion.title."""
         part = self.part
         return shortened_title(f"not ({part.title})" if isinstance(part, Negation) else f"not {part.inner_title}")
 

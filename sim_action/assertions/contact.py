@@ -7,6 +7,7 @@ import re
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Self
 
 from pydantic import Field, model_validator
+from typing_extensions import override
 
 from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import FORCE_WINDOW_S, Monitor
@@ -127,13 +128,13 @@ class Touch(Assertion):
         return ClearanceWatch(None if self.link is None else (self.link,), (self.body,))
 
     @property
+    @override
     def channels(self) -> Channels:
-        """See Assertion.channels."""
         return Channels(contacts=True, clearances=frozenset() if self.watch is None else frozenset({self.watch}))
 
     @property
+    @override
     def hold_time(self) -> float | None:
-        """See Assertion.hold_time."""
         return self.span
 
     @property
@@ -142,13 +143,13 @@ class Touch(Assertion):
         return self.has_least or self.span is not None or not self.has_most
 
     @property
+    @override
     def has_truth(self) -> bool:
-        """See Assertion.has_truth."""
         return True
 
     @property
+    @override
     def title(self) -> str:
-        """See Assertion.title."""
         by = "" if self.link is None else f" of {self.link}"
         asked = []
         if self.at_least is not None or self.at_most is not None:
@@ -194,8 +195,8 @@ class Touch(Assertion):
         """Return True if the contact is between the named link and body."""
         return contact.body == self.body and self._is_of(contact.link)
 
+    @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        """See Assertion.monitor."""
         rate = scene.physics.rate
         return TouchMonitor(
             self,
@@ -231,28 +232,28 @@ class Grasped(Assertion):
     ] = None
 
     @property
+    @override
     def channels(self) -> Channels:
-        """See Assertion.channels."""
         return Channels(objects=frozenset({self.object}), link_contacts=frozenset(self.by))
 
     @property
+    @override
     def is_goal(self) -> bool:
-        """See Assertion.is_goal."""
         return True
 
     @property
+    @override
     def has_truth(self) -> bool:
-        """See Assertion.has_truth."""
         return True
 
     @property
+    @override
     def hold_time(self) -> float | None:
-        """See Assertion.hold_time."""
         return self.span
 
     @property
+    @override
     def title(self) -> str:
-        """See Assertion.title."""
         force = "" if self.at_least is None else f" with at least {units.display(self.at_least, 'N')}"
         span = "" if self.span is None else f" for {units.display(self.span, 's')}"
         return f"grasped {self.object} by {', '.join(self.by)}{force}{span}"
@@ -271,8 +272,8 @@ class Grasped(Assertion):
         if not unknown and len(links) < 2:
             yield ("by",), f"only '{links[0]}' is named, and it takes two links to hold an object; add another one"
 
+    @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        """See Assertion.monitor."""
         mass = next((body.mass for body in scene.world.objects if body.name == self.object), None) or 0.0
         least = self.at_least or max(_MIN_SQUEEZE_N, _SHARE_OF_WEIGHT * mass * scene.world.weight)
         return GraspMonitor(self, scene.model, links_named(scene.model, self.by), least, HoldTime(self.span or 0.0))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
+from typing_extensions import override
 
 from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.bounds import Bounds, SignalMonitor, bounds_title, check_bounds
@@ -35,17 +36,17 @@ class LengthBounds(MotionAssertion):
         return self
 
     @property
+    @override
     def is_goal(self) -> bool:
-        """See Assertion.is_goal."""
         return self.at_least is not None
 
     @property
+    @override
     def has_truth(self) -> bool:
-        """See Assertion.has_truth."""
         return True
 
+    @override
     def title_of(self, watched: Watched) -> str:
-        """See MotionAssertion.title_of."""
         return f"{self.key_of(watched)} {bounds_title(self.at_least, self.at_most, 'm')}"
 
 
@@ -58,8 +59,8 @@ class Travel(LengthBounds):
 
     key: ClassVar[str] = "travel"
 
+    @override
     def opened_on(self, watched: Watched, scene: Scene, start: Observation) -> Monitor:
-        """See MotionAssertion.opened_on."""
         x, y, _ = start.pose.position_xyz
         bounds = Bounds("travelled", "m", self.at_least, self.at_most)
         return SignalMonitor("travelled", lambda trace: trace.planar_distance_to(x, y), bounds)
@@ -78,8 +79,8 @@ class PathLength(LengthBounds):
 
     key: ClassVar[str] = "path_length"
 
+    @override
     def opened_on(self, watched: Watched, scene: Scene, start: Observation) -> Monitor:
-        """See MotionAssertion.opened_on."""
         bounds = Bounds("covered", "m", self.at_least, self.at_most)
         return PathLengthMonitor(bounds, start.pose.position_xyz)
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
+from typing_extensions import override
 
 from sim_action.assertions import Assertion, shortened_title
 from sim_action.assertions.monitors import Monitor, State
@@ -65,13 +66,13 @@ class Effort(Assertion):
         return {key: written for key, written in given.items() if written is not None}
 
     @property
+    @override
     def has_truth(self) -> bool:
-        """See Assertion.has_truth."""
         return self.rms_at_most is None
 
     @property
+    @override
     def title(self) -> str:
-        """See Assertion.title."""
         of = f" of {', '.join(self.joints)}" if self.joints else ""
         limits = (
             f"{key.replace('rms', 'RMS').replace('_', ' ')} {as_written(value)}"
@@ -90,8 +91,8 @@ class Effort(Assertion):
                     yield (key,), f"{misfit}{hint}"
                     break
 
+    @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        """See Assertion.monitor."""
         monitors: list[Monitor] = []
         for joint in chosen(scene.model, self.joints):
             dimension, effort = joint.dimension("effort"), reading_of(joint.name, "effort")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self
 
 from pydantic import Field
+from typing_extensions import override
 
 from sim_action.assertions import Assertion, shortened_title
 from sim_action.assertions.monitors import Monitor, State
@@ -44,8 +45,8 @@ class Energy(Assertion):
     braking: Annotated[Braking, Field(description="how negative work counts")] = "free"
 
     @property
+    @override
     def title(self) -> str:
-        """See Assertion.title."""
         of = f" of {', '.join(self.joints)}" if self.joints else ""
         return shortened_title(f"{self.key}{of} at most {units.display(self.at_most, 'J')}")
 
@@ -54,8 +55,8 @@ class Energy(Assertion):
         yield from choice_problems(scene.model, self.joints)
         yield from motor_problems(scene.model, self.joints)
 
+    @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        """See Assertion.monitor."""
         names = tuple(joint.name for joint in chosen(scene.model, self.joints))
         moving = tuple(start.joints[name].velocity if name in start.joints else 0.0 for name in names)
         return EnergyMonitor(names, self.braking, Bounds("used", "J", None, self.at_most), start.time, moving)

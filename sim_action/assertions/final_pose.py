@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
+from typing_extensions import override
 
 from sim_action.assertions.monitors import Monitor, State
 from sim_action.assertions.monitors.goals import ClosestApproach
@@ -58,20 +59,19 @@ class FinalPose(PoseTarget):
             return f"({', '.join(f'{value:g}' for value in self.place.values())})"
         return ", ".join(f"{axis} = {units.display(value, 'm')}" for axis, value in self.place.items())
 
+    @override
     def title_of(self, watched: Watched) -> str:
-        """See MotionAssertion.title_of."""
         within = f"within {units.display(self.tolerance, 'm')}" if self.place else ""
         start = "from the start" if self.relative else ""
         return " ".join(filter(None, (self.key_of(watched), self.place_text, self.facing, within, start)))
 
+    @override
     def opened_on(self, watched: Watched, scene: Scene, start: Observation) -> Monitor:
-        """See MotionAssertion.opened_on."""
         place = f"{self.place_text}{watched.inside}" if self.place else ""
         angle = self._angle(watched.name, start)
         return FinalPoseMonitor(self, self._origin(watched.name, start), self.approach(place, angle), angle)
 
     def _origin(self, name: str, start: Observation) -> Pose:
-        """Return the frame of the place, of which only position and heading count; a link's has the axes of `frame`."""
         if not self.relative:
             return Pose()
         return Pose(start.pose.position_xyz) if name else start.pose

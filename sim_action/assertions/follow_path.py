@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
 
 from pydantic import Field, model_validator
+from typing_extensions import override
 
 from sim_action.assertions.monitors import Monitor, State
 from sim_action.assertions.monitors.goals import Goal, Invariant, joined
@@ -111,8 +112,8 @@ class FollowPath(MotionAssertion):
             raise ValueError(f"point {twice + 1} of the path equals the point before it; remove one of them")
         return self
 
+    @override
     def title_of(self, watched: Watched) -> str:
-        """See MotionAssertion.title_of."""
         limits = (("max error", self.max_error), ("rms", self.rms))
         asked = [f"{name} {units.display(value, 'm')}" for name, value in limits if value is not None]
         if self.end is not None:
@@ -120,8 +121,8 @@ class FollowPath(MotionAssertion):
         return f"{self.key_of(watched)} {', '.join(asked)}"
 
     @property
+    @override
     def reads_file(self) -> bool:
-        """See Assertion.reads_file."""
         return self.file is not None
 
     def file_problems(self, workspace: Workspace) -> SpecProblems:
@@ -142,8 +143,8 @@ class FollowPath(MotionAssertion):
         limits = PathLimits(self.max_error, self.rms, None if self.end is None else self.end.tolerance)
         return PathMonitor(limits, Progress.at_start(path, place))
 
+    @override
     def marks_in(self, watched: Watched, scene: Scene, start: Observation) -> tuple[Mark, ...]:
-        """See MotionAssertion.marks_in."""
         points = self._points(scene)
         coarse = points[: -1 : 1 + len(points) // _MAX_DRAWN]
         corners = [(*point, 0.0) for point in (*coarse, points[-1])]
@@ -206,7 +207,6 @@ def _number(text: str | None, line: int) -> float:
 
 
 def _twice(points: list[Point]) -> int | None:
-    """Return the index of the first point that equals the one before, else None."""
     pairs = enumerate(pairwise(points), start=1)
     return next((index for index, (before, point) in pairs if before == point), None)
 
@@ -364,6 +364,5 @@ class PathMonitor:
         return way
 
     def _places(self, trace: Trace) -> list[Point]:
-        """Return the places at each step, with as many coordinates as the path has."""
         axes = len(self.progress.place)
         return [tuple(place) for place in trace.base_position_xyz[:, :axes].tolist()]

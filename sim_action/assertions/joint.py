@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
+from typing_extensions import override
 
 from sim_action.assertions import Assertion, shortened_title
 from sim_action.assertions.monitors import Monitor, State, Truth
@@ -61,22 +62,21 @@ class JointReading(Assertion):
         return {"at_least": self.at_least, "at_most": self.at_most, "near": self.near, "tolerance": self.tolerance}
 
     def _magnitude(self, written: float | str | None) -> float | None:
-        """Return the value in SI units, without checking it against the type of the joint."""
         return None if written is None else units.parse(written, *READINGS[self.reading])
 
     @property
+    @override
     def is_goal(self) -> bool:
-        """See Assertion.is_goal."""
         return self.at_most is None or self.at_least is not None
 
     @property
+    @override
     def has_truth(self) -> bool:
-        """See Assertion.has_truth."""
         return True
 
     @property
+    @override
     def title(self) -> str:
-        """See Assertion.title."""
         wanted = ", ".join(
             f"{word.replace('_', ' ')} {as_written(value)}"
             for word, value in self._asked().items()
@@ -97,8 +97,8 @@ class JointReading(Assertion):
             except units.UnitError as error:
                 yield (key,), str(error)
 
+    @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        """See Assertion.monitor."""
         unit = scene.model.joints_by_name[self.name].dimension(self.reading).si
         signal = reading_of(self.name, self.reading)
         at_least, at_most, near, tolerance = (self._magnitude(value) for value in self._asked().values())
@@ -191,13 +191,13 @@ class JointWithin(Assertion):
             yield "effort", name, bounds
 
     @property
+    @override
     def has_truth(self) -> bool:
-        """See Assertion.has_truth."""
         return True
 
     @property
+    @override
     def title(self) -> str:
-        """See Assertion.title."""
         bounds = ((f"{name} {reading}", *map(as_written, bounds)) for reading, name, bounds in self.asked())
         return shortened_title(
             f"{self.key} " + ", ".join(f"{what} {lower} to {upper}" for what, lower, upper in bounds)
@@ -214,8 +214,8 @@ class JointWithin(Assertion):
                     if (misfit := unit_problem(joint, reading, written)) is not None:
                         yield (reading, name, index), misfit
 
+    @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        """See Assertion.monitor."""
         intervals = self._intervals(scene)
         return IntervalsMonitor(tuple(side for each in intervals for side in each.sides(each.upper - each.lower)))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
 
 from pydantic import Field, model_validator
+from typing_extensions import override
 
 from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import Monitor, State, Truth
@@ -46,13 +47,13 @@ class Feet(Assertion):
     ] = None
 
     @property
+    @override
     def has_truth(self) -> bool:
-        """See Assertion.has_truth."""
         return True
 
     @property
+    @override
     def channels(self) -> Channels:
-        """See Assertion.channels."""
         return Channels(link_contacts=frozenset(self.links))
 
     def problems(self, scene: Scene) -> SpecProblems:
@@ -104,8 +105,8 @@ class FeetOnGround(Feet):
         return self
 
     @property
+    @override
     def title(self) -> str:
-        """See Assertion.title."""
         named = (("at least", self.at_least), ("at most", self.at_most))
         bounds = ", ".join(f"{name} {value}" for name, value in named if value is not None)
         return f"feet_on_ground {bounds or 'all'} of {', '.join(self.links)}"
@@ -119,8 +120,8 @@ class FeetOnGround(Feet):
         if feet and self.at_most is not None and self.at_most >= feet:
             yield ("at_most",), f"'links' matches only {feet} of the robot's links, so it cannot be exceeded; lower it"
 
+    @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        """See Assertion.monitor."""
         footing = self.footing(scene)
         least = self.at_least or (len(footing.feet) if self.at_most is None else None)
         return FeetMonitor(footing, least, self.at_most, _SETTLE if not scene.physics.settle else "")
@@ -229,8 +230,8 @@ class SupportMargin(Feet):
     at_least: Annotated[Metres, Field(description="an invariant: distance of the centre of mass to the edge")] = 0.0
 
     @property
+    @override
     def title(self) -> str:
-        """See Assertion.title."""
         return f"support_margin at least {units.display(self.at_least, 'm')} on {', '.join(self.links)}"
 
     def problems(self, scene: Scene) -> SpecProblems:
@@ -239,8 +240,8 @@ class SupportMargin(Feet):
         if not scene.model.mass:
             yield (), "no link of the robot states a mass, so it has no centre of mass; add <inertial>"
 
+    @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        """See Assertion.monitor."""
         hint = _SETTLE if not scene.physics.settle else ""
         return SupportMonitor(self.footing(scene), scene.model, self.at_least, hint)
 

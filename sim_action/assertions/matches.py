@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
 
 from pydantic import Field, model_validator
+from typing_extensions import override
 
 from sim_action.assertions import Assertion, shortened_title
 from sim_action.assertions.monitors import Monitor, State
@@ -108,16 +109,16 @@ class Matches(Assertion):
         return self
 
     @property
+    @override
     def title(self) -> str:
-        """See Assertion.title."""
         limits = ((self.position, "m"), (self.yaw, "rad"))
         within = [units.display(value, unit) for value, unit in limits if value is not None]
         within += [f"{name} {as_written(tolerance)}" for name, tolerance in self.joints.items()]
         return shortened_title(f"{self.key} {self.trace} within {', '.join(within)}")
 
     @property
+    @override
     def reads_file(self) -> bool:
-        """See Assertion.reads_file."""
         return True
 
     def file_in(self, scene: Scene) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
+from typing_extensions import override
 
 from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.base_motion import BaseMotion
@@ -42,18 +43,18 @@ class MaxSpeed(MotionAssertion):
         return self
 
     @property
+    @override
     def has_truth(self) -> bool:
-        """See Assertion.has_truth."""
         return True
 
+    @override
     def title_of(self, watched: Watched) -> str:
-        """See MotionAssertion.title_of."""
         limits = ((self.linear, "m/s"), (self.angular, "rad/s"))
         shown = (units.display(limit, unit) for limit, unit in limits if limit is not None)
         return f"{self.key_of(watched)} {', '.join(shown)}"
 
+    @override
     def opened_on(self, watched: Watched, scene: Scene, start: Observation) -> Monitor:
-        """See MotionAssertion.opened_on."""
         motion = BaseMotion.of(scene, start)
         monitors = []
         if self.linear is not None:

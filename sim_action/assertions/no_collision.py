@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field
+from typing_extensions import override
 
 from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import FORCE_WINDOW_S, Monitor, State, Truth
@@ -39,18 +40,18 @@ class NoCollision(Assertion):
     ] = ()
 
     @property
+    @override
     def channels(self) -> Channels:
-        """See Assertion.channels."""
         return Channels(contacts=True)
 
     @property
+    @override
     def has_truth(self) -> bool:
-        """See Assertion.has_truth."""
         return True
 
     @property
+    @override
     def title(self) -> str:
-        """See Assertion.title."""
         return "no_collision" + (f" but {', '.join(self.allow)}" if self.allow else "")
 
     def problems(self, scene: Scene) -> SpecProblems:
@@ -62,8 +63,8 @@ class NoCollision(Assertion):
                 hint = did_you_mean(name, names) if hinted.one_more() else ""
                 yield ("allow", index), f"'{name}' is neither an object nor a link{hint}"
 
+    @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        """See Assertion.monitor."""
         from sim_action.robot.self_collision import has_limb
 
         limbs = has_limb(scene.model, bolted=scene.bolted)

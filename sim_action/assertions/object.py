@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Self
 
 from pydantic import Field, model_validator
+from typing_extensions import override
 
 from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import (
@@ -68,23 +69,23 @@ class Moved(MotionAssertion):
         return self
 
     @property
+    @override
     def is_goal(self) -> bool:
-        """See Assertion.is_goal."""
         return self.at_least is not None or self.up is not None
 
     @property
+    @override
     def has_truth(self) -> bool:
-        """See Assertion.has_truth."""
         return True
 
+    @override
     def title_of(self, watched: Watched) -> str:
-        """See MotionAssertion.title_of."""
         if self.up is not None:
             return f"{self.key_of(watched)} up by {units.display(self.up, 'm')}"
         return f"{self.key_of(watched)} {bounds_title(self.at_least, self.at_most, 'm')}"
 
+    @override
     def opened_on(self, watched: Watched, scene: Scene, start: Observation) -> Monitor:
-        """See MotionAssertion.opened_on."""
         place = start.pose.position_xyz
         if self.up is not None:
             rise = Bounds("rose", "m", self.up, None)
@@ -144,42 +145,42 @@ class ObjectAssertion(Assertion):
         return part
 
     @property
+    @override
     def channels(self) -> Channels:
-        """See Assertion.channels."""
         return Channels(objects=frozenset({self.name}))
 
     @property
+    @override
     def is_goal(self) -> bool:
-        """See Assertion.is_goal."""
         return self.part.is_goal
 
     @property
+    @override
     def has_truth(self) -> bool:
-        """See Assertion.has_truth."""
         return self.part.has_truth
 
     @property
+    @override
     def hold_time(self) -> float | None:
-        """See Assertion.hold_time."""
         return self.part.hold_time
 
     @property
+    @override
     def states_span(self) -> bool:
-        """See Assertion.states_span."""
         return self.part.states_span
 
+    @override
     def lasting(self, span: float) -> Self:
-        """See Assertion.lasting."""
         return self.model_copy(update={self.part.key: self.part.lasting(span)})
 
     @property
+    @override
     def horizon(self) -> float:
-        """See Assertion.horizon."""
         return self.part.horizon
 
     @property
+    @override
     def title(self) -> str:
-        """See Assertion.title."""
         return f"object {self.part.title_of(self.watched)}"
 
     @property
@@ -202,8 +203,8 @@ class ObjectAssertion(Assertion):
         if part.frame != WORLD and (problem := why_no_frame(scene.model, part.frame)) is not None:
             yield (part.key, "frame"), problem
 
+    @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        """See Assertion.monitor."""
         appears = next((body.appears or 0.0 for body in scene.world.objects if body.name == self.name), 0.0)
         return ObjectMonitor(self, scene, start, appears)
 
@@ -212,8 +213,8 @@ class ObjectAssertion(Assertion):
         """See Assertion.is_explicit. An object that comes to rest must have moved, not only the robot."""
         return False
 
+    @override
     def marks(self, scene: Scene, start: Observation) -> tuple[Mark, ...]:
-        """See Assertion.marks."""
         return self.part.marks_of(self.watched, scene, start)
 
 

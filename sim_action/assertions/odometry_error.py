@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
 
 from pydantic import Field, model_validator
+from typing_extensions import override
 
 from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import Monitor, State
@@ -61,8 +62,8 @@ class OdometryError(Assertion):
         return self
 
     @property
+    @override
     def title(self) -> str:
-        """See Assertion.title."""
         drift = None if self.drift is None else _percent(self.drift)
         told = (
             ("position", None if self.position is None else units.display(self.position, "m")),
@@ -72,12 +73,12 @@ class OdometryError(Assertion):
         return f"odometry_error {', '.join(f'{name} at most {limit}' for name, limit in told if limit is not None)}"
 
     @property
+    @override
     def channels(self) -> Channels:
-        """See Assertion.channels."""
         return Channels(sensors=frozenset({self.name}))
 
+    @override
     def sensor_problems(self, kinds: Mapping[str, str]) -> SpecProblems:
-        """See Assertion.sensor_problems."""
         odometers = [name for name, kind in kinds.items() if kind == "odometry"]
         if self.name in odometers:
             return
@@ -91,15 +92,14 @@ class OdometryError(Assertion):
         else:
             yield ("name",), f"the scenario has no sensor '{self.name}'{did_you_mean(self.name, odometers)}"
 
+    @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        """See Assertion.monitor."""
         return OdometryMonitor.opened(
             self.name, {"position": self.position, "yaw": self.yaw, "drift": self.drift}, start
         )
 
 
 def _percent(share: float) -> str:
-    """Return a ratio as text in percent."""
     return f"{100 * share:.4g} %"
 
 

@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
+from typing_extensions import override
 
 from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.goals import ClosestApproach
@@ -143,17 +144,17 @@ class Reach(PoseTarget):
     y: Metres
 
     @property
+    @override
     def is_goal(self) -> bool:
-        """See Assertion.is_goal."""
         return True
 
     @property
+    @override
     def has_truth(self) -> bool:
-        """See Assertion.has_truth."""
         return True
 
+    @override
     def title_of(self, watched: Watched) -> str:
-        """See MotionAssertion.title_of."""
         within = f"within {units.display(self.tolerance, 'm')}"
         return " ".join(filter(None, (self.key_of(watched), self.place, self.facing, within)))
 
@@ -162,13 +163,13 @@ class Reach(PoseTarget):
         """The point as text."""
         return f"({', '.join(f'{value:g}' for value in (self.x, self.y, self.z) if value is not None)})"
 
+    @override
     def opened_on(self, watched: Watched, scene: Scene, start: Observation) -> Monitor:
-        """See MotionAssertion.opened_on."""
         angle = self.angle()
         return ReachMonitor(self, self.approach(f"{self.place}{watched.inside}", angle), angle)
 
+    @override
     def marks_in(self, watched: Watched, scene: Scene, start: Observation) -> tuple[Mark, ...]:
-        """See MotionAssertion.marks_in."""
         return self.marks_at(self.x, self.y, self.z, self.angle())
 
 
@@ -217,7 +218,6 @@ class ReachMonitor:
         return replace(told, message=f"{told.message} with {self.found}")
 
     def _errors(self, trace: Trace) -> tuple[FloatArray, FloatArray | None]:
-        """Return (T,) m and (T,) rad; None instead of the error of the angle if none is required."""
         return self._distance(trace), None if self.angle is None else self.angle.error(trace)
 
     def _distance(self, trace: Trace) -> FloatArray:

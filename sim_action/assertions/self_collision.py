@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Self
 
 from pydantic import Field, field_validator
+from typing_extensions import override
 
 from sim_action.assertions import Assertion, shortened_title
 from sim_action.assertions.monitors import Monitor, State, Truth
@@ -59,18 +60,18 @@ class SelfCollision(Assertion):
         return data
 
     @property
+    @override
     def channels(self) -> Channels:
-        """See Assertion.channels."""
         return Channels(self_contacts=True)
 
     @property
+    @override
     def has_truth(self) -> bool:
-        """See Assertion.has_truth."""
         return True
 
     @property
+    @override
     def title(self) -> str:
-        """See Assertion.title."""
         pairs = ", ".join(f"{one} with {other}" for one, other in self.allow)
         return shortened_title("self_collision" + (f" but {pairs}" if pairs else ""))
 
@@ -101,8 +102,8 @@ class SelfCollision(Assertion):
     def _is_allowed(self, pair: tuple[str, str]) -> bool:
         return any(_names(names, pair) for names in self.allow)
 
+    @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        """See Assertion.monitor."""
         return SelfCollisionMonitor(self, 1 / scene.physics.rate, collides=scene.robot.self_collision)
 
     def forbidden(self, trace: Trace) -> list[SelfContact]:
@@ -111,7 +112,6 @@ class SelfCollision(Assertion):
 
 
 def _names(names: tuple[str, str], pair: tuple[str, str]) -> bool:
-    """Return True if two names or patterns mean two links, in either order."""
     one, other = names
     return any(matches_name(one, first) and matches_name(other, second) for first, second in (pair, pair[::-1]))
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, Self
 
 from pydantic import Field, model_validator
+from typing_extensions import override
 
 from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import Monitor, State, Truth
@@ -70,18 +71,18 @@ class SensorReading(Assertion):
         return None if written is None else units.parse(written, *_DIMENSIONS)
 
     @property
+    @override
     def is_goal(self) -> bool:
-        """See Assertion.is_goal."""
         return self.once
 
     @property
+    @override
     def has_truth(self) -> bool:
-        """See Assertion.has_truth."""
         return True
 
     @property
+    @override
     def title(self) -> str:
-        """See Assertion.title."""
         bounds = (("at least", self.at_least), ("at most", self.at_most))
         wanted = ", ".join(f"{word} {as_written(value)}" for word, value in bounds if value is not None)
         return f"sensor {self.what} {'once ' if self.once else ''}{wanted}"
@@ -92,12 +93,12 @@ class SensorReading(Assertion):
         return (f"{self.which} of " if self.which else "") + f"{self.name}'s {self.reading}"
 
     @property
+    @override
     def channels(self) -> Channels:
-        """See Assertion.channels."""
         return Channels(sensors=frozenset({self.name}))
 
+    @override
     def sensor_problems(self, kinds: Mapping[str, str]) -> SpecProblems:
-        """See Assertion.sensor_problems."""
         if self.name not in kinds:
             yield ("name",), f"the scenario has no sensor '{self.name}'{did_you_mean(self.name, kinds)}"
             return
@@ -118,8 +119,8 @@ class SensorReading(Assertion):
             except units.UnitError as error:
                 yield (key,), str(error)
 
+    @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        """See Assertion.monitor."""
         bounds = self._magnitude(self.at_least), self._magnitude(self.at_most)
         return SensorMonitor(self.name, self.reading, self.which, self.what, *bounds, once=self.once)
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple, Self
 
 from pydantic import Field
+from typing_extensions import override
 
 from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import Monitor, State, Truth
@@ -39,8 +40,8 @@ class AtRest(Assertion):
     span: Annotated[PositiveSeconds, Field(alias="for", description="required time at rest")] = 1.0
 
     @property
+    @override
     def hold_time(self) -> float | None:
-        """See Assertion.hold_time."""
         return self.span
 
 
@@ -62,21 +63,21 @@ class Settled(AtRest, MotionAssertion):
     ] = None
 
     @property
+    @override
     def is_goal(self) -> bool:
-        """See Assertion.is_goal."""
         return True
 
     @property
+    @override
     def has_truth(self) -> bool:
-        """See Assertion.has_truth."""
         return True
 
+    @override
     def title_of(self, watched: Watched) -> str:
-        """See MotionAssertion.title_of."""
         return f"{self.key_of(watched)} for {units.display(self.span, 's')}"
 
+    @override
     def opened_on(self, watched: Watched, scene: Scene, start: Observation) -> Monitor:
-        """See MotionAssertion.opened_on."""
         counting = scene.bolted and not watched.name if self.joints is None else self.joints
         joints = {joint.name: joint.dimension("velocity").si for joint in scene.model.moving_joints if counting}
         return SettledMonitor(
@@ -180,7 +181,6 @@ class SettledMonitor:
 
 
 def _are_slow(motions: Sequence[Motion]) -> NDArray[np.bool_]:
-    """Return (T,) True where all motions are below their limits."""
     import numpy as np
 
     return np.asarray(np.all([motion.speed <= motion.limit for motion in motions], axis=0))

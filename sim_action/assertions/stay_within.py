@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
+from typing_extensions import override
 
 from sim_action.assertions.monitors import Monitor
 from sim_action.assertions.monitors.bounds import Interval, IntervalsMonitor, check_interval
@@ -49,19 +50,19 @@ class StayWithin(MotionAssertion):
         return {axis: interval for axis, interval in given.items() if interval is not None}
 
     @property
+    @override
     def has_truth(self) -> bool:
-        """See Assertion.has_truth."""
         return True
 
+    @override
     def title_of(self, watched: Watched) -> str:
-        """See MotionAssertion.title_of."""
         return f"{self.key_of(watched)} " + ", ".join(
             f"{axis} {units.display(lower, 'm')} to {units.display(upper, 'm')}"
             for axis, (lower, upper) in self.intervals.items()
         )
 
+    @override
     def opened_on(self, watched: Watched, scene: Scene, start: Observation) -> Monitor:
-        """See MotionAssertion.opened_on."""
         intervals = (
             Interval(axis, "m", *bounds, _coordinate("xyz".index(axis))) for axis, bounds in self.intervals.items()
         )

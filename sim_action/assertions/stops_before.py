@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
+from typing_extensions import override
 
 from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.base_motion import BaseMotion
@@ -51,18 +52,18 @@ class StopsBefore(AtRest):
         return self
 
     @property
+    @override
     def is_goal(self) -> bool:
-        """See Assertion.is_goal."""
         return True
 
     @property
+    @override
     def has_truth(self) -> bool:
-        """See Assertion.has_truth."""
         return True
 
     @property
+    @override
     def title(self) -> str:
-        """See Assertion.title."""
         return f"{self.key} {self.body} with a gap of {' to '.join(units.display(bound, 'm') for bound in self.gap)}"
 
     @property
@@ -76,8 +77,8 @@ class StopsBefore(AtRest):
         return ClearanceWatch(bodies=(self.body,))
 
     @property
+    @override
     def channels(self) -> Channels:
-        """See Assertion.channels."""
         return Channels(contacts=True, clearances=frozenset({self.near, self.far}))
 
     def problems(self, scene: Scene) -> SpecProblems:
@@ -93,8 +94,8 @@ class StopsBefore(AtRest):
             Polyline(points, is_aside=True) for bound in bounds for points in distance_lines(scene, (self.body,), bound)
         )
 
+    @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        """See Assertion.monitor."""
         return StopsBeforeMonitor(self, HoldTime(self.span), BaseMotion.of(scene, start))
 
 

@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from pydantic import Field
+from typing_extensions import override
 
 from sim_action.assertions.monitors import Monitor
 from sim_action.assertions.monitors.bounds import Bounds, SignalMonitor
@@ -27,14 +28,14 @@ class Upright(MotionAssertion):
     max_tilt: Annotated[PositiveRadians, Field(description="an invariant: must not be exceeded")] = math.radians(20)
 
     @property
+    @override
     def has_truth(self) -> bool:
-        """See Assertion.has_truth."""
         return True
 
+    @override
     def title_of(self, watched: Watched) -> str:
-        """See MotionAssertion.title_of."""
         return f"{self.key_of(watched)} within {units.display(self.max_tilt, 'rad')}"
 
+    @override
     def opened_on(self, watched: Watched, scene: Scene, start: Observation) -> Monitor:
-        """See MotionAssertion.opened_on."""
         return SignalMonitor("tilt", lambda trace: trace.tilt, Bounds("tilted by", "rad", None, self.max_tilt))

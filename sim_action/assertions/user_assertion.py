@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, Self, get_args
 
 from pydantic import Field, model_validator
+from typing_extensions import override
 
 from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import Monitor, State
@@ -102,8 +103,8 @@ class UserAssertion(Assertion):
         return self.path.rpartition(":")[0]
 
     @property
+    @override
     def python_file(self) -> str:
-        """See Assertion.python_file."""
         return self.file
 
     @property
@@ -112,8 +113,8 @@ class UserAssertion(Assertion):
         return self.path.rpartition(":")[2]
 
     @property
+    @override
     def reads_file(self) -> bool:
-        """See Assertion.reads_file."""
         return True
 
     @property
@@ -122,8 +123,8 @@ class UserAssertion(Assertion):
         return Channels(contacts=True)
 
     @property
+    @override
     def title(self) -> str:
-        """See Assertion.title."""
         return f"{self.key} {self.class_name}"
 
     def file_problems(self, workspace: Workspace) -> SpecProblems:
@@ -339,5 +340,4 @@ class History:
 
 
 def _beside(trace: Trace) -> Trace:
-    """Return the records other than the state. A class does not read those that need the moments of the state."""
     return replace(trace.rows(slice(0)), objects={}, link_contacts={})

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import click
+from typing_extensions import override
 
 from sim_action.core.wording import shown
 
@@ -20,8 +21,8 @@ class Bounded(click.ParamType):  # type: ignore[type-arg] # generic in new versi
         self.name = number.name
         self._number = number
 
+    @override
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """See click.ParamType."""
         try:
             return self._number.convert(value, param, ctx)
         except click.BadParameter:

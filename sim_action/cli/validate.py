@@ -57,7 +57,6 @@ def validate(paths: Sequence[str], packages: Sequence[str], allow_outside: bool)
 
 
 def _messages(refused: Refused) -> list[str]:
-    """Return the messages of a refused scenario."""
     details = refused.error.details if isinstance(refused.error, InternalError) else ""
     return [f"{problem}\n{details}".rstrip() for problem in refused.problems]
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
 
 from pydantic import Field
+from typing_extensions import override
 
 from sim_action.core.field_types import PositiveHertz
 from sim_action.core.records import dataclass, field
@@ -166,8 +167,8 @@ class LinkCommands(CommandSource):
         ),
     ] = 40.0
 
+    @override
     def fitted(self, physics_rate: float) -> Self:
-        """See CommandSource.fitted."""
         if "rate" in self.model_fields_set:
             return self
         rate = fitting_rate(self.rate, physics_rate)

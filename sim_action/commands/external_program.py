@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final
 
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
+from typing_extensions import override
 
 from sim_action.commands import ClosedLoop, CommandSource, Controller
 from sim_action.commands.controller_answers import answer_problem
@@ -166,8 +167,8 @@ class ProcessCommands(CommandSource):
     ] = 10.0
 
     @property
+    @override
     def code(self) -> str:
-        """See CommandSource.code."""
         return f"process {shlex.join(self.process)}"
 
     def problems(self, workspace: Workspace) -> SpecProblems:

@@ -11,6 +11,7 @@ from types import MappingProxyType
 from typing import Annotated, ClassVar, Final, Literal, Self
 
 from pydantic import Field, model_validator
+from typing_extensions import override
 
 from sim_action.commands import CommandSource, Controller, OpenLoop
 from sim_action.core import units
@@ -111,12 +112,12 @@ class JointCommands(CommandSource):
         yield from order_problems(self.points)
         yield from mixed_target_problems(self.points)
 
+    @override
     def model_problems(self, scene: Scene) -> SpecProblems:
-        """See CommandSource.model_problems."""
         yield from model_fit_problems(self.points, BLENDS[self.interpolation], scene)
 
+    @override
     def joints(self, scene: Scene) -> frozenset[str]:
-        """See CommandSource.joints."""
         return frozenset(knot.joint for knot in knots(self.points, scene.model))
 
     def _holding(self, scene: Scene) -> JointTargets:
@@ -128,8 +129,8 @@ class JointCommands(CommandSource):
             velocity={knot.joint: 0.0 for knot in known if knot.reading == "velocity"},
         )
 
+    @override
     def open(self, scene: Scene) -> Controller:
-        """See CommandSource.open."""
         paths, jumps, last = self._paths(scene), BLENDS[self.interpolation].jumps, self.points[-1].at
         period = 1 / self.rate
         # Targets are taken at the middle of a tick: a servo follows step by step, from the first step of the tick on.
@@ -175,7 +176,6 @@ def _mean_speeds(here: Mapping[str, float], there: Mapping[str, float], period: 
 
 
 def _tick(time: float) -> float:
-    """Return the time of a tick, rounded so that a tick at a point belongs to the interval after it."""
     return round(time, 9) + 1e-9
 
 
@@ -198,7 +198,6 @@ class Blend:
 
 
 def _minimum_jerk(share: float) -> float:
-    """Return the share of the distance for motion from rest to rest with the least jerk (Flash and Hogan 1985)."""
     return share**3 * (10 + share * (6 * share - 15))
 
 

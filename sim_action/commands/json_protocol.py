@@ -57,7 +57,6 @@ def robot_json(robot: RobotDescription) -> Json:
 
 
 def _reading(reading: Any) -> Json:
-    """Return a reading as JSON values, field by field: all readings are dataclasses."""
     return {field.name: _value(getattr(reading, field.name)) for field in fields(reading)}
 
 
@@ -126,7 +125,6 @@ def _joint(joint: JointDescription) -> Json:
 
 
 def _limit(value: float | None) -> float | None:
-    """Return a limit; None for infinity, which JSON does not have."""
     return value if value is not None and math.isfinite(value) else None
 
 

@@ -132,7 +132,6 @@ def after(pose: Pose, twist: Twist, seconds: float) -> Pose:
 
 
 def _rotation(turn: Vector3) -> Quaternion:
-    """Return the rotation about a vector, by its length in rad."""
     angle = math.hypot(*turn)
     scale = math.sin(angle / 2) / angle if angle else 0.5
     return (turn[0] * scale, turn[1] * scale, turn[2] * scale, math.cos(angle / 2))

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final
 
 from pydantic import BeforeValidator, Field
+from typing_extensions import override
 
 from sim_action.commands import ClosedLoop, CommandSource, Controller
 from sim_action.commands.onnx_network import (
@@ -141,13 +142,13 @@ class PolicyCommands(CommandSource):
     rate: Annotated[PositiveHertz, Field(description="rate of the ticks at which the network runs, as in its training")]
 
     @property
+    @override
     def code(self) -> str:
-        """See CommandSource.code."""
         return f"policy {self.policy}"
 
     @property
+    @override
     def unchecked(self) -> tuple[str, ...]:
-        """See CommandSource.unchecked."""
         return () if importlib.util.find_spec(PACKAGE) else (f"policy {self.policy}: {INSTALL_HINT}",)
 
     def tick_rate(self, physics_rate: float) -> float:
@@ -221,7 +222,6 @@ class PolicyCommands(CommandSource):
                 yield ("policy",), f"{self.policy}: {problem}"
 
     def _terms(self) -> Iterator[tuple[str, int, Term]]:
-        """Yield each term with the name of its input, "" for the only one, and its index."""
         for name, terms in self._groups():
             for index, term in enumerate(terms):
                 yield name, index, term
@@ -234,7 +234,6 @@ class PolicyCommands(CommandSource):
         return self.output or (names[0] if len(names) == 1 else None)
 
     def _input(self, network: Network, name: str) -> Tensor | None:
-        """Return an input; for "", the only one that is not named elsewhere."""
         names = [name] if name else [each for each in network.inputs if each not in self.state]
         return network.inputs.get(names[0]) if len(names) == 1 else None
 
@@ -312,8 +311,8 @@ class PolicyCommands(CommandSource):
         down = (x / weight, y / weight, z / weight)
         return Layout(scene.model, joints, len(joints), scene.joint_positions, offset, sensor_sizes(scene), down)
 
+    @override
     def joints(self, scene: Scene) -> frozenset[str]:
-        """See CommandSource.joints."""
         return frozenset(selected(scene.model, self.order))
 
     def open(self, scene: Scene) -> Controller:

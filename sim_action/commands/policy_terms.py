@@ -259,7 +259,6 @@ def selected(model: RobotModel, names: Sequence[str] | None) -> tuple[str, ...]:
 
 
 def _meant(model: RobotModel, name: str, driven: Sequence[str]) -> list[Joint]:
-    """Return the joints of a name, or those of a pattern that a motor can move."""
     return [joint for joint in chosen(model, (name,)) if joint.name == name or joint.name in driven]
 
 

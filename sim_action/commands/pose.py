@@ -9,6 +9,7 @@ from itertools import islice
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal, Self
 
 from pydantic import Field, model_validator
+from typing_extensions import override
 
 from sim_action.commands import ClosedLoop, Controller, LinkCommands, OpenLoop
 from sim_action.core import geometry, units
@@ -157,8 +158,8 @@ class PoseCommands(LinkCommands):
             if self.pose.orientation == "free" and waypoint.has_angles:
                 yield ("pose", "waypoints", index), "'orientation: free' ignores roll, pitch and yaw; remove them"
 
+    @override
     def model_problems(self, scene: Scene) -> SpecProblems:
-        """See CommandSource.model_problems."""
         if (trouble := _why_not_moved(self.pose.link, scene)) is not None:
             yield ("pose", "link"), trouble
             return
@@ -170,14 +171,14 @@ class PoseCommands(LinkCommands):
         if base is not None and not any(self.problems(scene.workspace)):
             yield from self._path_problems(follower, start, base)
 
+    @override
     def joints(self, scene: Scene) -> frozenset[str]:
-        """See CommandSource.joints."""
         if _why_not_moved(self.pose.link, scene) is not None:
             return frozenset()
         return frozenset(joint.name for joint in _chain(self.pose.link, scene).joints)
 
+    @override
     def open(self, scene: Scene) -> Controller:
-        """See CommandSource.open."""
         from sim_action.commands.link_path import Blocked
 
         follower, start = self._follower(scene)
@@ -289,7 +290,6 @@ class PoseCommands(LinkCommands):
         return Follower(chain, self.pose.orientation == "follow", self.rate), start
 
     def _expected_base(self, scene: Scene) -> Pose | None:
-        """Return the pose of the base in the frame of the waypoints; None if it is known only during the run."""
         if self.pose.frame == "base":
             return Pose()
         return _fixed_base(scene) if scene.bolted else None

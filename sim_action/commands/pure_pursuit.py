@@ -66,7 +66,6 @@ class Leg:
         return self._at(along + math.sqrt(max(0.0, lookahead**2 - beside**2)))
 
     def _foot(self, point: Point) -> Point:
-        """Return the position of a point along the leg and to its left, in m."""
         return in_robot_frame(self.start, self.direction, point)
 
     def _at(self, along: float) -> Point:
@@ -156,7 +155,6 @@ class PathFollower:
         return max(0.0, self._mobility.ahead)
 
     def _off(self, ahead: float, left: float) -> float:
-        """Return the heading error towards a point, in rad to the left."""
         return math.atan2(left, ahead + self._before_axle)
 
     def _distances_to_stop(self, legs: Sequence[Leg]) -> list[float]:

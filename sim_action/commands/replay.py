@@ -11,6 +11,7 @@ from pathlib import Path, PurePath
 from typing import Annotated, Final
 
 from pydantic import Field
+from typing_extensions import override
 
 from sim_action.commands import CommandSource, Controller, OpenLoop
 from sim_action.commands.logs import TimedCommand, csv_log, rosbag
@@ -77,8 +78,8 @@ class ReplayCommands(CommandSource):
             yield from _log_problems(self, path)
 
     @property
+    @override
     def unchecked(self) -> tuple[str, ...]:
-        """See CommandSource.unchecked."""
         if _is_csv(self):
             return ()
         return (f"topics of {self.replay}: the log is read when the scenario runs",)
@@ -89,13 +90,13 @@ class ReplayCommands(CommandSource):
         if trouble := next(filter(None, troubles), None):
             yield (("only_joints",), trouble) if self.only_joints else (("replay",), f"{self.replay}: {trouble}")
 
+    @override
     def gives_twists(self, scene: Scene) -> bool:
-        """See CommandSource.gives_twists."""
         header = self._csv_header(scene.workspace)
         return self.type in TWISTS if header is None else header.holds_twists
 
+    @override
     def joints(self, scene: Scene) -> frozenset[str]:
-        """See CommandSource.joints."""
         if self.gives_twists(scene):
             return frozenset()
         header = self._csv_header(scene.workspace)
@@ -173,12 +174,10 @@ def _holding(first: Command, scene: Scene) -> JointTargets:
 
 
 def _is_csv(spec: ReplayCommands) -> bool:
-    """Return True if the name in the scenario ends in .csv; the target of a link does not matter."""
     return PurePath(spec.replay).suffix == _CSV
 
 
 def _log_problems(spec: ReplayCommands, path: Path) -> SpecProblems:
-    """Yield problems of an existing log."""
     yield from _csv_problems(spec, path) if _is_csv(spec) else _ros_problems(spec, path)
 
 
@@ -252,7 +251,6 @@ class Playback:
 
 
 def _after(earlier: Command | None, later: Command) -> Command:
-    """Return the combination of two commands: joints that the later one does not name keep their earlier targets."""
     if isinstance(earlier, JointTargets) and isinstance(later, JointTargets):
         return earlier.updated_by(later)
     return later

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, cast
 
 from pydantic import Field
+from typing_extensions import override
 
 from sim_action.commands import ClosedLoop, CommandSource, Controller
 from sim_action.commands.controller_answers import answer_problem, as_answer
@@ -100,13 +101,13 @@ class ScriptCommands(CommandSource):
     ] = {}
 
     @property
+    @override
     def code(self) -> str:
-        """See CommandSource.code."""
         return f"script {self.script}"
 
     @property
+    @override
     def python_file(self) -> str:
-        """See CommandSource.python_file."""
         return self.script
 
     def problems(self, workspace: Workspace) -> SpecProblems:
@@ -194,7 +195,6 @@ class ScriptCommands(CommandSource):
 
     @property
     def _key(self) -> str:
-        """The YAML key that selects the controller."""
         return "function" if self.function is not None else "class" if self.class_name is not None else "script"
 
 
@@ -215,7 +215,6 @@ def _controller(name: str, ask: Callable[[Observation], object], path: Path, sce
 
 
 def _seed_of(scene: Scene, code: str) -> int:
-    """Return the seed of the scenario; another seed for a second source with the same file."""
     return int(scene.generator(code).integers(1 << 63)) if scene.namesake else scene.seed
 
 

@@ -8,6 +8,7 @@ from itertools import accumulate
 from typing import Annotated, ClassVar, Final
 
 from pydantic import Field
+from typing_extensions import override
 
 from sim_action.commands import CommandSource, Controller, OpenLoop
 from sim_action.core.field_types import FrozenModel, MetresPerSecond, PositiveSeconds, RadiansPerSecond
@@ -80,11 +81,10 @@ class TwistCommands(CommandSource):
 
     @property
     def _ends(self) -> tuple[float, ...]:
-        """The end of each segment, in s of sim time."""
         return tuple(accumulate(math.inf if s.duration is None else s.duration for s in self.twist))
 
+    @override
     def open(self, scene: Scene) -> Controller:
-        """See CommandSource.open."""
         ends = self._ends
         twists = (*(segment.twist for segment in self.twist), Twist())
 

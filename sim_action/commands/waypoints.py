@@ -7,6 +7,7 @@ from itertools import pairwise
 from typing import Annotated, ClassVar, Final
 
 from pydantic import Field
+from typing_extensions import override
 
 from sim_action.commands import ClosedLoop, CommandSource, Controller
 from sim_action.commands.pure_pursuit import PathFollower, Pursuit
@@ -87,8 +88,8 @@ class WaypointCommands(CommandSource):
                 ),
             )
 
+    @override
     def open(self, scene: Scene) -> Controller:
-        """See CommandSource.open."""
         pursuit = Pursuit(self.speed, self.lookahead, self.tolerance, self.max_turn_rate)
         points = [(waypoint.x, waypoint.y) for waypoint in self.waypoints]
         return ClosedLoop(PathFollower(points, pursuit, scene.mobility).command, senses=False)

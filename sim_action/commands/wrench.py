@@ -6,6 +6,7 @@ import math
 from typing import Annotated, ClassVar, Final, Self
 
 from pydantic import Field, model_validator
+from typing_extensions import override
 
 from sim_action.commands import Controller, LinkCommands, OpenLoop
 from sim_action.commands.twist import missed_by_ticks
@@ -81,8 +82,8 @@ class WrenchCommands(LinkCommands):
     wrench: Annotated[TimedWrench, Field(description="the force, the torque, and when they act")]
 
     @property
+    @override
     def begins(self) -> tuple[KeyPath, float]:
-        """See CommandSource.begins."""
         return ("wrench", "at"), self.wrench.at
 
     def model_problems(self, scene: Scene) -> SpecProblems:
@@ -97,8 +98,8 @@ class WrenchCommands(LinkCommands):
         if (problem := why_no_frame(scene.model, self.wrench.frame)) is not None:
             yield ("wrench", "frame"), problem
 
+    @override
     def open(self, scene: Scene) -> Controller:
-        """See CommandSource.open."""
         spec, rate = self.wrench, self.rate
         link = spec.link or scene.model.root
         acting = LinkWrench(link, spec.force or _NONE, spec.torque or _NONE, spec.frame, spec.point or _NONE)

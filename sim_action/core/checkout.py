@@ -245,7 +245,6 @@ def _host_and_owner(address: str) -> tuple[str, str]:
 
 
 def _unescaped(text: str) -> str:
-    """Return a text of the configuration without quotes and backslashes."""
     return re.sub(r"\\(.)|\"", lambda found: found[1] or "", text)
 
 

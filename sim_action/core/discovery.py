@@ -76,7 +76,6 @@ def paths_of(pattern: str) -> list[Path]:
 
 
 def _is_shown(path: Path, parts: Iterable[str]) -> bool:
-    """Return False for hidden files and folders, unless the pattern names them."""
     asked = [part for part in parts if part.startswith(".")]
     return all(not part.startswith(".") or any(fnmatchcase(part, hidden) for hidden in asked) for part in path.parts)
 

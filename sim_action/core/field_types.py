@@ -45,7 +45,6 @@ def _built(model: Any, /, *positional: Any, **keys: Any) -> Any:
 
 
 def _model_type() -> Any:
-    """Return the type of `FrozenModel`: that of all models, for which pydantic has no public name."""
     return type("ModelType", (type(BaseModel),), {"__call__": _built})
 
 
@@ -135,10 +134,6 @@ END_OF_TEXT: Final = r"[ \n]*$"
 
 
 def _text_pattern(needs: str, symbols: Iterable[str]) -> str:
-    """Return the regular expression of a quantity in text, which has one meaning in Python and in ECMA-262.
-
-    Validators show the pattern in their messages. Its first alternative never matches: it is the message for people.
-    """
     unit = "|".join(symbol.replace("^", r"\^") for symbol in symbols)
     number = r"([0-9]+[.]?[0-9]*|[.][0-9]+)([eE][-+]?[0-9]+)?"
     return rf"(?!){needs}|^ *{_ANY_SIGN}{number} *({unit})?{END_OF_TEXT}"
@@ -183,12 +178,10 @@ def is_title(name: str) -> bool:
 
 
 def _title(name: str) -> str:
-    """Return the name of a scenario or an expectation, which reports escape; else raise ValueError."""
     return name if is_title(name) else _refuse_name(name, _NOT_IN_TITLES)
 
 
 def _plain_name(name: str) -> str:
-    """Return the name, or raise ValueError if it would have an effect where reports or engines use it."""
     return name if is_plain_name(name) else _refuse_name(name, _NOT_IN_NAMES)
 
 
@@ -351,7 +344,6 @@ def _said_of(annotation: Any) -> Iterator[Any]:
 
 
 def _of_optional(annotation: Any) -> Iterator[Any]:
-    """Yield the annotations of an optional type."""
     parts = [part for part in get_args(annotation) if part is not type(None)]
     if len(parts) == 1 and type(None) in get_args(annotation):
         yield from _said_of(parts[0])

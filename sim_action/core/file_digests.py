@@ -89,5 +89,4 @@ def _named(parts: Iterable[bytes], size: int, algorithm: str) -> str:
 
 
 def _changed_ns(found: os.stat_result) -> int:
-    """Return the time of the last change, of the content or of anything else."""
     return found.st_mtime_ns if sys.platform == "win32" else found.st_ctime_ns

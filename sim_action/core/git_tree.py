@@ -226,7 +226,6 @@ class _Reader:
 
 
 def _seconds(time_ns: int) -> tuple[int, int]:
-    """Return a time as git's index stores it: seconds in 32 bits, and nanoseconds."""
     return (time_ns // 10**9) & _32_BITS, time_ns % 10**9
 
 

@@ -13,6 +13,8 @@ import threading
 from types import FrameType, MappingProxyType
 from typing import TYPE_CHECKING, Final, Self
 
+from typing_extensions import override
+
 if TYPE_CHECKING:
     import socket
 
@@ -105,15 +107,14 @@ def _descriptor(end: int | socket.socket) -> int:
 
 
 def _is_silenced(number: signal.Signals) -> bool:
-    """Return True for SIGHUP below `nohup`."""
     return number.name == "SIGHUP" and signal.getsignal(number) is signal.SIG_IGN
 
 
 class _ForgivingFile(io.FileIO):
     """An open descriptor that drops what it cannot write because the terminal or the reader has gone."""
 
+    @override
     def write(self, data: ReadableBuffer, /) -> int:
-        """See io.RawIOBase."""
         try:
             return super().write(data)
         except OSError as error:

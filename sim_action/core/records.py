@@ -85,7 +85,6 @@ def _is_field(default: object) -> bool:
 
 
 def _tuple_of(names: list[str]) -> Callable[[object], tuple[Any, ...]]:
-    """Return a function that returns the named attributes of an object."""
     if len(names) > 1:
         return attrgetter(*names)
     return lambda instance: tuple(getattr(instance, name) for name in names)
@@ -205,12 +204,10 @@ def _delete(self: Any, name: str) -> None:
 
 
 def _is_frozen(instance: Any, name: str) -> bool:
-    """Return False for an attribute that a derived class adds, which is no record itself."""
     return "__record__" in type(instance).__dict__ or name in instance.__record__.fields
 
 
 def _state(self: Any) -> list[Any]:
-    """Return the values for pickle and copy: their own way of restoring them meets a frozen class."""
     return [getattr(self, name) for name in self.__record__.fields]
 
 

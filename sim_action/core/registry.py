@@ -210,6 +210,5 @@ def _frames(traceback: TracebackType | None) -> Iterator[tuple[str, str]]:
 
 
 def _last_place(traceback: TracebackType | None) -> str:
-    """Return the place of the innermost frame outside of Python's import system and of this module."""
     hidden = ("importlib", __name__)
     return next((place for name, place in reversed([*_frames(traceback)]) if not name.startswith(hidden)), "")

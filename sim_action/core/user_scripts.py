@@ -248,7 +248,6 @@ def run_file(path: Path, who: str) -> Mapping[str, Any]:
 
 
 def _module_name(stem: str) -> str:
-    """Return an unused module name: classes are pickled by it, and it must not replace another module."""
     names = itertools.chain((stem,), (f"{stem}_{number}" for number in itertools.count(2)))
     return next(name for name in names if name not in sys.modules and name not in sys.stdlib_module_names)
 
@@ -286,7 +285,6 @@ def script_error(error: BaseException, path: Path, who: str) -> ScriptError:
 
 
 def _is_machinery(file: str) -> bool:
-    """Return True for a frame of sim-action or of the import system."""
     return file.startswith((_OURS, "<frozen "))
 
 

@@ -132,7 +132,6 @@ def _sentence(model: type[BaseModel], details: ErrorDetails, value: object, hint
 
 
 def _context(model: type[BaseModel], details: ErrorDetails) -> dict[str, Any]:
-    """Return the values that a sentence names; bounds have the unit of the key."""
     unit = _unit_at(model, details["loc"])
     named = details.get("ctx", {})
     return {key: bound_text(value, unit) if key in _BOUNDS else value for key, value in named.items()}
@@ -149,7 +148,6 @@ def _hint(kind: str, value: object, annotation: Any, *, in_list: bool) -> str:
 
 
 def _takes_any_number(annotation: Any) -> bool:
-    """Return True for a list without a fixed length."""
     return Ellipsis in get_args(annotation) or any(map(_takes_any_number, get_args(annotation)))
 
 
@@ -159,13 +157,11 @@ def _unit_at(model: type[BaseModel], path: tuple[str | int, ...]) -> str:
 
 
 def _annotation_at(model: type[BaseModel], path: tuple[str | int, ...]) -> Any:
-    """Return the type of the last key on a path."""
     last = list(_fields_along(model, path))[-1:]
     return last[0].annotation if last else model
 
 
 def _keys_at(model: type[BaseModel], path: tuple[str | int, ...]) -> list[str]:
-    """Return the keys that are allowed at a path."""
     return [field.alias or name for name, field in _fields(_annotation_at(model, path)).items()]
 
 
@@ -180,7 +176,6 @@ def _fields_along(model: type[BaseModel], path: tuple[str | int, ...]) -> Iterat
 
 
 def _fields(annotation: Any) -> dict[str, FieldInfo]:
-    """Return the fields of the first model in an annotation such as `tuple[Body, ...] | None`."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return dict(annotation.model_fields)
     return next((found for part in get_args(annotation) if (found := _fields(part))), {})

@@ -190,7 +190,6 @@ def why_not_recognised(model: RobotModel) -> tuple[str, ...]:
 
 
 def _unfit(drive: Drive, model: RobotModel) -> Iterator[str]:
-    """Yield the reasons why a stated drive does not fit, at least one."""
     messages = [message for _, message in drive.problems(model)]
     yield from messages[::-1] or ["its wheels roll along the line between the sides"]
 

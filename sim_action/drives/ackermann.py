@@ -8,6 +8,7 @@ from statistics import fmean
 from typing import Annotated, ClassVar, Final, Self
 
 from pydantic import Field, ValidationError
+from typing_extensions import override
 
 from sim_action.core.field_types import (
     PositiveMetres,
@@ -112,8 +113,8 @@ class AckermannDrive(Drive):
     heading: Heading = None
 
     @classmethod
+    @override
     def statement(cls, model: RobotModel) -> Self | None:
-        """See Drive.statement."""
         stated = steering_by_plugin(model)
         return cls._of(stated) if stated else None
 
@@ -123,8 +124,8 @@ class AckermannDrive(Drive):
         steering, wheels = car_joints(model)
         return cls(steering=steering, wheels=wheels)
 
+    @override
     def source(self, model: RobotModel) -> str:
-        """See Drive.source."""
         stated = steering_by_plugin(model)
         if stated and self == self._of(stated):
             return stated.source
@@ -156,8 +157,8 @@ class AckermannDrive(Drive):
         elif any(abs(pin.ahead) < _MIN_WHEELBASE_M for pin in self._kingpins(model)):
             yield ("steering",), "these joints are directly above the fixed axle; give 'wheelbase'"
 
+    @override
     def open(self, model: RobotModel, rate: float, gravity: float = GRAVITY) -> AckermannMotion:
-        """See Drive.open."""
         limit = self._limit(model)
         return AckermannMotion(
             kingpins=self._kingpins(model),
@@ -169,14 +170,14 @@ class AckermannDrive(Drive):
             torque=self.torque,
         )
 
+    @override
     def wheel_motion(self, model: RobotModel) -> AckermannOdometry:
-        """See Drive.wheel_motion."""
         heading = self._forward(model)
         middle = along(heading, self._axle(model), 0.0)
         return AckermannOdometry(self._kingpins(model), self._driven(model), heading, middle)
 
+    @override
     def mobility(self, model: RobotModel) -> Mobility:
-        """See Drive.mobility."""
         return Mobility(
             heading=self._forward(model),
             ahead=-self._axle(model),
@@ -184,8 +185,8 @@ class AckermannDrive(Drive):
             acceleration=self.acceleration,
         )
 
+    @override
     def describe(self, model: RobotModel, gravity: float = GRAVITY) -> str:
-        """See Drive.describe."""
         pins, driven = self._kingpins(model), self._driven(model)
         track = f", track {abs(pins[0].left - pins[1].left):.4g} m" if len(pins) > 1 else ""
         figures = (
@@ -224,7 +225,6 @@ class AckermannDrive(Drive):
         return []
 
     def _axle(self, model: RobotModel) -> float:
-        """Return the position of the fixed axle ahead of the base's origin, in m."""
         heading = self._forward(model)
         return fmean(rolling(found, heading).ahead for found in self._fixed_wheels(model) or [STRAIGHT])
 
@@ -253,7 +253,6 @@ class AckermannDrive(Drive):
         return DrivenWheel(found.joint, place.turns * radius, self._lateral(place.left), pin)
 
     def _lateral(self, left: float) -> float:
-        """Return the lateral position of a part in m, with the stated track if there is one."""
         is_amid = self.track is None or abs(left) < _MIN_WHEELBASE_M
         return left if is_amid or self.track is None else math.copysign(self.track / 2, left)
 
@@ -330,11 +329,9 @@ class AckermannMotion:
         return turn / speed
 
     def _within_limits(self, speed: float) -> float:
-        """Return the speed within the limits of the wheels at the current curvature."""
         return speed * self._speeds.share(self._wheel_speeds(speed, self._curvature))
 
     def _wheel_speeds(self, speed: float, curvature: float) -> dict[str, float]:
-        """Return wheel speeds in rad/s."""
         return {found.joint: speed * found.way(curvature) / found.gear for found in self._wheels}
 
     def _joint_targets(self) -> JointTargets:

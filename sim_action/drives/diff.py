@@ -9,6 +9,7 @@ from math import fsum
 from typing import Annotated, ClassVar, Final, Self
 
 from pydantic import Field
+from typing_extensions import override
 
 from sim_action.core.field_types import PositiveMetres, PositiveMetresPerSecondSquared
 from sim_action.core.geometry import Twist
@@ -78,8 +79,8 @@ class TwoSidedDrive(Drive):
     heading: Heading = None
 
     @classmethod
+    @override
     def statement(cls, model: RobotModel) -> Self | None:
-        """See Drive.statement."""
         stated = sides_by_plugin(model, cls.plugins)
         return cls.as_stated(model, stated) if stated else None
 
@@ -130,8 +131,8 @@ class TwoSidedDrive(Drive):
         """Return True if the left wheels are on the right in the model, and no heading explains it."""
         return self.heading is None and abs(self.forward(model)) > _BACKWARD
 
+    @override
     def open(self, model: RobotModel, rate: float, gravity: float = GRAVITY) -> TwoSidedMotion:
-        """See Drive.open."""
         gears = self._gears(model)
         return TwoSidedMotion(
             left={name: gears[name] for name in self.left},
@@ -142,8 +143,8 @@ class TwoSidedDrive(Drive):
             torque=self.torque,
         )
 
+    @override
     def wheel_motion(self, model: RobotModel) -> TwoSidedOdometry:
-        """See Drive.wheel_motion."""
         heading = self.forward(model)
         left, right = self.sides(model)
         ahead = _mean([placed.ahead for placed in (*left, *right)])
@@ -151,8 +152,8 @@ class TwoSidedDrive(Drive):
         separation = self._effective_separation(model)
         return TwoSidedOdometry(self._gears(model), self.left, self.right, separation, heading, middle)
 
+    @override
     def mobility(self, model: RobotModel) -> Mobility:
-        """See Drive.mobility."""
         left, right = self.sides(model)
         return Mobility(
             heading=self.forward(model),
@@ -161,8 +162,8 @@ class TwoSidedDrive(Drive):
             turn_acceleration=2 * self.acceleration / self._effective_separation(model),
         )
 
+    @override
     def describe(self, model: RobotModel, gravity: float = GRAVITY) -> str:
-        """See Drive.describe."""
         sides = f"left {', '.join(self.left)}; right {', '.join(self.right)}"
         separation = f"separation {self.separation_in(model):.4g} m{self.slip_text(model)}"
         torque = torque_text(self.torque, model, (*self.left, *self.right))
@@ -173,14 +174,13 @@ class TwoSidedDrive(Drive):
         stated = self._statement(model)
         return remarked(figures, (*stated.remarks, *self._deviations(model)) if stated else ())
 
+    @override
     def source(self, model: RobotModel) -> str:
-        """See Drive.source."""
         if (stated := self._statement(model)) is not None:
             return stated.source
         return undercarriage(model).source or super().source(model)
 
     def _statement(self, model: RobotModel) -> StatedSides | None:
-        """Return the statement of the plugin from which this drive was made, else None."""
         stated = sides_by_plugin(model, self.plugins)
         return stated if stated and self == self.as_stated(model, stated) else None
 
@@ -194,7 +194,6 @@ class TwoSidedDrive(Drive):
             yield f"the plugin's separation differs from that of the wheels in the model, {between:.4g} m"
 
     def _is_far(self, ratio: float) -> bool:
-        """Return True if the ratio of the stated separation to that of the wheels needs a note."""
         return abs(ratio - 1) > _MAX_STATED_DEVIATION
 
     def forward(self, model: RobotModel) -> float:

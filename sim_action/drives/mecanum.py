@@ -9,6 +9,7 @@ from statistics import fmean
 from typing import Annotated, ClassVar, Final, Self
 
 from pydantic import Field
+from typing_extensions import override
 
 from sim_action.core import geometry, units
 from sim_action.core.field_types import PositiveMetresPerSecondSquared, PositiveNewtons
@@ -92,8 +93,8 @@ class MecanumDrive(Drive):
         looks = "the wheels on the ground show no rollers" if wheels_on_ground(model) else "no wheel is on the ground"
         raise NoDrive(f"no plugin or controller states four mecanum wheels, and {looks}")
 
+    @override
     def source(self, model: RobotModel) -> str:
-        """See Drive.source."""
         stated = corners_by_plugin(model)
         return stated.source if stated else super().source(model)
 
@@ -121,8 +122,8 @@ class MecanumDrive(Drive):
                 "the wheels are not at the corners; give left: [front, rear] and right: [front, rear], or 'heading'",
             )
 
+    @override
     def open(self, model: RobotModel, rate: float, gravity: float = GRAVITY) -> MecanumMotion:
-        """See Drive.open."""
         x, y, _ = centre_of_mass(model)
         lowest = min(found.position_xyz[2] - radius for found, radius in self._tyres(model))
         point: Vector3 = (x, y, lowest)
@@ -135,12 +136,12 @@ class MecanumDrive(Drive):
             point_xyz=point,
         )
 
+    @override
     def wheel_motion(self, model: RobotModel) -> MecanumOdometry:
-        """See Drive.wheel_motion."""
         return MecanumOdometry(self._rollers(model), self._forward(model))
 
+    @override
     def describe(self, model: RobotModel, gravity: float = GRAVITY) -> str:
-        """See Drive.describe."""
         front_left, rear_left, front_right, _ = self._placed(model)
         wheelbase, separation = front_left.ahead - rear_left.ahead, front_left.left - front_right.left
         assumed = "" if self.force else " (0.7 of its weight)"
@@ -154,8 +155,8 @@ class MecanumDrive(Drive):
         stated = corners_by_plugin(model)
         return remarked(figures, stated.remarks if stated and self == self._of(stated) else ())
 
+    @override
     def mobility(self, model: RobotModel) -> Mobility:
-        """See Drive.mobility."""
         return Mobility(
             heading=self._forward(model),
             acceleration=self.acceleration,
@@ -195,7 +196,6 @@ class MecanumDrive(Drive):
         return [rolling(found, heading) for found in self._wheels(model)]
 
     def _corners(self, model: RobotModel) -> list[tuple[int, int]]:
-        """Return the corner of each wheel relative to the centre: (1 front, -1 rear; 1 left, -1 right)."""
         placed = self._placed(model)
         ahead, left = fmean(each.ahead for each in placed), fmean(each.left for each in placed)
         return [(1 if each.ahead > ahead else -1, 1 if each.left > left else -1) for each in placed]
@@ -282,7 +282,6 @@ class MecanumMotion:
         return planned
 
     def _wanted(self, twist: Twist) -> tuple[float, float, float]:
-        """Return velocity ahead, velocity to the left and turn rate, within the limits of the motors."""
         (ahead, left, _), turn = twist.linear_xyz, twist.angular_xyz[2]
         share = self._speeds.told_share(self._joint_speeds(ahead, left, turn))
         return share * ahead, share * left, share * turn
@@ -306,7 +305,6 @@ class MecanumMotion:
         )
 
     def _joint_speeds(self, ahead: float, left: float, turn: float) -> dict[str, float]:
-        """Return joint speeds in rad/s, for a velocity of the base in m/s and rad/s."""
         return {found.place.joint: found.speed(ahead, left, turn) for found in self._wheels}
 
 

@@ -271,7 +271,6 @@ def _corrected(plugin: Plugin, figures: dict[str, float]) -> tuple[dict[str, flo
 
 
 def _swaps_sides(plugin: Plugin) -> bool:
-    """Return True for ROS 1's legacy mode, in which `leftJoint` is the right wheel."""
     is_ros_1 = plugin.name == _LEGACY_DIFF and plugin.texts("leftJoint")
     modes = [text.strip().lower() for text in plugin.texts("legacyMode")]
     return bool(is_ros_1) and modes[:1] not in (["false"], ["0"])

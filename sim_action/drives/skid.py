@@ -9,6 +9,7 @@ from statistics import fmean
 from typing import Annotated, ClassVar, Final, Self
 
 from pydantic import Field
+from typing_extensions import override
 
 from sim_action.core import units
 from sim_action.core.field_types import NonNegativeKilogramSquareMetres, PositiveRatio
@@ -93,8 +94,8 @@ class SkidSteer(TwoSidedDrive):
         drive = super().as_stated(model, stated)
         return drive.model_copy(update={"slip": 1.0}) if "separation" in stated.figures else drive
 
+    @override
     def slip_factor(self, model: RobotModel) -> float:
-        """See TwoSidedDrive.slip_factor."""
         if self.slip is not None:
             return self.slip
         heading = self.forward(model)
@@ -104,8 +105,8 @@ class SkidSteer(TwoSidedDrive):
         stands = footings(aheads, math.cos(heading) * x + math.sin(heading) * y, [found.width for found in wheels])
         return slip_factor(stands, self.separation_in(model))
 
+    @override
     def slip_text(self, model: RobotModel) -> str:
-        """See TwoSidedDrive.slip_text."""
         worked_out = "" if self.slip else " (computed from the wheels and the centre of mass)"
         rotors = "" if self.rotor_inertia is None else f", rotors {units.display(self.rotor_inertia, 'kg m^2')}"
         return f" x slip {self.slip_factor(model):.4g}{worked_out}{rotors}"
@@ -233,7 +234,6 @@ def slip_factor(wheels: Sequence[Footing], separation: float) -> float:
 
 
 def _sideways(wheel: Footing, slip: float, shift: float) -> float:
-    """Return the lateral friction of a wheel, for a turn of 1 rad/s about a point `shift` m behind the centre."""
     across = wheel.ahead + shift
     return wheel.load * fmean(_over(across, math.hypot(slip - out, across)) for out in wheel.points)
 

@@ -169,7 +169,6 @@ def _outline(across: NDArray[np.float64]) -> list[tuple[float, float]]:
 
 
 def _widest_step(corners: Sequence[tuple[float, float]]) -> float:
-    """Return the greatest angle in rad between neighbours, seen from the axis."""
     angles = sorted(math.atan2(y, x) for x, y in corners)
     return max(after - before for before, after in pairwise((*angles, angles[0] + 2 * math.pi)))
 

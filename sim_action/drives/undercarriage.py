@@ -120,7 +120,6 @@ def _loose_joint(model: RobotModel, found: Wheel, wheels: Sequence[Wheel]) -> st
 
 
 def _carries_both_sides(model: RobotModel, beam: Joint, wheels: Sequence[Wheel]) -> bool:
-    """Return True for an axle that tilts as a whole, with a wheel at each end."""
     return sum(beam in joints_above(model, found.joint) for found in wheels) > 1
 
 

@@ -66,7 +66,6 @@ class WheelSpeeds:
         return share
 
     def _least(self, asked: Mapping[str, float]) -> tuple[float, str]:
-        """Return the factor and the wheel that limits it; an empty name if no limit is exceeded."""
         shares = ((limit / abs(asked[name]), name) for name, limit in self._limits.items() if asked[name])
         share, name = min(shares, default=(1.0, ""))
         return (share, name) if share < 1 - _ROUNDING else (1.0, "")

@@ -123,7 +123,6 @@ def held_joints(model: RobotModel) -> frozenset[str]:
 
 
 def _has_motor(model: RobotModel, joint: Joint) -> bool:
-    """Return True if the limits of a continuous joint show that it has a motor; MJCF states motors by themselves."""
     return model.mjcf is None and bool(joint.max_effort)
 
 
@@ -215,7 +214,6 @@ def centre_of_mass(model: RobotModel) -> Vector3:
 
 
 def _poses(model: RobotModel) -> Mapping[str, Pose]:
-    """Return the pose of each link in the base frame, with all joints at their initial positions."""
     return _poses_at_home(SameModel(model))
 
 
@@ -267,7 +265,6 @@ def _lowest_at_home(same: SameModel) -> Lowest | None:
 
 
 def _lowest_point(pose: Pose, shape: Shape) -> float:
-    """Return the lowest z in m of a mesh whose link is at a pose."""
     x, y, z = (geometry.rotate(pose.orientation_xyzw, unit)[2] for unit in ((1.0, 0, 0), (0, 1.0, 0), (0, 0, 1.0)))
     points = shape_points(shape)
     return float((x * points[:, 0] + y * points[:, 1] + z * points[:, 2]).min()) + pose.position_xyz[2]
@@ -353,5 +350,4 @@ def _along_axles(wheels: Sequence[Wheel]) -> tuple[float, float]:
 
 
 def _lateral(x: float, y: float, wheels: Sequence[Wheel]) -> float:
-    """Return the mean distance of wheels to the left of the direction (x, y), in m."""
     return sum(x * wheel.position_xyz[1] - y * wheel.position_xyz[0] for wheel in wheels) / len(wheels)

@@ -131,11 +131,9 @@ class _WatchState:
             self.found.append(best)
 
     def _limit(self, travel: float) -> float:
-        """Return the limit in m: only smaller distances matter."""
         return min(self.watch.within, self.latest + travel if self.watch.always else self.least)
 
     def _counts(self, distance: float) -> bool:
-        """Return True if a distance is recorded."""
         return distance <= self.watch.within and (self.watch.always or distance < self.least)
 
     def _update_due(self, body: _Body, travel: float) -> None:

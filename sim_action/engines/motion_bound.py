@@ -82,7 +82,6 @@ class RobotMotionBound:
 
 
 def _times(turned: FloatArray, reach: float) -> FloatArray:
-    """Return the product, with 0 times infinity as 0."""
     return turned * reach if reach < math.inf else np.where(turned == 0.0, 0.0, math.inf)
 
 

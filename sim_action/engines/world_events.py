@@ -132,6 +132,5 @@ class _Acting:
         control.apply_force(self._target, force, torque, disturbance.point)
 
     def _share(self, step: int) -> float:
-        """Return the fraction of a step during which the disturbance acts, so that times between steps count."""
         begins, ends = self._disturbance.at * self._rate, self._disturbance.end * self._rate
         return max(0.0, min(ends, step + 1.0) - max(begins, float(step)))

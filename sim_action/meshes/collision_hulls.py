@@ -196,10 +196,6 @@ def _is_closed(points: NDArray[np.float64], rows: NDArray[np.int64]) -> bool:
 
 
 def _along(points: NDArray[np.float64], directions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the positions (D, P) of points (P, 3) along directions (D, 3).
-
-    It is written out, because a matrix product would start threads that cost more than they save.
-    """
     x, y, z = directions[:, :1], directions[:, 1:2], directions[:, 2:]
     distances: NDArray[np.float64] = x * points[:, 0] + y * points[:, 1] + z * points[:, 2]
     return distances
@@ -218,7 +214,6 @@ def _solid_angles(corners: NDArray[np.float64]) -> float:
 
 
 def _product(one: Iterable[NDArray[np.float64]], other: Iterable[NDArray[np.float64]]) -> NDArray[np.float64]:
-    """Return the scalar products of vectors that are given as rows of x, y and z."""
     ax, ay, az = one
     bx, by, bz = other
     return ax * bx + ay * by + az * bz

@@ -176,7 +176,6 @@ def _reach(lower: FloatArray, upper: FloatArray, directions: FloatArray) -> Floa
 
 
 def _cells_along_axis(points: int) -> int:
-    """Return how many cells along each axis give a cell on the surface of a body about 60 points."""
     return min(_MAX_CELLS_ALONG_AXIS, max(1, round(math.sqrt(points / 360))))
 
 

@@ -121,7 +121,6 @@ def refuse_more_parts(count: int) -> None:
 
 
 def _of_triangles(rows: NDArray[Any], part: NDArray[np.int64] | slice) -> NDArray[Any]:
-    """Return the corners of each triangle of a part, from what there is for each point."""
     return rows.reshape(-1, 3, *rows.shape[1:])[part] if isinstance(part, slice) else rows[part]
 
 
@@ -148,6 +147,5 @@ def _have_area(points: NDArray[np.floating[Any]], part: NDArray[np.int64] | slic
 
 
 def _square(vectors: Iterable[NDArray[np.float64]]) -> NDArray[np.float64]:
-    """Return the squared length of vectors that are given as rows of x, y and z."""
     x, y, z = vectors
     return x * x + y * y + z * z

@@ -114,6 +114,5 @@ def _order(distinct: Coordinates) -> NDArray[np.intp]:
 
 
 def _ordinal(numbers: Coordinates) -> NDArray[np.int64]:
-    """Return whole numbers of 32 bits in the order of finite floats of 32 bits."""
     words = (numbers + numbers.dtype.type(0)).view(np.int32)
     return np.where(words < 0, words ^ 0x7FFFFFFF, words).astype(np.int64)

@@ -105,14 +105,12 @@ def headline(comparison: Comparison) -> str:
 
 
 def _warning_kinds(comparison: Comparison) -> str:
-    """Return the kinds of warnings, such as "slower, margin shrinks"."""
     found = dict.fromkeys(each.what for each in rows(comparison) if each.look == "warning")
     first, left = list(found)[:_MAX_KINDS], len(found) - _MAX_KINDS
     return f"{', '.join(first)}{f' and {left} more' if left > 0 else ''}"
 
 
 def _rates(comparison: Comparison, direction: Literal["fell", "rose"]) -> int:
-    """Return the number of gates whose pass rate changed in this direction."""
     gates = (change.gate for change in comparison.changes)
     return sum(gate is not None and gate.rate is not None and gate.rate.direction == direction for gate in gates)
 
@@ -204,7 +202,6 @@ def _reason(outcome: Outcome | None) -> str:
 
 
 def _word(outcome: Outcome | None) -> str:
-    """Return the status of an outcome as a word."""
     return "" if outcome is None else STATUS_DISPLAYS[outcome.status].word
 
 
@@ -247,7 +244,6 @@ def limits_text(old: ExpectationOutcome, new: ExpectationOutcome) -> str:
 
 
 def _time(key: str, time: float | None) -> str:
-    """Return a time with its key, such as "before 2 s" or "no before"."""
     if time is None:
         return f"no {key}".rstrip() if key else "none"
     return f"{key} {units.display(time, 's')}".lstrip()

@@ -51,13 +51,11 @@ def _rate_text(rate: Rate) -> str:
 
 
 def _points(share: float) -> str:
-    """Return a difference of rates in percentage points, such as "15" or "7.3"."""
     # Adding 0 turns a negative zero into 0.
     return f"{round(share * 100, 1) + 0.0:.1f}".removesuffix(".0")
 
 
 def _p_text(rate: RateChange) -> str:
-    """Return a text such as "p = 0.0003" or "p < 0.0001"."""
     value = f"p = {rate.p:.2g}" if rate.p >= _SMALLEST_P else f"p < {_SMALLEST_P}"
     return value if rate.tests == 1 else f"{value}, adjusted for {rate.tests} gates"
 

@@ -151,7 +151,6 @@ def _quantile_plan(claim: Quantile, runs: int, duration: Duration) -> Iterator[s
 
 
 def _marked(number: int, stated: int) -> str:
-    """Return a number of runs; that of the file has a mark."""
     return f"{_MARK if number == stated else ' '} {number:>6}"
 
 

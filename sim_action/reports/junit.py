@@ -230,7 +230,6 @@ class _Document:
         return "\n".join((message, where, f"at {one_line(name)}({where})", *_java_frame(where)))
 
     def _attach_trace(self, case: ET.Element, outcome: Outcome) -> None:
-        """Name the trace as an attachment at the beginning of the output: GitLab uses the first one."""
         trace = stored_trace(outcome, self._options.folder)
         if trace is not None:
             add_attachment(case, relative_path(self._options.workspace, trace))
@@ -327,7 +326,6 @@ def _java_frame(where: str) -> Iterator[str]:
 
 
 def _problem_type(expected: ExpectationOutcome) -> str:
-    """Return the type of a failure or an error: the assertion that failed, or the status."""
     return expected.assertion if expected.failed else expected.status
 
 
@@ -367,12 +365,10 @@ def _measured(group: ScenarioGroup, outcome: Outcome, cases: list[ET.Element]) -
 
 
 def _prefix(group: ScenarioGroup) -> str:
-    """Return the beginning of the names of testcases: a reporter may show nothing else of the scenario."""
     return f"{_name(group.name)}: "
 
 
 def _name(text: str) -> str:
-    """Return a name that is not empty: tools drop or reject a testcase without a name."""
     return one_line(text) or "unnamed"
 
 

@@ -97,5 +97,4 @@ def _append(parent: ET.Element, tag: str, text: str) -> None:
 
 
 def _harmless(text: str) -> str:
-    """Return text that names no attachment: an untrusted text could publish any file of the machine."""
     return plain_text(text).replace(_ATTACHMENT, "[[ATTACHMENT |")

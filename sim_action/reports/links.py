@@ -137,7 +137,6 @@ def _inside(workspace: Path, file: str | Path) -> str | None:
 
 @lru_cache(maxsize=1024)
 def _below(path: str, folder: str, _here: str) -> str | None:
-    """Return a path relative to a folder; None if it is not inside. Both may be relative to the current folder."""
     found, root = Path(os.path.abspath(path)), Path(os.path.abspath(folder))  # noqa: PTH100 - links are kept
     return found.relative_to(root).as_posix() if found.is_relative_to(root) else None
 

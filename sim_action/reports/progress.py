@@ -120,7 +120,6 @@ class ProgressListener:
             self._write(f"{self._readable(f'[{self._done}/{self._total}] {self._gate}')}\n")
 
     def _count(self, outcome: Outcome) -> bool:
-        """Count a run of a gate; see `_RunsOfGate.add`."""
         self._gate = None if outcome.gate is None else self._gates.get((outcome.file, outcome.gate))
         return self._gate is not None and outcome.status != "skipped" and self._gate.add(outcome)
 

@@ -228,7 +228,6 @@ def worst_first(found: Iterable[ScenarioGroup]) -> list[ScenarioGroup]:
 
 
 def _badness(outcome: Outcome) -> tuple[float, float, float]:
-    """Return a sort key; smaller is worse, and among reached goals the later one is worse."""
     expected = nearest_expectation(outcome)
     return (WORST_FIRST.index(outcome.display_status), *((0.0, 0.0) if expected is None else _closeness(expected)))
 

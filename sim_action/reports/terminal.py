@@ -93,7 +93,6 @@ class _Printer:
         self._line("", self._mark(look), (name, "bold"), (file, "dim"), (rest, ""))
 
     def _symbol(self, look: DisplayStatus) -> tuple[str, str]:
-        """Return the symbol of a status, a space, and the style of both."""
         return self._mark(STATUS_DISPLAYS[look])
 
     def _mark(self, display: StatusDisplay) -> tuple[str, str]:
@@ -239,13 +238,11 @@ class _Printer:
             self._block("output", output)
 
     def _block(self, title: str, text: str) -> None:
-        """Print several lines, each after a bar, so that none of them begins like a command in a log."""
         self._line("    ", (f"{title}:", "dim"))
         for line in plain_text(text).strip("\n").split("\n"):
             self._line("    ", (f"{self._bar} {line}", "dim"))
 
     def _line(self, indent: str = "", *parts: tuple[str, str]) -> None:
-        """Print one line of parts with their styles."""
         shown = ((log_text(text, self._encoding).replace("\n", " "), style) for text, style in parts)
         self._console.print((f"{self._margin if parts else ''}{indent}", ""), *shown)
 

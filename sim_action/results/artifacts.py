@@ -219,7 +219,6 @@ def _named(outcome: Outcome) -> Iterator[tuple[FileKind, str]]:
 
 
 def _source(kind: FileKind, name: str, folder: Path | None) -> Path | None:
-    """Return the path of the file; None if it is missing, or a recording in a format that sim-action does not write."""
     if folder is None or (kind == "recording" and _file_format(name) not in EXPORTS):
         return None
     return stored_file(folder, name)

@@ -273,7 +273,6 @@ def _keys(outcomes: Iterable[Outcome]) -> Iterator[tuple[str, str, int]]:
 
 
 def _only(names: dict[int, str]) -> dict[str, int]:
-    """Return name -> place for the names that occur exactly once."""
     counts = Counter(names.values())
     return {name: place for place, name in names.items() if counts[name] == 1}
 

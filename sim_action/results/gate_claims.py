@@ -73,7 +73,6 @@ def _weaker_rate(old: Passes | StopEarly, new: Passes | StopEarly | None) -> Ite
 
 
 def _excluded(claim: Passes | StopEarly) -> float:
-    """Return the rate of robots that seldom pass."""
     return claim.at_least if isinstance(claim, Passes) else claim.reject
 
 
@@ -82,7 +81,6 @@ def _key(claim: Passes | StopEarly) -> str:
 
 
 def _rate_text(claim: Passes | StopEarly, rates: Sequence[str] = ()) -> str:
-    """Return a claim in words; `rates`: those of the claim, if they need more digits."""
     first, *second = rates or percents_apart(*_rates(claim))
     return f"at least {first}" if isinstance(claim, Passes) else f"reject {first}, accept {second[0]}"
 
@@ -98,10 +96,6 @@ def _less_confidence(key: str, old: float, new: float) -> Iterator[ClaimChange]:
 
 
 def _weaker_quantile(old: Quantile, others: Sequence[Quantile]) -> Iterator[ClaimChange]:
-    """Yield the changes of a quantile, unless one of the others demands as much.
-
-    Of the others about the same value and side, the one with the fewest changes counts.
-    """
     changes = [tuple(_changes_of_quantile(old, each)) for each in others if _is_comparable(old, each)]
     removed = ClaimChange("removed", f"quantile of {old.of}", _quantile_text(old))
     yield from min(changes, key=len, default=(removed,))

@@ -262,7 +262,6 @@ def _values(claim: Quantile, runs: Sequence[Outcome]) -> tuple[list[float | None
 
 
 def _named(name: str, run: Outcome) -> Verdict | None:
-    """Return the verdict of the expectation with a name, or of the only one with an assertion of that name."""
     by_name = [expected for expected in run.expectations if expected.name == name]
     found = by_name or [expected for expected in run.expectations if expected.assertion == name]
     return found[0].verdict if len(found) == 1 and not found[0].verdict.cut_off else None

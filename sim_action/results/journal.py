@@ -170,7 +170,6 @@ class Journal:
                 self._sync_if_due()
 
     def _sync_if_due(self) -> None:
-        """Wait for the disk, if there is something new. This is called only while a child process runs."""
         if not self._is_synced and time.monotonic() - self._synced >= _SYNC_PERIOD_S:
             self._attempt(self._sync)
 

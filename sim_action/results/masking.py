@@ -152,7 +152,6 @@ def _changed(model: Model, **changes: object) -> Model:
 
 
 def _forms(value: str) -> set[str]:
-    """Return a value, each of its lines, and their escaped forms, without those that are too short."""
     lines = {value, value.strip(), *map(str.strip, value.splitlines())}
     forms = {form for line in lines for form in (line, *_escaped(line))}
     return {form for form in forms if len(form) >= MIN_CHARS}

@@ -128,7 +128,6 @@ class Scope(FrozenModel):
 
 
 def _allowed(assertion: Assertion) -> set[str]:
-    """Return the names that an assertion, or a part of it, allows; pairs of names as one text."""
     found = {each if isinstance(each, str) else " with ".join(sorted(each)) for each in getattr(assertion, "allow", ())}
     return found.union(*(_allowed(part) for _, part in getattr(assertion, "placed_parts", ())))
 

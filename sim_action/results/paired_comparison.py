@@ -191,7 +191,6 @@ def is_smaller_margin(old: float, new: float, pairs: Iterable[Pair], threshold: 
 
 
 def _mean(values: Sequence[float]) -> float:
-    """Return the mean; the sum of large values could be larger than any float."""
     return math.fsum(value / len(values) for value in values)
 
 
@@ -207,14 +206,12 @@ def _made_with(outcome: Outcome) -> tuple[int | None, str | None, str | None]:
 
 
 def _scale(old: ExpectationOutcome, new: ExpectationOutcome) -> float:
-    """Return the limit, or the measured value for a limit of zero, as the scale of a loss of margin."""
     if new.verdict.limit:
         return abs(new.verdict.limit)
     return max(abs(one.verdict.measured or 0.0) for one in (old, new))
 
 
 def _is_judged(outcome: Outcome) -> bool:
-    """Return True for a run that a gate counts as passed or failed."""
     return outcome.status in ("passed", "failed")
 
 

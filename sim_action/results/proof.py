@@ -208,5 +208,4 @@ class Proof(FrozenModel):
 
 
 def _always(codes: Iterable[int]) -> list[ExitCode]:
-    """Return the exit codes that count in any case: of invalid scenarios and internal errors, not of failed runs."""
     return [ExitCode(code) for code in codes if code not in (ExitCode.PASSED, ExitCode.FAILED)]

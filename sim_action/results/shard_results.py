@@ -107,7 +107,6 @@ def _unit(outcome: Outcome) -> Unit:
 
 
 def _compared(outcome: Outcome) -> str:
-    """Return the normalised path of the file; for an outcome that belongs to no single file, its name and a NUL."""
     return compared_name(outcome.file) if outcome.file else f"{outcome.name}\0"
 
 
@@ -150,7 +149,6 @@ def _entries(file: ResultsFile) -> list[Entry]:
 
 
 def _dealt(file: ResultsFile) -> list[list[Entry]]:
-    """Return the outcomes of a file, grouped by unit."""
     return [list(entries) for _, entries in groupby(_entries(file), key=lambda entry: _unit(entry.outcome))]
 
 
@@ -167,7 +165,6 @@ def _as_listed(entries: Sequence[Entry], listing: Listing) -> list[Entry]:
 
 
 def _units(listing: Listing) -> list[Unit]:
-    """Return the keys of the listed scenarios in order."""
     files = [each.file if isinstance(each, Refused) else each.document.file for each in listing.scenarios]
     compared = {file: compared_name(file) for file in files}
     return [(compared[file], each.number) for file, each in zip(files, listing.scenarios, strict=True)]
@@ -196,7 +193,6 @@ def _not_run(entries: Iterable[Entry], listing: Listing, *, left_any: bool) -> I
 
 
 def _group(scenario: Source | Refused) -> str:
-    """Return the name of the varied scenario, or the scenario's own name."""
     return scenario.group or scenario.name if isinstance(scenario, Source) else scenario.name
 
 

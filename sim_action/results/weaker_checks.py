@@ -135,7 +135,6 @@ def has_same_limit(old: Verdict, new: Verdict) -> bool:
 
 
 def _only_ones(expectations: Iterable[ExpectationOutcome]) -> dict[str, ExpectationOutcome]:
-    """Return assertion -> expectation for assertions that occur exactly once."""
     every = [expected for expected in expectations if expected.assertion != GATE]
     counts = Counter(expected.assertion for expected in every)
     return {expected.assertion: expected for expected in every if counts[expected.assertion] == 1}

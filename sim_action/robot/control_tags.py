@@ -62,7 +62,6 @@ def interfaces_of(transmission: Element, joint: Element) -> Iterator[str]:
 
 
 def _kind(interface: str) -> str:
-    """Return "velocity" for "hardware_interface/VelocityJointInterface"; other names as they are, in lower case."""
     name = interface.rpartition("/")[2].lower()
     known = _INTERFACE.fullmatch(name)
     return known[1] if known else name
@@ -92,7 +91,6 @@ def with_controllers(plugins: tuple[Plugin, ...], path: Path, packages: Packages
 
 
 def _file(reference: str, path: Path, packages: Packages) -> Path:
-    """Return the path of a parameter file. Raises PackageError."""
     return packages.resolve(_FIND.sub(r"package://\1/", reference), path).path
 
 

@@ -126,7 +126,6 @@ def _is_zero(inertia: Element) -> bool:
 
 
 def _spread(inertia: Element, moment: float) -> None:
-    """Add the same moment about every axis. This keeps the principal axes, and can satisfy the triangle inequality."""
     for name in ("ixx", "iyy", "izz"):
         inertia.set(name, repr((number(inertia, name) or 0.0) + moment))
 
@@ -262,7 +261,6 @@ def _with_origin(written: Element, element: Element) -> Element:
 
 
 def _numbers(tag: str, element: Element | None, *names: str) -> Element:
-    """Return an element with the attributes that are present."""
     found = {name: numbers(element, name) for name in names}
     return Element(tag, {name: _spelled(values) for name, values in found.items() if values is not None})
 

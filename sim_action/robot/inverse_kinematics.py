@@ -228,7 +228,6 @@ def _leader(model: RobotModel, joint: Joint) -> tuple[Joint, float, float]:
 
 
 def _can_move(model: RobotModel, joint: Joint) -> bool:
-    """Return True if a motor moves the joint: not one that swings, nor one without a motor in a file that has some."""
     if model.why_not_driven(joint.name) is not None or joint.series or joint.stiffness:
         return False
     return joint.motor is not None or all(each.motor is None for each in model.joints)
@@ -371,7 +370,6 @@ class _Search:
         return [*error, *(self._radian * part for part in turn)]
 
     def _errors(self, error: Sequence[float]) -> tuple[float, float]:
-        """Return the distance in m and the angle in rad of an error."""
         return math.hypot(*error[:3]), math.hypot(*error[3:]) / self._radian
 
     def _stepped(
@@ -395,5 +393,4 @@ class _Search:
             held |= outside
 
     def _leaves(self, column: int, value: float, step: float) -> bool:
-        """Return True if a joint is at a limit and would leave it."""
         return value >= self._chain.upper[column] if step > 0 else step < 0 and value <= self._chain.lower[column]

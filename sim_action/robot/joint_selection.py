@@ -58,7 +58,6 @@ def link_name_problems(model: RobotModel, key: str, names: tuple[str, ...]) -> S
 
 
 def _means(model: RobotModel, name: str, joint: str) -> bool:
-    """Return True if a name, a pattern or a group means a joint. A joint with the name of a group comes first."""
     if name in groups_of(model) and name not in model.joints_by_name:
         return joint in groups_of(model)[name]
     return matches_name(name, joint)
@@ -83,7 +82,6 @@ def joints_set_by(model: RobotModel, names: Collection[str]) -> dict[str, tuple[
 
 
 def _led(model: RobotModel, name: str) -> tuple[str, ...]:
-    """Return the joints with a motor of their own that a pattern or group means."""
     return tuple(joint.name for joint in model.motor_joints if joint.mimic is None and _means(model, name, joint.name))
 
 

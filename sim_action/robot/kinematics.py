@@ -86,13 +86,11 @@ def robot_box(model: RobotModel, poses: Mapping[str, Pose]) -> Box | None:
 
 
 def _least_corner(placed: tuple[Box, Pose, Shape]) -> float:
-    """Return a number that is smaller for larger boxes."""
     lower, upper = placed[0]
     return sum(lower) - sum(upper)
 
 
 def _is_loose(frame: Pose, shape: Shape) -> bool:
-    """Return True for a rotated mesh whose points are known: the box around its box is too large."""
     turned = geometry.multiply(frame.orientation_xyzw, shape.pose.orientation_xyzw)
     return bool(shape.hulls or shape.corners) and max(map(abs, turned)) < _UNTURNED
 

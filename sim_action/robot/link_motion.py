@@ -281,7 +281,6 @@ def _states_of(model: RobotModel, trace: Trace) -> LinkStates:
 
 
 def _columns(rows: FloatArray) -> Any:
-    """Return the columns (T,) of vectors (T, N), to which the functions of `geometry` apply element by element."""
     return tuple(rows.T)
 
 

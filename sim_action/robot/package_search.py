@@ -147,7 +147,6 @@ def by_distance(folders: Iterable[Path], here: Path) -> list[Path]:
 
 
 def _steps(start: Path, end: Path) -> int:
-    """Return the number of folders on the path from one to the other."""
     common = len(Path(os.path.commonpath((start, end))).parts)
     return len(start.parts) + len(end.parts) - 2 * common
 
@@ -278,7 +277,6 @@ class EnvironmentFolders:
 
     @cached_property
     def _packages(self) -> tuple[PackageFolders, ...]:
-        """The packages of each entry of ROS_PACKAGE_PATH; as in ROS, not below other packages."""
         return tuple(folders_below(entry, inside_packages=False) for entry in self._package_path)
 
     @cached_property
@@ -294,7 +292,6 @@ class EnvironmentFolders:
         return tuple(entry for variable in MODEL_VARIABLES for entry in self._entries(variable))
 
     def _entries(self, variable: str) -> tuple[Path, ...]:
-        """Return the absolute paths of a variable. A relative path would depend on the working directory."""
         paths = map(Path, self.environment.get(variable, "").split(os.pathsep))
         return tuple(path.resolve() for path in paths if path.is_absolute())
 

@@ -316,7 +316,6 @@ class Packages:
         return found or _of(self._environment_folders.model(name)) or self._package(name, here)
 
     def _given(self, name: str) -> Found | None:
-        """Return the folder of a package that the caller provides."""
         return _of(next((Path(folder) for given, folder in self.workspace.packages if given == name), None))
 
     def _mapped(self, name: str) -> Found | None:
@@ -344,7 +343,6 @@ class Packages:
         return None
 
     def _above(self, here: Path) -> Iterator[Path]:
-        """Yield the folders above a file that may be read, the nearest first."""
         return takewhile(self.may_read, here.parents)
 
     @cached_property

@@ -62,7 +62,6 @@ def _neighbours(model: RobotModel, holders: Mapping[str, str]) -> set[frozenset[
 
 
 def _names(joint: Joint) -> set[str]:
-    """Return the names of the joint with several motions that a joint belongs to; empty for other joints."""
     return {joint.series, joint.ball} - {""}
 
 

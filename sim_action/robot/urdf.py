@@ -158,7 +158,6 @@ def _joint(document: ModelDocument, element: Element) -> Joint:
 
 
 def _most(limit: Element | None, name: str) -> float | None:
-    """Return an effort or velocity limit; None if it is 0 or less, which means no limit."""
     value = number(limit, name) or 0.0
     return value if value > 0 else None
 

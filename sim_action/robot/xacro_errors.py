@@ -50,7 +50,6 @@ class _Step:
 
 
 def _trail(error: BaseException) -> list[_Step]:
-    """Return the frames of xacro that worked on elements, the outermost first."""
     frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
     of_xacro = (frame for frame in frames if str(frame.f_globals.get("__name__")).startswith("xacro"))
     return [step for frame in of_xacro if (step := _step(frame))]
@@ -63,7 +62,6 @@ def _step(frame: FrameType) -> _Step | None:
 
 
 def _cause(error: BaseException) -> BaseException:
-    """Return the first exception of a chain of xacro's exceptions."""
     while isinstance(inner := getattr(error, "exc", None), Exception):
         error = inner
     return error
@@ -145,7 +143,6 @@ class _Explanation:
 
 
 def _names(table: object) -> Iterator[str]:
-    """Yield the names in a scope and in its parents; names of blocks start with one or two *, which are removed."""
     while isinstance(table, dict):
         yield from (str(name).lstrip("*") for name in table)
         table = getattr(table, "parent", None)

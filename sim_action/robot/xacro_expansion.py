@@ -238,7 +238,6 @@ def _written(document: Document, path: Path) -> str:
 
 
 def _circle(stack: list[str]) -> list[str]:
-    """Return the files from the previous inclusion of the last file to the last one."""
     before = len(stack) - 2 - stack[-2::-1].index(stack[-1])
     return stack[before:]
 

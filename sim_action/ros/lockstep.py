@@ -244,7 +244,6 @@ class Lockstep:
         self._patience = _SETTLE_AFTER_LOSS_S
 
     def _name(self, pid: int) -> str:
-        """Return the node of a process, or the process if it is no node."""
         nodes = sorted(name for name, each in self._pids.items() if each == pid)
         return f"the node '{nodes[0].removeprefix('/')}'" if nodes else f"'{process_name(pid)}'"
 

@@ -127,7 +127,6 @@ class WatchedProcesses:
         return found
 
     def _run_times(self) -> Iterable[tuple[WatchedThread, int]]:
-        """Yield the ns that each thread has run."""
         for thread in [thread for pid in tuple(self._threads) for thread in self._threads_of(pid)]:
             with suppress(OSError):
                 yield thread, int(thread.ran().split()[0])
@@ -201,12 +200,10 @@ def _is_awake(thread: WatchedThread) -> bool:
 
 
 def _runs(ran: bytes) -> int:
-    """Return how often a thread has run, from its schedstat."""
     return int(ran.split()[2])
 
 
 def _allow_many_files() -> None:
-    """Raise the limit of open files: with two per thread, twenty nodes would exceed the usual 1,024."""
     _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
 

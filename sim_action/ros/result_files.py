@@ -91,6 +91,5 @@ def _problems(element: ET.Element) -> Iterator[ET.Element]:
 
 
 def _plain(text: str) -> str:
-    """Return text without the CDATA marks that rosunit writes as text."""
     found = _CDATA.match(text)
     return (found[1] if found else text).strip("\n")

@@ -247,7 +247,6 @@ def _reserved() -> mmap.mmap:
 
 
 def _invalid(job: Job, error: InvalidScenario) -> Outcome:
-    """Return the outcome of a scenario that turned out to be invalid when it ran."""
     return Outcome.of_invalid(job.loaded.file, error).model_copy(update={"name": job.loaded.scenario.name})
 
 
@@ -292,7 +291,6 @@ def _of_source(document: Document, error: BadSource) -> Problem:
 
 
 def _path_of_source(document: Document, index: int) -> KeyPath:
-    """Return the keys of a command source; a single source may stand below `commands:` without a list."""
     listed = ("commands", index)
     return listed if listed in document.marks else ("commands",)
 

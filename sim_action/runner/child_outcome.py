@@ -117,7 +117,6 @@ def _engine(loaded: LoadedScenario) -> str:
 
 
 def _provenance(loaded: LoadedScenario) -> Provenance | None:
-    """Return the provenance of an outcome; None if it cannot be read: no verdict depends on it."""
     with suppress(OSError, ImportError):
         return engine_provenance(loaded.scenario.backend)
     return None

@@ -69,7 +69,6 @@ def with_agreement(
 
 
 def _alone(outcome: Outcome) -> Outcome:
-    """Return the outcome with a note: agreement needs several engines, but the command line selects one."""
     note = "agreement was not judged: the command line selects one engine"
     return outcome.model_copy(update={"notes": (*outcome.notes, note)})
 

@@ -166,24 +166,20 @@ def inputs_in(written: bytes) -> tuple[str, ...] | None:
 
 
 def _caches() -> list[Path]:
-    """Return the cache of sim-action, which never changes a result."""
     folder = cache_folder("any")
     return [] if folder is None else [folder.parent]
 
 
 def _folders(paths: Iterable[Path]) -> tuple[str, ...]:
-    """Return the beginnings of the paths of files in folders."""
     forms = {form for path in paths for form in (os.path.abspath(path), os.path.realpath(path))}  # noqa: PTH100
     return tuple(map(_as_folder, sorted(forms)))
 
 
 def _is_inside(path: str, folders: tuple[str, ...]) -> bool:
-    """Return True for a file in one of the folders, and for the folders themselves."""
     return _as_folder(path).startswith(folders)
 
 
 def _as_folder(path: str) -> str:
-    """Return the path with a separator at its end."""
     return os.path.join(path, "")  # noqa: PTH118
 
 

@@ -165,7 +165,6 @@ class OutcomeAssembly:
                 del self._ended[final], self._keys[final]
 
     def _key(self, place: int) -> str | None:
-        """Return the key of all runs of an outcome; None if one of them has no key."""
         first, *others = self._keys[place]
         return None if others else first
 

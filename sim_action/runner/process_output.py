@@ -51,7 +51,6 @@ def redirect_output(place: int | Path) -> None:
 
 
 def _text_to(descriptor: int) -> TextIO:
-    """Return a UTF-8 text stream to a descriptor, independent of the code page of a Windows console."""
     return os.fdopen(os.dup(descriptor), "w", buffering=1, encoding="utf-8", errors="backslashreplace", newline="\n")
 
 

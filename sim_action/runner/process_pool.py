@@ -305,7 +305,6 @@ class _Scheduler:
             self._finish(index, outcome, self._key(child, outcome))
 
     def _key(self, child: ChildProcess, outcome: Outcome) -> str | None:
-        """Return the key of a run that has ended; None: it has no verdict, or may depend on anything."""
         if self._keys is None or not outcome.has_verdict:
             return None
         return self._keys.of(child.job.loaded, inputs_of(child))
@@ -319,13 +318,11 @@ class _Scheduler:
 
 
 def _deadline(child: ChildProcess) -> float:
-    """Return the deadline; after the verdict, the recordings get the same time again."""
     begun = child.started if child.judged is None else child.judged
     return begun + child.job.loaded.scenario.wall_seconds
 
 
 def _exceeded(child: ChildProcess) -> Limit | None:
-    """Return the limit that a running child process has reached."""
     if time.monotonic() >= _deadline(child):
         return "wall limit"
     return "output limit" if child.printed > child.job.loaded.scenario.output_bytes else None

@@ -138,7 +138,6 @@ def _endings(first: _Run, other: _Run) -> Iterator[str]:
 
 
 def _judged(verdict: Verdict) -> str:
-    """Return a verdict in words, such as "passed: tilted at most 3 deg (measured 0.0523 rad)"."""
     measured = "" if verdict.measured is None else f" (measured {verdict.measured!r} {verdict.unit}".rstrip() + ")"
     return f"{verdict.status.replace('_', ' ')}: {verdict.message}{measured}"
 

@@ -164,7 +164,6 @@ class _Search:
         return replace(record, place=place)
 
     def _is_of(self, place: int, outcome: Outcome) -> bool:
-        """Return True if an outcome is a valid verdict of the planned scenario."""
         is_final = outcome.status in _FINAL and not is_inconsistent(outcome)
         return is_final and Planned.of(outcome) == self.planned[place]
 
@@ -172,7 +171,6 @@ class _Search:
         return self.files[(turn - 1) * len(self.runs) + self._indices[place]]
 
     def _names(self, outcome: Outcome, files: RunFiles) -> bool:
-        """Return True if an outcome names all of these files and no others, and they exist."""
         named = [outcome.trace, *([outcome.replay] if outcome.replay else []), *outcome.recordings]
         return named == [self._name(path) for path in files] and all(map(self._exists, files))
 

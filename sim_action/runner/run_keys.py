@@ -125,7 +125,6 @@ class RunKeys:
         return tree if isinstance(tree, str) else None
 
     def _knows(self, loaded: LoadedScenario, name: str) -> bool:
-        """Return True if the key of a run includes the content of a file, also behind a link."""
         tree, path = self._tree(loaded.workspace.root), Path(os.path.realpath(name))
         return _is_in(path, tree) or path in self._named.of(loaded.source)
 
@@ -198,7 +197,6 @@ def _is_in(path: Path, tree: GitTree | str) -> bool:
 
 
 def _digest_of(parts: object) -> str:
-    """Return the digest of JSON values."""
     return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
 
 
@@ -267,7 +265,6 @@ def _add_source(folder: str, name: str, digest: hashlib._Hash) -> None:
 
 
 def _packages() -> list[tuple[str, str]]:
-    """Return the installed distributions, each with a digest of its list of files, which holds their hashes."""
     return sorted(set(_distributions()))
 
 

@@ -219,7 +219,6 @@ def _once(planned: Iterable[Plan]) -> Iterator[Plan]:
 
 
 def _with_unexercised(loaded: LoadedScenario, unexercised: Unexercised | None) -> LoadedScenario:
-    """Return the scenario with this value, unless it has one of its own."""
     if unexercised is None or loaded.scenario.unexercised is not None:
         return loaded
     return replace(loaded, scenario=loaded.scenario.model_copy(update={"unexercised": unexercised}))

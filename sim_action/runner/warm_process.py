@@ -186,7 +186,6 @@ def _is_open(descriptor: int) -> bool:
 
 
 def _umask() -> int:
-    """Return the umask of this process. `os.umask` would change it for other threads."""
     status = Path("/proc/self/status").read_text(encoding="utf-8")
     return int(status.partition("\nUmask:")[2].partition("\n")[0], 8)
 

@@ -140,7 +140,6 @@ def _led_to(steps: list[str], value: object, relocated: Callable[[object], objec
 
 
 def _is_relative_file(name: str, folder: Path) -> bool:
-    """Return True for a relative path; others are addresses, built-in robots or misspelt names."""
     if "://" in name or Path(name).is_absolute() or not name.isprintable():
         return False
     return "/" in name or "." in name or (name not in BUILT_IN and _is_there(name, folder))

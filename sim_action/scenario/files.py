@@ -147,7 +147,6 @@ def _entry_problems(entry: Document, name: str, *, is_second: bool) -> Iterator[
 
 
 def _called(path: Path) -> str:
-    """Return a name made from the file's name."""
     return Path(file_name(path)).name
 
 
@@ -157,13 +156,11 @@ def _keys(document: Document) -> dict[str, object]:
 
 
 def _name(document: Document) -> str | None:
-    """Return the name of a document if reports can show it."""
     name = _keys(document).get("name") if isinstance(document.data, dict) else None
     return name if isinstance(name, str) and name and is_title(name) else None
 
 
 def _whole(document: Document, workspace: Workspace, chain: tuple[Path, ...]) -> Document:
-    """Return a document merged with all files that it extends; `chain`: the files so far. Raises InvalidScenario."""
     if "extends" not in _keys(document):
         return document
     return merged(_base(document, workspace, chain), without(document, "extends"))

@@ -122,7 +122,6 @@ class _Places:
         return {self._rigid(str(name)) for name in (*meant, *(bodies if body is None else [body]))} == {WORLD}
 
     def _rigid(self, name: str) -> str:
-        """Return the name of a rigid body; that of everything that never moves is "world"."""
         if name in self._scene.bolted_links or name in self._fixed:
             return WORLD
         return self._holders.get(name, name)

@@ -139,7 +139,6 @@ def scenarios_of(sources: Iterable[Source | Refused]) -> Iterator[tuple[Source |
 
 
 def _scenario_of(index: int, source: Source | Refused) -> Hashable:
-    """Return a key that all variations of one scenario share."""
     return (source.path, source.group) if isinstance(source, Source) and source.group is not None else index
 
 
@@ -197,7 +196,6 @@ def _scene(
 
 
 def _in_document(problems: SpecProblems, written: int) -> SpecProblems:
-    """Yield problems; those of bodies from a world file are at the key that names the file."""
     for path, message in problems:
         index = path[2] if path[:2] == ("world", "objects") and len(path) > 2 else -1
         yield (("world", "file") if isinstance(index, int) and index >= written else path), message
@@ -316,7 +314,6 @@ class _Loader:
         return None
 
     def _check_text(self, robot: DrivenRobot) -> None:
-        """Check the text of a model that only the scenario's own process may read."""
         if robot.is_xacro and self._permissions.scripts_refused:
             self._problems.note(("robot", "model"), self._permissions.scripts_refused)
         self.unchecked += check_text(robot, self._workspace)

@@ -295,7 +295,6 @@ class PartReader:
 
 
 def _keys_of(model: type[BaseModel]) -> frozenset[str]:
-    """Return the YAML keys of a model's fields."""
     return frozenset(field.alias or name for name, field in model.model_fields.items())
 
 
@@ -312,7 +311,6 @@ def _why_not_for(assertion: Assertion) -> str | None:
 
 
 def _is_combined(kind: type[Assertion]) -> TypeGuard[type[Combined]]:
-    """Return True if the assertion has nested assertions. Its class need not be imported to know this."""
     return hasattr(kind, "made_of")
 
 

@@ -178,7 +178,6 @@ def _fixed_parts(agreement: Agreement, scene: Scene) -> Iterator[ClaimFinding]:
 
 
 def _shapeless(scene: Scene) -> list[Link]:
-    """Return the links with a visual shape in moving bodies without any collision shape."""
     bodies = [body for body in _rigid_bodies(scene.model) if scene.bolted_links.isdisjoint(link.name for link in body)]
     return [link for body in bodies if not any(each.collisions for each in body) for link in body if link.visuals]
 
@@ -196,7 +195,6 @@ def _rigid_bodies(model: RobotModel) -> list[list[Link]]:
 
 
 def _quoted(names: Sequence[str]) -> str:
-    """Return the first few names as text."""
     more = len(names) - _MAX_LINKS
     return ", ".join(f"'{name}'" for name in islice(names, _MAX_LINKS)) + (f" and {more} more" if more > 0 else "")
 

@@ -201,7 +201,6 @@ def _unknown_tags(option: str, wanted: Sequence[str], every: Sequence[Source | R
 
 
 def _has_unreadable(every: Iterable[Source | Refused]) -> bool:
-    """Return True if a scenario is unreadable; it may have any tag."""
     return any(isinstance(each, Refused) for each in every)
 
 

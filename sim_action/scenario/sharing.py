@@ -82,6 +82,5 @@ def _share_fields(new: object, known: object, names: tuple[str, ...]) -> bool:
 
 @cache
 def _fields(kind: type) -> tuple[str, ...]:
-    """Return the fields of a frozen record; () for any other type."""
     record = getattr(kind, "__record__", None)
     return tuple(record.fields) if record is not None and record.frozen else ()

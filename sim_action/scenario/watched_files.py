@@ -198,7 +198,6 @@ class NamedFiles:
         return frozenset(written_in).union(*[self._closure(reader, text) for text in texts])
 
     def _path(self, file: str) -> Path:
-        """Return the absolute path of a file that a document is written in."""
         if file not in self._absolute:
             self._absolute[file] = Path(file).absolute()
         return self._absolute[file]
@@ -287,7 +286,6 @@ def _texts(data: object) -> Iterator[str]:
 
 
 def _names_in(text: str) -> Iterable[str]:
-    """Return the parts of a text that may be names of files."""
     return dict.fromkeys((text, *_words(text), text.partition(":")[0]))
 
 

@@ -131,7 +131,6 @@ def _in_other(clash: Clash) -> str:
 
 
 def _start(body: Body, read: Sequence[Part] | None) -> Placement:
-    """Return the start of a path; without z the body stands on the ground."""
     parts = body.parts() if not body.is_read else read
     # An unreadable file is reported elsewhere.
     return body.pose.model_copy(update={"z": placed(body, parts).position_xyz[2]}) if body.path and parts else body.pose
@@ -165,7 +164,6 @@ def _way(start: Placement, end: Placement) -> float:
 
 
 def _turn(start: Placement, end: Placement) -> float:
-    """Return an upper bound in rad of the angle that a body turns."""
     return abs(end.roll - start.roll) + abs(end.pitch - start.pitch) + abs(end.yaw - start.yaw)
 
 

@@ -158,7 +158,6 @@ def _placed(document: Document, written: str, value: object) -> Document:
 
 
 def _read(label: str, keys: Mapping[str, object]) -> dict[str, Any]:
-    """Return values as a file gives them."""
     data = read_document(label, _yaml(_plain(keys, label, ()))).data
     assert isinstance(data, dict)
     return data
@@ -199,7 +198,6 @@ def _plain(value: object, label: str, path: KeyPath) -> object:
 
 
 def _below(key: object, value: object, label: str, path: KeyPath) -> object:
-    """Return the value of a key; a part may stand below its own key, such as `{"lidar": Lidar(), "name": "front"}`."""
     if isinstance(value, Assertion | Drive | Sensor) and value.key == key:
         return _keys_of(value, label, path)
     return _plain(value, label, path)
@@ -239,7 +237,6 @@ def _refused(message: str, label: str, path: KeyPath) -> InvalidScenario:
 
 
 def _editable(data: object) -> Any:
-    """Return a copy with lists for tuples."""
     if isinstance(data, dict):
         return {key: _editable(each) for key, each in data.items()}
     return [_editable(each) for each in data] if isinstance(data, tuple) else data

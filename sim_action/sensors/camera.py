@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
+from typing_extensions import override
 
 from sim_action.core.field_types import Metres, PositiveRadians
 from sim_action.core.geometry import compose
@@ -61,8 +62,8 @@ class Camera(Sensor):
         """See Sensor.reading_bytes: three bytes of colour and four of depth per pixel."""
         return 7 * self.width * self.height
 
+    @override
     def open(self, mount: Mount) -> Measure:
-        """See Sensor.open."""
         from sim_action.sensors.rendering.appearance import robot_parts, world_parts
         from sim_action.sensors.rendering.picture import Placed, draw
         from sim_action.sensors.rendering.pinhole import Pinhole

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from typing_extensions import override
+
 from sim_action.sensors import Measure, Mount, Sensor, Sight
 from sim_action.state.readings import ContactReading
 
@@ -21,9 +23,8 @@ class ContactSensor(Sensor):
     key: ClassVar[str] = "contact"
     watches_contacts: ClassVar[bool] = True
 
+    @override
     def open(self, mount: Mount) -> Measure:
-        """See Sensor.open."""
-
         def measure(sight: Sight) -> ContactReading:
             touches = [contact for contact in sight.robot.contacts if contact.link == mount.link]
             bodies = tuple(sorted({contact.body for contact in touches}))

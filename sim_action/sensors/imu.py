@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from pydantic import Field
+from typing_extensions import override
 
 from sim_action.core import geometry
 from sim_action.core.field_types import NonNegativeMetresPerSecondSquared, NonNegativeRadiansPerSecond
@@ -41,8 +42,8 @@ class Imu(Sensor):
         NonNegativeMetresPerSecondSquared, Field(description="standard deviation of the offset")
     ] = 0.0
 
+    @override
     def open(self, mount: Mount) -> Measure:
-        """See Sensor.open."""
         gyro_offset = _scatter(mount.random, geometry.ZERO, self.gyro_bias)
         accelerometer_offset = _scatter(mount.random, geometry.ZERO, self.accelerometer_bias)
         before: _State | None = None

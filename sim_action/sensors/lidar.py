@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final
 
 from pydantic import Field
+from typing_extensions import override
 
 from sim_action.core.field_types import NonNegativeMetres, PositiveMetres, PositiveRadians, Radians
 from sim_action.core.geometry import compose, rotate
@@ -61,19 +62,19 @@ class Lidar(Sensor):
     ] = 0.0
 
     @property
+    @override
     def reading_bytes(self) -> int:
-        """See Sensor.reading_bytes."""
         return 8 * self.rays
 
+    @override
     def problems(self, scene: Scene) -> SpecProblems:
-        """See Sensor.problems."""
         if self.field_of_view > _FULL_CIRCLE + _ROUNDING:
             yield ("field_of_view",), f"expected at most 360 deg, found {display(self.field_of_view, 'rad')}"
         if self.min_range >= self.range:
             yield (("min_range",), f"expected less than 'range', {self.range:g} m, found {self.min_range:g} m")
 
+    @override
     def open(self, mount: Mount) -> Measure:
-        """See Sensor.open."""
         import numpy as np
 
         first, increment = self.first_angle, self.increment

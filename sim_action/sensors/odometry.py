@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from pydantic import Field
+from typing_extensions import override
 
 from sim_action.core import geometry
 from sim_action.core.field_types import NonNegativeMetres, Ratio
@@ -54,8 +55,8 @@ class Odometry(Sensor):
         ErrorRatio, Field(description="error of the wheel separation; with steered wheels, of the wheelbase")
     ] = 0.0
 
+    @override
     def open(self, mount: Mount) -> Measure:
-        """See Sensor.open."""
         assert mount.wheels is not None, "the loader refuses odometry without a drive"
         return _OdometryReader(self, mount, mount.wheels)
 
@@ -79,13 +80,11 @@ class _OdometryReader:
         return OdometryReading(sight.time, pose, way.twist(self._period))
 
     def _begin(self, robot: Observation) -> None:
-        """Start at the true pose, with the ground assumed level even if the robot is tilted."""
         heading = geometry.quaternion_from_rpy(0.0, 0.0, robot.pose.yaw)
         self._level = Pose(robot.pose.position_xyz, heading)
         self._tilt = geometry.multiply(geometry.conjugate(heading), robot.pose.orientation_xyzw)
 
     def _measured(self, robot: Observation) -> dict[str, float]:
-        """Return joint -> angle in rad; wheel angles as their encoders measure them."""
         steered = {name: robot.joints[name].position for name in self._wheels.steering}
         return steered | {name: self._ticked(robot.joints[name].position) for name in self._wheels.gears}
 
@@ -106,6 +105,5 @@ class _OdometryReader:
         return PlanarWay(way.x, way.y, way.turn / (1 + self._spec.separation_error)).of_point(-x, -y)
 
     def _rolled(self, way: float) -> float:
-        """Return the distance in m that the robot assumes for a wheel."""
         deviation = self._spec.noise * math.sqrt(abs(way))
         return way * (1 + self._spec.radius_error) + deviation * float(self._random.standard_normal())

@@ -228,7 +228,6 @@ class Controls:
         return targets
 
     def _pressed(self, source: _Source, wrenches: tuple[LinkWrench, ...]) -> tuple[LinkWrench, ...]:
-        """Apply the new wrenches of a source, and return all wrenches that are in effect."""
         for link in dict.fromkeys(wrench.link for wrench in wrenches):
             source.wrenches[link] = tuple(wrench for wrench in wrenches if wrench.link == link)
         return tuple(each for source in self._sources for held in source.wrenches.values() for each in held)
@@ -303,7 +302,6 @@ def _with_wrenches_together(commands: tuple[Command, ...]) -> tuple[Twist | Join
 
 
 def _seen_by(sources: Sequence[CommandSource], scene: Scene) -> list[Scene]:
-    """Return the scene for each source; sources with the same code are counted."""
     codes = [source.code for source in sources]
     return [replace(scene, namesake=codes[:index].count(code)) for index, code in enumerate(codes)]
 

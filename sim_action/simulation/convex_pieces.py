@@ -38,7 +38,6 @@ _SIGNS: Final = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
 
 
 def _directions(count: int) -> FloatArray:
-    """Return unit vectors (count, 3) that are evenly spread over half a sphere."""
     z = (np.arange(count) + 0.5) / count
     around = np.arange(count) * math.pi * (3 - math.sqrt(5))
     return np.column_stack((np.sqrt(1 - z * z) * np.cos(around), np.sqrt(1 - z * z) * np.sin(around), z))

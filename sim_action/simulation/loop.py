@@ -267,7 +267,6 @@ class _Loop:
         return tuple(finding for finding in found if finding.rule not in self._scenario.allow)
 
     def _races(self) -> Iterator[ClaimFinding]:
-        """Yield a finding for each reason why another run may differ."""
         if NOT_REPRODUCIBLE not in self._scenario.allow:
             for reason in self._controls.not_reproducible:
                 yield ClaimFinding(NOT_REPRODUCIBLE, ("commands",), f"the run is not reproducible: {reason}")
@@ -342,7 +341,6 @@ class _Loop:
         return trace, squeezed or missed or unstable or failure
 
     def _placed_bodies(self) -> FloatArray:
-        """Return the present poses (M, 7) of the bodies with a mass."""
         bodies = self._scene.world.objects
         poses = [self._backend.body_pose(body.name) for body in bodies if body.mass is not None]
         return np.array([(*pose.position_xyz, *pose.orientation_xyzw) for pose in poses]).reshape(-1, 7)
@@ -360,7 +358,6 @@ class _Loop:
         return found.appearing(arrivals(self._scene).get(body, 0.0))
 
     def _tunnelling_from(self, start: Observation, placed: FloatArray) -> Tunnelling | None:
-        """Return the watch for bodies that pass through others; None without bodies."""
         if not self._scene.world.objects:
             return None
         return Tunnelling(self._scene, start, placed, solid_terrain=self._backend.solid_terrain)

@@ -96,7 +96,6 @@ class Panel:
         return (later, trace) if ended == len(trace) else (self.observe(seen), seen)
 
     def _is_over_before_last(self, trace: Trace) -> bool:
-        """Return True if the duration, or the time limit, has been reached before the last moment of a trace."""
         least = min(self.scenario.duration or 0.0, self.scenario.time_limit)
         return len(trace) > 1 and self._is_reached(least, float(trace.time[-2]))
 
@@ -131,14 +130,12 @@ class Panel:
         return min(_PERIOD_S, max(_LEAST_PERIOD_S, _LATER * wait))
 
     def _all_closed(self) -> bool:
-        """Return False while a verdict that passes now needs more of the run, such as up to its `after` or `before`."""
         return self._reached(needed_until(*self.monitors))
 
     def _reached(self, time: float) -> bool:
         return self._is_reached(time, self.time)
 
     def _is_reached(self, time: float, seen: float) -> bool:
-        """Return True if the first physics step at or after a sim time has been seen; `seen`: the last moment."""
         return seen >= self.scenario.steps(time) / self.scenario.physics.rate - TIME_EPSILON_S
 
 

@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any, ClassVar, Final
 from xml.etree import ElementTree as ET
 
+from typing_extensions import override
+
 from sim_action.commands import Controller
 from sim_action.core.geometry import Twist, Vector3, scale
 from sim_action.core.records import dataclass, field, replace
@@ -29,27 +31,27 @@ class MutantSeams(Seams):
         self._mutation = mutation
         self._robot = _Robot.of(scene)
 
+    @override
     def scene(self, scene: Scene) -> Scene:
-        """See Seams.scene."""
         factor = self._mutation.mass
         return scene if factor == 1 else replace(scene, model=heavier(scene.model, factor))
 
+    @override
     def controller(self, controller: Controller) -> Controller:
-        """See Seams.controller."""
         return replace(controller, command=_Altered(controller.command, self._answer))
 
+    @override
     def motion(self, motion: DriveMotion | None) -> DriveMotion | None:
-        """See Seams.motion."""
         joint = self._mutation.dead_joint
         return motion if motion is None or joint not in motion.joints else _WithoutMotor(motion, joint)
 
+    @override
     def at_rest(self, targets: JointTargets) -> JointTargets:
-        """See Seams.at_rest."""
         joint = self._mutation.dead_joint
         return targets.updated_by(JointTargets(effort={joint: 0.0})) if joint else targets
 
+    @override
     def measure(self, sensor: str, measure: Measure) -> Measure:
-        """See Seams.measure."""
         return _frozen(measure) if sensor == self._mutation.frozen_sensor else measure
 
     def _answer(self, answer: Answer) -> Answer:
@@ -209,13 +211,11 @@ class _Robot:
 
 
 def _flipped(vector: Vector3) -> Vector3:
-    """Return the mirror image of a vector."""
     x, y, z = vector
     return (x, 0.0 - y, z)
 
 
 def _turned(vector: Vector3) -> Vector3:
-    """Return the mirror image of a rotation or of a torque."""
     x, y, z = vector
     return (0.0 - x, y, 0.0 - z)
 

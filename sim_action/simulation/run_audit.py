@@ -266,7 +266,6 @@ def _unmoved_links(scenario: Scenario, scene: Scene, facts: RunFacts) -> Iterato
 
 
 def _is_at_end(assertion: Assertion) -> bool:
-    """Return True for a root mean square alone: it is judged at the end."""
     if assertion.key == "effort":
         return getattr(assertion, "at_most", None) is None
     return assertion.key == "follow_path" and getattr(assertion, "max_error", None) is None

@@ -122,7 +122,6 @@ class Sensing:
                 running.log.add(reading)
 
     def _receive(self, step: int) -> None:
-        """Take the late readings that have arrived."""
         for running, line in self._late:
             for reading in line.arrived(step):
                 self._readings[running.mounted.name] = reading

@@ -124,7 +124,6 @@ def fell_while_settling(scene: Scene, before: Pose, after: Pose) -> str | None:
 
 
 def _tilt(pose: Pose) -> float:
-    """Return the angle between the z axis of a frame and the world's, in rad."""
     return math.acos(max(-1.0, min(1.0, geometry.rotate(pose.orientation_xyzw, (0.0, 0.0, 1.0))[2])))
 
 

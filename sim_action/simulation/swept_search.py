@@ -122,7 +122,6 @@ class SweptSearch:
         return _Motion(name, pieces, frames_of(places, turns), turning, np.full(len(turning), fill_value=True))
 
     def _link_frames(self, block: Block) -> Mapping[str, Frames]:
-        """Return the frames of all links at T + 1 moments."""
         rows = np.vstack((block.before, block.trace.state))
         joints = len(block.trace.joint_names)
         return link_frames(self._scene.model, frames_of(rows[:, 1:4], rows[:, 4:8]), rows[:, 14 : 14 + joints])
@@ -155,7 +154,6 @@ class SweptSearch:
 
 
 def _is_driven(block: Block) -> _Known:
-    """Return (T,) False for steps in which the base jumped: a script has set its pose."""
     motion, trace = BaseMotion(math.inf, (tuple(block.before[:14].tolist()),)), block.trace
     return np.asarray((motion.speed(trace) == trace.speed) & (motion.turn_rate(trace) == trace.turn_rate))
 
@@ -256,5 +254,4 @@ class _Search:
 
 
 def _overlap(one: FloatArray, other: FloatArray, limit: float) -> bool:
-    """Return True if two hulls (P, 3) and (Q, 3) are nearer than a limit in m, or overlap."""
     return hull_distance(one, other, limit) <= max(limit, _TOUCH_M)

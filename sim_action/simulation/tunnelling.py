@@ -252,7 +252,6 @@ class Tunnelling:
 
 
 def _least_width(shape: Shape) -> float:
-    """Return a lower bound in m on the width of the pieces of a shape, without reading its mesh."""
     extents = np.subtract(shape.upper_xyz, shape.lower_xyz)
     return float(extents.min()) * (_HULL_SHARE if shape.kind == "mesh" else 1.0)
 
@@ -273,6 +272,5 @@ def _least_thickness(parts: Sequence[Part]) -> float:
 
 
 def _shape_reach(shape: Shape) -> float:
-    """Return an upper bound in m on the distance of a shape of a link from the frame of the link."""
     corner = np.maximum(np.abs(shape.lower_xyz), np.abs(shape.upper_xyz))
     return math.hypot(*shape.pose.position_xyz) + math.hypot(*corner.tolist())

@@ -55,6 +55,5 @@ class WheelSlip:
 
 
 def _turned(orientations: FloatArray, vector_xyz: geometry.Vector3) -> FloatArray:
-    """Return a vector (3,), rotated by unit quaternions (T, 4), as (T, 3)."""
     columns: Any = tuple(orientations.T)
     return np.column_stack(geometry.rotate(columns, vector_xyz))

@@ -100,13 +100,11 @@ class MotionRecord:
 
 
 def _named(group: str, columns: Mapping[str, FloatArray]) -> dict[str, Any]:
-    """Return the arrays of a group: its names, and its columns by number."""
     numbered = {f"{group}_{number}": column for number, column in enumerate(columns.values())}
     return {f"{group}_names": np.array(list(columns), dtype=np.str_), **numbered}
 
 
 def _columns(stored: Mapping[str, Any], group: str, shape: tuple[int, ...]) -> dict[str, FloatArray]:
-    """Return the columns of a group by name. Raise ValueError, KeyError."""
     names = stored[f"{group}_names"].tolist()
     return {str(name): _column(stored[f"{group}_{number}"], *shape) for number, name in enumerate(names)}
 

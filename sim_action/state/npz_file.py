@@ -76,7 +76,6 @@ def packed(arrays: Mapping[str, Any]) -> bytes:
 
 
 def _encoded(name: str) -> tuple[bytes, int]:
-    """Return a name in the file, and the flag that tells its encoding."""
     return (name.encode("ascii"), _ASCII) if name.isascii() else (name.encode("utf-8"), _UTF8)
 
 

@@ -45,7 +45,6 @@ _WIDTHS: Final = {
 
 
 def _no_links(_: Trace) -> Mapping[str, Any]:
-    """Return nothing: only traces for classes of the user's know the robot."""
     return {}
 
 
@@ -214,7 +213,6 @@ class Trace:
 
     @property
     def _tells(self) -> bool:
-        """True if there is data with times of its own."""
         return bool(self.contacts or self.sensors or self.clearances or self.bodies or self.self_contacts)
 
     def _part(self, wanted: slice, start: float, end: float, told_until: float) -> Self:
@@ -298,13 +296,11 @@ def rotation_angles(first: FloatArray, second: FloatArray) -> FloatArray:
 
 
 def _joined(several: Sequence[Mapping[_Key, _Record]], join: Callable[[list[_Record]], _Record]) -> dict[_Key, _Record]:
-    """Return records with the same key, joined in their order."""
     keys = dict.fromkeys(key for records in several for key in records)
     return {key: join([records[key] for records in several if key in records]) for key in keys}
 
 
 def _array(values: Any) -> FloatArray:
-    """Return float64; numpy's stubs lose the element type in arithmetic on columns."""
     return np.asarray(values, dtype=np.float64)
 
 

@@ -145,7 +145,6 @@ class Signal:
 
 
 def _opposite(limit: float | None, unit: str) -> float | None:
-    """Return the limit of a negated assertion. For contacts, which count as 0 or 1, it is the other count."""
     return 1.0 - limit if limit is not None and unit == "contacts" else limit
 
 

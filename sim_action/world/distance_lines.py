@@ -71,7 +71,6 @@ def _line(points: list[tuple[Vector3, float]], distance: float) -> tuple[Vector3
 
 
 def _hull(ordered: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Return the corners of the convex hull of sorted points, counter-clockwise."""
     return _half(ordered)[:-1] + _half(ordered[::-1])[:-1]
 
 

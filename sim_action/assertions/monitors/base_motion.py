@@ -126,7 +126,6 @@ def _distances(before: FloatArray, after: FloatArray) -> FloatArray:
 
 
 def _angles(before: FloatArray, after: FloatArray) -> FloatArray:
-    """Return the angles (T,) in rad, at most pi, between the orientations of states (T, 14)."""
     from sim_action.state.trace import rotation_angles
 
     return rotation_angles(before[:, 4:8], after[:, 4:8])

@@ -69,13 +69,11 @@ class MeanForce:
 
     @property
     def _steps(self) -> float:
-        """The number of steps in the window, which need not be whole."""
         steps = self.window * self.rate
         return float(round(steps)) if abs(steps - round(steps)) < STEP_EPSILON else steps
 
     @property
     def _reach(self) -> int:
-        """The number of steps that the window touches."""
         return math.ceil(self._steps)
 
     def observe(self, trace: Trace, contacts: Iterable[Contact]) -> tuple[Self, Forces]:

@@ -189,7 +189,6 @@ class GraspMonitor:
         return known and len(trace) > 0
 
     def _sound_squeeze(self, grip: _Grip) -> FloatArray:
-        """Return the squeeze (T,) in N; 0 where the grip is not sound."""
         import numpy as np
 
         return np.where(grip.is_sound(self.spec.slip), grip.squeeze, 0.0)
@@ -214,7 +213,6 @@ class GraspMonitor:
         return (*found, f"{links} pressed it too weakly")
 
     def _window(self, trace: Trace) -> _Sample:
-        """Return the moments of the last window."""
         known = self._joined(trace)
         return known.rows(known.time > known.time[-1] - FORCE_WINDOW_S - TIME_EPSILON_S)
 

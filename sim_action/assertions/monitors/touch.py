@@ -106,7 +106,6 @@ class TouchMonitor:
         return self.mean.observe(trace, filter(self.spec.is_meant, trace.contacts))
 
     def _instead_of(self, others: list[Contact]) -> Contact | None:
-        """Return the contact to name in the message if the expected one is missing."""
         known = others if self.instead is None else [self.instead, *others]
         of_body = (contact for contact in known if contact.body == self.spec.body)
         return next(of_body, next(iter(known), None))
@@ -125,7 +124,6 @@ class TouchMonitor:
         return replace(seen, stretch=self.stretch.observe(time, self._is_strong(force)))
 
     def _impulses(self, force: FloatArray) -> FloatArray:
-        """Return the impulses in N s within the window."""
         return force * self.mean.window
 
     def _is_strong(self, force: FloatArray) -> NDArray[np.bool_]:
@@ -290,7 +288,6 @@ class TouchMonitor:
         return "".join(told)
 
     def _as_goal(self) -> str:
-        """Return the YAML value of the same contact without limits."""
         keys = {"with": self.spec.body, **({} if self.spec.link is None else {"link": self.spec.link})}
         return f"{{{', '.join(f'{key}: {value}' for key, value in keys.items())}}}"
 
@@ -317,7 +314,6 @@ class TouchMonitor:
 
 
 def _relative_margin(bounds: Bounds) -> float:
-    """Return the margin of the upper limit as a share of the limit; infinite if there is none."""
     if bounds.at_most is None or bounds.invariant.margin is None:
         return math.inf
     return bounds.invariant.margin / bounds.at_most

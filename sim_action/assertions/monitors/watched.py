@@ -11,6 +11,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
 
 from pydantic import Field
+from typing_extensions import override
 
 from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import (
@@ -145,12 +146,12 @@ class MotionAssertion(Assertion):
         return f"{self.key} of {watched.subject}" if watched.subject else self.key
 
     @property
+    @override
     def title(self) -> str:
-        """See Assertion.title."""
         return self.title_of(Watched(self.link or "", self.frame))
 
+    @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        """See Assertion.monitor."""
         return self.monitor_of(self.watched(scene), scene, start)
 
     def monitor_of(self, watched: Watched, scene: Scene, start: Observation) -> Monitor:
@@ -162,8 +163,8 @@ class MotionAssertion(Assertion):
         kind = WatchedCondition if has_truth(monitor) else WatchedMonitor
         return kind(watched, monitor, monitor.state, f"{subject}{self.subject_ends}")
 
+    @override
     def marks(self, scene: Scene, start: Observation) -> tuple[Mark, ...]:
-        """See Assertion.marks."""
         return self.marks_of(self.watched(scene), scene, start)
 
     def marks_of(self, watched: Watched, scene: Scene, start: Observation) -> tuple[Mark, ...]:

@@ -171,7 +171,6 @@ def _multiplied(factors: list[Powers]) -> Powers:
 
 
 def _without_angle(powers: Powers) -> tuple[int, int, int]:
-    """Return the dimension without angles: a radian is a ratio of lengths (rim speed = turn rate x radius)."""
     metres, seconds, _, kilograms = powers
     return metres, seconds, kilograms
 

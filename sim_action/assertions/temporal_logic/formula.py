@@ -310,10 +310,8 @@ def finite_horizon(formula: Formula) -> float:
 
 
 def _exact(value: float) -> str:
-    """Return a number with all its digits."""
     return repr(value).removesuffix(".0")
 
 
 def _inside(term: Term, *weaker: type) -> str:
-    """Return a part as text, in parentheses if it does not bind more strongly than its parent."""
     return f"({term})" if isinstance(term, weaker) else str(term)

@@ -181,7 +181,6 @@ class Extreme:
 
     @property
     def _is_settled(self) -> bool:
-        """True if one step has decided the result."""
         return self.found is not None and (self.found.value >= 0) == self.greatest
 
     def observe(self, samples: Samples) -> Self:
@@ -276,7 +275,6 @@ class UntilFold:
         return self.held is not None and not self._is_enough(self.held.value)
 
     def _is_enough(self, value: float) -> bool:
-        """Return True if the `until` is true; at a robustness of 0 the formula or its negation holds."""
         return value > 0 if self.contrary else value >= 0
 
     @property

@@ -128,7 +128,6 @@ class _Parser:
         raise FormulaError(self._text, token.at, message)
 
     def _hint(self) -> str:
-        """Return a hint for a word in the place of an operator."""
         meant = operator_like(self._next.text) if self._next.kind == "word" else None
         return f"; did you mean '{meant}'?" if meant else self._unit_hint()
 
@@ -177,7 +176,6 @@ class _Parser:
                 return And(tuple(items)) if strength == _AND else Or(tuple(items))
 
     def _joined(self, found: Formula | Term, first: Token, operator: Token) -> Formula:
-        """Parse one side of `and`, `or` or `implies`; an `until` there needs parentheses."""
         if isinstance(found, Until) and found is self._open:
             self._ambiguous(operator)
         return self._as_formula(found, first)
@@ -327,7 +325,6 @@ class _Parser:
         return Signal(token.text, at=token.at, source="pair", names=token.names)
 
     def _odd_name(self, token: Token) -> str:
-        """Return a hint for a name with odd characters that is not in quotes; empty if there is none."""
         found = _ODD_NAME.match(self._text, token.at)
         return "" if found is None else f"; write such a name in quotes: '{found[1]}'.{found[2]}"
 

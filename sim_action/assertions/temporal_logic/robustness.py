@@ -135,21 +135,15 @@ def asked(formula: And | Or | Implies, contrary: bool) -> tuple[tuple[Formula, b
 
 
 def _unseen(interval: Interval, samples: Samples) -> NDArray[np.bool_]:
-    """Return (T,) True where a finite interval ends after the last step."""
     last = samples.time[-1] + TIME_EPSILON_S
     return np.asarray(interval.is_finite & (samples.time + interval.end > last), dtype=np.bool_)
 
 
 def _with_evidence(margins: FloatArray) -> FloatArray:
-    """Return margins with -inf for +inf: the least of no step is no evidence."""
     return np.where(margins == NOTHING_LEAST, -np.inf, margins)
 
 
 def _escape(formula: Until, samples: Samples, contrary_before: FloatArray) -> FloatArray:
-    """Return (T,) the margin of the negation of an `until` over steps that were not seen; +inf if all were.
-
-    Such a step counts only if the other formula has failed at a step before it.
-    """
     failed = np.maximum.accumulate(contrary_before[::-1])[::-1]
     return np.where(_unseen(formula.interval, samples), failed, np.inf)
 
@@ -172,7 +166,6 @@ def values(term: Term, samples: Samples) -> FloatArray:
 
 
 def _windows(interval: Interval, samples: Samples) -> tuple[Indices, Indices]:
-    """Return the begin and end index of the interval of each step, cut at the last step."""
     first = samples.at_or_after(samples.time + interval.start)
     return first, np.maximum(first, samples.after(samples.time + interval.end))
 

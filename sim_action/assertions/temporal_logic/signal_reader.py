@@ -85,7 +85,6 @@ class SignalReader:
 
     @property
     def _folds(self) -> bool:
-        """True if a signal depends on earlier steps."""
         return bool(self.forces) or any(signal.source == "sensor" for signal in self.signals)
 
     def _last_readings(self, trace: Trace) -> Iterator[tuple[Signal, float]]:
@@ -133,7 +132,6 @@ class SignalReader:
                 return _angle(frame.orientation_xyzw, signal.name)
 
     def _frame(self, trace: Trace, name: str) -> LinkMotion | BodyRecord:
-        """Return the poses of a link, or of an object."""
         return link_motion(self.model, trace, name) if name in self.model.links_by_name else trace.objects[name]
 
     def _pair_column(self, trace: Trace, signal: Signal) -> FloatArray:
@@ -161,13 +159,11 @@ class SignalReader:
 
 
 def _held(time: FloatArray, values: FloatArray, wanted: FloatArray, before: float) -> FloatArray:
-    """Return (T,) the last of N values at or before each time in s, rising; `before`: the value before the first."""
     at = np.searchsorted(time, wanted, side="right")
     return np.concatenate(([before], values))[at]
 
 
 def _meant(signal: Signal, contacts: Iterable[Contact]) -> list[Contact]:
-    """Return the contacts of the object, and of the link if the signal names one."""
     *link, body = signal.names
     return [contact for contact in contacts if contact.body == body and (not link or contact.link == link[0])]
 

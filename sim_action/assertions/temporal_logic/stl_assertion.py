@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Self
 
 from pydantic import Field, model_validator
+from typing_extensions import override
 
 from sim_action.assertions import Assertion, shortened_title
 from sim_action.assertions.monitors import Monitor
@@ -97,18 +98,18 @@ class Stl(Assertion):
         return parse(self.formula)
 
     @property
+    @override
     def horizon(self) -> float:
-        """See Assertion.horizon."""
         return finite_horizon(self.parsed)
 
     @property
+    @override
     def channels(self) -> Channels:
-        """See Assertion.channels."""
         return channels_of(self.parsed)
 
     @property
+    @override
     def title(self) -> str:
-        """See Assertion.title."""
         return shortened_title(f"{self.key} {' '.join(self.formula.split())}")
 
     def problems(self, scene: Scene) -> SpecProblems:
@@ -116,16 +117,16 @@ class Stl(Assertion):
         found = (*name_problems(self.parsed, scene), *dimension_problems(self.parsed, scene.model))
         yield from self._placed((*found, *_empty(self.parsed, scene.physics.rate)))
 
+    @override
     def sensor_problems(self, kinds: Mapping[str, str]) -> SpecProblems:
-        """See Assertion.sensor_problems."""
         yield from self._placed(sensor_problems(self.parsed, kinds))
 
     def _placed(self, found: Iterable[tuple[int, str]]) -> SpecProblems:
         for at, message in found:
             yield (), f"{message}; {place(self.formula, at)}"
 
+    @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        """See Assertion.monitor."""
         from sim_action.assertions.temporal_logic.monitor import StlMonitor
 
         units = {comparison: margin_unit(comparison, scene.model) for comparison in comparisons(self.parsed)}

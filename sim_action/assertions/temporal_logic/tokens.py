@@ -180,7 +180,6 @@ def _token(text: str, match: re.Match[str]) -> Token:
 
 
 def _unquoted(name: str) -> str:
-    """Return a name without its quotes."""
     return name[1:-1].replace(name[0] * 2, name[0]) if name[:1] in ("'", '"') else name
 
 

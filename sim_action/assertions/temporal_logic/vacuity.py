@@ -102,7 +102,6 @@ def _range(term: Term, possible: Callable[[Signal], Range]) -> Range:
 
 
 def _times(first: float, second: float) -> float:
-    """Return the product; 0 times a range without an end is 0."""
     return first * second if first and second else 0.0
 
 

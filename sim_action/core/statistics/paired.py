@@ -102,14 +102,12 @@ def paired_bootstrap(differences: Sequence[float], confidence: float, seed: int 
 
 
 def _means_of_resamples(values: Sequence[float], seed: int) -> list[float]:
-    """Return the means in ascending order."""
     # Plain Python: `sim-action compare` runs where numpy is not installed.
     choices, size = Random(seed).choices, len(values)
     return sorted(sum(choices(values, k=size)) / size for _ in range(RESAMPLES))
 
 
 def _restored(mean: float, exponent: int, values: Sequence[float]) -> float:
-    """Return a mean of scaled values in their former scale."""
     # Its rounding may not leave the range of floats.
     return math.ldexp(min(max(mean, min(values)), max(values)), exponent)
 
@@ -121,13 +119,11 @@ def _quantile(ascending: Sequence[float], share: float) -> float:
 
 
 def _corrected(side: float, bias: float, acceleration: float) -> float:
-    """Return the share of the resamples below one end of the BCa interval."""
     shifted = bias + side
     return NormalDist().cdf(bias + shifted / (1.0 - acceleration * shifted))
 
 
 def _upper_normal(confidence: float) -> float:
-    """Return the quantile of the normal distribution at the upper end of a two-sided interval."""
     if not 0.5 <= confidence < 1.0:
         raise ValueError(f"a confidence is at least 0.5 and below 1: {confidence}")
     return NormalDist().inv_cdf((1.0 + confidence) / 2.0)

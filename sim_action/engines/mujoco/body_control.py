@@ -91,7 +91,6 @@ class MuJoCoBodyControl:
         )
 
     def _turned(self, body: int) -> NDArray[np.float64]:
-        """Return the rotation (3, 3) of a body, recomputed because MuJoCo keeps that before the last step."""
         mujoco.mj_kinematics(self._model, self._data)
         turned: NDArray[np.float64] = self._data.xmat[body].reshape(3, 3)
         return turned

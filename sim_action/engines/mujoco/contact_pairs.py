@@ -120,7 +120,6 @@ def _combined(one: Surface, other: Surface) -> Surface:
 
 
 def _time(rate: float) -> float:
-    """Return the time constant of a hard contact in s."""
     return max(_TIME_CONSTANT_S, _TIME_CONSTANT_STEPS / rate)
 
 

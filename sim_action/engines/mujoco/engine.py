@@ -217,7 +217,6 @@ class MuJoCoEngine:
             self._touches += self._path_contacts.at(step)
 
     def _present_contacts(self, step: int) -> Iterator[Contact]:
-        """Yield the contacts of the last step, with the ground included."""
         yield from self._contacts.of_step(step / self._rate, ground=True)
         if self._path_contacts is not None:
             yield from self._path_contacts.at(step)

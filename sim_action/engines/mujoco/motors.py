@@ -230,6 +230,5 @@ class Motors:
 
 
 def _in_a_row(numbers: NDArray[np.intp]) -> _Numbers:
-    """Return consecutive numbers as a slice, which makes every step cheaper."""
     first, count = (int(numbers[0]), len(numbers)) if len(numbers) else (0, 0)
     return slice(first, first + count) if (np.diff(numbers) == 1).all() else numbers

@@ -49,7 +49,6 @@ class Links:
         return Twist((vx, vy, vz), (wx, wy, wz))
 
     def _number(self, link: str) -> int:
-        """Return the number of a link's body."""
         return int(self._model.body(engine_name(link)).id)
 
 
@@ -148,7 +147,6 @@ class Distances:
 
     @cached_property
     def _past(self) -> tuple[Any, FloatArray]:
-        """Return data for past states, and a live view of the robot's positions in them."""
         past = mujoco.MjData(self._model)
         past.qpos[:] = self._present.qpos
         return past, past.qpos[: self._robot_qpos]
@@ -206,7 +204,6 @@ class Distances:
         return least
 
     def _near_enough(self, geom: int, body: str, within: float) -> Iterable[int]:
-        """Return the geoms of a body whose bounding spheres are within the limit."""
         others, places = self._bodies[body], self._data.geom_xpos
         apart = np.sqrt(((places[others] - places[geom]) ** 2).sum(axis=1)) - self._body_radii[body]
         return [others[index] for index in np.flatnonzero(apart < within + self._radii[geom])]

@@ -71,7 +71,6 @@ def _in_series(model: RobotModel, joint: Joint) -> Iterator[Joint]:
 
 
 def _hang(parent: Any, joint: Joint, child: str) -> Any:
-    """Add the body of a link below a joint."""
     at = joint.origin
     return parent.add_body(name=engine_name(child), pos=list(at.position_xyz), quat=wxyz(at.orientation_xyzw))
 

@@ -179,7 +179,6 @@ class _Last:
 
 
 def _all_but_state(scene: Scene) -> str:
-    """Return a text that is equal for scenes of one robot with the same compiled model."""
     return repr((scene.world, scene.physics.rate, scene.bolted, dict(scene.rotors), scene.robot.self_collision))
 
 
@@ -214,7 +213,6 @@ def solver_parameters(rate: float) -> dict[str, list[float]]:
 
 
 def _own_pairs(spec: Any, scene: Scene, robot: Sequence[Collider]) -> list[tuple[Collider, Collider]]:
-    """Return the pairs of geoms of the robot that collide; `spec` holds the robot alone."""
     from sim_action.engines.mujoco.self_collision import colliding_pairs
 
     return colliding_pairs(spec, scene, robot)

@@ -59,7 +59,6 @@ def geom_pairs(scene: Scene, robot: Iterable[Collider]) -> GeomPairs:
 
 
 def _may_touch(one: Collider, other: Collider, paired: Collection[frozenset[str]]) -> bool:
-    """Return True as MuJoCo does: one geom's contype and the other's conaffinity have a bit in common."""
     bits = one.contype & other.conaffinity or other.contype & one.conaffinity
     return bool(bits) or (bool(paired) and frozenset((one.geom, other.geom)) in paired)
 

@@ -218,7 +218,6 @@ def _address(array: Any) -> int:
 
 
 def _least_slip(friction: float, yields: float, normal: float) -> float:
-    """Return the reference in m/s^2 of a slip that needs a correction; `normal`: the reference of its normal."""
     return yields / friction + (friction * normal if normal > 0.0 else 0.0)
 
 

@@ -108,7 +108,6 @@ class StateRecorder:
         return Observation(step / self._rate, pose, twist, joints, contacts, links=links)
 
     def _row(self, step: int) -> list[float]:
-        """Return the row (1 + P + V + J,) of the present state: the last one if it is of this step, else a new one."""
         if self._steps and step == self._steps[-1]:
             return self.last()
         return [step, *self._qpos.tolist(), *self._qvel.tolist(), *self._efforts_now().tolist()]
@@ -143,7 +142,6 @@ class StateRecorder:
         return changed
 
     def _with_all_angles(self, rows: FloatArray) -> FloatArray:
-        """Return rows in which the quaternions of ball joints are replaced in the same way."""
         return np.array([self._with_angles(row) for row in rows.tolist()]) if self._balls and len(rows) else rows
 
     def _pose_of_fixed(self) -> Pose:

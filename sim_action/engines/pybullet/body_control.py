@@ -66,13 +66,11 @@ class PyBulletBodyControl:
         return (self._robot, self._links[target.name]) if target.is_link else (self._objects[target.name][0][0], BASE)
 
     def _middle(self, body: int, link: int) -> Pose:
-        """Return the pose of the inertial frame of a link or body, world frame."""
         if link == BASE:
             return Pose(*pybullet.getBasePositionAndOrientation(body, self._client))
         return geometry.compose(link_pose(self._client, body, link), self._inertial(body, link))
 
     def _inertial(self, body: int, link: int) -> Pose:
-        """Return the pose of the inertial frame of a link, in the link's frame."""
         return Pose(*pybullet.getDynamicsInfo(body, link, self._client)[3:5])
 
 

@@ -159,7 +159,6 @@ class PyBulletEngine:
             self._clearances.record(step, row[1:8], row[14 : 14 + len(self._joint_names)])
 
     def _has_forces(self) -> bool:
-        """Return True if PyBullet needs forces before each step."""
         is_pushed = self._pusher.push is not None or bool(self._wrenches.held)
         return is_pushed or bool(self._held_efforts) or self._springs is not None or self._sliding is not None
 
@@ -218,7 +217,6 @@ class PyBulletEngine:
         return cast_rays(self._client, start_xyz, ends_xyz)
 
     def _base_now(self) -> tuple[Pose, Twist]:
-        """Return pose and twist of the base link at present."""
         position, orientation = pybullet.getBasePositionAndOrientation(self._robot, self._client)
         linear, angular = pybullet.getBaseVelocity(self._robot, self._client)
         return self._states.base_of((*position, *orientation, *linear, *angular))

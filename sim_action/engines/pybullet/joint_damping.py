@@ -152,7 +152,6 @@ def _mass(client: int, robot: int, link: int) -> _Mass:
 
 
 def _inertial(client: int, robot: int, link: int) -> Pose:
-    """Return the pose of the principal axes of a link, world frame."""
     if link == BASE:
         return Pose(*pybullet.getBasePositionAndOrientation(robot, client))
     return Pose(*pybullet.getLinkState(robot, link, computeForwardKinematics=1, physicsClientId=client)[:2])

@@ -51,7 +51,6 @@ class BallJoints:
 
 
 def _turned(rotation: geometry.Quaternion, frame: geometry.Quaternion) -> geometry.Quaternion:
-    """Return a rotation that is given in a frame, in the frame outside."""
     x, y, z = geometry.rotate(frame, rotation[:3])
     return (x, y, z, rotation[3])
 

@@ -53,7 +53,6 @@ def in_link_frame(com: Sequence[Any], com_in_link: Pose) -> tuple[Any, ...]:
 
 
 def _frame(state: Any) -> Pose:
-    """Return a link's frame, from its centre of mass: PyBullet's own value has only single precision."""
     return geometry.compose(Pose(*state[:2]), geometry.inverse(Pose(*state[2:4])))
 
 

@@ -161,12 +161,10 @@ def _load_from_files(client: int, scene: Scene) -> int:
 
 
 def _text(scene: Scene) -> bytes:
-    """Return the URDF with a visual shape for each collision shape."""
     return _COLLISION.sub(lambda found: _LOOK + found[0], scene.model.urdf).encode()
 
 
 def _check_open_files() -> None:
-    """Raise OSError if the files of a model could not be opened: PyBullet leaves out what it cannot open."""
     with ExitStack() as files:
         for _ in range(_OPEN_FILES):
             files.enter_context(Path(os.devnull).open("rb"))
@@ -195,10 +193,6 @@ def _complete_shapes(client: int, robot: int) -> int:
 
 
 def _is_empty_mesh(client: int, robot: int, link: int, shapes: Sequence[Any]) -> bool:
-    """Return True if the only shape of a link is a mesh without points.
-
-    Of several shapes, PyBullet returns the points of the first one only.
-    """
     if len(shapes) != 1 or shapes[0][2] != pybullet.GEOM_MESH:
         return False
     return not pybullet.getMeshData(robot, link, physicsClientId=client)[0]
@@ -356,7 +350,6 @@ def _hull(client: int, part: HullPart, mass: float) -> Piece:
 
 
 def _turned(axes: Any) -> geometry.Quaternion:
-    """Return the quaternion of the rotation matrix with these columns."""
     found = np.linalg.eigh(_quaternion_matrix(axes))[1][:, -1]
     x, y, z, w = found.tolist()
     return (x, y, z, w)

@@ -85,14 +85,12 @@ class SlidingWheels:
 
 
 def _velocity(motion: _Motion, point_xyz: Vector3) -> Vector3:
-    """Return the velocity of a point of a body."""
     (cx, cy, cz), (vx, vy, vz), (wx, wy, wz) = motion
     rx, ry, rz = point_xyz[0] - cx, point_xyz[1] - cy, point_xyz[2] - cz
     return vx + wy * rz - wz * ry, vy + wz * rx - wx * rz, vz + wx * ry - wy * rx
 
 
 def _along(velocity_xyz: Vector3, normal_xyz: Vector3) -> Vector3:
-    """Return the part of a velocity along a surface."""
     (vx, vy, vz), (nx, ny, nz) = velocity_xyz, normal_xyz
     away = vx * nx + vy * ny + vz * nz
     return vx - away * nx, vy - away * ny, vz - away * nz

@@ -121,7 +121,6 @@ class StateRecorder:
         return row
 
     def _read_motors(self, row: list[float]) -> None:
-        """Add the states of the motors, some of which apply an effort of a controller."""
         states = pybullet.getJointStates(self._robot, self._motors, self._client)
         for number, (position, velocity, _, effort) in zip(self._motors, states, strict=True):
             row += (position, velocity, self._efforts.get(number, effort))

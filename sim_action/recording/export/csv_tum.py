@@ -72,13 +72,11 @@ def _columns(run: RecordedRun) -> Iterator[tuple[list[str], FloatArray]]:
 
 
 def _headed(columns: Iterable[tuple[str, str]], owner: str = "") -> list[str]:
-    """Return column titles; a model's name never comes first, as a spreadsheet may read it as a formula."""
     of = f" of {owner}" if owner else ""
     return [f"{name}{of} [{unit}]" if unit else f"{name}{of}" for name, unit in columns]
 
 
 def _turned(orientations: FloatArray) -> FloatArray:
-    """Return (T, 3) roll, pitch and yaw in rad."""
     return np.array([rpy_from_quaternion((x, y, z, w)) for x, y, z, w in orientations.tolist()]).reshape(-1, 3)
 
 

@@ -132,7 +132,6 @@ class _Stage:
         return _pose([*trace.base_position_xyz[moment].tolist(), *trace.base_orientation_xyzw[moment].tolist()])
 
     def _bodies(self, moment: int) -> dict[str, Pose]:
-        """Return the poses of the bodies that have appeared."""
         found = {name: track[moment] for name, track in self._run.bodies.items()}
         return {name: _pose(numbers.tolist()) for name, numbers in found.items() if np.isfinite(numbers).all()}
 

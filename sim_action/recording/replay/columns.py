@@ -177,12 +177,10 @@ def _decoded(column: Column | TextColumn, deltas: NDArray[np.int64], count: int)
 
 
 def _are_within(gaps: Sequence[tuple[int, int]], count: int) -> bool:
-    """Return True if gaps lie within `count` moments; together they are no longer, or it takes long to apply them."""
     return all(start + length <= count for start, length in gaps) and sum(length for _, length in gaps) <= count
 
 
 def _runs(flags: NDArray[np.bool_]) -> tuple[tuple[int, int], ...]:
-    """Return the first index and length of each run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False])).astype(np.int8)))
     starts, ends = edges[::2], edges[1::2]
     return tuple(zip(starts.tolist(), (ends - starts).tolist(), strict=True))

@@ -131,7 +131,6 @@ def _telling(values: FloatArray, begin: int, end: int) -> tuple[int, int, int, i
 
 
 def _limit(limit: float | None) -> float | None:
-    """Return None for a limit beyond the range of a replay."""
     return limit if limit is not None and abs(limit) <= MAX_ABS_VALUE else None
 
 

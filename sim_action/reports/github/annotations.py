@@ -138,7 +138,6 @@ def _annotations(name: str, outcome: Outcome, options: ReportOptions) -> Iterato
 
 
 def _replayed(outcome: Outcome, options: ReportOptions, time: float | None) -> str:
-    """Return a link to a sim time in s of the replay, in brackets; empty if there is no replay."""
     link = replay_link(outcome, options, time)
     return f" (replay{'' if time is None else f' at {moment(time)}'}: {link})" if link else ""
 

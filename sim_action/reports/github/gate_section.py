@@ -86,7 +86,6 @@ def _chances(group: ScenarioGroup) -> str:
 
 
 def _run(group: ScenarioGroup, run: Outcome, options: ReportOptions) -> str:
-    """Return a row of a run that did not pass; it has no icon, because it does not count by itself."""
     link = replay_link(run, options, reason_time(run))
     seen = f"<br>replay: {code_of_link(link)}" if link else ""
     return row(markdown_text(group.values(run)), f"{message_text(run.ending)}{seen}", moment(run.sim_time))

@@ -196,13 +196,11 @@ def _group_gist(group: ScenarioGroup) -> str:
 
 
 def _variations_headline(group: ScenarioGroup) -> str:
-    """Return the number of passed variations and the margin of the worst one as Markdown."""
     worst = f"; worst: {markdown_text(group.worst_text)}" if group.status != "skipped" else ""
     return f"{group.passed}{worst}"
 
 
 def _total_sim_time(group: ScenarioGroup) -> float | None:
-    """Return the total sim time of a group in s; None if nothing was simulated."""
     times = [outcome.sim_time for outcome in group.outcomes if outcome.sim_time is not None]
     return sum(times) if times else None
 
@@ -266,7 +264,6 @@ def _chart(replay: Replay, number: int, expected: ExpectationOutcome) -> str:
 
 
 def _reproduction(outcome: Outcome, options: ReportOptions) -> str:
-    """Return the command that runs the scenario again, unless it passed."""
     if outcome.display_status in ("passed", "skipped") or not (typed := rerun_command(outcome, options)):
         return ""
     return f"Run it again:\n\n{shell_block(typed)}"
@@ -390,5 +387,4 @@ def _remarks(outcome: Outcome) -> Iterator[str]:
 
 
 def _ending_block(text: str) -> str:
-    """Return the end of a text as a block, because the cause of an error is at the end."""
     return markdown_block(text if len(text) <= _MAX_IN_BLOCK else f"…{text[-_MAX_IN_BLOCK:]}")

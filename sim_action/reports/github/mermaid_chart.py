@@ -64,7 +64,6 @@ def chart(signal: Signal, moment: float | None = None) -> str:
 
 
 def _is_sane(*columns: FloatArray) -> bool:
-    """Return True if all numbers are small enough to be drawn; a replay may come from anywhere."""
     return all(float(np.abs(column).max()) <= _LARGEST for column in columns)
 
 
@@ -88,12 +87,10 @@ def sampled(time: FloatArray, values: FloatArray, moment: float | None = None, m
 
 
 def _beyond(value: float, one: float, other: float) -> float:
-    """Return the distance of a value from the interval between two others."""
     return max(min(one, other) - value, value - max(one, other), 0.0)
 
 
 def _shown_in(unit: str) -> tuple[float, str]:
-    """Return the factor and the unit for display, as in `units.display`."""
     if unit in ("rad", "rad/s"):
         return 1 / float(units.conversion("deg", "rad") or 1.0), unit.replace("rad", "deg")
     return 1.0, unit
@@ -133,7 +130,6 @@ def _text(text: str) -> str:
 
 
 def _almost(start: float, end: float) -> tuple[float, float]:
-    """Return the range without its very end, so that no tick is drawn there; the edge would cut off its label."""
     return start, end - _SLIVER * (end - start)
 
 
@@ -142,7 +138,6 @@ def _span(low: float, high: float) -> str:
 
 
 def _number(value: float, span: float) -> str:
-    """Return a number with a resolution of a thousandth of the range; Mermaid cannot read exponents."""
     digits = min(max(0, 4 - math.ceil(math.log10(span))), 12)
     text = f"{value + 0.0:.{digits}f}"
     return text.rstrip("0").rstrip(".") if digits else text

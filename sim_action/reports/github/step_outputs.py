@@ -66,6 +66,5 @@ def _fragment(results: Results, options: ReportOptions) -> str:
 
 
 def _entry(name: str, value: str) -> str:
-    """Return an entry in the multi-line form; its random delimiter prevents values from adding entries."""
     delimiter = f"ghadelimiter_{os.urandom(16).hex()}"
     return f"{name}<<{delimiter}\n{value}\n{delimiter}\n"

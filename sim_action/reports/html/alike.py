@@ -64,7 +64,6 @@ def _failures(groups: Iterable[ScenarioGroup]) -> Iterator[_Failed]:
 
 
 def _scenarios(failures: Iterable[_Failed]) -> set[tuple[str, str]]:
-    """Return file and name of each scenario; all variations of one have the same."""
     return {(outcome.file, outcome.group or outcome.name) for outcome, _ in failures}
 
 
@@ -85,12 +84,10 @@ def _kind(failures: Iterable[_Failed]) -> str:
 
 
 def _is_apart(verdict: Verdict) -> bool:
-    """Return True if the verdict measured a distance to its body, and did not find a touch."""
     return verdict.unit == "m" and verdict.measured is not None and verdict.measured > 0.0
 
 
 def _shared(failures: Sequence[_Failed], changes: Mapping[int, ScenarioChange]) -> str:
-    """Return what changed in the worlds of all runs since an earlier one; empty if it is not the same change."""
     worlds = {change.world if (change := changes.get(id(each))) else "" for each, _ in failures}
     return worlds.pop() if len(worlds) == 1 else ""
 

@@ -177,7 +177,6 @@ def viewer() -> Viewer | None:
 
 
 def _bare(script: str) -> str:
-    """Return a script of the page without comments and indentation; no string in it looks like a comment."""
     return _INDENT.sub("", _REMARK.sub("", script))
 
 

@@ -133,7 +133,6 @@ def _counts(statistics: GateStatistics) -> Html:
 
 
 def _plot_place(place: GroupPlace) -> Html:
-    """Return the element that the script fills with the plots."""
     return element("div", class_="sweep", hidden=True) if place.is_plotted else Html("")
 
 

@@ -65,7 +65,6 @@ def live_state(follower: JournalFollower) -> dict[str, object]:
 
 
 def _noun(recorded: Recorded) -> str:
-    """Return the word for the planned outcomes: with gates, most of them are no scenarios."""
     return "run" if recorded.header.gates else "scenario"
 
 

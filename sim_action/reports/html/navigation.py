@@ -175,7 +175,6 @@ _MAX_IN_GIST: Final = 110
 
 
 def _gist(outcome: Outcome) -> str:
-    """Return the first reason why a scenario did not pass, shortened; empty if it passed."""
     told = [failure.message for failure in outcome.failures]
     told += [expected.verdict.message for expected in outcome.not_passed]
     return shortened(one_line(told[0]), _MAX_IN_GIST) if told else ""

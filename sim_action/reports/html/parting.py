@@ -198,7 +198,6 @@ def _differences(
 
 
 def _sliding(replay: Replay) -> set[int]:
-    """Return the columns of joints that slide."""
     return {link.joint.column for link in replay.scene.links if link.joint and link.joint.type == "prismatic"}
 
 
@@ -207,7 +206,6 @@ def _times(replay: Replay) -> FloatArray:
 
 
 def _at(replay: Replay, column: Column, times: FloatArray) -> FloatArray:
-    """Return the values of a column at some times."""
     return np.interp(times, _times(replay), column.decoded(replay.frames.count))
 
 
@@ -220,7 +218,6 @@ def _base(replay: Replay, times: FloatArray) -> FloatArray:
 
 
 def _angles(mine: FloatArray, other: FloatArray) -> FloatArray:
-    """Return the angles in rad between quaternions (N, 4), which need not have unit length."""
     mine, other = (each / np.maximum(np.linalg.norm(each, axis=1, keepdims=True), 1e-12) for each in (mine, other))
     apart = np.minimum(np.linalg.norm(mine - other, axis=1), np.linalg.norm(mine + other, axis=1))
     return np.asarray(4 * np.arcsin(np.minimum(apart / 2, 1.0)), dtype=np.float64)

@@ -87,7 +87,6 @@ def _base_run(results: Results, options: ReportOptions) -> Base | None:
 
 
 def _sweep_id(identity: str) -> str:
-    """Return the element id of the data of the plots of an article."""
     return f"sweep-{identity}"
 
 
@@ -177,7 +176,6 @@ def index_entry(
 
 
 def _moment(time: float | None) -> float | None:
-    """Return a time in s, or None if it is not finite and JSON cannot hold it; results may come from anywhere."""
     return time if time is not None and isfinite(time) else None
 
 

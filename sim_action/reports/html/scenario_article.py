@@ -85,7 +85,6 @@ def status_line(kind: DisplayStatus, words: str) -> Html:
 
 
 def _gate_line(outcome: Outcome, gate: str) -> Html:
-    """Return the line that names the gate of a run, because it does not count by itself."""
     name = one_line(outcome.gate or "")
     return element("p", "One run of the gate ", element("a", name, href=f"#{gate}") if gate else name, class_="faint")
 
@@ -166,7 +165,6 @@ def measurements(outcome: Outcome) -> Html:
 
 
 def _moment_link(time: float | None) -> Html:
-    """Return the sim time of a decision; the script makes it a link into the replay."""
     return Html("") if time is None else element("span", moment(time), class_="moment", data_time=time)
 
 

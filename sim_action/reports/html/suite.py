@@ -99,7 +99,6 @@ def _count_text(status: DisplayStatus, count: int) -> str:
 
 
 def _judged(group: ScenarioGroup) -> list[DisplayStatus]:
-    """Return the statuses that count: one of a gate, otherwise one of each variation."""
     if group.gate is not None or group.is_part:
         return [group.status]
     return [outcome.display_status for outcome in group.outcomes]

@@ -171,5 +171,4 @@ def _tightest(run: Outcome) -> float | None:
 
 
 def _rounded(values: Sequence[float | None]) -> list[JsonValue]:
-    """Return finite values with six digits; results may come from anywhere."""
     return [None if value is None or not isfinite(value) else float(f"{value:.{_DIGITS}g}") for value in values]

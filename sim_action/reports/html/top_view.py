@@ -304,7 +304,6 @@ def _link_frames(scene: SceneData, posture: _Posture) -> list[Frame]:
 
 @lru_cache(maxsize=4096)
 def _fixed_frame(pose: PoseNumbers) -> Frame:
-    """Return the frame of a pose of the scene, which most replays of a page share."""
     return Frame.of(pose)
 
 
@@ -331,7 +330,6 @@ def _solid_points(shape: BoxShape | CylinderShape | EllipsoidShape) -> FloatArra
 
 @lru_cache(maxsize=64)
 def _mesh_points(mesh: MeshData) -> FloatArray:
-    """Return some points (N, 3) of a mesh; their hull approximates it."""
     points = np.asarray(mesh.decoded()[0] * mesh.scale, dtype=np.float64)
     return points[:: max(1, len(points) // _MAX_MESH_POINTS)]
 

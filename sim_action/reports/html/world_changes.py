@@ -46,7 +46,6 @@ def _of_bodies(ours: Sequence[BodyData], theirs: Sequence[BodyData]) -> Iterator
 
 
 def _form(owner: LinkData | BodyData) -> dict[str, Any]:
-    """Return the data without colours: bodies that state none get them in their order."""
     return owner.model_dump(exclude={"shapes": {"__all__": {"color", "opacity"}}})
 
 

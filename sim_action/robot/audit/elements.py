@@ -177,7 +177,6 @@ def _not_numbers(
 
 
 def _due(tag: str, name: str, value: float) -> str | None:
-    """Return the allowed range if a number is too low; None if it is allowed."""
     if tag in _ABOVE_ZERO and value <= 0:
         return "above 0"
     return "of 0 or more" if name in _NOT_NEGATIVE.get(tag, ()) and value < 0 else None

@@ -137,12 +137,10 @@ def increase(inertia: Element) -> float:
 
 
 def _rounding_of(inertia: Element) -> float:
-    """Return by how much in kg m^2 the principal moments may be off because their digits are rounded."""
     return 2 * max(_last_digit(inertia.get(name, "0")) for name in MOMENTS)
 
 
 def _last_digit(text: str) -> float:
-    """Return the value of the last digit of a number, such as 0.001 for "1.234"; 0 for 0."""
     value = Decimal(text.strip())
     exponent = value.as_tuple().exponent
     return float(Decimal(1).scaleb(exponent)) if value and isinstance(exponent, int) and exponent < 0 else 0.0
@@ -203,7 +201,6 @@ def _inertia(document: ModelDocument, element: Element, link: Link, least_mass: 
 
 
 def _reach(link: Link, centre: Vector3) -> float:
-    """Return an upper bound in m on the distance from the centre of mass to any point of the shapes."""
     return max(_distance(shape, centre) + _half_diagonal(shape) for shape in link.collisions)
 
 

@@ -153,7 +153,6 @@ def mimic_limits(document: ModelDocument) -> Iterator[Finding]:
 
 
 def _taken(mimic: Element, leader: Element) -> tuple[float, float]:
-    """Return the range over which the limits of the leader move the mimicking joint."""
     multiplier, offset = number(mimic, "multiplier"), number(mimic, "offset") or 0.0
     ends = [end * (1.0 if multiplier is None else multiplier) + offset for end in _range(leader)]
     return min(ends), max(ends)

@@ -94,7 +94,6 @@ def _shapes(document: ModelDocument) -> Iterator[Element]:
 
 
 def _extent(shape: Element) -> float:
-    """Return the largest size of a shape in m; a round one is two radii wide."""
     return max((max(sizes) * (2 if name == "radius" else 1) for name, sizes in _lengths(shape).items()), default=0.0)
 
 

@@ -262,7 +262,6 @@ class _Collector:
             element.remove(child)
 
     def _note(self, message: str, place: Location, count: int = 1) -> None:
-        """Note an element that is left out; the first one of its kind gives the place."""
         first, known = self._left_out.get(message, (place, 0))
         self._left_out[message] = first, known + count
 
@@ -339,7 +338,6 @@ class _Collector:
 
 
 def _escaped(text: str) -> str:
-    """Return the text of an attribute. `xml.sax.saxutils` would import the programs for networks."""
     return html.escape(text).replace("\n", "&#10;").replace("\t", "&#9;").replace("\r", "&#13;")
 
 

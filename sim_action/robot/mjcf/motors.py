@@ -87,7 +87,6 @@ def _kind(actuator: Any) -> MotorKind | None:
 
 
 def _joints_of(tendon: Any) -> tuple[str, ...]:
-    """Return the joints of a fixed tendon; a spatial one has none."""
     steps = list(tendon.path)
     return tuple(step.target.name for step in steps if step.type == mujoco.mjtWrap.mjWRAP_JOINT)
 
@@ -153,7 +152,6 @@ def keyframes_of(built: Built, joints: Iterable[Joint], free: str | None) -> dic
 
 
 def _wrong_count(attribute: str, numbers: tuple[float, ...], count: int, owners: str) -> str:
-    """Return the flaw of an attribute with a wrong count of numbers; empty if it is right, or not stated."""
     if len(numbers) in (0, count):
         return ""
     return f"'{attribute}' has {len(numbers)} numbers, but the {owners} of the file need {count}"

@@ -139,10 +139,6 @@ def _bounces(model: Any, built: Built) -> Iterator[Finding]:
 
 
 def _restitution(first: float, second: float) -> float:
-    """Return the share of its speed with which a body leaves a contact with these parameters `solref`.
-
-    They are a time constant and a damping ratio, or, if they are not positive, minus stiffness and minus damping.
-    """
     ratio = second if first > 0 else -second / (2 * math.sqrt(-first)) if first < 0 else 1.0
     return 0.0 if ratio >= 1 else math.exp(-math.pi * ratio / math.sqrt(1 - ratio**2))
 
@@ -288,7 +284,6 @@ class _Reader:
 
 
 def _names(model: Any, starts: Any) -> list[str]:
-    """Return the names at these places of MuJoCo's text of all names."""
     text = bytes(model.names)
     return [text[start : text.index(b"\0", start)].decode() for start in starts.tolist()]
 

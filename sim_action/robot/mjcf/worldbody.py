@@ -57,7 +57,6 @@ def names_below(body: Any) -> set[str]:
 
 
 def _has_joints(body: Any) -> bool:
-    """Return True if a body or one below it has a joint that is not free."""
     return any(joint.type != _FREE for joint in body.joints) or any(map(_has_joints, body.bodies))
 
 

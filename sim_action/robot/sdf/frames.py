@@ -103,7 +103,6 @@ class Frames:
         return known or self._link_at(entry, scope)
 
     def _link_at(self, entry: Entry | None, scope: Scope) -> Entry:
-        """Return a link, or the link that a model's frame is attached to."""
         if entry is not None and entry.scope is None:
             return entry
         return self._canonical_link(scope if entry is None or entry.scope is None else entry.scope)
@@ -198,7 +197,6 @@ class Frames:
         return self.named(entry.owner, stated or default, entry.element if entry.pose is None else entry.pose)
 
     def _placed_by(self, entry: Entry) -> Entry | None:
-        """Return the frame inside a model that its pose places; None is the model's own frame."""
         if entry.scope is None:
             return None
         return self.named(entry.scope, entry.scope.placement_frame, entry.element)

@@ -120,7 +120,6 @@ def _type(notes: Notes, entry: Entry) -> str:
 
 
 def _kind_of_axis(kind: str, axis: Element) -> str:
-    """Return the URDF type of the motion about an axis of a joint."""
     return ("revolute" if _is_limited(axis.find("limit")) else "continuous") if kind in _TWO_AXES else kind
 
 

@@ -131,7 +131,6 @@ class LinkWriter:
             write_colour(writer, written, holder)
 
     def _placed(self, entry: Entry, holder: Element, frame: Pose) -> Pose:
-        """Return the pose of a part of a link, in the URDF link's frame."""
         pose = self._frames.placed(entry.owner, holder.find("pose"), self._frames.in_root(entry))
         return geometry.compose(geometry.inverse(frame), pose)
 
@@ -172,13 +171,11 @@ def _collides(collision: Element) -> bool:
 
 
 def _surface(collision: Element) -> Element:
-    """Return the element with the friction of a collision; without one, the collision."""
     stated = collision.find(_FRICTION)
     return collision if stated is None else stated
 
 
 def _friction(friction: Element, tag: str) -> float:
-    """Return a coefficient; one below 0 means that nothing slides, as in Gazebo. Raises SdfProblem."""
     stated = number_of(friction, tag, _DEFAULT_FRICTION)
     return _NEVER_SLIDES if stated < 0 else stated
 
@@ -265,5 +262,4 @@ def write_colour(writer: UrdfWriter, written: Element, visual: Element) -> None:
 
 
 def _clipped(text: str, otherwise: float) -> float:
-    """Return a number from 0 to 1, or `otherwise` if it is none."""
     return min(1.0, max(0.0, float(text))) if is_numbers(text, 1) else otherwise

@@ -202,6 +202,5 @@ def _is_own(child: Element) -> bool:
 
 
 def _own_name(include: Element) -> str:
-    """Return the name of the included model, as Gazebo writes it: "Ground Plane" is ground_plane."""
     uri = unquote(text_of(include, "uri"))
     return PurePosixPath(uri).name.lower().replace(" ", "_")

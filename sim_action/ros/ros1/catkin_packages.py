@@ -111,5 +111,4 @@ def _is_inside(folder: Path, workspace: Workspace) -> bool:
 
 
 def _is_catkin(folder: Path) -> bool:
-    """Return True for a catkin workspace. A package has a `src`, too, with its code."""
     return not (folder / PACKAGE_FILE).exists() and any(True for _ in packages_below(folder / "src"))

@@ -143,7 +143,6 @@ def model_folders() -> tuple[Path, ...]:
 
 
 def _drives(model: Entry, known: Container[str]) -> bool:
-    """Return True if a model moves and has a plugin that drives a robot."""
     return model.scope is not None and not model.scope.static and any(name in known for name in plugin_names(model))
 
 

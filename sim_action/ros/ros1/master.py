@@ -99,5 +99,4 @@ class Master:
 
 
 def _by_topic(pairs: list[list[Any]], alive: Collection[str]) -> dict[str, frozenset[str]]:
-    """Return topic -> living nodes. A master keeps entries of nodes that ended without unregistering."""
     return {topic: frozenset(nodes).intersection(alive) for topic, nodes in pairs}

@@ -232,7 +232,6 @@ class DrivenNodes:
                 self._errors.take(message, seconds)
 
     def _admit_new_nodes(self) -> None:
-        """Hold sim time until nodes that were started meanwhile are up. Raise ScriptError, BridgeEnded."""
         while new := self._group.new_nodes():
             self._admit(new)
 

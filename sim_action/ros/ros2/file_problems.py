@@ -132,7 +132,6 @@ def _node_problems(nodes: Sequence[Ros2NodeSpec], packages: Packages, workspace:
 
 
 def _file_hint(node: Ros2NodeSpec, workspace: Workspace) -> str:
-    """Return the end of a message about a package if a file of this name exists."""
     is_file = _exists(workspace.directory / node.program)
     return f"; if you mean the file, write ./{node.program}" if is_file else ""
 

@@ -256,7 +256,6 @@ def _wheel_variables(prefix: Path, variables: Mapping[str, str]) -> dict[str, st
 
 
 def _inherited(variables: Mapping[str, str]) -> dict[str, str]:
-    """Return the PYTHONPATH of the caller without the folder of sim-action, which the action puts there."""
     paths = variables.get("PYTHONPATH", "").split(os.pathsep)
     return {"PYTHONPATH": os.pathsep.join(path for path in paths if path and path != _PACKAGE_ROOT)}
 

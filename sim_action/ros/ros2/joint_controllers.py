@@ -86,7 +86,6 @@ class TrajectoryReceiver:
         )
 
     def _state(self, name: str, seen: Observation) -> Waypoint:
-        """Return the state from which a trajectory starts: that of the last one, if there is one."""
         if name in self._curves:
             return self._curves[name].state(seen.time)
         return Waypoint(seen.time, seen.joints[name].position, 0.0, 0.0)

@@ -46,12 +46,10 @@ def _graph_name(name: str, pattern: re.Pattern[str] = _GRAPH) -> str:
 
 
 def _robot_name(name: str) -> str:
-    """Return a valid name of a topic of the robot, which has no node whose '~' it could have. Raise ValueError."""
     return _graph_name(name, _ROBOT)
 
 
 def _old_name(name: str) -> str:
-    """Return a name that a node may use for another one. Raise ValueError."""
     if name.strip("/") == "clock":
         raise ValueError("each node has a clock of its own, so /clock cannot be remapped")
     return _graph_name(name)
@@ -66,7 +64,6 @@ def _namespace(name: str) -> str:
 
 
 def _refuse_long(name: str) -> None:
-    """Raise ValueError if a name is too long for ROS 2."""
     if len(name) > _MAX_NAME_CHARS:
         raise ValueError(f"a name in ROS 2 has at most {_MAX_NAME_CHARS} characters, this one has {len(name)}")
 
@@ -81,7 +78,6 @@ def _arguments(text: str) -> str:
 
 
 def _with_lists(value: Any) -> Any:
-    """Return a value with lists in place of the tuples of frozen YAML."""
     if isinstance(value, tuple):
         return [_with_lists(each) for each in value]
     return {key: _with_lists(each) for key, each in value.items()} if isinstance(value, dict) else value

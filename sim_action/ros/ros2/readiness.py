@@ -108,7 +108,6 @@ class Readiness:
 
 
 def _fitting(offered: Endpoint, ends: Sequence[TopicEnd]) -> Sequence[TopicEnd]:
-    """Return the subscriptions that can connect to a topic."""
     return [end for end in ends if not any(subscriber_problems(offered.topic, offered.type, offered.qos, [end]))]
 
 

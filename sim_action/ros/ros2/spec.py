@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated, ClassVar, Final, Literal, Self
 
 from pydantic import Field
+from typing_extensions import override
 
 from sim_action.commands import CommandSource, Controller, fitting_rate
 from sim_action.core.field_types import FrozenModel, NamesFile, PositiveHertz, PositiveSeconds
@@ -107,8 +108,8 @@ class Ros2Commands(CommandSource):
         ),
     ] = 100.0
 
+    @override
     def fitted(self, physics_rate: float) -> Self:
-        """See CommandSource.fitted."""
         if "rate" in self.model_fields_set:
             return self
         rate = fitting_rate(self.rate, physics_rate)
@@ -121,8 +122,8 @@ class Ros2Commands(CommandSource):
         return ((("ros2", *path), message) for path, message in file_problems(self.ros2, workspace))
 
     @property
+    @override
     def unchecked(self) -> tuple[str, ...]:
-        """See CommandSource.unchecked."""
         from sim_action.ros.ros2.file_problems import unchecked
 
         return unchecked(self.ros2)

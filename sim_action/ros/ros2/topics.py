@@ -312,7 +312,6 @@ def _contact(sensor: Fitting, topic: str, _: RobotFrames) -> Iterator[Publisher]
 
 
 def _beside_images(topic: str) -> tuple[str, str, str]:
-    """Return the topics of camera_info, of the depth, and of its camera_info, which have the namespace of the image."""
     space = topic.rpartition("/")[0]
     return f"{space}/camera_info", f"{space}/depth/image_raw", f"{space}/depth/camera_info"
 

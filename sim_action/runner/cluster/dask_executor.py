@@ -108,7 +108,6 @@ def _client(address: ClusterAddress, stack: ExitStack) -> Client:
 
 
 def _refusal(error: Exception) -> str:
-    """Return the reason why a connection failed, without Dask's objects."""
     return escaped_line(str(error.__cause__ or error).rpartition("Error: ")[2])
 
 
@@ -222,14 +221,12 @@ class DaskExecutor:
         ]
 
     def _send_missing(self, reply: Reply) -> None:
-        """Send a worker that came later what it lacks. Raise UsageError."""
         for archive in self._archives.values():
             if archive.copied.digest in reply.lacks:
                 self._send(archive, reply.worker)
 
 
 def _kind(loaded: LoadedScenario) -> Path | None:
-    """Return a value that is equal for runs that one task may have; None: each needs an interpreter of its own."""
     return None if loaded.scenario.runs_user_code else loaded.workspace.root
 
 

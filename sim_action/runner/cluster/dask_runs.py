@@ -134,7 +134,6 @@ class ClusterRuns:
             task.future.add_done_callback(self._heard)
 
     def _cancel(self, tasks: Collection[_Submitted]) -> None:
-        """End tasks, of which nothing counts any more."""
         self._client.cancel([each.future for each in tasks], force=True)
         for each in tasks:
             del self._tasks[str(each.future.key)]
@@ -149,7 +148,6 @@ class ClusterRuns:
         self._tell(_Answer(str(done.key), reply, error))
 
     def _progressed(self, event: tuple[Any, tuple[Any, ...]]) -> None:
-        """Take a report of a running task; called in a thread of Dask."""
         self._tell(Report(*event[1]))
 
     def _tell(self, told: _Answer | Report) -> None:
@@ -194,7 +192,6 @@ class ClusterRuns:
             self._emit(Started(*self._numbered[index], self._name(index)))
 
     def _split(self, task: _Submitted) -> None:
-        """Give each run of a task that has no result a task of its own."""
         # These have ended: the worker has died while it ran the next one.
         for index in task.begun[:-1]:
             self._begun[index].pop()

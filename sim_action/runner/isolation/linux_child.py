@@ -22,6 +22,8 @@ from functools import partial
 from pathlib import Path
 from typing import Final, NoReturn, Self
 
+from typing_extensions import override
+
 from sim_action.runner.child_files import ChildFiles
 from sim_action.runner.child_main import become_child, run_job
 from sim_action.runner.isolation import memory_files, process_control
@@ -95,8 +97,8 @@ class LinuxChild(ChildProcess):
         return cls(job, pid, reader, files, scratch, former=former, supervised=alone)
 
     @classmethod
+    @override
     def starter(cls, jobs: Sequence[Job]) -> Starter:
-        """See `ChildProcess.starter`."""
         # The module extends this class.
         from sim_action.runner.isolation.shared_child import SharingStarter
 

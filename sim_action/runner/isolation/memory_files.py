@@ -104,7 +104,6 @@ def pickled(value: object) -> Iterator[int]:
 
 
 def _reserve(descriptor: int, size: int) -> None:
-    """Give an empty file a size that `ulimit -f` allows, at most `size`. Raise OSError."""
     limit, _ = resource.getrlimit(resource.RLIMIT_FSIZE)
     os.ftruncate(descriptor, size if limit == resource.RLIM_INFINITY else min(size, limit))
 

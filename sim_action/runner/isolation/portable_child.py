@@ -207,7 +207,6 @@ def main() -> NoReturn:
 
 
 def _end_with(caller: int) -> None:
-    """End this process when the caller is gone: a caller that is killed cannot end its children."""
     with suppress(OSError):
         os.read(caller, 1)
         os._exit(1)

@@ -47,7 +47,6 @@ def impose_limits(memory: int) -> None:
 
 
 def _limit(kind: int, most: int) -> None:
-    """Set one limit of this process and its descendants; a lower limit stays."""
     _, hard = resource.getrlimit(kind)
     most = most if hard == resource.RLIM_INFINITY else min(most, hard)
     resource.setrlimit(kind, (most, most))

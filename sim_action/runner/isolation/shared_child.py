@@ -20,6 +20,8 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Final
 
+from typing_extensions import override
+
 from sim_action.runner.child_files import ChildFiles
 from sim_action.runner.isolation import linux_child, memory_files, process_control
 from sim_action.runner.isolation.child_process import (
@@ -133,8 +135,8 @@ class SharingStarter(Starter):
         self._jobs = jobs
         self._waiting: list[SharedChild] = []
 
+    @override
     def start(self, index: int, job: Job, *, alone: bool, most_waiting: int) -> ChildProcess:
-        """See `Starter.start`."""
         if alone or not _may_share(job) or threading.active_count() > 1:
             self.end_waiting(most_waiting)
             return super().start(index, job, alone=alone, most_waiting=most_waiting)
@@ -147,8 +149,8 @@ class SharingStarter(Starter):
         self.end_waiting(most_waiting)
         return SharedChild.start_first(self._jobs, index, job, self._waiting.append)
 
+    @override
     def end_waiting(self, most: int = 0) -> None:
-        """See `Starter.end_waiting`."""
         while len(self._waiting) > most:
             self._waiting.pop(0).end()
 
@@ -160,13 +162,11 @@ class SharingStarter(Starter):
 
 
 def _may_share(job: Job) -> bool:
-    """Return True for a job without code of the user that writes nothing but results."""
     loaded = job.loaded
     return job.hash_seed is None and not loaded.scenario.runs_user_code and not loaded.workspace.updates_golden
 
 
 def _kind(job: Job) -> object:
-    """Return a value that is equal for jobs that may share a child process."""
     # Only the child process reads some models, with native code: they share it with runs of the same file only.
     own = job.loaded.file if job.loaded.model is None else None
     return job.loaded.scenario.memory_bytes, own

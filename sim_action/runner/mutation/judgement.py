@@ -69,7 +69,6 @@ def status_of(original: Original, outcome: Outcome) -> MutantStatus:
 
 
 def _pairs(original: Outcome, mutant: Outcome) -> Sequence[tuple[ExpectationOutcome, ExpectationOutcome]]:
-    """Return each expectation without the mutant and with it."""
     return list(zip(original.expectations, mutant.expectations, strict=True))
 
 
@@ -79,7 +78,6 @@ def notices(before: ExpectationOutcome, now: ExpectationOutcome) -> bool:
 
 
 def _is_unexercised(before: ExpectationOutcome, now: ExpectationOutcome) -> bool:
-    """Return True if an expectation passed without a mutant, and is not exercised with it."""
     return before.verdict.passed and now.verdict.status == "not_exercised" and not now.verdict.cut_off
 
 
@@ -144,7 +142,6 @@ def proven(original: Original, mutants: Sequence[JudgedMutant], left_out: int, u
 
 
 def _placed(loaded: LoadedScenario, scenario: ProvenScenario, outcome: Outcome) -> ProvenScenario:
-    """Return a scenario with its place in the file, its variation, and the exit code of its run."""
     source = loaded.source
     update = {"line": source.line, "variation": source.variation, "exit_code": int(outcome.exit_code)}
     return scenario.model_copy(update=update)
@@ -184,7 +181,6 @@ def _finding(
 
 
 def _sensitivity(expected: ExpectationOutcome) -> float | None:
-    """Return the distance of the measured value from the limit, as a share of the limit; None for goals."""
     verdict = expected.verdict
     return None if verdict.goal or verdict.margin is None or not verdict.limit else abs(verdict.margin / verdict.limit)
 

@@ -192,7 +192,6 @@ def _degrees(angle: float) -> str:
 
 
 def _before(original: Original, away: FloatArray, tolerance: float) -> float:
-    """Return a deadline for a distance that becomes small enough during the run, in s of sim time."""
     reached = float(original.trace.time[int(np.argmax(away <= tolerance))])
     return round(reached + _LATER_S, _DIGITS)
 

@@ -167,7 +167,6 @@ def _near_way(original: Original) -> list[Body]:
 
 
 def _nearest(original: Original, body: Body, start: int = 0) -> tuple[int, float]:
-    """Return the index of the nearest place on the way, from an index on, and its distance in m."""
     away = np.linalg.norm(original.moving_xy[start:] - (body.beginning.x, body.beginning.y), axis=1)
     index = int(np.argmin(away))
     return start + index, float(away[index])

@@ -58,7 +58,6 @@ def _placed(data: object, path: KeyPath, value: object) -> tuple[object, int]:
 
 
 def _taken(data: dict[str, object], steps: Sequence[str]) -> int:
-    """Return the number of steps that form one key with dots in it; 1 if there is none."""
     return next((size for size in range(len(steps), 1, -1) if ".".join(steps[:size]) in data), 1)
 
 

@@ -112,7 +112,6 @@ class _Pair(Distribution):
         return first * factor, second, other
 
     def _quantile(self, first: float, second: float) -> Callable[[float], float]:
-        """Return the inverse of the cumulative distribution function."""
         raise NotImplementedError
 
 
@@ -247,7 +246,6 @@ class _Bell:
 
 
 def _below(deviations: float) -> float:
-    """Return the share of a normal distribution below a number of deviations from the mean."""
     return math.erfc(-deviations / math.sqrt(2)) / 2
 
 
@@ -358,7 +356,6 @@ def _shown(figure: float | str) -> str:
 
 
 def _as_written(figure: float | str) -> str:
-    """Return a figure as a scenario states it: whole numbers without a point."""
     return figure if isinstance(figure, str) else repr(figure).removesuffix(".0")
 
 

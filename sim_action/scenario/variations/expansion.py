@@ -214,7 +214,6 @@ def expanded(source: Source, seed: int | None, most: int = MAX_RUNS) -> tuple[So
 
 
 def _samples(document: Document, stated: GateOfScenario) -> _Key:
-    """Return the samples of a scenario that draws nothing: they differ by their seeds. Raises InvalidScenario."""
     numbers = ValueList(tuple(range(1, runs_without_draws(document, stated) + 1)), drawn=True)
     return _Key(SAMPLE, (), numbers, SAMPLE, texts(numbers))
 
@@ -276,7 +275,6 @@ def _json(value: Any) -> JsonValue:
 
 
 def _seed(document: Document) -> int | None:
-    """Return the seed of the document; None for an invalid one, which the loader reports."""
     seed = document.data.get(SEED, 0) if isinstance(document.data, dict) else 0
     return seed if isinstance(seed, int) and not isinstance(seed, bool) and 0 <= seed <= MAX_SEED else None
 

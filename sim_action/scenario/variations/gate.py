@@ -59,14 +59,12 @@ def _confidence(stated: object, parsed: Callable[[object], float]) -> float:
 
 
 def _as_found(stated: object, value: float) -> str:
-    """Return a refused share as text; a number that looks like a percentage without its unit has a remedy."""
     found = percent(value)
     is_percentage = units.is_bare(stated) and 1 < value < 100
     return f"{value:g}, which is {found}; write '{value:g} %'" if is_percentage else found
 
 
 def _rounded(share: float) -> float:
-    """Return a share without the rounding error of its conversion from per cent."""
     return round(share, _DIGITS)
 
 
@@ -160,7 +158,6 @@ class Quantile(FrozenModel):
 
 
 def _listed(stated: object) -> object:
-    """Return a single quantile, or those that JSON lists, as a tuple."""
     if isinstance(stated, (dict, Quantile)):
         return (stated,)
     return tuple(stated) if isinstance(stated, list) else stated
@@ -283,7 +280,6 @@ def stated_gate(document: Document) -> GateOfScenario | None:
 
 
 def _written(path: KeyPath, stated: object) -> KeyPath:
-    """Return the path of a problem in the document, where a single quantile is no list."""
     is_single = isinstance(stated, dict) and isinstance(stated.get("quantile"), dict)
     return (GATE, "quantile", *path[2:]) if is_single and path[:1] == ("quantile",) else (GATE, *path)
 

@@ -331,7 +331,6 @@ def _seeds(draw: Draw, count: int, generator: Random) -> ValueList:
 
 
 def _generator(key: str, seed: int) -> Random:
-    """Return Python's own generator: its numbers never change between versions, and `matrix` has no numpy."""
     return Random(f"variations {key} {seed}")
 
 

@@ -80,7 +80,6 @@ class _Canvas:
         self._put(patch, depth, _brightness(normals, placed.pose)[..., None] * np.array(placed.colour))
 
     def _put(self, patch: Patch, depth: FloatArray, colours: FloatArray) -> None:
-        """Draw the pixels that are the nearest so far and between the near and far limits."""
         seen = (depth >= self._pinhole.near) & (depth <= self._pinhole.far) & (depth < self._depth[patch])
         np.copyto(self._depth[patch], depth, where=seen)
         np.copyto(self._colours[patch], colours, where=seen[..., None])

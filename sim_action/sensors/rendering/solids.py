@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from typing import Final, Self
 
 import numpy as np
+from typing_extensions import override
 
 from sim_action.core.geometry import Vector3
 from sim_action.core.records import dataclass
@@ -39,12 +40,12 @@ class Ellipsoid(Solid):
     half_xyz: Vector3
 
     @property
+    @override
     def radius(self) -> float:
-        """See Solid.radius."""
         return max(self.half_xyz)
 
+    @override
     def enter(self, rays: Rays) -> Entry:
-        """See Solid.enter."""
         start, ways = _scaled(rays, self.half_xyz)
         depth, _ = _through(_dot(ways, ways), _dot(start, ways), sum(part * part for part in start) - 1)
         x, y, z = rays.points(depth)
@@ -60,12 +61,12 @@ class Cylinder(Solid):
     half_length: float
 
     @property
+    @override
     def radius(self) -> float:
-        """See Solid.radius."""
         return math.hypot(self.across, self.half_length)
 
+    @override
     def enter(self, rays: Rays) -> Entry:
-        """See Solid.enter."""
         side, side_end = _side(rays, self.across)
         cap, cap_end = _slab(rays.start_xyz[2], rays.ways[2], self.half_length)
         depth = np.maximum(side, cap)
@@ -84,12 +85,12 @@ class Capsule(Solid):
     half_length: float
 
     @property
+    @override
     def radius(self) -> float:
-        """See Solid.radius."""
         return self.across + self.half_length
 
+    @override
     def enter(self, rays: Rays) -> Entry:
-        """See Solid.enter."""
         ball = Ellipsoid((self.across,) * 3)
         side, _ = _side(rays, self.across)
         _, _, z = rays.points(side)
@@ -116,12 +117,12 @@ class Polyhedron(Solid):
         return cls(normals, np.array([*half_xyz, *half_xyz]), math.hypot(*half_xyz))
 
     @property
+    @override
     def radius(self) -> float:
-        """See Solid.radius."""
         return self.reach
 
+    @override
     def enter(self, rays: Rays) -> Entry:
-        """See Solid.enter."""
         shape = np.broadcast_shapes(*(way.shape for way in rays.ways))
         entry, leaving = np.full(shape, -np.inf), np.full(shape, np.inf)
         face = np.zeros(shape, dtype=np.intp)
@@ -179,7 +180,6 @@ def _dot(one: Sequence[float] | Components, other: Components) -> FloatArray:
 
 
 def _above(normal: Sequence[float], offset: float, point_xyz: Vector3) -> float:
-    """Return the height of a point above a plane."""
     return sum(one * other for one, other in zip(normal, point_xyz, strict=True)) - offset
 
 
@@ -214,12 +214,12 @@ class Triangle(Solid):
         return cls(own, (nx, ny, nz), edges), (x, y, z)
 
     @property
+    @override
     def radius(self) -> float:
-        """See Solid.radius."""
         return float(np.linalg.norm(self.corners, axis=1).max())
 
+    @override
     def enter(self, rays: Rays) -> Entry:
-        """See Solid.enter."""
         nx, ny, nz = self.normal_xyz
         wx, wy, wz = rays.ways
         towards = nx * wx + ny * wy + nz * wz

@@ -34,7 +34,6 @@ Share = Annotated[float, Field(ge=0, le=1)]
 
 
 def _as_number(value: object) -> object:
-    """Return 1 and 0 for true and false, because files use both."""
     return int(value) if isinstance(value, bool) else value
 
 
@@ -157,7 +156,6 @@ def _merged(cells: NDArray[np.bool_], most: int) -> list[Rectangle] | None:
 
 
 def _closed(begun: dict[tuple[int, int], int], runs: dict[tuple[int, int], None], row: int) -> Iterator[Rectangle]:
-    """Remove and return the rectangles that do not continue in a row."""
     ended = [run for run in begun if run not in runs]
     return iter([Rectangle(*run, begun.pop(run), row) for run in ended])
 

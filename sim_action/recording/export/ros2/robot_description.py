@@ -74,7 +74,6 @@ def _add_joint(robot: ET.Element, joint: Joint) -> None:
 
 
 def _type(joint: Joint) -> str:
-    """Return the URDF type: a revolute joint without limits is continuous."""
     is_free = joint.type == "ball" or (joint.type == "revolute" and (joint.lower is None or joint.upper is None))
     return "continuous" if is_free else joint.type
 

@@ -42,7 +42,6 @@ def sensing(run: RecordedRun, frames: Frames) -> Iterator[Topic]:
 
 
 def _plain(name: str) -> str:
-    """Return a valid ROS name: letters, digits and underscores, beginning with a letter."""
     plain = re.sub(r"[^A-Za-z0-9_]", "_", name)
     return plain if plain[:1].isalpha() else f"sensor_{plain}"
 

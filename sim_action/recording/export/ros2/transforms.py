@@ -35,14 +35,12 @@ def transforms(run: RecordedRun, frames: Frames) -> Iterator[Topic]:
 
 
 def _spans(links: Sequence[Link]) -> Iterator[tuple[int, int]]:
-    """Yield the ranges of moments in which the same frames exist."""
     there = np.column_stack([~np.isnan(track[:, 0]) for _, _, track in links])
     changes = np.flatnonzero((there[1:] != there[:-1]).any(axis=1)) + 1
     return pairwise([0, *changes.tolist(), len(there)])
 
 
 def _messages(time: FloatArray, links: Sequence[Link], start: int = 0) -> list[bytes]:
-    """Return the messages of moments from `start` on, during which the same frames exist."""
     told = [(parent, child, track[start : start + len(time)]) for parent, child, track in links]
     return _filled(time, [link for link in told if not np.isnan(link[2][0, 0])])
 
@@ -206,7 +204,6 @@ def moved_by(joint: Joint, positions: FloatArray) -> FloatArray:
 
 
 def _pose(poses: FloatArray) -> Pose:
-    """Return poses (N, 7) as one pose of columns, to which the functions of `geometry` apply elementwise."""
     columns: Any = tuple(poses.T)
     return Pose(columns[:3], columns[3:])
 

@@ -176,6 +176,5 @@ def argument_problems(file: Path, given: Sequence[str]) -> Iterator[tuple[int | 
 
 
 def _own(root: ET.Element) -> Iterator[tuple[str, ET.Element]]:
-    """Yield name and tag of each argument of the file itself, without those that it passes on to included files."""
     handed_on = {tag for include in root.iter("include") for tag in include.iter("arg")}
     return ((name, tag) for tag in root.iter("arg") if tag not in handed_on and (name := tag.get("name")))

@@ -87,7 +87,6 @@ class Events:
 
 
 def _plain(data: dict[str, Any]) -> dict[str, Any]:
-    """Return the data with tuples in place of JSON lists."""
     return {key: tuple(value) if isinstance(value, list) else value for key, value in data.items()}
 
 
@@ -138,7 +137,6 @@ class LaunchErrors:
         return cleaned_output(self._words.all())
 
     def _shown(self, text: str | None = None) -> str:
-        """Return text without the folder in which launched processes see packages."""
         return (self._text() if text is None else text).replace(f"{self._overlay.variables['ROS_PACKAGE_PATH']}/", "")
 
     def _error(self, message: str) -> ScriptError:
@@ -147,6 +145,5 @@ class LaunchErrors:
 
 
 def _after_mention(text: str, program: str) -> str:
-    """Return the output from the last traceback of a program on."""
     start = text.rfind("Traceback (most recent call last)", 0, max(0, text.rfind(f'/{Path(program).name}", line ')))
     return text[start:] if start >= 0 else text

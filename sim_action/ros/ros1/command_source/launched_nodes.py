@@ -135,7 +135,6 @@ class LaunchedNodes:
         self._wait(lambda: len(self._exited) >= number, _MAX_NOTICE_S, "")
 
     def _look(self) -> None:
-        """Handle new events. Raises ScriptError."""
         for event in self._events.new():
             self._take(event)
 

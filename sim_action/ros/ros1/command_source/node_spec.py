@@ -19,14 +19,12 @@ _GRAPH: Final = re.compile(r"[~/]?[A-Za-z][A-Za-z0-9_]*(?:/[A-Za-z0-9_]+)*")
 
 
 def _base_name(name: str) -> str:
-    """Return a valid base name. Raises ValueError."""
     if not _BASE.fullmatch(name):
         raise ValueError(f"the name of a node has letters, digits and '_' and starts with a letter, found {name!r}")
     return name
 
 
 def _graph_name(name: str) -> str:
-    """Return a valid graph name (wiki.ros.org/Names). Raises ValueError."""
     if not _GRAPH.fullmatch(name):
         raise ValueError(f"a name in ROS has letters, digits, '_' and '/', such as /arm/cmd_vel, found {name!r}")
     return name
@@ -37,7 +35,6 @@ GraphName = Annotated[str, AfterValidator(_graph_name)]
 
 
 def _with_lists(value: Any) -> Any:
-    """Return a value with lists in place of the tuples of frozen YAML."""
     if isinstance(value, tuple):
         return [_with_lists(each) for each in value]
     return {key: _with_lists(each) for key, each in value.items()} if isinstance(value, dict) else value

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated, ClassVar
 
 from pydantic import Field
+from typing_extensions import override
 
 from sim_action.commands import CommandSource, Controller
 from sim_action.core.field_types import FrozenModel, NamesFile, PositiveHertz, PositiveSeconds
@@ -104,8 +105,8 @@ class RosCommands(CommandSource):
         return ((("ros1", *path), message) for path, message in file_problems(self.ros1, workspace))
 
     @property
+    @override
     def unchecked(self) -> tuple[str, ...]:
-        """See CommandSource.unchecked."""
         from sim_action.ros.ros1.command_source.file_problems import unchecked
 
         return unchecked(self.ros1)

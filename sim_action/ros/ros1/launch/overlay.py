@@ -132,7 +132,6 @@ def _paths(variable: str) -> list[str]:
 
 
 def _modules_of(users: Mapping[str, Path]) -> Iterator[str]:
-    """Return the folders of Python modules in packages, which a build would install."""
     return (str(path / "src") for path in users.values() if (path / "setup.py").is_file() and (path / "src").is_dir())
 
 

@@ -63,10 +63,6 @@ def _controller_program(name: str) -> int:
 
 
 def _add_rospy() -> None:
-    """Append the folder of rospy to the module path.
-
-    The names are those of `launch_request`, which takes longer to import than everything that is done here.
-    """
     request = Path(os.environ["SIM_ACTION_ROS_RUN"]) / "request.json"
     sys.path.append(json.loads(request.read_bytes())["modules"])
 

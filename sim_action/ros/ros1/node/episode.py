@@ -9,6 +9,7 @@ from typing import Final, Literal, cast
 from xml.etree import ElementTree as ET
 
 from pydantic import PrivateAttr
+from typing_extensions import override
 
 from sim_action.commands import ClosedLoop, CommandSource, Controller
 from sim_action.core.errors import Location
@@ -54,8 +55,8 @@ class NodeCommands(CommandSource):
         source._bridge = bridge
         return source
 
+    @override
     def open(self, scene: Scene) -> Controller:
-        """See CommandSource.open."""
         return ClosedLoop(self._bridge.tick, transcript=self._bridge.transcript)
 
 

@@ -153,7 +153,6 @@ class _Server:
             self._record.end(episode, run)
 
     def _left(self) -> float | None:
-        """Return the remaining sim time, in s."""
         limit = self._request.sim_time_limit
         return None if limit is None else max(limit - self._current.time, 1 / self._request.physics_rate)
 
@@ -178,7 +177,6 @@ class _Server:
         return tuple(dict.fromkeys((*self._losses, *spawned, *self._stage.losses)))
 
     def _races(self) -> dict[str, str]:
-        """Return the finding on nodes that could not be kept in lock-step, if there are any."""
         reasons = self._lockstep.not_reproducible
         return {NOT_REPRODUCIBLE: f"the run is not reproducible: {'; '.join(reasons)}"} if reasons else {}
 
@@ -205,7 +203,6 @@ class _Server:
 
 
 def _world_argument() -> str:
-    """Return the world file that a launch file passes to gzserver itself instead of `empty_world.launch`."""
     return next((word for word in rospy.myargv()[1:] if word.endswith(".world")), "worlds/empty.world")
 
 

@@ -7,6 +7,7 @@ from typing import ClassVar, Final
 
 from numpy.typing import ArrayLike
 from pydantic import PrivateAttr
+from typing_extensions import override
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist
@@ -49,8 +50,8 @@ class WorldStatesSensor(Sensor):
         sensor._wants_links = wants_links
         return sensor
 
+    @override
     def open(self, mount: Mount) -> Measure:
-        """See Sensor.open."""
         links = tuple(mount.scene.model.links_by_name)
         bodies = tuple(body.name for body in mount.scene.world.objects)
         before: dict[str, Pose] = {}

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import ClassVar, Final, Self
 
+from typing_extensions import override
+
 from sim_action.core.geometry import Twist, Vector3
 from sim_action.core.records import replace
 from sim_action.core.yaml_errors import SpecProblems
@@ -29,8 +31,8 @@ class PlanarMove(Drive):
     key: ClassVar[str] = "planar_move"
 
     @classmethod
+    @override
     def statement(cls, model: RobotModel) -> Self | None:
-        """See Drive.statement."""
         return cls() if any(plugin.name == PLUGIN for plugin in model.plugins) else None
 
     @classmethod
@@ -42,19 +44,19 @@ class PlanarMove(Drive):
         """Return no problems: any model fits."""
         return iter(())
 
+    @override
     def open(self, model: RobotModel, rate: float, gravity: float = GRAVITY) -> PlanarMotion:
-        """See Drive.open."""
         return PlanarMotion(centre_of_mass(model), _MAX_FORCE_PER_WEIGHT * model.mass * max(gravity, GRAVITY))
 
     def wheel_motion(self, model: RobotModel) -> None:
         """See Drive.wheel_motion."""
 
+    @override
     def describe(self, model: RobotModel, gravity: float = GRAVITY) -> str:
-        """See Drive.describe."""
         return "planar move (kinematic): the base takes the commanded velocity at once, and its links have no friction"
 
+    @override
     def mobility(self, model: RobotModel) -> Mobility:
-        """See Drive.mobility."""
         return Mobility()
 
     def prepared(self, scene: Scene) -> Scene:

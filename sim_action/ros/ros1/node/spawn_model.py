@@ -99,7 +99,6 @@ def _is_there(service: str) -> bool:
 
 
 def _description(asked: argparse.Namespace) -> str:
-    """Return the description. Raises OSError, KeyError."""
     text = _text(asked)
     return text.replace("package://", "model://") if asked.package_to_model else text
 

@@ -148,11 +148,6 @@ def _is_there(connection: Any) -> bool:
 
 
 def _publisher(topic: str, kind: type[Any]) -> rospy.Publisher:
-    """Return a publisher without a queue.
-
-    rospy warns about publishers without a queue, because a node that hangs holds them up. Lock-step waits for it in any
-    case, and a queue is one more thread that takes each message over: twice the time.
-    """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SyntaxWarning)
         return rospy.Publisher(topic, kind, queue_size=None, tcp_nodelay=True)

@@ -138,7 +138,6 @@ def _process(run: Run | None) -> str | None:
 
 
 def _runs_of(names: Sequence[str], written: dict[str, Path], runs: Sequence[Run]) -> dict[str, Run]:
-    """Return test name -> its run. A test writes results during its own run; tests without results follow in order."""
     found = {name: run for name, path in written.items() for run in runs if _began(run) <= path.stat().st_mtime}
     left = (run for run in runs if run not in found.values())
     return {**dict(_paired([name for name in names if name not in found], left)), **found}

@@ -172,7 +172,6 @@ def _with_shown_place(loss: Loss) -> Loss:
 
 
 def _with_callbacks(said: str, test: TestFindings) -> str:
-    """Return a failure message with the callbacks that raised, which may be the reason."""
     return "; ".join((said, *map(str, test.callbacks[:_MAX_CALLBACKS])))
 
 
@@ -190,7 +189,6 @@ def _has_failed(run: Run | None) -> bool:
 
 
 def _is_invalid(run: Run | None) -> bool:
-    """Return True if the simulation refused its input. A test that passes nevertheless has checked nothing."""
     failure = run.result.failure if run and run.result else None
     return failure is not None and failure.kind == "invalid"
 
@@ -207,7 +205,6 @@ def _sim_time(run: Run | None) -> float | None:
 
 
 def _skipped(case: Case, where: Location) -> ExpectationOutcome:
-    """Return the expectation of a test case that skipped itself."""
     reason = case.text.strip()
     message = f"never checked: the test skipped this case{f' ({reason})' if reason else ''}; let it run, or remove it"
     return _expected(case.name, "rostest", where, Verdict(False, message=escaped_line(message), judged=Judged()))

@@ -95,7 +95,6 @@ def lost_parts(programs: Sequence[LeftOutProgram], command_topics: Collection[st
 
 
 def _worlds(program: LeftOutProgram) -> Iterator[str]:
-    """Yield the world files in the arguments of a simulator. Launch files pass several arguments in one text."""
     if PurePath(program.program).name in _SERVERS:
         words = (word for argument in program.args for word in argument.split())
         yield from (word for word in words if PurePath(word).suffix in _WORLD_SUFFIXES)
@@ -130,7 +129,6 @@ def _controllers(args: Sequence[str]) -> Iterator[str]:
 
 
 def _types(args: Sequence[str]) -> Iterator[tuple[str, str]]:
-    """Yield name and type of each controller in the parameter files of a spawner."""
     for option, value in pairwise(args):
         if option in _PARAMETER_FILES:
             yield from _types_in(_parameters(Path(value)), "")

@@ -67,7 +67,6 @@ class Events:
 
 
 def _plain(value: Any) -> Any:
-    """Return a value with tuples in place of JSON lists."""
     if isinstance(value, list):
         return tuple(map(_plain, value))
     return {key: _plain(each) for key, each in value.items()} if isinstance(value, dict) else value

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Final, Literal, cast
 
 from pydantic import PrivateAttr
+from typing_extensions import override
 
 from sim_action.commands import ClosedLoop, CommandSource, Controller
 from sim_action.core.errors import (
@@ -94,8 +95,8 @@ class GroupCommands(CommandSource):
         source._nodes = nodes
         return source
 
+    @override
     def open(self, scene: Scene) -> Controller:
-        """See CommandSource.open."""
         found = controller_of(self._nodes)
         assert isinstance(found, ClosedLoop)
         return found
@@ -234,7 +235,6 @@ class _LaunchTest:
             raise ControllersFinished("the run was interrupted")
 
     def _keep_results(self) -> None:
-        """Read the results before their folder is removed."""
         suite = read_suite(self._results) if self._results.is_file() else None
         self._cases = suite.cases if suite else ()
 

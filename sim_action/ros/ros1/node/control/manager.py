@@ -17,6 +17,7 @@ from controller_manager_msgs.srv import (
     SwitchController,
     UnloadController,
 )
+from typing_extensions import override
 
 from sim_action.core.records import dataclass, field, replace
 from sim_action.core.wording import did_you_mean
@@ -196,8 +197,8 @@ class Managed(Device):
 
     publish_managed: Callable[[int, float, Observation], None] = lambda _tick, _seconds, _seen: None
 
+    @override
     def publish_if_due(self, tick: int, seconds: float, seen: Observation) -> None:
-        """See Device.publish_if_due."""
         self.publish_managed(tick, seconds, seen)
 
 
