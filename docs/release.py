@@ -27,7 +27,7 @@ REPOSITORY: Final = "sim-action/sim-action"
 MAX_NOTES_LENGTH: Final = 125_000
 """The number of characters that GitHub allows for the text of a release."""
 
-_PACKAGE: Final = "sim_action/__init__.py"
+_PACKAGE: Final = "sim_action/core/version.py"
 _UNRELEASED: Final = "Unreleased"
 # The order in a released section. "Unreleased" may have any order, and a name several times.
 _PARTS: Final = ("Added", "Changed", "Deprecated", "Removed", "Fixed", "Security")

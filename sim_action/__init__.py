@@ -12,6 +12,8 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING
 
+from sim_action.core.version import __version__
+
 if TYPE_CHECKING:
     from sim_action.app.library import load, run, validate
     from sim_action.app.library_results import GateOutcome, Outcome, Results
@@ -24,8 +26,6 @@ if TYPE_CHECKING:
     from sim_action.state.readings import CameraImage, ContactReading, ImuReading, LidarScan, OdometryReading
     from sim_action.state.trace import Trace
     from sim_action.state.verdict import Verdict
-
-__version__ = "0.9.0"
 
 __all__ = [
     "CameraImage",

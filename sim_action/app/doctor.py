@@ -13,7 +13,6 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final, Literal
 
-import sim_action
 from sim_action.app.library import run
 from sim_action.app.package_parts import package_parts
 from sim_action.assertions import ASSERTIONS
@@ -24,6 +23,7 @@ from sim_action.core.process import usable_cores
 from sim_action.core.provenance import platform_name
 from sim_action.core.records import dataclass
 from sim_action.core.registry import PackageProblem
+from sim_action.core.version import PACKAGE_FOLDER, __version__
 from sim_action.core.wording import counted, system_reason
 from sim_action.engines import ENGINES, INSTALL_HINTS, installed, named_version
 from sim_action.runner.isolation import child_type_here
@@ -64,7 +64,7 @@ class Finding:
 
 def findings() -> Iterator[Finding]:
     """Yield what was found, one thing after the other."""
-    here = f"{sim_action.__version__} in {Path(sim_action.__file__).parent}"
+    here = f"{__version__} in {PACKAGE_FOLDER}"
     yield Finding("good", "sim-action", f"{here}, Python {platform.python_version()}, {platform_name()}")
     found = installed()
     for engine in ENGINES:

@@ -6,8 +6,8 @@ import os
 from pathlib import Path
 from typing import Final
 
-from sim_action import __version__
 from sim_action.core.errors import UsageError
+from sim_action.core.version import __version__
 from sim_action.core.wording import did_you_mean
 from sim_action.robot.built_in import BUILT_IN
 

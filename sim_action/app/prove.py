@@ -11,10 +11,10 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final, get_args
 
-from sim_action import __version__
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.process import Interruption
 from sim_action.core.records import dataclass
+from sim_action.core.version import __version__
 from sim_action.core.wording import counted, escaped_line, note, system_reason
 from sim_action.reports import ReportOptions, ReportRequest, open_reports, workspace_of
 from sim_action.reports.github.proof import write_proof_annotations, write_proof_outputs, write_proof_summary

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, NoReturn
 
 import click
 
-from sim_action import __version__
 from sim_action.cli import INTERRUPTIBLE, SUBCOMMANDS, TAKE_DEFAULTS
 from sim_action.cli.options import complain
 from sim_action.core.errors import ExitCode, SimActionError, SystemRefusal, is_refusal
 from sim_action.core.process import BEFORE_IMPORTS, forgive_closed_output, release_signals
+from sim_action.core.version import __version__
 from sim_action.core.wording import escaped_line
 
 if TYPE_CHECKING:

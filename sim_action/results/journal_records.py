@@ -9,11 +9,11 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import ConfigDict, Field
 
-from sim_action import __version__
 from sim_action.core.errors import ExitCode
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.provenance import platform_name
 from sim_action.core.records import dataclass
+from sim_action.core.version import __version__
 from sim_action.results.outcome import Failure, NotNegative, Outcome
 from sim_action.results.results_json import MAX_OUTCOMES
 from sim_action.results.shards import Shard

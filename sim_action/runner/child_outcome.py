@@ -17,12 +17,12 @@ from typing import Final, Literal
 
 from pydantic import ValidationError
 
-from sim_action import __version__
 from sim_action.core import units
 from sim_action.core.errors import Location, is_refusal
 from sim_action.core.process import Interruption
 from sim_action.core.provenance import Provenance, provenance
 from sim_action.core.records import replace
+from sim_action.core.version import __version__
 from sim_action.core.wording import MAX_MESSAGE_CHARS, escaped_line, shortened
 from sim_action.core.workspace import PathError
 from sim_action.core.yaml_document import Document

@@ -20,13 +20,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
-import sim_action
 from sim_action.core.child_environment import compared_variables
 from sim_action.core.file_digests import FileDigests
 from sim_action.core.git_tree import GitError, GitListing, GitTree
 from sim_action.core.permissions import Permissions
 from sim_action.core.provenance import cpu_model
 from sim_action.core.records import dataclass
+from sim_action.core.version import PACKAGE_FOLDER
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.runner.child_outcome import engine_provenance
 from sim_action.scenario.model import LoadedScenario
@@ -174,7 +174,7 @@ class RunKeys:
             "formats": sorted(options.formats),
             "replays": options.replays,
             "folder": str(Path.cwd()),
-            "sim-action": source_digest(Path(sim_action.__file__).parent),
+            "sim-action": source_digest(PACKAGE_FOLDER),
             # A virtual environment may lie in another folder each time; its packages are compared.
             "python": [sys.version, sys.flags.optimize, os.path.realpath(sys.executable)],
             "machine": [sys.platform, platform.machine(), *platform.libc_ver(), cpu_model()],

@@ -12,6 +12,8 @@ from docs.release import MAX_NOTES_LENGTH, ReleaseError, cut, main, moving_tag, 
 from sim_action import __version__
 from sim_action.app import init
 
+VERSION_FILE = "sim_action/core/version.py"
+
 CHANGES = """\
 # Changelog
 
@@ -33,7 +35,7 @@ A release is a tag such as v0.1.0; `v0` moves.
 """
 OLDER = "\n## 0.8.0 (2026-01-02)\n\nThe text of 0.8.0, with `v7`.\n"
 PAGES = {
-    "sim_action/__init__.py": '"""Doc."""\n\n__version__ = "0.9.0"\n',
+    VERSION_FILE: '"""Doc."""\n\n__version__ = "0.9.0"\n',
     "README.md": "uses: sim-action/sim-action@v0\nor `v0`, or sim-action/sim-action@<commit> # v0.9.0\n",
     "matrix/action.yml": "description: sim-action/sim-action/matrix@v0\n",
     "examples/.pre-commit-config.yaml": "- repo: https://github.com/sim-action/sim-action\n  rev: v0.9.0\n",
@@ -105,15 +107,15 @@ def test_each_disagreement_is_reported_with_its_line(
 
 @pytest.mark.parametrize("version", ["0.9", "0.9.0rc1", "v0.9.0", "0.09.0", ""])
 def test_a_version_has_three_numbers(root: Path, version: str) -> None:
-    write(root, "sim_action/__init__.py", f'__version__ = "{version}"\n')
-    assert found(root)[0].startswith(f'sim_action/__init__.py:1: "{version}" is not a version')
+    write(root, VERSION_FILE, f'__version__ = "{version}"\n')
+    assert found(root)[0].startswith(f'{VERSION_FILE}:1: "{version}" is not a version')
     with pytest.raises(ReleaseError, match="three numbers"):
         cut(root, version, "2026-11-30")
 
 
 def test_a_package_without_a_version_is_a_problem(root: Path) -> None:
-    write(root, "sim_action/__init__.py", "")
-    assert found(root) == ['sim_action/__init__.py:1: there is no line such as __version__ = "1.2.3"']
+    write(root, VERSION_FILE, "")
+    assert found(root) == [f'{VERSION_FILE}:1: there is no line such as __version__ = "1.2.3"']
 
 
 def test_the_newest_section_of_the_changelog_has_the_version(root: Path) -> None:
@@ -134,7 +136,7 @@ def test_an_unknown_heading_in_the_changelog_is_reported(root: Path) -> None:
 
 
 def test_a_tag_needs_its_version_its_section_and_nothing_unreleased(root: Path) -> None:
-    assert found(root, "v0.9.1")[0] == 'sim_action/__init__.py:3: __version__ is "0.9.0", but the tag is v0.9.1'
+    assert found(root, "v0.9.1")[0] == f'{VERSION_FILE}:3: __version__ is "0.9.0", but the tag is v0.9.1'
     remedy = "run: python -m docs.release cut 0.9.0"
     assert found(root, "v0.9.0") == [f'CHANGELOG.md:5: "Unreleased" is not empty; {remedy}']
     write(root, "CHANGELOG.md", "# Changelog\n")
@@ -184,8 +186,12 @@ def test_this_changelog_can_be_cut(tmp_path: Path) -> None:
     if not unreleased:  # as right after a release
         unreleased = "### Added\n\n- Something.\n"
         changelog = changelog.replace("## Unreleased\n", f"## Unreleased\n\n{unreleased}", 1)
-    (tmp_path / "sim_action").mkdir()
-    write(tmp_path, "sim_action/__init__.py", (release.ROOT / "sim_action/__init__.py").read_text(encoding="utf-8"))
+    (tmp_path / VERSION_FILE).parent.mkdir(parents=True)
+    write(
+        tmp_path,
+        VERSION_FILE,
+        (release.ROOT / VERSION_FILE).read_text(encoding="utf-8"),
+    )
     write(tmp_path, "CHANGELOG.md", changelog)
     major = int(__version__.partition(".")[0])
     cut(tmp_path, f"{major + 1}.0.0", "2026-11-30")
@@ -214,7 +220,7 @@ def test_the_commands(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check"], root) == 0
     assert main(["check", "--tag", "v3.0.0"], root) == 1
     assert capsys.readouterr().out.startswith(
-        'release: everything agrees on version 0.9.0\nsim_action/__init__.py:3: __version__ is "0.9.0"'
+        f'release: everything agrees on version 0.9.0\n{VERSION_FILE}:3: __version__ is "0.9.0"'
     )
     assert main(["notes", "0.9.0"], root) == 0
     assert capsys.readouterr().out == "The text of 0.9.0, with `v7`.\n"

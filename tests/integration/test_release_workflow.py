@@ -11,7 +11,7 @@ import pytest
 from tests.integration.release_steps import DATE, ROOT, Machine, git, jobs
 
 VIEWER = "sim_action/reports/viewer/viewer3d.json"
-PACKAGE = "sim_action/__init__.py"
+PACKAGE = "sim_action/core/version.py"
 
 
 @pytest.fixture

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import platform
 
-from sim_action import __version__
 from sim_action.core.provenance import platform_name
 from sim_action.core.records import replace
+from sim_action.core.version import __version__
 from sim_action.reports import ReportOptions
 from sim_action.reports.html.document import Page
 from sim_action.reports.html.report import page

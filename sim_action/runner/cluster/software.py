@@ -5,12 +5,11 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from functools import cache
-from pathlib import Path
 from typing import Final
 
-import sim_action
 from sim_action.core.provenance import installed_version
 from sim_action.core.records import dataclass
+from sim_action.core.version import PACKAGE_FOLDER, __version__
 from sim_action.engines import PACKAGES
 from sim_action.runner.run_keys import source_digest
 
@@ -47,8 +46,8 @@ class Software:
 def software(engines: tuple[str, ...]) -> Software:
     """Return the software of this process, with these engines."""
     return Software(
-        sim_action.__version__,
-        source_digest(Path(sim_action.__file__).parent)[:_DIGITS],
+        __version__,
+        source_digest(PACKAGE_FOLDER)[:_DIGITS],
         ".".join(map(str, sys.version_info[:2])),
         tuple((engine, installed_version(PACKAGES[engine])) for engine in engines),
     )

@@ -6,10 +6,10 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path, PurePath
 from typing import Any, Final
 
-from sim_action import __version__
 from sim_action.core.errors import Location
 from sim_action.core.provenance import Provenance, provenance
 from sim_action.core.records import dataclass
+from sim_action.core.version import __version__
 from sim_action.core.wording import escaped_line
 from sim_action.engines import PACKAGES
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, status_of
