@@ -13,7 +13,7 @@ LABEL org.opencontainers.image.title="sim-action" \
       org.opencontainers.image.licenses="Apache-2.0"
 
 # Only wheels with the hashes of the lock file. The folders that are removed are examples of PyBullet: half of its size.
-COPY requirements.lock /opt/sim-action/
+COPY action/locks/requirements.lock /opt/sim-action/
 RUN python -m pip install --root-user-action ignore --disable-pip-version-check --no-cache-dir --no-deps \
       --only-binary :all: --require-hashes --requirement /opt/sim-action/requirements.lock \
     && site="$(python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')" \

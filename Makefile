@@ -4,6 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 COMPILE := $(BIN)/uv pip compile --quiet --universal --generate-hashes --python-version 3.11 \
   --only-binary :all: --no-annotate --no-emit-index-url --no-emit-find-links --custom-compile-command 'make lock'
+LOCKS := action/locks
 LOCK := $(COMPILE) pyproject.toml
 # No wheel of ROS 2 is for another system, so there is no lock file for all of them.
 ROS2_LOCK := $(subst --universal,--python-platform x86_64-manylinux_2_28,$(COMPILE)) --override .ci/ros2/overrides.txt
@@ -143,20 +144,20 @@ mutants: $(VENV)/.dev viewer ## change lines of sim_action at random, and list t
 
 lock: $(VENV)/.installed ## what the action installs
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check uv
-	$(LOCK) --upgrade --extra mujoco --output-file requirements.lock
+	$(LOCK) --upgrade --extra mujoco --output-file $(LOCKS)/requirements.lock
 	# The same versions and what an extra needs, for whoever asks the action for it; together they agree, too.
-	$(LOCK) --constraint requirements.lock --extra mujoco --extra rosbags --output-file requirements-rosbags.lock
-	$(LOCK) --constraint requirements-rosbags.lock --extra mujoco --extra mcap --output-file requirements-mcap.lock
-	$(LOCK) --constraint requirements-mcap.lock --extra mujoco --extra video --output-file requirements-video.lock
-	$(LOCK) --constraint requirements-video.lock --extra mujoco --extra policy --output-file requirements-policy.lock
+	$(LOCK) --constraint $(LOCKS)/requirements.lock --extra mujoco --extra rosbags --output-file $(LOCKS)/requirements-rosbags.lock
+	$(LOCK) --constraint $(LOCKS)/requirements-rosbags.lock --extra mujoco --extra mcap --output-file $(LOCKS)/requirements-mcap.lock
+	$(LOCK) --constraint $(LOCKS)/requirements-mcap.lock --extra mujoco --extra video --output-file $(LOCKS)/requirements-video.lock
+	$(LOCK) --constraint $(LOCKS)/requirements-video.lock --extra mujoco --extra policy --output-file $(LOCKS)/requirements-policy.lock
 	# For the workers of a cluster; the action has no use for it.
-	$(LOCK) --constraint requirements-policy.lock --extra mujoco --extra dask --output-file requirements-dask.lock
+	$(LOCK) --constraint $(LOCKS)/requirements-policy.lock --extra mujoco --extra dask --output-file $(LOCKS)/requirements-dask.lock
 	# The same versions without what simulates, for the actions that only deal, and join: reports read traces.
-	$(LOCK) --constraint requirements.lock --no-emit-package numpy --no-emit-package pybullet --no-emit-package mujoco-core --output-file requirements-core.lock
-	$(LOCK) --constraint requirements.lock --no-emit-package pybullet --no-emit-package mujoco-core --output-file requirements-reports.lock
+	$(LOCK) --constraint $(LOCKS)/requirements.lock --no-emit-package numpy --no-emit-package pybullet --no-emit-package mujoco-core --output-file $(LOCKS)/requirements-core.lock
+	$(LOCK) --constraint $(LOCKS)/requirements.lock --no-emit-package pybullet --no-emit-package mujoco-core --output-file $(LOCKS)/requirements-reports.lock
 	# ROS 2 for the action and the tests, each in an environment of its own.
-	$(ROS2_LOCK) .ci/ros2/jazzy.in --upgrade --output-file requirements-ros2.lock
-	$(ROS2_LOCK) .ci/ros2/kilted.in --upgrade --output-file requirements-ros2-kilted.lock
+	$(ROS2_LOCK) .ci/ros2/jazzy.in --upgrade --output-file $(LOCKS)/requirements-ros2.lock
+	$(ROS2_LOCK) .ci/ros2/kilted.in --upgrade --output-file $(LOCKS)/requirements-ros2-kilted.lock
 	# The tools of release.yml.
 	$(RELEASE_LOCK) --upgrade --output-file .ci/release/requirements.txt
 
@@ -180,10 +181,10 @@ $(VENV)/.node: $(VENV)/.dev .ci/workflows/package.json .ci/workflows/package-loc
 	@touch $@
 
 # The wheels of ROS 2 need another numpy, and restart each interpreter, so they have an environment of their own (290 MB).
-$(VENV)/.ros2: $(VENV)/bin/python requirements-ros2.lock
+$(VENV)/.ros2: $(VENV)/bin/python $(LOCKS)/requirements-ros2.lock
 	@if $(BIN)/python -c 'import platform, sys; sys.exit(not (platform.system() == "Linux" and platform.machine() == "x86_64" and sys.version_info < (3, 14)))'; then \
 	  $(BIN)/python -m venv $(VENV)/ros2 && $(VENV)/ros2/bin/python -m pip install --quiet --disable-pip-version-check \
-	    --require-hashes --only-binary :all: --no-deps --requirement requirements-ros2.lock; \
+	    --require-hashes --only-binary :all: --no-deps --requirement $(LOCKS)/requirements-ros2.lock; \
 	else echo "ROS 2 has wheels for Linux x86-64 with CPython 3.11 to 3.13 alone: tests of its nodes are skipped, unless it is installed"; fi
 	@touch $@
 

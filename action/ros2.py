@@ -84,7 +84,7 @@ def main() -> None:
     """Run the subcommand that the first argument names. Exit with 2 if it is not possible."""
     try:
         if sys.argv[1] == "look":
-            environment.say(look(Path(__file__).resolve().parent.parent, os.environ))
+            environment.say(look(Path(__file__).resolve().parent / "locks", os.environ))
         else:
             environment.say(install(Path(os.environ["LOCK"]), os.environ))
     except (UsageError, LockError) as error:

@@ -62,7 +62,9 @@ class _Machine:
 
         path = self._folder / "chosen.lock"
         path.write_text(
-            text_of(without_engines(entries_here(chosen_locks(ROOT / "requirements.lock", "")), ["mujoco"]))
+            text_of(
+                without_engines(entries_here(chosen_locks(ROOT / "action/locks/requirements.lock", "")), ["mujoco"])
+            )
         )
         return path
 
@@ -80,7 +82,7 @@ def _ours(machine: _Machine) -> Path:
         "GITHUB_EVENT_NAME": "push",
         "INPUT_CACHE": "true",
         "PIP_NO_CACHE_DIR": "1",
-        "LOCK": ROOT / "requirements.lock",
+        "LOCK": ROOT / "action/locks/requirements.lock",
     }
     script = ROOT / "action/environment.py"
     machine.run(machine.python, "-I", script, "look", **variables)
@@ -178,7 +180,7 @@ def set_up_costs(folder: Path) -> Iterator[Goal | str]:
     machine = _Machine(folder / "set-up")
     from action.lock import entries_here, text_of
 
-    [engine] = [entry for entry in entries_here([ROOT / "requirements.lock"]) if entry.name == "pybullet"]
+    [engine] = [entry for entry in entries_here([ROOT / "action/locks/requirements.lock"]) if entry.name == "pybullet"]
     lock = machine.new_folder() / "engine.lock"
     lock.write_text(text_of([engine]), encoding="utf-8")
     into = machine.new_folder()

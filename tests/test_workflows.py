@@ -19,6 +19,7 @@ from action.run import SUBCOMMANDS
 from docs.release import moving_tag, read_version
 
 ROOT = Path(__file__).parent.parent
+LOCKS = ROOT / "action/locks"
 VENV = sys.prefix
 ACTIONS = [ROOT / "action.yml", *sorted(ROOT.glob("*/action.yml"))]
 TEMPLATES = sorted((ROOT / "examples/workflows").glob("*.yml"))
@@ -188,7 +189,7 @@ EXTRAS = ("rosbags", "mcap", "video", "policy")
 @pytest.mark.parametrize("name", ["requirements.lock", *(f"requirements-{extra}.lock" for extra in EXTRAS)])
 def test_lock_file_has_every_dependency_and_leaves_the_index_to_the_user(name: str) -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    lock = (ROOT / name).read_text(encoding="utf-8")
+    lock = (LOCKS / name).read_text(encoding="utf-8")
     needed = {re.split(r"[^\w-]", dependency)[0] for dependency in project["dependencies"]}
     assert needed <= set(re.findall(r"^([\w-]+)==", lock, re.MULTILINE))
     assert not re.search(r"://|index|find-links| @ |[\w.-]/", lock)
@@ -197,7 +198,7 @@ def test_lock_file_has_every_dependency_and_leaves_the_index_to_the_user(name: s
 @pytest.mark.parametrize("extra", EXTRAS)
 def test_the_lock_file_of_an_extra_has_the_same_versions_and_what_it_needs_beside_them(extra: str) -> None:
     plain, more = (
-        set(re.findall(r"^([\w-]+==[\w.]+)", (ROOT / name).read_text(encoding="utf-8"), re.MULTILINE))
+        set(re.findall(r"^([\w-]+==[\w.]+)", (LOCKS / name).read_text(encoding="utf-8"), re.MULTILINE))
         for name in ("requirements.lock", f"requirements-{extra}.lock")
     )
     assert plain < more
@@ -217,7 +218,7 @@ def test_the_actions_that_simulate_nothing_install_the_same_versions_without_eng
     name: str, absent: set[str]
 ) -> None:
     whole, part = (
-        set(re.findall(r"^([\w-]+==[\w.]+)", (ROOT / lock).read_text(encoding="utf-8"), re.MULTILINE))
+        set(re.findall(r"^([\w-]+==[\w.]+)", (LOCKS / lock).read_text(encoding="utf-8"), re.MULTILINE))
         for lock in ("requirements.lock", name)
     )
     assert whole - part == {line for line in whole if line.partition("==")[0] in absent}

@@ -27,7 +27,7 @@ from action.lock import (
 from sim_action.engines import PACKAGES
 
 ROOT = Path(__file__).parents[2]
-LOCKS = sorted(ROOT.glob("requirements*.lock"))
+LOCKS = sorted(ROOT.glob("action/locks/requirements*.lock"))
 SYSTEMS = [
     {"sys_platform": platform, "platform_machine": machine, "python_full_version": version}
     for (platform, machine), version in product(
@@ -97,8 +97,8 @@ def test_extras_have_a_lock_file_of_their_own(extras: str, names: list[str], tmp
 
 @pytest.mark.parametrize("extras", ["video, mcap", "mcap\nvideo\n", "mcap video mcap"])
 def test_several_extras_have_the_packages_of_each_of_them(extras: str) -> None:
-    joined = entries_here(chosen_locks(ROOT / "requirements.lock", extras))
-    parts = [entries_here(chosen_locks(ROOT / "requirements.lock", extra)) for extra in ("mcap", "video")]
+    joined = entries_here(chosen_locks(ROOT / "action/locks/requirements.lock", extras))
+    parts = [entries_here(chosen_locks(ROOT / "action/locks/requirements.lock", extra)) for extra in ("mcap", "video")]
     assert set(joined) == {*parts[0], *parts[1]}
     names = [entry.name for entry in joined]
     assert len(names) == len(set(names)), "each once, in one version"
@@ -116,13 +116,17 @@ def test_only_the_extras_that_do_not_exist_are_named() -> None:
 
 
 def test_every_extra_has_its_lock_file() -> None:
-    assert all((ROOT / f"requirements-{extra}.lock").is_file() for extra in EXTRAS)
+    assert all((ROOT / f"action/locks/requirements-{extra}.lock").is_file() for extra in EXTRAS)
 
 
 def test_engines_are_those_of_the_package() -> None:
     assert ENGINES == PACKAGES
     [linux, *others] = [
-        [entry for entry in entries((ROOT / "requirements.lock").read_text(encoding="utf-8")) if entry.holds(system)]
+        [
+            entry
+            for entry in entries((ROOT / "action/locks/requirements.lock").read_text(encoding="utf-8"))
+            if entry.holds(system)
+        ]
         for system in SYSTEMS
     ]
     assert engines_of(linux) == ("pybullet", "mujoco")

@@ -14,7 +14,7 @@ from sim_action.ros.ros2 import installation
 from sim_action.ros.ros2.installation import DISTRIBUTIONS
 from tests.ros.ros2.prefixes import HUMBLE, KILTED, ros_prefix
 
-ROOT = Path(__file__).parents[2]
+FOLDER = Path(__file__).parents[2] / "action/locks"
 
 
 def variables(temp: Path, wanted: str, **more: str) -> dict[str, str]:
@@ -35,16 +35,16 @@ def test_each_distribution_has_its_lock_file() -> None:
 
 @pytest.mark.parametrize(("wanted", "lock"), [("true", "jazzy"), ("jazzy", "jazzy"), ("kilted", "kilted")])
 def test_without_ros_the_wheels_are_installed(wanted: str, lock: str, tmp_path: Path) -> None:
-    found = look(ROOT, variables(tmp_path, wanted))
+    found = look(FOLDER, variables(tmp_path, wanted))
 
-    assert (found["lock"], found["cache"]) == (ROOT / LOCKS[lock], False)
+    assert (found["lock"], found["cache"]) == (FOLDER / LOCKS[lock], False)
     assert environment.Plan.parse(str(found["plan"])).ready == ""
 
 
 def test_wheels_are_cached_as_those_of_other_packages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HOME", str(tmp_path))
     keys = {
-        str(look(ROOT, variables(tmp_path, wanted, INPUT_CACHE="true", GITHUB_WORKSPACE=str(tmp_path)))["key"])
+        str(look(FOLDER, variables(tmp_path, wanted, INPUT_CACHE="true", GITHUB_WORKSPACE=str(tmp_path)))["key"])
         for wanted in LOCKS
     }
     assert len(keys) == 2
@@ -57,7 +57,7 @@ def test_the_ros_of_the_runner_is_used_and_named(
 ) -> None:
     prefix = ros_prefix(tmp_path / "kilted", KILTED)
     # Such as a container on a runner that has no wheels.
-    found = look(ROOT, variables(tmp_path, wanted, AMENT_PREFIX_PATH=str(prefix), RUNNER_ARCH="ARM64"))
+    found = look(FOLDER, variables(tmp_path, wanted, AMENT_PREFIX_PATH=str(prefix), RUNNER_ARCH="ARM64"))
 
     assert found == {"lock": "", "cache": False}
     assert capsys.readouterr().out.startswith(f"ROS 2: kilted in {prefix} (from the sourced environment), Fast DDS")
@@ -67,19 +67,19 @@ def test_the_ros_of_the_runner_is_used_and_named(
 def test_a_named_distribution_is_installed_although_the_runner_has_another_one(version: str, tmp_path: Path) -> None:
     prefix = ros_prefix(tmp_path / "other", version)
 
-    assert look(ROOT, variables(tmp_path, "jazzy", AMENT_PREFIX_PATH=str(prefix)))["lock"] == ROOT / LOCKS["jazzy"]
+    assert look(FOLDER, variables(tmp_path, "jazzy", AMENT_PREFIX_PATH=str(prefix)))["lock"] == FOLDER / LOCKS["jazzy"]
 
 
 def test_a_distribution_that_is_not_supported_is_not_replaced_silently(tmp_path: Path) -> None:
     prefix = ros_prefix(tmp_path / "humble", HUMBLE)
     with pytest.raises(UsageError, match=r"is humble .*; set ros2: jazzy to use the wheels$"):
-        look(ROOT, variables(tmp_path, "true", AMENT_PREFIX_PATH=str(prefix)))
+        look(FOLDER, variables(tmp_path, "true", AMENT_PREFIX_PATH=str(prefix)))
 
 
 @pytest.mark.parametrize(("system", "arch"), [("Linux", "ARM64"), ("macOS", "ARM64"), ("Windows", "X64")])
 def test_machines_without_wheels_are_refused(system: str, arch: str, tmp_path: Path) -> None:
     with pytest.raises(UsageError) as caught:
-        look(ROOT, variables(tmp_path, "true", RUNNER_OS=system, RUNNER_ARCH=arch))
+        look(FOLDER, variables(tmp_path, "true", RUNNER_OS=system, RUNNER_ARCH=arch))
     assert str(caught.value) == (
         "ros2: true needs a runner with Linux x86-64, such as ubuntu-latest, or one with ROS 2 (jazzy or kilted), such "
         f"as the container ros:jazzy; this one is {system} {arch}"
@@ -105,10 +105,10 @@ def test_the_installation_is_checked_and_named(
     prefix = ros_prefix(tmp_path / "env", wheels=True)
     monkeypatch.setattr(environment, "install", lambda *_: {"python": prefix / "bin/python"})
     plan = json.dumps({"ready": "", "left_out": [], "kept": ""})
-    outputs = install(ROOT / LOCKS["jazzy"], variables(tmp_path, "jazzy", PLAN=plan))
+    outputs = install(FOLDER / LOCKS["jazzy"], variables(tmp_path, "jazzy", PLAN=plan))
 
     assert outputs == {"python": prefix / "bin/python"}
     assert capsys.readouterr().out.startswith(f"ROS 2: jazzy in {prefix}")
     (prefix / "share/rclpy/package.xml").unlink()
     with pytest.raises(UsageError, match="has no rclpy"):
-        install(ROOT / LOCKS["jazzy"], variables(tmp_path, "jazzy", PLAN=plan))
+        install(FOLDER / LOCKS["jazzy"], variables(tmp_path, "jazzy", PLAN=plan))

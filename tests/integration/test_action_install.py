@@ -56,7 +56,7 @@ def test_the_page_of_costs_states_what_is_downloaded_and_installed(runner_temp: 
     downloads = {normalized(wheel.name.partition("-")[0]): wheel.stat().st_size for wheel in wheels.glob("*/*.whl")}
 
     def packages(lock: str, *left_out: str) -> list[str]:
-        return [entry.name for entry in without_engines(entries_here([ACTION / lock]), left_out)]
+        return [entry.name for entry in without_engines(entries_here([ACTION / "action/locks" / lock]), left_out)]
 
     chosen = {
         "no scenario names an engine, on Linux x86-64": packages("requirements.lock", "mujoco"),
@@ -94,13 +94,13 @@ def action_with_lock(folder: Path, lock: str) -> Path:
     for name in ("action", "matrix", "compare", "merge"):
         shutil.copytree(ACTION / name, folder / name)
     shutil.copy(ACTION / "action.yml", folder)
-    write(folder / "requirements.lock", lock)
+    write(folder / "action/locks/requirements.lock", lock)
     return folder
 
 
 def small_lock() -> str:
     """One small wheel without dependencies, for all of them."""
-    lock = (ACTION / "requirements.lock").read_text(encoding="utf-8")
+    lock = (ACTION / "action/locks/requirements.lock").read_text(encoding="utf-8")
     found = re.search(r"^annotated-types==.*(?:\n +--hash.*)+", lock, re.MULTILINE)
     assert found
     return f"{found[0]}\n"
@@ -108,9 +108,9 @@ def small_lock() -> str:
 
 def test_extras_are_installed_where_they_are_asked_for(tmp_path: Path) -> None:
     action = action_with_lock(tmp_path / "action", small_lock())
-    lock = (ACTION / "requirements-rosbags.lock").read_text(encoding="utf-8")
+    lock = (ACTION / "action/locks/requirements-rosbags.lock").read_text(encoding="utf-8")
     entries = re.findall(r"^(?:rosbags|apsw|lz4|ruamel-yaml)==.*(?:\n +--hash.*)+\n", lock, re.MULTILINE)
-    write(action / "requirements-rosbags.lock", "".join(entries))
+    write(action / "action/locks/requirements-rosbags.lock", "".join(entries))
     result = Runner(tmp_path, tmp_path).run(action, {"extras": "rosbags", "cache": "false"})
     [installed] = tmp_path.glob("sim-action-*/lib/python3.11/site-packages")
     assert {"rosbags", "apsw", "lz4", "ruamel"} <= {path.name for path in installed.iterdir()}, result.log
@@ -153,7 +153,7 @@ def test_wheels_are_kept_between_runs_and_checked_like_all_others(tmp_path: Path
 
 def test_actions_with_the_same_lock_file_share_a_cache(tmp_path: Path) -> None:
     action = action_with_lock(tmp_path / "action", small_lock())
-    write(action / "requirements-core.lock", small_lock())
+    write(action / "action/locks/requirements-core.lock", small_lock())
     cache = CacheStore(tmp_path / "cache")
     saved = new_machine(tmp_path / "first", cache).run(action / "matrix")
     assert "Save wheels" in saved.steps, saved.log

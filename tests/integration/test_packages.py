@@ -247,7 +247,9 @@ def test_an_empty_environment_installs_the_wheel_and_the_build_tools(packages: P
         "sim-action",
         __version__,
     )
-    locked = re.findall(r"^([\w-]+)==", (ROOT / "requirements.lock").read_text(encoding="utf-8"), re.MULTILINE)
+    locked = re.findall(
+        r"^([\w-]+)==", (ROOT / "action/locks/requirements.lock").read_text(encoding="utf-8"), re.MULTILINE
+    )
     assert sorted({component["name"] for component in listed["components"]}) == sorted(set(locked))
     hashed = [reference["hashes"] for each in listed["components"] for reference in each["externalReferences"]]
     assert len(hashed) == len(listed["components"])

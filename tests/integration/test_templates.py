@@ -301,8 +301,7 @@ def repository_with_some_examples(tmp_path: Path) -> Path:
     write(workflow, re.sub(r"\n *extras: policy", "", workflow.read_text("utf-8")))
     for name in ("action", "matrix", "merge", "compare", "prove", "rostest", "sim_action"):
         shutil.copytree(ACTION / name, folder / name)
-    for file in (ACTION / "action.yml", *ACTION.glob("*.lock")):
-        shutil.copy(file, folder)
+    shutil.copy(ACTION / "action.yml", folder)
     for example in SOME_EXAMPLES:
         write(folder / "examples/turtlebot3" / example, (ACTION / "examples/turtlebot3" / example).read_text("utf-8"))
     for path in (folder / "sim_action").rglob("*.pyc"):
