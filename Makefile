@@ -11,7 +11,7 @@ ROS2_LOCK := $(subst --universal,--python-platform x86_64-manylinux_2_28,$(COMPI
 RELEASE_LOCK := $(COMPILE) .ci/release/requirements.in
 
 ACTIONS := $(wildcard action.yml */action.yml)
-WORKFLOWS := $(wildcard .github/workflows/*.yml examples/workflows/*.yml demo/.github/workflows/*.yml)
+WORKFLOWS := $(wildcard .github/workflows/*.yml examples/workflows/*.yml examples/demo/.github/workflows/*.yml)
 GITLAB := $(wildcard examples/gitlab/.gitlab-ci.yml)
 ISSUE_FORMS := $(filter-out %/config.yml,$(wildcard .github/ISSUE_TEMPLATE/*.yml))
 ISSUE_CONFIG := .github/ISSUE_TEMPLATE/config.yml
@@ -125,7 +125,7 @@ picture: $(VENV)/.dev ## draw the pictures for the documents
 screenshots: $(VENV)/.dev viewer ## take the pictures of report.html for the documents
 	$(BIN)/python docs/screenshots.py
 
-demo-pictures: $(VENV)/.dev viewer ## take the pictures of demo/: the views of a reviewer after its patch
+demo-pictures: $(VENV)/.dev viewer ## take the pictures of examples/demo: the views of a reviewer after its patch
 	$(BIN)/python -m docs.demo_pictures
 
 bench: $(VENV)/.dev viewer ## ratios against the raw engine; what cannot be measured here is named with its reason

@@ -1,4 +1,4 @@
-"""Take the pictures in demo/images: the views of a reviewer after demo/turn-red.patch.
+"""Take the pictures in examples/demo/images: the views of a reviewer after examples/demo/turn-red.patch.
 
 `make demo-pictures`; it needs Node.js, Chromium and a font with emoji (Debian: chromium, fonts-noto-color-emoji). The
 charts of the summary need Mermaid: the environment variable MERMAID names the `dist/mermaid.min.js` of its npm package.
@@ -24,7 +24,7 @@ from docs.picture import CHARTS, STYLE
 from tests.integration.github import Annotation, WorkflowResult, run_workflow
 
 ROOT: Final = Path(__file__).resolve().parents[1]
-DEMO: Final = ROOT / "demo"
+DEMO: Final = ROOT / "examples/demo"
 WORKFLOW: Final = ".github/workflows/simulation.yml"
 
 # Similar to the annotation below a line on GitHub's page "Files changed".

@@ -19,7 +19,7 @@ from sim_action.cli.main import program
 
 ROOT: Final = Path(__file__).resolve().parents[1]
 MAX_FOLDER_MODULES: Final = 25
-MAX_MODULE_LINES: Final = 400
+MAX_MODULE_LINES: Final = 600
 
 _FOLDERS: Final = ("sim_action", "docs", "action", "bench")
 _OPENING: Final = re.compile(r"(?:What|Whether|Who|Whom|Whose|Whoever|Of|Where|How|Why|That|Those)\b")

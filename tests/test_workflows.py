@@ -24,7 +24,7 @@ VENV = sys.prefix
 ACTIONS = [ROOT / "action.yml", *sorted(ROOT.glob("*/action.yml"))]
 TEMPLATES = sorted((ROOT / "examples/workflows").glob("*.yml"))
 WORKFLOWS = sorted((ROOT / ".github/workflows").glob("*.yml")) + TEMPLATES
-WORKFLOWS += sorted((ROOT / "demo/.github/workflows").glob("*.yml"))
+WORKFLOWS += sorted((ROOT / "examples/demo/.github/workflows").glob("*.yml"))
 LEAST = ROOT / "examples/workflows/simulation.yml"  # ten lines, to be read at a glance
 
 PUBLISHING = {
@@ -344,7 +344,7 @@ def test_dependabot_proposes_all_actions_and_packages_and_waits_a_week() -> None
     }
     actions = {f"/{file.parent.relative_to(ROOT).as_posix()}".removesuffix("/.") or "/" for file in ACTIONS}
     assert {folder for ecosystem, folder in watched if ecosystem == "github-actions"} == {
-        *("/", "/examples/workflows", "/demo/.github/workflows"),
+        *("/", "/examples/workflows", "/examples/demo/.github/workflows"),
         *(folder for folder in actions if folder != "/"),
     }
     npm = {f"/{file.parent.relative_to(ROOT).as_posix()}" for file in ROOT.glob("*/package.json")} | {"/.ci/workflows"}

@@ -1,4 +1,4 @@
-"""The folder demo/ as a repository of its own: green, and red with its patch for the right reason."""
+"""The folder examples/demo/ as a repository of its own: green, and red with its patch for the right reason."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from sim_action.engines import installed
 from tests.integration.conftest import ACTION, sim_action
 from tests.integration.github import WorkflowResult, run_workflow
 
-DEMO = ACTION / "demo"
+DEMO = ACTION / "examples/demo"
 WORKFLOW = ".github/workflows/simulation.yml"
 STEP = "      - uses: sim-action/sim-action@v0\n        id: simulation\n"
 MAX_PICTURE_BYTES = 150_000

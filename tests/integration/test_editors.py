@@ -25,7 +25,6 @@ from tests.integration.node import ENVIRONMENT, MODULES
 ROOT: Final = Path(__file__).parents[2]
 OF_SCENARIOS: Final = ROOT / "docs/scenario.schema.json"
 OF_BASES: Final = ROOT / "docs/base.schema.json"
-SCENARIOS: Final = sorted([*EXAMPLES, *ROOT.glob("demo/**/*.sim.yml")])
 BASES: Final = sorted(ROOT.glob("examples/**/*.base.yml"))
 
 
@@ -36,7 +35,7 @@ def server() -> Iterator[LanguageServer]:
 
 
 def test_an_editor_finds_no_problem_in_the_examples(server: LanguageServer) -> None:
-    texts = {path.as_uri(): path.read_text(encoding="utf-8") for path in (*SCENARIOS, *BASES)}
+    texts = {path.as_uri(): path.read_text(encoding="utf-8") for path in (*EXAMPLES, *BASES)}
     assert len(texts) > 50
     found = server.problems({**texts, "file:///all.sim.yml": SCENARIO})
     assert {address: problems for address, problems in found.items() if problems} == {}
@@ -132,7 +131,7 @@ def run(*command: str | Path) -> subprocess.CompletedProcess[str]:
 
 def test_check_jsonschema_accepts_the_schemas_and_the_examples(tmp_path: Path) -> None:
     check = f"{sys.prefix}/bin/check-jsonschema"
-    for schema, paths in ((OF_SCENARIOS, SCENARIOS), (OF_BASES, BASES)):
+    for schema, paths in ((OF_SCENARIOS, EXAMPLES), (OF_BASES, BASES)):
         accepted = run(check, "--schemafile", schema, *paths)
         assert accepted.returncode == 0, accepted.stdout
     wrong = tmp_path / "wrong.sim.yml"

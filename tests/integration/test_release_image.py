@@ -44,7 +44,7 @@ def test_the_image_runs_the_demo_before_it_is_saved(tmp_path: Path) -> None:
     assert names.index("Save it") > next(at for at, name in enumerate(names) if name.startswith("Run the demo"))
     assert machine.run("image", "Run the demo", tmp_path, IMAGE=f"{IMAGE}:0.9.0").returncode == 0
     (call,) = machine.called("docker")
-    assert call.endswith(f" --volume {tmp_path}/demo:/work {IMAGE}:0.9.0 run .")
+    assert call.endswith(f" --volume {tmp_path}/examples/demo:/work {IMAGE}:0.9.0 run .")
     failing = Machine(tmp_path, programs={"docker": "exit 1"})
     assert failing.run("image", "Run the demo", tmp_path, IMAGE=f"{IMAGE}:0.9.0").returncode == 1
 

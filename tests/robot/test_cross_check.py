@@ -209,7 +209,7 @@ def assert_equal(mine: Read, yours: Read, name: str = "") -> None:
 # --- tests ---
 
 URDFS: Final = [path for path in sorted(PYBULLET_DATA.rglob("*.urdf")) if "random_urdfs" not in path.parts]
-OURS: Final = [path for folder in ("sim_action", "examples", "demo") for path in (REPOSITORY / folder).rglob("*.urdf")]
+OURS: Final = [path for folder in ("sim_action", "examples") for path in (REPOSITORY / folder).rglob("*.urdf")]
 MJCFS: Final = sorted(PYBULLET_DATA.rglob("*.xml"))
 
 
