@@ -99,7 +99,7 @@ def serve_live(folder: Path, port: int, *, print_only: bool) -> ExitCode:
             note("no browser can be opened here; open this address yourself")
         note("press Ctrl-C to stop")
         _serve(server, interruption, threading.Event())
-    return ExitCode.INTERRUPTED
+    return ExitCode.of_command(is_interrupted=True)
 
 
 @contextmanager

@@ -113,7 +113,7 @@ def prove_scenarios(request: ProveRequest, interruption: Interruption) -> ExitCo
             proof = call.proof()
             if proof is None:
                 note("interrupted: no scenario is proven")
-                return ExitCode.INTERRUPTED
+                return ExitCode.of_command(is_interrupted=True)
             _write(proof, call.shown, request, options, Path(folder))
     # A closed output does not change the result.
     with suppress(BrokenPipeError):

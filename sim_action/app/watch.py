@@ -91,7 +91,7 @@ def _watch(request: RunRequest, patterns: Sequence[str], interruption: Interrupt
             known |= _rerun(request, touched, known, interruption)
             written = _without_written(watched, written)
             _note_watched(watched)
-    return ExitCode.INTERRUPTED
+    return ExitCode.of_command(is_interrupted=True)
 
 
 def _look(watched: _Watched, request: RunRequest, files: Iterable[Path], patterns: Iterable[str]) -> None:

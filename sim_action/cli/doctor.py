@@ -26,13 +26,12 @@ def doctor() -> ExitCode:
 
     marks = {"good": "ok", "missing": "-", "bad": "!"}
     colours = {"good": "green", "missing": None, "bad": "red"}
-    worst = ExitCode.PASSED
+    states: list[str] = []
     for finding in (*findings(), _ros(), _ros2()):
         mark = click.style(f"{marks[finding.state]:<3}", fg=colours[finding.state])
         click.echo(f"{mark}{finding.name:<16} {log_line(finding.text)}")
-        if finding.state == "bad":
-            worst = ExitCode.FAILED
-    return worst
+        states.append(finding.state)
+    return ExitCode.of_command(has_failed="bad" in states)
 
 
 def _ros() -> Finding:

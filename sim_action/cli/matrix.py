@@ -54,7 +54,7 @@ def matrix(paths: Sequence[str], shards: int, durations: str | None, **flags: An
 
     suite = discovered(paths, flags)
     if not suite.files:
-        return ExitCode.NO_SCENARIO
+        return ExitCode.of_command(has_scenarios=False)
     known: dict[Unit, float] = {}
     try:
         if durations and os.path.lexists(durations):

@@ -296,9 +296,10 @@ def _complained(
     for problem in (*unmatched, *unreadable):
         click.echo(log_line(str(problem)), err=True)
     if not request.suite.files:
-        return ExitCode.NO_SCENARIO
-    found = [*(error.exit_code for error in errors), *(ExitCode.INVALID for _ in (*empty, *unmatched))]
-    return max(found, default=ExitCode.PASSED)
+        return ExitCode.of_command(has_scenarios=False)
+    return ExitCode.of_command(
+        (*(error.exit_code for error in errors), *(ExitCode.INVALID for _ in (*empty, *unmatched)))
+    )
 
 
 def _meant(request: PlanRequest) -> tuple[Sequence[Source | Refused], Sequence[str], Sequence[Unmatched]]:

@@ -51,9 +51,9 @@ def validate(paths: Sequence[str], packages: Sequence[str], allow_outside: bool)
     runs = f" ({len(valid)} runs with all variations)" if len(valid) > scenarios else ""
     click.echo(f"{scenarios} valid, {_count(refused)}{runs}", err=bool(refused))
     if not suite.files:
-        return ExitCode.NO_SCENARIO
-    worst = max((scenario.error.exit_code for scenario in refused), default=ExitCode.PASSED)
-    return max(worst, ExitCode.INVALID if suite.empty else ExitCode.PASSED)
+        return ExitCode.of_command(has_scenarios=False)
+    codes = (scenario.error.exit_code for scenario in refused)
+    return ExitCode.of_command((*codes, *(ExitCode.INVALID for _ in suite.empty)))
 
 
 def _messages(refused: Refused) -> list[str]:

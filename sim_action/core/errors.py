@@ -69,6 +69,28 @@ class ExitCode(IntEnum):
     NO_SCENARIO = 5
     INTERRUPTED = 130
 
+    @classmethod
+    def of_command(
+        cls,
+        parts: Iterable[int] = (),
+        *,
+        is_interrupted: bool = False,
+        has_scenarios: bool = True,
+        has_failed: bool = False,
+    ) -> ExitCode:
+        """Decide the exit code of a command: the first of 130, 3, 2 and 1 that applies, else 0.
+
+        Args:
+            parts: the exit codes of its scenarios, files and reports.
+            is_interrupted: the command was interrupted, whatever its parts say.
+            has_scenarios: False if it found none and has no parts: the code is 5.
+            has_failed: the command fails for a reason that no part has.
+        """
+        if is_interrupted:
+            return cls.INTERRUPTED
+        codes = [*parts, *([cls.FAILED] if has_failed else [])]
+        return cls(max(codes, default=cls.PASSED if has_scenarios else cls.NO_SCENARIO))
+
 
 class SimActionError(Exception):
     """The base class of all errors.

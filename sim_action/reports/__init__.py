@@ -275,7 +275,7 @@ def write_reports(results: Results, options: ReportOptions, annotated: Results |
         return results.exit_code
     from sim_action.reports.unwritten_reports import complain_about
 
-    return max(results.exit_code, complain_about(unwritten, results, options))
+    return ExitCode.of_command((results.exit_code, complain_about(unwritten, results, options)))
 
 
 def _with_existing_files(results: Results, folder: Path) -> Results:

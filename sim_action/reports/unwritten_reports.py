@@ -43,18 +43,18 @@ def complain_about(unwritten: Mapping[str, Exception], results: Results, options
 
     Print every verdict on standard output if a required report is missing.
     """
-    code = ExitCode.PASSED
+    codes: list[ExitCode] = []
     for name, error in unwritten.items():
         label, target = _TARGETS[name]
         message = f"the {label} cannot be written to {target(options)}"
         if not isinstance(error, (OSError, UnicodeError, MemoryError)):
-            code = ExitCode.INTERNAL
+            codes.append(ExitCode.INTERNAL)
             fault = InternalError.of(error)
             for line in fault.details.splitlines():
                 _print(log_line(line), sys.stderr)
             _print(_complaint(f"{message}: {fault}", options.environment), sys.stderr)
         elif name in _REQUIRED:
-            code = max(code, ExitCode.FAILED)
+            codes.append(ExitCode.FAILED)
             _print(_complaint(escaped_line(f"{message}: {system_reason(error)}"), options.environment), sys.stderr)
         else:
             _print(log_line(f"sim-action: warning: {message}: {system_reason(error)}"), sys.stderr)
@@ -62,7 +62,7 @@ def complain_about(unwritten: Mapping[str, Exception], results: Results, options
         text = "\n".join(_verdicts(results))
         # Without standard output, the log of errors is the last place for the verdicts.
         _print(text, sys.stdout) or _print(text, sys.stderr)
-    return code
+    return ExitCode.of_command(codes)
 
 
 def _complaint(message: str, environment: Mapping[str, str]) -> str:

@@ -187,8 +187,7 @@ class Comparison:
 
     def exit_code(self, *, strict: bool = False) -> ExitCode:
         """Return the exit code of the process; with `strict`, warnings make it fail, too."""
-        bad = self.failures or self.is_empty or (strict and self.warnings)
-        return ExitCode.FAILED if bad else ExitCode.PASSED
+        return ExitCode.of_command(has_failed=bool(self.failures or self.is_empty or (strict and self.warnings)))
 
 
 def compare_outcomes(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -194,18 +193,14 @@ class Proof(FrozenModel):
 
     def exit_code(self, *, strict: bool) -> ExitCode:
         """Return the exit code; with `strict`, an expectation that has noticed nothing fails, and a bad scenario."""
-        if self.interrupted:
-            return ExitCode.INTERRUPTED
-        if not self.scenarios:
-            return ExitCode.NO_SCENARIO
-        worst = max(_always(scenario.exit_code for scenario in self.scenarios), default=ExitCode.PASSED)
-        return max(worst, ExitCode.FAILED) if strict and not self.all_notice else worst
+        return ExitCode.of_command(
+            (scenario.exit_code for scenario in self.scenarios if scenario.exit_code != ExitCode.FAILED),
+            is_interrupted=self.interrupted,
+            has_scenarios=bool(self.scenarios),
+            has_failed=strict and bool(self.scenarios) and not self.all_notice,
+        )
 
     def write(self, path: Path) -> None:
         """Write the file as a whole. Raise OSError."""
         with whole_file(path) as file:
             file.write((self.model_dump_json(indent=2) + "\n").encode("utf-8", "backslashreplace"))
-
-
-def _always(codes: Iterable[int]) -> list[ExitCode]:
-    return [ExitCode(code) for code in codes if code not in (ExitCode.PASSED, ExitCode.FAILED)]

@@ -90,13 +90,12 @@ class Results(FrozenModel):
 
     @property
     def exit_code(self) -> ExitCode:
-        """The most severe exit code of all outcomes, in the order 130, 3, 2, 1, 0.
+        """The exit code of the call.
 
         A shard without scenarios passes if the list of all shards has some.
         """
-        part = self.selected or (self.shard and self.shard.total)
-        without_outcomes = ExitCode.PASSED if part else ExitCode.NO_SCENARIO
-        return max((outcome.exit_code for outcome in self.outcomes), default=without_outcomes)
+        has_scenarios = self.selected or bool(self.shard and self.shard.total)
+        return ExitCode.of_command((outcome.exit_code for outcome in self.outcomes), has_scenarios=has_scenarios)
 
     @property
     def conclusion(self) -> Literal["success", "failure", "cancelled"]:

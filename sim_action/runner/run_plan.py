@@ -17,7 +17,7 @@ from sim_action.scenario.model import LoadedScenario, Unexercised
 from sim_action.scenario.selection import Suite, Unmatched
 from sim_action.scenario.source import Refused, Source
 from sim_action.scenario.variations.gate import PlannedGate
-from sim_action.scenario.variations.values import SEED
+from sim_action.scenario.variations.seeds import overriding_seed
 
 
 def engine_runs(loaded: LoadedScenario, backend: str | None) -> tuple[LoadedScenario, ...]:
@@ -197,14 +197,23 @@ class _Planner:
         if isinstance(scenario, Refused):
             return scenario
         try:
-            seeded = _seeded(scenario, self._request.seed)
-            return engine_runs(_with_unexercised(seeded, self._request.unexercised), self._request.backend)
+            return engine_runs(self._overridden(scenario), self._request.backend)
         except InvalidScenario as error:
             return scenario.source.refused(error)
         except UsageError:
             raise
         except Exception as error:  # noqa: BLE001 - the other scenarios have results to give
             return scenario.source.refused(InternalError.of(error))
+
+    def _overridden(self, loaded: LoadedScenario) -> LoadedScenario:
+        """Return the scenario with the options of the call that override its keys."""
+        request = self._request
+        changed: dict[str, object] = {}
+        if (seed := overriding_seed(loaded.source, request.seed)) is not None:
+            changed["seed"] = seed
+        if request.unexercised is not None and loaded.scenario.unexercised is None:
+            changed["unexercised"] = request.unexercised
+        return replace(loaded, scenario=loaded.scenario.model_copy(update=changed)) if changed else loaded
 
 
 def _once(planned: Iterable[Plan]) -> Iterator[Plan]:
@@ -216,20 +225,3 @@ def _once(planned: Iterable[Plan]) -> Iterator[Plan]:
                 continue
             told.add((plan.file, plan.name))
         yield plan
-
-
-def _with_unexercised(loaded: LoadedScenario, unexercised: Unexercised | None) -> LoadedScenario:
-    if unexercised is None or loaded.scenario.unexercised is not None:
-        return loaded
-    return replace(loaded, scenario=loaded.scenario.model_copy(update={"unexercised": unexercised}))
-
-
-def _seeded(loaded: LoadedScenario, seed: int | None) -> LoadedScenario:
-    """Return the scenario with the typed seed, unless there is none or its variation has a seed of its own."""
-    source = loaded.source
-    varies = source.scenario_seed is not None or any(varied.key == SEED for varied in source.variation)
-    return (
-        loaded
-        if seed is None or varies
-        else replace(loaded, scenario=loaded.scenario.model_copy(update={"seed": seed}))
-    )

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import errno
+import re
+from pathlib import Path
 
 import pytest
 
 from sim_action.core import errors
 from sim_action.core.errors import ExitCode, InvalidScenario, Location, ModelError, Problem
+from sim_action.core.version import PACKAGE_FOLDER
 from sim_action.core.wording import did_you_mean, escaped_line, log_line, nearest, shown
 
 
@@ -32,6 +35,31 @@ def test_every_error_has_the_exit_code_that_the_module_draws(error: type[errors.
 
 def test_exit_codes_are_those_of_the_readme() -> None:
     assert [int(code) for code in ExitCode] == [0, 1, 2, 3, 5, 130]
+
+
+@pytest.mark.parametrize(
+    ("parts", "stated", "code"),
+    [
+        ((), {}, 0),
+        ((), {"has_scenarios": False}, 5),
+        ((), {"has_failed": True}, 1),
+        ((), {"is_interrupted": True, "has_scenarios": False}, 130),
+        ((0, 1, 2), {}, 2),
+        ((1, 3, 2), {"has_failed": True}, 3),
+        ((3, 130), {}, 130),
+        ((2,), {"is_interrupted": True}, 130),
+    ],
+)
+def test_the_first_of_130_3_2_and_1_is_the_exit_code_of_a_command(
+    parts: tuple[int, ...], stated: dict[str, bool], code: int
+) -> None:
+    assert ExitCode.of_command(parts, **stated) is ExitCode(code)
+
+
+def test_only_one_function_decides_the_exit_code_of_a_command() -> None:
+    ranking = re.compile(r"\b(max|min|sorted)\((?:[^()]|\([^()]*\))*(exit_code\b|ExitCode)|ExitCode\.NO_SCENARIO")
+    modules = [path for path in PACKAGE_FOLDER.rglob("*.py") if path != Path(errors.__file__)]
+    assert [path.name for path in modules if ranking.search(path.read_text(encoding="utf-8"))] == []
 
 
 @pytest.mark.parametrize(

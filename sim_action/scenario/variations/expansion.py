@@ -38,14 +38,13 @@ from sim_action.scenario.variations.gate import (
     runs_without_draws,
     stated_gate,
 )
+from sim_action.scenario.variations.seeds import sampled, seed_of_draws
 from sim_action.scenario.variations.values import (
-    MAX_SEED,
     SEED,
     CsvFiles,
     ValueList,
     ValuesError,
     is_of,
-    sample_seed,
     value_list,
 )
 
@@ -170,7 +169,7 @@ def expanded(source: Source, seed: int | None, most: int = MAX_RUNS) -> tuple[So
     keys: list[_Key] = []
     if "variations" in data:
         runs = None if gate is None else gate.gate.runs
-        keys += _numbered(_keys(source, base, (_seed(base) or 0) if seed is None else seed, runs))
+        keys += _numbered(_keys(source, base, seed_of_draws(base, seed), runs))
     if gate is not None and not any(key.values.drawn for key in keys):
         keys.append(_samples(source.document, gate))
     # Indices into the values of each key; drawn keys share one index.
@@ -197,7 +196,7 @@ def expanded(source: Source, seed: int | None, most: int = MAX_RUNS) -> tuple[So
     found: Iterable[Source] = (_varied(source, base, keys, each, shared) for each in indices)
     if drawn and not any(key.written == SEED for key in drawn):
         sample = drawn[0].written
-        found = (_sampled(run, each[sample], seed) for run, each in zip(found, indices, strict=True))
+        found = (sampled(run, each[sample], seed) for run, each in zip(found, indices, strict=True))
     if gate is not None:
         listed = [key for key in keys if not key.values.drawn]
         names = [_named(source, listed, each) for each in indices]
@@ -253,17 +252,6 @@ def _named(source: Source, keys: Sequence[_Key], indices: Mapping[str, int]) -> 
     return f"{source.name}[{values}]" if values else source.name
 
 
-def _sampled(run: Source, sample: int, typed: int | None) -> Source:
-    """Return a run with the seed of its sample; `typed`: as on the command line, a listed seed overrides it."""
-    listed = any(varied.key == SEED for varied in run.variation)
-    stated = _seed(run.document)
-    if stated is None:
-        return run
-    seed = stated if listed or typed is None else typed
-    data, _ = placed(run.document.data, (SEED,), sample_seed(seed, sample))
-    return replace(run, document=replace(run.document, data=data), scenario_seed=seed)
-
-
 def _json(value: Any) -> JsonValue:
     """Return a value of a document as results store it."""
     if isinstance(value, dict):
@@ -272,11 +260,6 @@ def _json(value: Any) -> JsonValue:
         return [_json(inner) for inner in value]
     scalar: JsonValue = value
     return scalar
-
-
-def _seed(document: Document) -> int | None:
-    seed = document.data.get(SEED, 0) if isinstance(document.data, dict) else 0
-    return seed if isinstance(seed, int) and not isinstance(seed, bool) and 0 <= seed <= MAX_SEED else None
 
 
 def _keys(source: Source, base: Document, seed: int, runs: int | None) -> list[_Key]:

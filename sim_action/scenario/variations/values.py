@@ -42,7 +42,7 @@ MAX_ROWS: Final = 10_000
 """The largest number of rows that are samples; it is that of the runs of a file."""
 
 # Many programs round larger numbers when they read JSON.
-_DRAWN_SEED_BITS: Final = 53
+DRAWN_SEED_BITS: Final = 53
 
 
 @dataclass(frozen=True, slots=True)
@@ -301,11 +301,6 @@ def _of_csv(key: str, draw: CsvColumn, runs: int | None, files: CsvFiles | None)
     return ValueList(tuple(value for value, _ in cells), True, places=tuple(place for _, place in cells))
 
 
-def sample_seed(seed: int, sample: int) -> int:
-    """Return the seed of a sample, from the scenario's seed and the index of the sample alone."""
-    return Random(f"sample {sample} of seed {seed}").getrandbits(_DRAWN_SEED_BITS)
-
-
 _NO_SEEDS: Final = (
     "seeds are different whole numbers: draw them with 'integers' or 'uniform', such as "
     "{integers: [0, 1000000], samples: 20}"
@@ -317,8 +312,8 @@ def _seeds(draw: Draw, count: int, generator: Random) -> ValueList:
     if not isinstance(draw, Integers | Uniform):
         raise ValuesError(_NO_SEEDS, (draw.key,))
     low, high, unit = (*draw.integers, "") if isinstance(draw, Integers) else draw.numbers
-    if unit or low < 0 or high > 2**_DRAWN_SEED_BITS or low % 1 or high % 1:
-        raise ValuesError(f"the bounds of seeds must be whole numbers from 0 to {2**_DRAWN_SEED_BITS}", (draw.key,))
+    if unit or low < 0 or high > 2**DRAWN_SEED_BITS or low % 1 or high % 1:
+        raise ValuesError(f"the bounds of seeds must be whole numbers from 0 to {2**DRAWN_SEED_BITS}", (draw.key,))
     size = int(high - low) + 1
     if count > size:
         message = f"{count} different seeds do not fit between {low:g} and {high:g}"
