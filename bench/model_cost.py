@@ -17,7 +17,7 @@ def main() -> None:
     """Prints the three times."""
     engine = _seconds(lambda: import_module("pybullet"))
     from bench.robots import MINITAUR, WORKSPACE
-    from sim_action.robot.loading import ModelLibrary
+    from sim_action.robot.reading.loading import ModelLibrary
     from sim_action.scenario.loading import build_scene
 
     library, robot = ModelLibrary(), MINITAUR.robot

@@ -175,8 +175,8 @@ def _measure_urdf(engine: str, path: str) -> dict[str, float]:
     except ImportError:
         return {}
     from sim_action.core.workspace import Workspace
-    from sim_action.robot.loading import load_model
-    from sim_action.robot.spec import Robot
+    from sim_action.robot.model.robot_spec import Robot
+    from sim_action.robot.reading.loading import load_model
 
     folder = Path(path).parent
     robot, workspace = Robot(model=Path(path).name), Workspace(folder, folder)
@@ -191,9 +191,9 @@ def _measure_mjcf(who: str, path: str) -> dict[str, float]:
     if who == "mujoco":
         return {who: _seconds(lambda: mujoco.MjModel.from_xml_path(path))}
     from sim_action.core.workspace import Workspace
-    from sim_action.robot.loading import load_model
-    from sim_action.robot.mjcf import motors, reader  # noqa: F401 - imports do not count
-    from sim_action.robot.spec import Robot
+    from sim_action.robot.model.robot_spec import Robot
+    from sim_action.robot.reading.loading import load_model
+    from sim_action.robot.reading.mjcf import mjcf_reader, motors  # noqa: F401 - imports do not count
 
     folder = Path(path).parent
     robot, workspace = Robot(model=Path(path).name), Workspace(folder, folder)

@@ -12,7 +12,7 @@ from typing import Final
 
 from sim_action.core.permissions import Permissions
 from sim_action.core.workspace import Workspace
-from sim_action.robot.spec import Robot
+from sim_action.robot.model.robot_spec import Robot
 from sim_action.scenario.loading import load_scenario
 from sim_action.scenario.model import LoadedScenario
 

@@ -19,8 +19,8 @@ from docs.generate import BLOCK
 from docs.generators.markdown import table
 from docs.survey import rules_cell
 from sim_action.core.errors import RefusedModel
-from sim_action.robot.loading import load_model
-from sim_action.robot.robot_model import RobotModel
+from sim_action.robot.model.robot_model import RobotModel
+from sim_action.robot.reading.loading import load_model
 
 PAGE: Final = Path(__file__).parent / "models/robots.md"
 HEAD: Final = ("robot", "other keys of `robot:`", "mass", "joints", "findings", "µs a step", "ratio")

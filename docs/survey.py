@@ -35,9 +35,9 @@ from docs.generators.markdown import table
 from sim_action.app.inspect import inspect_model
 from sim_action.core.errors import ModelError, RefusedModel
 from sim_action.core.workspace import Workspace
-from sim_action.robot.model_files import find_model_file
-from sim_action.robot.packages import PackageError, Packages
-from sim_action.robot.spec import Robot
+from sim_action.robot.documents.model_files import find_model_file
+from sim_action.robot.documents.packages import PackageError, Packages
+from sim_action.robot.model.robot_spec import Robot
 
 HEAD: Final = ("model", "loads", "mass", "needs", "notes", "drive")
 _SUFFIXES: Final = (".urdf", ".xacro", ".sdf", ".xml")

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from sim_action.app.library_results import GateOutcome, Outcome, Results
     from sim_action.commands.robot_description import JointDescription, RobotDescription
     from sim_action.core.geometry import Pose, Twist
-    from sim_action.robot.link_motion import LinkMotion
+    from sim_action.robot.model.link_motion import LinkMotion
     from sim_action.scenario.written import Scenario
     from sim_action.state.command import Command, JointTargets, LinkWrench
     from sim_action.state.observation import Contact, JointState, LinkState, Observation
@@ -68,7 +68,7 @@ _HOMES = {
     "JointState": "sim_action.state.observation",
     "JointTargets": "sim_action.state.command",
     "LidarScan": "sim_action.state.readings",
-    "LinkMotion": "sim_action.robot.link_motion",
+    "LinkMotion": "sim_action.robot.model.link_motion",
     "LinkState": "sim_action.state.observation",
     "LinkWrench": "sim_action.state.command",
     "Observation": "sim_action.state.observation",

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sim_action.core.workspace import Workspace
-from sim_action.robot.packages import Packages
+from sim_action.robot.documents.packages import Packages
 
 NAMESPACE = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
 

@@ -9,8 +9,8 @@ import pytest
 from sim_action.core.errors import InvalidScenario
 from sim_action.core.permissions import Permissions
 from sim_action.core.workspace import OUTSIDE_REMEDY, Workspace
-from sim_action.robot.loading import load_model
-from sim_action.robot.spec import Robot
+from sim_action.robot.model.robot_spec import Robot
+from sim_action.robot.reading.loading import load_model
 from sim_action.scenario.loading import load_scenario
 from sim_action.scenario.model import Scenario
 from tests.scenarios import LEAST, load, told

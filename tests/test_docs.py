@@ -20,7 +20,7 @@ from docs.generators.verdicts import VERDICTS
 from docs.robots import without_figures
 from sim_action.assertions import ASSERTIONS
 from sim_action.cli import SUBCOMMANDS
-from sim_action.robot.audit.rules import RULES
+from sim_action.robot.model.findings import RULES
 from sim_action.scenario.loading import load_scenario
 from tests.examples import EXAMPLES
 

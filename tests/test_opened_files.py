@@ -27,11 +27,11 @@ GATED: Final = {
     "core/user_scripts.py": "Workspace.file",
     "meshes/__init__.py": "Packages.file, or Workspace.file for meshes of the world",
     "meshes/mesh_colours.py": "beside a mesh that was let through: only a name without folders, and no link",
-    "robot/control_tags.py": "Packages.file",
-    "robot/package_search.py": "Packages.may_read, or the environment of the job names the folder",
-    "robot/xacro_documents.py": "Packages.file",
-    "robot/xacro_expansion.py": "Packages.file",
-    "robot/xml_document.py": "Packages.file",
+    "robot/reading/control_tags.py": "Packages.file",
+    "robot/documents/package_search.py": "Packages.may_read, or the environment of the job names the folder",
+    "robot/reading/xacro_documents.py": "Packages.file",
+    "robot/reading/xacro_expansion.py": "Packages.file",
+    "robot/documents/xml_document.py": "Packages.file",
     "ros/ros1/catkin_packages.py": "package_name: only files of the package; the rest needs --allow-scripts",
     "ros/ros1/command_source/file_problems.py": "find_launch_file: only files of the package",
     "scenario/files.py": "Workspace.around, and Workspace.file for bases",
@@ -107,4 +107,4 @@ def test_only_two_modules_let_an_engine_open_a_file() -> None:
 
 
 def test_mujoco_gets_no_file_name() -> None:
-    assert callers(frozenset({"from_string"})) == {"robot/mjcf/spec.py"}
+    assert callers(frozenset({"from_string"})) == {"robot/reading/mjcf/mujoco_spec.py"}

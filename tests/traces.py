@@ -16,9 +16,9 @@ from sim_action.assertions.monitors import Monitor
 from sim_action.core.errors import Location
 from sim_action.core.geometry import Pose, Twist, quaternion_from_rpy
 from sim_action.core.workspace import Workspace
-from sim_action.robot.loading import load_model
-from sim_action.robot.robot_model import RobotModel
-from sim_action.robot.spec import Robot
+from sim_action.robot.model.robot_model import RobotModel
+from sim_action.robot.model.robot_spec import Robot
+from sim_action.robot.reading.loading import load_model
 from sim_action.scenario.model import DrivenRobot, Expectation, Scenario
 from sim_action.state.observation import Contact, Observation
 from sim_action.state.trace import COLUMNS, FloatArray, Trace

@@ -21,8 +21,8 @@ from sim_action.core.field_types import Placement, Without
 from sim_action.core.geometry import Pose, Twist
 from sim_action.core.registry import Table
 from sim_action.drives import DRIVES
-from sim_action.robot.link_motion import LinkMotion
-from sim_action.robot.spec import Robot
+from sim_action.robot.model.link_motion import LinkMotion
+from sim_action.robot.model.robot_spec import Robot
 from sim_action.scenario.model import Scenario, TraceSettings
 from sim_action.sensors import SENSORS
 from sim_action.state import readings

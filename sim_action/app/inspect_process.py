@@ -20,7 +20,7 @@ from sim_action.core.errors import ModelError
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.workspace import Workspace
 from sim_action.results.masking import Mask
-from sim_action.robot.spec import Robot
+from sim_action.robot.model.robot_spec import Robot
 from sim_action.runner.isolation.child_process import environment
 from sim_action.runner.process_output import redirect_output
 from sim_action.scenario.model import MEMORY, WALL_SECONDS

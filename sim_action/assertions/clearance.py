@@ -20,7 +20,7 @@ from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.robot.joint_selection import links_with_shapes
+from sim_action.robot.model.joint_selection import links_with_shapes
 from sim_action.state.trace_channels import Channels, ClearanceWatch
 from sim_action.state.verdict import Judged, Mark, Polyline, Signal, Verdict
 from sim_action.world.distance_lines import distance_lines

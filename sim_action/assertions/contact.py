@@ -27,7 +27,7 @@ from sim_action.core.field_types import (
 from sim_action.core.units import STEP_EPSILON
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.robot.joint_selection import link_name_problems, links_named, links_with_shapes, matches_name
+from sim_action.robot.model.joint_selection import link_name_problems, links_named, links_with_shapes, matches_name
 from sim_action.state.trace_channels import Channels, ClearanceWatch
 from sim_action.world import MAX_PHYSICS_RATE_HZ
 from sim_action.world.ground import GROUND

@@ -16,7 +16,7 @@ from sim_action.core import units
 from sim_action.core.field_types import JointEffort
 from sim_action.core.records import dataclass, replace
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.robot.joint_selection import (
+from sim_action.robot.model.joint_selection import (
     as_written,
     choice_problems,
     chosen,
@@ -24,7 +24,7 @@ from sim_action.robot.joint_selection import (
     reading_of,
     unit_problem,
 )
-from sim_action.robot.robot_model import READINGS
+from sim_action.robot.model.robot_model import READINGS
 from sim_action.state.verdict import Signal, Verdict
 from sim_action.world.scene import Scene
 

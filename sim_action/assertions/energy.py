@@ -14,7 +14,7 @@ from sim_action.core import units
 from sim_action.core.field_types import NonNegativeJoules
 from sim_action.core.records import dataclass, replace
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.robot.joint_selection import choice_problems, chosen, motor_problems
+from sim_action.robot.model.joint_selection import choice_problems, chosen, motor_problems
 from sim_action.state.verdict import Signal
 from sim_action.world.scene import Scene
 

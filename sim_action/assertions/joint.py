@@ -17,8 +17,8 @@ from sim_action.core.field_types import JointEffort, JointPosition, JointQuantit
 from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.robot.joint_selection import as_written, chosen, name_problem, reading_of, unit_problem
-from sim_action.robot.robot_model import READINGS, Reading
+from sim_action.robot.model.joint_selection import as_written, chosen, name_problem, reading_of, unit_problem
+from sim_action.robot.model.robot_model import READINGS, Reading
 from sim_action.state.verdict import Signal
 from sim_action.world.scene import Scene
 

@@ -18,8 +18,8 @@ from sim_action.core.field_types import Metres
 from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.robot.joint_selection import link_name_problems, links_named
-from sim_action.robot.robot_model import RobotModel
+from sim_action.robot.model.joint_selection import link_name_problems, links_named
+from sim_action.robot.model.robot_model import RobotModel
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Judged, Signal, Verdict
 from sim_action.world.ground import GROUND
@@ -296,7 +296,7 @@ class SupportMonitor:
     def _margins(self, trace: Trace) -> FloatArray:
         import numpy as np
 
-        from sim_action.robot.link_motion import centre_of_mass
+        from sim_action.robot.model.link_motion import centre_of_mass
 
         if not self.footing.is_known(trace):
             return np.full(len(trace), -np.inf)

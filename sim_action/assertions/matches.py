@@ -28,8 +28,8 @@ from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import shown
 from sim_action.core.workspace import PathError
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.robot.joint_selection import as_written, chosen, tolerance_problems
-from sim_action.robot.robot_model import Joint
+from sim_action.robot.model.joint_selection import as_written, chosen, tolerance_problems
+from sim_action.robot.model.robot_model import Joint
 from sim_action.state.golden_trajectory import (
     RESOLUTION,
     Golden,

@@ -65,7 +65,7 @@ class NoCollision(Assertion):
 
     @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        from sim_action.robot.self_collision import has_limb
+        from sim_action.robot.model.link_pairs import has_limb
 
         limbs = has_limb(scene.model, bolted=scene.bolted)
         return NoCollisionMonitor(frozenset(self.allow), 1 / scene.physics.rate, has_limb=limbs)

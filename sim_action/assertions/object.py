@@ -33,8 +33,8 @@ from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.robot.kinematics import link_of_frame, why_no_frame
-from sim_action.robot.robot_model import WORLD
+from sim_action.robot.model.kinematics import link_of_frame, why_no_frame
+from sim_action.robot.model.robot_model import WORLD
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Judged, Mark, Signal, Verdict
 from sim_action.world.scene import Scene
@@ -341,7 +341,7 @@ def motion_of(spec: ObjectAssertion, scene: Scene, trace: Trace, known: tuple[tu
     """
     import numpy as np
 
-    from sim_action.robot.link_motion import LinkMotion, link_motion
+    from sim_action.robot.model.link_motion import LinkMotion, link_motion
 
     here = _present(trace, spec.name)
     if not len(here):

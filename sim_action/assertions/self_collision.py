@@ -16,7 +16,7 @@ from sim_action.core import units
 from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.robot.joint_selection import matches_name
+from sim_action.robot.model.joint_selection import matches_name
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Signal, Verdict
 from sim_action.world.scene import Scene
@@ -77,7 +77,7 @@ class SelfCollision(Assertion):
 
     def problems(self, scene: Scene) -> SpecProblems:
         """Yield names in `allow` that match no link, and a robot whose links cannot touch each other."""
-        from sim_action.robot.self_collision import NO_PAIRS, touchable_pairs
+        from sim_action.robot.model.link_pairs import NO_PAIRS, touchable_pairs
 
         links, hinted, known = scene.model.links_by_name, FirstFew(), True
         for index, pair in enumerate(self.allow):

@@ -19,7 +19,7 @@ from sim_action.core.records import dataclass, replace
 from sim_action.core.units import Dimension
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.robot.joint_selection import as_written
+from sim_action.robot.model.joint_selection import as_written
 from sim_action.state.readings import READING_COLUMNS, ReadingColumn, columns_of
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Judged, Signal, Verdict

@@ -29,13 +29,13 @@ from sim_action.core.user_scripts import (
 from sim_action.core.wording import did_you_mean, escaped_line, shown, with_article
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.robot.link_motion import LinkMotions
+from sim_action.robot.model.link_motion import LinkMotions
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Judged, Signal, Verdict, VerdictStatus
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.robot.robot_model import RobotModel
+    from sim_action.robot.model.robot_model import RobotModel
     from sim_action.state.observation import Observation
     from sim_action.state.trace import FloatArray, Trace
 

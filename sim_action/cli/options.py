@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from sim_action.core.permissions import Permissions
     from sim_action.core.workspace import Workspace
     from sim_action.reports import ReportRequest
-    from sim_action.robot.spec import Robot
+    from sim_action.robot.model.robot_spec import Robot
     from sim_action.scenario.selection import Selection, Suite
 
 Command = Callable[..., ExitCode]
@@ -362,7 +362,7 @@ def asked_model(model: str, flags: dict[str, Any]) -> tuple[Robot, Workspace]:
     Raises UsageError, also for a model whose code may not run.
     """
     from sim_action.core.workspace import Workspace
-    from sim_action.robot.spec import Robot
+    from sim_action.robot.model.robot_spec import Robot
 
     packages = named_packages(flags["packages"])
     # As typed: the result shows them as keys of a scenario.

@@ -8,7 +8,7 @@ from typing import Final, cast
 from sim_action.core.field_types import MAX_COORDINATE_M
 from sim_action.core.geometry import Twist
 from sim_action.core.wording import with_article
-from sim_action.robot.kinematics import why_no_frame
+from sim_action.robot.model.kinematics import why_no_frame
 from sim_action.state.command import Answer, Command, JointTargets, LinkWrench, is_finite
 from sim_action.world.disturbance import MAX_FORCE
 from sim_action.world.scene import Scene

@@ -25,7 +25,7 @@ from sim_action.core.field_types import NamesFile, PositiveSeconds
 from sim_action.core.wording import shown
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.robot.kinematics import why_no_link
+from sim_action.robot.model.kinematics import why_no_link
 from sim_action.state.command import Answer
 from sim_action.world.scene import Scene
 

@@ -27,9 +27,9 @@ from sim_action.core.records import dataclass
 from sim_action.core.wording import FirstFew
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.robot.joint_selection import joints_set_by, selects, setting_problems
-from sim_action.robot.kinematics import beyond_limits, too_fast, too_strong
-from sim_action.robot.robot_model import Joint, Reading, RobotModel
+from sim_action.robot.model.joint_selection import joints_set_by, selects, setting_problems
+from sim_action.robot.model.kinematics import beyond_limits, too_fast, too_strong
+from sim_action.robot.model.robot_model import Joint, Reading, RobotModel
 from sim_action.state.command import JointTargets
 from sim_action.world.scene import Scene
 

@@ -11,7 +11,7 @@ from sim_action.commands.joints import Blend
 from sim_action.core import geometry, units
 from sim_action.core.geometry import Pose, Quaternion, Twist, Vector3
 from sim_action.core.records import dataclass, replace
-from sim_action.robot.inverse_kinematics import REACHED_M, Chain, Solution, Values, reach, search
+from sim_action.robot.model.inverse_kinematics import REACHED_M, Chain, Solution, Values, reach, search
 
 # Joint positions are found before the run once per this distance in m, and per this angle in rad. The line between two
 # of them is straight within micrometres.

@@ -31,7 +31,7 @@ from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
     from sim_action.commands.link_path import Follower, Leg, LinkPath, Plan
-    from sim_action.robot.inverse_kinematics import Chain, Values
+    from sim_action.robot.model.inverse_kinematics import Chain, Values
     from sim_action.state.observation import Observation
 
 _ANGLES: Final = ("roll", "pitch", "yaw")
@@ -363,14 +363,14 @@ class _Motion:
 
 
 def _chain(link: str, scene: Scene) -> Chain:
-    from sim_action.robot.inverse_kinematics import Chain
+    from sim_action.robot.model.inverse_kinematics import Chain
 
     return Chain.of(scene.model, link, scene.joint_positions)
 
 
 def _why_not_moved(link: str, scene: Scene) -> str | None:
     """Return a message if no joint with a motor moves a link relative to the base; None if one does."""
-    from sim_action.robot.kinematics import why_no_link
+    from sim_action.robot.model.kinematics import why_no_link
 
     if (unknown := why_no_link(scene.model, link)) is not None:
         return unknown
@@ -388,7 +388,7 @@ def _fixed_base(scene: Scene) -> Pose | None:
     at = scene.placement
     if at.z is not None:
         return Pose((at.x, at.y, at.z), at.orientation_xyzw)
-    from sim_action.robot.kinematics import link_poses, robot_box
+    from sim_action.robot.model.kinematics import link_poses, robot_box
 
     turned = Pose(orientation_xyzw=at.orientation_xyzw)
     poses = link_poses(scene.model, scene.joint_positions)

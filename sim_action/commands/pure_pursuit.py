@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 
 from sim_action.core.geometry import Twist
 from sim_action.core.records import dataclass
-from sim_action.robot.kinematics import Mobility
+from sim_action.robot.model.kinematics import Mobility
 
 if TYPE_CHECKING:
     from sim_action.state.observation import Observation

@@ -24,7 +24,7 @@ from sim_action.core.geometry import Twist
 from sim_action.core.wording import did_you_mean
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.robot.robot_model import RobotModel
+from sim_action.robot.model.robot_model import RobotModel
 from sim_action.state.command import Command, JointTargets
 from sim_action.world.scene import Scene
 

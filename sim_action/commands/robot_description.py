@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Self
 
 from sim_action.core.records import dataclass
-from sim_action.robot.robot_model import Joint, JointType
+from sim_action.robot.model.robot_model import Joint, JointType
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:

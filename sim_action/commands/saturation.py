@@ -9,8 +9,8 @@ from collections.abc import Mapping
 
 from sim_action.core import units
 from sim_action.core.records import replace
-from sim_action.robot.kinematics import beyond_limits
-from sim_action.robot.robot_model import Reading, RobotModel
+from sim_action.robot.model.kinematics import beyond_limits
+from sim_action.robot.model.robot_model import Reading, RobotModel
 from sim_action.state.command import Answer, JointTargets
 
 

@@ -20,7 +20,7 @@ from sim_action.core.field_types import (
 from sim_action.core.units import first_step
 from sim_action.core.yaml_document import KeyPath
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.robot.kinematics import why_no_frame
+from sim_action.robot.model.kinematics import why_no_frame
 from sim_action.state.command import WORLD_FRAME, LinkWrench
 from sim_action.world.disturbance import NewtonMetres, Newtons
 from sim_action.world.scene import Scene

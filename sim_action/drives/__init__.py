@@ -20,8 +20,8 @@ from sim_action.drives.plugins import (
     unread_parameters,
     unusable_plugins,
 )
-from sim_action.robot.kinematics import Mobility, SameModel
-from sim_action.robot.robot_model import RobotModel
+from sim_action.robot.model.kinematics import Mobility, SameModel
+from sim_action.robot.model.robot_model import RobotModel
 from sim_action.state.command import JointTargets
 from sim_action.world.physics import GRAVITY
 from sim_action.world.scene import Scene

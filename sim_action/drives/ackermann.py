@@ -57,8 +57,8 @@ from sim_action.drives.wheels import (
     wheel,
     wheels_on_ground,
 )
-from sim_action.robot.kinematics import Mobility
-from sim_action.robot.robot_model import RobotModel
+from sim_action.robot.model.kinematics import Mobility
+from sim_action.robot.model.robot_model import RobotModel
 from sim_action.state.command import JointTargets
 from sim_action.state.sensor_inputs import PlanarWay
 from sim_action.world.physics import GRAVITY

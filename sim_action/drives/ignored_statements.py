@@ -8,7 +8,7 @@ from typing import Final
 
 from sim_action.drives.plugins import number_above_zero, plugins_of_kind, source_of, unread_parameters
 from sim_action.drives.wheels import wheels_on_ground
-from sim_action.robot.robot_model import Plugin, RobotModel
+from sim_action.robot.model.robot_model import Plugin, RobotModel
 
 _SPEED_LIMIT: Final = re.compile(r"(?:(?P<axis>(?:linear|angular)\.[xyz])\.)?max_(?:linear_|angular_)?velocity")
 

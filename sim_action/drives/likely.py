@@ -8,7 +8,7 @@ from sim_action.drives import Drive
 from sim_action.drives.diff import DiffDrive
 from sim_action.drives.mecanum import MecanumDrive
 from sim_action.drives.skid import SkidSteer, mecanum_names, sides_on_ground
-from sim_action.robot.robot_model import RobotModel
+from sim_action.robot.model.robot_model import RobotModel
 
 _PAIR: Final = 2
 

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Final, Literal
 
 from sim_action.core.records import dataclass
-from sim_action.robot.robot_model import Plugin, RobotModel
+from sim_action.robot.model.robot_model import Plugin, RobotModel
 
 Kind = Literal["diff", "skid", "ackermann", "mecanum", "mover", "velocity joint", "position joint"]
 """The effect of a plugin. A mover moves the base itself, without wheels."""

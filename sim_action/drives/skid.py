@@ -26,7 +26,7 @@ from sim_action.drives.wheels import (
     rolling,
     wheel,
 )
-from sim_action.robot.robot_model import RobotModel
+from sim_action.robot.model.robot_model import RobotModel
 from sim_action.world.scene import Scene
 
 # Depth in m by which each wheel presses into the ground at rest. Rigid wheels would share the load of more than three

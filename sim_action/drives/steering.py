@@ -12,7 +12,7 @@ from typing import Final
 from sim_action.core import units
 from sim_action.core.records import dataclass
 from sim_action.drives.wheels import MIN_UPRIGHT_Z, Wheel, wheel
-from sim_action.robot.robot_model import Joint, RobotModel
+from sim_action.robot.model.robot_model import Joint, RobotModel
 
 # A wheel at 90 deg to the robot follows no curve.
 _MAX_ANGLE: Final = math.radians(85)

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Final
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Vector3
 from sim_action.core.records import dataclass
-from sim_action.robot.kinematics import shape_points
-from sim_action.robot.robot_model import Joint, Link, Shape
+from sim_action.robot.model.kinematics import shape_points
+from sim_action.robot.model.robot_model import Joint, Link, Shape
 
 if TYPE_CHECKING:
     import numpy as np

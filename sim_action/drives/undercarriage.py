@@ -32,7 +32,7 @@ from sim_action.drives.wheels import (
     wheel,
     wheels_on_ground,
 )
-from sim_action.robot.robot_model import Joint, RobotModel
+from sim_action.robot.model.robot_model import Joint, RobotModel
 
 _MAX_NAMED: Final = 4
 _PAIR: Final = 2

@@ -12,7 +12,7 @@ from sim_action.core import units
 from sim_action.core.field_types import PositiveMetres, PositiveNewtonMetres, Radians
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives import Drive
-from sim_action.robot.robot_model import RobotModel
+from sim_action.robot.model.robot_model import RobotModel
 
 WheelRadius = Annotated[PositiveMetres | None, Field(description="radius of the wheels; default: read from the model")]
 

@@ -18,8 +18,8 @@ from sim_action.core.geometry import Pose, Vector3
 from sim_action.core.records import dataclass
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives.tyres import NotRound, Tyre, tyre_of
-from sim_action.robot.kinematics import SameModel, link_poses, shape_box, shape_points
-from sim_action.robot.robot_model import Joint, RobotModel, Shape
+from sim_action.robot.model.kinematics import SameModel, link_poses, shape_box, shape_points
+from sim_action.robot.model.robot_model import Joint, RobotModel, Shape
 
 MAX_AXLE_DEVIATION: Final = 0.1
 """Maximum component of an axle, as a unit vector, along a direction to which it is perpendicular."""

@@ -9,8 +9,8 @@ from typing import NamedTuple, Protocol
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Quaternion, Twist, Vector3
 from sim_action.core.records import dataclass
-from sim_action.robot.kinematics import link_of_frame
-from sim_action.robot.robot_model import RobotModel
+from sim_action.robot.model.kinematics import link_of_frame
+from sim_action.robot.model.robot_model import RobotModel
 from sim_action.state.command import WORLD_FRAME, BasePush, LinkWrench
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from sim_action.core.geometry import Vector3
 from sim_action.core.units import first_step
-from sim_action.robot.joint_selection import matches_name
+from sim_action.robot.model.joint_selection import matches_name
 from sim_action.state.observation import Contact, PresentContacts
 from sim_action.state.trace_channels import Channels
 from sim_action.state.trace_records import BodyRecord, ContactRecord, LinkTouch, frame_stride

@@ -18,8 +18,8 @@ from sim_action.core.errors import BadStart, EngineError
 from sim_action.core.records import dataclass
 from sim_action.engines.observers import Nearest
 from sim_action.engines.path_contacts import MIN_OVERLAP_M
-from sim_action.robot.robot_model import Joint, RobotModel, Shape
-from sim_action.robot.self_collision import NO_PAIRS, LinkPair
+from sim_action.robot.model.link_pairs import NO_PAIRS, LinkPair
+from sim_action.robot.model.robot_model import Joint, RobotModel, Shape
 from sim_action.state.observation import SelfContact
 from sim_action.state.trace import FloatArray
 

@@ -1,4 +1,5 @@
 """Robot description files (URDF, xacro, SDF, MJCF) -> `RobotModel`, one clean model for every engine.
 
-`loading.py` is the entry point. `audit/` checks a model, `sdf/` converts SDF to URDF.
+Four floors, each of which imports only those below it. `reading` reads the formats; `reading/loading.py` is the entry
+point. `audit` checks the elements of a model. `documents` finds and parses files. `model` is the data.
 """

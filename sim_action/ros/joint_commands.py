@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 from sim_action.core.records import dataclass
-from sim_action.robot.robot_model import Joint, Reading
+from sim_action.robot.model.robot_model import Joint, Reading
 from sim_action.state.command import JointTargets
 
 

@@ -11,9 +11,9 @@ from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_document import KeyPath
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives import recognise, why_not_recognised
-from sim_action.robot.audit.rules import ALLOWABLE, RULES
-from sim_action.robot.kinematics import beyond_limits, why_no_link
-from sim_action.robot.robot_model import WORLD, RobotModel
+from sim_action.robot.model.findings import ALLOWABLE, RULES
+from sim_action.robot.model.kinematics import beyond_limits, why_no_link
+from sim_action.robot.model.robot_model import WORLD, RobotModel
 from sim_action.scenario.model import MAX_COMPARED_STEPS, Agreement, Expectation, Scenario, rate_divides
 from sim_action.sensors import MountedSensor
 from sim_action.world import GROUND
@@ -146,7 +146,7 @@ def compared_body_problems(scenario: Scenario) -> SpecProblems:
 def agreement_problems(scene: Scene, agreement: Agreement) -> SpecProblems:
     """Yield joints and links in `agreement` that the robot does not have, and units that do not fit the joints."""
     # Few scenarios have an agreement.
-    from sim_action.robot.joint_selection import groups_of, tolerance_problems
+    from sim_action.robot.model.joint_selection import groups_of, tolerance_problems
 
     for path, message in tolerance_problems(scene.model, agreement.joints):
         yield ("agreement", "joints", *path), message
@@ -220,7 +220,7 @@ def robot_problems(scenario: Scenario, model: RobotModel) -> SpecProblems:
 
 def _self_collision_problems(model: RobotModel) -> SpecProblems:
     """Yield a problem if no two links of the robot can touch each other."""
-    from sim_action.robot.self_collision import NO_PAIRS, touchable_pairs
+    from sim_action.robot.model.link_pairs import NO_PAIRS, touchable_pairs
 
     if next(touchable_pairs(model), None) is None:
         yield ("robot", "self_collision"), f"it has no effect: {NO_PAIRS}; remove it"
@@ -228,7 +228,7 @@ def _self_collision_problems(model: RobotModel) -> SpecProblems:
 
 def _start_position_problems(positions: Mapping[str, float | str], model: RobotModel) -> SpecProblems:
     """Yield missing joints, patterns that match nothing, and invalid start positions."""
-    from sim_action.robot.joint_selection import joints_set_by, setting_problems
+    from sim_action.robot.model.joint_selection import joints_set_by, setting_problems
 
     for below, message in setting_problems(model, positions, FirstFew()):
         yield ("robot", "joints", *below), message
@@ -271,7 +271,7 @@ def follower_problems(scene: Scene) -> SpecProblems:
         return
     if not any(joint.mimic for joint in model.moving_joints):
         return
-    from sim_action.robot.joint_selection import joints_set_by
+    from sim_action.robot.model.joint_selection import joints_set_by
 
     setters = {each: name for name, names in joints_set_by(model, stated).items() for each in names}
     for joint in model.moving_joints:

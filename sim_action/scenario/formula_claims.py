@@ -20,8 +20,8 @@ from sim_action.assertions.temporal_logic.vacuity import (
 )
 from sim_action.core import units
 from sim_action.core.yaml_document import KeyPath
-from sim_action.robot.robot_model import WORLD
-from sim_action.robot.self_collision import rigid_bodies
+from sim_action.robot.model.link_pairs import rigid_bodies
+from sim_action.robot.model.robot_model import WORLD
 from sim_action.scenario.claim_audit import ClaimFinding
 from sim_action.world import GROUND, Physics
 

@@ -21,8 +21,8 @@ from sim_action.core.errors import (
 from sim_action.core.permissions import Permissions
 from sim_action.core.records import dataclass, field, replace
 from sim_action.core.yaml_errors import ProblemList, SpecProblems
-from sim_action.robot.loading import ModelLibrary, check_text, load_model, package_problems, srdf_problems
-from sim_action.robot.robot_model import RobotModel
+from sim_action.robot.model.robot_model import RobotModel
+from sim_action.robot.reading.loading import ModelLibrary, check_text, load_model, package_problems, srdf_problems
 from sim_action.scenario import checks as scenario_checks
 from sim_action.scenario import world_checks
 from sim_action.scenario.claim_audit import (

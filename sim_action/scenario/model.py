@@ -31,8 +31,8 @@ from sim_action.core.wording import shown
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import Document
 from sim_action.drives import Drive
-from sim_action.robot.robot_model import RobotModel
-from sim_action.robot.spec import Robot
+from sim_action.robot.model.robot_model import RobotModel
+from sim_action.robot.model.robot_spec import Robot
 from sim_action.scenario.claim_audit import AuditWarning
 from sim_action.scenario.mutation import Mutation
 from sim_action.scenario.source import Source

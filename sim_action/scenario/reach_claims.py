@@ -15,8 +15,8 @@ from sim_action.core import geometry, units
 from sim_action.core.geometry import Pose, Vector3
 from sim_action.core.records import dataclass
 from sim_action.core.yaml_document import KeyPath
-from sim_action.robot.kinematics import link_of_frame, link_poses
-from sim_action.robot.robot_model import WORLD, Joint, RobotModel
+from sim_action.robot.model.kinematics import link_of_frame, link_poses
+from sim_action.robot.model.robot_model import WORLD, Joint, RobotModel
 from sim_action.scenario.claim_audit import ClaimFinding, beyond
 from sim_action.world.scene import Scene
 

@@ -8,8 +8,8 @@ from typing import Any, Final
 
 from sim_action.core import units
 from sim_action.core.yaml_document import KeyPath
-from sim_action.robot.kinematics import link_of_frame
-from sim_action.robot.robot_model import WORLD, Joint, Link, RobotModel
+from sim_action.robot.model.kinematics import link_of_frame
+from sim_action.robot.model.robot_model import WORLD, Joint, Link, RobotModel
 from sim_action.scenario.claim_audit import ClaimFinding, late_points, placed_leaves
 from sim_action.scenario.model import Agreement, Scenario
 from sim_action.world.scene import Scene
@@ -92,7 +92,7 @@ def _shapes(leaves: Sequence[tuple[KeyPath, Any]], scene: Scene) -> Iterator[Cla
 
 def _clipped_efforts(path: KeyPath, assertion: Any, model: RobotModel) -> Iterator[ClaimFinding]:
     """Yield limits of efforts that the motors of all selected joints cannot exceed."""
-    from sim_action.robot.joint_selection import chosen
+    from sim_action.robot.model.joint_selection import chosen
 
     motors = [joint for joint in chosen(model, assertion.joints) if joint.mimic is None]
     # Without a limit in the model, or with a limit of 0, the effort is not limited.
@@ -202,7 +202,7 @@ def _quoted(names: Sequence[str]) -> str:
 def _bare_joint_angles(path: KeyPath, assertion: Any, model: RobotModel) -> Iterator[ClaimFinding]:
     """Yield bare angles of joints that cannot make a full turn; other joints may turn many times."""
     for names, below, written in _joint_positions(assertion):
-        from sim_action.robot.joint_selection import chosen
+        from sim_action.robot.model.joint_selection import chosen
 
         if any(map(_is_limited, chosen(model, names))) and (problem := units.beyond_a_turn(written)) is not None:
             yield ClaimFinding("bare-angle", (*path, *below), problem)

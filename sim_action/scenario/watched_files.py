@@ -21,7 +21,7 @@ from sim_action.core.permissions import Permissions
 from sim_action.core.records import dataclass, replace
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_document import MAX_BYTES, read_document
-from sim_action.robot.packages import PackageError, Packages
+from sim_action.robot.documents.packages import PackageError, Packages
 from sim_action.scenario.source import Source
 
 MAX_FILES: Final = 2_000

@@ -14,7 +14,7 @@ from sim_action.world import GROUND
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.robot.robot_model import RobotModel
+    from sim_action.robot.model.robot_model import RobotModel
     from sim_action.simulation.energy import EnergyWatch
     from sim_action.simulation.wheel_slip import WheelSlip
 

@@ -15,7 +15,7 @@ from sim_action.core.records import dataclass, replace
 from sim_action.drives import Drive, recognise
 from sim_action.engines import ENGINES, Engine, chosen
 from sim_action.engines.observers import arrivals
-from sim_action.robot.audit.rules import announced, unannounced
+from sim_action.robot.model.findings import announced, unannounced
 from sim_action.scenario.claim_audit import LOGGED_ERROR, NOT_REPRODUCIBLE, NOT_SIMULATED, ClaimFinding
 from sim_action.scenario.model import Scenario
 from sim_action.simulation.accuracy import AccuracyWatch, links_with_springs

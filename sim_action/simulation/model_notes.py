@@ -35,7 +35,7 @@ def about_links(scenario: Scenario, scene: Scene) -> Iterator[str]:
     keys = {assertion.key for assertion in scenario.assertions}
     # Most robots that drive have fewer motors than an arm; the rest of the check is imported for others.
     if keys and "self_collision" not in keys and len(scene.model.motor_joints) > (1 if scene.bolted else 2):
-        from sim_action.robot.self_collision import unwatched_note
+        from sim_action.robot.model.link_pairs import unwatched_note
 
         note = unwatched_note(scene.model, scene.robot, bolted=scene.bolted)
         yield from () if note is None else (note,)

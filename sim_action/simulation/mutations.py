@@ -13,7 +13,7 @@ from sim_action.commands import Controller
 from sim_action.core.geometry import Twist, Vector3, scale
 from sim_action.core.records import dataclass, field, replace
 from sim_action.drives import DriveMotion
-from sim_action.robot.robot_model import RobotModel
+from sim_action.robot.model.robot_model import RobotModel
 from sim_action.scenario.mutation import Mutation
 from sim_action.sensors import Measure, Sight
 from sim_action.simulation.seams import Seams

@@ -10,7 +10,7 @@ from importlib import import_module
 
 from sim_action.drives import recognise
 from sim_action.engines import chosen
-from sim_action.robot.robot_model import RobotModel
+from sim_action.robot.model.robot_model import RobotModel
 from sim_action.scenario.model import LoadedScenario, Scenario
 from sim_action.simulation.accuracy import LEAST_FRICTION
 

@@ -20,7 +20,7 @@ from sim_action.core.convex import hull_distance
 from sim_action.core.geometry import Pose
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import first_step
-from sim_action.robot.link_motion import link_frames
+from sim_action.robot.model.link_motion import link_frames
 from sim_action.simulation.convex_pieces import Obstacle, Piece, link_pieces, part_pieces, part_soups, turned
 from sim_action.simulation.tunnelling import FIXED, Block, Miss, Parts
 from sim_action.state.trace import FloatArray

@@ -20,7 +20,7 @@ import numpy as np
 from sim_action.core import units
 from sim_action.core.errors import MissedContact
 from sim_action.engines.motion_bound import motion_factors
-from sim_action.robot.robot_model import Shape
+from sim_action.robot.model.robot_model import Shape
 from sim_action.state.observation import Observation
 from sim_action.state.trace import FloatArray, Trace
 from sim_action.world import MAX_PHYSICS_RATE_HZ, MAX_SPEED, Body, path_of

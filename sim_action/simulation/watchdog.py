@@ -19,7 +19,7 @@ import numpy as np
 
 from sim_action.core.errors import SimulationUnstable
 from sim_action.core.records import dataclass
-from sim_action.robot.robot_model import Joint, RobotModel
+from sim_action.robot.model.robot_model import Joint, RobotModel
 from sim_action.state.observation import Observation
 from sim_action.state.trace import FloatArray, Trace
 from sim_action.world import MAX_SPEED, Physics

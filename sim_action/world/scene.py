@@ -12,15 +12,15 @@ from sim_action.core.field_types import FrozenModel, Placement
 from sim_action.core.geometry import Pose, rpy_from_quaternion
 from sim_action.core.records import dataclass, field
 from sim_action.core.workspace import Workspace
-from sim_action.robot.kinematics import Mobility, why_no_link
-from sim_action.robot.robot_model import WORLD, RobotModel
-from sim_action.robot.spec import Robot
+from sim_action.robot.model.kinematics import Mobility, why_no_link
+from sim_action.robot.model.robot_model import WORLD, RobotModel
+from sim_action.robot.model.robot_spec import Robot
 from sim_action.world import Body, Physics, World
 
 if TYPE_CHECKING:
     from numpy.random import Generator
 
-    from sim_action.robot.mjcf.model import Keyframe
+    from sim_action.robot.model.mjcf_data import Keyframe
     from sim_action.world.parts import Part
 
 
@@ -130,7 +130,7 @@ class Scene:
         """The keyframe of the model at which the robot begins, if the scenario names one."""
         if self.robot.keyframe is None:
             return None
-        from sim_action.robot.mjcf.model import keyframe_of
+        from sim_action.robot.model.mjcf_data import keyframe_of
 
         return keyframe_of(self.model.keyframes, self.robot.keyframe)
 
@@ -190,7 +190,7 @@ class Scene:
     def _stated_positions(self) -> dict[str, float]:
         if not self.robot.joints:
             return {}
-        from sim_action.robot.joint_selection import joints_set_by
+        from sim_action.robot.model.joint_selection import joints_set_by
 
         joints, written = self.model.joints_by_name, self.robot.joints
         return {

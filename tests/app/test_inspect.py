@@ -18,7 +18,7 @@ from sim_action.core.errors import RefusedModel
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import read_document
 from sim_action.drives.diff import DiffDrive
-from sim_action.robot.spec import Robot
+from sim_action.robot.model.robot_spec import Robot
 from tests.robot.bad_models import GOOD
 
 names = st.text(st.characters(codec="utf-8", exclude_categories=["Cc", "Cs"]), min_size=1, max_size=20)

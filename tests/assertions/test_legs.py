@@ -10,8 +10,8 @@ from sim_action.assertions import Assertion
 from sim_action.assertions.legs import FeetOnGround, SupportMargin
 from sim_action.assertions.monitors import State
 from sim_action.core.errors import InvalidPart
-from sim_action.robot.robot_model import Link
-from sim_action.robot.spec import Robot
+from sim_action.robot.model.robot_model import Link
+from sim_action.robot.model.robot_spec import Robot
 from sim_action.state.trace import Trace
 from sim_action.state.trace_records import ContactRecord, LinkTouch
 from sim_action.state.verdict import Judged, Verdict

@@ -12,7 +12,7 @@ from sim_action.assertions.self_collision import SelfCollision
 from sim_action.state.observation import SelfContact
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Verdict
-from tests.robot.test_srdf import model_with
+from tests.robot.reading.test_srdf import model_with
 from tests.scenarios import told
 from tests.traces import START, judged, monitor, scene, trace
 

@@ -11,7 +11,7 @@ from sim_action.cli.options import asked_model, code_permissions, named_packages
 from sim_action.cli.run import _OF_PLANNED_RUNS, _OF_RUNS, run
 from sim_action.core.errors import UsageError
 from sim_action.reports import ReportRequest
-from sim_action.robot.spec import Robot
+from sim_action.robot.model.robot_spec import Robot
 
 
 def flags(*args: str, packages: tuple[str, ...] = ()) -> dict[str, object]:

@@ -14,8 +14,8 @@ from sim_action.commands.policy import PolicyCommands
 from sim_action.core.errors import ScriptError, SourceProblem
 from sim_action.core.geometry import Pose, Twist, quaternion_from_rpy
 from sim_action.core.workspace import Workspace
-from sim_action.robot.loading import load_model
-from sim_action.robot.spec import Robot
+from sim_action.robot.model.robot_spec import Robot
+from sim_action.robot.reading.loading import load_model
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import JointState, Observation
 from sim_action.state.readings import ImuReading

@@ -23,16 +23,16 @@ from sim_action.core.errors import ScriptError, SourceProblem
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, Twist
 from sim_action.core.workspace import Workspace
-from sim_action.robot.inverse_kinematics import Chain, Solution, Values, reach
-from sim_action.robot.kinematics import link_poses
-from sim_action.robot.loading import load_model
-from sim_action.robot.spec import Robot
-from sim_action.robot.urdf import read_urdf
+from sim_action.robot.model.inverse_kinematics import Chain, Solution, Values, reach
+from sim_action.robot.model.kinematics import link_poses
+from sim_action.robot.model.robot_spec import Robot
+from sim_action.robot.reading.loading import load_model
+from sim_action.robot.reading.urdf import read_urdf
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import Observation
 from sim_action.world import Physics, World
 from sim_action.world.scene import Scene
-from tests.robot.test_inverse_kinematics import INERTIAL, A, B, joint, limits
+from tests.robot.model.test_inverse_kinematics import INERTIAL, A, B, joint, limits
 from tests.scenarios import told
 from tests.soak import examples
 

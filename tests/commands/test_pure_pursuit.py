@@ -23,7 +23,7 @@ from sim_action.commands.pure_pursuit import (
     turn_angles,
 )
 from sim_action.core.geometry import Pose, Twist, quaternion_from_rpy
-from sim_action.robot.kinematics import Mobility
+from sim_action.robot.model.kinematics import Mobility
 from tests.traces import START
 
 EAST = Leg((1.0, 2.0), (5.0, 2.0))

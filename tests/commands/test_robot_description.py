@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from sim_action import JointDescription, RobotDescription
-from sim_action.robot.robot_model import Mimic
+from sim_action.robot.model.robot_model import Mimic
 from tests.traces import scene
 
 

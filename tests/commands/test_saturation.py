@@ -8,7 +8,7 @@ import pytest
 
 from sim_action.commands.saturation import Saturation
 from sim_action.core.geometry import Twist
-from sim_action.robot.robot_model import RobotModel
+from sim_action.robot.model.robot_model import RobotModel
 from sim_action.state.command import JointTargets
 from tests.traces import burger
 

@@ -12,7 +12,7 @@ import pytest
 from sim_action.commands import ClosedLoop
 from sim_action.commands.waypoints import WaypointCommands
 from sim_action.core.geometry import Twist
-from sim_action.robot.kinematics import Mobility
+from sim_action.robot.model.kinematics import Mobility
 from tests.scenarios import load, told
 from tests.traces import HERE, START, scene
 

@@ -13,8 +13,8 @@ from pydantic import ValidationError
 from sim_action.commands import OpenLoop
 from sim_action.commands.wrench import WrenchCommands
 from sim_action.core.workspace import Workspace
-from sim_action.robot.loading import load_model
-from sim_action.robot.spec import Robot
+from sim_action.robot.model.robot_spec import Robot
+from sim_action.robot.reading.loading import load_model
 from sim_action.state.command import LinkWrench
 from sim_action.world import Physics, World
 from sim_action.world.scene import Scene

@@ -10,7 +10,7 @@ import pytest
 from sim_action.core.errors import InvalidScenario
 from sim_action.core.permissions import Permissions
 from sim_action.core.workspace import PathError, Workspace
-from sim_action.robot.packages import PackageError, Packages
+from sim_action.robot.documents.packages import PackageError, Packages
 from sim_action.scenario.loading import load_scenario
 
 SCRIPTED = """\

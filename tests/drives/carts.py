@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from sim_action.core.geometry import Pose, Vector3, quaternion_from_rpy
-from sim_action.robot.robot_model import Joint, JointType, Link, RobotModel, Shape
+from sim_action.robot.model.robot_model import Joint, JointType, Link, RobotModel, Shape
 
 Part = tuple[tuple[Joint, ...], tuple[Link, ...]]
 

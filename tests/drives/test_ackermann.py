@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from sim_action.core.geometry import Twist, Vector3
 from sim_action.drives import recognise
 from sim_action.drives.ackermann import ON_THE_SPOT, TOO_TIGHT, AckermannDrive
-from sim_action.robot.robot_model import Plugin, RobotModel
+from sim_action.robot.model.robot_model import Plugin, RobotModel
 from tests.drives.carts import RADIUS, cart, steered, wheel
 
 REAR = (wheel("c", 0.0, 0.2), wheel("d", 0.0, -0.2))

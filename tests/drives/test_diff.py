@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from sim_action.core.geometry import Twist, Vector3
 from sim_action.drives import recognise, why_not_recognised
 from sim_action.drives.diff import DiffDrive
-from sim_action.robot.robot_model import RobotModel, Shape
+from sim_action.robot.model.robot_model import RobotModel, Shape
 from sim_action.state.command import JointTargets
 from tests.drives.carts import FOUR, cart, wheel
 from tests.traces import WHEELS, burger

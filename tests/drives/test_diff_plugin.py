@@ -9,7 +9,7 @@ import pytest
 from sim_action.core.geometry import Twist, Vector3
 from sim_action.drives import recognise
 from sim_action.drives.diff import DiffDrive
-from sim_action.robot.robot_model import Plugin, RobotModel
+from sim_action.robot.model.robot_model import Plugin, RobotModel
 from tests.drives.carts import RADIUS, cart, wheel
 from tests.drives.test_diff import BURGER, LEFT, RIGHT, changed, without_radii
 from tests.traces import burger

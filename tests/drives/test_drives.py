@@ -5,7 +5,7 @@ from __future__ import annotations
 from sim_action.core.geometry import Pose
 from sim_action.drives import DRIVES, recognise
 from sim_action.drives.diff import DiffDrive
-from sim_action.robot.robot_model import Joint, Link, RobotModel
+from sim_action.robot.model.robot_model import Joint, Link, RobotModel
 from tests.traces import burger
 
 

@@ -9,7 +9,7 @@ import pytest
 from sim_action.core.errors import Location
 from sim_action.drives import recognise
 from sim_action.drives.ignored_statements import ignored_statements
-from sim_action.robot.robot_model import CommandedJoint, Plugin, RobotModel
+from sim_action.robot.model.robot_model import CommandedJoint, Plugin, RobotModel
 from tests.drives.carts import FOUR, cart
 from tests.drives.test_plugins import DIFF_CONTROLLER, PLACE, SIDES, TWO
 

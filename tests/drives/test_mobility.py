@@ -13,8 +13,8 @@ from sim_action.drives.ackermann import AckermannDrive
 from sim_action.drives.diff import DiffDrive
 from sim_action.drives.mecanum import MecanumDrive
 from sim_action.drives.skid import SkidSteer
-from sim_action.robot.kinematics import Mobility
-from sim_action.robot.robot_model import RobotModel
+from sim_action.robot.model.kinematics import Mobility
+from sim_action.robot.model.robot_model import RobotModel
 from tests.drives.carts import FOUR, cart, steered, wheel
 from tests.traces import WHEELS, burger, scene
 

@@ -14,7 +14,7 @@ from sim_action.drives.ackermann import AckermannDrive
 from sim_action.drives.diff import DiffDrive
 from sim_action.drives.mecanum import MecanumDrive
 from sim_action.drives.skid import SkidSteer
-from sim_action.robot.robot_model import RobotModel
+from sim_action.robot.model.robot_model import RobotModel
 from sim_action.state.command import JointTargets
 from sim_action.state.sensor_inputs import PlanarWay
 from tests.drives.carts import FOUR, RADIUS, cart, steered, wheel

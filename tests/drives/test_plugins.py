@@ -13,7 +13,7 @@ from sim_action.drives.diff import DiffDrive
 from sim_action.drives.mecanum import MecanumDrive
 from sim_action.drives.plugins import kind_of
 from sim_action.drives.skid import SkidSteer
-from sim_action.robot.robot_model import Plugin, RobotModel
+from sim_action.robot.model.robot_model import Plugin, RobotModel
 from tests.drives.carts import FOUR, RADIUS, cart, steered, wheel
 
 PLACE = Location("control.yaml", 3)

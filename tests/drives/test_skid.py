@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from sim_action.core.geometry import Twist, Vector3
 from sim_action.drives import recognise
 from sim_action.drives.skid import Footing, SkidSteer, footings, slip_factor
-from sim_action.robot.robot_model import Plugin, RobotModel, Surface
+from sim_action.robot.model.robot_model import Plugin, RobotModel, Surface
 from sim_action.state.command import JointTargets
 from sim_action.world import World
 from sim_action.world.scene import Scene

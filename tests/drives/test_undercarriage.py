@@ -13,7 +13,7 @@ from sim_action.drives.ackermann import AckermannDrive
 from sim_action.drives.diff import DiffDrive
 from sim_action.drives.skid import SkidSteer
 from sim_action.drives.undercarriage import mirrored_names, undercarriage
-from sim_action.robot.robot_model import CommandedJoint, Joint, JointType, Link, Plugin, RobotModel, Shape
+from sim_action.robot.model.robot_model import CommandedJoint, Joint, JointType, Link, Plugin, RobotModel, Shape
 from tests.drives.carts import FOUR, RADIUS, Part, cart, steered, wheel
 
 PAIR = (wheel("left", 0.0, 0.3), wheel("right", 0.0, -0.3))

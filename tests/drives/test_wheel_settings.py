@@ -17,7 +17,7 @@ from sim_action.drives.diff import DiffDrive
 from sim_action.drives.mecanum import MecanumDrive
 from sim_action.drives.skid import SkidSteer
 from sim_action.drives.wheel_settings import WheelSpeeds, heading_text, radius_text, ramp_towards, torque_text
-from sim_action.robot.robot_model import Plugin, RobotModel
+from sim_action.robot.model.robot_model import Plugin, RobotModel
 from tests.drives.carts import FOUR, RADIUS, cart, steered, wheel
 from tests.traces import WHEELS, burger
 

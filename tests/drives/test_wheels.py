@@ -23,9 +23,9 @@ from sim_action.drives.wheels import (
     wheel,
     wheels_on_ground,
 )
-from sim_action.robot.kinematics import link_poses
-from sim_action.robot.robot_model import Joint, Link, RobotModel, Shape
-from sim_action.robot.urdf import read_urdf
+from sim_action.robot.model.kinematics import link_poses
+from sim_action.robot.model.robot_model import Joint, Link, RobotModel, Shape
+from sim_action.robot.reading.urdf import read_urdf
 from tests.drives.carts import FOUR, LYING, Part, cart, steered
 from tests.drives.carts import wheel as cart_wheel
 from tests.traces import burger

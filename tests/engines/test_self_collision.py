@@ -14,11 +14,11 @@ from sim_action.core.geometry import Pose
 from sim_action.core.workspace import Workspace
 from sim_action.engines.observers import Nearest
 from sim_action.engines.self_collision import SelfWatch, reaches
-from sim_action.robot.kinematics import link_poses
-from sim_action.robot.loading import load_model
-from sim_action.robot.robot_model import RobotModel
-from sim_action.robot.self_collision import touchable_pairs
-from sim_action.robot.spec import Robot
+from sim_action.robot.model.kinematics import link_poses
+from sim_action.robot.model.link_pairs import touchable_pairs
+from sim_action.robot.model.robot_model import RobotModel
+from sim_action.robot.model.robot_spec import Robot
+from sim_action.robot.reading.loading import load_model
 from sim_action.state.trace import FloatArray
 from tests.soak import examples
 

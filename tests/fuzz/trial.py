@@ -33,8 +33,8 @@ from sim_action.core.permissions import Permissions
 from sim_action.core.workspace import Workspace
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
-from sim_action.robot.loading import load_model
-from sim_action.robot.spec import Robot
+from sim_action.robot.model.robot_spec import Robot
+from sim_action.robot.reading.loading import load_model
 from sim_action.scenario.files import read_file
 from sim_action.scenario.loading import checked
 from sim_action.scenario.model import LoadedScenario

@@ -27,11 +27,11 @@ from sim_action.core.errors import EngineError, ModelError
 from sim_action.core.geometry import Pose
 from sim_action.core.workspace import Workspace
 from sim_action.engines.pybullet.engine import PyBulletEngine
-from sim_action.robot.audit.rules import ALLOWABLE
-from sim_action.robot.kinematics import link_poses
-from sim_action.robot.robot_model import Joint, Link, RobotModel
-from sim_action.robot.spec import Robot
-from sim_action.robot.urdf import read_urdf
+from sim_action.robot.model.findings import ALLOWABLE
+from sim_action.robot.model.kinematics import link_poses
+from sim_action.robot.model.robot_model import Joint, Link, RobotModel
+from sim_action.robot.model.robot_spec import Robot
+from sim_action.robot.reading.urdf import read_urdf
 from sim_action.simulation.watchdog import Watchdog
 from sim_action.state.trace_channels import Channels
 from sim_action.world import Physics, World

@@ -14,8 +14,8 @@ from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Vector3
 from sim_action.core.workspace import Workspace
 from sim_action.engines import ENGINES, Engine
-from sim_action.robot.spec import Robot
-from sim_action.robot.urdf import read_urdf
+from sim_action.robot.model.robot_spec import Robot
+from sim_action.robot.reading.urdf import read_urdf
 from sim_action.state.command import JointTargets
 from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import Channels, ClearanceWatch

@@ -12,7 +12,7 @@ import pytest
 from bench.robots import ROBOTS, WORKSPACE
 from sim_action.core import geometry
 from sim_action.engines import ENGINES
-from sim_action.robot.loading import load_model
+from sim_action.robot.reading.loading import load_model
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.state.command import JointTargets

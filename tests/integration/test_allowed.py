@@ -9,9 +9,9 @@ import pytest
 
 from sim_action.core.workspace import Workspace
 from sim_action.engines import ENGINES, Engine, chosen, installed
-from sim_action.robot.audit.rules import ALLOWABLE
-from sim_action.robot.spec import Robot
-from sim_action.robot.urdf import read_urdf
+from sim_action.robot.model.findings import ALLOWABLE
+from sim_action.robot.model.robot_spec import Robot
+from sim_action.robot.reading.urdf import read_urdf
 from sim_action.state.command import JointTargets
 from sim_action.state.trace_channels import Channels
 from sim_action.world import Physics, World

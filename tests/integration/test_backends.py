@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from sim_action.core.field_types import Placement
-from sim_action.robot.spec import Robot
+from sim_action.robot.model.robot_spec import Robot
 from sim_action.simulation.watchdog import Watchdog
 from sim_action.state.command import JointTargets
 from sim_action.world import GRAVITY, Body, Cylinder, Ground, Physics, Sphere, World
@@ -635,7 +635,7 @@ from sim_action.engines import ENGINES
 from sim_action.state.trace_channels import Channels
 from sim_action.state.command import JointTargets
 from sim_action.core.errors import EngineError, ModelError
-from sim_action.robot.audit.rules import ALLOWABLE
+from sim_action.robot.model.findings import ALLOWABLE
 from tests.integration.engines import at, scene_of
 from tests.robot.bad_models import BAD_MODELS
 # PyBullet alone refuses a model with many joints.

@@ -15,7 +15,7 @@ import pytest
 from sim_action.engines import installed
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
-from sim_action.robot.audit.rules import RULES
+from sim_action.robot.model.findings import RULES
 from tests.integration.conftest import ACTION, sim_action
 from tests.meshes.test_bad_meshes import BAD as BAD_MESHES
 from tests.robot.bad_models import BAD_MODELS, GOOD

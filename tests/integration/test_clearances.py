@@ -13,7 +13,7 @@ import pytest
 from sim_action.core.field_types import Placement
 from sim_action.engines import ENGINES
 from sim_action.engines.clearances import ClearanceRecorder
-from sim_action.robot.spec import Robot
+from sim_action.robot.model.robot_spec import Robot
 from sim_action.state.command import JointTargets
 from sim_action.state.trace import FloatArray, Trace
 from sim_action.state.trace_channels import Channels, ClearanceWatch

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sim_action.core.field_types import Placement
-from sim_action.robot.spec import Robot
+from sim_action.robot.model.robot_spec import Robot
 from sim_action.state.command import NO_PUSH, BasePush, JointTargets
 from sim_action.state.trace import Trace
 from tests.integration.engines import advance, at, on_every_engine, running, scene_of

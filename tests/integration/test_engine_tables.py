@@ -12,8 +12,8 @@ from sim_action.core.errors import EngineError
 from sim_action.core.workspace import Workspace
 from sim_action.engines import ENGINES
 from sim_action.robot.audit.kinematic_tree import MAX_JOINTS, MAX_MOVING_JOINTS
-from sim_action.robot.spec import Robot
-from sim_action.robot.urdf import read_urdf
+from sim_action.robot.model.robot_spec import Robot
+from sim_action.robot.reading.urdf import read_urdf
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import Observation
 from sim_action.state.trace_channels import Channels

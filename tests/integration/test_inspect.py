@@ -12,8 +12,8 @@ import yaml
 from bench.robots import ROBOTS, WORKSPACE, KnownRobot
 from sim_action.core.workspace import Workspace
 from sim_action.drives import recognise
-from sim_action.robot.kinematics import link_poses, robot_box
-from sim_action.robot.loading import load_model
+from sim_action.robot.model.kinematics import link_poses, robot_box
+from sim_action.robot.reading.loading import load_model
 from sim_action.world import Physics, World
 from sim_action.world.scene import Scene
 from tests.integration.conftest import sim_action

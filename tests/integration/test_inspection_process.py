@@ -29,7 +29,7 @@ from pathlib import Path
 from sim_action.core.errors import ModelError
 from sim_action.app.inspect_process import inspect_apart
 from sim_action.core.workspace import Workspace
-from sim_action.robot.spec import Robot
+from sim_action.robot.model.robot_spec import Robot
 
 here = Path.cwd()
 try:

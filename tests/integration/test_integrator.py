@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from sim_action.core.field_types import Placement
-from sim_action.robot.spec import Robot
+from sim_action.robot.model.robot_spec import Robot
 from sim_action.simulation.energy import Mechanics
 from sim_action.state.command import JointTargets
 from sim_action.state.trace import FloatArray, Trace

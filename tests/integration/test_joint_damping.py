@@ -10,7 +10,7 @@ from random import Random
 import numpy as np
 import pytest
 
-from sim_action.robot.spec import Robot
+from sim_action.robot.model.robot_spec import Robot
 from sim_action.simulation.energy import Mechanics
 from sim_action.state.command import JointTargets
 from tests.integration.engines import advance, at, on_every_engine, running, scene_of

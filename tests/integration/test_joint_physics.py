@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from sim_action.engines import Engine
-from sim_action.robot.spec import Robot
-from sim_action.robot.urdf import read_urdf
+from sim_action.robot.model.robot_spec import Robot
+from sim_action.robot.reading.urdf import read_urdf
 from sim_action.state.command import JointTargets
 from sim_action.state.trace import Trace
 from tests.integration.engines import advance, on_every_engine, running, scene_of

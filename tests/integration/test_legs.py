@@ -9,7 +9,7 @@ from typing import Any
 import mujoco
 import pytest
 
-from sim_action.robot.link_motion import centre_of_mass
+from sim_action.robot.model.link_motion import centre_of_mass
 from sim_action.scenario.loading import build_scene
 from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.state.command import JointTargets

@@ -11,7 +11,7 @@ import pytest
 
 from sim_action.core.geometry import Pose, compose, quaternion_from_rpy, rotate
 from sim_action.engines import installed
-from sim_action.robot.kinematics import link_poses
+from sim_action.robot.model.kinematics import link_poses
 from sim_action.scenario.loading import build_scene
 from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.state.trace import Trace

@@ -19,12 +19,12 @@ from bench.robots import ROBOTS
 from sim_action.core import geometry
 from sim_action.core.geometry import Quaternion, Vector3
 from sim_action.core.permissions import Permissions
-from sim_action.robot.link_motion import LinkMotion, link_motion
+from sim_action.robot.model.link_motion import LinkMotion, link_motion
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.state.trace import FloatArray
 from tests.integration.engines import on_every_engine
-from tests.robot.test_inverse_kinematics import INERTIAL, joint, limits
+from tests.robot.model.test_inverse_kinematics import INERTIAL, joint, limits
 
 EXAMPLE: Final = Path(__file__).parents[2] / "examples/ur5e_gripper/pick_and_place.sim.yml"
 OFF_LINE_M: Final = 2e-4

@@ -13,10 +13,10 @@ from sim_action.core import geometry
 from sim_action.core.field_types import Placement
 from sim_action.core.workspace import Workspace
 from sim_action.engines import Engine
-from sim_action.robot.link_motion import link_motion
-from sim_action.robot.loading import load_model
-from sim_action.robot.robot_model import RobotModel
-from sim_action.robot.spec import Robot
+from sim_action.robot.model.link_motion import link_motion
+from sim_action.robot.model.robot_model import RobotModel
+from sim_action.robot.model.robot_spec import Robot
+from sim_action.robot.reading.loading import load_model
 from sim_action.state.command import JointTargets
 from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace

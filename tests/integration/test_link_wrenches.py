@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Vector3
-from sim_action.robot.spec import Robot
+from sim_action.robot.model.robot_spec import Robot
 from sim_action.state.command import JointTargets, LinkWrench
 from sim_action.state.trace import Trace
 from sim_action.world import World

@@ -10,7 +10,7 @@ from sim_action.assertions.effort import Effort
 from sim_action.assertions.energy import Braking, Energy
 from sim_action.assertions.monitors import Monitor
 from sim_action.core.workspace import Workspace
-from sim_action.robot.spec import Robot
+from sim_action.robot.model.robot_spec import Robot
 from sim_action.state.command import JointTargets
 from sim_action.state.trace import Trace
 from sim_action.world import Physics, World

@@ -10,8 +10,8 @@ import pytest
 
 from sim_action.core.field_types import Placement
 from sim_action.core.workspace import Workspace
-from sim_action.robot.loading import load_model
-from sim_action.robot.spec import Robot
+from sim_action.robot.model.robot_spec import Robot
+from sim_action.robot.reading.loading import load_model
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.simulation.loop import simulate
 from sim_action.state.command import JointTargets
@@ -19,7 +19,7 @@ from sim_action.state.trace_channels import ClearanceWatch
 from sim_action.world import GRAVITY, Body, Physics, World
 from sim_action.world.scene import Scene
 from tests.integration.engines import advance, push, running
-from tests.robot.mjcf.test_reader import ARM, ROVER
+from tests.robot.reading.mjcf.test_mjcf_reader import ARM, ROVER
 
 pytest.importorskip("mujoco", reason="MJCF is read by MuJoCo, which is not installed")
 

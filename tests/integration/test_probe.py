@@ -11,8 +11,8 @@ import pytest
 from sim_action.core import geometry
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose
-from sim_action.robot.kinematics import link_poses
-from sim_action.robot.spec import Robot
+from sim_action.robot.model.kinematics import link_poses
+from sim_action.robot.model.robot_spec import Robot
 from sim_action.state.command import JointTargets
 from sim_action.world import Body, Sphere, World
 from tests.integration.engines import advance, at, on_every_engine, push, running, scene_of

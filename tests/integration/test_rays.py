@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from sim_action.core.field_types import Placement
 from sim_action.core.workspace import Workspace
-from sim_action.robot.loading import load_model
-from sim_action.robot.spec import Robot
+from sim_action.robot.model.robot_spec import Robot
+from sim_action.robot.reading.loading import load_model
 from sim_action.state.command import JointTargets
 from sim_action.world import GRAVITY, Body, Cylinder, Physics, Sphere, World
 from sim_action.world.scene import Scene

@@ -15,8 +15,8 @@ from sim_action.recording.replay.build import replay_of
 from sim_action.recording.replay.replay_data import Replay
 from sim_action.recording.replay.scene_data import JointMotion
 from sim_action.recording.replay.shapes import MeshShape, PoseNumbers
-from sim_action.robot.loading import load_model
-from sim_action.robot.spec import Robot
+from sim_action.robot.model.robot_spec import Robot
+from sim_action.robot.reading.loading import load_model
 from sim_action.state.command import JointTargets
 from sim_action.state.trace import Trace
 from sim_action.world import Physics, World

@@ -13,7 +13,7 @@ import pytest
 
 from bench.robots import REFUSED, ROBOTS, WORKSPACE, KnownRobot
 from sim_action.core.errors import ModelError
-from sim_action.robot.loading import load_model
+from sim_action.robot.reading.loading import load_model
 from tests.integration.conftest import sim_action
 
 pytestmark = pytest.mark.pybullet

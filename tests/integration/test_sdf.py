@@ -18,15 +18,15 @@ from sim_action.core.errors import ModelError, RefusedModel
 from sim_action.core.field_types import Placement
 from sim_action.core.workspace import Workspace
 from sim_action.engines import ENGINES, Engine, chosen
-from sim_action.robot.audit.rules import ALLOWABLE
-from sim_action.robot.loading import load_model
-from sim_action.robot.robot_model import RobotModel
-from sim_action.robot.spec import Robot
+from sim_action.robot.model.findings import ALLOWABLE
+from sim_action.robot.model.robot_model import RobotModel
+from sim_action.robot.model.robot_spec import Robot
+from sim_action.robot.reading.loading import load_model
 from sim_action.state.command import JointTargets
 from sim_action.world import GRAVITY, Physics, World
 from sim_action.world.scene import Scene
 from tests.integration.conftest import sim_action
-from tests.robot.sdf.models import INERTIAL, joint, link, sdf
+from tests.robot.reading.sdf.models import INERTIAL, joint, link, sdf
 from tests.ros_workspace import written
 
 # Poses as people write them in SDF: from the ground, with the wheels' axes along their own z.

@@ -13,8 +13,8 @@ import pytest
 from sim_action.core.errors import BadStart, EngineError
 from sim_action.core.workspace import Workspace
 from sim_action.engines import ENGINES
-from sim_action.robot.loading import load_model
-from sim_action.robot.spec import Robot
+from sim_action.robot.model.robot_spec import Robot
+from sim_action.robot.reading.loading import load_model
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.simulation.loop import simulate
 from sim_action.state.command import JointTargets

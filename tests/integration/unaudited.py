@@ -9,10 +9,10 @@ import re
 
 from sim_action.cli import main as cli
 from sim_action.core.workspace import Workspace
-from sim_action.robot import loading
-from sim_action.robot.loading import load_model
-from sim_action.robot.robot_model import Joint, Link, RobotModel
-from sim_action.robot.spec import Robot
+from sim_action.robot.model.robot_model import Joint, Link, RobotModel
+from sim_action.robot.model.robot_spec import Robot
+from sim_action.robot.reading import loading
+from sim_action.robot.reading.loading import load_model
 
 
 def unaudited(robot: Robot, workspace: Workspace) -> RobotModel:

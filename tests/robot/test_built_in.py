@@ -15,10 +15,10 @@ from sim_action.core.workspace import Workspace
 from sim_action.drives.ackermann import AckermannDrive
 from sim_action.drives.wheels import centre_of_mass
 from sim_action.robot.built_in import BUILT_IN, FOLDER
-from sim_action.robot.kinematics import link_poses
-from sim_action.robot.loading import load_model
-from sim_action.robot.robot_model import RobotModel
-from sim_action.robot.spec import Robot
+from sim_action.robot.model.kinematics import link_poses
+from sim_action.robot.model.robot_model import RobotModel
+from sim_action.robot.model.robot_spec import Robot
+from sim_action.robot.reading.loading import load_model
 
 Matrix = NDArray[np.float64]
 

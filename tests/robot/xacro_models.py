@@ -7,8 +7,8 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from sim_action.robot.xacro_documents import XacroError
-from sim_action.robot.xacro_expansion import Argument, Expansion, expand
+from sim_action.robot.reading.xacro_documents import XacroError
+from sim_action.robot.reading.xacro_expansion import Argument, Expansion, expand
 from tests.ros_workspace import RosWorkspace
 
 URDF = "src/rover_description/urdf"

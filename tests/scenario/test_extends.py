@@ -14,7 +14,7 @@ from pydantic import BaseModel
 from sim_action.assertions import ASSERTIONS
 from sim_action.commands import COMMANDS
 from sim_action.core.yaml_document import Document, KeyPath, read_document
-from sim_action.robot.spec import Robot
+from sim_action.robot.model.robot_spec import Robot
 from sim_action.scenario.extends import entries_of, file_keys, merged, seen_from, without
 
 

@@ -15,10 +15,10 @@ from sim_action.core.errors import InvalidScenario, Problem
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose
 from sim_action.core.workspace import Workspace
-from sim_action.robot.kinematics import link_poses
-from sim_action.robot.loading import load_model
-from sim_action.robot.robot_model import RobotModel
-from sim_action.robot.spec import Robot
+from sim_action.robot.model.kinematics import link_poses
+from sim_action.robot.model.robot_model import RobotModel
+from sim_action.robot.model.robot_spec import Robot
+from sim_action.robot.reading.loading import load_model
 from sim_action.scenario.reach_claims import range_of
 from sim_action.world import Physics, World
 from sim_action.world.scene import Scene

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from sim_action.core.errors import InvalidScenario
-from sim_action.robot.kinematics import link_poses
+from sim_action.robot.model.kinematics import link_poses
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.scenario.model import LoadedScenario
 from tests.ros_workspace import written

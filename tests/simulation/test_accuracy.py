@@ -8,8 +8,8 @@ from typing import Literal
 import pytest
 
 from sim_action.core.workspace import Workspace
-from sim_action.robot.robot_model import Link, RobotModel, Surface
-from sim_action.robot.spec import Robot
+from sim_action.robot.model.robot_model import Link, RobotModel, Surface
+from sim_action.robot.model.robot_spec import Robot
 from sim_action.simulation.accuracy import AccuracyWatch, links_with_springs
 from sim_action.state.observation import Clash, Overlap
 from sim_action.world import Body, Physics, World

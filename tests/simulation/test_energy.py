@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from sim_action.core import geometry
 from sim_action.core.field_types import Placement
 from sim_action.core.workspace import Workspace
-from sim_action.robot.robot_model import RobotModel
-from sim_action.robot.spec import Robot
-from sim_action.robot.urdf import read_urdf
+from sim_action.robot.model.robot_model import RobotModel
+from sim_action.robot.model.robot_spec import Robot
+from sim_action.robot.reading.urdf import read_urdf
 from sim_action.simulation.energy import EnergyWatch, Mechanics
 from sim_action.state.trace import Trace
 from sim_action.world import Body, Physics, World

@@ -10,7 +10,7 @@ import pytest
 from sim_action.assertions.upright import Upright
 from sim_action.core import geometry
 from sim_action.core.geometry import Twist
-from sim_action.robot.kinematics import link_poses
+from sim_action.robot.model.kinematics import link_poses
 from sim_action.scenario.model import Agreement, PoseAgreement, TraceSettings
 from sim_action.simulation.recorder import RunRecorder
 from sim_action.state.command import Command, JointTargets, LinkWrench

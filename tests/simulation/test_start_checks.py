@@ -15,8 +15,8 @@ from sim_action.core.errors import BadStart, Location, RunError
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, quaternion_from_rpy
 from sim_action.engines import Engine
-from sim_action.robot.robot_model import Joint, JointType, Link, RobotModel
-from sim_action.robot.spec import Robot
+from sim_action.robot.model.robot_model import Joint, JointType, Link, RobotModel
+from sim_action.robot.model.robot_spec import Robot
 from sim_action.scenario.world_checks import DEPTH
 from sim_action.simulation.start_checks import (
     MAX_LIFT_M,

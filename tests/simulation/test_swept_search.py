@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 
 from sim_action.core.geometry import Pose, Vector3, compose, quaternion_from_rpy
 from sim_action.engines.motion_bound import motion_factors
-from sim_action.robot.kinematics import link_poses
-from sim_action.robot.link_motion import link_frames
-from sim_action.robot.robot_model import Joint, Link, RobotModel, Shape
+from sim_action.robot.model.kinematics import link_poses
+from sim_action.robot.model.link_motion import link_frames
+from sim_action.robot.model.robot_model import Joint, Link, RobotModel, Shape
 from sim_action.simulation.convex_pieces import Obstacle, link_pieces, part_pieces, part_soups
 from sim_action.simulation.swept_search import _is_driven, frames_of
 from sim_action.simulation.tunnelling import Block

@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from sim_action.core.errors import BadStart, SimulationUnstable
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose
-from sim_action.robot.robot_model import Joint, JointType, Link, RobotModel, Shape
-from sim_action.robot.urdf import read_urdf
+from sim_action.robot.model.robot_model import Joint, JointType, Link, RobotModel, Shape
+from sim_action.robot.reading.urdf import read_urdf
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.scenario.model import DrivenRobot
 from sim_action.simulation.loop import SimulationRun, simulate

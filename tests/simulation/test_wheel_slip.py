@@ -15,9 +15,9 @@ from sim_action import robot as models
 from sim_action.core import geometry
 from sim_action.core.workspace import Workspace
 from sim_action.drives import Drive, recognise
-from sim_action.robot.robot_model import RobotModel
-from sim_action.robot.spec import Robot
-from sim_action.robot.urdf import read_urdf
+from sim_action.robot.model.robot_model import RobotModel
+from sim_action.robot.model.robot_spec import Robot
+from sim_action.robot.reading.urdf import read_urdf
 from sim_action.simulation.accuracy import wheel_slip
 from sim_action.simulation.wheel_slip import WheelSlip
 from sim_action.state.trace import Trace

@@ -11,8 +11,8 @@ import pytest
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose
 from sim_action.core.workspace import Workspace
-from sim_action.robot.spec import Robot
-from sim_action.robot.urdf import read_urdf
+from sim_action.robot.model.robot_spec import Robot
+from sim_action.robot.reading.urdf import read_urdf
 from sim_action.scenario.loading import build_scene
 from sim_action.sensors.contact import ContactSensor
 from sim_action.sensors.lidar import Lidar

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose
-from sim_action.robot.spec import Robot
+from sim_action.robot.model.robot_spec import Robot
 from sim_action.world import (
     GRAVITY,
     Body,

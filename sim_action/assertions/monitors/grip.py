@@ -11,7 +11,7 @@ from sim_action.assertions.monitors.window import counted
 from sim_action.core import geometry, units
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
-from sim_action.robot.robot_model import RobotModel
+from sim_action.robot.model.robot_model import RobotModel
 from sim_action.state.verdict import Judged, Signal, Verdict
 
 if TYPE_CHECKING:
@@ -249,7 +249,7 @@ class GraspMonitor:
     def _sample(self, trace: Trace) -> _Sample:
         import numpy as np
 
-        from sim_action.robot.link_motion import link_motion
+        from sim_action.robot.model.link_motion import link_motion
 
         at = trace.objects[self.spec.object].position_xyz
         forces, places = [], []

@@ -28,13 +28,13 @@ from sim_action.assertions.monitors import (
 from sim_action.core.geometry import Pose, Twist
 from sim_action.core.records import dataclass, replace
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.robot.kinematics import link_of_frame, why_no_frame, why_no_link
-from sim_action.robot.robot_model import WORLD
+from sim_action.robot.model.kinematics import link_of_frame, why_no_frame, why_no_link
+from sim_action.robot.model.robot_model import WORLD
 from sim_action.state.verdict import Mark, Signal, Verdict
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.robot.link_motion import LinkMotion
+    from sim_action.robot.model.link_motion import LinkMotion
     from sim_action.state.observation import Observation
     from sim_action.state.trace import Trace
 
@@ -135,7 +135,7 @@ class MotionAssertion(Assertion):
         link = self.link or scene.model.root
 
         def motion(trace: Trace) -> LinkMotion:
-            from sim_action.robot.link_motion import motion_in
+            from sim_action.robot.model.link_motion import motion_in
 
             return motion_in(scene.model, trace, link, self.frame)
 

@@ -22,7 +22,7 @@ from sim_action.assertions.temporal_logic.formula import (
 from sim_action.core import units
 from sim_action.core.units import Dimension
 from sim_action.core.wording import did_you_mean
-from sim_action.robot.robot_model import READINGS, Reading, RobotModel
+from sim_action.robot.model.robot_model import READINGS, Reading, RobotModel
 from sim_action.state.readings import READING_COLUMNS
 
 BASE_SIGNALS: Final = MappingProxyType(

@@ -46,7 +46,7 @@ from sim_action.assertions.temporal_logic.formula import (
 from sim_action.assertions.temporal_logic.tokens import FormulaError, Token, operator_like, tokens, unit_names
 from sim_action.core.units import TIME
 from sim_action.core.wording import did_you_mean, nearest
-from sim_action.robot.robot_model import READINGS
+from sim_action.robot.model.robot_model import READINGS
 
 MAX_DEPTH: Final = 30
 """Maximum depth of nested parentheses and operators."""

@@ -19,8 +19,8 @@ from sim_action.assertions.temporal_logic.samples import Samples
 from sim_action.assertions.temporal_logic.signal_sources import watch_of
 from sim_action.core.records import dataclass, field, replace
 from sim_action.core.units import TIME_EPSILON_S
-from sim_action.robot.link_motion import LinkMotion, link_motion
-from sim_action.robot.robot_model import RobotModel
+from sim_action.robot.model.link_motion import LinkMotion, link_motion
+from sim_action.robot.model.robot_model import RobotModel
 from sim_action.state.observation import Contact, Observation
 from sim_action.state.trace import FloatArray, Trace
 from sim_action.state.trace_records import BodyRecord

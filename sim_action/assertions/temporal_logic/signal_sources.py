@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from sim_action.assertions.temporal_logic.dimensions import RATES
 from sim_action.assertions.temporal_logic.formula import Formula, Signal, signals_of
 from sim_action.core.wording import did_you_mean
-from sim_action.robot.joint_selection import links_with_shapes
+from sim_action.robot.model.joint_selection import links_with_shapes
 from sim_action.state.readings import columns_of
 from sim_action.state.trace_channels import Channels, ClearanceWatch
 from sim_action.world.ground import GROUND

@@ -10,7 +10,7 @@ from typing import Final, Literal
 
 from sim_action.core import units
 from sim_action.core.records import dataclass
-from sim_action.robot.robot_model import READINGS
+from sim_action.robot.model.robot_model import READINGS
 
 SIGNS: Final = MappingProxyType(
     {

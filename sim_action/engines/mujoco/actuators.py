@@ -15,8 +15,8 @@ import numpy as np
 
 from sim_action.engines.mujoco.names import engine_name
 from sim_action.engines.mujoco.scene import CompiledScene
-from sim_action.robot.mjcf.model import MotorKind
-from sim_action.robot.robot_model import Joint, RobotModel
+from sim_action.robot.model.mjcf_data import MotorKind
+from sim_action.robot.model.robot_model import Joint, RobotModel
 
 _FOLLOWS_CONTROL: Final = (mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT)
 

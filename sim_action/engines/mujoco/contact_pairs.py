@@ -10,7 +10,7 @@ import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
-from sim_action.robot.robot_model import Surface
+from sim_action.robot.model.robot_model import Surface
 
 FRICTION_RATIO: Final = 100.0
 """Ratio of friction to normal impedance, so high that robots do not creep down slopes."""

@@ -14,9 +14,9 @@ from sim_action.core.geometry import Pose
 from sim_action.engines.mujoco.contact_pairs import Collider
 from sim_action.engines.mujoco.geoms import add_collision, wxyz
 from sim_action.engines.mujoco.names import engine_name
-from sim_action.robot.mjcf.spec import engine_spec
-from sim_action.robot.robot_model import WORLD, Joint, Mimic, RobotModel, Surface
-from sim_action.robot.urdf_elements import child_of
+from sim_action.robot.documents.urdf_elements import child_of
+from sim_action.robot.model.robot_model import WORLD, Joint, Mimic, RobotModel, Surface
+from sim_action.robot.reading.mjcf.mujoco_spec import engine_spec
 from sim_action.world.mass_properties import symmetric, turned_tensor
 
 _JOINT_TYPES: Final = {

@@ -18,7 +18,7 @@ from sim_action.engines.mujoco.contact_pairs import FRICTION_RATIO, Collider, ad
 from sim_action.engines.mujoco.geoms import add_ground, add_object, lowest_geom, wxyz
 from sim_action.engines.mujoco.names import engine_name, object_name
 from sim_action.engines.mujoco.robot import add_native_robot, add_robot
-from sim_action.robot.robot_model import RobotModel, ball_orientation
+from sim_action.robot.model.robot_model import RobotModel, ball_orientation
 from sim_action.world import placed
 from sim_action.world.scene import MAX_RAISED_M, Scene
 

@@ -15,7 +15,7 @@ from sim_action.engines.mujoco.contact_pairs import Collider
 from sim_action.engines.mujoco.names import engine_name
 from sim_action.engines.observers import Nearest
 from sim_action.engines.self_collision import SelfPairs, SelfWatch, refuse_start_inside
-from sim_action.robot.self_collision import LinkPair, touchable_pairs
+from sim_action.robot.model.link_pairs import LinkPair, touchable_pairs
 from sim_action.state.observation import SelfContact
 from sim_action.state.trace import Trace
 from sim_action.world.scene import Scene

@@ -11,8 +11,8 @@ import numpy as np
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist
 from sim_action.engines.mujoco.scene import CompiledScene
-from sim_action.robot.link_motion import LinkStates
-from sim_action.robot.robot_model import RobotModel, ball_angles
+from sim_action.robot.model.link_motion import LinkStates
+from sim_action.robot.model.robot_model import RobotModel, ball_angles
 from sim_action.state.observation import ByName, Contact, JointState, Observation
 from sim_action.state.trace import FloatArray
 

@@ -63,7 +63,7 @@ if TYPE_CHECKING:
     from sim_action.engines.pybullet.passive_joints import BallJoints, Springs
     from sim_action.engines.pybullet.self_collision import SelfCollision
     from sim_action.engines.pybullet.sliding import SlidingWheels
-    from sim_action.robot.robot_model import RobotModel
+    from sim_action.robot.model.robot_model import RobotModel
 
 
 class PyBulletEngine:

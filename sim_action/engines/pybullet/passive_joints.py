@@ -12,7 +12,7 @@ from typing import Final
 import pybullet
 
 from sim_action.core import geometry
-from sim_action.robot.robot_model import Joint, ball_angles, ball_orientation
+from sim_action.robot.model.robot_model import Joint, ball_angles, ball_orientation
 
 _STILL: Final = {"targetVelocity": (0, 0, 0), "positionGain": 0, "velocityGain": 0, "force": (0, 0, 0)}
 

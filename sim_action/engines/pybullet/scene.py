@@ -26,7 +26,7 @@ from sim_action.core.geometry import Pose, Vector3
 from sim_action.core.records import dataclass, field
 from sim_action.engines.pybullet.connection import look
 from sim_action.robot.audit.kinematic_tree import beyond_pybullet
-from sim_action.robot.robot_model import Mimic, Surface
+from sim_action.robot.model.robot_model import Mimic, Surface
 from sim_action.world import MAX_SPEED, Body, World, placed
 from sim_action.world.ground import ground_tiles
 from sim_action.world.parts import BoxPart, CylinderPart, GridPart, HullPart, Part, SpherePart, SurfacePart

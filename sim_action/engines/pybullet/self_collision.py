@@ -17,7 +17,7 @@ from sim_action.core.errors import BadStart, EngineError
 from sim_action.core.records import replace
 from sim_action.engines.observers import Nearest
 from sim_action.engines.self_collision import SelfPairs, SelfWatch, refuse_start_inside
-from sim_action.robot.self_collision import touchable_pairs
+from sim_action.robot.model.link_pairs import touchable_pairs
 from sim_action.state.observation import SelfContact
 from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import Channels

@@ -12,13 +12,13 @@ import pybullet
 from sim_action.core.geometry import Pose, Twist
 from sim_action.engines.pybullet.queries import in_link_frame
 from sim_action.engines.pybullet.scene import BASE
-from sim_action.robot.link_motion import LinkStates
+from sim_action.robot.model.link_motion import LinkStates
 from sim_action.state.observation import ByName, Contact, JointState, Observation
 from sim_action.state.trace import Trace
 
 if TYPE_CHECKING:
     from sim_action.engines.pybullet.passive_joints import BallJoints
-    from sim_action.robot.robot_model import RobotModel
+    from sim_action.robot.model.robot_model import RobotModel
 
 _BASE_COLUMNS: Final = 14
 

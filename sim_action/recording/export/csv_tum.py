@@ -11,8 +11,8 @@ import numpy as np
 
 from sim_action.core.geometry import rpy_from_quaternion
 from sim_action.recording.export.recorded_run import RecordedRun
-from sim_action.robot.link_motion import link_motion
-from sim_action.robot.robot_model import Reading
+from sim_action.robot.model.link_motion import link_motion
+from sim_action.robot.model.robot_model import Reading
 from sim_action.state.trace import FloatArray
 
 # Names of columns, each with its unit.

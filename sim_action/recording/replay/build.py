@@ -19,7 +19,7 @@ from sim_action.recording.replay.scene import scenery, skeleton
 from sim_action.recording.replay.scene_data import MAX_TEXT_LENGTH
 from sim_action.recording.replay.signals import stored_golden, stored_marks, stored_signals
 from sim_action.recording.replay.touches import joined_touches, strongest_touches
-from sim_action.robot.robot_model import RobotModel
+from sim_action.robot.model.robot_model import RobotModel
 from sim_action.scenario.model import Scenario
 from sim_action.sensors.reading_log import ReadingLog
 from sim_action.state.observation import Observation

@@ -23,7 +23,7 @@ from sim_action.state.trace_records import CommandedValues
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    from sim_action.robot.robot_model import Joint
+    from sim_action.robot.model.robot_model import Joint
     from sim_action.sensors.reading_log import ReadingLog
 
 MAX_VALUES: Final = 150_000

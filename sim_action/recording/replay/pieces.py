@@ -21,8 +21,8 @@ from sim_action.recording.replay.shapes import (
     numbers,
 )
 from sim_action.recording.replay.surfaces import ROBOT_BUDGET, Triangles, coarse_surface, hull_surface
-from sim_action.robot.robot_model import Link, RobotModel, Visual
-from sim_action.robot.robot_model import Shape as RobotShape
+from sim_action.robot.model.robot_model import Link, RobotModel, Visual
+from sim_action.robot.model.robot_model import Shape as RobotShape
 from sim_action.sensors.rendering import ROBOT, Colour
 from sim_action.world.parts import BoxPart, CylinderPart, GridPart, HullPart, Part, SpherePart, SurfacePart
 

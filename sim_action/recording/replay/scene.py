@@ -29,8 +29,8 @@ from sim_action.recording.replay.surfaces import (
     mesh_data,
     within,
 )
-from sim_action.robot.kinematics import SameModel
-from sim_action.robot.robot_model import Joint, RobotModel
+from sim_action.robot.model.kinematics import SameModel
+from sim_action.robot.model.robot_model import Joint, RobotModel
 from sim_action.sensors.rendering import PALETTE
 from sim_action.world import Body, placed
 from sim_action.world.scene import Scene

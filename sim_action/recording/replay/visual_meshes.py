@@ -15,8 +15,8 @@ from sim_action.meshes import MeshError, mesh_bytes, parsed_mesh
 from sim_action.meshes.hull_file import read_hull_points
 from sim_action.meshes.mesh_colours import Colour, colour_of, stated_colour
 from sim_action.recording.replay.surfaces import Triangles, hull_surface, simplified
-from sim_action.robot.mjcf.model import MESH_OF_TEXT, Mjcf
-from sim_action.robot.robot_model import RobotModel
+from sim_action.robot.model.mjcf_data import MESH_OF_TEXT, Mjcf
+from sim_action.robot.model.robot_model import RobotModel
 
 # The version of cache entries; a new number makes older ones unused.
 _VERSION: Final = 3
@@ -74,7 +74,7 @@ class VisualMeshes:
         return known
 
     def _of_text(self, mjcf: Mjcf) -> Iterator[tuple[str, Triangles]]:
-        from sim_action.robot.mjcf.spec import surfaces_of
+        from sim_action.robot.reading.mjcf.mujoco_spec import surfaces_of
 
         for name, (points, corners) in surfaces_of(mjcf).items():
             yield name, simplified(Triangles(points, corners), self._most)

@@ -11,8 +11,7 @@ from collections.abc import Iterator, Mapping
 from typing import Final
 from xml.etree.ElementTree import Element
 
-from sim_action.robot.robot_model import Finding
-from sim_action.robot.urdf_elements import (
+from sim_action.robot.documents.urdf_elements import (
     CONTACT,
     MAX_NUMBER,
     MOMENTS,
@@ -20,7 +19,8 @@ from sim_action.robot.urdf_elements import (
     is_expression,
     is_numbers,
 )
-from sim_action.robot.xml_document import ModelDocument
+from sim_action.robot.documents.xml_document import ModelDocument
+from sim_action.robot.model.robot_model import Finding
 
 _REQUIRED: Final = {
     "link": ("name",),

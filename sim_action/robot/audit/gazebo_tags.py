@@ -11,11 +11,11 @@ from typing import Final
 
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.robot.audit.elements import misspelled
-from sim_action.robot.robot_model import Finding
-from sim_action.robot.sdf.elements import Notes
-from sim_action.robot.sdf.unsupported_parts import PARTS, Default, note_part, note_plugin, note_sensors
-from sim_action.robot.urdf_elements import NUMBERS, SPRING, flag, is_expression, is_numbers, number_text
-from sim_action.robot.xml_document import ModelDocument
+from sim_action.robot.audit.unsupported_parts import PARTS, Default, note_part, note_plugin, note_sensors
+from sim_action.robot.documents.sdf_elements import Notes
+from sim_action.robot.documents.urdf_elements import NUMBERS, SPRING, flag, is_expression, is_numbers, number_text
+from sim_action.robot.documents.xml_document import ModelDocument
+from sim_action.robot.model.robot_model import Finding
 
 _UNSUPPORTED: Final[Mapping[str, Mapping[str, Default]]] = MappingProxyType(
     {

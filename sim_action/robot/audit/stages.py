@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterator
 from typing import Final
 
 from sim_action.robot.audit import elements, gazebo_tags, inertia, joints, kinematic_tree, shapes
-from sim_action.robot.robot_model import Finding
-from sim_action.robot.xml_document import ModelDocument
+from sim_action.robot.documents.xml_document import ModelDocument
+from sim_action.robot.model.robot_model import Finding
 
 Check = Callable[[ModelDocument], Iterator[Finding]]
 

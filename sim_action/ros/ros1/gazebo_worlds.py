@@ -16,9 +16,9 @@ from sim_action.core.geometry import Pose
 from sim_action.core.records import dataclass
 from sim_action.core.wording import did_you_mean
 from sim_action.core.workspace import Workspace
-from sim_action.robot.packages import Packages
-from sim_action.robot.sdf.composition import Entry
-from sim_action.robot.xml_document import ModelDocument, parse_document, read_document
+from sim_action.robot.documents.packages import Packages
+from sim_action.robot.documents.xml_document import ModelDocument, parse_document, read_document
+from sim_action.robot.reading.sdf.composition import Entry
 from sim_action.world import Body, World
 from sim_action.world.world_files import Loss, WorldFile, plugin_names, read_world_file
 

@@ -12,8 +12,8 @@ from xml.etree.ElementTree import Element
 from sim_action.core.records import dataclass
 from sim_action.core.registry import Table
 from sim_action.core.wording import did_you_mean
-from sim_action.robot.control_tags import interfaces_of
-from sim_action.robot.robot_model import Reading
+from sim_action.robot.model.robot_model import Reading
+from sim_action.robot.reading.control_tags import interfaces_of
 
 if TYPE_CHECKING:
     from sim_action.ros.ros1.node.control import Opener

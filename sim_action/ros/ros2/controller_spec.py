@@ -10,8 +10,8 @@ from pydantic import Field, model_validator
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.wording import FirstFew
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.robot.joint_selection import joints_set_by, setting_problems
-from sim_action.robot.robot_model import RobotModel
+from sim_action.robot.model.joint_selection import joints_set_by, setting_problems
+from sim_action.robot.model.robot_model import RobotModel
 
 Names = Annotated[tuple[str, ...], Field(min_length=1)]
 

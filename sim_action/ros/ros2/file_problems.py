@@ -16,7 +16,7 @@ from sim_action.core.errors import UsageError
 from sim_action.core.wording import did_you_mean
 from sim_action.core.workspace import PathError, Workspace, similar_name
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.robot.package_search import PACKAGE_FILE
+from sim_action.robot.documents.package_search import PACKAGE_FILE
 from sim_action.ros.ros2.installation import Ros2, find_ros
 from sim_action.ros.ros2.node_spec import Ros2NodeSpec
 from sim_action.ros.ros2.packages import INSTALL, Packages, is_python, workspace_of

@@ -11,7 +11,7 @@ from functools import partial
 from typing import Any, Final
 
 from sim_action.core.wording import did_you_mean
-from sim_action.robot.robot_model import Joint, Reading, RobotModel
+from sim_action.robot.model.robot_model import Joint, Reading, RobotModel
 from sim_action.ros.joint_commands import JointCurve, TrajectoryPoint, Waypoint, joint_curves, targets, within_limits
 from sim_action.ros.ros2.controller_spec import JointController
 from sim_action.ros.ros2.messages import seconds_of

@@ -13,7 +13,7 @@ from typing import Final
 
 from sim_action.core.records import dataclass
 from sim_action.core.workspace import PathError, Workspace
-from sim_action.robot.package_search import PACKAGE_FILE, folders_below
+from sim_action.robot.documents.package_search import PACKAGE_FILE, folders_below
 from sim_action.ros.ros2.environment_hooks import packages_of_prefix, set_up
 from sim_action.ros.ros2.installation import Ros2
 from sim_action.ros.ros2.python_packages import PythonPackage, read_package

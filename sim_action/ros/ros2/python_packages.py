@@ -13,7 +13,7 @@ from xml.etree import ElementTree as ET
 
 from sim_action.core.files import read_at_most
 from sim_action.core.records import dataclass
-from sim_action.robot.package_search import PACKAGE_FILE
+from sim_action.robot.documents.package_search import PACKAGE_FILE
 
 UNREADABLE: Final = "unknown"
 """The build type if package.xml is not valid XML."""

@@ -13,8 +13,8 @@ from typing import Final
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose
 from sim_action.core.records import dataclass
-from sim_action.robot.kinematics import joint_motion
-from sim_action.robot.robot_model import Joint, RobotModel
+from sim_action.robot.model.kinematics import joint_motion
+from sim_action.robot.model.robot_model import Joint, RobotModel
 from sim_action.ros.ros2.messages import OPTICAL, PlacedFrame
 from sim_action.ros.topic_names import plain_name
 from sim_action.state.observation import JointState

@@ -11,7 +11,7 @@ from sim_action.core.records import dataclass
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives import Drive, recognise
 from sim_action.recording.export.ros2.robot_description import urdf_of
-from sim_action.robot.robot_model import Joint
+from sim_action.robot.model.robot_model import Joint
 from sim_action.ros import topic_names
 from sim_action.ros.message_values import in_frame_of
 from sim_action.ros.ros2 import messages

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Box, Pose, compose, multiply, quaternion_from_rpy
-from sim_action.robot.kinematics import link_poses, shape_box
+from sim_action.robot.model.kinematics import link_poses, shape_box
 from sim_action.runner.mutation.mutant import Original
 from sim_action.world import Body
 from sim_action.world.body import placed

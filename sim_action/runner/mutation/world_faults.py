@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from sim_action.core.field_types import Placement
-from sim_action.robot.kinematics import link_poses, robot_box
+from sim_action.robot.model.kinematics import link_poses, robot_box
 from sim_action.runner.mutation.free_space import (
     LEAST_MOVE_M,
     body_box,

@@ -9,7 +9,7 @@ import numpy as np
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Vector3
 from sim_action.core.records import dataclass
-from sim_action.robot.robot_model import RobotModel, Shape
+from sim_action.robot.model.robot_model import RobotModel, Shape
 from sim_action.sensors.rendering import PALETTE, ROBOT, Colour
 from sim_action.sensors.rendering.solids import (
     Capsule,

@@ -18,19 +18,19 @@ from sim_action.core import geometry
 from sim_action.core.errors import Location
 from sim_action.core.geometry import Pose
 from sim_action.core.records import dataclass, field
-from sim_action.robot.audit.rules import refuse_errors
-from sim_action.robot.model_files import NEWEST
-from sim_action.robot.packages import Packages
-from sim_action.robot.robot_model import Finding
-from sim_action.robot.sdf.composition import Entry
-from sim_action.robot.sdf.elements import Notes, flag_attribute, numbers_of, pose_of
-from sim_action.robot.sdf.worlds import SdfWorld, base_pose, is_ground, read_sdf_world
-from sim_action.robot.xml_document import ModelDocument, read_document
+from sim_action.robot.documents.model_files import NEWEST
+from sim_action.robot.documents.packages import Packages
+from sim_action.robot.documents.sdf_elements import Notes, flag_attribute, numbers_of, pose_of
+from sim_action.robot.documents.xml_document import ModelDocument, read_document
+from sim_action.robot.model.findings import refuse_errors
+from sim_action.robot.model.robot_model import Finding
+from sim_action.robot.reading.sdf.composition import Entry
+from sim_action.robot.reading.sdf.worlds import SdfWorld, base_pose, is_ground, read_sdf_world
 from sim_action.world import GRAVITY, Ground, World
-from sim_action.world.world_files.bodies import BodyReader, ReadBody
 from sim_action.world.world_files.losses import Loss, LossList
-from sim_action.world.world_files.shapes import ShapeReader, said
 from sim_action.world.world_files.tags import HARMLESS_WORLD_PLUGINS, lost_tags
+from sim_action.world.world_files.world_bodies import BodyReader, ReadBody
+from sim_action.world.world_files.world_shapes import ShapeReader, said
 
 if TYPE_CHECKING:
     from sim_action.world.parts import Part

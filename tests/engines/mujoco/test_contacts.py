@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from sim_action.core.field_types import Placement
-from sim_action.robot.spec import Robot
+from sim_action.robot.model.robot_spec import Robot
 from sim_action.world import Body, World
 from tests import traces
 from tests.integration.engines import running

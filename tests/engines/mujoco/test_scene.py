@@ -12,7 +12,7 @@ import pytest
 
 from sim_action.core.field_types import Placement
 from sim_action.engines import Engine
-from sim_action.robot.spec import Robot
+from sim_action.robot.model.robot_spec import Robot
 from sim_action.state.command import JointTargets
 from sim_action.world import Body, Physics, World
 from sim_action.world.scene import Scene

@@ -15,7 +15,7 @@ from sim_action.core import geometry
 from sim_action.core.geometry import Pose
 from sim_action.recording.export.csv_tum import CsvTable, TumTrajectory
 from sim_action.recording.export.recorded_run import RecordedRun
-from sim_action.robot.kinematics import link_poses
+from sim_action.robot.model.kinematics import link_poses
 from tests.recording.export.runs import MOMENTS, TIME, appearing, rolling, run, with_bodies
 
 

@@ -15,8 +15,8 @@ from rosbags.typesys import Stores, get_typestore
 
 from sim_action.core.workspace import Workspace
 from sim_action.recording.export.mcap_log import McapLog
-from sim_action.robot.loading import load_model
-from sim_action.robot.spec import Robot
+from sim_action.robot.model.robot_spec import Robot
+from sim_action.robot.reading.loading import load_model
 from sim_action.state.command import LinkWrench
 from sim_action.world import Body
 from sim_action.world.shapes import Cylinder, Ramp

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.robot.robot_model import Finding
-from sim_action.robot.urdf import read_urdf
+from sim_action.robot.model.robot_model import Finding
+from sim_action.robot.reading.urdf import read_urdf
 from tests.robot.bad_models import GOOD
 
 

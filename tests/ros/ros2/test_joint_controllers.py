@@ -16,7 +16,7 @@ from pydantic import ValidationError
 
 from sim_action.core.errors import ScriptError
 from sim_action.core.geometry import Pose
-from sim_action.robot.robot_model import Joint
+from sim_action.robot.model.robot_model import Joint
 from sim_action.ros.joint_commands import TrajectoryPoint, Waypoint, joint_curves
 from sim_action.ros.ros2.controller_spec import JointController
 from sim_action.ros.ros2.joint_controllers import TrajectoryReceiver, ValuesReceiver

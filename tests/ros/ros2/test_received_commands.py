@@ -10,7 +10,7 @@ import pytest
 from sim_action.core.errors import ScriptError
 from sim_action.core.geometry import Twist
 from sim_action.core.records import dataclass
-from sim_action.robot.robot_model import Joint
+from sim_action.robot.model.robot_model import Joint
 from sim_action.ros.ros2.joint_controllers import any_joints_subscription
 from sim_action.ros.ros2.messages import Message, vector
 from sim_action.ros.ros2.quality import LATCHED, TRANSFORMS, USUAL, Qos, large_message_problem, subscriber_problems

@@ -8,9 +8,9 @@ import pytest
 
 from sim_action.core.geometry import Pose
 from sim_action.core.workspace import Workspace
-from sim_action.robot.robot_model import Link, RobotModel, Shape
-from sim_action.robot.spec import Robot
-from sim_action.robot.urdf import read_urdf
+from sim_action.robot.model.robot_model import Link, RobotModel, Shape
+from sim_action.robot.model.robot_spec import Robot
+from sim_action.robot.reading.urdf import read_urdf
 from sim_action.sensors.rendering import PALETTE, ROBOT
 from sim_action.sensors.rendering.appearance import Part, robot_parts, world_parts
 from sim_action.sensors.rendering.solids import Capsule, Cylinder, Ellipsoid, Polyhedron

@@ -9,7 +9,7 @@ import pytest
 
 from sim_action.core.errors import RefusedModel
 from sim_action.core.workspace import Workspace
-from sim_action.robot.packages import Packages
+from sim_action.robot.documents.packages import Packages
 from sim_action.world import Body, Inertia, Sphere
 from sim_action.world.parts import HullPart
 from sim_action.world.world_files import WorldFile, read_world_file

@@ -10,7 +10,7 @@ from sim_action.core.geometry import Pose
 from sim_action.recording.export.recorded_run import RecordedRun
 from sim_action.recording.export.ros2.messages import CdrForm
 from sim_action.recording.export.ros2.topics import Topic, nanoseconds
-from sim_action.robot.robot_model import Joint, Link, RobotModel, Shape
+from sim_action.robot.model.robot_model import Joint, Link, RobotModel, Shape
 from sim_action.sensors.rendering import ROBOT
 
 

@@ -15,9 +15,9 @@ from sim_action.core.units import TIME_EPSILON_S
 from sim_action.recording.export.recorded_run import RecordedRun
 from sim_action.recording.export.ros2.messages import CdrForm
 from sim_action.recording.export.ros2.topics import Frames, Topic, nanoseconds, stamps
-from sim_action.robot.kinematics import link_of_frame
-from sim_action.robot.link_motion import link_motion
-from sim_action.robot.robot_model import RobotModel
+from sim_action.robot.model.kinematics import link_of_frame
+from sim_action.robot.model.link_motion import link_motion
+from sim_action.robot.model.robot_model import RobotModel
 from sim_action.sensors import MountedSensor
 from sim_action.sensors.lidar import Lidar
 from sim_action.state.command import WORLD_FRAME, LinkWrench

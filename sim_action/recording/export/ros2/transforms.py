@@ -15,7 +15,7 @@ from sim_action.core.units import TIME_EPSILON_S
 from sim_action.recording.export.recorded_run import RecordedRun
 from sim_action.recording.export.ros2.messages import CdrForm
 from sim_action.recording.export.ros2.topics import Frames, Topic, nanoseconds, stamps
-from sim_action.robot.robot_model import Joint
+from sim_action.robot.model.robot_model import Joint
 from sim_action.state.trace import FloatArray
 from sim_action.world import placed
 

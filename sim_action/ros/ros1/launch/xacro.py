@@ -14,9 +14,9 @@ from typing import Final
 from sim_action.core.errors import ModelError
 from sim_action.core.wording import escaped_line
 from sim_action.core.workspace import Workspace
-from sim_action.robot.packages import Packages
-from sim_action.robot.xacro_documents import UnknownArgument, XacroError
-from sim_action.robot.xacro_expansion import Expansion, expand
+from sim_action.robot.documents.packages import Packages
+from sim_action.robot.reading.xacro_documents import UnknownArgument, XacroError
+from sim_action.robot.reading.xacro_expansion import Expansion, expand
 
 _FALLBACKS: Final = Path(__file__).parent / "packages"
 

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.core.records import dataclass, field
-from sim_action.robot.link_motion import LinkStates
-from sim_action.robot.robot_model import RobotModel
+from sim_action.robot.model.link_motion import LinkStates
+from sim_action.robot.model.robot_model import RobotModel
 from sim_action.ros.ros1.node.world_models import WorldModels
 from sim_action.state.observation import JointState
 

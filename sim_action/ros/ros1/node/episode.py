@@ -17,8 +17,8 @@ from sim_action.core.field_types import Placement
 from sim_action.core.records import dataclass
 from sim_action.core.workspace import Workspace
 from sim_action.drives import recognise
-from sim_action.robot.loading import load_model
-from sim_action.robot.robot_model import RobotModel
+from sim_action.robot.model.robot_model import RobotModel
+from sim_action.robot.reading.loading import load_model
 from sim_action.ros.ros1.gazebo_plugins import PLUGINS, base_in_model, plugins_of
 from sim_action.ros.ros1.launch_request import SimulationRequest
 from sim_action.ros.ros1.node.bridge import Bridge, Session

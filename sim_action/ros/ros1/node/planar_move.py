@@ -12,8 +12,8 @@ from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives import Drive, NoDrive, is_level
 from sim_action.drives.mecanum import NOT_LEVEL
 from sim_action.drives.wheels import centre_of_mass
-from sim_action.robot.kinematics import Mobility
-from sim_action.robot.robot_model import RobotModel
+from sim_action.robot.model.kinematics import Mobility
+from sim_action.robot.model.robot_model import RobotModel
 from sim_action.state.command import NO_PUSH, BasePush, JointTargets
 from sim_action.world import GRAVITY
 from sim_action.world.scene import Scene

@@ -8,7 +8,7 @@ from typing import Any, Final, Protocol
 from xml.etree.ElementTree import Element
 
 from sim_action.core.records import dataclass
-from sim_action.robot.robot_model import RobotModel
+from sim_action.robot.model.robot_model import RobotModel
 from sim_action.ros.ros1.gazebo_plugins import Plugin
 from sim_action.ros.ros1.node.current_state import ModelFrame
 from sim_action.ros.ros1.node.internal_sensors import OnDemandSensor

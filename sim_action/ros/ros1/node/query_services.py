@@ -21,7 +21,7 @@ from geometry_msgs.msg import Vector3
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist, quaternion_from_rpy
 from sim_action.core.wording import did_you_mean
-from sim_action.robot.robot_model import JointType, Link, RobotModel
+from sim_action.robot.model.robot_model import JointType, Link, RobotModel
 from sim_action.ros.ros1.node.current_state import CurrentState, link_state
 from sim_action.ros.ros1.node.messages import pose_message, twist_message
 from sim_action.ros.ros1.node.world_models import unknown_model_message

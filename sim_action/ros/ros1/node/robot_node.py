@@ -19,7 +19,7 @@ from sim_action.core import geometry
 from sim_action.core.errors import ScriptError
 from sim_action.core.geometry import Pose, Twist
 from sim_action.core.records import dataclass
-from sim_action.robot.robot_model import RobotModel
+from sim_action.robot.model.robot_model import RobotModel
 from sim_action.ros.lockstep import Lockstep
 from sim_action.ros.message_values import in_frame_of
 from sim_action.ros.ros1.command_source.launched_nodes import LaunchedNodes

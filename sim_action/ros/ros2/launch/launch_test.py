@@ -31,7 +31,7 @@ from sim_action.results.events import Finished
 from sim_action.results.journal import Journal
 from sim_action.results.journal_records import Header, Planned
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, status_of
-from sim_action.robot.loading import load_model
+from sim_action.robot.reading.loading import load_model
 from sim_action.ros.program_failures import shown_path, traceback_location
 from sim_action.ros.result_files import Case, read_suite
 from sim_action.ros.ros2.bridge_link import BridgeEnded

@@ -10,8 +10,8 @@ import pytest
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose
 from sim_action.recording.export.recorded_run import RecordedRun
-from sim_action.robot.kinematics import link_poses
-from sim_action.robot.robot_model import Joint, Link, RobotModel
+from sim_action.robot.model.kinematics import link_poses
+from sim_action.robot.model.robot_model import Joint, Link, RobotModel
 from tests.recording.export.logs import read
 from tests.recording.export.runs import MOMENTS, TIME, appearing, run, sensing_run
 

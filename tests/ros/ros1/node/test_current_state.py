@@ -7,7 +7,7 @@ import math
 import pytest
 
 from sim_action.core.geometry import Pose, Twist, quaternion_from_rpy
-from sim_action.robot.robot_model import Joint, Link, RobotModel
+from sim_action.robot.model.robot_model import Joint, Link, RobotModel
 from sim_action.ros.ros1.node.current_state import ModelFrame, link_state, twist_at
 from sim_action.state.observation import JointState
 

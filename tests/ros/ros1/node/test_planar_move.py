@@ -10,8 +10,8 @@ import pytest
 from sim_action.commands import ClosedLoop, CommandSource, Controller
 from sim_action.core.geometry import Twist
 from sim_action.core.workspace import Workspace
-from sim_action.robot.loading import load_model
-from sim_action.robot.robot_model import Plugin, RobotModel
+from sim_action.robot.model.robot_model import Plugin, RobotModel
+from sim_action.robot.reading.loading import load_model
 from sim_action.ros.ros1.node.planar_move import PlanarMove
 from sim_action.scenario.model import DrivenRobot, Scenario
 from sim_action.simulation.loop import simulate

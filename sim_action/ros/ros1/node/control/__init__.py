@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import rospy
 
 from sim_action.core.records import dataclass
-from sim_action.robot.robot_model import Reading
+from sim_action.robot.model.robot_model import Reading
 from sim_action.ros.ros1.node.plugins import Device, Mover, Wiring
 from sim_action.ros.ros1.node.topics import Subscription
 from sim_action.ros.ros1.ros_control import Transmissions

@@ -9,7 +9,7 @@ from typing import Final
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Float64MultiArray
 
-from sim_action.robot.robot_model import Joint, Reading
+from sim_action.robot.model.robot_model import Joint, Reading
 from sim_action.ros.joint_commands import targets, within_limits
 from sim_action.ros.ros1.node.control import Controller, ControllerSetup
 from sim_action.ros.ros1.node.messages import header

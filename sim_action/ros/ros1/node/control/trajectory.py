@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from trajectory_msgs.msg import JointTrajectory
 
-from sim_action.robot.robot_model import Joint, Reading
+from sim_action.robot.model.robot_model import Joint, Reading
 from sim_action.ros.joint_commands import JointCurve, TrajectoryPoint, Waypoint, joint_curves, within_limits
 from sim_action.ros.ros1.node.control import Controller, ControllerSetup
 from sim_action.ros.ros1.node.control.joint_controllers import SERVO_NOTE

@@ -1,0 +1,135 @@
+"""Report parts of SDF that would change the motion of a robot but are not simulated.
+
+Names and defaults are those of sdformat.org/spec. A part with its default value is not reported. Parameters of an
+engine's solver are not in the table.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final
+from xml.etree.ElementTree import Element
+
+from sim_action.core.geometry import ZERO
+from sim_action.robot.audit.elements import MAX_IGNORED_RESTITUTION, no_bounce
+from sim_action.robot.documents.sdf_elements import Notes, SdfProblem, flag_of, needed, number_of, numbers_of, text_of
+
+Default = bool | float | tuple[float, ...] | None
+"""The value that has no effect; None: the presence of the part has an effect."""
+
+PARTS: Final[Mapping[str, Mapping[str, Default]]] = MappingProxyType(
+    {
+        "model": {"self_collide": False, "enable_wind": False, "gripper": None},
+        "link": {
+            "gravity": True,
+            "kinematic": False,
+            "self_collide": False,
+            "enable_wind": False,
+            "velocity_decay/linear": 0.0,
+            "velocity_decay/angular": 0.0,
+            "inertial/fluid_added_mass": None,
+        },
+        "collision": {
+            "surface/friction/torsional/coefficient": 0.0,
+            "surface/friction/ode/slip1": 0.0,
+            "surface/friction/ode/slip2": 0.0,
+            "surface/friction/ode/fdir1": ZERO,
+            "surface/friction/bullet/rolling_friction": 0.0,
+            "surface/soft_contact": None,
+        },
+        "axis": {
+            "limit/stiffness": 1e8,
+            "limit/dissipation": 1.0,
+        },
+    }
+)
+_FORCES: Final = re.compile(
+    r"buoyan|hydrodynamic|lift_?drag|thruster|(motor|multicopter)_?(motor_?)?model|wind|surface_?(float|wave)|suction|"
+    r"magnet|vacuum|ros_force\b|link_?wrench",
+    re.IGNORECASE,
+)
+"""Words in the names of plugins that push or hold links."""
+
+_FRICTION: Final = "surface/friction"
+_BOUNCE: Final = "surface/bounce/restitution_coefficient"
+_CONTACT: Final = "surface/contact"
+# The mask of the ground and of objects, which have none.
+_EVERYTHING: Final = 0xFFFF
+
+
+def note_parts(notes: Notes, holder: Element, owner: str) -> None:
+    """Add a finding for each unsupported part of a <model>, <link>, <collision>, <axis> or <axis2>. Raises SdfProblem.
+
+    :param owner: the name of the element in messages.
+    """
+    for path, default in PARTS[holder.tag.removesuffix("2")].items():
+        part = holder.find(path)
+        if part is not None and _has_effect(holder, path, default):
+            note_part(notes, f"{holder.tag}/{path}", part, (part.text or "").strip(), owner)
+
+
+def note_part(notes: Notes, kind: str, part: Element, text: str, owner: str) -> None:
+    """Note a part with this text that is not simulated; `kind`: see `Notes.leave_out`."""
+    stated = f"<{part.tag}>{text}</{part.tag}>" if text else f"<{part.tag}>"
+    notes.leave_out(kind, part, f"{stated} of {owner}")
+
+
+def note_sensors(notes: Notes, holder: Element, owner: str) -> None:
+    """Note the sensors of a <link> or <joint>, or of the <gazebo> of one."""
+    for sensor in holder.findall("sensor"):
+        stated = f"<sensor type=\"{sensor.get('type', '')}\"> '{sensor.get('name', '')}' of {owner}"
+        notes.leave_out("sensor", sensor, f"{stated} (a scenario has its own 'sensors')", "unused-sensor")
+
+
+def note_plugin(notes: Notes, plugin: Element) -> None:
+    """Note a plugin of a model that acts on links with forces."""
+    title = f"{plugin.get('name', '')} {plugin.get('filename', '')}"
+    if _FORCES.search(title):
+        name = plugin.get("name") or plugin.get("filename", "")
+        notes.leave_out(f"plugin {plugin.get('filename')}", plugin, f"the force of plugin '{name}'")
+
+
+def note_contact(notes: Notes, collision: Element, owner: str) -> None:
+    """Add a finding for each unsupported contact property of a <collision>. Raises SdfProblem."""
+    bullet = collision.find(f"{_FRICTION}/bullet/friction")
+    if bullet is not None and number_of(collision, f"{_FRICTION}/bullet/friction", 1.0) != _friction(collision):
+        note_part(notes, "bullet", bullet, (bullet.text or "").strip(), owner)
+    bounce = collision.find(_BOUNCE)
+    if bounce is not None and (restitution := number_of(collision, _BOUNCE, 0.0)) > MAX_IGNORED_RESTITUTION:
+        notes.add("restitution", bounce, no_bounce(f"<{bounce.tag}> of {owner} is {restitution:g}"))
+    contact = collision.find(_CONTACT)
+    if contact is None:
+        return
+    if flag_of(contact, "collide_without_contact"):
+        message = f"<collide_without_contact> of {owner} is not supported"
+        notes.add("unsupported-part", contact, f"{message}: use <empty/>; if allowed, it collides like any other shape")
+    own = _mask(contact, "collide_bitmask", _EVERYTHING)
+    if not (own | _mask(contact, "category_bitmask", own)) & _EVERYTHING:
+        message = f"<collide_bitmask> of {owner} excludes every contact, which is not supported"
+        notes.add("unsupported-part", contact, f"{message}: use <empty/>; if allowed, it collides like any other shape")
+
+
+def _friction(collision: Element) -> float:
+    return number_of(collision, f"{_FRICTION}/ode/mu", 1.0)
+
+
+def _has_effect(holder: Element, path: str, default: Default) -> bool:
+    if default is None:
+        return True
+    if isinstance(default, bool):
+        return flag_of(holder, path) != default
+    if isinstance(default, float):
+        return number_of(holder, path, default) != default
+    return numbers_of(needed(holder, path), len(default)) != default
+
+
+def _mask(contact: Element, tag: str, otherwise: int) -> int:
+    text = text_of(contact, tag)
+    if not text:
+        return otherwise
+    try:
+        return int(text, 16 if text.lower().startswith("0x") else 10)
+    except ValueError:
+        raise SdfProblem("bad-number", contact, f"<{tag}> is {text[:40]!r}: expected an integer") from None

@@ -1,0 +1,398 @@
+"""Find ROS packages and Gazebo models by name, without ROS: `package://`, `model://`, `file://` -> files.
+
+The search order is: the packages that the caller provides, `robot.packages` of the scenario, the package of the
+referring file, the workspace, ROS_PACKAGE_PATH, AMENT_PREFIX_PATH (models: GAZEBO_MODEL_PATH, GZ_SIM_RESOURCE_PATH).
+A name that no package.xml has is then the name of a folder: above the referring file, in the workspace, or on the path
+for models. Collections of models have no package.xml, rename packages, and leave out folders.
+
+A file must lie in the workspace, or in a package or model on one of those paths, because only the owner of the machine
+can set them. Links are resolved first, so that a link cannot lead out of a package.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from functools import cached_property
+from itertools import takewhile
+from pathlib import Path, PurePosixPath
+from typing import Final
+from urllib.parse import unquote
+
+from sim_action.core.records import dataclass, field, replace
+from sim_action.core.wording import FirstFew, nearest
+from sim_action.core.workspace import OUTSIDE_REMEDY, Workspace, path_problem, similar_name
+from sim_action.robot.documents.package_search import (
+    MODEL_VARIABLES,
+    PACKAGE_FILE,
+    PACKAGE_VARIABLES,
+    EnvironmentFolders,
+    Listings,
+    PackageFolders,
+    PackageNames,
+    by_distance,
+    folders_below,
+    folders_named,
+    listed,
+)
+from sim_action.robot.documents.references import Note, Reference
+
+_MAX_SAME: Final = 100
+
+
+class PackageError(Exception):
+    """A reference that names no usable file.
+
+    `rule` is missing-package, missing-file, outside-workspace or bad-reference.
+    """
+
+    def __init__(self, rule: str, message: str) -> None:
+        self.rule = rule
+        super().__init__(message)
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """The file or folder that a reference names.
+
+    Attributes:
+        notes: for the user, such as a second package.
+        is_guessed: True if no folder has the name of the package.
+    """
+
+    path: Path
+    notes: tuple[Note, ...] = ()
+    is_guessed: bool = False
+
+
+@dataclass(frozen=True)
+class Packages:
+    """The packages that one scenario can use. The search of the workspace is cached: create one object per scenario.
+
+    Attributes:
+        workspace: the workspace of the scenario.
+        mapped: `robot.packages`: name -> folder, relative to the scenario.
+        environment: environment variables; only those named above are read.
+    """
+
+    workspace: Workspace
+    mapped: Mapping[str, str] = field(default_factory=dict)
+    environment: Mapping[str, str] = field(default_factory=lambda: dict(os.environ), repr=False)
+    _hinted: FirstFew = field(default_factory=FirstFew, init=False, repr=False, compare=False)
+    _listings: Listings = field(default_factory=Listings, init=False, repr=False, compare=False)
+    _names: PackageNames = field(default_factory=PackageNames, init=False, repr=False, compare=False)
+    _known: dict[tuple[str, str, Path], Found | None] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
+    _ordered: dict[tuple[str, Path], list[Path]] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    def mapped_problems(self) -> Iterator[tuple[str, str]]:
+        """Yield each name in `robot.packages` that leads to no folder, and the problem."""
+        for name in self.mapped:
+            try:
+                self._given(name) or self._mapped(name)
+            except PackageError as error:
+                yield name, str(error)
+
+    def find(self, name: str, referrer: Path) -> Found:
+        """Return the folder of a package; `referrer` is the file that names it. Raises PackageError."""
+        here = referrer.resolve()
+        found = self._declared("package", name, here) or next(self._folders(Reference("package", name), here), None)
+        if found is None:
+            raise self._missing("package", name, here)
+        return found
+
+    def find_model(self, name: str, referrer: Path) -> Found:
+        """Return the folder of a Gazebo model, or of a package with that name. Raises PackageError."""
+        here = referrer.resolve()
+        found = self._declared("model", name, here)
+        if found is None:
+            raise self._missing("model", name, here)
+        return found
+
+    def resolve(self, reference: str, referrer: Path) -> Found:
+        """Return the file that `reference`, written in `referrer`, names. Raises PackageError."""
+        found = self.locate(reference, referrer)
+        try:
+            return replace(found, path=self.file(found.path, reference))
+        except PackageError as error:
+            stated = Reference.parsed(reference)
+            if error.rule != "missing-file" or not stated.name:
+                raise
+            named = {*self._inside.packages.get(stated.name, ()), *self._inside.folders.get(stated.name, ())}
+            places = sorted(named)[:_MAX_SAME]
+            others = [self._shown(place) for place in places if self._is_there(place / stated.path)]
+            hint = f"; the file is in {listed(others)}, which robot.packages or --package can name" if others else ""
+            raise PackageError(error.rule, f"{error}{hint}") from None
+
+    def locate(self, reference: str, referrer: Path) -> Found:
+        """Return the file or folder that `reference` names; it may be missing. Raises PackageError."""
+        here, first = referrer.resolve(), None
+        try:
+            stated = Reference.parsed(reference)
+        except ValueError as error:
+            raise PackageError("bad-reference", str(error)) from None
+        for found in self._candidates(stated, here):
+            first = first or (None if found.is_guessed else found)
+            if self._is_there(found.path):
+                start = stated.odd_start(reference)
+                note = Note("file-spelling", f"'{start}' is read as '{stated.scheme}://{stated.name}/'", here)
+                return replace(found, notes=(*found.notes, note)) if start else found
+        if first is not None:
+            return first
+        if stated.scheme == "file":
+            meant = f"write file:///{stated.path}, or '{stated.path}' for a path relative to the referring file"
+            raise PackageError("bad-reference", f"'{reference}': file:// needs an absolute path; {meant}")
+        raise self._missing(stated.scheme, stated.name, here)
+
+    def _candidates(self, stated: Reference, here: Path) -> Iterator[Found]:
+        """Yield the paths that a reference may mean, the most likely one first; none if its package is unknown."""
+        tried = list[Found]()
+        for folder in self._places(stated, here):
+            tried.append(folder)
+            yield replace(folder, path=folder.path / stated.path)
+        for folder in tried:
+            yield from self._respelled(folder, stated.path)
+        is_chosen = self._given(stated.name) or stated.name in self.mapped
+        if stated.name and not is_chosen and ".." not in PurePosixPath(stated.path).parts:
+            yield from self._shortened(stated, here, self._declared(stated.scheme, stated.name, here))
+
+    def _places(self, stated: Reference, here: Path) -> Iterator[Found]:
+        """Yield the folders in which the path of a reference may start."""
+        if not stated.scheme or stated.is_absolute:
+            yield Found(Path() if stated.is_absolute else here.parent)
+        elif stated.scheme == "file":
+            # Gazebo searches such a path on the path for models.
+            name, _, path = stated.path.partition("/")
+            if self._is_there(here.parent / stated.path):
+                yield Found(here.parent, (Note("file-spelling", f"'file://{name}' is read as a relative path", here),))
+            for folder in self._places(Reference("model", name, path), here):
+                if self._is_there(folder.path / path):
+                    yield replace(folder, path=folder.path.parent)
+        elif (declared := self._declared(stated.scheme, stated.name, here)) is not None:
+            yield declared
+        else:
+            yield from self._folders(stated, here)
+
+    def _declared(self, scheme: str, name: str, here: Path) -> Found | None:
+        if (scheme, name, here) not in self._known:
+            self._known[scheme, name, here] = (self._model if scheme == "model" else self._package)(name, here)
+        return self._known[scheme, name, here]
+
+    def _folders(self, stated: Reference, here: Path) -> Iterator[Found]:
+        """Yield the folders with the name of a package that has no package.xml."""
+        name = stated.name
+        undeclared = f"no package.xml or model.config has the name '{name}'"
+        for folder in self._above(here):
+            if folder.name == name and not (folder / PACKAGE_FILE).is_file():
+                yield self._noted(folder, f"{undeclared}: {self._shown(folder)}, above {here.name}, is used")
+        if (name, here) not in self._ordered:
+            # The search of the workspace does not find folders beside a model that may be outside of it.
+            beside = folders_named(name, self._above(here))
+            below = by_distance({*beside, *self._inside.folders.get(name, ())}, here)
+            self._ordered[name, here] = below[:_MAX_SAME]
+        below = self._ordered[name, here]
+        suitable = [folder for folder in below if self._is_there(folder / stated.path)] or below[:1]
+        for folder in suitable[:1]:
+            others = listed(self._shown(other) for other in suitable[1:])
+            reason = f"because it is nearest to {here.name}, not {others}" if others else "a folder of that name"
+            yield self._noted(folder, f"{undeclared}: {self._shown(folder)} is used, {reason}")
+        yield from map(Found, self._environment_folders.named(name))
+
+    def _respelled(self, folder: Found, path: str) -> Iterator[Found]:
+        """Yield the file whose name differs in letter case or has slashes for backslashes."""
+        place = self._listings.matched(folder.path, path, self.may_read)
+        if place is not None:
+            text = f"'{path}' is spelled {self._shown(place)} on the disk: write it like that, as Linux needs it"
+            text += f"; not {listed(others)}" if (others := self._listings.similar(place)) else ""
+            yield replace(folder, path=place, notes=(*folder.notes, Note("file-spelling", text, place.parent)))
+
+    def _shortened(self, stated: Reference, here: Path, known: Found | None) -> Iterator[Found]:
+        """Yield files of a package whose outer folders were renamed or left out, below folders above the model."""
+        parts = (stated.name, *PurePosixPath(stated.path).parts)
+        above = list(self._above(here))
+        for index in range(1, len(parts) - 1):
+            start = "/".join(parts[: index + 1])
+            for folder in above:
+                if folder.name == parts[index]:
+                    found = self._noted(folder, f"'{stated.scheme}://{start}' is read as {self._shown(folder)}")
+                    yield replace(found, path=folder.joinpath(*parts[index + 1 :]), is_guessed=True)
+        for folder in above if known is None else ():
+            text = f"no folder '{stated.name}' has the file: {self._shown(folder)}, above {here.name}, is used"
+            yield replace(self._noted(folder, text), path=folder / stated.path, is_guessed=True)
+        if known is not None:
+            yield from self._uninstalled(known.path / stated.path)
+
+    def _uninstalled(self, path: Path) -> Iterator[Found]:
+        """Yield the file that a package has in a deeper folder of its source, from where the build installs it."""
+        package = next((folder for folder in self._above(path) if (folder / PACKAGE_FILE).is_file()), None)
+        inner = () if package is None else path.relative_to(package).parts[:-1]
+        if package is None or not inner or ".." in inner:
+            return
+        same = (place for place in self._inside.folders.get(inner[-1], ()) if place.is_relative_to(package))
+        deeper = [place for place in same if place.relative_to(package).parts[-len(inner) :] == inner]
+        deeper = [place for place in deeper if self._is_there(place / path.name)]
+        for folder in by_distance(deeper, package / PACKAGE_FILE)[:1]:
+            others = listed(self._shown(other) for other in deeper if other != folder)
+            text = (
+                f"{self._shown(package)} has no folder '{'/'.join(inner)}' with the file: {self._shown(folder)} is used"
+            )
+            yield replace(self._noted(folder, f"{text}, not {others}" if others else text), path=folder / path.name)
+
+    def _noted(self, folder: Path, text: str) -> Found:
+        return Found(folder, (Note("package-folder", f"{text}; set robot.packages to choose another", folder),))
+
+    def _shown(self, path: Path) -> str:
+        root = self.workspace.root
+        return str(path.relative_to(root)) if path.is_relative_to(root) and path != root else str(path)
+
+    def _is_there(self, path: Path) -> bool:
+        """Return True if a path leads to a file or folder that may be read."""
+        plain = str(path)
+        try:  # most candidates are missing, and links take ten times as long to resolve
+            is_likely = "%" in plain or ".." in plain or path.exists()
+            return is_likely and self.place(path, plain).exists()
+        except (PackageError, OSError, ValueError):
+            return False
+
+    def included(self, path: Path, reference: str) -> Found:
+        """Return the file at an absolute path, or where it is in the source of its package. Raises PackageError.
+
+        :param reference: the text in the referring file.
+        """
+        try:
+            return Found(self.file(path, reference))
+        except PackageError as error:
+            found = next(self._uninstalled(path), None) if error.rule == "missing-file" else None
+            if found is None:
+                raise
+            return replace(found, path=self.file(found.path, reference))
+
+    def may_read(self, path: Path) -> bool:
+        """Return True if a file or folder may be read; links in `path` must be resolved."""
+        if path.is_relative_to(self.workspace.root):
+            return self.workspace.refusal(path) is None
+        return self.workspace.refusal(path) is None or self._environment_folders.contains(path)
+
+    def file(self, path: Path, reference: str) -> Path:
+        """Return the file at an absolute path; `reference` is its text in the referring file. Raises PackageError."""
+        found = self.place(path, reference)
+        is_file, is_folder, is_there = found.is_file(), found.is_dir(), found.exists()
+        if is_there and not is_file and not is_folder:
+            raise PackageError("missing-file", f"'{reference}' is not a regular file (looked for {found})")
+        if not is_file:
+            reason = "is a folder" if is_folder else "does not exist"
+            # A model may miss many files.
+            hint = similar_name(found) if self._hinted.one_more() else ""
+            raise PackageError("missing-file", f"'{reference}' {reason} (looked for {found}){hint}")
+        return found
+
+    def place(self, path: Path, reference: str) -> Path:
+        """Return the absolute path of a file that may be read, with its links resolved; it may be missing.
+
+        Raises PackageError.
+        """
+        try:
+            found = path.resolve()
+            # %20 means a space, as in a URL, if no file has the literal name.
+            if not found.exists() and "%" in reference:
+                found = Path(unquote(str(path))).resolve()
+                found.exists()
+        except (OSError, ValueError, RuntimeError) as error:  # too long, contains a NUL, or a loop of links
+            raise PackageError("bad-reference", f"{reference!r} is not a valid path: {path_problem(error)}") from None
+        if not self.may_read(found):
+            portable = "; better: a path relative to the referring file, or package://, works on every machine"
+            is_absolute = reference.startswith(("/", "file:"))
+            raise self._outside(f"'{reference}'", found, portable if is_absolute else "")
+        return found
+
+    def _package(self, name: str, here: Path) -> Found | None:
+        found = self._given(name) or self._mapped(name)
+        found = found or self._own(name, here) or _nearest(self._inside.packages.get(name), here)
+        return found or _of(self._environment_folders.package(name))
+
+    def _model(self, name: str, here: Path) -> Found | None:
+        found = self._given(name) or self._mapped(name) or _nearest(self._inside.models.get(name), here)
+        return found or _of(self._environment_folders.model(name)) or self._package(name, here)
+
+    def _given(self, name: str) -> Found | None:
+        return _of(next((Path(folder) for given, folder in self.workspace.packages if given == name), None))
+
+    def _mapped(self, name: str) -> Found | None:
+        if name not in self.mapped:
+            return None
+        what = f"'{name}: {self.mapped[name]}' in robot.packages"
+        try:
+            folder = (self.workspace.directory / self.mapped[name]).resolve()
+            is_folder = folder.is_dir()
+        except (OSError, ValueError, RuntimeError) as error:
+            problem = path_problem(error, "folder")
+            raise PackageError("missing-package", f"{what} is not a valid path: {problem}") from None
+        if not self.may_read(folder):
+            raise self._outside(what, folder)
+        if not is_folder:
+            raise PackageError("missing-package", f"{what} is not a folder (looked for {folder})")
+        return Found(folder)
+
+    def _own(self, name: str, here: Path) -> Found | None:
+        """Return the package of the referring file, if it has this name: it comes before others of the same name."""
+        for folder in self._above(here):
+            manifest = folder / PACKAGE_FILE
+            if manifest.is_file() and self.may_read(manifest.resolve()) and self._names.of(folder) == name:
+                return Found(folder)
+        return None
+
+    def _above(self, here: Path) -> Iterator[Path]:
+        return takewhile(self.may_read, here.parents)
+
+    @cached_property
+    def _inside(self) -> PackageFolders:
+        return folders_below(self.workspace.root, inside_packages=True)
+
+    @cached_property
+    def _environment_folders(self) -> EnvironmentFolders:
+        return EnvironmentFolders(self.environment)
+
+    def _outside(self, what: str, found: Path, advice: str = "") -> PackageError:
+        where = f"{self.workspace.refusal(found)} (it is {found})"
+        lifted = "name another file" if found.is_relative_to(self.workspace.root) else OUTSIDE_REMEDY
+        return PackageError("outside-workspace", f"{what} {where}; {lifted}{advice}")
+
+    def _missing(self, kind: str, name: str, here: Path) -> PackageError:
+        inside, root = self._inside, self.workspace.root
+        variables = (*MODEL_VARIABLES, *PACKAGE_VARIABLES) if kind == "model" else PACKAGE_VARIABLES
+        hint = ""
+        if self._hinted.one_more():
+            given, models = (given for given, _ in self.workspace.packages), inside.models if kind == "model" else ()
+            known = {*self.mapped, *given, *inside.packages, *self._environment_folders.package_names, *models}
+            near = nearest(name, sorted(known))
+            hint = "" if near is None else f"; did you mean '{near}'?"
+        extent = (
+            f"{len(inside.packages)} packages" if inside.complete else "only some of its folders: there are too many"
+        )
+        places = ("robot.packages", f"{root} ({extent})", *self._environment_folders.described(variables))
+        where = here.relative_to(root) if here.is_relative_to(root) else here
+        # The workspace may start below the package.
+        outside = next((folder for folder in here.parents if folder.name == name), "FOLDER")
+        return PackageError(
+            "missing-package",
+            f"{where} refers to the {kind} '{name}', which was not found{hint} (searched: {', '.join(places)}); "
+            f"add it to the repository, or set its folder: robot.packages: {{{name}: path/to/{name}}}, or "
+            f"name a folder outside the repository: --package {name}={outside}",
+        )
+
+
+def _of(folder: Path | None) -> Found | None:
+    return None if folder is None else Found(folder)
+
+
+def _nearest(folders: tuple[Path, ...] | None, here: Path) -> Found | None:
+    """Return the folder with the shortest path from the referring file, with a warning if there are several."""
+    if folders is None:
+        return None
+    nearest, *others = by_distance(folders, here)
+    if not others:
+        return Found(nearest)
+    chosen = f"{nearest} is used, because it is nearest to {here.name}, not {listed(map(str, others))}"
+    text = f"{len(folders)} packages have the same name: {chosen}; set robot.packages to choose one"
+    return Found(nearest, (Note("several-packages", text, nearest),))

@@ -1,0 +1,203 @@
+"""Read values of URDF elements after the audit: numbers, poses, limits, and the supported parts of <gazebo> tags.
+
+Supported in <gazebo> are contact coefficients, springs, <static> and plugins (classic.gazebosim.org, "URDF in Gazebo").
+Numbers in <gazebo> are text, or an attribute `value`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from pathlib import PurePath
+from types import MappingProxyType
+from typing import Final
+from xml.etree.ElementTree import Element
+
+from sim_action.core import geometry
+from sim_action.core.errors import Location
+from sim_action.core.geometry import Pose, Vector3
+from sim_action.robot.documents.xml_document import ModelDocument
+from sim_action.robot.model.robot_model import Plugin, Surface
+
+MOMENTS: Final = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+"""The attributes of <inertia>."""
+
+SHAPES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
+    {
+        "box": ("size",),
+        "sphere": ("radius",),
+        "cylinder": ("radius", "length"),
+        "capsule": ("radius", "length"),
+    }
+)
+"""Shapes other than meshes -> their attributes."""
+
+CONTACT: Final = (
+    "lateral_friction",
+    "rolling_friction",
+    "spinning_friction",
+    "restitution",
+    "contact_cfm",
+    "contact_erp",
+    "stiffness",
+    "damping",
+)
+"""Elements of Bullet's <contact>, an extension of URDF, without inertia_scaling."""
+
+BALLS: Final = ("spherical", "ball")
+"""Types of ball joints, which dialects of URDF define: that of Bullet, and that of Drake."""
+
+UNLIMITED: Final = 1e16
+"""A limit this large means "no limit": exporters write it, and SDF before 1.9 has it as its default."""
+
+MAX_NUMBER: Final = 1e18
+"""The largest number that is accepted: squares of larger numbers overflow."""
+
+NUMBERS: Final = ("mu1", "mu2", "kp", "kd")
+"""The numbers that are read from the <gazebo> tag of a link."""
+
+SPRING: Final = ("springStiffness", "springReference")
+"""The numbers that are read from the <gazebo> tag of a joint."""
+
+# Gazebo uses the smaller of two coefficients, the engines their product: equal on a ground of 1 if none exceeds 1.
+_MAX_FRICTION: Final = 1.0
+
+
+def is_expression(text: str) -> bool:
+    """Return True if a text contains a xacro expression."""
+    return "${" in text or "$(" in text
+
+
+def is_numbers(text: str, count: int) -> bool:
+    """Return True if a text is `count` numbers that are not too large, separated by white space."""
+    words = text.split()
+    # Python accepts digits of every script, and underscores between digits; engines do not.
+    if len(words) != count or not text.isascii() or "_" in text:
+        return False
+    try:
+        return all(abs(float(word)) <= MAX_NUMBER for word in words)  # False for NaN
+    except ValueError:
+        return False
+
+
+def numbers(element: Element | None, name: str) -> tuple[float, ...] | None:
+    """Return the numbers of an attribute; None if element or attribute is missing, or an accepted xacro expression."""
+    text = None if element is None else element.get(name)
+    return None if text is None or is_expression(text) else tuple(map(float, text.split()))
+
+
+def number(element: Element | None, name: str) -> float | None:
+    """Return the number of an attribute; None as in `numbers`."""
+    found = numbers(element, name)
+    return found[0] if found else None
+
+
+def vector(element: Element | None, name: str, otherwise: Vector3) -> Vector3:
+    """Return the three numbers of an attribute, or `otherwise` if there are none."""
+    x, y, z = numbers(element, name) or otherwise
+    return (x, y, z)
+
+
+def origin(element: Element) -> Pose:
+    """Return the <origin> of an element, in the frame of its link or parent link."""
+    stated = element.find("origin")
+    rpy = vector(stated, "rpy", geometry.ZERO)
+    return Pose(vector(stated, "xyz", geometry.ZERO), geometry.quaternion_from_rpy(*rpy))
+
+
+def axis(joint: Element, tag: str = "axis") -> Vector3:
+    """Return the axis of a joint, of unit length; the x axis if it is missing."""
+    x, y, z = vector(joint.find(tag), "xyz", (1.0, 0.0, 0.0))
+    # Scale by the largest component first: squares of small numbers would underflow.
+    largest = max(abs(x), abs(y), abs(z)) or 1.0
+    x, y, z = x / largest, y / largest, z / largest
+    length = math.hypot(x, y, z)
+    return (x / length, y / length, z / length) if length else (1.0, 0.0, 0.0)
+
+
+def limits(joint: Element) -> tuple[float | None, float | None]:
+    """Return the lower and upper limit of a joint, in rad (m if prismatic); None means "no limit".
+
+    If one of the two is missing, it is 0, as in URDF. If both are missing, the audit allowed it, and there is no limit.
+    """
+    limit = joint.find("limit")
+    lower, upper = number(limit, "lower"), number(limit, "upper")
+    if joint.get("type") == "continuous" or (lower, upper) == (None, None):
+        return None, None
+    lower, upper = lower or 0.0, upper or 0.0
+    return (lower if lower > -UNLIMITED else None), (upper if upper < UNLIMITED else None)
+
+
+def parent_of(joint: Element) -> str:
+    """Return the parent link of a joint."""
+    return _link(joint, "parent")
+
+
+def child_of(joint: Element) -> str:
+    """Return the child link of a joint."""
+    return _link(joint, "child")
+
+
+def _link(joint: Element, tag: str) -> str:
+    element = joint.find(tag)
+    return "" if element is None else element.get("link", "")
+
+
+def surface_of(document: ModelDocument, link: Element) -> Surface:
+    """Return the contact surface of a link, from Bullet's <contact> and from <gazebo reference=...>, which wins."""
+    friction, stiffness, damping = (
+        number(link.find(f"contact/{tag}"), "value") for tag in ("lateral_friction", "stiffness", "damping")
+    )
+    for tag in tags_of(document, link.attrib["name"]):
+        mu1, mu2, kp, kd = (_number(tag, name) for name in NUMBERS)
+        mu = mu2 if mu1 is None else mu1
+        friction = friction if mu is None else min(mu, _MAX_FRICTION)
+        stiffness, damping = kp or stiffness, damping if kd is None else kd
+    # Models write a stiffness of 0 for "not specified".
+    stated = {"friction": friction, "stiffness": stiffness or None, "damping": damping}
+    return Surface(**{name: value for name, value in stated.items() if value is not None})
+
+
+def spring_of(document: ModelDocument, joint: Element) -> tuple[float, float]:
+    """Return stiffness and rest position of the spring of a joint; 0 and 0 without a spring.
+
+    They are attributes of <dynamics>, as `sim_action.robot.reading.sdf` writes them, or Gazebo's tags for URDF.
+    """
+    dynamics = joint.find("dynamics")
+    stiffness, reference = (number(dynamics, name) for name in ("spring_stiffness", "spring_reference"))
+    for tag in tags_of(document, joint.attrib["name"]):
+        stated, at = (_number(tag, name) for name in SPRING)
+        stiffness, reference = stated or stiffness, reference if at is None else at
+    return (stiffness, reference or 0.0) if stiffness else (0.0, 0.0)
+
+
+def tags_of(document: ModelDocument, name: str) -> Iterator[Element]:
+    """Return the <gazebo> tags of a link or a joint."""
+    return (tag for tag in document.elements("gazebo") if tag.get("reference") == name)
+
+
+def number_text(tag: Element, name: str) -> str | None:
+    """Return the text of a number in a <gazebo> tag; None if it is missing."""
+    element = tag.find(name)
+    return None if element is None else element.get("value", element.text or "").strip()
+
+
+def flag(text: str) -> bool:
+    """Return the flag in a <gazebo> tag, as Gazebo reads it."""
+    return text.lower() in {"true", "yes", "1"}
+
+
+def plugins_of(document: ModelDocument) -> tuple[Plugin, ...]:
+    """Return the plugins that the model asks Gazebo to load."""
+    return tuple(_plugin(element, document.places.get(element)) for element in document.elements("gazebo/plugin"))
+
+
+def _number(tag: Element, name: str) -> float | None:
+    text = number_text(tag, name)
+    return None if text is None or is_expression(text) else float(text)
+
+
+def _plugin(element: Element, place: Location | None) -> Plugin:
+    file = PurePath(element.get("filename", "")).name.removesuffix(".so").removeprefix("lib")
+    parameters = tuple((child.tag, (child.text or "").strip()) for child in element)
+    return Plugin(file, parameters, element.get("name", ""), place)

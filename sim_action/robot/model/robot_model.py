@@ -1,0 +1,399 @@
+"""A robot model as data: links, joints, shapes, findings. It does not depend on file formats or engines."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import cached_property
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Final, Literal
+
+from sim_action.core import geometry, units
+from sim_action.core.errors import Location
+from sim_action.core.geometry import ZERO, Pose, Quaternion, Vector3
+from sim_action.core.records import dataclass, field
+from sim_action.core.units import Dimension
+from sim_action.core.wording import did_you_mean
+
+if TYPE_CHECKING:
+    from sim_action.robot.model.mjcf_data import Keyframe, Mjcf, Motor
+    from sim_action.robot.reading.srdf import Srdf
+
+Reading = Literal["position", "velocity", "effort"]
+
+READINGS: Final = MappingProxyType(
+    {
+        "position": (units.ANGLE, units.LENGTH),
+        "velocity": (units.ANGULAR_SPEED, units.SPEED),
+        "effort": (units.TORQUE, units.FORCE),
+    }
+)
+"""A quantity of a joint -> its dimension for a turning joint, and for a sliding joint."""
+
+JointType = Literal["revolute", "continuous", "prismatic", "ball", "fixed"]
+
+WORLD: Final = "world"
+"""A root link with this name is fixed to the world, as in Gazebo."""
+
+MOVING_TYPES: Final[frozenset[JointType]] = frozenset({"revolute", "continuous", "prismatic"})
+"""Types of joints with one degree of freedom, which a motor can move."""
+
+# Nearer to a quarter turn about y, the angles about x and z cannot be told apart.
+_POLE: Final = 1 - 1e-12
+
+Color = tuple[float, float, float]
+Level = Literal["fatal", "error", "warning"]
+"""fatal: cannot be simulated; error: refused unless allowed, as it is probably not what was meant; warning: a note."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """A collision shape of a link.
+
+    Attributes:
+        kind: "box", "cylinder", "sphere", "mesh", ...
+        pose: in the link's frame.
+        radius: m, for cylinders, capsules and spheres.
+        lower_xyz, upper_xyz: m, the corners of its bounding box, in its own frame.
+        hulls: the text of a clean mesh, as `sim_action.meshes` makes it; empty for other shapes, and in MJCF.
+        corners: the points (P, 3) of a mesh of MJCF in m, as 32-bit floats in its own frame; else empty.
+    """
+
+    kind: str
+    pose: Pose
+    radius: float | None = None
+    lower_xyz: Vector3 = ZERO
+    upper_xyz: Vector3 = ZERO
+    hulls: bytes = field(default=b"", repr=False)
+    corners: bytes = field(default=b"", repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Visual:
+    """A visual shape of a link; it does not collide.
+
+    Attributes:
+        kind: "box", "cylinder", "sphere", "capsule", or "mesh".
+        pose: in the link's frame; of its centre, or of the origin of a mesh.
+        color, opacity: red, green, blue and alpha, each 0 to 1; None if the model does not state one.
+        size_xyz: m, size of the box around it; zero for a mesh.
+        file: the absolute path of a mesh, or `MESH_OF_TEXT` and the name of a mesh in MJCF; empty for other shapes.
+        scale: m per unit of that file, along each axis.
+    """
+
+    kind: str
+    pose: Pose
+    color: Color | None = None
+    size_xyz: Vector3 = ZERO
+    file: str = ""
+    scale: Vector3 = (1.0, 1.0, 1.0)
+    opacity: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Surface:
+    """The contact properties of a link.
+
+    Attributes:
+        friction: coefficient, multiplied by that of the other body; the default is that of Bullet's URDF importer.
+        stiffness: N/m, of a contact; None: as stiff as the engine allows.
+        damping: N s/m; used with a stiffness only.
+    """
+
+    friction: float = 0.5
+    stiffness: float | None = None
+    damping: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """A rigid part of the robot.
+
+    Attributes:
+        mass: kg; None if the model does not state one.
+        centre_of_mass_xyz: m, in the link's frame.
+        visuals: its visual shapes.
+    """
+
+    name: str
+    mass: float | None
+    collisions: tuple[Shape, ...] = ()
+    surface: Surface = Surface()
+    centre_of_mass_xyz: Vector3 = ZERO
+    visuals: tuple[Visual, ...] = ()
+
+    @property
+    def has_mesh(self) -> bool:
+        """Return True if a shape of the link is a mesh file."""
+        return any(shape.hulls for shape in self.collisions) or any(visual.file for visual in self.visuals)
+
+
+@dataclass(frozen=True, slots=True)
+class Mimic:
+    """A coupling of a joint to another: its position is `multiplier` times the position of `joint`, plus `offset`."""
+
+    joint: str
+    multiplier: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Joint:
+    """A joint between a parent link and a child link.
+
+    Attributes:
+        origin: the child link's frame in the parent link's, at joint position zero.
+        axis_xyz: unit vector in the child link's frame.
+        lower, upper: limits in rad (m if prismatic); None without a limit.
+        max_effort: N m (N); None without a limit.
+        max_velocity: rad/s (m/s); None without a limit.
+        mimic: its coupling to another joint; None if it moves independently.
+        anchor_xyz: m, a point on the axis, in the child link's frame; the origin in URDF.
+        reference: rad (m), the position in which the model is drawn; 0 in URDF.
+        stiffness: of a spring, in N m/rad (N/m); 0 without one. No motor holds a joint with a spring.
+        spring_reference: rad (m), the position at which the spring is at rest.
+        series: the joint with several motions of which this is one; empty for other joints. No motor holds it.
+        ball: the ball joint of which this is the rotation about one axis; empty for other joints.
+        motor: the motor that the model states; None: an ideal servo moves the joint when it is commanded.
+    """
+
+    name: str
+    type: JointType
+    parent: str
+    child: str
+    origin: Pose
+    axis_xyz: Vector3
+    lower: float | None = None
+    upper: float | None = None
+    max_effort: float | None = None
+    max_velocity: float | None = None
+    mimic: Mimic | None = None
+    anchor_xyz: Vector3 = ZERO
+    reference: float = 0.0
+    stiffness: float = 0.0
+    spring_reference: float = 0.0
+    series: str = ""
+    ball: str = ""
+    motor: Motor | None = None
+
+    def dimension(self, reading: Reading) -> Dimension:
+        """Return the dimension of a reading: it depends on whether the joint turns or slides."""
+        turning, sliding = READINGS[reading]
+        return sliding if self.type == "prismatic" else turning
+
+    @property
+    def home(self) -> float:
+        """The initial position in rad (m) by default: `reference`, or the middle of the limits if they exclude it.
+
+        ROS's joint_state_publisher does the same. With a single limit that excludes it, it is that limit.
+        """
+        lower = -math.inf if self.lower is None else self.lower
+        upper = math.inf if self.upper is None else self.upper
+        if lower > upper or lower <= self.reference <= upper:
+            return self.reference
+        middle = (lower + upper) / 2
+        return middle if math.isfinite(middle) else max(lower, min(upper, self.reference))
+
+    @property
+    def moves(self) -> bool:
+        """Return True if the joint has a position."""
+        return self.type in MOVING_TYPES or self.type == "ball"
+
+
+def ball_joints(
+    name: str, parent: str, child: str, origin: Pose, anchor_xyz: Vector3 = ZERO
+) -> tuple[tuple[Joint, Joint, Joint], tuple[Link, Link]]:
+    """Return a ball joint as three joints in series, about x, y and z, and the two massless links between them.
+
+    Their positions are angles that together give the orientation of the child link. Their velocities are the components
+    of its angular velocity in its own frame, relative to the parent link.
+    """
+    first, second = f"{name}_x", f"{name}_y"
+    joints = (
+        Joint(first, "ball", parent, first, origin, (1.0, 0.0, 0.0), anchor_xyz=anchor_xyz, ball=name),
+        Joint(second, "ball", first, second, Pose(), (0.0, 1.0, 0.0), anchor_xyz=anchor_xyz, ball=name),
+        Joint(f"{name}_z", "ball", second, child, Pose(), (0.0, 0.0, 1.0), anchor_xyz=anchor_xyz, ball=name),
+    )
+    return joints, (Link(first, None), Link(second, None))
+
+
+def ball_angles(orientation_xyzw: Quaternion) -> Vector3:
+    """Return the positions in rad of the three joints of a ball joint, from the orientation of its child link."""
+    x, y, z, w = orientation_xyzw
+    sine = 2 * (x * z + w * y)
+    if abs(sine) > _POLE:
+        return (0.0, math.copysign(math.pi / 2, sine), math.atan2(2 * (x * y + w * z), 1 - 2 * (x * x + z * z)))
+    about_x = math.atan2(2 * (w * x - y * z), 1 - 2 * (x * x + y * y))
+    return (about_x, math.asin(sine), math.atan2(2 * (w * z - x * y), 1 - 2 * (y * y + z * z)))
+
+
+def ball_orientation(positions: Vector3) -> Quaternion:
+    """Return the orientation of the child link of a ball joint, from the positions in rad of its three joints."""
+    x, y, z = positions
+    about_y, about_z = (0.0, math.sin(y / 2), 0.0, math.cos(y / 2)), (0.0, 0.0, math.sin(z / 2), math.cos(z / 2))
+    return geometry.multiply((math.sin(x / 2), 0.0, 0.0, math.cos(x / 2)), geometry.multiply(about_y, about_z))
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """A violation of a rule of the audit, and its place."""
+
+    rule: str
+    level: Level
+    message: str
+    location: Location
+
+    def __str__(self) -> str:
+        return f"{self.location}: {self.message} [{self.rule}]"
+
+
+@dataclass(frozen=True, slots=True)
+class Plugin:
+    """A plugin that the model asks Gazebo to load, or a controller in a parameter file that such a plugin names.
+
+    Attributes:
+        name: its file, without "lib" and ".so"; or the type of a controller, such as "package/Class".
+        parameters: (tag, text), in the order of the file; a list in a parameter file is several of them.
+        title: its own name; in gz-sim that is the class, such as "gz::sim::systems::DiffDrive".
+        location: where it stands; None if that is unknown.
+        unread: the reasons why its parameter files are not read.
+    """
+
+    name: str
+    parameters: tuple[tuple[str, str], ...]
+    title: str = ""
+    location: Location | None = None
+    unread: tuple[str, ...] = ()
+
+    def texts(self, tag: str) -> tuple[str, ...]:
+        """Return the texts of all parameters with one tag."""
+        return tuple(text for name, text in self.parameters if name == tag)
+
+
+@dataclass(frozen=True, slots=True)
+class CommandedJoint:
+    """A joint with command interfaces, and so with a motor.
+
+    Attributes:
+        joint: its name.
+        interfaces: "position", "velocity", "effort", or another word in lower case.
+        tag: "ros2_control" or "transmission".
+        location: where that is stated.
+    """
+
+    joint: str
+    interfaces: frozenset[str]
+    tag: str
+    location: Location
+
+
+@dataclass(frozen=True)
+class RobotModel:
+    """A loaded robot.
+
+    Attributes:
+        name: the name in the model.
+        source: the absolute path of its file.
+        urdf: clean URDF text for the engine, which names meshes as in `hull_files`; empty for MJCF.
+        findings: warnings of the audit, and errors that `robot.allow` accepted.
+        plugins: the plugins that it asks Gazebo to load, and then the controllers in their parameter files.
+        mjcf: the input of MuJoCo; None for other formats.
+        commanded: the joints that <ros2_control> or a <transmission> drives.
+        keyframes: name -> state, in MJCF.
+        srdf: the content of its SRDF; None without one.
+    """
+
+    name: str
+    source: str
+    links: tuple[Link, ...]
+    joints: tuple[Joint, ...]
+    urdf: str
+    findings: tuple[Finding, ...] = ()
+    plugins: tuple[Plugin, ...] = ()
+    mjcf: Mjcf | None = None
+    commanded: tuple[CommandedJoint, ...] = ()
+    keyframes: Mapping[str, Keyframe] = field(default_factory=dict)
+    srdf: Srdf | None = None
+
+    @cached_property
+    def hull_files(self) -> dict[str, bytes]:
+        """File name in `urdf` -> text of each clean mesh."""
+        texts = {shape.hulls for link in self.links for shape in link.collisions if shape.hulls}
+        if not texts:
+            return {}
+        from sim_action.meshes.hull_file import hull_file_name
+
+        return {hull_file_name(text): text for text in texts}
+
+    @cached_property
+    def moving_joints(self) -> tuple[Joint, ...]:
+        """The joints with a position, in the order of the file, but those of ball joints come last."""
+        return (*self.motor_joints, *(joint for joint in self.joints if joint.type == "ball"))
+
+    @cached_property
+    def motor_joints(self) -> tuple[Joint, ...]:
+        """The joints that a motor can move, or that mimic another, in the order of the file."""
+        return tuple(joint for joint in self.joints if joint.type in MOVING_TYPES)
+
+    @cached_property
+    def balls(self) -> tuple[str, ...]:
+        """The names of the ball joints, in the order of the file."""
+        return tuple(dict.fromkeys(joint.ball for joint in self.joints if joint.ball))
+
+    @cached_property
+    def joints_by_name(self) -> dict[str, Joint]:
+        """Joint name -> joint."""
+        return {joint.name: joint for joint in self.joints}
+
+    @cached_property
+    def joints_to(self) -> dict[str, tuple[Joint, ...]]:
+        """Link name -> the joints in series from its parent link to it; the base link is missing."""
+        children = dict.fromkeys(joint.child for joint in self.joints)
+        return {link: tuple(joint for joint in self.joints if joint.child == link) for link in children}
+
+    @cached_property
+    def links_by_name(self) -> dict[str, Link]:
+        """Link name -> link."""
+        return {link.name: link for link in self.links}
+
+    @cached_property
+    def root(self) -> str:
+        """The name of the base link, which is not the child of a joint."""
+        return next(link.name for link in self.links if link.name not in self.joints_to)
+
+    def why_not_driven(self, name: str) -> str | None:
+        """Return a message if no motor can move a joint, or if there is no such joint; None if a motor can."""
+        joint = self.joints_by_name.get(name)
+        ball = name if name in self.balls else joint.ball if joint else ""
+        if ball:
+            return f"joint '{ball}' is a ball joint: it swings freely and has no motor"
+        if joint is None or not joint.moves:
+            moving = [joint.name for joint in self.motor_joints]
+            return f"the model has no moving joint '{name}'{did_you_mean(name, moving)}"
+        if joint.mimic is not None:
+            return f"joint '{name}' cannot be commanded: it mimics '{joint.mimic.joint}'; command that joint"
+        return None
+
+    def leaders(self, name: str) -> set[str]:
+        """Return a joint, and all joints that it follows."""
+        found = {name}
+        mimic = self.joints_by_name[name].mimic
+        while mimic is not None and mimic.joint not in found:
+            found.add(mimic.joint)
+            mimic = self.joints_by_name[mimic.joint].mimic
+        return found
+
+    def positions(self, stated: Mapping[str, float]) -> dict[str, float]:
+        """Return joint -> position in rad (m): as stated by name, else at home; mimicking joints follow others."""
+        return {joint.name: self._position(joint, stated) for joint in self.moving_joints}
+
+    def _position(self, joint: Joint, stated: Mapping[str, float]) -> float:
+        if joint.mimic is None:
+            return stated.get(joint.name, joint.home)
+        leader = self._position(self.joints_by_name[joint.mimic.joint], stated)
+        return joint.mimic.multiplier * leader + joint.mimic.offset
+
+    @property
+    def mass(self) -> float:
+        """The total mass in kg of the links that state one."""
+        return sum(link.mass or 0.0 for link in self.links)

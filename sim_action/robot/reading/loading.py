@@ -1,0 +1,240 @@
+"""Load the robot model that a scenario names: a built-in model, or a file of URDF, xacro, SDF or MJCF."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from sim_action.core.errors import ModelError
+from sim_action.core.records import replace
+from sim_action.core.wording import did_you_mean
+from sim_action.core.workspace import PathError, Workspace, similar_name
+from sim_action.robot.built_in import BUILT_IN, FOLDER
+from sim_action.robot.documents.packages import PackageError, Packages
+from sim_action.robot.documents.xml_document import ModelDocument, read_document
+from sim_action.robot.model.findings import limited_notes
+from sim_action.robot.model.robot_model import Finding, RobotModel
+from sim_action.robot.reading.urdf import model_of, read_urdf
+
+if TYPE_CHECKING:
+    from sim_action.robot.model.robot_spec import Robot
+
+_SELF_COLLIDE: Final = ("<self_collide>", "<selfCollide>")
+_PACKAGE_NOTES: Final = frozenset({"several-packages", "package-folder"})
+
+
+class ModelLibrary:
+    """A cache of loaded models: each model of a suite is read once, even when many scenarios name it.
+
+    A cached model does not change when its files change. Create one library for each call that reads scenarios.
+    """
+
+    def __init__(self) -> None:
+        self._models: dict[Hashable, RobotModel | ModelError] = {}
+
+    def load(self, robot: Robot, workspace: Workspace) -> RobotModel:
+        """Return the model as `load_model` does, or from the cache. Raises ModelError, also from the cache."""
+        key = (workspace.root, workspace.allow_outside, workspace.packages, *_place(robot, workspace), _options(robot))
+        if key not in self._models:
+            self._models[key] = _read_or_error(robot, workspace)
+        found = self._models[key]
+        if isinstance(found, ModelError):
+            raise found.with_traceback(None)
+        return found
+
+
+def _read_or_error(robot: Robot, workspace: Workspace) -> RobotModel | ModelError:
+    try:
+        return load_model(robot, workspace)
+    except ModelError as error:
+        # The context would keep alive all that was being read when the error was raised.
+        error.__context__ = error.__cause__ = None
+        return error.with_traceback(None)
+
+
+def _place(robot: Robot, workspace: Workspace) -> tuple[Hashable, ...]:
+    """The part of the key that names the file.
+
+    Scenarios in different folders may mean the same file. A package name may mean another package in each folder.
+    """
+    if robot.model in BUILT_IN and robot.srdf is None:
+        return (robot.model,)
+    if not robot.packages and "://" not in robot.model and robot.srdf is None:
+        try:
+            return (workspace.file(robot.file), robot.name_in_world)
+        except PathError:
+            pass  # load_model reports it
+    return workspace.directory, robot.model
+
+
+def _options(robot: Robot) -> str:
+    return robot.model_dump_json(include={"args", "packages", "allow", "keyframe", "srdf", "self_collision"})
+
+
+def load_model(robot: Robot, workspace: Workspace) -> RobotModel:
+    """Read the model that a robot names. Raises ModelError.
+
+    A xacro file is evaluated, which runs the expressions in it.
+    """
+    model = _read_model(robot, workspace)
+    if robot.keyframe is not None:
+        _check_keyframe(robot.keyframe, model)
+    if robot.srdf is not None:
+        from sim_action.robot.reading.srdf import read_srdf
+
+        model = replace(model, srdf=read_srdf(_srdf_file(robot.srdf, Packages(workspace, robot.packages)), model))
+    return replace(model, findings=limited_notes(_about_self_collision(robot, _told_once(model.findings))))
+
+
+def _about_self_collision(robot: Robot, findings: Iterable[Finding]) -> Iterator[Finding]:
+    """Yield findings; those on <self_collide> name the key of the scenario, which makes them superfluous."""
+    for found in findings:
+        if found.rule != "passed-over" or not found.message.startswith(_SELF_COLLIDE):
+            yield found
+        elif not robot.self_collision:
+            yield replace(found, message=f"{found.message}; robot.self_collision: true simulates it")
+
+
+def _told_once(findings: Iterable[Finding]) -> Iterator[Finding]:
+    """Yield findings, each note about a package only once: includes and meshes may both need the package."""
+    told = set[tuple[str, str]]()
+    for found in findings:
+        key = (found.rule, found.message)
+        if found.rule not in _PACKAGE_NOTES or key not in told:
+            told.add(key)
+            yield found
+
+
+def _check_keyframe(name: str | int, model: RobotModel) -> None:
+    if not model.keyframes:
+        raise ModelError(f"the model has no keyframes; remove 'keyframe: {name}'")
+    from sim_action.robot.model.mjcf_data import keyframe_of
+
+    found = keyframe_of(model.keyframes, name)
+    if found is None:
+        raise ModelError(f"the model has no keyframe '{name}'{did_you_mean(str(name), model.keyframes)}")
+    if found.flaw:
+        raise ModelError(f"keyframe '{name}' cannot be used: {found.flaw}; correct it", found.place)
+
+
+def _read_model(robot: Robot, workspace: Workspace) -> RobotModel:
+    if robot.model in BUILT_IN:
+        return read_urdf(FOLDER / f"{robot.model}.urdf")
+    packages = Packages(workspace, robot.packages)
+    path = _path(robot.file, packages)
+    if not robot.is_xacro:
+        return _model(read_document(path), path, packages, robot.allow, robot.name_in_world)
+    # xacro takes 40 ms to import.
+    from sim_action.robot.reading.xacro_expansion import read_xacro
+
+    document, warnings = read_xacro(path, robot.args, packages)
+    model = _model(document, path, packages, robot.allow)
+    return replace(model, findings=(*model.findings, *warnings))
+
+
+def _model(document: ModelDocument, path: Path, packages: Packages, allow: Iterable[str], name: str = "") -> RobotModel:
+    """Return the model of a document. Its root element decides the format; MJCF also needs the file suffix .xml.
+
+    :param name: name of the model in a world file; empty for other files.
+    """
+    if document.root.tag == "mujoco" and path.suffix == ".xml":
+        # MuJoCo takes 0.1 s to import.
+        from sim_action.robot.reading.mjcf.mjcf_reader import read_mjcf
+
+        model = read_mjcf(path, packages, allow)
+        return replace(model, findings=(*model.findings, *document.findings))
+    if document.root.tag != "sdf":
+        return model_of(document, path, packages, allow)
+    from sim_action.robot.reading.sdf.conversion import urdf_of_sdf
+
+    urdf, findings = urdf_of_sdf(document, path, packages, allow, name)
+    model = model_of(urdf, path, packages, allow)
+    return replace(model, findings=(*model.findings, *findings))
+
+
+def check_text(robot: Robot, workspace: Workspace) -> tuple[str, ...]:
+    """Check a file of xacro or MJCF as text, without running it. Return what was not checked. Raises ModelError."""
+    packages = Packages(workspace, robot.packages)
+    path = _path(robot.model, packages)
+    if robot.srdf is not None:
+        from sim_action.robot.reading.srdf import read_srdf_text
+
+        read_srdf_text(_srdf_file(robot.srdf, packages))
+    if robot.is_mjcf:
+        from sim_action.robot.reading.mjcf.mjcf_files import collect_files
+
+        collect_files(path, packages)
+        return (f"links and joints of {robot.model}: MuJoCo reads the file when the scenario runs",)
+    from sim_action.robot.reading.xacro_check import check_xacro_text
+
+    return check_xacro_text(path, robot.args, packages)
+
+
+def package_problems(robot: Robot, workspace: Workspace) -> Iterator[tuple[tuple[str, ...], str]]:
+    """Yield a problem, with its path in the scenario, for each key of `robot.packages` that leads to no folder."""
+    # Packages copy the environment.
+    problems = Packages(workspace, robot.packages).mapped_problems() if robot.packages else ()
+    for name, message in problems:
+        yield ("robot", "packages", name), message
+
+
+def srdf_problems(robot: Robot, workspace: Workspace) -> Iterator[tuple[tuple[str, ...], str]]:
+    """Yield a problem, with its path in the scenario, if `robot.srdf` leads to no file."""
+    if robot.srdf is None:
+        return
+    try:
+        _srdf_file(robot.srdf, Packages(workspace, robot.packages))
+    except ModelError as error:
+        yield ("robot", "srdf"), str(error)
+
+
+def _srdf_file(name: str, packages: Packages) -> Path:
+    from sim_action.robot.documents.model_files import find_model_file
+
+    if name.endswith(".xacro"):
+        expanded = name.removesuffix(".xacro")
+        raise ModelError(f"an SRDF must be expanded: run xacro {name} > {expanded}, and name '{expanded}'")
+    try:
+        if "://" in name:
+            return find_model_file(name, packages.workspace.directory / "scenario", packages).path
+        return packages.workspace.file(name)
+    except (PathError, PackageError) as error:
+        place = packages.workspace.directory / name
+        hint = "" if "://" in name or place.exists() else similar_name(place)
+        raise ModelError(f"{error}{hint}") from None
+
+
+def _path(name: str, packages: Packages) -> Path:
+    from sim_action.robot.documents.model_files import find_model_file, is_folder, is_model_folder
+
+    place = packages.workspace.directory / name
+    if "/" not in name and "." not in name and not is_folder(place):
+        built_in = f"unknown robot '{name}'{did_you_mean(name, BUILT_IN)}"
+        raise ModelError(f"{built_in}, or the path of a .urdf, .xacro, .sdf or .xml file")
+
+    workspace = packages.workspace
+    try:
+        if "://" in name or is_model_folder(workspace.directory / name):
+            return find_model_file(name, workspace.directory / "scenario", packages).path
+        return workspace.file(name)
+    except (PathError, PackageError) as error:
+        raise ModelError(f"{error}{'' if '://' in name else _next_step(name, place, packages)}") from None
+
+
+def _next_step(name: str, place: Path, packages: Packages) -> str:
+    """Return the end of a message about a path that is no model file: a similar name, or the files in the folder."""
+    from sim_action.robot.documents.model_files import model_files_in
+
+    try:
+        found = place.resolve()
+        if not packages.may_read(found):
+            return ""
+        if not found.exists():
+            return similar_name(found)
+        files = model_files_in(found)
+    except (OSError, ValueError, RuntimeError):
+        return ""
+    if not files:
+        return ""
+    return f"; the model files in it are: {', '.join(files)}; write 'model: {name.rstrip('/')}/{files[0]}'"

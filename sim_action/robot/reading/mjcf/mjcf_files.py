@@ -1,0 +1,367 @@
+"""Collect an MJCF model: resolve every file that it names inside the workspace, and write one text that names none.
+
+MuJoCo opens the files that a model names. It gets a text that was written here instead. Included files are part of the
+text, and each name of a mesh in it stands for a file that was resolved in the workspace. `FILES` lists the elements
+that may name a file; any other element that does is refused. Counts that could exhaust the memory are limited.
+"""
+
+from __future__ import annotations
+
+import html
+import os
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Final
+from xml.etree.ElementTree import Element
+
+from sim_action.core.errors import Location
+from sim_action.core.records import dataclass, field
+from sim_action.core.wording import shown
+from sim_action.robot.documents.packages import PackageError, Packages
+from sim_action.robot.documents.xml_document import MAX_BYTES, MAX_ELEMENTS, ModelDocument, read_document
+from sim_action.robot.model.findings import finding
+from sim_action.robot.model.robot_model import Finding
+from sim_action.robot.reading.mjcf.floor import Pattern, patterns_of
+from sim_action.robot.reading.mjcf.mjcf_elements import (
+    DROPPED,
+    FILES,
+    IGNORED,
+    LEFT_OUT,
+    NUMBERS_PER_ELEMENT,
+    SECTIONS,
+    UNDRAWN,
+    FileRow,
+    check_attributes,
+    check_element,
+    numbers_in,
+    refusal,
+    shown_name,
+)
+
+MAX_FILES: Final = 100
+"""The largest number of XML files of a model."""
+
+_MAX_DEPTH: Final = 100
+
+_MAX_NAME: Final = 1000
+
+_NUMBER: Final = re.compile(r"(?:\d{1,30}(?:\.\d{1,30})?|\.\d{1,30})(?:[eE]-?\d{1,2})?")
+
+
+@dataclass(frozen=True, slots=True)
+class MeshFile:
+    """A mesh that a model names; `name`: the file's name in the model."""
+
+    path: Path
+    name: str
+    place: Location
+
+
+@dataclass(frozen=True)
+class MjcfFiles:
+    """A collected model.
+
+    Attributes:
+        text: the model with its included files; each element begins on a line of its own.
+        models: name in the text -> text of each model to attach.
+        meshes: name in the text -> the file of each mesh.
+        places: the place of each line of the texts; lines count through all texts.
+        left_out: the elements that the text lacks: a message for each kind, its first place, and its count.
+        findings: notes about files that are spelled otherwise.
+        patterns: material -> its texture, if MuJoCo computes it; those of the text, which lacks textures.
+    """
+
+    text: str
+    models: Mapping[str, bytes] = field(repr=False)
+    meshes: Mapping[str, MeshFile]
+    places: tuple[Location, ...] = field(repr=False)
+    left_out: tuple[tuple[str, Location, int], ...] = ()
+    findings: tuple[Finding, ...] = ()
+    patterns: Mapping[str, Pattern] = field(default_factory=dict)
+
+    def place(self, line: int) -> Location | None:
+        """Return the place in the user's files of a line of the text; None if there is no such line."""
+        return self.places[line - 1] if 0 < line <= len(self.places) else None
+
+
+def collect_files(path: Path, packages: Packages) -> MjcfFiles:
+    """Read an MJCF file with its includes and attached models, and resolve its other files. Raise RefusedModel."""
+    return _Collector(packages, path).collected()
+
+
+@dataclass(frozen=True, eq=False)
+class _Source:
+    """A file of a model; `folder`: its folder, relative to that of the main file."""
+
+    document: ModelDocument
+    folder: Path
+
+
+@dataclass(frozen=True, eq=False)
+class _Merged:
+    """A model with its includes: copies of all elements, the place and the source of each, and the files read."""
+
+    path: Path
+    root: Element
+    places: dict[Element, Location] = field(default_factory=dict)
+    sources: dict[Element, _Source] = field(default_factory=dict)
+    read: set[Path] = field(default_factory=set)
+
+
+class _Collector:
+    """The state of collecting one model."""
+
+    def __init__(self, packages: Packages, path: Path) -> None:
+        self._packages, self._main = packages, path
+        self._findings: dict[Path, Finding] = {}
+        self._models: dict[str, bytes] = {}
+        self._meshes: dict[str, MeshFile] = {}
+        self._lines: list[Location] = []
+        self._left_out: dict[str, tuple[Location, int]] = {}
+        self._patterns: dict[str, Pattern] = {}
+        self._files = self._bytes = self._elements = self._named = 0
+
+    def collected(self) -> MjcfFiles:
+        text, _ = self._model(self._main, None, ())
+        left_out = tuple((kind, place, count) for kind, (place, count) in self._left_out.items())
+        findings = tuple(self._findings.values())
+        return MjcfFiles(text, self._models, self._meshes, tuple(self._lines), left_out, findings, self._patterns)
+
+    # --- files and includes ---
+
+    def _model(self, path: Path, named_at: Location | None, above: tuple[Path, ...]) -> tuple[str, int]:
+        """Return the text of a model, and the number of its elements after the engine has expanded it."""
+        document = self._read(path, named_at)
+        if document.root.tag != "mujoco":
+            raise refusal(
+                f"the root element of an MJCF file is <mujoco>, but this file has <{shown_name(document.root.tag)}>",
+                document.places[document.root],
+            )
+        merged = _Merged(path, Element("mujoco", document.root.attrib))
+        merged.places[merged.root] = document.places[document.root]
+        merged.read.add(path)
+        self._copy(document.root, _Source(document, Path()), merged, merged.root)
+        folders = _folders(merged.root)
+        sizes: dict[str, int] = {}
+        for element in merged.root.iter():
+            check_element(element, merged.places[element])
+            row = FILES.get(element.tag)
+            if row is not None and row.use == "model":
+                self._attached(element, merged, (*above, path), sizes)
+            elif row is not None:
+                self._resolve(element, row, merged, folders)
+            for name in DROPPED & element.attrib.keys():
+                del element.attrib[name]
+        expanded = self._expanded(merged.root, merged, sizes)
+        if not above:
+            self._patterns = patterns_of(merged.root)
+        self._leave_out(merged.root, merged)
+        # MuJoCo counts lines in each text: blank lines make the numbers distinct.
+        written = ["\n" * len(self._lines)]
+        self._write(merged.root, merged, written)
+        return "".join(written), expanded
+
+    def _read(self, path: Path, place: Location | None) -> ModelDocument:
+        self._files += 1
+        document = read_document(path)
+        where = place or document.places[document.root]
+        self._bytes += document.size
+        if self._files > MAX_FILES:
+            raise refusal(f"a model may have at most {MAX_FILES} files, all included files together", where)
+        if self._bytes > MAX_BYTES:
+            raise refusal(f"a model may have at most {MAX_BYTES // 1_000_000} MB, all included files together", where)
+        return document
+
+    def _copy(self, element: Element, source: _Source, merged: _Merged, target: Element, depth: int = 1) -> None:
+        """Copy the children of an element; the elements of an included file replace its <include>."""
+        for child in element:
+            place = source.document.places[child]
+            if child.tag == "include":
+                included = self._included(child, source, merged)
+                self._copy(included.document.root, included, merged, target, depth)
+                continue
+            self._elements += 1
+            if depth > _MAX_DEPTH:
+                raise refusal(f"more than {_MAX_DEPTH} elements inside each other", place)
+            if self._elements > MAX_ELEMENTS:
+                raise refusal(f"more than {MAX_ELEMENTS:,} elements, all included files together", place)
+            copy = Element(child.tag, child.attrib)
+            target.append(copy)
+            merged.places[copy], merged.sources[copy] = place, source
+            self._copy(child, source, merged, copy, depth + 1)
+
+    def _included(self, element: Element, source: _Source, merged: _Merged) -> _Source:
+        place = source.document.places[element]
+        check_attributes(element, place)
+        name = _file_name(element, place)
+        if len(element):
+            raise refusal("<include> has elements in it; move them out of it", place)
+        folder = merged.path.parent
+        # MuJoCo looks for the file in the folder of the main file first.
+        path = self._file([folder / name, folder / source.folder / name], name, place)
+        if path in merged.read:
+            raise refusal(f"'{name}' includes itself, or is included twice; include each file once", place)
+        merged.read.add(path)
+        beside = Path(name).parent
+        is_nested = not (folder / name).is_file()
+        return _Source(self._read(path, place), source.folder / beside if is_nested else beside)
+
+    def _attached(self, element: Element, merged: _Merged, above: tuple[Path, ...], sizes: dict[str, int]) -> None:
+        place = merged.places[element]
+        name = _file_name(element, place)
+        path = self._file([merged.path.parent / merged.sources[element].folder / name], name, place)
+        if path in above:
+            raise refusal(f"'{name}' attaches itself", place)
+        if len(above) > _MAX_DEPTH:
+            raise refusal(f"more than {_MAX_DEPTH} models attach each other", place)
+        text, size = self._model(path, place, above)
+        known = element.get("name", "")
+        sizes[known] = max(size, sizes.get(known, 0))
+        element.set("file", self._token(".xml"))
+        self._models[element.attrib["file"]] = text.encode()
+
+    def _resolve(self, element: Element, row: FileRow, merged: _Merged, folders: Mapping[str, str]) -> None:
+        """Replace the names of files by names that stand for them."""
+        place = merged.places[element]
+        for attribute in row.attributes:
+            reference = element.get(attribute)
+            if reference is None:
+                continue
+            beside = merged.sources[element].folder / reference
+            name = Path(_base_name(reference)) if folders["strippath"] == "true" else beside
+            paths = [merged.path.parent / folders[row.folder] / name, merged.path.parent / beside]
+            stated = element.get("name") or _base_name(reference).rpartition(".")[0] or _base_name(reference)
+            token = self._token(name.suffix if row.use == "mesh" else "")
+            if row.use == "mesh":
+                self._meshes[token] = MeshFile(self._file(paths, reference, place), reference, place)
+            else:
+                self._place(paths[0], reference, place)
+            element.set(attribute, token)
+            element.set("name", stated)
+
+    def _leave_out(self, element: Element, merged: _Merged) -> None:
+        """Remove the elements without an effect on the simulation, and note those that a user may miss."""
+        for name in UNDRAWN & element.attrib.keys() if element.tag == "material" else ():
+            del element.attrib[name]
+        for attributes, message in IGNORED.get(element.tag, ()):
+            stated = [name for name in element.attrib if name in attributes]
+            if stated or not attributes:
+                self._note(message.format(", ".join(stated)), merged.places[element])
+        if element.tag == "option" and _NUMBER.fullmatch(element.get("timestep", "").strip()):
+            rate = 1 / max(float(element.attrib["timestep"]), 1e-6)
+            message = f"<option timestep> is ignored; for the same steps, state physics: {{rate: {rate:.0f} Hz}}"
+            self._note(message, merged.places[element])
+        for child in list(element):
+            if child.tag not in LEFT_OUT:
+                self._leave_out(child, merged)
+                continue
+            count = len(child) if child.tag in SECTIONS else int(element.tag != "default")
+            if LEFT_OUT[child.tag] and count:
+                self._note(LEFT_OUT[child.tag], merged.places[child], count)
+            element.remove(child)
+
+    def _note(self, message: str, place: Location, count: int = 1) -> None:
+        first, known = self._left_out.get(message, (place, 0))
+        self._left_out[message] = first, known + count
+
+    def _token(self, suffix: str) -> str:
+        self._named += 1
+        return f"sim-action-{self._named}{suffix}"
+
+    def _file(self, paths: list[Path], reference: str, place: Location) -> Path:
+        """Return the first of several paths that names a file. Raise RefusedModel with the problem of the first one."""
+        problems = []
+        _check_name(reference, place)
+        for path in paths:
+            try:
+                return self._packages.file(path, reference)
+            except PackageError as error:
+                problems.append(error)
+        respelled = self._respelled(paths, place)
+        if respelled is None:
+            raise refusal(str(problems[0]), place)
+        return respelled
+
+    def _respelled(self, paths: list[Path], place: Location) -> Path | None:
+        """Return the file at one of several paths in another letter case, or with backslashes, and note it."""
+        for path in paths:
+            # The search begins below a folder that may be read. With a dot, no name looks like package://.
+            beside = f"./{os.path.relpath(path, self._main.parent)}"
+            try:
+                found = self._packages.resolve(beside, self._main)
+            except PackageError:
+                continue
+            for note in found.notes:
+                self._findings.setdefault(found.path, finding(note.rule, note.text.replace(beside, beside[2:]), place))
+            return found.path
+        return None
+
+    def _place(self, path: Path, reference: str, place: Location) -> None:
+        """Raise RefusedModel if a file may not be read, whether it exists or not."""
+        _check_name(reference, place)
+        try:
+            self._packages.place(path, reference)
+        except PackageError as error:
+            raise refusal(str(error), place) from None
+
+    # --- checks ---
+
+    def _expanded(self, element: Element, merged: _Merged, sizes: Mapping[str, int]) -> int:
+        """Return the number of elements after <replicate> and <attach> are expanded. Raise RefusedModel."""
+        inside = sum(self._expanded(child, merged, sizes) for child in element)
+        if element.tag == "replicate":
+            inside *= int(element.get("count", "1"))
+        if element.tag == "attach":
+            # A model without a name gets one from its file.
+            inside += sizes.get(element.get("model", ""), max(sizes.values(), default=0))
+        if inside >= MAX_ELEMENTS:
+            found = f"<{element.tag}> makes {inside:,} elements"
+            most = f"at most {MAX_ELEMENTS:,} are allowed"
+            if element.tag not in ("replicate", "attach"):
+                most += f", and {NUMBERS_PER_ELEMENT} numbers of a heightfield, mesh or <numeric> count as one"
+            raise refusal(f"{found}; {most}: reduce the counts", merged.places[element])
+        return inside + 1 + numbers_in(element) // NUMBERS_PER_ELEMENT
+
+    # --- writing ---
+
+    def _write(self, element: Element, merged: _Merged, written: list[str]) -> None:
+        place = merged.places[element]
+        attributes = "".join(f' {name}="{_escaped(text)}"' for name, text in element.attrib.items())
+        self._lines.append(place)
+        written.append(f"<{element.tag}{attributes}{'' if len(element) else '/'}>\n")
+        if len(element):
+            for child in element:
+                self._write(child, merged, written)
+            self._lines.append(place)
+            written.append(f"</{element.tag}>\n")
+
+
+def _escaped(text: str) -> str:
+    return html.escape(text).replace("\n", "&#10;").replace("\t", "&#9;").replace("\r", "&#13;")
+
+
+def _folders(root: Element) -> dict[str, str]:
+    """Return the folders of files that <compiler> states; the last one counts."""
+    found = {"": "", "meshdir": "", "texturedir": "", "strippath": ""}
+    for compiler in root.iter("compiler"):
+        everything = compiler.get("assetdir")
+        if everything is not None:
+            found |= {"meshdir": everything, "texturedir": everything}
+        found |= {name: text for name, text in compiler.attrib.items() if name in found}
+    return found
+
+
+def _file_name(element: Element, place: Location) -> str:
+    if not element.get("file"):
+        raise refusal(f"<{element.tag}> has no attribute 'file', or it is empty", place)
+    return element.attrib["file"]
+
+
+def _base_name(reference: str) -> str:
+    return re.split(r"[/\\]", reference)[-1]
+
+
+def _check_name(reference: str, place: Location) -> None:
+    if not reference.isprintable() or len(reference) > _MAX_NAME:
+        raise refusal(f"{shown(reference)} is not a valid path", place)

@@ -1,0 +1,169 @@
+"""Actuators and keyframes of an MJCF model: the motors that a scenario can command, and the states that it can name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any, Final
+
+import mujoco
+
+from sim_action.core import geometry
+from sim_action.core.geometry import Pose
+from sim_action.robot.model.mjcf_data import Keyframe, Motor, MotorKind
+from sim_action.robot.model.robot_model import Joint, ball_angles
+from sim_action.robot.reading.mjcf.mujoco_spec import Built
+
+_NO_COMMAND: Final = (
+    "an <actuator> that no command can name, because it {}: it keeps its control of robot.keyframe; without one, a "
+    "servo holds where it begins, and others are at 0"
+)
+_TRN: Final = mujoco.mjtTrn
+_PLACES: Final = {
+    _TRN.mjTRN_SITE: "a site",
+    _TRN.mjTRN_BODY: "a body",
+    _TRN.mjTRN_SLIDERCRANK: "a slider-crank",
+}
+_ON_JOINT: Final = frozenset({_TRN.mjTRN_JOINT, _TRN.mjTRN_JOINTINPARENT})
+_RANKS: Final[Mapping[MotorKind, int]] = {"position": 0, "velocity": 1, "effort": 2}
+_DIRECT: Final = frozenset({mujoco.mjtDyn.mjDYN_NONE, mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT})
+
+
+def motors_of(built: Built, moving: Iterable[str]) -> dict[str, Motor]:
+    """Return joint name -> its motor, and note the actuators that no command can name.
+
+    :param moving: names of the joints with one degree of freedom.
+    """
+    spec, joints = built.spec, set(moving)
+    tendons = {tendon.name: _joints_of(tendon) for tendon in spec.tendons}
+    candidates = [(actuator, kind) for actuator in spec.actuators if (kind := _kind(actuator)) is not None]
+    found, commanded = dict[str, Motor](), set[str]()
+    # A position servo comes before others.
+    for actuator, kind in sorted(candidates, key=lambda candidate: _RANKS[candidate[1]]):
+        name = actuator.target
+        if actuator.trntype in _ON_JOINT and name in joints and name not in found:
+            found[name] = Motor(actuator.name, kind)
+            commanded.add(actuator.name)
+    for actuator, kind in candidates:
+        through = tendons.get(actuator.target, ()) if actuator.trntype == _TRN.mjTRN_TENDON else ()
+        if kind == "position" and through and joints.issuperset(through) and not found.keys() & set(through):
+            found.update(dict.fromkeys(through, Motor(actuator.name, kind, actuator.target)))
+            commanded.add(actuator.name)
+    for actuator in spec.actuators:
+        if actuator.name not in commanded:
+            reason = _why_not_commanded(actuator, joints, tendons)
+            built.notes.leave_out(actuator, _NO_COMMAND.format(reason))
+    return found
+
+
+def _why_not_commanded(actuator: Any, joints: set[str], tendons: Mapping[str, tuple[str, ...]]) -> str:
+    """Return the reason why no command can name an actuator, to follow "it".
+
+    :param joints: names of those with one degree of freedom. tendons: name -> joints, for fixed ones.
+    """
+    on_joint, on_tendon = actuator.trntype in _ON_JOINT, actuator.trntype == _TRN.mjTRN_TENDON
+    through = tendons.get(actuator.target, ())
+    reasons = (
+        (actuator.dyntype == mujoco.mjtDyn.mjDYN_MUSCLE, "is a muscle"),
+        (actuator.dyntype not in _DIRECT, "acts on the integral of its control, as <intvelocity> does"),
+        (on_tendon and not through, "acts on a spatial tendon"),
+        (on_tendon and _kind(actuator) != "position", "acts on a fixed tendon and is not a position servo"),
+        (on_tendon, "acts on a fixed tendon whose joints have motors of their own, or are not all hinges and slides"),
+        (not on_joint, f"acts on {_PLACES.get(actuator.trntype, 'neither a joint nor a tendon')}"),
+        (_kind(actuator) is None, "is neither a motor nor a servo, as <damper> is not"),
+        (actuator.target not in joints, "acts on a ball joint or on the free base"),
+    )
+    return next((reason for applies, reason in reasons if applies), "shares its joint with one that is commanded")
+
+
+def _kind(actuator: Any) -> MotorKind | None:
+    """Return what the control of an actuator sets; None if it is something else."""
+    if actuator.gaintype != mujoco.mjtGain.mjGAIN_FIXED or actuator.dyntype not in _DIRECT or not actuator.gainprm[0]:
+        return None
+    if actuator.biastype == mujoco.mjtBias.mjBIAS_NONE:
+        return "effort"
+    if actuator.biastype != mujoco.mjtBias.mjBIAS_AFFINE:
+        return None
+    return "position" if actuator.biasprm[1] else "velocity" if actuator.biasprm[2] else "effort"
+
+
+def _joints_of(tendon: Any) -> tuple[str, ...]:
+    steps = list(tendon.path)
+    return tuple(step.target.name for step in steps if step.type == mujoco.mjtWrap.mjWRAP_JOINT)
+
+
+def largest_efforts(model: Any, motors: Mapping[str, Motor]) -> dict[str, float]:
+    """Return joint name -> the largest effort of its motors in N m or N, by the limits of force and control."""
+    limits: dict[str, float] = {}
+    for name, motor in motors.items():
+        if motor.tendon:
+            continue
+        number = model.actuator(motor.actuator).id
+        gear = abs(float(model.actuator_gear[number, 0]))
+        most = []
+        if model.actuator_forcelimited[number]:
+            most.append(max(map(abs, model.actuator_forcerange[number].tolist())))
+        if motor.kind == "effort" and model.actuator_ctrllimited[number]:
+            most.append(
+                max(map(abs, model.actuator_ctrlrange[number].tolist())) * abs(model.actuator_gainprm[number, 0])
+            )
+        if most and min(most) * gear > 0:
+            limits[name] = float(min(most) * gear)
+    for joint in range(model.njnt):
+        if model.jnt_actfrclimited[joint]:
+            name = model.joint(joint).name
+            most_here = max(map(abs, model.jnt_actfrcrange[joint].tolist()))
+            limits[name] = min(limits.get(name, most_here), most_here)
+    return {name: most for name, most in limits.items() if most > 0}
+
+
+def keyframes_of(built: Built, joints: Iterable[Joint], free: str | None) -> dict[str, Keyframe]:
+    """Return name -> keyframe; one that does not fit the model has a flaw.
+
+    :param joints: of the robot. free: name of its free joint, if it has one.
+    """
+    count = sum(numbers for _, numbers in built.positions.values())
+    moving = [joint for joint in joints if joint.moves]
+    found = dict[str, Keyframe]()
+    for name, qpos, ctrl, place in built.keyframes:
+        flaw = _wrong_count("qpos", qpos, count, "joints")
+        flaw = flaw or _wrong_count("ctrl", ctrl, len(built.actuators), "actuators")
+        if flaw:
+            found.setdefault(name, Keyframe({}, place=place, flaw=flaw))
+            continue
+        at = (
+            {joint: qpos[first : first + numbers] for joint, (first, numbers) in built.positions.items()}
+            if qpos
+            else {}
+        )
+        balls = {joint: _turn(numbers) for joint, numbers in at.items() if len(numbers) == _QUATERNION}
+        base = None
+        if free is not None and free in at:
+            x, y, z, *turned = at[free]
+            base = Pose((x, y, z - built.mjcf.floor), _turn(turned))
+        controls = dict(zip(built.actuators, ctrl, strict=True)) if ctrl else {}
+        controls = {name: control for name, control in controls.items() if name in built.mjcf.actuators}
+        positions = {joint.name: at[joint.name][0] for joint in moving if joint.name in at}
+        angles = {ball: ball_angles(turn) for ball, turn in balls.items()}
+        for joint in moving:
+            if joint.ball in angles:
+                positions[joint.name] = angles[joint.ball][geometry.AXES.index(joint.axis_xyz)]
+        found.setdefault(name, Keyframe(positions, base, controls, place))
+    return found
+
+
+def _wrong_count(attribute: str, numbers: tuple[float, ...], count: int, owners: str) -> str:
+    if len(numbers) in (0, count):
+        return ""
+    return f"'{attribute}' has {len(numbers)} numbers, but the {owners} of the file need {count}"
+
+
+_QUATERNION: Final = 4
+
+
+def _turn(wxyz: Iterable[float]) -> tuple[float, float, float, float]:
+    """Return a unit quaternion x, y, z, w; zeros mean no rotation, as in MuJoCo."""
+    w, x, y, z = wxyz
+    length = (w * w + x * x + y * y + z * z) ** 0.5
+    if not length:
+        return 0.0, 0.0, 0.0, 1.0
+    return x / length, y / length, z / length, w / length

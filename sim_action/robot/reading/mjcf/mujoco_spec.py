@@ -1,0 +1,354 @@
+"""MuJoCo's editable model (MjSpec) of a collected MJCF file: with its meshes, and without parts that are not simulated.
+
+The reader and the engine build the same one, with the same names. MuJoCo opens no file: mesh files are replaced by the
+points and triangles of our own readers. A mesh that is only looked at is not even read: a small body stands for it,
+because only its frame counts.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any, Final, NamedTuple
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_action.core.errors import Location, ModelError
+from sim_action.core.records import dataclass
+from sim_action.meshes import READERS, MeshError, parsed_mesh
+from sim_action.robot.model.findings import finding
+from sim_action.robot.model.mjcf_data import FloorLook, MeshBytes, Mjcf
+from sim_action.robot.model.robot_model import Finding
+from sim_action.robot.reading.mjcf.floor import Pattern, floor_look
+from sim_action.robot.reading.mjcf.mjcf_elements import refusal
+from sim_action.robot.reading.mjcf.mjcf_files import MeshFile, MjcfFiles
+from sim_action.robot.reading.mjcf.worldbody import floor_height, named, names_below, robot_bodies
+
+# A tetrahedron.
+_CORNERS: Final = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+_FACES: Final = (0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3)
+_NO_FRAME: Final = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+_GEOM: Final = mujoco.mjtGeom
+_FREE: Final = mujoco.mjtJoint.mjJNT_FREE
+# Numbers in `qpos`; other joints have one.
+_NUMBERS: Final = {_FREE: 7, mujoco.mjtJoint.mjJNT_BALL: 4}
+
+
+class StatedKeyframe(NamedTuple):
+    """A keyframe as the file states it: `qpos` and `ctrl` are empty if it does not state them.
+
+    A keyframe without a name has its number in MuJoCo as its name.
+    """
+
+    name: str
+    qpos: tuple[float, ...]
+    ctrl: tuple[float, ...]
+    place: Location | None
+
+
+@dataclass(frozen=True, eq=False)
+class Built:
+    """A model before it is compiled.
+
+    Attributes:
+        spec: MuJoCo's MjSpec.
+        mjcf: the input from which the engine builds it again.
+        drawn: mesh name -> its file, for meshes that are drawn from their files.
+        positions: joint name -> its first number and its count in `qpos` of the file, with all bodies.
+        keyframes: those of the file, in its order.
+        actuators: names, in the order of the file.
+        notes: parts that are left out.
+    """
+
+    spec: Any
+    mjcf: Mjcf
+    drawn: Mapping[str, MeshFile]
+    positions: Mapping[str, tuple[int, int]]
+    keyframes: tuple[StatedKeyframe, ...]
+    actuators: tuple[str, ...]
+    notes: Notes
+
+
+def build(files: MjcfFiles, place: Location) -> Built:
+    """Build the model of a collected file. Raises ModelError, and ValueError if MuJoCo refuses it."""
+    spec = mujoco.MjSpec.from_string(files.text, include=dict(files.models))
+    _name_all(spec)
+    positions = _positions(spec)
+    actuators = tuple(actuator.name for actuator in spec.actuators)
+    keyframes = _keyframes(spec, files)
+    notes = Notes(files, place)
+    floor, floor_look = _floor(spec, notes, files.patterns)
+    excluded = frozenset(frozenset((each.bodyname1, each.bodyname2)) for each in spec.excludes)
+    paired = frozenset(frozenset((each.geomname1, each.geomname2)) for each in spec.pairs)
+    _leave_out(spec, notes)
+    looked_at = _looked_at(spec)
+    drawn, meshes = dict[str, MeshFile](), dict[str, MeshBytes]()
+    real = {geom.meshname for geom in spec.geoms if geom.name not in looked_at or geom.type != _GEOM.mjGEOM_MESH}
+    used = {geom.meshname for geom in spec.geoms}
+    for mesh in spec.meshes:
+        file = files.meshes.get(mesh.file)
+        if file is None:
+            continue
+        if file.path.suffix.lower().removeprefix(".") not in READERS:
+            _parsed(file)
+        if mesh.name not in used:
+            continue
+        moved = _frame(mesh) != _NO_FRAME
+        if mesh.name in real or moved:
+            meshes[mesh.name] = _parsed(file)
+        if not moved:
+            drawn[mesh.name] = file
+    mjcf = Mjcf(
+        files.text,
+        dict(files.models),
+        meshes,
+        looked_at,
+        tuple(actuator.name for actuator in spec.actuators),
+        floor,
+        excluded,
+        paired,
+        floor_look,
+    )
+    _fill_meshes(spec, mjcf)
+    return Built(spec, mjcf, drawn, positions, keyframes, actuators, notes)
+
+
+def engine_spec(mjcf: Mjcf) -> Any:
+    """Return the model as the engine simulates it: without geoms that are only looked at."""
+    spec = _spec(mjcf)
+    for geom in list(spec.geoms):
+        if geom.name in mjcf.looked_at:
+            spec.delete(geom)
+    _fill_meshes(spec, mjcf)
+    return spec
+
+
+def surfaces_of(mjcf: Mjcf) -> dict[str, tuple[NDArray[np.float64], NDArray[np.int64]]]:
+    """Return the points (P, 3) in m, in the engine's mesh frame, and the triangles (T, 3) of each mesh in the model.
+
+    A mesh that is only looked at and has a file of its own is a small body here.
+    """
+    spec = _spec(mjcf)
+    _fill_meshes(spec, mjcf)
+    model = spec.compile()
+    found = {}
+    for mesh in range(model.nmesh):
+        point, face = model.mesh_vertadr[mesh], model.mesh_faceadr[mesh]
+        points = model.mesh_vert[point : point + model.mesh_vertnum[mesh]].astype(np.float64)
+        faces = model.mesh_face[face : face + model.mesh_facenum[mesh]].astype(np.int64)
+        found[model.mesh(mesh).name] = points, faces
+    return found
+
+
+def _spec(mjcf: Mjcf) -> Any:
+    spec = mujoco.MjSpec.from_string(mjcf.text, include=dict(mjcf.models))
+    _name_all(spec)
+    _leave_out(spec, Notes(None, Location("")))
+    return spec
+
+
+class Notes:
+    """Parts that are left out: one finding for each kind, at the first place of that kind."""
+
+    def __init__(self, files: MjcfFiles | None, place: Location) -> None:
+        self._files, self._place = files, place
+        self._kinds: dict[str, tuple[str, Location, int]] = {}
+        for text, where, count in () if files is None else files.left_out:
+            self._kinds[text] = "passed-over", where, count
+
+    def place(self, element: Any) -> Location:
+        """Return the place of an element of MuJoCo's model in the user's files."""
+        number = re.search(r"line (\d+)", element.info)
+        found = self._files.place(int(number[1])) if number and self._files is not None else None
+        return found or self._place
+
+    def leave_out(self, element: Any, text: str) -> None:
+        """Note that an element is left out; `text` is the same for all elements of its kind."""
+        self.add("passed-over", text, self.place(element))
+
+    def add(self, rule: str, text: str, place: Location) -> None:
+        """Note a problem of a rule at a place."""
+        _, where, count = self._kinds.get(text, (rule, place, 0))
+        self._kinds[text] = rule, where, count + 1
+
+    def findings(self) -> tuple[Finding, ...]:
+        """Return one finding for each kind."""
+        return tuple(
+            finding(rule, f"{text}{f' ({count} of them)' if count > 1 else ''}", where)
+            for text, (rule, where, count) in self._kinds.items()
+        )
+
+
+# --- names and positions ---
+
+
+def _name_all(spec: Any) -> None:
+    """Give a name to each body, joint, geom and actuator that has none."""
+    for kind, elements in (
+        ("body", spec.bodies),
+        ("joint", spec.joints),
+        ("geom", spec.geoms),
+        ("actuator", spec.actuators),
+    ):
+        for number, element in enumerate(elements):
+            element.name = element.name or f"{kind}_{number}"
+
+
+def _positions(spec: Any) -> dict[str, tuple[int, int]]:
+    """Return joint name -> its first number in `qpos`, and the count of its numbers."""
+    found, first = dict[str, tuple[int, int]](), 0
+    waiting = [spec.worldbody]
+    while waiting:
+        body = waiting.pop()
+        for joint in body.joints:
+            found[joint.name] = first, _NUMBERS.get(joint.type, 1)
+            first += found[joint.name][1]
+        waiting += reversed(body.bodies)
+    return found
+
+
+def _keyframes(spec: Any, files: MjcfFiles) -> tuple[StatedKeyframe, ...]:
+    # MuJoCo does not keep the lines of keyframes.
+    lines = (number for number, line in enumerate(files.text.split("\n"), 1) if line.startswith(("<key ", "<key/")))
+    places = map(files.place, lines)
+    # Keyframes of attached models come last, and have no line in this text.
+    return tuple(
+        StatedKeyframe(key.name or str(number), tuple(key.qpos), tuple(key.ctrl), next(places, None))
+        for number, key in enumerate(spec.keys)
+    )
+
+
+# --- parts that are left out ---
+
+
+def _leave_out(spec: Any, notes: Notes) -> None:
+    """Delete the parts that are not simulated. Raises ModelError if the rest is not a robot."""
+    robot, chosen = robot_bodies(spec, notes.place)
+    if chosen:
+        notes.leave_out(next(body for body in spec.worldbody.bodies if body.name in robot), chosen)
+    names = set[str]()
+    others = [body for body in spec.worldbody.bodies if body.name not in robot]
+    for body in others:
+        names |= names_below(body)
+    if others:
+        first = named([body.name for body in others])
+        notes.leave_out(others[0], f"the file also has body {first}: {_OTHER_BODY}")
+    wrapped = {step.target.name for tendon in spec.tendons for step in tendon.path if step.target is not None}
+    for tendon in list(spec.tendons):
+        if any(step.target is not None and step.target.name in names for step in tendon.path):
+            names.add(tendon.name)
+            spec.delete(tendon)
+    dropped = [*spec.keys, *spec.pairs, *spec.excludes]
+    dropped += [equality for equality in spec.equalities if {equality.name1, equality.name2} & names]
+    dropped += [actuator for actuator in spec.actuators if actuator.target in names]
+    dropped += _disabled(spec, names, notes)
+    dropped += [body for body in spec.worldbody.bodies if body.name not in robot]
+    _take_pairs(spec, names | {geom.name for geom in spec.worldbody.geoms}, notes)
+    for geom in spec.worldbody.geoms:
+        if geom.name in wrapped:
+            geom.contype = geom.conaffinity = 0
+            continue
+        dropped.append(geom)
+        notes.leave_out(geom, _WORLD_GEOM)
+    for element in dropped:
+        spec.delete(element)
+    _leave_out_heightfields(spec, notes)
+
+
+def _disabled(spec: Any, outside: set[str], notes: Notes) -> list[Any]:
+    """Return the actuators that the file disables; `outside`: names of parts that are not the robot's."""
+    groups = int(spec.option.disableactuator)
+    found = [actuator for actuator in spec.actuators if actuator.target not in outside]
+    found = [actuator for actuator in found if actuator.group in range(_MAX_GROUPS) and groups >> actuator.group & 1]
+    for actuator in found:
+        notes.leave_out(actuator, "an <actuator> is left out, because <option actuatorgroupdisable> disables its group")
+    return found
+
+
+def _take_pairs(spec: Any, outside: set[str], notes: Notes) -> None:
+    """Let geoms collide that the file pairs with the world; `outside`: names of geoms that are not the robot's."""
+    for pair in spec.pairs:
+        ours = [name for name in (pair.geomname1, pair.geomname2) if name not in outside]
+        if len(ours) == 1:
+            geom = spec.geom(ours[0])
+            geom.contype = geom.contype or 1
+        elif ours:
+            notes.leave_out(
+                pair, "<pair> in <contact> is not simulated, unless the scenario says robot.self_collision: true"
+            )
+
+
+# Groups that <option actuatorgroupdisable> can name.
+_MAX_GROUPS: Final = 31
+_OTHER_BODY: Final = "left out, because it is not a part of the robot; make it a body of 'world.objects'"
+_WORLD_GEOM: Final = "a <geom> of <worldbody> is left out, such as a floor: 'world' of the scenario has the ground"
+
+
+def _floor(spec: Any, notes: Notes, patterns: Mapping[str, Pattern]) -> tuple[float, FloorLook | None]:
+    """Return the height of the floor of the file in m and its look; note which one counts if there are several."""
+    height, geom, count = floor_height(spec)
+    if count > 1:
+        text = f"geom '{geom.name}' at z = {height:g} m is the ground: it is the highest of {count} level planes"
+        notes.leave_out(geom, f"{text}, and heights of keyframes and of a bolted robot start from it")
+    return height, None if geom is None else floor_look(spec, geom, patterns)
+
+
+def _leave_out_heightfields(spec: Any, notes: Notes) -> None:
+    """Leave out heightfields that the robot does not use, and refuse files of the others."""
+    used = {geom.hfieldname: geom for geom in spec.geoms if geom.hfieldname}
+    for field in list(spec.hfields):
+        if field.name not in used:
+            spec.delete(field)
+        elif field.file:
+            found = f"heightfield '{field.name}' of geom '{used[field.name].name}' is read from a file"
+            remedy = "state its 'elevation' in the model, or make it a body of the scenario's world"
+            raise ModelError(f"{found}, which is not supported; {remedy}", notes.place(used[field.name]))
+
+
+# --- geoms that are only looked at, and meshes ---
+
+
+def _looked_at(spec: Any) -> frozenset[str]:
+    """Return the geoms that neither collide nor have a part in the inertia of their bodies."""
+    if spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE:
+        return frozenset()
+    wrapped = {step.target.name for tendon in spec.tendons for step in tendon.path if step.target is not None}
+    return frozenset(
+        geom.name
+        for geom in spec.geoms
+        if not (geom.contype or geom.conaffinity)
+        and (geom.parent.explicitinertial or geom.mass == 0 or (geom.density == 0 and not geom.mass > 0))
+        and geom.name not in wrapped
+    )
+
+
+def _fill_meshes(spec: Any, mjcf: Mjcf) -> None:
+    """Give each mesh with a file its points and triangles, and leave out unused ones: MuJoCo must not open a file."""
+    used = {geom.meshname for geom in spec.geoms}
+    for mesh in list(spec.meshes):
+        if mesh.name not in used:
+            spec.delete(mesh)
+        elif mesh.name in mjcf.meshes:
+            points, faces = mjcf.meshes[mesh.name]
+            mesh.file = ""
+            mesh.uservert = np.frombuffer(points, np.float32).tolist()
+            mesh.userface = np.frombuffer(faces, np.int32).tolist()
+        elif mesh.file:
+            mesh.file = ""
+            mesh.uservert, mesh.userface = list(_CORNERS), list(_FACES)
+            mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+
+
+def _frame(mesh: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    return tuple(map(float, mesh.refpos)), tuple(map(float, mesh.refquat))
+
+
+def _parsed(found: MeshFile) -> MeshBytes:
+    """Return the points and triangles of a mesh file as bytes. Raises RefusedModel."""
+    try:
+        parsed = parsed_mesh(found.path)
+    except MeshError as error:
+        raise refusal(f"mesh '{found.name}': {error} [{error.rule}]", found.place) from None
+    return parsed.points_xyz.astype(np.float32).tobytes(), np.concatenate(parsed.parts).astype(np.int32).tobytes()

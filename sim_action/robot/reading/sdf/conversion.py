@@ -1,0 +1,189 @@
+"""Convert SDF (sdformat.org/spec, versions 1.3 to 1.11) to a URDF document whose elements know their place in the SDF.
+
+The base link's frame is the frame of the root link. The frame of a link is the same as in SDF, with one exception: if
+the axis of its joint does not go through its origin, its frame is at the joint (`joints.py`). A model that is fixed to
+the world gets a root link named `world`. Its frame is the world of the file, in which the <pose> of the outermost
+<model> counts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Final
+
+from sim_action.core import geometry
+from sim_action.core.geometry import ZERO, Pose
+from sim_action.core.records import dataclass
+from sim_action.robot.audit.unsupported_parts import note_parts
+from sim_action.robot.documents.model_files import NEWEST
+from sim_action.robot.documents.packages import Packages
+from sim_action.robot.documents.sdf_elements import Notes
+from sim_action.robot.documents.xml_document import ModelDocument
+from sim_action.robot.model.findings import refuse_errors
+from sim_action.robot.model.robot_model import WORLD, Finding
+from sim_action.robot.reading.sdf.composition import SEPARATOR, Assembly, Entry, Scope
+from sim_action.robot.reading.sdf.frames import Frames
+from sim_action.robot.reading.sdf.joints import JointWriter, ResolvedJoint, resolve_joint
+from sim_action.robot.reading.sdf.links import LinkWriter
+from sim_action.robot.reading.sdf.sdf_files import read_sdf_file
+from sim_action.robot.reading.sdf.urdf_writer import UrdfWriter
+from sim_action.robot.reading.sdf.worlds import robot_scope
+
+_MIN_ROTATION_RAD: Final = 1e-6
+
+
+@dataclass(frozen=True)
+class Kinematics:
+    """The links and joints with all poses; not yet checked to be a tree.
+
+    Attributes:
+        placed: link -> its URDF frame, in the outermost model's frame.
+        joints: the joints of the file.
+        in_world: the outermost model's frame, in the world.
+        static: static links without a joint; they are fixed to the world.
+        roots: other links without a parent; a robot has one.
+    """
+
+    placed: Mapping[Entry, Pose]
+    joints: tuple[ResolvedJoint, ...]
+    in_world: Pose
+    static: tuple[Entry, ...]
+    roots: tuple[Entry, ...]
+
+    @property
+    def needs_world(self) -> bool:
+        """Return True if a link is fixed to the world or has it as its parent."""
+        return bool(self.static) or any(joint.parent is None for joint in self.joints)
+
+    def pose_in(self, parent: Entry | None, child: Entry) -> Pose:
+        """Return the frame of a link in the frame of another link, or in the world if `parent` is None."""
+        outer = self.in_world if parent is None else geometry.inverse(self.placed[parent])
+        return geometry.compose(outer, self.placed[child])
+
+
+def kinematics_of(scope: Scope, frames: Frames, notes: Notes) -> Kinematics:
+    """Resolve all frames and joints. Problems become findings in `notes`."""
+    in_world = notes.attempt(Frames.root_in_world, frames) or Pose()
+    for entry in (*scope.all_of("frame"), *scope.all_of("model")):
+        notes.attempt(frames.check, entry)
+    found = [notes.attempt(lambda entry: resolve_joint(notes, frames, entry), joint) for joint in scope.all_of("joint")]
+    joints = tuple(joint for joint in found if joint)
+    carriers = {joint.child: joint for joint in reversed(joints)}
+    links = tuple(scope.all_of("link"))
+    poses = [notes.attempt(lambda link: _placed(frames, link, carriers.get(link)), link) for link in links]
+    loose = [link for link in links if link not in carriers]
+    static = dict.fromkeys(link for link in loose if link.owner.static and link.full_name != WORLD)
+    placed = {link: pose for link, pose in zip(links, poses, strict=True) if pose}
+    return Kinematics(placed, joints, in_world, tuple(static), tuple(link for link in loose if link not in static))
+
+
+def _placed(frames: Frames, link: Entry, carrier: ResolvedJoint | None) -> Pose:
+    pose = frames.in_root(link)
+    return geometry.compose(pose, Pose(carrier.shift(pose) if carrier else ZERO))
+
+
+def urdf_of_sdf(
+    document: ModelDocument, path: Path, packages: Packages, allow: Iterable[str], name: str = ""
+) -> tuple[ModelDocument, tuple[Finding, ...]]:
+    """Return the URDF of a parsed SDF, and the findings. Raises ModelError.
+
+    :param path: the file of the document.
+    :param allow: rules whose errors are accepted.
+    :param name: name of the model in a world; empty: the file has one model.
+    """
+    notes = Notes(findings=list(document.findings))
+    if name:
+        scope, version = robot_scope(path.resolve(), document, name, packages, notes)
+    else:
+        file = read_sdf_file(path.resolve(), document)
+        scope, version = Assembly(file, packages, notes).read(), file.version
+    if version > NEWEST:
+        message = (
+            f"SDF {document.root.get('version')} is newer than {NEWEST[0]}.{NEWEST[1]}, and is read as that version"
+        )
+        notes.add("passed-over", document.root, message)
+    allowed = set(allow)
+    refuse_errors(notes.findings, allowed)
+    urdf = convert(scope, notes, places_base=bool(name))
+    refuse_errors(notes.findings, allowed)
+    return urdf, tuple(notes.findings)
+
+
+def convert(scope: Scope, notes: Notes, *, places_base: bool = False) -> ModelDocument:
+    """Return the URDF, as complete as possible. Problems become findings in `notes`.
+
+    :param places_base: True if the base starts where the file has it.
+    """
+    frames = Frames(scope)
+    kinematics = kinematics_of(scope, frames, notes)
+    writer = UrdfWriter(scope.element.get("name") or scope.file.path.stem, scope.element, notes.places)
+    if notes.has_fatal:
+        return writer.document()
+    if kinematics.needs_world and scope.find(WORLD) is None:
+        writer.add(writer.root, "link", scope.element, name=WORLD)
+    _write_tree(kinematics, LinkWriter(notes, frames, writer), JointWriter(notes, frames, writer), notes)
+    for link in kinematics.static:
+        _fix_to_world(writer, kinematics, link)
+    _copy_plugins(writer, scope)
+    if not places_base:
+        _note_rotated_base(notes, kinematics)
+    _note_unsupported_parts(notes, scope)
+    notes.report_parts()
+    _note_frames(notes, scope)
+    return writer.document()
+
+
+def _write_tree(kinematics: Kinematics, links: LinkWriter, joints: JointWriter, notes: Notes) -> None:
+    for placed in kinematics.placed.items():
+        notes.attempt(lambda placed: links.write(*placed), placed)
+    for joint in kinematics.joints:
+        origin = kinematics.pose_in(joint.parent, joint.child)
+        notes.attempt(lambda placed: joints.write(*placed), (joint, origin))
+
+
+def _fix_to_world(writer: UrdfWriter, kinematics: Kinematics, link: Entry) -> None:
+    """Fix a static link to the world with a generated joint."""
+    source = link.element
+    joint = writer.add(writer.root, "joint", source, name=f"{WORLD}{SEPARATOR}{link.full_name}", type="fixed")
+    writer.add_origin(joint, source, kinematics.pose_in(None, link))
+    writer.add(joint, "parent", source, link=WORLD)
+    writer.add(joint, "child", source, link=link.full_name)
+
+
+def _copy_plugins(writer: UrdfWriter, scope: Scope) -> None:
+    includes = [entry.element for entry in scope.all_of("model") if entry.element.tag == "include"]
+    for holder in (*(inner.element for inner in scope.scopes()), *includes):
+        for plugin in holder.findall("plugin"):
+            writer.copy(writer.add(writer.root, "gazebo", plugin), plugin)
+
+
+def _note_rotated_base(notes: Notes, kinematics: Kinematics) -> None:
+    """Add a finding if the SDF rotates the base link: the scenario sets the pose of the base, so this is lost."""
+    if kinematics.needs_world or len(kinematics.roots) != 1:
+        return
+    (root,) = kinematics.roots
+    orientation = kinematics.pose_in(None, root).orientation_xyzw
+    angles = dict(zip(("roll", "pitch", "yaw"), geometry.rpy_from_quaternion(orientation), strict=True))
+    turned = [
+        f"{name}: {math.degrees(angle):.6g} deg" for name, angle in angles.items() if abs(angle) > _MIN_ROTATION_RAD
+    ]
+    if turned:
+        message = f"the SDF rotates root link '{root.full_name}', which is ignored; set robot.pose: "
+        notes.add("turned-base", root.element, f"{message}{{{', '.join(turned)}}}")
+
+
+def _note_unsupported_parts(notes: Notes, scope: Scope) -> None:
+    for inner in scope.scopes():
+        name = f"model '{inner.element.get('name', '')}'"
+        notes.attempt(lambda model: note_parts(notes, *model), (inner.element, name))
+
+
+def _note_frames(notes: Notes, scope: Scope) -> None:
+    """Add a finding for each <pose frame> without an effect."""
+    for model in {inner.file.model: None for inner in scope.scopes()}:
+        for pose in model.iter("pose"):
+            if pose.get("frame", "") not in {"", pose.get("relative_to")}:
+                message = f"<pose frame=\"{pose.get('frame')}\"> is ignored: use 'relative_to', available since SDF 1.7"
+                notes.add("passed-over", pose, message)

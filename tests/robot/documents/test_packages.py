@@ -1,0 +1,518 @@
+"""Packages and models by name, without ROS."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import sys
+from pathlib import Path
+
+import pytest
+
+from sim_action.core.files import read_at_most
+from sim_action.core.workspace import Workspace
+from sim_action.robot.documents import package_search
+from sim_action.robot.documents.packages import PackageError, Packages
+from tests.ros_workspace import RosWorkspace, gazebo_model, ros_package, ros_workspace, written
+
+
+@pytest.fixture
+def ros(tmp_path: Path) -> RosWorkspace:
+    return ros_workspace(tmp_path)
+
+
+@pytest.fixture
+def elsewhere(tmp_path: Path) -> Path:
+    """A folder beside the repository."""
+    folder = tmp_path.resolve() / "elsewhere"
+    folder.mkdir()
+    return folder
+
+
+def test_a_package_is_found_across_the_workspace(ros: RosWorkspace) -> None:
+    found = ros.packages().find("rover_sensors", ros.rover)
+    assert found.path == ros.sensors
+    assert found.notes == ()
+
+
+def test_the_name_is_what_package_xml_says(ros: RosWorkspace) -> None:
+    folder = ros_package(ros.root / "src/checkout", "rover_arm")
+    assert ros.packages().find("rover_arm", ros.rover).path == folder
+    with pytest.raises(PackageError):
+        ros.packages().find("checkout", ros.rover)
+
+
+def test_the_map_of_the_scenario_comes_first(ros: RosWorkspace) -> None:
+    other = ros_package(ros.root / "vendor/rover_sensors")
+    packages = ros.packages({"rover_sensors": "../vendor/rover_sensors"})
+    assert packages.find("rover_sensors", ros.rover).path == other
+    assert packages.find("rover_sensors", ros.rover).notes == ()
+
+
+def test_a_mapped_folder_needs_no_package_xml(ros: RosWorkspace) -> None:
+    written(ros.root / "cad/part.stl", "")
+    packages = ros.packages({"cad_export": "../cad"})
+    assert packages.resolve("package://cad_export/part.stl", ros.rover).path == ros.root / "cad/part.stl"
+
+
+@pytest.mark.parametrize(
+    ("stated", "rule", "message"),
+    [
+        (
+            "../vendor",
+            "missing-package",
+            r"'rover: \.\./vendor' in robot\.packages is not a folder \(looked for .*/vendor",
+        ),
+        ("drive.sim.yml", "missing-package", "is not a folder"),
+        ("../../elsewhere", "outside-workspace", r"is outside the workspace .*; allow it with --allow-outside"),
+        ("a\0b", "missing-package", "is not a valid path: .*embedded null"),
+        ("a" * 300, "missing-package", "is not a valid path|is not a folder"),
+    ],
+)
+def test_a_map_to_no_folder_is_refused(
+    stated: str, rule: str, message: str, ros: RosWorkspace, elsewhere: Path
+) -> None:
+    with pytest.raises(PackageError, match=message) as raised:
+        ros.packages({"rover": stated}).find("rover", ros.rover)
+    assert raised.value.rule == rule
+
+
+def test_a_file_means_its_own_package_whatever_else_has_its_name(ros: RosWorkspace) -> None:
+    ros_package(ros.root / "src/a_copy/rover_description")
+    found = ros.packages().find("rover_description", ros.rover)
+    assert found.path == ros.description
+    assert found.notes == ()
+
+
+def test_a_folder_without_package_xml_serves_as_a_package_with_a_note(ros: RosWorkspace) -> None:
+    robot = ros.write("rover_arm/urdf/robot.urdf", "<robot/>")
+    found = ros.packages().find("rover_arm", robot)
+    assert found.path == ros.root / "rover_arm"
+    assert [note.text for note in found.notes] == [
+        (
+            "no package.xml or model.config has the name 'rover_arm': rover_arm, above robot.urdf, is used; "
+            "set robot.packages to choose another"
+        )
+    ]
+
+
+def test_of_two_packages_of_one_name_the_nearer_wins_with_a_warning(ros: RosWorkspace) -> None:
+    far = ros_package(ros.root / "another/place/rover_arm")
+    near = ros_package(ros.root / "src/zz/rover_arm")
+    found = ros.packages().find("rover_arm", ros.rover)
+    assert found.path == near
+    assert [note.text for note in found.notes] == [
+        (
+            f"2 packages have the same name: {near} is used, because it is nearest to rover.urdf.xacro, not {far}; "
+            "set robot.packages to choose one"
+        )
+    ]
+    assert ros.packages().find("rover_arm", ros.root / "another/robot.urdf").path == far
+
+
+def test_equally_near_packages_are_always_taken_in_the_same_order(ros: RosWorkspace) -> None:
+    ros_package(ros.root / "src/b/rover_arm")
+    first = ros_package(ros.root / "src/a/rover_arm")
+    assert ros.packages().find("rover_arm", ros.rover).path == first
+
+
+def test_the_warning_stands_beside_the_file_too(ros: RosWorkspace) -> None:
+    for place in ("x", "y"):
+        written(ros_package(ros.root / f"src/{place}/rover_arm") / "arm.stl", "")
+    found = ros.packages().resolve("package://rover_arm/arm.stl", ros.rover)
+    assert found.path == ros.root / "src/x/rover_arm/arm.stl"
+    assert found.notes != ()
+
+
+@pytest.mark.parametrize("place", [".hidden", "node_modules", "build", "install", "devel", "log"])
+def test_what_tools_make_is_not_looked_into(place: str, ros: RosWorkspace) -> None:
+    ros_package(ros.root / place / "rover_arm")
+    with pytest.raises(PackageError):
+        ros.packages().find("rover_arm", ros.rover)
+
+
+@pytest.mark.parametrize("marker", ["CATKIN_IGNORE", "COLCON_IGNORE", "AMENT_IGNORE"])
+def test_folders_that_ros_ignores_are_ignored(marker: str, ros: RosWorkspace) -> None:
+    folder = ros_package(ros.root / "src/old/rover_arm")
+    assert ros.packages().find("rover_arm", ros.rover).path == folder
+    written(ros.root / "src/old" / marker, "")
+    with pytest.raises(PackageError):
+        ros.packages().find("rover_arm", ros.rover)
+
+
+def test_a_package_in_another_is_found(ros: RosWorkspace) -> None:
+    ros_package(ros.root, "everything")
+    assert ros.packages().find("rover_sensors", ros.root / "robot.urdf").path == ros.sensors
+
+
+def test_links_to_folders_are_not_followed(ros: RosWorkspace, elsewhere: Path) -> None:
+    ros_package(elsewhere / "rover_arm")
+    (ros.root / "src/linked").symlink_to(elsewhere)
+    (ros.root / "src/circle").symlink_to(ros.root)
+    with pytest.raises(PackageError):
+        ros.packages().find("rover_arm", ros.rover)
+    assert ros.packages().find("rover_sensors", ros.rover).notes == ()
+
+
+def test_ros_package_path_has_roots_and_packages(ros: RosWorkspace, elsewhere: Path) -> None:
+    below = ros_package(elsewhere / "roots/stack/rover_arm")
+    itself = ros_package(elsewhere / "rover_head")
+    environment = {"ROS_PACKAGE_PATH": f"{elsewhere}/absent:{elsewhere}/roots:{itself}"}
+    packages = ros.packages(environment=environment)
+    assert packages.find("rover_arm", ros.rover).path == below
+    assert packages.find("rover_head", ros.rover).path == itself
+
+
+def test_below_a_package_of_ros_package_path_there_is_no_other(ros: RosWorkspace, elsewhere: Path) -> None:
+    ros_package(ros_package(elsewhere / "outer") / "inner")
+    with pytest.raises(PackageError):
+        ros.packages(environment={"ROS_PACKAGE_PATH": str(elsewhere)}).find("inner", ros.rover)
+
+
+def test_ament_prefixes_have_packages_in_share(ros: RosWorkspace, elsewhere: Path) -> None:
+    overlay = ros_package(elsewhere / "overlay/share/rover_arm")
+    ros_package(elsewhere / "underlay/share/rover_arm")
+    environment = {"AMENT_PREFIX_PATH": f"{elsewhere}/overlay:{elsewhere}/underlay"}
+    assert ros.packages(environment=environment).find("rover_arm", ros.rover).path == overlay
+
+
+def test_the_workspace_comes_before_what_is_installed(ros: RosWorkspace, elsewhere: Path) -> None:
+    ros_package(elsewhere / "share/rover_sensors")
+    ros_package(elsewhere / "src/rover_sensors")
+    environment = {"AMENT_PREFIX_PATH": str(elsewhere), "ROS_PACKAGE_PATH": str(elsewhere / "src")}
+    assert ros.packages(environment=environment).find("rover_sensors", ros.rover).path == ros.sensors
+
+
+def test_ros_package_path_comes_before_ament(ros: RosWorkspace, elsewhere: Path) -> None:
+    ros_package(elsewhere / "share/rover_arm")
+    first = ros_package(elsewhere / "src/rover_arm")
+    environment = {"AMENT_PREFIX_PATH": str(elsewhere), "ROS_PACKAGE_PATH": str(elsewhere / "src")}
+    assert ros.packages(environment=environment).find("rover_arm", ros.rover).path == first
+
+
+def test_relative_entries_of_the_environment_mean_nothing(ros: RosWorkspace, elsewhere: Path) -> None:
+    ros_package(elsewhere / "rover_arm")
+    environment = {"ROS_PACKAGE_PATH": os.path.relpath(elsewhere), "AMENT_PREFIX_PATH": "::."}
+    with pytest.raises(PackageError):
+        ros.packages(environment=environment).find("rover_arm", ros.rover)
+
+
+def test_a_missing_package_is_told_with_who_refers_to_it_and_where_it_was_looked_for(ros: RosWorkspace) -> None:
+    packages = ros.packages(environment={"AMENT_PREFIX_PATH": "/nowhere/ros"})
+    with pytest.raises(PackageError) as raised:
+        packages.find("rover_sensor", ros.rover)
+    assert raised.value.rule == "missing-package"
+    assert str(raised.value) == (
+        "src/rover_description/urdf/rover.urdf.xacro refers to the package 'rover_sensor', which was not found; "
+        "did you mean 'rover_sensors'? "
+        f"(searched: robot.packages, {ros.root} (2 packages), ROS_PACKAGE_PATH (not set), "
+        "AMENT_PREFIX_PATH (/nowhere/ros)); "
+        "add it to the repository, or set its folder: robot.packages: {rover_sensor: path/to/rover_sensor}, "
+        "or name a folder outside the repository: --package rover_sensor=FOLDER"
+    )
+
+
+def test_a_package_of_the_caller_comes_first_and_may_be_outside(ros: RosWorkspace, elsewhere: Path) -> None:
+    written(elsewhere / "meshes/part.stl", "")
+    written(elsewhere / ".git/config", "")
+    written(elsewhere.parent / "beside.stl", "")
+    workspace = Workspace(ros.root / "sim", ros.root, packages=(("rover_sensors", str(elsewhere)),))
+    packages = Packages(workspace, {"rover_sensors": "../vendor"}, {})
+    assert packages.find("rover_sensors", ros.rover).path == elsewhere
+    assert packages.find_model("rover_sensors", ros.rover).path == elsewhere
+    found = packages.resolve("package://rover_sensors/meshes/part.stl", ros.rover)
+    assert found.path == elsewhere / "meshes/part.stl"
+    for path in (".git/config", "../beside.stl"):
+        with pytest.raises(PackageError, match="outside the workspace"):
+            packages.resolve(f"package://rover_sensors/{path}", ros.rover)
+
+
+@pytest.mark.parametrize("name", ["..", ".", "", "a/b", "/etc", "a\0b"])
+def test_a_name_is_no_path(name: str, ros: RosWorkspace, elsewhere: Path) -> None:
+    (elsewhere / "share/a/b").mkdir(parents=True)
+    with pytest.raises(PackageError):
+        ros.packages(environment={"AMENT_PREFIX_PATH": str(elsewhere)}).find(name, ros.rover)
+
+
+def test_what_was_found_is_kept(ros: RosWorkspace) -> None:
+    packages = ros.packages()
+    packages.find("rover_sensors", ros.rover)
+    ros_package(ros.root / "src/rover_arm")
+    with pytest.raises(PackageError):
+        packages.find("rover_arm", ros.rover)
+    assert ros.packages().find("rover_arm", ros.rover)
+
+
+def test_packages_go_to_a_child_process(ros: RosWorkspace) -> None:
+    packages = ros.packages({"a": "b"}, {"ROS_PACKAGE_PATH": "/x"})
+    packages.find("rover_sensors", ros.rover)
+    assert pickle.loads(pickle.dumps(packages)) == packages
+
+
+def test_a_model_is_a_folder_of_that_name(ros: RosWorkspace) -> None:
+    folder = gazebo_model(ros.root / "models/table")
+    packages = ros.packages()
+    assert packages.find_model("table", ros.rover).path == folder
+    assert packages.resolve("model://table/model.sdf", ros.rover).path == folder / "model.sdf"
+
+
+@pytest.mark.parametrize("variable", ["GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH"])
+def test_models_of_the_machine_are_found(variable: str, ros: RosWorkspace, elsewhere: Path) -> None:
+    folder = gazebo_model(elsewhere / "table")
+    (elsewhere / "no_model").mkdir()
+    packages = ros.packages(environment={variable: str(elsewhere)})
+    assert packages.resolve("model://table/model.sdf", ros.rover).path == folder / "model.sdf"
+    with pytest.raises(PackageError):
+        packages.find_model("no_model", ros.rover)
+
+
+@pytest.mark.parametrize("variable", ["GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH", "ROS_PACKAGE_PATH"])
+@pytest.mark.parametrize("path", [".git/t.stl", "meshes/.GIT/t.stl"])
+def test_git_folders_of_models_of_the_machine_are_not_read(
+    variable: str, path: str, ros: RosWorkspace, elsewhere: Path
+) -> None:
+    model = gazebo_model(ros_package(elsewhere / "cart"))
+    written(model / path, "")
+    packages = ros.packages(environment={variable: str(elsewhere)})
+    for reference in (f"model://cart/{path}", f"file://{model / path}", f"package://cart/{path}"):
+        with pytest.raises(PackageError):
+            packages.resolve(reference, ros.rover)
+
+
+def test_a_package_serves_as_a_model(ros: RosWorkspace) -> None:
+    found = ros.packages().resolve("model://rover_sensors/meshes/lidar.stl", ros.rover)
+    assert found.path == ros.sensors / "meshes/lidar.stl"
+
+
+def test_a_mapped_name_serves_models(ros: RosWorkspace) -> None:
+    gazebo_model(ros.root / "models/table")
+    other = gazebo_model(ros.root / "other")
+    assert ros.packages({"table": "../other"}).find_model("table", ros.rover).path == other
+
+
+def test_a_missing_model_is_told(ros: RosWorkspace) -> None:
+    gazebo_model(ros.root / "models/table")
+    with pytest.raises(PackageError, match=r"refers to the model 'tabel', .*did you mean 'table'\?") as raised:
+        ros.packages().resolve("model://tabel/model.sdf", ros.rover)
+    assert raised.value.rule == "missing-package"
+    assert "GAZEBO_MODEL_PATH (not set), GZ_SIM_RESOURCE_PATH (not set), ROS_PACKAGE_PATH" in str(raised.value)
+
+
+def test_references_lead_to_files(ros: RosWorkspace) -> None:
+    packages = ros.packages()
+    mesh = ros.description / "meshes/base.stl"
+    for reference in (
+        "package://rover_description/meshes/base.stl",
+        "../meshes/base.stl",
+        f"file://{mesh}",
+        f"file://localhost{mesh}",
+        str(mesh),
+    ):
+        assert packages.resolve(reference, ros.rover).path == mesh
+
+
+def test_a_relative_path_begins_at_the_real_place_of_the_file_that_refers(ros: RosWorkspace) -> None:
+    link = ros.root / "robot.xacro"
+    link.symlink_to(ros.rover)
+    assert ros.packages().resolve("../meshes/base.stl", link).path == ros.description / "meshes/base.stl"
+
+
+def test_spaces_may_be_written_as_in_addresses(ros: RosWorkspace) -> None:
+    spaced = ros.write("src/rover_description/meshes/left arm.stl", "")
+    percent = ros.write("src/rover_description/meshes/left%20arm 2.stl", "")
+    packages = ros.packages()
+    assert packages.resolve("package://rover_description/meshes/left%20arm.stl", ros.rover).path == spaced
+    assert packages.resolve("package://rover_description/meshes/left arm.stl", ros.rover).path == spaced
+    assert packages.resolve("package://rover_description/meshes/left%20arm 2.stl", ros.rover).path == percent
+
+
+@pytest.mark.parametrize(
+    ("reference", "rule", "message"),
+    [
+        ("package://rover_description/meshes/bas.stl", "missing-file", r"does not exist .*did you mean 'base.stl'\?$"),
+        ("package://rover_description/absent/a.stl", "missing-file", r"does not exist \(looked for .*absent/a.stl\)$"),
+        ("../meshes", "missing-file", r"'\.\./meshes' is a folder"),
+        ("package://rover_description", "bad-reference", "names no file; write package://name/path/of/the/file"),
+        ("package:///", "bad-reference", "names no file"),
+        ("package:///mesh/base.stl", "missing-package", "the package 'mesh', which was not found"),
+        ("model://rover_description/", "bad-reference", "names no file"),
+        (
+            "http://example.org/a.stl",
+            "bad-reference",
+            "is not a valid reference; allowed are package://name/path, model://name/path, ",
+        ),
+        (
+            "file://meshes/a.stl",
+            "bad-reference",
+            "needs an absolute path; write file:///meshes/a.stl, or 'meshes/a.stl'",
+        ),
+        ("a\0b", "bad-reference", "is not a valid path: .*embedded null"),
+        ("a" * 300, "bad-reference", "is not a valid path: .*File name too long"),
+        ("package://rover_description/../../../elsewhere/a.stl", "outside-workspace", "is outside the workspace"),
+        (
+            "../../../../elsewhere/a.stl",
+            "outside-workspace",
+            r"is outside .* \(it is .*/elsewhere/a.stl\); allow it with --allow",
+        ),
+        (
+            "file:///etc/passwd",
+            "outside-workspace",
+            r"with --allow-outside .* packages\); better: a path relative to the referring file, or package://",
+        ),
+        ("/etc/passwd", "outside-workspace", "or package://, works on every machine$"),
+        ("link.stl", "outside-workspace", "is outside"),
+        ("package:/arm/a.stl", "missing-package", "the package 'arm', which was not found"),
+        ("file:/arm/a.stl", "outside-workspace", r"it is /arm/a.stl\)"),
+        ("pipe.stl", "missing-file", r"'pipe.stl' is not a regular file \(looked for .*/urdf/pipe.stl\)$"),
+    ],
+)
+def test_what_leads_to_no_file_is_refused(
+    reference: str, rule: str, message: str, ros: RosWorkspace, elsewhere: Path
+) -> None:
+    written(elsewhere / "a.stl", "")
+    (ros.description / "urdf/link.stl").symlink_to(elsewhere / "a.stl")
+    os.mkfifo(ros.description / "urdf/pipe.stl")
+    with pytest.raises(PackageError, match=message) as raised:
+        ros.packages().resolve(reference, ros.rover)
+    assert raised.value.rule == rule
+
+
+@pytest.mark.parametrize("reference", ["../../../../elsewhere/a.stl", "link.stl", "package://arm/a.stl"])
+def test_allow_outside_lifts_the_bounds(reference: str, ros: RosWorkspace, elsewhere: Path) -> None:
+    written(elsewhere / "a.stl", "")
+    (ros.description / "urdf/link.stl").symlink_to(elsewhere / "a.stl")
+    packages = ros.packages({"arm": str(elsewhere)}, allow_outside=True)
+    assert packages.resolve(reference, ros.rover).path == elsewhere / "a.stl"
+    assert packages.find("rover_sensors", ros.rover).path == ros.sensors
+
+
+def test_files_of_provided_packages_are_in_bounds(ros: RosWorkspace, elsewhere: Path) -> None:
+    for variable, place in (("ROS_PACKAGE_PATH", "arm"), ("AMENT_PREFIX_PATH", "share/arm")):
+        folder = ros_package(elsewhere / variable / place)
+        mesh = written(folder / "meshes/a.stl", "")
+        packages = ros.packages(environment={variable: str(elsewhere / variable)})
+        assert packages.resolve("package://arm/meshes/a.stl", ros.rover).path == mesh
+        # As $(find arm) leaves it in a URDF.
+        assert packages.resolve(f"file://{mesh}", ros.rover).path == mesh
+        assert packages.resolve("../meshes/a.stl", folder / "urdf/arm.urdf").path == mesh
+
+
+def test_provided_packages_lead_nowhere_else(ros: RosWorkspace, elsewhere: Path) -> None:
+    secret = written(elsewhere / "secret.txt", "")
+    loose = written(elsewhere / "src/loose.txt", "")
+    arm = ros_package(elsewhere / "src/arm")
+    (arm / "link.txt").symlink_to(secret)
+    model = gazebo_model(elsewhere / "models/table")
+    written(elsewhere / "models/loose.txt", "")
+    packages = ros.packages(
+        environment={"ROS_PACKAGE_PATH": f"{elsewhere}/src", "GAZEBO_MODEL_PATH": f"{elsewhere}/models"}
+    )
+    for reference, referrer in (
+        ("../../secret.txt", arm / "arm.urdf"),
+        ("../loose.txt", arm / "arm.urdf"),
+        ("link.txt", arm / "arm.urdf"),
+        ("package://arm/link.txt", ros.rover),
+        ("package://arm/../loose.txt", ros.rover),
+        (f"file://{loose}", ros.rover),
+        ("../loose.txt", model / "model.sdf"),
+    ):
+        with pytest.raises(PackageError) as raised:
+            packages.resolve(reference, referrer)
+        assert raised.value.rule == "outside-workspace", reference
+
+
+def test_a_package_beside_the_named_folders_is_not_provided(ros: RosWorkspace, elsewhere: Path) -> None:
+    other = written(ros_package(elsewhere / "src2/arm") / "a.stl", "")
+    (elsewhere / "src").mkdir()
+    with pytest.raises(PackageError, match="outside the workspace"):
+        ros.packages(environment={"ROS_PACKAGE_PATH": f"{elsewhere}/src"}).resolve(str(other), ros.rover)
+
+
+def test_a_provided_package_refers_to_the_workspace(ros: RosWorkspace, elsewhere: Path) -> None:
+    arm = ros_package(elsewhere / "arm")
+    packages = ros.packages(environment={"ROS_PACKAGE_PATH": str(elsewhere)})
+    found = packages.resolve("package://rover_sensors/meshes/lidar.stl", arm / "arm.urdf")
+    assert found.path == ros.sensors / "meshes/lidar.stl"
+
+
+def test_only_the_first_files_that_are_missing_are_looked_for_by_another_name(ros: RosWorkspace) -> None:
+    packages, scanned = ros.packages(), 0
+    written(ros.rover.parent / "wheel.stl", "")
+    for number in range(20):
+        with pytest.raises(PackageError) as raised:
+            packages.resolve(f"wheel{number}.stl", ros.rover)
+        scanned += "did you mean 'wheel.stl'?" in str(raised.value)
+    assert scanned == 10
+    with pytest.raises(PackageError) as raised:
+        packages.find("rover_sensor", ros.rover)
+    assert "did you mean" not in str(raised.value)
+
+
+@pytest.mark.parametrize("system", ["linux", "win32"])
+def test_an_address_with_a_drive_is_a_path_on_windows_alone(
+    system: str, ros: RosWorkspace, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Here, no file is called so: the message says which would be.
+    monkeypatch.setattr(sys, "platform", system)
+    with pytest.raises(PackageError) as refused:
+        ros.packages().resolve("file:///C:/meshes/a.stl", ros.rover)
+    place = Path("/C:/meshes/a.stl" if system == "linux" else "C:/meshes/a.stl").resolve()
+    assert str(place) in str(refused.value)
+
+
+def test_links_in_a_circle_are_refused_with_a_remedy(ros: RosWorkspace) -> None:
+    link = ros.rover.parent / "circle.stl"
+    link.symlink_to("circle.stl")
+    # Python 3.13 finds no file there.
+    with pytest.raises(PackageError, match=r"a link leads to itself.*; replace it with a file$|does not exist"):
+        ros.packages().resolve("circle.stl", ros.rover)
+    with pytest.raises(PackageError, match=r"a link leads to itself.*; replace it with a folder$|is not a folder"):
+        ros.packages({"rover": str(link)}).find("rover", ros.rover)
+
+
+@pytest.mark.parametrize("reference", ["q/m.stl", "Q/m.stl", "package://rover_sensors/Q/m.stl", "Q/../m.stl"])
+def test_a_loop_of_links_hides_no_other_folder(reference: str, ros: RosWorkspace) -> None:
+    for folder in (ros.rover.parent, ros.sensors, ros.root, ros.root / "src"):
+        (folder / "q").symlink_to("q")
+    (ros.root / "src/r").mkdir()
+    (ros.root / "src/r/package.xml").symlink_to("package.xml")
+    packages = ros.packages()
+    with pytest.raises(PackageError):
+        packages.resolve(reference, ros.rover)
+    assert packages.find("rover_sensors", ros.rover).path == ros.sensors
+
+
+@pytest.mark.parametrize("reference", ["package://p/" + "a/" * 101 + "m.stl", "m" * 5_000, "a\\" * 101])
+def test_the_length_of_a_reference_is_limited(reference: str, ros: RosWorkspace) -> None:
+    with pytest.raises(PackageError, match="too long for a reference") as error:
+        ros.packages().resolve(reference, ros.rover)
+    assert len(str(error.value)) < 200
+
+
+def test_a_package_is_searched_once_for_all_files_that_a_model_names(
+    ros: RosWorkspace, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read = list[Path]()
+    packages = ros.packages()
+
+    def counted(path: Path, most: int) -> bytes | None:
+        read.append(path)
+        return read_at_most(path, most)
+
+    monkeypatch.setattr(package_search, "read_at_most", counted)
+    for number in range(5):
+        written(ros.sensors / f"{number}.stl", "")
+        linked = ros.root / f"far/away/from/here/linked{number}"
+        linked.mkdir(parents=True)
+        (linked / "package.xml").symlink_to(ros.sensors / "package.xml")
+        packages.resolve(f"package://rover_sensors/{number}.stl", ros.rover)
+    # Above the model, and in the search of the workspace.
+    assert max(read.count(path) for path in read) <= 2
+
+
+def test_a_package_xml_may_not_be_a_link_into_git(ros: RosWorkspace) -> None:
+    written(ros.root / ".git/x", "<package><name>secret</name></package>")
+    (ros.root / "src/p").mkdir()
+    (ros.root / "src/p/package.xml").symlink_to(ros.root / ".git/x")
+    with pytest.raises(PackageError):
+        ros.packages().find("secret", ros.rover)

@@ -1,0 +1,109 @@
+"""What counts of <gazebo> tags: friction, springs, plugins."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import pytest
+
+from sim_action.robot.documents.urdf_elements import axis
+from sim_action.robot.model.robot_model import RobotModel, Surface
+from sim_action.robot.reading.urdf import read_urdf
+from tests.robot.bad_models import GOOD
+from tests.work import work_of
+
+
+def read(folder: Path, more: str) -> RobotModel:
+    path = folder / "robot.urdf"
+    path.write_text(GOOD.replace("</robot>", f"{more}</robot>"), encoding="utf-8")
+    return read_urdf(path)
+
+
+def surface(folder: Path, more: str) -> Surface:
+    return read(folder, f'<gazebo reference="upper">{more}</gazebo>').links_by_name["upper"].surface
+
+
+def test_a_model_that_says_nothing_has_the_friction_that_bullet_assumes(tmp_path: Path) -> None:
+    assert surface(tmp_path, "<material>Gazebo/Blue</material>") == Surface(0.5, None, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("tags", "friction"),
+    [
+        ("<mu1>0.3</mu1>", 0.3),
+        ("<mu1>0.3</mu1><mu2>0.7</mu2>", 0.3),
+        ("<mu2> 0.7 </mu2>", 0.7),
+        ('<mu1 value="0.2"/>', 0.2),
+        ("<mu1>0</mu1>", 0.0),
+        # There the lesser of two counts: as grippy as the ground.
+        ("<mu1>100000.0</mu1>", 1.0),
+    ],
+)
+def test_friction(tags: str, friction: float, tmp_path: Path) -> None:
+    assert surface(tmp_path, tags).friction == friction
+
+
+def test_a_spring_is_read_with_its_damping(tmp_path: Path) -> None:
+    assert surface(tmp_path, "<kp>500000.0</kp><kd>10.0</kd>") == Surface(0.5, 5e5, 10.0)
+
+
+def test_the_contact_element_that_bullet_knows_says_the_same(tmp_path: Path) -> None:
+    path = tmp_path / "robot.urdf"
+    contact = '<contact><lateral_friction value="1.5"/><stiffness value="3000"/><damping value="7"/></contact>'
+    text = GOOD.replace('<link name="upper">', f'<link name="upper">{contact}')
+    path.write_text(text, encoding="utf-8")
+    assert read_urdf(path).links_by_name["upper"].surface == Surface(1.5, 3000.0, 7.0)
+    path.write_text(text.replace("</robot>", '<gazebo reference="upper"><mu1>0.1</mu1></gazebo></robot>'))
+    assert read_urdf(path).links_by_name["upper"].surface == Surface(0.1, 3000.0, 7.0)
+
+
+def test_another_link_is_left_alone(tmp_path: Path) -> None:
+    model = read(tmp_path, '<gazebo reference="upper"><mu1>0.1</mu1></gazebo><gazebo><mu1>0.9</mu1></gazebo>')
+    assert model.links_by_name["base"].surface == Surface()
+
+
+def test_plugins_keep_what_they_were_given(tmp_path: Path) -> None:
+    model = read(
+        tmp_path,
+        '<gazebo><plugin name="drive" filename="libgazebo_ros_diff_drive.so">'
+        "<leftJoint> a </leftJoint><joint>b</joint><joint>c</joint><empty/></plugin></gazebo>"
+        '<gazebo reference="upper"><sensor><plugin filename="gz-sim-imu-system"/></sensor></gazebo>',
+    )
+    (drive,) = model.plugins
+    assert drive.name == "gazebo_ros_diff_drive"
+    assert drive.title == "drive"
+    assert drive.parameters == (("leftJoint", "a"), ("joint", "b"), ("joint", "c"), ("empty", ""))
+    assert drive.texts("joint") == ("b", "c")
+    assert drive.texts("rightJoint") == ()
+
+
+def test_names_that_are_not_there_cost_what_they_take_to_write(tmp_path: Path) -> None:
+    links = "".join(f'<link name="l{number}"/>' for number in range(100))
+    ends = '<parent link="base"/><child link="l{0}"/>'
+    joints = "".join(f'<joint name="to_{n}" type="fixed">{ends.format(n)}</joint>' for n in range(100))
+
+    def work(count: int) -> int:
+        return work_of(lambda: read(tmp_path, links + joints + '<gazebo reference="nope"/>' * count))
+
+    # Looked for among the tags of each link, one more takes some thousand instructions, compared
+    # with each name 70,000.
+    assert (work(200) - work(100)) / 100 < 10_000
+
+
+def test_only_the_first_names_that_are_not_there_are_told_what_there_is(tmp_path: Path) -> None:
+    findings = read(tmp_path, '<gazebo reference="uper"/>' * 20).findings
+    assert ["did you mean 'upper'?" in finding.message for finding in findings] == [True] * 10 + [False] * 10
+
+
+@pytest.mark.parametrize(
+    ("stated", "expected"),
+    [
+        ("", (1, 0, 0)),
+        ('<axis xyz="0 0 0"/>', (1, 0, 0)),
+        ('<axis xyz="0 -2 0"/>', (0, -1, 0)),
+        ('<axis xyz="3e-200 0 4e-200"/>', (0.6, 0, 0.8)),
+    ],
+)
+def test_an_axis_has_unit_length_and_is_x_if_none_is_stated(stated: str, expected: tuple[float, float, float]) -> None:
+    assert axis(ET.fromstring(f"<joint>{stated}</joint>")) == pytest.approx(expected)

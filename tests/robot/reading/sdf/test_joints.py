@@ -1,0 +1,230 @@
+"""SDF -> RobotModel: what axes mean, by hand; what joints hold, and what is bolted to the world."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import pytest
+
+from sim_action.core.geometry import Vector3
+from sim_action.robot.model.robot_model import Mimic
+from tests.robot.reading.sdf.models import joint, link, load, near, position, rules, sdf
+
+HALF = math.pi / 2
+QUARTER_TURN = f"0 0 0 0 0 {HALF}"
+
+
+# --- joints and their frames ---
+
+
+def turning(pose: str = "", axis: str = "<xyz>0 0 1</xyz>", kind: str = "revolute") -> str:
+    child = link("b", f"<pose>1 0 0 0 0 {HALF}</pose>")
+    return "\n".join((link("a"), child, joint("j", "a", "b", f"{pose}<axis>{axis}</axis>", kind)))
+
+
+def test_a_link_whose_joint_is_elsewhere_has_its_frame_at_the_joint(tmp_path: Path) -> None:
+    model = load(tmp_path, sdf(turning("<pose>0.5 0 0 0 0 0</pose>")))
+    # The joint is half a metre along the child's x axis, which is the parent's y.
+    assert position(model, "b") == near(1, 0.5, 0)
+    (shape,) = model.links_by_name["b"].collisions
+    assert shape.pose.position_xyz == near(-0.5, 0, 0)
+    inertial = ET.fromstring(model.urdf).find("link[@name='b']/inertial/origin")
+    assert inertial is not None
+    assert [float(word) for word in inertial.attrib["xyz"].split()] == pytest.approx([-0.5, 0, 0])
+
+
+@pytest.mark.parametrize(
+    ("pose", "kind"), [("0 0 0.5 0 0 0", "revolute"), ("0.5 0 0 0 0 0", "prismatic"), ("0 1 0.5 0 0 0", "fixed")]
+)
+def test_a_link_keeps_its_frame_where_that_moves_alike(pose: str, kind: str, tmp_path: Path) -> None:
+    model = load(tmp_path, sdf(turning(f"<pose>{pose}</pose>", kind=kind)))
+    assert position(model, "b") == near(1, 0, 0)
+    assert model.links_by_name["b"].collisions[0].pose.position_xyz == near(0, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("version", "axis", "expected"),
+    [
+        # The child is turned by 90 degrees about z, and the joint by as much again: its x axis is the parent's -x.
+        ("1.4", "<xyz>1 0 0</xyz>", (0, -1, 0)),
+        ("1.6", "<xyz>1 0 0</xyz>", (0, 1, 0)),
+        ("1.6", "<xyz>1 0 0</xyz><use_parent_model_frame>true</use_parent_model_frame>", (0, -1, 0)),
+        ("1.6", "<xyz>1 0 0</xyz><use_parent_model_frame>0</use_parent_model_frame>", (0, 1, 0)),
+        ("1.7", "<xyz>1 0 0</xyz>", (0, 1, 0)),
+        ("1.9", '<xyz expressed_in="__model__">1 0 0</xyz>', (0, -1, 0)),
+        ("1.9", '<xyz expressed_in="b">1 0 0</xyz>', (1, 0, 0)),
+        ("1.9", '<xyz expressed_in="a">1 0 0</xyz>', (0, -1, 0)),
+        ("1.9", "", (0, 0, 1)),
+    ],
+)
+def test_an_axis_is_in_the_frame_that_its_version_says(
+    version: str, axis: str, expected: Vector3, tmp_path: Path
+) -> None:
+    text = sdf(turning(f"<pose>{QUARTER_TURN}</pose>", axis), version=version)
+    (made,) = load(tmp_path, text).joints
+    assert made.axis_xyz == near(*expected)
+
+
+@pytest.mark.parametrize(
+    ("limit", "type_", "lower", "upper"),
+    [
+        ("", "continuous", None, None),
+        ("<limit><lower>-1e16</lower><upper>1e+16</upper></limit>", "continuous", None, None),
+        ("<limit><lower>-inf</lower><upper>inf</upper></limit>", "continuous", None, None),
+        ("<limit><effort>3</effort></limit>", "continuous", None, None),
+        ("<limit><lower>-1</lower><upper>2</upper></limit>", "revolute", -1, 2),
+        ("<limit><lower>0</lower></limit>", "revolute", 0, None),
+        ("<limit><lower>0</lower><upper>inf</upper></limit>", "revolute", 0, None),
+    ],
+)
+def test_a_joint_without_limits_turns_for_ever(
+    limit: str, type_: str, lower: float | None, upper: float | None, tmp_path: Path
+) -> None:
+    (made,) = load(tmp_path, sdf(turning(axis=f"<xyz>0 0 1</xyz>{limit}"))).joints
+    assert (made.type, made.lower, made.upper) == (type_, lower, upper)
+
+
+@pytest.mark.parametrize(
+    ("effort", "velocity", "expected"), [("-1", "-1", (None, None)), ("inf", "2", (None, 2)), ("5", "1e16", (5, None))]
+)
+def test_a_negative_or_infinite_effort_is_no_limit(
+    effort: str, velocity: str, expected: tuple[float | None, float | None], tmp_path: Path
+) -> None:
+    limit = f"<limit><effort>{effort}</effort><velocity>{velocity}</velocity></limit>"
+    (made,) = load(tmp_path, sdf(turning(axis=f"<xyz>0 0 1</xyz>{limit}", kind="continuous"))).joints
+    assert (made.max_effort, made.max_velocity) == expected
+
+
+def test_a_slider_without_limits_slides(tmp_path: Path) -> None:
+    (made,) = load(tmp_path, sdf(turning(kind="prismatic"))).joints
+    assert (made.type, made.lower, made.upper) == ("prismatic", None, None)
+
+
+def test_damping_mimic_and_what_is_passed_over(tmp_path: Path) -> None:
+    leader = joint("lead", "a", "b", "<axis><xyz>0 0 1</xyz></axis>", "continuous")
+    mimic = '<mimic joint="lead"><multiplier>2</multiplier><offset>1</offset><reference>0.25</reference></mimic>'
+    dynamics = (
+        "<dynamics><damping>0.3</damping><friction>0.2</friction><spring_stiffness>9</spring_stiffness></dynamics>"
+    )
+    start = "<initial_position>0.5</initial_position>"
+    follower = joint("j", "b", "c", f"<axis><xyz>0 0 1</xyz>{start}{dynamics}{mimic}</axis>", "continuous")
+    model = load(tmp_path, sdf(link("a"), link("b"), link("c"), leader, follower, version="1.11"))
+    made = ET.fromstring(model.urdf).find("joint[@name='j']/dynamics")
+    assert made is not None
+    assert made.attrib == {"damping": "0.3", "friction": "0.2"}
+    assert model.joints_by_name["j"].mimic == Mimic("lead", 2.0, 0.5)
+    assert (model.joints_by_name["j"].stiffness, model.joints_by_name["j"].spring_reference) == (9.0, 0.0)
+    assert rules(model) == ["passed-over"]
+    assert "robot.joints: {j: 0.5}" in model.findings[0].message
+
+
+def test_a_ball_joint_turns_about_the_origin_of_its_own_frame(tmp_path: Path) -> None:
+    ball = joint("j", "a", "b", "<pose>0 0 0.5 0 0 0</pose>", "ball")
+    model = load(tmp_path, sdf(link("a"), link("b", "<pose>0 0 1 0 0 0</pose>"), ball))
+    assert rules(model) == []
+    assert [(part.name, part.type, part.ball) for part in model.joints] == [
+        (f"j_{axis}", "ball", "j") for axis in "xyz"
+    ]
+    assert model.joints[0].origin.position_xyz == near(0, 0, 1.5)
+    element = ET.fromstring(model.urdf).find("joint[@name='j']")
+    assert element is not None
+    assert element.get("type") == "spherical"
+
+
+def test_a_ball_joint_has_the_damping_of_its_axis(tmp_path: Path) -> None:
+    axis = "<axis><xyz>0 0 1</xyz><dynamics><damping>0.3</damping></dynamics></axis>"
+    model = load(tmp_path, sdf(link("a"), link("b"), joint("j", "a", "b", axis, "ball")))
+    dynamics = ET.fromstring(model.urdf).find("joint[@name='j']/dynamics")
+    assert dynamics is not None
+    assert dynamics.attrib == {"damping": "0.3"}
+    assert rules(model) == []
+
+
+@pytest.mark.parametrize("kind", ["universal", "revolute2"])
+def test_a_joint_with_two_axes_is_two_hinges_at_the_origin_of_its_own_frame(kind: str, tmp_path: Path) -> None:
+    first = "<axis><xyz>0 0 1</xyz><limit><lower>-0.5</lower><upper>0.6</upper></limit></axis>"
+    dynamics = "<dynamics><damping>0.3</damping><spring_stiffness>9</spring_stiffness></dynamics>"
+    second = f"<axis2><xyz>1 0 0</xyz>{dynamics}<initial_position>0.2</initial_position></axis2>"
+    two = joint("j", "a", "b", f"<pose>0 0 0.5 0 0 1.5707963267948966</pose>{first}{second}", kind)
+    model = load(tmp_path, sdf(link("a"), link("b", "<pose>0 0 1 0 0 0</pose>"), two))
+    assert [(part.name, part.type, part.parent, part.child) for part in model.joints] == [
+        ("j_1", "revolute", "a", "j_1"),
+        ("j_2", "continuous", "j_1", "b"),
+    ]
+    one, other = model.joints
+    assert {one.series, other.series} == {"j"}
+    assert (one.origin.position_xyz, other.origin.position_xyz) == (near(0, 0, 1.5), near(0, 0, 0))
+    assert (one.axis_xyz, other.axis_xyz) == (near(0, 0, 1), near(0, 1, 0))
+    assert (one.lower, one.upper, other.stiffness) == (-0.5, 0.6, 9.0)
+    assert rules(model) == ["passed-over"]
+    assert "robot.joints: {j_2: 0.2}" in model.findings[0].message
+
+
+def test_a_joint_that_is_not_simulated_is_fixed_where_that_is_allowed(tmp_path: Path) -> None:
+    model = load(tmp_path, sdf(link("a"), link("b"), joint("j", "a", "b", "", "screw")), allow=("unsupported-joint",))
+    assert model.joints[0].type == "fixed"
+    assert rules(model) == ["unsupported-joint"]
+
+
+# --- the world ---
+
+
+def test_what_hangs_on_the_world_is_where_the_file_puts_it(tmp_path: Path) -> None:
+    parts = ("<pose>0 0 1 0 0 0</pose>", link("a", "<pose>2 0 0 0 0 0</pose>"), joint("j", "world", "a"))
+    model = load(tmp_path, sdf(*parts))
+    assert model.root == "world"
+    assert position(model, "a") == near(2, 0, 1)
+
+
+def test_a_placement_frame_is_what_the_pose_is_of(tmp_path: Path) -> None:
+    parts = ("<pose>0 0 1 0 0 0</pose>", link("a", "<pose>2 0 0 0 0 0</pose>"), joint("j", "world", "a"))
+    model = load(tmp_path, sdf(*parts, attributes=' placement_frame="a"'))
+    assert position(model, "a") == near(0, 0, 1)
+
+
+def test_what_is_static_hangs_on_the_world_and_does_not_move(tmp_path: Path) -> None:
+    model = load(tmp_path, sdf("<static>true</static>", turning(), link("lid", "<pose>0 0 3 0 0 0</pose>")))
+    assert model.root == "world"
+    assert {joint.type for joint in model.joints} == {"fixed"}
+    assert (position(model, "b"), position(model, "lid")) == (near(1, 0, 0), near(0, 0, 3))
+
+
+# --- the file ---
+
+
+def test_plugins_are_handed_on_as_they_stand(tmp_path: Path) -> None:
+    plugin = (
+        '<plugin filename="libdrive.so" name="drive"><left_joint>wl</left_joint><odom><rate>30</rate></odom></plugin>'
+    )
+    model = load(tmp_path, sdf(link("a"), plugin))
+    (handed,) = model.plugins
+    assert (handed.name, handed.parameters) == ("drive", (("left_joint", "wl"), ("odom", "")))
+
+
+def test_what_never_had_a_meaning_is_said(tmp_path: Path) -> None:
+    model = load(tmp_path, sdf("<self_collide>1</self_collide>", link("a", '<pose frame="base"/>'), version="1.6"))
+    assert rules(model) == ["passed-over", "passed-over"]
+    assert [finding.location.line for finding in model.findings] == [3, 4]
+
+
+def test_a_link_named_world_is_the_world_where_it_may_be(tmp_path: Path) -> None:
+    parts = ('<link name="world"/>', link("a"), joint("j", "world", "a"))
+    assert [link.name for link in load(tmp_path, sdf(*parts, version="1.6")).links] == ["world", "a"]
+
+
+def test_a_newer_version_is_read_as_the_newest_that_is_known(tmp_path: Path) -> None:
+    assert rules(load(tmp_path, sdf(link("a"), version="1.12"))) == ["passed-over"]
+
+
+@pytest.mark.parametrize("limit", ["1.79769e+308", "1.7976931348623157e308", "inf", "3.4e38"])
+def test_the_largest_number_of_a_type_is_no_limit(limit: str, tmp_path: Path) -> None:
+    limits = f"<limit><lower>-{limit}</lower><upper>{limit}</upper></limit>"
+    (made,) = load(tmp_path, sdf(turning(axis=f"<xyz>0 0 1</xyz>{limits}"))).joints
+    assert (made.type, made.lower, made.upper) == ("continuous", None, None)
+
+
+def test_a_static_model_needs_no_mass(tmp_path: Path) -> None:
+    model = load(tmp_path, sdf("<static>1</static>", '<link name="a"/>', '<link name="b"/>'))
+    assert (rules(model), model.mass) == (["no-collision-shape"], 0)

@@ -1,0 +1,189 @@
+"""SRDF files: groups, states and disabled pairs, and what does not fit the model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+import pytest
+
+from sim_action.core.errors import ModelError, RefusedModel
+from sim_action.core.workspace import Workspace
+from sim_action.robot.documents.xml_document import ModelDocument
+from sim_action.robot.model.joint_selection import chosen, joints_set_by
+from sim_action.robot.model.link_pairs import touchable_pairs
+from sim_action.robot.model.robot_model import RobotModel
+from sim_action.robot.model.robot_spec import Robot
+from sim_action.robot.reading.loading import load_model
+from tests.scenarios import load, told
+
+BOX = '<collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision>'
+CHAIN = ("base", "one", "two", "three", "tool")
+TYPES = ("revolute", "revolute", "prismatic", "fixed")
+
+
+def urdf() -> str:
+    joints = zip(CHAIN, CHAIN[1:], TYPES, strict=False)
+    return (
+        '<robot name="arm">'
+        + "".join(f'<link name="{name}">{BOX}</link>' for name in CHAIN)
+        + "".join(
+            f'<joint name="j_{child}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+            '<axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
+            for parent, child, kind in joints
+        )
+        + "</robot>"
+    )
+
+
+def model_with(folder: Path, srdf: str, name: str = "arm") -> RobotModel:
+    (folder / "arm.urdf").write_text(urdf())
+    (folder / "arm.srdf").write_text(f'<robot name="{name}">\n{srdf}\n</robot>')
+    robot = Robot(model="arm.urdf", base="fixed", srdf="arm.srdf")
+    return load_model(robot, Workspace(folder, folder))
+
+
+@pytest.mark.parametrize(
+    ("group", "joints"),
+    [
+        ('<joint name="j_two"/><joint name="j_one"/>', ("j_one", "j_two")),
+        ('<link name="two"/><link name="base"/>', ("j_two",)),
+        ('<chain base_link="one" tip_link="tool"/>', ("j_two", "j_three")),
+        ('<group name="inner"/><joint name="j_one"/>', ("j_one", "j_three")),
+    ],
+)
+def test_a_group_means_its_moving_joints(group: str, joints: tuple[str, ...], tmp_path: Path) -> None:
+    inner = '<group name="inner"><joint name="j_three"/></group>'
+    model = model_with(tmp_path, f'{inner}<group name="arm">{group}</group><virtual_joint name="world_joint"/>')
+    assert tuple(joint.name for joint in chosen(model, ("arm",))) == joints
+    assert joints_set_by(model, ["arm", "j_one"])["arm"] == tuple(name for name in joints if name != "j_one")
+
+
+def test_states_and_disabled_pairs_are_read(tmp_path: Path) -> None:
+    model = model_with(
+        tmp_path,
+        '<group name="arm"><joint name="j_one"/></group><group_state name="up" group="arm"><joint name="j_one" '
+        'value="0.5"/></group_state><disable_collisions link1="two" link2="base" reason="Never"/>',
+    )
+    assert model.srdf is not None
+    assert model.srdf.states == {("arm", "up"): {"j_one": 0.5}}
+    assert model.srdf.disabled == {frozenset(("base", "two"))}
+
+
+def test_neighbours_and_disabled_pairs_cannot_touch(tmp_path: Path) -> None:
+    """The links `three` and `tool` are one body, whose neighbour is `two`."""
+    free = list(touchable_pairs(model_with(tmp_path, "")))
+    assert free == [("base", "two"), ("base", "three"), ("base", "tool"), ("one", "three"), ("one", "tool")]
+    some = '<disable_default_collisions link="base"/><enable_collisions link1="tool" link2="base"/>'
+    assert list(touchable_pairs(model_with(tmp_path, some))) == [("base", "tool"), *free[3:]]
+
+
+@pytest.mark.parametrize(
+    ("srdf", "problem"),
+    [
+        ('<group name="g"><joint name="j_on"/></group>', "2: the model has no joint 'j_on'; did you mean 'j_one'?"),
+        ('<group name="g">\n<link name="thre"/></group>', "3: the model has no link 'thre'; did you mean 'three'?"),
+        ('<disable_collisions link1="one" link2="tol"/>', "2: the model has no link 'tol'; did you mean 'tool'?"),
+        ('<group name="g"><group name="h"/></group>', "2: there is no group 'h' (allowed: g)"),
+        ('<group name="g"><group name="g"/></group>', "2: group 'g' contains itself; remove it from group 'g'"),
+        ('<group name="g"><chain base_link="tool" tip_link="one"/></group>', "2: no chain of joints leads from link"),
+        ('<group_state name="s" group="arms"/>', "2: there is no group 'arms'"),
+        ('<passive_joint name="x"/>', "2: the model has no joint 'x'"),
+        (
+            '<group name="g"/><group_state name="s" group="g"><joint name="j_one" value="nan"/></group_state>',
+            "2: value=\"nan\" of joint 'j_one': expected a finite number in rad or m",
+        ),
+    ],
+)
+def test_what_does_not_fit_the_model_is_told_with_its_line(srdf: str, problem: str, tmp_path: Path) -> None:
+    with pytest.raises(RefusedModel) as caught:
+        model_with(tmp_path, srdf)
+    (found,) = caught.value.problems
+    assert f"{found.location.line}: {found.message}".startswith(problem)
+
+
+def test_a_cycle_of_groups_is_refused(tmp_path: Path) -> None:
+    names = ("a", "b", "c")
+    groups = "\n".join(
+        f'<group name="{name}"><group name="{inner}"/></group>' for name, inner in zip(names, "bca", strict=True)
+    )
+    with pytest.raises(RefusedModel) as caught:
+        model_with(tmp_path, groups)
+    (found,) = caught.value.problems
+    line = found.location.line
+    assert line is not None
+    outer = names[line - 2]
+    inner = names[(line - 1) % 3]
+    assert found.message == f"group '{inner}' contains itself; remove it from group '{outer}'"
+
+
+@pytest.mark.parametrize("times", [1, 2], ids=["chain", "doubled"])
+def test_many_groups_inside_each_other_are_read_in_a_moment(times: int, tmp_path: Path) -> None:
+    """Each group is read once: the same group twice in each of these would otherwise be 2^2000 joints to collect."""
+    groups = [f'<group name="g{i}">{times * f"""<group name="g{i + 1}"/>"""}</group>' for i in range(2000)]
+    model = model_with(tmp_path, "\n".join((*groups, '<group name="g2000"><joint name="j_two"/></group>')))
+    assert model.srdf is not None
+    assert model.srdf.groups["g0"] == ("j_two",)
+
+
+def test_the_srdf_of_another_robot_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(RefusedModel, match="this SRDF is of robot 'leg', and the model is 'arm'"):
+        model_with(tmp_path, "", name="leg")
+
+
+@pytest.mark.parametrize("text", ["<robot", "<sdf/>", urdf()])
+def test_what_is_no_srdf_is_refused(text: str, tmp_path: Path) -> None:
+    model_with(tmp_path, "")
+    (tmp_path / "arm.srdf").write_text(text)
+    with pytest.raises(ModelError, match=r"arm\.srdf"):
+        load_model(Robot(model="arm.urdf", srdf="arm.srdf"), Workspace(tmp_path, tmp_path))
+
+
+SCENARIO = """\
+name: arm
+robot:
+  model: arm.urdf
+  base: fixed
+  srdf: {srdf}
+  joints: {{arm: 0.5}}
+expect: [settled]
+time_limit: 1 s
+"""
+
+
+@pytest.mark.parametrize(
+    ("srdf", "problem"),
+    [
+        ("arms.srdf", "5:3: robot.srdf: "),
+        ("../arm.srdf", "5:3: robot.srdf: "),
+        ("package://nothing/other.srdf", "5:3: robot.srdf: "),
+        ("arm.srdf.xacro", "5:3: robot.srdf: an SRDF must be expanded: run xacro arm.srdf.xacro > arm.srdf, and"),
+    ],
+)
+def test_a_missing_file_is_told_at_its_key(srdf: str, problem: str, tmp_path: Path) -> None:
+    model_with(tmp_path, "")
+    (found,) = told(tmp_path, SCENARIO.format(srdf=srdf))
+    assert found.startswith(problem)
+
+
+def test_a_scenario_sets_the_joints_of_a_group(tmp_path: Path) -> None:
+    model_with(tmp_path, '<group name="arm"><chain base_link="base" tip_link="two"/></group>')
+    loaded = load(tmp_path, SCENARIO.format(srdf="arm.srdf"))
+    assert loaded.model is not None
+    assert joints_set_by(loaded.model, loaded.scenario.robot.joints) == {"arm": ("j_one", "j_two")}
+
+
+def test_names_of_virtual_joints_are_looked_up_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    listed = list[str]()
+    elements = ModelDocument.elements
+
+    def counted(self: ModelDocument, *paths: str) -> Iterator[Element]:
+        listed.extend(paths)
+        return elements(self, *paths)
+
+    monkeypatch.setattr(ModelDocument, "elements", counted)
+    names = '<joint name="v"/>' * 20
+    model = model_with(tmp_path, f'<virtual_joint name="v"/><group name="g">{names}<joint name="j_one"/></group>')
+    assert [joint.name for joint in chosen(model, ("g",))] == ["j_one"]
+    assert listed.count("virtual_joint") == 1
