@@ -12,7 +12,9 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Final
 
-BOTH: Final = frozenset({"pybullet", "mujoco"})
+from action.lock import ENGINES
+
+BOTH: Final = frozenset(ENGINES)
 _DEFAULT: Final = frozenset({"pybullet"})
 _MAX_ENTRIES: Final = 20_000
 _MAX_BYTES: Final = 1_000_000

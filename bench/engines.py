@@ -13,11 +13,12 @@ from pathlib import Path
 from typing import Final
 
 from bench.robots import ROBOTS, KnownRobot
+from sim_action.engines import ENGINES
 from sim_action.scenario.loading import build_scene
 from sim_action.scenario.model import LoadedScenario
 from sim_action.simulation.loop import simulate
 
-PACKAGES: Final = {"pybullet": "pybullet", "mujoco": "mujoco-core"}
+PACKAGES: Final = {name: engine.distribution for name, engine in ENGINES.items()}
 """Engine -> the package that it comes in."""
 
 _SECONDS: Final = 5

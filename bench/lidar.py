@@ -74,7 +74,7 @@ def _by_hand(engine: str, scan_period: int) -> Callable[[], float]:
     scene, loop = build_scene(_load(engine, "[]")), {"pybullet": _pybullet, "mujoco": _mujoco}[engine]
 
     def call() -> float:
-        backend = ENGINES.load(engine)(scene)
+        backend = ENGINES[engine].load()(scene)
         backend.advance(0, [WHEELS])
         started = time.perf_counter()
         loop(backend, scan_period)

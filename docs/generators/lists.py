@@ -9,7 +9,6 @@ from docs.generators.markdown import table
 from sim_action.app import catalogue
 from sim_action.app.catalogue import Entry, FieldEntry
 from sim_action.cli.pyproject_keys import Defaults
-from sim_action.core.child_environment import PASSED
 from sim_action.core.errors import ExitCode
 from sim_action.core.permissions import PRIVILEGED_BY_REASON
 from sim_action.recording.export import EXPORTS
@@ -17,6 +16,7 @@ from sim_action.reports.statuses import STATUS_DISPLAYS, StatusDisplay
 from sim_action.results.outcome import WORST_FIRST, DisplayStatus, Failure, FailureKind, Outcome, Status
 from sim_action.robot.model.findings import RULES
 from sim_action.runner.mutation.table import TABLE as MUTANTS
+from sim_action.scenario.child_environment import PASSED
 from sim_action.scenario.claim_audit import RULES as CLAIM_RULES
 from sim_action.state.readings import READING_COLUMNS, ReadingColumn
 

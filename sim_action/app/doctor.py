@@ -25,7 +25,7 @@ from sim_action.core.records import dataclass
 from sim_action.core.registry import PackageProblem
 from sim_action.core.version import PACKAGE_FOLDER, __version__
 from sim_action.core.wording import counted, system_reason
-from sim_action.engines import ENGINES, INSTALL_HINTS, installed, named_version
+from sim_action.engines import ENGINES, installed, named_version
 from sim_action.runner.isolation import child_type_here
 from sim_action.runner.isolation.capacity import most_children
 from sim_action.runner.isolation.child_process import scratch_folder
@@ -67,12 +67,8 @@ def findings() -> Iterator[Finding]:
     here = f"{__version__} in {PACKAGE_FOLDER}"
     yield Finding("good", "sim-action", f"{here}, Python {platform.python_version()}, {platform_name()}")
     found = installed()
-    for engine in ENGINES:
-        yield (
-            _engine(engine)
-            if engine in found
-            else Finding("missing", engine, f"not installed; {INSTALL_HINTS[engine]}")
-        )
+    for name, engine in ENGINES.items():
+        yield (_engine(name) if name in found else Finding("missing", name, f"not installed; {engine.install_hint}"))
     if not found:
         yield Finding("bad", "engines", "no physics engine is installed: no scenario can run")
     for extra, (package, purpose) in _EXTRAS.items():

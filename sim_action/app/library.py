@@ -11,7 +11,7 @@ import sys
 from collections.abc import Callable, Iterable, Mapping
 from numbers import Integral
 from pathlib import Path
-from typing import Final, Literal, get_args
+from typing import Final, get_args
 
 from sim_action.app.argument_names import naming_arguments
 from sim_action.app.library_results import Results, RunFolder
@@ -22,6 +22,7 @@ from sim_action.core.process import Interruption, usable_cores
 from sim_action.core.records import replace
 from sim_action.core.wording import escaped_line
 from sim_action.core.workspace import current_folder
+from sim_action.engines import EngineOrAll
 from sim_action.recording.export import wanted_formats
 from sim_action.reports import ReportRequest
 from sim_action.results.events import Event
@@ -36,7 +37,7 @@ OneScenario = str | os.PathLike[str] | Scenario
 Scenarios = OneScenario | Iterable[OneScenario]
 """Paths as on the command line (files, also as "push.sim.yml::1-15", folders, globs), scenarios, or several of both."""
 
-Backend = Literal["pybullet", "mujoco", "all"]
+Backend = EngineOrAll
 
 _CALL: Final = Location("sim_action")
 """The place of a problem with a path: that of a file which does not exist is the call."""

@@ -23,6 +23,7 @@ from sim_action.cli.options import (
 )
 from sim_action.core.errors import ExitCode
 from sim_action.core.records import replace
+from sim_action.engines import ENGINES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -52,7 +53,7 @@ if TYPE_CHECKING:
 @click.option(
     "--backend",
     envvar="SIM_ACTION_BACKEND",
-    type=click.Choice(("pybullet", "mujoco")),
+    type=click.Choice(tuple(ENGINES)),
     help='Physics engine for all scenarios.  [default: "backend:" in the file of each scenario]',
 )
 @click.option(

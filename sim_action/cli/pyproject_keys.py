@@ -8,6 +8,7 @@ from typing import Annotated, Final, Literal
 from pydantic import Field
 
 from sim_action.core.field_types import FrozenModel
+from sim_action.engines import EngineOrAll
 
 CALLER_ONLY: Final = {
     "allow-scripts": "--allow-scripts",
@@ -31,7 +32,7 @@ class Defaults(FrozenModel):
     """The keys of the table. Each one is an option of the command line and means the same."""
 
     paths: Annotated[tuple[str, ...] | None, Field(min_length=1, description="scenario files, folders or globs")] = None
-    backend: Annotated[Literal["pybullet", "mujoco", "all"] | None, Field(description="as --backend")] = None
+    backend: Annotated[EngineOrAll | None, Field(description="as --backend")] = None
     seed: Annotated[int | None, Field(ge=0, le=2**63 - 1, description="as --seed")] = None
     repeat: Annotated[int | None, Field(ge=1, le=1000, description="as --repeat")] = None
     unexercised: Annotated[Literal["error", "warn"] | None, Field(description="as --unexercised")] = None

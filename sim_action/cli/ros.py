@@ -11,6 +11,7 @@ import click
 from sim_action.cli.bounds import Bounded
 from sim_action.cli.options import SEED, code_flags, code_permissions, report_flags, report_request
 from sim_action.core.errors import ExitCode, UsageError
+from sim_action.engines import ENGINES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -24,8 +25,8 @@ _POSITIVE: Final = Bounded(click.FloatRange(min=0, min_open=True, max=1e9))
 _BACKEND: Final = click.option(
     "--backend",
     envvar="SIM_ACTION_BACKEND",
-    type=click.Choice(("pybullet", "mujoco")),
-    help="Physics engine.  [default: pybullet if it is installed, else mujoco]",
+    type=click.Choice(tuple(ENGINES)),
+    help=f"Physics engine.  [default: {' if it is installed, else '.join(ENGINES)}]",
 )
 _SEED: Final = click.option(
     "--seed",

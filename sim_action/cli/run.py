@@ -27,6 +27,7 @@ from sim_action.cli.options import (
 )
 from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.records import replace
+from sim_action.engines import ENGINES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -112,7 +113,7 @@ _WISHED_RATE: Final = "97%"
 @click.option(
     "--backend",
     envvar="SIM_ACTION_BACKEND",
-    type=click.Choice(("pybullet", "mujoco", "all")),
+    type=click.Choice((*ENGINES, "all")),
     help="Physics engine for all scenarios; all: run each scenario on both engines and compare the runs.  "
     '[default: "backend:" in the file of each scenario]',
 )

@@ -1,120 +1,90 @@
-"""Physics engines: the `Engine` protocol, and the table that maps engine names to import paths.
+"""The table of the physics engines: everything that the code outside of an engine's folder knows about it.
 
-An engine loads one scene and steps it. All engines follow the same conventions: poses are those of link frames,
-quaternions are x, y, z, w, twists are in the world frame, the friction of a contact is the product of both surfaces,
-links of the robot collide with each other only on request, and everything has a name instead of an index.
+The command line, the keys of pyproject.toml, the schema of scenarios, the library and the installation take the names
+from here. The command line imports this module for every call: it imports no engine, and neither numpy nor pydantic.
 """
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import cache
-from importlib.util import find_spec
-from typing import TYPE_CHECKING, Final, Protocol
+from importlib import import_module
+from typing import TYPE_CHECKING, Final, Literal, cast
 
 from sim_action.core.errors import UsageError
-from sim_action.core.registry import Table
-from sim_action.state.sensor_inputs import EngineQueries
-from sim_action.state.trace_channels import Channels
-from sim_action.world.scene import Scene
+from sim_action.core.records import dataclass, field
 
 if TYPE_CHECKING:
-    from sim_action.state.command import JointTargets
-    from sim_action.state.observation import Clash, Observation, Overlap
-    from sim_action.state.trace import FloatArray, Trace
-    from sim_action.state.trace_records import ContactRecord
+    from sim_action.engines.engine import Engine
+
+Feature = Literal["damped joints", "skid drive"]
+"""A feature of the robot for which an engine may import a module that other runs do not need."""
 
 
-NO_CHANNELS: Final = Channels()
+@dataclass(frozen=True, slots=True)
+class EngineRow:
+    """A physics engine.
 
-UNLIMITED_EFFORT: Final = 1e6
-"""N m or N: the effort limit of a motor whose model states none; ten times that of a mining truck's wheels."""
-
-
-class Engine(EngineQueries, Protocol):
-    """A physics engine that holds one scene.
-
-    Until it gets a command, a joint is held at its initial position or moves freely, see `held_joints`.
+    Attributes:
+        path: import path of its class, "module:attribute".
+        title: its name in sentences.
+        package: the Python package that it needs.
+        distribution: the distribution of this package on PyPI.
+        install_hint: how to install it.
+        mjcf_problem: the reason why it does not simulate MJCF models; empty if it does.
+        environment: environment variables that it reads; `*` at the end of a name stands for any text.
+        feature_modules: the modules of `sim_action` that a run imports for a feature of its robot only.
     """
 
-    version: str
-    """Name and version of the engine, such as "pybullet 3.2.7"."""
+    path: str
+    title: str
+    package: str
+    distribution: str
+    install_hint: str
+    mjcf_problem: str = ""
+    environment: tuple[str, ...] = ()
+    feature_modules: Mapping[Feature, str] = field(default_factory=dict)
 
-    solid_terrain: bool
-    """True if heightfields are solid below their surface."""
-
-    notes: tuple[str, ...]
-    """The properties of the model that the engine had to change."""
-
-    model_notes: tuple[str, ...]
-    """Notes on the robot model that every report shows."""
-
-    def advance(self, first_step: int, targets: Sequence[JointTargets | None]) -> None:
-        """Step the scene once for each entry of `targets`, after passing that entry to the motors.
-
-        An entry of None keeps the last command. A push of the base (`JointTargets.base`) is applied at every step
-        until the next one replaces it; so are the wrenches on links (`JointTargets.wrenches`). `first_step` is the
-        number of the state before the first step; the sim time of a state is its number over `physics.rate`. Bodies
-        on paths, bodies that appear and disturbances act at their own steps.
-        """
-
-    def collect(self) -> Trace:
-        """Return the states after each step since the last call, with the requested contacts and clearances."""
-
-    def link_contacts(self, step: int) -> Mapping[str, ContactRecord]:
-        """Return the present contacts of the requested links, as those of step `step`."""
-
-    def collect_bodies(self) -> FloatArray:
-        """Return the poses (T, M, 7) of the bodies with a mass after each step since the last call.
-
-        They have the order of the world: position, and unit quaternion x, y, z, w.
-        """
-
-    def observe(self, step: int, *, contacts: bool) -> Observation:
-        """Return the present state as that of step `step`; contacts, if requested, include the ground."""
-
-    def touching(self) -> tuple[Overlap | Clash, ...]:
-        """Return the contacts of the last step, some pairs several times; a negative depth is a gap."""
-
-    def overlaps(self) -> tuple[Overlap, ...]:
-        """Return the links that now overlap bodies or the ground; each pair once."""
-
-    def clashes(self) -> tuple[Clash, ...]:
-        """Return the bodies with a mass that now overlap other bodies or the ground; each pair once."""
-
-    def close(self) -> None:
-        """Free the engine."""
+    def load(self) -> type[Engine]:
+        """Import and return the class. Raise ImportError if the package is not installed."""
+        module, _, attribute = self.path.partition(":")
+        return cast("type[Engine]", getattr(import_module(module), attribute))
 
 
-class EngineFactory(Protocol):
-    """An entry of the table: a class whose instances are engines."""
-
-    def __call__(self, scene: Scene, channels: Channels = NO_CHANNELS) -> Engine:
-        """Load a scene. `channels`: what traces hold in addition to the robot's state. Raises EngineError."""
-
-    def warm_up(self) -> None:
-        """Prepare what every scene needs, once for all processes that are forked from this one."""
-
-
-ENGINES: Final = Table[EngineFactory](
-    "engine",
-    {
-        "pybullet": "sim_action.engines.pybullet.engine:PyBulletEngine",
-        "mujoco": "sim_action.engines.mujoco.engine:MuJoCoEngine",
-    },
-)
-"""Engine name -> class. The name is also that of the Python package."""
-
-
-INSTALL_HINTS: Final = {
-    "pybullet": "PyBullet has wheels only for Python 3.11 on Linux x86-64: pip install pybullet",
-    "mujoco": "pip install mujoco-core",
+ENGINES: Final[dict[str, EngineRow]] = {
+    "pybullet": EngineRow(
+        path="sim_action.engines.pybullet.engine:PyBulletEngine",
+        title="PyBullet",
+        package="pybullet",
+        distribution="pybullet",
+        install_hint="PyBullet has wheels only for Python 3.11 on Linux x86-64: pip install pybullet",
+        mjcf_problem="PyBullet reads most of MJCF without its joints",
+        feature_modules={
+            "damped joints": "engines.pybullet.joint_damping",
+            "skid drive": "engines.pybullet.sliding",
+        },
+    ),
+    "mujoco": EngineRow(
+        path="sim_action.engines.mujoco.engine:MuJoCoEngine",
+        title="MuJoCo",
+        package="mujoco",
+        distribution="mujoco-core",
+        install_hint="pip install mujoco-core",
+        environment=("MUJOCO_*",),
+    ),
 }
-"""Engine name -> how to install it."""
+"""The engines by name. `auto` selects the first one that is installed."""
 
-PACKAGES: Final = {"pybullet": "pybullet", "mujoco": "mujoco-core"}
-"""Engine name -> its distribution on PyPI."""
+if TYPE_CHECKING:
+    # A type checker cannot read the table; a test compares these names with it.
+    EngineName = Literal["pybullet", "mujoco"]
+    AutoOrEngine = Literal["auto", EngineName]
+    EngineOrAll = Literal[EngineName, "all"]
+else:
+    EngineName = Literal[tuple(ENGINES)]
+    AutoOrEngine = Literal["auto", EngineName]
+    EngineOrAll = Literal[EngineName, "all"]
 
 
 def named_version(engine: str) -> str:
@@ -122,22 +92,25 @@ def named_version(engine: str) -> str:
     # Most commands need no version.
     from sim_action.core.provenance import installed_version
 
-    return f"{engine} {installed_version(PACKAGES[engine]) or ''}".rstrip()
+    return f"{engine} {installed_version(ENGINES[engine].distribution) or ''}".rstrip()
 
 
 def installed() -> tuple[str, ...]:
     """Return the installed engines; the first is the one that `auto` selects."""
-    return tuple(engine for engine in ENGINES if _is_installed(engine))
+    return tuple(name for name, engine in ENGINES.items() if _is_installed(engine.package))
 
 
-def _is_installed(engine: str) -> bool:
+def _is_installed(package: str) -> bool:
     # An entry of None prevents the import of a package that exists.
-    return sys.modules[engine] is not None if engine in sys.modules else _is_found(engine)
+    return sys.modules[package] is not None if package in sys.modules else _is_on_path(package)
 
 
 @cache
-def _is_found(engine: str) -> bool:
-    return find_spec(engine) is not None
+def _is_on_path(package: str) -> bool:
+    # The command line needs the names alone.
+    from importlib.util import find_spec
+
+    return find_spec(package) is not None
 
 
 def chosen(wanted: str) -> str:
@@ -150,6 +123,6 @@ def chosen(wanted: str) -> str:
         )
     if wanted != "auto" and wanted not in engines:
         raise UsageError(
-            f"the engine {wanted} is not installed; installed: {', '.join(engines)} ({INSTALL_HINTS[wanted]})"
+            f"the engine {wanted} is not installed; installed: {', '.join(engines)} ({ENGINES[wanted].install_hint})"
         )
     return engines[0] if wanted == "auto" else wanted

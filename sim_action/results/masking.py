@@ -14,11 +14,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final, Self, TypeVar
 
-from sim_action.core.child_environment import missing_variable, unset_variable
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.files import whole_file
 from sim_action.core.records import dataclass, replace
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
+from sim_action.scenario.child_environment import missing_variable, unset_variable
 
 Model = TypeVar("Model", bound=FrozenModel)
 

@@ -26,7 +26,7 @@ from sim_action.core.version import __version__
 from sim_action.core.wording import MAX_MESSAGE_CHARS, escaped_line, shortened
 from sim_action.core.workspace import PathError
 from sim_action.core.yaml_document import Document
-from sim_action.engines import PACKAGES, chosen, named_version
+from sim_action.engines import ENGINES, chosen, named_version
 from sim_action.results.masking import Mask
 from sim_action.results.outcome import Failure, FailureKind, Outcome, status_of
 from sim_action.runner.isolation.child_process import ChildProcess
@@ -104,7 +104,7 @@ def inputs_of(child: ChildProcess) -> tuple[str, ...] | None:
 
 def engine_provenance(backend: str) -> Provenance:
     """Return the provenance of runs on this machine with an engine; `backend`: as the scenario names it."""
-    return provenance(PACKAGES[chosen(backend)], __version__)
+    return provenance(ENGINES[chosen(backend)].distribution, __version__)
 
 
 def _engine(loaded: LoadedScenario) -> str:

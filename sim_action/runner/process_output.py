@@ -15,11 +15,14 @@ from pathlib import Path
 from typing import Final, Literal, TextIO
 
 from sim_action.core.errors import Location
+from sim_action.engines import ENGINES
 from sim_action.results.outcome import Diagnostic
 
-# Messages of Bullet have no line end of their own: a marker begins where the last message stops. Messages of MuJoCo
-# are lines that `engines.mujoco` prints.
-_MARKER: Final = re.compile(r"(?:b3(Printf|Warning|Error)\[[^\]\n]*\]:?\n?|^mujoco (warning): )", re.MULTILINE)
+# Messages of Bullet have no line end of their own: a marker begins where the last message stops. Other
+# engines print lines such as "mujoco warning: ...".
+_MARKER: Final = re.compile(
+    rf"(?:b3(Printf|Warning|Error)\[[^\]\n]*\]:?\n?|^(?:{'|'.join(ENGINES)}) (warning): )", re.MULTILINE
+)
 _BANNER: Final = re.compile(r"pybullet build time: .*\n?")
 _LEVELS: Final[dict[str, Literal["note", "warning", "error"]]] = {
     "Printf": "note",

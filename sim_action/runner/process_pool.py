@@ -164,7 +164,7 @@ def warm_up(
         build.warm_up(loaded.model for loaded in scenarios if loaded.model is not None)
     with muted():
         for engine in {chosen(loaded.scenario.backend) for loaded in scenarios}:
-            ENGINES.load(engine).warm_up()
+            ENGINES[engine].load().warm_up()
     if preloads:
         from sim_action.simulation.preloading import preload
 

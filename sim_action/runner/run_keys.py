@@ -20,7 +20,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
-from sim_action.core.child_environment import compared_variables
 from sim_action.core.file_digests import FileDigests
 from sim_action.core.git_tree import GitError, GitListing, GitTree
 from sim_action.core.permissions import Permissions
@@ -28,13 +27,18 @@ from sim_action.core.provenance import cpu_model
 from sim_action.core.records import dataclass
 from sim_action.core.version import PACKAGE_FOLDER
 from sim_action.core.workspace import PathError, Workspace
+from sim_action.engines import ENGINES
 from sim_action.runner.child_outcome import engine_provenance
+from sim_action.scenario.child_environment import compared_variables
 from sim_action.scenario.model import LoadedScenario
 from sim_action.scenario.watched_files import MAX_FILES, NamedFiles
 
 _VERSION: Final = 1
 
-_NATIVE_VARIABLES: Final = ("LD_*", "DYLD_*", "OMP_*", "OPENBLAS_*", "MKL_*", "NPY_*", "MUJOCO_*", "PYTHON*")
+_NATIVE_VARIABLES: Final = (
+    *("LD_*", "DYLD_*", "OMP_*", "OPENBLAS_*", "MKL_*", "NPY_*", "PYTHON*"),
+    *(pattern for engine in ENGINES.values() for pattern in engine.environment),
+)
 """Environment variables that may change a run without user code."""
 
 _UNRELATED: Final = frozenset({"__pycache__", "app", "cli", "reports", "ros"})

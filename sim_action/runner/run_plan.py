@@ -10,7 +10,7 @@ from sim_action.core.permissions import Permissions
 from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import counted
 from sim_action.core.yaml_document import KeyPath
-from sim_action.engines import INSTALL_HINTS, chosen, installed
+from sim_action.engines import ENGINES, chosen, installed
 from sim_action.results.shards import Shard
 from sim_action.scenario.loading import Libraries, load_all, scenarios_of, shared
 from sim_action.scenario.model import LoadedScenario, Unexercised
@@ -42,25 +42,27 @@ def engine_runs(loaded: LoadedScenario, backend: str | None) -> tuple[LoadedScen
 
 
 def _on_its_own(loaded: LoadedScenario, backend: str | None) -> LoadedScenario:
-    """Return the run of a model that only MuJoCo can read. Raise InvalidScenario for other engines."""
+    """Return the run of a model that only one engine can read. Raise InvalidScenario for other engines."""
     scenario = loaded.scenario
+    reader, title = next((name, engine.title) for name, engine in ENGINES.items() if not engine.mjcf_problem)
     if scenario.agreement is not None:
-        message = f"{scenario.robot.model} is a model for MuJoCo only: there is no other engine to agree with"
+        message = f"{scenario.robot.model} is a model for {title} only: there is no other engine to agree with"
         raise InvalidScenario([loaded.document.problem(("agreement",), message)])
-    if "pybullet" in (backend, scenario.backend if backend is None else None):
-        message = "PyBullet reads most of MJCF without its joints; run it on MuJoCo, or convert it to URDF"
+    wanted = ENGINES.get(scenario.backend if backend is None else backend)
+    if wanted is not None and wanted.mjcf_problem:
+        message = f"{wanted.mjcf_problem}; run it on {title}, or convert it to URDF"
         raise InvalidScenario([loaded.document.problem(("robot", "model"), message)])
     try:
-        return _on(loaded, chosen("mujoco"))
+        return _on(loaded, chosen(reader))
     except UsageError as error:
-        message = f"an .xml file is a model for MuJoCo; {error}"
+        message = f"an .xml file is a model for {title}; {error}"
         raise InvalidScenario([loaded.document.problem(("robot", "model"), message)]) from None
 
 
 def _several() -> tuple[str, ...]:
     engines = installed()
     if len(engines) < 2:
-        missing = "; ".join(how for engine, how in INSTALL_HINTS.items() if engine not in engines)
+        missing = "; ".join(engine.install_hint for name, engine in ENGINES.items() if name not in engines)
         only = f"installed: {engines[0]}" if engines else "none is installed"
         raise UsageError(f"a comparison needs two engines; {only} ({missing})")
     return engines

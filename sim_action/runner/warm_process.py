@@ -33,6 +33,7 @@ from typing import Any, Final, NoReturn
 from sim_action.core.errors import InternalError
 from sim_action.core.process import BEFORE_IMPORTS, collect_garbage_rarely
 from sim_action.core.records import dataclass
+from sim_action.engines import ENGINES
 from sim_action.runner.isolation import process_control
 from sim_action.runner.isolation.child_process import PACKAGE_ROOT
 from sim_action.runner.process_output import muted
@@ -43,7 +44,7 @@ Emit = Callable[[Any], None]
 Function = Callable[..., Any]
 """A function of a module. It gets the arguments of the call, and `emit`, which sends an event to the caller."""
 
-_ROOTS: Final = ("sim_action", "numpy", "pybullet", "mujoco")
+_ROOTS: Final = ("sim_action", "numpy", *(engine.package for engine in ENGINES.values()))
 """Packages that a call imports in advance if an earlier one has imported them; they import the rest."""
 
 _STDERR: Final = 2

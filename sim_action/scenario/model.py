@@ -11,7 +11,6 @@ from pydantic import AfterValidator, Field, JsonValue, ValidationInfo, field_val
 from sim_action.assertions import Assertion
 from sim_action.commands import CommandSource
 from sim_action.core import units
-from sim_action.core.child_environment import MAX_SET, problem_of
 from sim_action.core.errors import Location
 from sim_action.core.field_types import (
     FrozenModel,
@@ -31,8 +30,10 @@ from sim_action.core.wording import shown
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import Document
 from sim_action.drives import Drive
+from sim_action.engines import ENGINES, AutoOrEngine
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.robot.model.robot_spec import Robot
+from sim_action.scenario.child_environment import MAX_SET, problem_of
 from sim_action.scenario.claim_audit import AuditWarning
 from sim_action.scenario.mutation import Mutation
 from sim_action.scenario.source import Source
@@ -248,8 +249,8 @@ class Scenario(FrozenModel):
         PositiveBytes | None, Field(description="largest amount of printed text; default: 100 MB")
     ] = None
     backend: Annotated[
-        Literal["auto", "pybullet", "mujoco"],
-        Field(description="physics engine; auto: pybullet if installed, else mujoco"),
+        AutoOrEngine,
+        Field(description=f"physics engine; auto: {' if installed, else '.join(ENGINES)}"),
     ] = "auto"
     variations: Annotated[
         dict[str, tuple[JsonValue, ...] | Uniform | Normal | LogUniform | Integers | Choice | Sobol | CsvColumn] | None,

@@ -13,7 +13,8 @@ from sim_action.assertions.monitors.becoming import Rest
 from sim_action.core.errors import ControllersFinished, RunError
 from sim_action.core.records import dataclass, replace
 from sim_action.drives import Drive, recognise
-from sim_action.engines import ENGINES, Engine, chosen
+from sim_action.engines import ENGINES, chosen
+from sim_action.engines.engine import Engine
 from sim_action.engines.observers import arrivals
 from sim_action.robot.model.findings import announced, unannounced
 from sim_action.scenario.claim_audit import LOGGED_ERROR, NOT_REPRODUCIBLE, NOT_SIMULATED, ClaimFinding
@@ -110,7 +111,7 @@ def simulate(
     channels = _judged_channels(scenario)
     paths = Channels(contacts=any(body.path for body in scene.world.objects))
     watched = channels | footage.channels(scene.world) | paths
-    engine = ENGINES.load(chosen(scenario.backend))
+    engine = ENGINES[chosen(scenario.backend)].load()
     backend, notes = opened_on_top(scene, lambda scene: engine(scene, watched))
     try:
         at = backend.observe(0, contacts=False).pose

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator
 from importlib import import_module
 
 from sim_action.drives import recognise
-from sim_action.engines import chosen
+from sim_action.engines import ENGINES, chosen
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.scenario.model import LoadedScenario, Scenario
 from sim_action.simulation.accuracy import LEAST_FRICTION
@@ -58,10 +58,11 @@ def _of_robot(scenario: Scenario, model: RobotModel) -> Iterator[str]:
     turning = (model.links_by_name[joint.child] for joint in model.moving_joints)
     if scenario.commands and any(link.surface.friction < LEAST_FRICTION for link in turning):
         yield "simulation.wheel_slip"
-    if chosen(scenario.backend) != "pybullet":
+    modules = ENGINES[chosen(scenario.backend)].feature_modules
+    if " damping=" in model.urdf and "damped joints" in modules:
+        yield modules["damped joints"]
+    if "skid drive" not in modules:
         return
-    if " damping=" in model.urdf:
-        yield "engines.pybullet.joint_damping"
     drive = (scenario.robot.drive or recognise(model)) if scenario.commands else None
     if drive is not None and drive.key == "skid":
-        yield "engines.pybullet.sliding"
+        yield modules["skid drive"]

@@ -16,7 +16,7 @@ from sim_action.core.errors import BadStart, Problem, RunError
 from sim_action.core.geometry import Pose
 from sim_action.core.records import dataclass, replace
 from sim_action.core.yaml_errors import SpecProblem, SpecProblems
-from sim_action.engines import Engine
+from sim_action.engines.engine import Engine
 from sim_action.scenario.model import Scenario
 from sim_action.scenario.world_checks import DEPTH, Clashes
 from sim_action.state.observation import Clash, Overlap

@@ -24,7 +24,7 @@ from action.lock import (
     wheels_of,
     without_engines,
 )
-from sim_action.engines import PACKAGES
+from sim_action import engines
 
 ROOT = Path(__file__).parents[2]
 LOCKS = sorted(ROOT.glob("action/locks/requirements*.lock"))
@@ -120,7 +120,7 @@ def test_every_extra_has_its_lock_file() -> None:
 
 
 def test_engines_are_those_of_the_package() -> None:
-    assert ENGINES == PACKAGES
+    assert {name: engine.distribution for name, engine in engines.ENGINES.items()} == ENGINES
     [linux, *others] = [
         [
             entry

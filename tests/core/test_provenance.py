@@ -13,7 +13,7 @@ import pytest
 
 from sim_action.core import provenance as provenance_module
 from sim_action.core.provenance import cpu_model, named_in_cpu_info, platform_name, provenance
-from sim_action.engines import PACKAGES, installed
+from sim_action.engines import ENGINES, installed
 
 AMD = "processor\t: 0\nvendor_id\t: AuthenticAMD\nmodel name\t: AMD EPYC 7763 64-Core Processor\n\nprocessor\t: 1\n"
 ARM = "processor\t: 0\nBogoMIPS\t: 50.00\nCPU implementer\t: 0x41\nCPU part\t: 0xd0c\n\nprocessor\t: 1\n"
@@ -38,15 +38,17 @@ def test_this_machine_has_a_processor() -> None:
 
 @pytest.mark.parametrize("engine", installed())
 def test_builds_and_versions_are_told(engine: str) -> None:
-    told = provenance(PACKAGES[engine], "1.2.3")
+    told = provenance(ENGINES[engine].distribution, "1.2.3")
     assert told.engine_build
-    assert re.fullmatch(rf"{PACKAGES[engine]} \d\S+, cp\S+, libraries [0-9a-f]{{12}}", told.engine_build)
+    assert re.fullmatch(rf"{ENGINES[engine].distribution} \d\S+, cp\S+, libraries [0-9a-f]{{12}}", told.engine_build)
     versions = (told.sim_action, told.python, told.numpy, told.platform)
     assert versions == ("1.2.3", platform.python_version(), np.__version__, platform_name())
 
 
 def test_engines_have_builds_of_their_own() -> None:
-    assert len({provenance(PACKAGES[engine], "1").engine_build for engine in installed()}) == len(installed())
+    assert len({provenance(ENGINES[engine].distribution, "1").engine_build for engine in installed()}) == len(
+        installed()
+    )
 
 
 def test_what_is_not_installed_has_no_build() -> None:

@@ -13,7 +13,8 @@ from sim_action.core import geometry
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Vector3
 from sim_action.core.workspace import Workspace
-from sim_action.engines import ENGINES, Engine
+from sim_action.engines import ENGINES
+from sim_action.engines.engine import Engine
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.robot.reading.urdf import read_urdf
 from sim_action.state.command import JointTargets
@@ -23,6 +24,50 @@ from sim_action.world import Physics, World
 from sim_action.world.scene import Scene
 
 on_every_engine = pytest.mark.parametrize("engine", list(ENGINES))
+
+
+def inertia(moment: float) -> str:
+    return f'<inertia ixx="{moment}" iyy="{moment}" izz="{moment}" ixy="0" ixz="0" iyz="0"/>'
+
+
+def one_link(shape: str, more: str = "", mass: float = 1.0, moment: float = 0.004) -> str:
+    return (
+        f'<robot name="it"><link name="it"><inertial><mass value="{mass}"/>{inertia(moment)}</inertial>'
+        f"<collision>{more}<geometry>{shape}</geometry></collision></link></robot>"
+    )
+
+
+# A ball of 0.1 m and 1 kg, homogeneous: 2/5 m r^2.
+BALL = one_link('<sphere radius="0.1"/>')
+CRATE = one_link('<box size="0.4 0.4 0.1"/>', mass=10, moment=0.1)
+
+# The centre of mass is neither at the link's origin nor turned like it.
+LOPSIDED = """
+<robot name="lopsided"><link name="base">
+  <inertial><origin xyz="0.3 0.1 0.2" rpy="0.4 0.5 0.6"/><mass value="2"/>
+  <inertia ixx="0.02" iyy="0.03" izz="0.04" ixy="0" ixz="0" iyz="0"/></inertial>
+  <collision><origin xyz="0.3 0.1 0.2"/><geometry><box size="0.2 0.2 0.2"/></geometry></collision>
+</link></robot>
+"""
+
+# Bolted to the world; an axis that is upright has no gravity about it.
+MECHANISM = """
+<robot name="mechanism">
+  <link name="world"/>
+  <joint name="mount" type="fixed"><parent link="world"/><child link="base"/><origin xyz="0 0 3"/></joint>
+  <link name="base"><inertial><mass value="1"/>{inertia}</inertial></link>
+  <joint name="joint" type="{type}"><parent link="base"/><child link="part"/><axis xyz="{axis}"/>
+    <limit lower="-30" upper="30" effort="{effort}" velocity="{velocity}"/>
+    <dynamics damping="{damping}" friction="{friction}"/></joint>
+  <link name="part"><inertial><mass value="2"/>{inertia}</inertial></link>
+</robot>
+"""
+MOMENT = 0.5
+
+
+def mechanism(kind: str = "continuous", axis: str = "0 0 1", **stated: float) -> str:
+    numbers: dict[str, float] = {"effort": 100, "velocity": 50, "damping": 0, "friction": 0}
+    return MECHANISM.format(type=kind, axis=axis, inertia=inertia(MOMENT), **numbers | stated)
 
 
 def at(z: float | None = None, **pose: float) -> Robot:
@@ -42,8 +87,8 @@ def scene_of(
 def running(
     engine: str, scene: Scene, *, contacts: bool = False, clearances: Iterable[ClearanceWatch] = ()
 ) -> Iterator[Engine]:
-    pytest.importorskip(engine, reason=f"{engine} is not installed")
-    backend = ENGINES.load(engine)(scene, Channels(contacts, frozenset(clearances)))
+    pytest.importorskip(ENGINES[engine].package, reason=f"{engine} is not installed")
+    backend = ENGINES[engine].load()(scene, Channels(contacts, frozenset(clearances)))
     try:
         yield backend
     finally:

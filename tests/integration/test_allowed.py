@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from sim_action.core.workspace import Workspace
-from sim_action.engines import ENGINES, Engine, chosen, installed
+from sim_action.engines import ENGINES, chosen, installed
+from sim_action.engines.engine import Engine
 from sim_action.robot.model.findings import ALLOWABLE
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.robot.reading.urdf import read_urdf
@@ -27,7 +28,7 @@ def backend(folder: Path, text: str, engine: str | None = None) -> Engine:
     path.write_text(text, encoding="utf-8")
     robot = Robot(model="robot.urdf", base="fixed", allow=ALLOWABLE)
     model = read_urdf(path, allow=ALLOWABLE)
-    return ENGINES.load(engine or chosen("auto"))(
+    return ENGINES[engine or chosen("auto")].load()(
         Scene(robot, model, World(), Physics(), Workspace(folder, folder)), Channels(contacts=True)
     )
 

@@ -16,49 +16,27 @@ from sim_action.core.field_types import Placement
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.simulation.watchdog import Watchdog
 from sim_action.state.command import JointTargets
-from sim_action.world import GRAVITY, Body, Cylinder, Ground, Physics, Sphere, World
-from tests.integration.engines import advance, at, on_every_engine, push, running, scene_of
+from sim_action.world import GRAVITY, Body, Cylinder, Ground, Sphere, World
+from tests.integration.engines import (
+    BALL,
+    CRATE,
+    LOPSIDED,
+    MOMENT,
+    advance,
+    at,
+    inertia,
+    mechanism,
+    on_every_engine,
+    one_link,
+    push,
+    running,
+    scene_of,
+)
 from tests.mesh_files import obj, two_objects, wheel
 
 pytestmark = on_every_engine
 
 
-def inertia(moment: float) -> str:
-    return f'<inertia ixx="{moment}" iyy="{moment}" izz="{moment}" ixy="0" ixz="0" iyz="0"/>'
-
-
-def one_link(shape: str, more: str = "", mass: float = 1.0, moment: float = 0.004) -> str:
-    return (
-        f'<robot name="it"><link name="it"><inertial><mass value="{mass}"/>{inertia(moment)}</inertial>'
-        f"<collision>{more}<geometry>{shape}</geometry></collision></link></robot>"
-    )
-
-
-# A ball of 0.1 m and 1 kg, homogeneous: 2/5 m r^2.
-BALL = one_link('<sphere radius="0.1"/>')
-CRATE = one_link('<box size="0.4 0.4 0.1"/>', mass=10, moment=0.1)
-
-# The centre of mass is neither at the link's origin nor turned like it.
-LOPSIDED = """
-<robot name="lopsided"><link name="base">
-  <inertial><origin xyz="0.3 0.1 0.2" rpy="0.4 0.5 0.6"/><mass value="2"/>
-  <inertia ixx="0.02" iyy="0.03" izz="0.04" ixy="0" ixz="0" iyz="0"/></inertial>
-  <collision><origin xyz="0.3 0.1 0.2"/><geometry><box size="0.2 0.2 0.2"/></geometry></collision>
-</link></robot>
-"""
-
-# Bolted to the world; an axis that is upright has no gravity about it.
-MECHANISM = """
-<robot name="mechanism">
-  <link name="world"/>
-  <joint name="mount" type="fixed"><parent link="world"/><child link="base"/><origin xyz="0 0 3"/></joint>
-  <link name="base"><inertial><mass value="1"/>{inertia}</inertial></link>
-  <joint name="joint" type="{type}"><parent link="base"/><child link="part"/><axis xyz="{axis}"/>
-    <limit lower="-30" upper="30" effort="{effort}" velocity="{velocity}"/>
-    <dynamics damping="{damping}" friction="{friction}"/></joint>
-  <link name="part"><inertial><mass value="2"/>{inertia}</inertial></link>
-</robot>
-"""
 PENDULUM = """
 <robot name="pendulum">
   <link name="base"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
@@ -69,30 +47,6 @@ PENDULUM = """
   <inertia ixx="1e-6" iyy="1e-6" izz="1e-6" ixy="0" ixz="0" iyz="0"/></inertial></link>
 </robot>
 """
-MOMENT = 0.5
-
-
-def mechanism(kind: str = "continuous", axis: str = "0 0 1", **stated: float) -> str:
-    numbers: dict[str, float] = {"effort": 100, "velocity": 50, "damping": 0, "friction": 0}
-    return MECHANISM.format(type=kind, axis=axis, inertia=inertia(MOMENT), **numbers | stated)
-
-
-def test_free_fall_follows_the_parabola_of_semi_implicit_euler(engine: str, tmp_path: Path) -> None:
-    with running(engine, scene_of(tmp_path, BALL, at(z=10))) as backend:
-        trace = advance(backend, 0, 240)
-    assert trace.base_position_xyz[-1, 2] == pytest.approx(10 - GRAVITY / 240**2 * 240 * 241 / 2, abs=1e-9)
-    assert trace.base_linear_xyz[-1, 2] == pytest.approx(-GRAVITY, rel=1e-9)
-    assert trace.time.tolist() == [step / 240 for step in range(1, 241)]
-
-
-def test_a_state_is_that_after_its_step(engine: str, tmp_path: Path) -> None:
-    with running(engine, scene_of(tmp_path, BALL, at(z=10))) as backend:
-        trace = advance(backend, 0, 10)
-        now = backend.observe(10, contacts=False)
-    assert now.pose.position_xyz == tuple(trace.base_position_xyz[-1])
-    assert now.twist.linear_xyz == tuple(trace.base_linear_xyz[-1])
-    moved = np.diff(trace.base_position_xyz[:, 2]) * 240
-    assert moved == pytest.approx(trace.base_linear_xyz[1:, 2], abs=1e-9)
 
 
 @pytest.mark.parametrize("base", ["free", "fixed"])
@@ -270,14 +224,6 @@ def test_wheels_roll_as_far_as_their_radius_says(engine: str, shape: str, tmp_pa
     assert rolled / angle == pytest.approx(0.033, rel=0.01)
 
 
-def test_poses_are_those_of_the_link_frame(engine: str, tmp_path: Path) -> None:
-    with running(engine, scene_of(tmp_path, LOPSIDED, at(x=1, y=2, z=5, roll=0.1, pitch=0.2, yaw=0.3))) as backend:
-        pose = backend.observe(0, contacts=False).pose
-    assert pose.position_xyz == pytest.approx((1, 2, 5), abs=1e-9)
-    wanted = Placement(roll=0.1, pitch=0.2, yaw=0.3).orientation_xyzw
-    assert pose.orientation_xyzw == pytest.approx(wanted, abs=1e-9)
-
-
 def test_twists_are_those_of_the_link_frames_origin_in_the_world_frame(engine: str, tmp_path: Path) -> None:
     with running(engine, scene_of(tmp_path, LOPSIDED, at(z=5, roll=0.7, yaw=1.1), rate=2400)) as backend:
         push(backend, (0.5, 0, 0), (0.3, 0.5, 2))
@@ -306,19 +252,6 @@ def test_a_free_body_falls_with_its_centre_of_mass_and_turns_on(engine: str, tmp
     # Nothing turns it, wherever its mass is.
     assert trace.base_linear_xyz[-1, 2] == pytest.approx(-GRAVITY / 2, rel=1e-6)
     assert trace.turn_rate.max() < 1e-9
-
-
-@pytest.mark.parametrize("more", ["", '<origin xyz="0.4 0 0"/>'])
-def test_a_fixed_base_stays_where_it_is(engine: str, more: str, tmp_path: Path) -> None:
-    robot = Robot(model="robot.urdf", base="fixed", pose=Placement(x=1, z=2, yaw=0.5))
-    with running(engine, scene_of(tmp_path, one_link('<sphere radius="0.1"/>', more), robot)) as backend:
-        start = backend.observe(0, contacts=False).pose
-        trace = advance(backend, 0, 48)
-    assert start.position_xyz == pytest.approx((1, 0, 2), abs=1e-12)
-    assert start.orientation_xyzw == pytest.approx((0, 0, math.sin(0.25), math.cos(0.25)), abs=1e-12)
-    assert trace.base_position_xyz == pytest.approx(np.tile(start.position_xyz, (48, 1)), abs=1e-12)
-    assert trace.base_orientation_xyzw == pytest.approx(np.tile(start.orientation_xyzw, (48, 1)), abs=1e-12)
-    assert not trace.base_linear_xyz.any()
 
 
 @pytest.mark.parametrize("urdf", [BALL, CRATE, LOPSIDED])
@@ -462,15 +395,6 @@ def test_a_servo_goes_no_faster_than_its_joint_and_stays_there(engine: str, tmp_
     assert trace.joint_position[-1, 0] == pytest.approx(3.0, abs=1e-3)
 
 
-@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
-def test_a_velocity_is_reached_within_a_step_where_the_force_allows(engine: str, kind: str, tmp_path: Path) -> None:
-    scene = scene_of(tmp_path, mechanism(kind, effort=1e4, axis="1 0 0"), Robot(model="robot.urdf"))
-    with running(engine, scene) as backend:
-        trace = advance(backend, 0, 240, JointTargets(velocity={"joint": 1.5}))
-    assert trace.joint_velocity[:, 0] == pytest.approx(1.5, rel=2e-3)
-    assert trace.joint_position[-1, 0] == pytest.approx(1.5, rel=2e-3)
-
-
 @pytest.mark.parametrize(("kind", "inert"), [("revolute", MOMENT), ("prismatic", 2.0)])
 @pytest.mark.parametrize("stated", [True, False])
 def test_a_motor_pushes_no_harder_than_it_may(
@@ -567,24 +491,11 @@ def test_what_turns_fast_is_not_stopped(engine: str, tmp_path: Path) -> None:
     assert trace.joint_velocity[-1, 0] == pytest.approx(300, rel=1e-3)
 
 
-def test_the_same_steps_in_other_blocks_are_the_same_to_the_last_bit(engine: str, tmp_path: Path) -> None:
-    def state(blocks: list[int]) -> bytes:
-        with running(engine, scene_of(tmp_path, LOPSIDED, at(z=1))) as backend:
-            done, parts = 0, []
-            for steps in blocks:
-                parts.append(advance(backend, done, steps).state)
-                done += steps
-        return np.concatenate(parts).tobytes()
-
-    assert state([240]) == state([1] * 240) == state([7, 100, 133])
-
-
 _DIGEST = """
 import sys
 from pathlib import Path
 from sim_action.state.reproducibility import Digest
-from tests.integration.engines import advance, at, running, scene_of
-from tests.integration.test_backends import LOPSIDED
+from tests.integration.engines import LOPSIDED, advance, at, running, scene_of
 digest = Digest()
 with running(sys.argv[1], scene_of(Path(sys.argv[2]), LOPSIDED, at(z=0.5, roll=0.3))) as backend:
     digest.add(advance(backend, 0, 960))
@@ -617,15 +528,6 @@ def test_what_explodes_is_seen_by_the_watchdog(engine: str, tmp_path: Path, monk
     assert list(folder.iterdir()) == []
 
 
-@pytest.mark.parametrize("rate", [1, 4, 60, 1000, 10_000])
-def test_any_rate_simulates(engine: str, rate: float, tmp_path: Path) -> None:
-    with running(engine, scene_of(tmp_path, BALL, at(z=1000), rate=rate)) as backend:
-        steps = max(1, int(rate / 10))
-        trace = advance(backend, 0, steps)
-    assert trace.base_linear_xyz[-1, 2] == pytest.approx(-GRAVITY * steps / rate, rel=1e-6)
-    assert Physics(rate=rate).rate == rate
-
-
 # Whatever the audit lets through, or can be told to let through, is simulated or refused in words: in a process of its
 # own, as an engine may die of it.
 _CORPUS = r"""
@@ -643,7 +545,7 @@ for bad in [each for each in BAD_MODELS if each.rule != "many-joints"]:
     print("\nMODEL", bad.name, flush=True)
     try:
         scene = scene_of(Path(sys.argv[2]), bad.text, at(), allow=ALLOWABLE)
-        backend = ENGINES.load(sys.argv[1])(scene, Channels(contacts=True))
+        backend = ENGINES[sys.argv[1]].load()(scene, Channels(contacts=True))
     except (ModelError, EngineError) as error:
         print("\nREFUSED", type(error).__name__, flush=True)
         continue
@@ -662,8 +564,3 @@ def test_no_bad_model_ends_the_process(engine: str, tmp_path: Path) -> None:
     assert "REFUSED EngineError" not in lines
     assert lines.count("SIMULATED 49") >= 10
     assert len(lines) == 2 * sum(line.startswith("MODEL") for line in lines)
-
-
-def test_what_has_made_no_step_has_nothing_to_tell(tmp_path: Path, engine: str) -> None:
-    with running(engine, scene_of(tmp_path, BALL, Robot(model="robot.urdf"))) as backend:
-        assert len(backend.collect()) == 0

@@ -10,7 +10,8 @@ import pytest
 
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, quaternion_from_rpy
-from sim_action.engines import Engine, installed
+from sim_action.engines import installed
+from sim_action.engines.engine import Engine
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.scenario.loading import build_scene
 from sim_action.sensors import Mount

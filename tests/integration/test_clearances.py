@@ -148,7 +148,7 @@ def driven(engine: str, watches: list[ClearanceWatch], openings: tuple[float, ..
     scene = burger_in_the_room()
     channels = Channels(clearances=frozenset(watches), openings=frozenset(openings))
     pytest.importorskip(engine)
-    backend = ENGINES.load(engine)(scene, channels)
+    backend = ENGINES[engine].load()(scene, channels)
     pieces = []
     for number, speeds in enumerate([(8.0, 8.0), (16.0, 12.0), (12.0, 16.0), (16.0, 16.0), (-9.0, -6.0), (0.0, 0.0)]):
         turn = JointTargets(velocity=dict(zip(WHEELS, speeds, strict=True)))

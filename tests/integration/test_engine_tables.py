@@ -53,7 +53,7 @@ def after(folder: Path, urdf: str, base: str, steps: int) -> list[Observation]:
     model = read_urdf(path)
     names = [joint.name for joint in model.moving_joints]
     robot = Robot.model_validate({"model": "comb.urdf", "base": base, "joints": {n: start(n) for n in names}})
-    backend = ENGINES.load("pybullet")(
+    backend = ENGINES["pybullet"].load()(
         Scene(robot, model, World(), Physics(), Workspace(folder, folder)), Channels(contacts=True)
     )
     try:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.engines import Engine
+from sim_action.engines.engine import Engine
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.robot.reading.urdf import read_urdf
 from sim_action.state.command import JointTargets

@@ -26,8 +26,7 @@ from sim_action.core.permissions import Permissions
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.state.trace import FloatArray
-from tests.integration.engines import on_every_engine
-from tests.integration.test_backends import BALL
+from tests.integration.engines import BALL, on_every_engine
 from tests.scenarios import LEAST, told
 from tests.traces import WHEELS
 

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from sim_action.world import GRAVITY, Patch, World
-from tests.integration.engines import advance, at, on_every_engine, push, running, scene_of
-from tests.integration.test_backends import BALL
+from tests.integration.engines import BALL, advance, at, on_every_engine, push, running, scene_of
 from tests.integration.test_worlds import slippery
 
 pytestmark = on_every_engine

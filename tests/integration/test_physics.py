@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from sim_action import robot as models
-from sim_action.engines import ENGINES, Engine, chosen
+from sim_action.engines import ENGINES, chosen
+from sim_action.engines.engine import Engine
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.simulation.loop import SimulationRun, simulate
 
@@ -170,7 +171,7 @@ def test_settling_lasts_as_long_as_its_limit(
         taken.append(len(targets) if first_step < 0 else 0)
         advance(backend, first_step, targets)
 
-    engine: Any = ENGINES.load(chosen("auto"))
+    engine: Any = ENGINES[chosen("auto")].load()
     advance = engine.advance
     monkeypatch.setattr(engine, "advance", counted)
     run = settled(tmp_path, "{z: 500}", physics)

@@ -78,7 +78,7 @@ def test_a_log_saturates_as_a_script_does(engine: str, column: str, tmp_path: Pa
 def test_engines_themselves_would_give_all_that_is_asked(engine: str, tmp_path: Path) -> None:
     """What saturation is for: without it, ten times the effort is ten times the acceleration."""
     run(tmp_path, engine, "")
-    backend = ENGINES.load(engine)(build_scene(load(tmp_path, SCENARIO.format(engine=engine))))
+    backend = ENGINES[engine].load()(build_scene(load(tmp_path, SCENARIO.format(engine=engine))))
     backend.advance(0, [JointTargets(effort={"axle": 20.0}), *[None] * 119])
     reached = backend.observe(120, contacts=False).joints["axle"].velocity
     backend.close()

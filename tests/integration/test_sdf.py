@@ -17,7 +17,8 @@ from bench.robots import DATA
 from sim_action.core.errors import ModelError, RefusedModel
 from sim_action.core.field_types import Placement
 from sim_action.core.workspace import Workspace
-from sim_action.engines import ENGINES, Engine, chosen
+from sim_action.engines import ENGINES, chosen
+from sim_action.engines.engine import Engine
 from sim_action.robot.model.findings import ALLOWABLE
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.robot.model.robot_spec import Robot
@@ -140,7 +141,7 @@ def test_what_is_wrong_in_an_included_file_is_told_by_validate(tmp_path: Path) -
 def scene(folder: Path, text: str, robot: Robot, rate: float) -> Iterator[Engine]:
     written(folder / "robot.sdf", text)
     workspace = Workspace(folder, folder)
-    backend = ENGINES.load(chosen("auto"))(
+    backend = ENGINES[chosen("auto")].load()(
         Scene(robot, load_model(robot, workspace), World(), Physics(rate=rate), workspace)
     )
     try:

@@ -57,7 +57,7 @@ def arm(folder: Path, *, urdf: str = ARM, joints: dict[str, float] | None = None
 
 def folded(engine: str, scene: Scene, targets: Sequence[JointTargets]) -> Trace:
     pytest.importorskip(engine)
-    backend = ENGINES.load(engine)(scene, Channels(self_contacts=True))
+    backend = ENGINES[engine].load()(scene, Channels(self_contacts=True))
     try:
         return advance(backend, 0, len(targets), *targets)
     finally:
@@ -126,7 +126,7 @@ def test_links_that_touch_where_the_model_puts_them_are_left_out_with_a_note(
     """The forearm is drawn through the base. The hand is not, and counts."""
     scene = arm(tmp_path, urdf=deep_arm(), self_collision=collides)
     pytest.importorskip(engine)
-    backend = ENGINES.load(engine)(scene, Channels(self_contacts=True))
+    backend = ENGINES[engine].load()(scene, Channels(self_contacts=True))
     try:
         trace = advance(backend, 0, 24)
         (note,) = backend.model_notes
@@ -142,7 +142,7 @@ def test_a_start_inside_itself_is_refused_where_links_collide(engine: str, tmp_p
     pytest.importorskip(engine)
     scene = arm(tmp_path, self_collision=True, joints={"elbow": TOUCH + 0.1})
     with pytest.raises(BadStart, match=r"links inside each other: 'base' and 'forearm' \(0\.0\d+ m deep\)"):
-        ENGINES.load(engine)(scene, Channels())
+        ENGINES[engine].load()(scene, Channels())
     seen = folded(engine, replace(scene, robot=scene.robot.model_copy(update={"self_collision": False})), HELD)
     assert seen.self_contacts[0].time == seen.time[0]
 
@@ -155,7 +155,7 @@ def test_a_robot_whose_links_cannot_be_judged_is_refused(engine: str, tmp_path: 
     pytest.importorskip(engine)
     deep = ARM.replace('<sphere radius="0.05"/>', '<sphere radius="0.46"/>')
     with pytest.raises(EngineError, match="self-collision cannot be judged: all of them touch at the model's own"):
-        ENGINES.load(engine)(arm(tmp_path, urdf=deep), Channels(self_contacts=True))
+        ENGINES[engine].load()(arm(tmp_path, urdf=deep), Channels(self_contacts=True))
 
 
 @pytest.mark.parametrize(

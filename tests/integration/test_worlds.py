@@ -14,8 +14,7 @@ from sim_action.core.geometry import Vector3
 from sim_action.meshes.convex_hull import mass_properties
 from sim_action.world import GRAVITY, Body, Heightfield, MeshFile, OccupancyMap, Ramp, Stairs, World
 from sim_action.world.parts import HullPart
-from tests.integration.engines import advance, at, on_every_engine, push, running, scene_of
-from tests.integration.test_backends import BALL, CRATE, one_link
+from tests.integration.engines import BALL, CRATE, advance, at, on_every_engine, one_link, push, running, scene_of
 from tests.worlds import with_files, write_map
 
 pytestmark = on_every_engine

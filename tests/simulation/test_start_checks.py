@@ -14,7 +14,7 @@ import pytest
 from sim_action.core.errors import BadStart, Location, RunError
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, quaternion_from_rpy
-from sim_action.engines import Engine
+from sim_action.engines.engine import Engine
 from sim_action.robot.model.robot_model import Joint, JointType, Link, RobotModel
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.scenario.world_checks import DEPTH

@@ -15,12 +15,14 @@ from typing import TYPE_CHECKING, Final
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from typing_extensions import override
 
 from sim_action.core.errors import EngineError
 from sim_action.core.geometry import Pose, Twist, Vector3
-from sim_action.engines import NO_CHANNELS, named_version
+from sim_action.engines import named_version
 from sim_action.engines.body_control import HeldWrenches
 from sim_action.engines.clearances import ClearanceRecorder
+from sim_action.engines.engine import NO_CHANNELS, Engine
 from sim_action.engines.mujoco.body_control import BasePusher, MuJoCoBodyControl
 from sim_action.engines.mujoco.contacts import Contacts
 from sim_action.engines.mujoco.motors import Motors
@@ -58,13 +60,11 @@ def _print_warning(message: str) -> None:
 mujoco.set_mju_user_warning(_print_warning)
 
 
-class MuJoCoEngine:
+class MuJoCoEngine(Engine):
     """A MuJoCo model and its state."""
 
     version = named_version("mujoco")
     solid_terrain = True
-    notes: tuple[str, ...] = ()
-    model_notes: tuple[str, ...] = ()
 
     def __init__(self, scene: Scene, channels: Channels = NO_CHANNELS) -> None:
         try:
@@ -106,20 +106,16 @@ class MuJoCoEngine:
         self._touches: list[Contact] = []
         self._lazy_contacts = LazyContacts()
 
-    @staticmethod
-    def warm_up() -> None:
-        """See EngineFactory.warm_up; MuJoCo needs no preparation."""
-
+    @override
     def advance(self, first_step: int, targets: Sequence[JointTargets | None]) -> None:
-        """See Engine.advance."""
         self._lazy_contacts.settle()
         try:
             self._advance(first_step, targets)
         except mujoco.FatalError as error:
             raise EngineError(f"the engine gave up: {with_user_names(str(error), self._scene)}") from None
 
+    @override
     def collect(self) -> Trace:
-        """See Engine.collect."""
         rows, states = self._states.take(), self._states
         if self._looks_back:
             steps, qpos, recall = rows[:, 0].astype(int).tolist(), states.robot_qpos(rows), self._distances.recall
@@ -129,53 +125,55 @@ class MuJoCoEngine:
         trace = Trace(self._joint_names, states.trace_rows(rows), touches, clearances=clearances, **records)
         return trace if self._self_collision is None else self._self_collision.added_to(trace)
 
+    @override
     def link_contacts(self, step: int) -> dict[str, ContactRecord]:
-        """See Engine.link_contacts."""
         return self._recorders.present_contacts(step)
 
+    @override
     def collect_bodies(self) -> FloatArray:
-        """See Engine.collect_bodies. Rows after a divergence are missing."""
+        # Rows after a divergence are missing.
         kept, self._body_poses = self._body_poses, []
         poses = np.frombuffer(b"".join(kept)).reshape(len(kept), -1, 7) if kept else np.empty((0, 0, 7))
         # MuJoCo orders quaternions as w, x, y, z.
         return poses[:, :, [0, 1, 2, 4, 5, 6, 3]]
 
+    @override
     def observe(self, step: int, *, contacts: bool) -> Observation:
-        """See Engine.observe."""
         if not contacts:
             return self._states.now(step, ())
         return self._states.now(step, self._lazy_contacts.present(lambda: self._present_contacts(step)))
 
+    @override
     def link_pose(self, link: str) -> Pose:
-        """See EngineQueries.link_pose."""
         return self._links.pose(link)
 
+    @override
     def link_twist(self, link: str) -> Twist:
-        """See EngineQueries.link_twist."""
         return self._links.twist(link)
 
+    @override
     def body_pose(self, body: str) -> Pose:
-        """See EngineQueries.body_pose."""
         return self._objects.pose(body)
 
+    @override
     def cast_rays(self, start_xyz: Vector3, ends_xyz: NDArray[np.float64]) -> NDArray[np.float64]:
-        """See EngineQueries.cast_rays."""
         return self._rays.cast(start_xyz, ends_xyz)
 
+    @override
     def touching(self) -> tuple[Overlap | Clash, ...]:
-        """See Engine.touching."""
         return tuple(self._contacts.touching())
 
+    @override
     def overlaps(self) -> tuple[Overlap, ...]:
-        """See Engine.overlaps."""
         return self._contacts.overlaps()
 
+    @override
     def clashes(self) -> tuple[Clash, ...]:
-        """See Engine.clashes."""
         return self._contacts.clashes()
 
+    @override
     def close(self) -> None:
-        """See Engine.close; MuJoCo's memory is freed with its Python objects, or used again."""
+        # MuJoCo's memory is freed with its Python objects, or used again.
         self._lazy_contacts.settle()
         if not self._is_closed:
             self._is_closed = True

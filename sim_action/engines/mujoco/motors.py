@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_action.drives.wheels import held_joints
-from sim_action.engines import UNLIMITED_EFFORT
+from sim_action.engines.engine import UNLIMITED_EFFORT
 from sim_action.engines.mujoco.actuators import Actuators
 from sim_action.engines.mujoco.scene import IMPEDANCE, STEPS_TO_CONVERGE, CompiledScene, solver_parameters
 from sim_action.state.command import JointTargets

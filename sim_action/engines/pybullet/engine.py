@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pybullet
 from numpy.typing import NDArray
+from typing_extensions import override
 
 from sim_action.core import geometry
 from sim_action.core.errors import EngineError
@@ -20,9 +21,10 @@ from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.core.records import replace
 from sim_action.core.wording import system_reason
 from sim_action.drives.wheels import held_joints
-from sim_action.engines import NO_CHANNELS, UNLIMITED_EFFORT, named_version
+from sim_action.engines import named_version
 from sim_action.engines.body_control import HeldWrenches
 from sim_action.engines.clearances import ClearanceRecorder
+from sim_action.engines.engine import NO_CHANNELS, UNLIMITED_EFFORT, Engine
 from sim_action.engines.observers import LazyContacts, ReadPoses, Recorders, path_contacts
 from sim_action.engines.pybullet.body_control import BasePusher, PyBulletBodyControl
 from sim_action.engines.pybullet.connection import connect_ahead, connected, release
@@ -66,13 +68,12 @@ if TYPE_CHECKING:
     from sim_action.robot.model.robot_model import RobotModel
 
 
-class PyBulletEngine:
+class PyBulletEngine(Engine):
     """A DIRECT connection to PyBullet that holds one scene."""
 
     version = named_version("pybullet")
     solid_terrain = False
     warm_up = staticmethod(connect_ahead)
-    model_notes: tuple[str, ...] = ()
 
     def __init__(self, scene: Scene, channels: Channels = NO_CHANNELS) -> None:
         self._client, self._ground = connected()
@@ -128,8 +129,8 @@ class PyBulletEngine:
         self._touches: list[Contact] = []
         self._is_watched = self._watches_contacts or bool(self._watchers) or not self._clearances.is_idle
 
+    @override
     def advance(self, first_step: int, targets: Sequence[JointTargets | None]) -> None:
-        """See Engine.advance."""
         self._lazy_contacts.settle()
         simulate, client, keep, events = pybullet.stepSimulation, self._client, self._states.keep, self._events
         is_watched, has_forces = self._is_watched, self._has_forces()
@@ -175,45 +176,45 @@ class PyBulletEngine:
         if self._sliding is not None:
             self._sliding.correct()
 
+    @override
     def collect(self) -> Trace:
-        """See Engine.collect."""
         touches, self._touches = tuple(self._touches), []
         clearances, records = self._clearances.collect(), self._recorders.collect()
         trace = replace(self._states.collect(), contacts=touches, clearances=clearances, **records)
         return trace if self._self_collision is None else self._self_collision.added_to(trace)
 
+    @override
     def link_contacts(self, step: int) -> dict[str, ContactRecord]:
-        """See Engine.link_contacts."""
         return self._recorders.present_contacts(step)
 
+    @override
     def collect_bodies(self) -> NDArray[np.float64]:
-        """See Engine.collect_bodies."""
         kept, self._body_poses = self._body_poses, []
         return np.array(kept, dtype=np.float64).reshape(len(kept), -1, 7) if kept else np.empty((0, 0, 7))
 
+    @override
     def observe(self, step: int, *, contacts: bool) -> Observation:
-        """See Engine.observe."""
         present = self._lazy_contacts.present(lambda: self._present_contacts(step, ground=True)) if contacts else ()
         return self._states.observe(step, self._model, present)
 
+    @override
     def link_pose(self, link: str) -> Pose:
-        """See EngineQueries.link_pose."""
         index = self._links[link]
         return self._base_now()[0] if index == BASE else link_pose(self._client, self._robot, index)
 
+    @override
     def link_twist(self, link: str) -> Twist:
-        """See EngineQueries.link_twist."""
         index = self._links[link]
         return self._base_now()[1] if index == BASE else link_twist(self._client, self._robot, index)
 
+    @override
     def body_pose(self, body: str) -> Pose:
-        """See EngineQueries.body_pose."""
         number, piece = self._objects[body][0]
         found = Pose(*pybullet.getBasePositionAndOrientation(number, self._client))
         return geometry.compose(found, geometry.inverse(piece)) if piece != Pose() else found
 
+    @override
     def cast_rays(self, start_xyz: Vector3, ends_xyz: NDArray[np.float64]) -> NDArray[np.float64]:
-        """See EngineQueries.cast_rays."""
         return cast_rays(self._client, start_xyz, ends_xyz)
 
     def _base_now(self) -> tuple[Pose, Twist]:
@@ -228,20 +229,20 @@ class PyBulletEngine:
         there = self.body_pose(body)
         return (*there.position_xyz, *there.orientation_xyzw)
 
+    @override
     def touching(self) -> tuple[Overlap | Clash, ...]:
-        """See Engine.touching."""
         return tuple(touching(self._client, self._robot, self._link_names, self._body_names))
 
+    @override
     def overlaps(self) -> tuple[Overlap, ...]:
-        """See Engine.overlaps."""
         return overlaps(self._client, self._robot, self._link_names, self._body_names)
 
+    @override
     def clashes(self) -> tuple[Clash, ...]:
-        """See Engine.clashes."""
         return clashes(self._client, self._moving, self._body_names)
 
+    @override
     def close(self) -> None:
-        """See Engine.close."""
         self._lazy_contacts.settle()
         release(self._client)
 

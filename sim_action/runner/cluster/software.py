@@ -10,7 +10,7 @@ from typing import Final
 from sim_action.core.provenance import installed_version
 from sim_action.core.records import dataclass
 from sim_action.core.version import PACKAGE_FOLDER, __version__
-from sim_action.engines import PACKAGES
+from sim_action.engines import ENGINES
 from sim_action.runner.run_keys import source_digest
 
 _DIGITS: Final = 12
@@ -49,5 +49,5 @@ def software(engines: tuple[str, ...]) -> Software:
         __version__,
         source_digest(PACKAGE_FOLDER)[:_DIGITS],
         ".".join(map(str, sys.version_info[:2])),
-        tuple((engine, installed_version(PACKAGES[engine])) for engine in engines),
+        tuple((engine, installed_version(ENGINES[engine].distribution)) for engine in engines),
     )

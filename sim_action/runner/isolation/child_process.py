@@ -13,10 +13,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Final, Self
 
-from sim_action.core.child_environment import code_environment
 from sim_action.core.errors import Location
 from sim_action.runner.child_files import ChildReport
 from sim_action.runner.job import BEGUN, JUDGED, Job
+from sim_action.scenario.child_environment import code_environment
 
 if TYPE_CHECKING:
     import socket

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from sim_action.core.field_types import Placement
-from sim_action.engines import Engine
+from sim_action.engines.engine import Engine
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.state.command import JointTargets
 from sim_action.world import Body, Physics, World

@@ -87,7 +87,7 @@ def test_no_body_costs_more_than_a_box_to_draw(tmp_path: Path) -> None:
 def test_a_robot_without_meshes_needs_no_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = build_scene(load(tmp_path, BURGER.replace("    - {name: dumbbell", "    # {")))
     monkeypatch.setattr(tempfile, "TemporaryDirectory", lambda **_: pytest.fail("a folder was made"))
-    ENGINES.load("pybullet")(scene).close()
+    ENGINES["pybullet"].load()(scene).close()
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux has files in memory")
@@ -98,7 +98,7 @@ def test_a_robot_is_read_from_a_folder_where_no_file_can_be_in_memory(
         raise OSError(errno.ENOSYS, os.strerror(errno.ENOSYS))
 
     monkeypatch.setattr(os, "memfd_create", refused)
-    engine = ENGINES.load("pybullet")(build_scene(load(tmp_path, BURGER)))
+    engine = ENGINES["pybullet"].load()(build_scene(load(tmp_path, BURGER)))
     assert set(engine.observe(0, contacts=False).joints) == {"wheel_left_joint", "wheel_right_joint"}
     engine.close()
 
@@ -116,7 +116,7 @@ def test_a_link_may_have_several_meshes(first: bool, shapes: tuple[str, ...], tm
     (tmp_path / "box.stl").write_bytes(stl())
     (tmp_path / "other.stl").write_bytes(stl(moved(CORNERS, 2)))
     text = "name: a\nrobot: {model: box.urdf}\nexpect: [upright]\ntime_limit: 1 s\n"
-    engine = ENGINES.load("pybullet")(build_scene(load(tmp_path, text)))
+    engine = ENGINES["pybullet"].load()(build_scene(load(tmp_path, text)))
     assert engine.observe(0, contacts=False).pose.position_xyz[2] > 0.29
     engine.close()
 
@@ -137,7 +137,7 @@ def test_a_model_is_not_read_without_open_files(tmp_path: Path, monkeypatch: pyt
 
     monkeypatch.setattr(Path, "open", limited)
     with pytest.raises(EngineError, match="too many open files"):
-        ENGINES.load("pybullet")(scene)
+        ENGINES["pybullet"].load()(scene)
 
 
 def without_mesh(load: Callable[..., int], times: int) -> Callable[..., int]:
@@ -164,7 +164,7 @@ def test_a_mesh_that_cannot_be_read_for_a_moment_is_not_left_out(scene: Scene, m
     import pybullet
 
     monkeypatch.setattr(pybullet, "loadURDF", without_mesh(pybullet.loadURDF, 1))
-    engine = ENGINES.load("pybullet")(scene)
+    engine = ENGINES["pybullet"].load()(scene)
     assert engine.observe(0, contacts=False).pose.position_xyz[2] == pytest.approx(0.3, abs=1e-3)
     engine.close()
 
@@ -174,4 +174,4 @@ def test_a_robot_without_one_of_its_meshes_is_refused(scene: Scene, monkeypatch:
 
     monkeypatch.setattr(pybullet, "loadURDF", without_mesh(pybullet.loadURDF, 2))
     with pytest.raises(EngineError, match="PyBullet made 0 of 1 collision shapes of the robot"):
-        ENGINES.load("pybullet")(scene)
+        ENGINES["pybullet"].load()(scene)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Final, Literal, cast
+from typing import Final, cast
 from xml.etree import ElementTree as ET
 
 from pydantic import PrivateAttr
@@ -17,6 +17,7 @@ from sim_action.core.field_types import Placement
 from sim_action.core.records import dataclass
 from sim_action.core.workspace import Workspace
 from sim_action.drives import recognise
+from sim_action.engines import AutoOrEngine
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.robot.reading.loading import load_model
 from sim_action.ros.ros1.gazebo_plugins import PLUGINS, base_in_model, plugins_of
@@ -115,7 +116,7 @@ class EpisodeFactory:
             ),
             expect=(),
             time_limit=left or _MAX_SIM_TIME_S,
-            backend=cast(Literal["auto", "pybullet", "mujoco"], self._request.backend),
+            backend=cast(AutoOrEngine, self._request.backend),
             seed=self._request.seed,
         )
         parts = read_surroundings(models.world, workspace, self._shapes).parts

@@ -11,7 +11,7 @@ from sim_action.core.provenance import Provenance, provenance
 from sim_action.core.records import dataclass
 from sim_action.core.version import __version__
 from sim_action.core.wording import escaped_line
-from sim_action.engines import PACKAGES
+from sim_action.engines import ENGINES
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, status_of
 from sim_action.ros.program_failures import exception_line, shown_path, traceback_location
 from sim_action.ros.result_files import Case
@@ -180,8 +180,8 @@ def _place(test: TestFindings) -> Location | None:
 
 
 def _provenance(engine: str | None) -> Provenance | None:
-    package = PACKAGES.get((engine or "").partition(" ")[0].lower())
-    return provenance(package, __version__) if package else None
+    row = ENGINES.get((engine or "").partition(" ")[0].lower())
+    return provenance(row.distribution, __version__) if row else None
 
 
 def _has_failed(run: Run | None) -> bool:

@@ -6,7 +6,7 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any, Final, Literal, cast
+from typing import Any, Final, cast
 
 from pydantic import PrivateAttr
 from typing_extensions import override
@@ -26,6 +26,7 @@ from sim_action.core.process import Interruption
 from sim_action.core.records import dataclass
 from sim_action.core.wording import did_you_mean, escaped_line, warn
 from sim_action.core.workspace import Workspace
+from sim_action.engines import AutoOrEngine
 from sim_action.reports import ReportRequest, open_reports, write_reports
 from sim_action.results.events import Finished
 from sim_action.results.journal import Journal
@@ -225,7 +226,7 @@ class _LaunchTest:
             sensors=(),
             expect=(),
             time_limit=request.sim_time_limit or _MAX_SIM_TIME_S,
-            backend=cast(Literal["auto", "pybullet", "mujoco"], request.backend),
+            backend=cast(AutoOrEngine, request.backend),
             seed=request.seed,
         )
         return scenario, Scene(driven, model, scenario.world, scenario.physics, workspace, scenario.seed)

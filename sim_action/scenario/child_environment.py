@@ -14,6 +14,7 @@ from functools import lru_cache
 from typing import Final
 
 from sim_action.core.records import dataclass
+from sim_action.engines import ENGINES
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +77,8 @@ PASSED: Final = (
         (
             *("LD_LIBRARY_PATH", "LD_PRELOAD", "LD_BIND_NOW", "DYLD_*", "GLIBC_TUNABLES", "MALLOC_*"),
             *("OMP_*", "GOMP_*", "KMP_*", "OPENBLAS_*", "MKL_*", "BLIS_*", "VECLIB_*", "NUMEXPR_*", "NPY_*"),
-            *("CUDA_*", "NVIDIA_*", "MUJOCO_*", "PYOPENGL_*", "LIBGL_*", "MESA_*", "EGL_*", "GALLIUM_*", "__EGL_*"),
+            *("CUDA_*", "NVIDIA_*", *(pattern for engine in ENGINES.values() for pattern in engine.environment)),
+            *("PYOPENGL_*", "LIBGL_*", "MESA_*", "EGL_*", "GALLIUM_*", "__EGL_*"),
             *("IMAGEIO_*", "ASAN_OPTIONS", "UBSAN_OPTIONS", "LSAN_OPTIONS", "TSAN_OPTIONS"),
         ),
     ),

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.core.child_environment import (
+from sim_action.scenario.child_environment import (
     MAX_VALUE_CHARS,
     PASSED,
     RESERVED,
