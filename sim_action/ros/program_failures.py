@@ -3,14 +3,41 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from signal import Signals
 from typing import Final
 
 from sim_action.core.discovery import file_name
 from sim_action.core.errors import Location
+from sim_action.core.records import dataclass
 
 _FRAME: Final = re.compile(r'^ *File "([^"]+)", line ([0-9]{1,9})(?:, in .*)?\n(?: {4,}(\S.*))?', re.MULTILINE)
+
+
+# The exception is the first line without indentation, and it may have more lines.
+_TRACEBACK: Final = re.compile(
+    r"^Traceback \(most recent call last\):\n(?P<frames>(?:[ ].*\n|\n)*)(?P<said>\S.*)", re.MULTILINE
+)
+# Python prints no traceback for a syntax error in the program itself.
+_SYNTAX: Final = re.compile(
+    r'^(?P<frames>  File ".+", line [0-9]{1,9}\n)(?:[ ].*\n){0,3}(?P<said>(?:Syntax|Indentation|Tab)Error: .*)',
+    re.MULTILINE,
+)
+# Written by faulthandler, which nodes run with; the innermost frame comes first.
+_CRASH: Final = re.compile(
+    r"^Fatal Python error: (?P<said>.+)\n(?:.*\n)*?Current thread .*\(most recent call first\):\n"
+    r"(?P<frames>(?: .*(?:\n|\Z))*)",
+    re.MULTILINE,
+)
+_TERMINATED: Final = re.compile(
+    r"^terminate called .*'(?P<kind>[^'\n]+)'\n(?:\s*what\(\): *(?P<said>.*))?", re.MULTILINE
+)
+_LOGGED: Final = re.compile(r"^\[(?:ERROR|FATAL)\] \[[\d.]+\] \[[^\]\n]*\]: (?P<said>.+)", re.MULTILINE)
+# Python's own libraries of ROS stand in the user's folder if it has a virtual environment.
+_OF_ROS: Final = re.compile(r'^ *File "[^"\n]*/(?:site|dist)-packages/(?:rclpy|ros\w*|launch\w*)/.*\n', re.MULTILINE)
+
+_OUT_OF_MEMORY: Final = "; memory_limit is the memory that each process may have"
 
 
 def signal_name(number: int) -> str:
@@ -49,3 +76,41 @@ def shown_path(path: Path) -> str:
     """Return a path relative to the current folder, if it is inside."""
     here = Path.cwd().resolve()
     return file_name(path.relative_to(here) if path.is_relative_to(here) else path)
+
+
+@dataclass(frozen=True, slots=True)
+class Ending:
+    """The last words of a node that ended.
+
+    Attributes:
+        said: continues a sentence about the end, such as ": ValueError: no plan"; empty if nothing is known.
+        location: in the user's code.
+    """
+
+    said: str = ""
+    location: Location | None = None
+
+
+def ending_of(output: str, directory: Path) -> Ending:
+    """Return what a failed node said; `directory`: that of the user's code."""
+    return next(_endings(output, directory), Ending())
+
+
+def _endings(output: str, directory: Path) -> Iterator[Ending]:
+    for pattern in (_TRACEBACK, _SYNTAX):
+        if found := list(pattern.finditer(output)):
+            said = found[-1]["said"].strip()
+            hint = _OUT_OF_MEMORY if said == "MemoryError" else ""
+            yield Ending(f": {said}{hint}", _place(found[-1]["frames"], directory))
+    if found := list(_CRASH.finditer(output)):
+        frames = re.sub(r"(, line [0-9]+) in ", r"\1, in ", found[-1]["frames"]).splitlines(keepends=True)
+        yield Ending(f": {found[-1]['said'].strip()}", _place("".join(reversed(frames)), directory))
+    if found := list(_TERMINATED.finditer(output)):
+        kind, said = found[-1]["kind"], found[-1]["said"]
+        yield Ending(f": {kind}: {said.strip()}" if said else f": {kind}")
+    if found := list(_LOGGED.finditer(output)):
+        yield Ending(f" after it logged the error: {found[-1]['said'].strip()}")
+
+
+def _place(frames: str, directory: Path) -> Location | None:
+    return traceback_location(_OF_ROS.sub("", frames), directory)

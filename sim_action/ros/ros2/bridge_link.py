@@ -27,9 +27,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from sim_action.core.records import dataclass
+from sim_action.ros.ros2.graph import OF_ALL_NODES, USUAL, Graph, Qos, TopicEnd
 from sim_action.ros.ros2.messages import Message
 from sim_action.ros.ros2.node_processes import NodeProcess, ProcessFolder
-from sim_action.ros.ros2.quality import USUAL, Qos
 
 _BRIDGE: Final = Path(__file__).with_name("bridge.py")
 _NAME: Final = "sim_action"
@@ -51,33 +51,6 @@ class Endpoint:
     type: str
     qos: Qos = USUAL
     least: tuple[str, int] | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class TopicEnd:
-    """A node that publishes or subscribes to a topic, and how."""
-
-    node: str
-    type: str
-    reliability: str
-    durability: str
-    demands: Sequence[str] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class Graph:
-    """The nodes that are up, as the bridge knows them.
-
-    Attributes:
-        nodes: full names, without the bridge.
-        types: topic -> its types.
-        publishers, subscriptions: topic -> its ends, without the bridge; only topics that were asked for.
-    """
-
-    nodes: tuple[str, ...]
-    types: Mapping[str, Sequence[str]]
-    publishers: Mapping[str, Sequence[TopicEnd]]
-    subscriptions: Mapping[str, Sequence[TopicEnd]]
 
 
 class BridgeEnded(Exception):
@@ -152,6 +125,11 @@ class Bridge:
             for side in ("publishers", "subscriptions")
         )
         return Graph(tuple(name for name in answer["nodes"] if name != own), answer["types"], *ends)
+
+    def whole_graph(self) -> Graph:
+        """Return the nodes with the ends of all visible topics. Raises BridgeEnded."""
+        topics = self.graph(()).types
+        return self.graph(topic for topic in topics if topic not in OF_ALL_NODES and not topic.startswith("/_"))
 
     def parameters(self, nodes: Iterable[str], name: str, within: float) -> Mapping[str, bool | None]:
         """Return a parameter of each node that answers within some s of wall time. Raises BridgeEnded."""

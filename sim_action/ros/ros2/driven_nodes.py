@@ -5,30 +5,26 @@ from __future__ import annotations
 import json
 import os
 import time
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, suppress
+from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from sim_action.commands import ClosedLoop
-from sim_action.core.errors import ScriptError, SourceProblem, UsageError
+from sim_action.core.errors import Location, ScriptError, SourceProblem, UsageError
 from sim_action.core.records import dataclass
-from sim_action.core.wording import escaped_line
-from sim_action.ros.program_failures import exit_text
+from sim_action.core.wording import escaped_line, shortened
+from sim_action.ros.program_failures import ending_of, exit_text, shown_path
 from sim_action.ros.ros2.bridge_link import Bridge, BridgeEnded, Endpoint
-from sim_action.ros.ros2.diagnosis.logged_errors import ROSOUT, LoggedErrors, errors_endpoint
-from sim_action.ros.ros2.diagnosis.message_order import order_notes
-from sim_action.ros.ros2.diagnosis.node_endings import ending_of
-from sim_action.ros.ros2.diagnosis.unconnected_topics import unheard, unsent, whole_graph
-from sim_action.ros.ros2.domain import Domain
+from sim_action.ros.ros2.graph import Qos, TopicEnd, large_message_problem, order_notes, subscriber_problems, unheard
 from sim_action.ros.ros2.installation import RMW, Ros2, find_ros
 from sim_action.ros.ros2.launch.launched_nodes import LaunchedNodes, LaunchSpec, RobotTopics
-from sim_action.ros.ros2.lockstep import CLOCK, Lockstep
+from sim_action.ros.ros2.lockstep import CLOCK, Lockstep, Readiness
 from sim_action.ros.ros2.messages import Message
-from sim_action.ros.ros2.node_group import Node, NodeGroup
-from sim_action.ros.ros2.quality import large_message_problem, subscriber_problems
-from sim_action.ros.ros2.readiness import Readiness
-from sim_action.ros.ros2.received_commands import ReceivedCommands
-from sim_action.ros.ros2.started_nodes import ListedNodes, scratch_of, set_up_packages
+from sim_action.ros.ros2.node_processes import Node, NodeGroup
+from sim_action.ros.ros2.received_commands import ReceivedCommands, unsent
+from sim_action.ros.ros2.started_nodes import Domain, ListedNodes, scratch_of, set_up_packages
 from sim_action.ros.ros2.topics import channels, topics_of
 from sim_action.state.command import Answer
 from sim_action.state.observation import Observation
@@ -37,9 +33,20 @@ from sim_action.state.reproducibility import Transcript
 if TYPE_CHECKING:
     from sim_action.core.workspace import Workspace
     from sim_action.ros.ros2.node_processes import ProcessFolder
+    from sim_action.ros.ros2.node_spec import Ros2Nodes
     from sim_action.ros.ros2.packages import Packages
-    from sim_action.ros.ros2.spec import Ros2Commands, Ros2Nodes
     from sim_action.world.scene import Scene
+
+
+ROSOUT: Final = "/rosout"
+_LOG_TYPE: Final = "rcl_interfaces/msg/Log"
+# As publishers of logs have it: late subscribers get what was logged before.
+_LOG_DEPTH: Final = 1000
+_ERROR: Final = 40
+_FATAL: Final = 50
+_MAX_CHARS: Final = 300
+_MAX_ERRORS: Final = 10
+
 
 _KEY: Final = "ros2"
 _DESCRIPTION: Final = "/robot_description"
@@ -52,17 +59,77 @@ _SMALL_BYTES: Final = 100_000
 _REALTIME: Final = "with pace: realtime, nodes run by the wall clock"
 
 
-def open_nodes(source: Ros2Commands, scene: Scene) -> ClosedLoop:
-    """Start the nodes of a source, and return its controller. Raise SourceProblem, ScriptError."""
+def errors_endpoint(publishers: Sequence[TopicEnd]) -> Endpoint:
+    """Return the subscription to errors, with the durability that its publishers have."""
+    keeps = all(end.durability == "transient_local" for end in publishers)
+    qos = Qos(durability="transient_local" if keeps else "volatile", depth=_LOG_DEPTH)
+    return Endpoint(ROSOUT, _LOG_TYPE, qos, least=("level", _ERROR))
+
+
+@dataclass(frozen=True, slots=True)
+class _Source:
+    """A line of a node's code that logs errors."""
+
+    node: str
+    level: int
+    file: str
+    line: int
+
+
+class LoggedErrors:
+    """The errors of a run, those of one line of code together.
+
+    Attributes:
+        messages: one for each such line, in the order of their first errors.
+    """
+
+    def __init__(self, directory: Path) -> None:
+        """Begin without errors; `directory`: that of the user's code."""
+        self._directory = directory
+        self._first: dict[_Source, tuple[int, str]] = {}
+        self._times: Counter[_Source] = Counter()
+        self.messages: list[str] = []
+
+    def take(self, message: Message, seconds: float | None) -> None:
+        """Take a message of the topic, at a sim time in s; None: sim time has not begun."""
+        source = _Source(message["name"], message["level"], message["file"], message["line"])
+        when = "before sim time began" if seconds is None else f"at {seconds:g} s of sim time"
+        said = shortened(escaped_line(message["msg"].strip()), _MAX_CHARS)
+        place, _ = self._first.setdefault(source, (len(self._first), f"{when}: {said}"))
+        self._times[source] += 1
+        if place > _MAX_ERRORS:
+            return
+        text = self._text(source) if place < _MAX_ERRORS else "nodes logged errors in more places"
+        self.messages[place : place + 1] = [text]
+
+    def _text(self, source: _Source) -> str:
+        times = self._times[source]
+        kind = "a fatal error" if source.level >= _FATAL else "an error"
+        often = f" {times} times, first" if times > 1 else ""
+        where = f" ({place})" if (place := self._location(source)) else ""
+        return escaped_line(f"the node '{source.node}' logged {kind}{often} {self._first[source][1]}{where}")
+
+    def _location(self, source: _Source) -> Location | None:
+        path = Path(source.file)
+        if not source.file or not path.is_absolute() or not path.resolve().is_relative_to(self._directory.resolve()):
+            return None
+        return Location(shown_path(path.resolve()), source.line)
+
+
+def open_nodes(spec: Ros2Nodes, rate: float, scene: Scene) -> ClosedLoop:
+    """Start the nodes of a scenario, and return their controller. Raise SourceProblem, ScriptError.
+
+    `rate`: ticks per second.
+    """
     try:
         ros = find_ros()
     except UsageError as error:
         raise SourceProblem(str(error), _KEY) from None
     with ExitStack() as undo:
-        session = Session.open(source.ros2, ros, scene.workspace, os.environ, undo)
-        group = _started(source, scene, session)
+        session = Session.open(spec, ros, scene.workspace, os.environ, undo)
+        group = _started(spec, rate, scene, session)
         undo.callback(group.close)
-        nodes = DrivenNodes(source, scene, session, group)
+        nodes = DrivenNodes(spec, rate, scene, session, group)
         nodes.closing = undo.pop_all()
         nodes.notes += ros.notes
     return controller_of(nodes)
@@ -83,18 +150,17 @@ def controller_of(nodes: DrivenNodes) -> ClosedLoop:
     )
 
 
-def _started(source: Ros2Commands, scene: Scene, session: Session) -> NodeGroup:
+def _started(spec: Ros2Nodes, rate: float, scene: Scene, session: Session) -> NodeGroup:
     """Start the nodes that the scenario lists, or its launch file. Raise SourceProblem, ScriptError."""
-    spec = source.ros2
     if spec.launch is None:
         return ListedNodes(spec.nodes or (), session.packages, scene.workspace, session.folder)
-    launched = LaunchSpec.of(spec, session.packages, scene.workspace, robot_topics(source, scene))
+    launched = LaunchSpec.of(spec, session.packages, scene.workspace, robot_topics(spec, rate, scene))
     return LaunchedNodes(launched, session.folder)
 
 
-def robot_topics(source: Ros2Commands, scene: Scene) -> RobotTopics:
+def robot_topics(spec: Ros2Nodes, rate: float, scene: Scene) -> RobotTopics:
     """Return the names of the topics of the robot."""
-    found = channels(scene, source.ros2.topics, source.rate, source.ros2.controllers, described=False)
+    found = channels(scene, spec.topics, rate, spec.controllers, described=False)
     published = {each.topic for each in found.publishers} | {CLOCK}
     return RobotTopics(frozenset(each.topic for each in found.subscriptions), frozenset(published))
 
@@ -137,10 +203,10 @@ class DrivenNodes:
         losses: parts of a launch file that are not simulated, if they are allowed.
     """
 
-    def __init__(self, source: Ros2Commands, scene: Scene, session: Session, group: NodeGroup) -> None:
+    def __init__(self, spec: Ros2Nodes, rate: float, scene: Scene, session: Session, group: NodeGroup) -> None:
         """Wait until the nodes are ready. Raise SourceProblem, ScriptError."""
-        self._source, self._scene, self._rate = source, scene, source.rate
-        self._is_realtime = source.ros2.pace == "realtime"
+        self._spec, self._rate, self._scene = spec, rate, scene
+        self._is_realtime = spec.pace == "realtime"
         self.transcript, self.notes = Transcript(), list[str]()
         self._started_at: float | None = None
         self._seconds = 0.0
@@ -188,7 +254,7 @@ class DrivenNodes:
         """Return why nodes do not move the robot, as far as the topics show."""
         reasons = list[str]()
         with suppress(BridgeEnded):
-            graph = whole_graph(self._bridge)
+            graph = self._bridge.whole_graph()
             if not self._has_heard:
                 reasons += unsent(graph, self._subscriptions)
             reasons += [*self._finished.values(), *self._misfits, *unheard(graph, self._published)]
@@ -218,13 +284,13 @@ class DrivenNodes:
         if self._is_realtime:
             self._lockstep.losses.append(_REALTIME)
         else:
-            self.notes += order_notes(whole_graph(self._bridge))
+            self.notes += order_notes(self._bridge.whole_graph())
             self._lockstep.hold()
             self._lockstep.settle(0.0)
         # Commands from before the start arrive or not, depending on which node came up first.
         received, _ = self._bridge.take(())
         self._hear_errors(received, None)
-        self.notes += unheard(whole_graph(self._bridge), self._published)
+        self.notes += unheard(self._bridge.whole_graph(), self._published)
 
     def _hear_errors(self, received: list[tuple[int, Message]], seconds: float | None) -> None:
         for number, message in received:
@@ -238,14 +304,13 @@ class DrivenNodes:
     def _admit(self, new: Sequence[Node]) -> None:
         """Wait until new nodes are up, and all know each other. Raise ScriptError, BridgeEnded."""
         self._lockstep.add(new)
-        readiness = Readiness(self._bridge, new, self._group.refuse_ended, self._source.ros2.start_within)
+        readiness = Readiness(self._bridge, new, self._group.refuse_ended, self._spec.start_within)
         readiness.await_clocks()
         readiness.await_answers()
-        ros2 = self._source.ros2
-        commands = topics_of(self._scene, ros2.topics, ros2.controllers)
+        commands = topics_of(self._scene, self._spec.topics, self._spec.controllers)
         readiness.await_connections({_DESCRIPTION, *commands.values()})
         # On a busy machine, nodes of a launch may not have been able to announce themselves during one calm.
-        for _ in range(_MORE_CALMS if ros2.launch and not self._is_realtime else 0):
+        for _ in range(_MORE_CALMS if self._spec.launch and not self._is_realtime else 0):
             self._lockstep.settle(self._seconds)
             readiness.await_connections({_DESCRIPTION, *commands.values()})
         self._lockstep.losses += (each for each in readiness.losses if each not in self._lockstep.losses)
@@ -253,9 +318,9 @@ class DrivenNodes:
 
     def _open_topics(self) -> None:
         """Open the topics of the robot."""
-        stated, scene = self._source.ros2.topics, self._scene
+        stated, scene = self._spec.topics, self._scene
         described = bool(self._bridge.graph([_DESCRIPTION]).publishers[_DESCRIPTION])
-        found = channels(scene, stated, self._rate, self._source.ros2.controllers, described=described)
+        found = channels(scene, stated, self._rate, self._spec.controllers, described=described)
         wanted = {each.type for each in found.publishers} | {
             kind for each in found.subscriptions for kind in each.types
         }

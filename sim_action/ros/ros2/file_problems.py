@@ -10,7 +10,7 @@ import sys
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
-from typing import Final, Protocol
+from typing import Final
 
 from sim_action.core.errors import UsageError
 from sim_action.core.wording import did_you_mean
@@ -18,30 +18,13 @@ from sim_action.core.workspace import PathError, Workspace, similar_name
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.documents.package_search import PACKAGE_FILE
 from sim_action.ros.ros2.installation import Ros2, find_ros
-from sim_action.ros.ros2.node_spec import Ros2NodeSpec
-from sim_action.ros.ros2.packages import INSTALL, Packages, is_python, workspace_of
-from sim_action.ros.ros2.python_packages import UNREADABLE
+from sim_action.ros.ros2.node_spec import Ros2Nodes, Ros2NodeSpec
+from sim_action.ros.ros2.packages import INSTALL, UNREADABLE, Packages, is_python, workspace_of
 
 _BUILD: Final = "run colcon build"
 
 
-class CheckedSpec(Protocol):
-    """The keys below `ros2` that name packages, executables and files."""
-
-    @property
-    def nodes(self) -> tuple[Ros2NodeSpec, ...] | None:
-        """The nodes to start."""
-
-    @property
-    def launch(self) -> tuple[str, ...] | None:
-        """The package, the launch file and its arguments."""
-
-    @property
-    def workspace(self) -> str | None:
-        """The folder of the workspace; None: it is looked for."""
-
-
-def unchecked(spec: CheckedSpec) -> tuple[str, ...]:
+def unchecked(spec: Ros2Nodes) -> tuple[str, ...]:
     """Return the notes on everything that cannot be checked before the nodes are started."""
     why = why_no_ros()
     what = "launch file is read" if spec.launch else "nodes are started"
@@ -64,7 +47,7 @@ def _installation() -> tuple[Ros2 | None, str | None]:
         return None, str(error)
 
 
-def file_problems(spec: CheckedSpec, workspace: Workspace) -> SpecProblems:
+def file_problems(spec: Ros2Nodes, workspace: Workspace) -> SpecProblems:
     """Yield problems, by their keys below `ros2`."""
     if (spec.launch is None) == (spec.nodes is None):
         hint = "remove one of them" if spec.launch else "give one of them"

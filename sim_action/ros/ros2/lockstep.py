@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import math
 import os
 import threading
 import time
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Final
 
 from sim_action.ros.processes import ChildProcesses, descendants
-from sim_action.ros.quiescence import WatchedProcesses
+from sim_action.ros.quiescence import WatchedProcesses, WatchedThread
 from sim_action.ros.ros2.bridge_link import Bridge, Endpoint
-from sim_action.ros.ros2.diagnosis.unordered_nodes import UnorderedNodes
+from sim_action.ros.ros2.graph import Graph, TopicEnd, subscriber_problems
 from sim_action.ros.ros2.messages import clock_message
-from sim_action.ros.ros2.node_group import Node
+from sim_action.ros.ros2.node_processes import Node
 from sim_action.ros.ros2.topics import CLOCK_QOS, CLOCK_TYPE
 
 CLOCK: Final = "/clock"
@@ -25,6 +27,23 @@ _BUSY_S: Final = 0.1
 # Wall time for which the clock stands still before it starts, in parts.
 _HOLD_S: Final = 0.01
 _HOLDS: Final = 10
+
+
+# The beginning of the names of threads of Fast DDS.
+_OF_DDS: Final = "dds."
+# Threads without a name also handle changes of the graph, which are rare during a run.
+_MIN_WAKES: Final = 3
+_MIN_SHARED: Final = 10
+# In s of wall time: less than the period of spdlog.
+_MAX_GAP_S: Final = 4.0
+
+
+_USE_SIM_TIME: Final = "use_sim_time"
+_READY_POLL_S: Final = 0.01
+# The wall time of one question, during which ended processes go unnoticed.
+_ASK_S: Final = 0.2
+# The wall time without a change after which all participants know each other: some announcements of each.
+_CALM_S: Final = 0.1
 
 
 def clock_of(number: int | str) -> str:
@@ -136,3 +155,158 @@ class Lockstep:
                 f"lock-step was lost at {seconds:g} s of sim time, because {who} still busy after {MAX_SETTLE_S:g} s "
                 "of wall time"
             )
+
+
+class UnorderedNodes:
+    """Notices nodes of one run.
+
+    Attributes:
+        labels: id of a process -> the name of its node.
+    """
+
+    def __init__(self) -> None:
+        self.labels: dict[int, str] = {}
+        self._wakes, self._shared = _Repetitions(), _Repetitions()
+
+    def notice_wakes(self, threads: Iterable[WatchedThread], now: float) -> Iterator[str]:
+        """Take the threads that ran although nothing was sent to nodes; yield reasons why another run may differ.
+
+        `now`: wall time in s.
+        """
+        woken = [thread for thread in threads if self._is_of_node(thread)]
+        with_main = {thread.pid for thread in woken if thread.tid == thread.pid}
+        for pid in {thread.pid for thread in woken}:
+            if self._wakes.count(pid, now, is_frequent=pid in with_main) == _MIN_WAKES:
+                yield (
+                    f"the node '{self.labels[pid]}' ran although nothing was sent to it; it waits by the wall clock, "
+                    "for example with time.sleep(), a timeout, or a timer of another clock than that of the node"
+                )
+
+    def notice_work(
+        self, before: Mapping[WatchedThread, bytes], after: Mapping[WatchedThread, bytes], now: float
+    ) -> Iterator[str]:
+        """Take how long threads had run before and after a wait; yield reasons why another run may differ.
+
+        `now`: wall time in s.
+        """
+        ran = (thread for thread, spent in after.items() if before.get(thread, spent) != spent)
+        counts = Counter(thread.pid for thread in ran if self._is_of_node(thread))
+        for pid in (pid for pid, count in counts.items() if count > 1):
+            if self._shared.count(pid, now) == _MIN_SHARED:
+                yield (
+                    f"the node '{self.labels[pid]}' handles messages on several threads, in no certain order; use an "
+                    "executor with one thread"
+                )
+
+    def _is_of_node(self, thread: WatchedThread) -> bool:
+        return thread.pid in self.labels and not thread.name.startswith(_OF_DDS)
+
+
+class _Repetitions:
+    """Counts what happens to processes again soon after the last time."""
+
+    def __init__(self) -> None:
+        self._counts = Counter[int]()
+        self._last: dict[int, float] = {}
+
+    def count(self, pid: int, now: float, *, is_frequent: bool = False) -> int:
+        """Count one more, and return the count; 0: it did not count. `is_frequent`: it counts in any case."""
+        gap = now - self._last.get(pid, -math.inf)
+        self._last[pid] = now
+        if gap > _MAX_GAP_S and not is_frequent:
+            return 0
+        self._counts[pid] += 1
+        return self._counts[pid]
+
+
+class Readiness:
+    """The wait for all nodes.
+
+    Attributes:
+        losses: reasons why another run may differ.
+    """
+
+    def __init__(
+        self, bridge: Bridge, nodes: Sequence[Node], refuse_ended: Callable[[], None], start_within: float
+    ) -> None:
+        """Prepare the wait.
+
+        :param refuse_ended: raises the error of a node that has failed.
+        :param start_within: s of wall time that nodes may take.
+        """
+        self._bridge, self._nodes, self._refuse_ended = bridge, nodes, refuse_ended
+        self._start_within = start_within
+        self._deadline = time.monotonic() + start_within
+        self._clocks = {clock_of(node.number): node for node in nodes}
+        self.losses: list[str] = []
+
+    def await_clocks(self) -> None:
+        """Wait until each process listens to its clock, or is late. Raise ScriptError, BridgeEnded."""
+        while True:
+            self._refuse_ended()
+            graph = self._bridge.graph(self._clocks)
+            deaf = [node for topic, node in self._clocks.items() if not graph.subscriptions[topic]]
+            deaf = [node for node in deaf if node.process.exit_code() is None]
+            if not deaf:
+                return
+            if time.monotonic() > self._deadline:
+                within = f"within {self._start_within:g} s of wall time"
+                self.losses += [
+                    f"the node '{node.process.label}' did not subscribe to its clock {within}" for node in deaf
+                ]
+                return
+            time.sleep(_READY_POLL_S)
+
+    def await_answers(self) -> None:
+        """Wait until each node answers, or is late. Raise ScriptError, BridgeEnded."""
+        values: dict[str, bool | None] = {}
+        while left := [name for name in self._bridge.graph(()).nodes if name not in values]:
+            self._refuse_ended()
+            values |= self._bridge.parameters(left, _USE_SIM_TIME, _ASK_S)
+            if time.monotonic() > self._deadline:
+                silent = (name for name in left if name not in values)
+                self.losses += [
+                    f"the node '{name}' did not answer {name}/get_parameters; does it spin?" for name in silent
+                ]
+                break
+        on_wall_time = (name for name, value in values.items() if value is False)
+        self.losses += [f"the node '{name}' has set use_sim_time to false" for name in on_wall_time]
+
+    def await_connections(self, watched: Collection[str]) -> None:
+        """Wait until the bridge is connected to all nodes, and the graph has not changed for a while.
+
+        `watched`: topics besides those of the bridge that may not change. Ends that cannot connect, because their type
+        or their QoS differs, are not waited for. Raise ScriptError, BridgeEnded.
+        """
+        before: Graph | None = None
+        calm_since = time.monotonic()
+        while time.monotonic() < calm_since + _CALM_S:
+            self._refuse_ended()
+            ends = (*self._bridge.published, *self._bridge.heard)
+            graph = self._bridge.graph({*watched, *(end.topic for end in ends)})
+            missing = self._missing_connections(graph)
+            if missing and time.monotonic() > self._deadline:
+                within = f"within {self._start_within:g} s of wall time"
+                self.losses += [f"{node} was not connected to the robot on {topic} {within}" for topic, node in missing]
+                return
+            if missing or graph != before:
+                before, calm_since = graph, time.monotonic()
+            time.sleep(_READY_POLL_S)
+
+    def _missing_connections(self, graph: Graph) -> list[tuple[str, str]]:
+        """Return the topics on which not all ends that can connect have done so, each with the nodes in question."""
+        publishers, subscriptions = self._bridge.matched()
+        ours = zip(self._bridge.published, publishers, strict=True)
+        theirs = zip(self._bridge.heard, subscriptions, strict=True)
+        sides = [(own.topic, count, _fitting(own, graph.subscriptions[own.topic])) for own, count in ours]
+        sides += [(own.topic, count, graph.publishers[own.topic]) for own, count in theirs]
+        return [(topic, _one_of(ends)) for topic, count, ends in sides if count < len(ends)]
+
+
+def _fitting(offered: Endpoint, ends: Sequence[TopicEnd]) -> Sequence[TopicEnd]:
+    return [end for end in ends if not any(subscriber_problems(offered.topic, offered.type, offered.qos, [end]))]
+
+
+def _one_of(ends: Sequence[TopicEnd]) -> str:
+    names = sorted({repr(end.node) for end in ends})
+    return f"the node {names[0]}" if len(names) == 1 else f"one of the nodes {' and '.join(names)}"

@@ -1,17 +1,24 @@
-"""The nodes that a scenario lists: executables of packages and files, with their start options."""
+"""The keys below `ros2`: nodes with their start options, a launch file, and the controllers that nodes command."""
 
 from __future__ import annotations
 
 import re
 import shlex
+from collections.abc import Mapping
 from pathlib import PurePosixPath
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, GetJsonSchemaHandler, JsonValue, model_validator
 from pydantic_core import CoreSchema
 
-from sim_action.core.field_types import FrozenModel, NamesFile
-from sim_action.core.wording import shown
+from sim_action.core.field_types import FrozenModel, NamesFile, PositiveSeconds
+from sim_action.core.wording import FirstFew, shown
+from sim_action.core.yaml_errors import SpecProblems
+from sim_action.robot.model.joint_selection import joints_set_by, setting_problems
+from sim_action.robot.model.robot_model import RobotModel
+
+# In s: as long as anybody can mean.
+_MAX_START_S: Final = 86_400
 
 # design.ros2.org/articles/topic_and_service_names.html
 _TOKEN: Final = r"[A-Za-z_][A-Za-z0-9_]*"  # noqa: S105 - a part of a name
@@ -25,6 +32,9 @@ _MAX_NAME_CHARS: Final = 247
 # rcl_interfaces/ParameterValue; a larger integer would become a float.
 _MIN_INTEGER: Final = -(2**63)
 _MAX_INTEGER: Final = 2**63 - 1
+
+
+Names = Annotated[tuple[str, ...], Field(min_length=1)]
 
 
 def _node_name(name: str) -> str:
@@ -184,3 +194,115 @@ class Ros2NodeSpec(FrozenModel):
     def arguments(self) -> tuple[str, ...]:
         """The arguments of the program."""
         return tuple(shlex.split(self.args))
+
+
+class JointController(FrozenModel):
+    """A controller: the joints that it moves, by name, by pattern such as `'*_hip'`, or by group of the SRDF."""
+
+    trajectory: Annotated[
+        Names | None,
+        Field(description="joints that follow a `trajectory_msgs/JointTrajectory` on `/NAME/joint_trajectory`"),
+    ] = None
+    position: Annotated[
+        Names | None, Field(description="joints whose positions are a `std_msgs/Float64MultiArray` on `/NAME/commands`")
+    ] = None
+    velocity: Annotated[Names | None, Field(description="joints whose velocities are, likewise")] = None
+    effort: Annotated[Names | None, Field(description="joints whose efforts are, likewise")] = None
+
+    @model_validator(mode="after")
+    def _has_one_kind(self) -> Self:
+        if len(self.model_fields_set) != 1 or not self.names:
+            raise ValueError("a controller needs exactly one of 'trajectory', 'position', 'velocity' and 'effort'")
+        return self
+
+    @property
+    def kind(self) -> str:
+        """The key that is stated."""
+        (kind,) = self.model_fields_set
+        return kind
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names, patterns and groups of its joints."""
+        names: tuple[str, ...] | None = getattr(self, self.kind)
+        return names or ()
+
+    def topic(self, name: str) -> str:
+        """Return its usual topic; `name`: that of the controller."""
+        return f"/{name.strip('/')}/{'joint_trajectory' if self.kind == 'trajectory' else 'commands'}"
+
+    def joints(self, model: RobotModel) -> tuple[str, ...]:
+        """Return its joints, in the order of the names, and in that of the model for patterns and groups."""
+        found = joints_set_by(model, dict.fromkeys(self.names))
+        return tuple(dict.fromkeys(joint for name in self.names for joint in found[name]))
+
+
+def joint_problems(controllers: Mapping[str, JointController], model: RobotModel) -> SpecProblems:
+    """Yield unknown joints, joints without a motor, and joints of two controllers."""
+    hinted, first = FirstFew(), dict[str, str]()
+    for name, controller in controllers.items():
+        key = (name, controller.kind)
+        problems = list(setting_problems(model, dict.fromkeys(controller.names, 0.0), hinted))
+        yield from ((key, message) for _, message in problems)
+        for joint in controller.joints(model):
+            if (why := model.why_not_driven(joint)) is not None:
+                yield key, why
+            elif (other := first.setdefault(joint, name)) != name:
+                yield key, f"joint '{joint}' already obeys the controller '{other}'"
+
+
+class Ros2Nodes(FrozenModel):
+    """The nodes to start, and the names of the robot's topics."""
+
+    launch: Annotated[
+        tuple[str, ...] | None,
+        Field(
+            min_length=1,
+            description="launch file (experimental): its package, its name, and NAME:=VALUE for each argument",
+        ),
+    ] = None
+    nodes: Annotated[
+        tuple[Ros2NodeSpec, ...] | None,
+        Field(
+            min_length=1,
+            description="list of nodes, instead of a launch file; each is package/executable, a file such as "
+            "./mover.py, or a map",
+        ),
+    ] = None
+    allow_losses: Annotated[
+        bool, Field(description="run without parts of the launch file that are not simulated; they are warnings then")
+    ] = False
+    workspace: Annotated[
+        str | None,
+        NamesFile(),
+        Field(
+            min_length=1,
+            description="folder of the workspace, or its install folder; default: the nearest one around the scenario, "
+            "else its repository",
+        ),
+    ] = None
+    topics: Annotated[
+        dict[str, RobotTopicName],
+        Field(
+            description="cmd_vel, odom, joint_states, joint_trajectory, or the name of a sensor or a controller -> "
+            "topic name"
+        ),
+    ] = Field(default_factory=dict)
+    controllers: Annotated[
+        dict[RobotTopicName, JointController],
+        Field(
+            description="name of a controller of ros2_control -> the joints that nodes command by its topic; default: "
+            "`/joint_trajectory` for all joints that are not those of the drive"
+        ),
+    ] = Field(default_factory=dict)
+    start_within: Annotated[
+        PositiveSeconds,
+        Field(le=_MAX_START_S, description="wall time that nodes may take to start; sim time waits for them"),
+    ] = 20.0
+    pace: Annotated[
+        Literal["lockstep", "realtime"],
+        Field(
+            description="lockstep: sim time waits for the nodes, and every run is the same; realtime: sim time follows "
+            "the wall clock, for nodes that must"
+        ),
+    ] = "lockstep"

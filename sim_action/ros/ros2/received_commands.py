@@ -2,20 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any, Final, Protocol
 
 from sim_action.commands.controller_answers import twist_problem
 from sim_action.core.errors import ScriptError
 from sim_action.core.geometry import Twist
 from sim_action.core.records import dataclass, replace
-from sim_action.ros.ros2.messages import Message, twist_of
-from sim_action.ros.ros2.quality import USUAL, Qos, TopicEnd
+from sim_action.core.wording import did_you_mean
+from sim_action.robot.model.robot_model import Joint, Reading, RobotModel
+from sim_action.ros.joint_commands import JointCurve, TrajectoryPoint, Waypoint, joint_curves, targets, within_limits
+from sim_action.ros.ros2.graph import USUAL, Graph, Qos, TopicEnd
+from sim_action.ros.ros2.messages import Message, seconds_of, twist_of
+from sim_action.ros.ros2.node_spec import JointController
 from sim_action.state.command import Answer, JointTargets
 from sim_action.state.observation import Observation
 
 TWIST: Final = "geometry_msgs/msg/Twist"
 STAMPED_TWIST: Final = "geometry_msgs/msg/TwistStamped"
+
+
+_READINGS: Final[Mapping[str, Reading]] = {"position": "position", "velocity": "velocity", "effort": "effort"}
+
+TRAJECTORY: Final = "trajectory_msgs/msg/JointTrajectory"
+VALUES: Final = "std_msgs/msg/Float64MultiArray"
+
+# joint_trajectory_controller allows no more, as the single-precision epsilon.
+_REST: Final = 1.1920929e-07
 
 
 class BadMessage(Exception):
@@ -83,6 +98,22 @@ class Subscription:
         return replace(self, type=kind, alternatives=others, qos=qos)
 
 
+def unsent(graph: Graph, subscriptions: Sequence[Subscription]) -> Iterator[str]:
+    """Yield that no command arrived, and the topics of nodes that may have been meant."""
+    yield f"no node sent a message on {' or '.join(each.topic for each in subscriptions)}"
+    own = {each.topic for each in subscriptions}
+    for subscription in subscriptions:
+        others = [
+            (topic, kind)
+            for topic, ends in sorted(graph.publishers.items())
+            for kind in subscription.types
+            if topic not in own and any(end.type == kind for end in ends)
+        ]
+        if others:
+            found = ", ".join(f"{topic} ({kind})" for topic, kind in others)
+            yield f"nodes publish {found}; to use it, set topics: {{{subscription.key}: {others[0][0]}}}"
+
+
 class ReceivedCommands:
     """The commands of all subscriptions during a run."""
 
@@ -133,3 +164,159 @@ class TwistReceiver:
 def twist_subscription(key: str, topic: str) -> Subscription:
     """Return the subscription to twists of the base."""
     return Subscription(key, topic, TWIST, TwistReceiver, (STAMPED_TWIST,))
+
+
+def controller_subscription(name: str, topic: str, controller: JointController, model: RobotModel) -> Subscription:
+    """Return the subscription to the commands of a controller."""
+    joints = [model.joints_by_name[joint] for joint in controller.joints(model)]
+    if controller.kind == "trajectory":
+        return Subscription(name, topic, TRAJECTORY, partial(TrajectoryReceiver, joints))
+    return Subscription(name, topic, VALUES, partial(ValuesReceiver, joints, _READINGS[controller.kind]))
+
+
+def any_joints_subscription(key: str, topic: str, joints: Sequence[Joint]) -> Subscription:
+    """Return a subscription to trajectories of any of some joints; the others are left as they are."""
+    return Subscription(key, topic, TRAJECTORY, partial(TrajectoryReceiver, joints, needs_all=False))
+
+
+class TrajectoryReceiver:
+    """Follows the last trajectory, as joint_trajectory_controller does. Joints hold still after its end.
+
+    A controller that needs all its joints also holds them still before the first trajectory.
+    """
+
+    def __init__(self, joints: Sequence[Joint], *, needs_all: bool = True) -> None:
+        self._joints = {joint.name: joint for joint in joints}
+        self._needs_all = needs_all
+        self._curves: dict[str, JointCurve] = {}
+
+    def take(self, message: Mapping[str, Any], seen: Observation) -> None:
+        """See Receiver.take."""
+        names = list(message["joint_names"])
+        self._check_names(names)
+        begins = seconds_of(message["header"]["stamp"])
+        points = [_later(point, begins or seen.time) for point in _points(message, names)]
+        if self._needs_all:
+            _check_end(points[-1], names)
+        past = [point for point in points if point.time <= seen.time]
+        if begins and len(past) == len(points):
+            raise BadMessage(
+                f"a trajectory that ended at {points[-1].time:g} s, before the present, {seen.time:g} s; let its stamp "
+                "be the time of the node's clock, or 0 to start it at once"
+            )
+        # A trajectory that has begun goes on from its own points.
+        start = _waypoints(past[-1], names) if past else [self._state(name, seen) for name in names]
+        if len(past) == len(points):
+            self._curves |= {name: JointCurve((end,)) for name, end in zip(names, start, strict=True)}
+        else:
+            self._curves |= joint_curves(names, start, points[len(past) :])
+
+    def answer(self, seen: Observation) -> JointTargets | None:
+        """See Receiver.answer."""
+        if self._needs_all and not self._curves:
+            self._curves = {name: JointCurve((self._state(name, seen),)) for name in self._joints}
+        if not self._curves:
+            return None
+        now = {name: curve.at(seen.time) for name, curve in self._curves.items()}
+        return JointTargets(
+            position={name: within_limits(self._joints[name], "position", state[0]) for name, state in now.items()},
+            velocity={name: within_limits(self._joints[name], "velocity", state[1]) for name, state in now.items()},
+        )
+
+    def _state(self, name: str, seen: Observation) -> Waypoint:
+        if name in self._curves:
+            return self._curves[name].state(seen.time)
+        return Waypoint(seen.time, seen.joints[name].position, 0.0, 0.0)
+
+    def _check_names(self, names: Sequence[str]) -> None:
+        if not names:
+            raise BadMessage("a trajectory without joint_names")
+        for name in names:
+            if name not in self._joints:
+                raise BadMessage(f"a trajectory of the unknown joint '{name}'{did_you_mean(name, self._joints)}")
+        if len(set(names)) < len(names):
+            raise BadMessage(f"a trajectory with a joint twice in joint_names: {', '.join(names)}")
+        if self._needs_all and (missing := [name for name in self._joints if name not in names]):
+            raise BadMessage(f"a trajectory without {', '.join(missing)}; it needs all joints of the controller")
+
+
+def _points(message: Mapping[str, Any], names: Sequence[str]) -> Iterator[TrajectoryPoint]:
+    if not message["points"]:
+        raise BadMessage("a trajectory without points")
+    before = -math.inf
+    for number, point in enumerate(message["points"]):
+        found = [list(point[group]) for group in ("positions", "velocities", "accelerations")]
+        for group, values in zip(("positions", "velocities", "accelerations"), found, strict=True):
+            if values and len(values) != len(names):
+                raise BadMessage(
+                    f"a trajectory whose points[{number}] has {len(values)} {group} for {len(names)} joints"
+                )
+            _check_finite(values, f"points[{number}].{group}")
+        if not found[0]:
+            raise BadMessage(f"a trajectory whose points[{number}] has no positions")
+        if list(point.get("effort", ())):
+            raise BadMessage(f"a trajectory whose points[{number}] has efforts, which no joint follows")
+        time = seconds_of(point["time_from_start"])
+        if time <= before:
+            raise BadMessage(
+                f"a trajectory whose points[{number}] is at {time:g} s, not later than the point before, at "
+                f"{before:g} s"
+            )
+        before = time
+        yield TrajectoryPoint(time, *found)
+
+
+def _check_end(last: TrajectoryPoint, names: Sequence[str]) -> None:
+    """Check that joints rest at the end of a trajectory, as joint_trajectory_controller does by default."""
+    for name, velocity in zip(names, last.velocities, strict=False):
+        if abs(velocity) > _REST:
+            raise BadMessage(
+                f"a trajectory at whose end joint '{name}' has the velocity {velocity:g}; joint_trajectory_controller "
+                "refuses trajectories that do not end at rest"
+            )
+
+
+def _check_finite(values: Sequence[float], place: str) -> None:
+    for index, value in enumerate(values):
+        if not math.isfinite(value):
+            raise BadMessage(f"{place}[{index}] is {value}, which is not finite")
+
+
+def _waypoints(point: TrajectoryPoint, names: Sequence[str]) -> list[Waypoint]:
+    return [point.of_joint(index) for index in range(len(names))]
+
+
+def _later(point: TrajectoryPoint, begins: float) -> TrajectoryPoint:
+    return TrajectoryPoint(begins + point.time, point.positions, point.velocities, point.accelerations)
+
+
+class ValuesReceiver:
+    """Passes the last values on to joints, as forward_command_controller does.
+
+    Before the first command, positions hold still, velocities are 0, and efforts are left as they are.
+    """
+
+    def __init__(self, joints: Sequence[Joint], reading: Reading) -> None:
+        self._joints, self._reading = joints, reading
+        self._values: dict[str, float] | None = None
+
+    def take(self, message: Mapping[str, Any], seen: Observation) -> None:
+        """See Receiver.take."""
+        values = list(message["data"])
+        if len(values) != len(self._joints):
+            names = ", ".join(joint.name for joint in self._joints)
+            raise BadMessage(f"{len(values)} values in data for {len(self._joints)} joints: {names}")
+        _check_finite(values, "data")
+        self._values = {
+            joint.name: within_limits(joint, self._reading, value)
+            for joint, value in zip(self._joints, values, strict=True)
+        }
+
+    def answer(self, seen: Observation) -> JointTargets | None:
+        """See Receiver.answer."""
+        if self._values is None:
+            if self._reading == "effort":
+                return None
+            holds = self._reading == "position"
+            self._values = {joint.name: seen.joints[joint.name].position if holds else 0.0 for joint in self._joints}
+        return targets(self._reading, self._values)

@@ -2,78 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Final, Literal, Self
+from typing import Annotated, ClassVar, Self
 
 from pydantic import Field
 from typing_extensions import override
 
 from sim_action.commands import CommandSource, Controller, fitting_rate
-from sim_action.core.field_types import FrozenModel, NamesFile, PositiveHertz, PositiveSeconds
+from sim_action.core.field_types import PositiveHertz
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.ros.ros2.controller_spec import JointController
-from sim_action.ros.ros2.node_spec import RobotTopicName, Ros2NodeSpec
+from sim_action.ros.ros2.node_spec import Ros2Nodes
 from sim_action.world.scene import Scene
-
-# In s: as long as anybody can mean.
-_MAX_START_S: Final = 86_400
-
-
-class Ros2Nodes(FrozenModel):
-    """The nodes to start, and the names of the robot's topics."""
-
-    launch: Annotated[
-        tuple[str, ...] | None,
-        Field(
-            min_length=1,
-            description="launch file (experimental): its package, its name, and NAME:=VALUE for each argument",
-        ),
-    ] = None
-    nodes: Annotated[
-        tuple[Ros2NodeSpec, ...] | None,
-        Field(
-            min_length=1,
-            description="list of nodes, instead of a launch file; each is package/executable, a file such as "
-            "./mover.py, or a map",
-        ),
-    ] = None
-    allow_losses: Annotated[
-        bool, Field(description="run without parts of the launch file that are not simulated; they are warnings then")
-    ] = False
-    workspace: Annotated[
-        str | None,
-        NamesFile(),
-        Field(
-            min_length=1,
-            description="folder of the workspace, or its install folder; default: the nearest one around the scenario, "
-            "else its repository",
-        ),
-    ] = None
-    topics: Annotated[
-        dict[str, RobotTopicName],
-        Field(
-            description="cmd_vel, odom, joint_states, joint_trajectory, or the name of a sensor or a controller -> "
-            "topic name"
-        ),
-    ] = Field(default_factory=dict)
-    controllers: Annotated[
-        dict[RobotTopicName, JointController],
-        Field(
-            description="name of a controller of ros2_control -> the joints that nodes command by its topic; default: "
-            "`/joint_trajectory` for all joints that are not those of the drive"
-        ),
-    ] = Field(default_factory=dict)
-    start_within: Annotated[
-        PositiveSeconds,
-        Field(le=_MAX_START_S, description="wall time that nodes may take to start; sim time waits for them"),
-    ] = 20.0
-    pace: Annotated[
-        Literal["lockstep", "realtime"],
-        Field(
-            description="lockstep: sim time waits for the nodes, and every run is the same; realtime: sim time follows "
-            "the wall clock, for nodes that must"
-        ),
-    ] = "lockstep"
 
 
 class Ros2Commands(CommandSource):
@@ -147,4 +86,4 @@ class Ros2Commands(CommandSource):
         """See CommandSource.open. Raises SourceProblem if ROS 2 is not installed, ScriptError."""
         from sim_action.ros.ros2.driven_nodes import open_nodes
 
-        return open_nodes(self, scene)
+        return open_nodes(self.ros2, self.rate, scene)

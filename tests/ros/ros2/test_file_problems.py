@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -13,18 +12,11 @@ from sim_action.core.workspace import Workspace
 from sim_action.ros.ros2 import file_problems as module
 from sim_action.ros.ros2.file_problems import file_problems, unchecked, why_no_ros
 from sim_action.ros.ros2.installation import find_ros
-from sim_action.ros.ros2.node_spec import Ros2NodeSpec
+from sim_action.ros.ros2.node_spec import Ros2Nodes, Ros2NodeSpec
 from tests.ros.ros2.prefixes import installed, manifest, program, ros_prefix, source
 from tests.ros_workspace import written
 
 NODES: TypeAdapter[tuple[Ros2NodeSpec, ...]] = TypeAdapter(tuple[Ros2NodeSpec, ...])
-
-
-@dataclass(frozen=True)
-class Spec:
-    nodes: tuple[Ros2NodeSpec, ...] | None = None
-    launch: tuple[str, ...] | None = None
-    workspace: str | None = None
 
 
 @pytest.fixture
@@ -43,7 +35,9 @@ def problems(
     root: Path, *nodes: object, launch: tuple[str, ...] | None = None, workspace: str | None = None
 ) -> list[str]:
     """Returns each problem as "key: message"."""
-    spec = Spec(NODES.validate_python(nodes) if nodes else None, launch, workspace)
+    spec = Ros2Nodes.model_construct(
+        nodes=NODES.validate_python(nodes) if nodes else None, launch=launch, workspace=workspace
+    )
     found = file_problems(spec, Workspace(root, root))
     return [f"{'.'.join(map(str, path))}: {message}" for path, message in found]
 
@@ -226,11 +220,11 @@ def test_a_launch_file_is_looked_for(tmp_path: Path) -> None:
 def test_notes_say_what_is_not_checked(without_ros: None) -> None:
     nodes = NODES.validate_python(["p/e"])
 
-    assert unchecked(Spec(nodes)) == (
+    assert unchecked(Ros2Nodes(nodes=nodes)) == (
         "ros2: the nodes are started when the scenario runs",
         "ros2: ROS 2 is not installed",
     )
-    assert unchecked(Spec(launch=("p", "f")))[0] == "ros2: the launch file is read when the scenario runs"
+    assert unchecked(Ros2Nodes(launch=("p", "f")))[0] == "ros2: the launch file is read when the scenario runs"
 
 
 def test_other_systems_have_no_nodes(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,32 +3,57 @@
 from __future__ import annotations
 
 import math
+from array import array
+from collections.abc import Sequence
+from itertools import zip_longest
 from pathlib import Path
+from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
 
 from sim_action.core.errors import ScriptError
-from sim_action.core.geometry import Twist
-from sim_action.core.records import dataclass
+from sim_action.core.geometry import Pose, Twist
 from sim_action.robot.model.robot_model import Joint
-from sim_action.ros.ros2.joint_controllers import any_joints_subscription
+from sim_action.ros.joint_commands import TrajectoryPoint, Waypoint, joint_curves
+from sim_action.ros.ros2.graph import (
+    LATCHED,
+    TRANSFORMS,
+    USUAL,
+    Qos,
+    TopicEnd,
+    large_message_problem,
+    subscriber_problems,
+)
 from sim_action.ros.ros2.messages import Message, vector
-from sim_action.ros.ros2.quality import LATCHED, TRANSFORMS, USUAL, Qos, large_message_problem, subscriber_problems
-from sim_action.ros.ros2.received_commands import ReceivedCommands, twist_subscription
+from sim_action.ros.ros2.node_spec import JointController
+from sim_action.ros.ros2.received_commands import (
+    BadMessage,
+    ReceivedCommands,
+    TrajectoryReceiver,
+    ValuesReceiver,
+    any_joints_subscription,
+    twist_subscription,
+)
+from sim_action.ros.ros2.topics import channels, controller_problems, topics_of
 from sim_action.state.command import JointTargets
-from tests.ros.ros2.scenes import moment
+from tests.ros.ros2.scenes import ARM, moment, resting, scene
 
 TWIST, STAMPED, TEXT = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped", "std_msgs/msg/String"
 DRIVE = twist_subscription("cmd_vel", "/cmd_vel")
 
 
-@dataclass(frozen=True)
-class End:
-    node: str = "/mover"
-    type: str = TWIST
-    reliability: str = "reliable"
-    durability: str = "volatile"
-    demands: tuple[str, ...] = ()
+def end(
+    node: str = "/mover",
+    type: str = TWIST,  # noqa: A002 - as the field
+    *,
+    reliability: str = "reliable",
+    durability: str = "volatile",
+    demands: tuple[str, ...] = (),
+) -> TopicEnd:
+    return TopicEnd(node, type, reliability, durability, demands)
 
 
 def twist(x: float = 0.3, turn: float = 0.2) -> Message:
@@ -37,7 +62,7 @@ def twist(x: float = 0.3, turn: float = 0.2) -> Message:
 
 @pytest.mark.parametrize("kind", [TWIST, STAMPED])
 def test_a_subscription_has_the_type_of_its_publisher(kind: str) -> None:
-    found = DRIVE.matched([End(type=kind)])
+    found = DRIVE.matched([end(type=kind)])
 
     assert (found.type, found.qos) == (kind, USUAL)
     assert set(found.types) == {TWIST, STAMPED}
@@ -49,7 +74,7 @@ def test_without_a_publisher_it_takes_twists() -> None:
 
 
 def test_it_also_hears_best_effort_publishers() -> None:
-    found = DRIVE.matched([End(reliability="best_effort", type=STAMPED)])
+    found = DRIVE.matched([end(reliability="best_effort", type=STAMPED)])
     assert (found.type, found.qos.reliability) == (STAMPED, "best_effort")
 
 
@@ -66,12 +91,12 @@ SEVERAL = (
 @pytest.mark.parametrize(
     ("publishers", "message"),
     [
-        ([End(type=TEXT)], WRONG_TYPE),
-        ([End(type=TWIST), End(type=STAMPED)], f"'/mover' publishes /cmd_vel with several types: {TWIST}, {STAMPED}"),
-        ([End(), End("/joystick")], SEVERAL),
+        ([end(type=TEXT)], WRONG_TYPE),
+        ([end(type=TWIST), end(type=STAMPED)], f"'/mover' publishes /cmd_vel with several types: {TWIST}, {STAMPED}"),
+        ([end(), end("/joystick")], SEVERAL),
     ],
 )
-def test_publishers_that_cannot_command_the_robot_are_named(publishers: list[End], message: str) -> None:
+def test_publishers_that_cannot_command_the_robot_are_named(publishers: list[TopicEnd], message: str) -> None:
     with pytest.raises(ScriptError) as raised:
         DRIVE.matched(publishers)
     assert str(raised.value) == message
@@ -113,21 +138,21 @@ def test_a_base_and_its_joints_are_commanded_together() -> None:
 
 
 @pytest.mark.parametrize(
-    ("offered", "end", "problem"),
+    ("offered", "subscriber", "problem"),
     [
-        (USUAL, End(), None),
-        (USUAL, End(reliability="best_effort"), None),
-        (LATCHED, End(durability="transient_local"), None),
-        (LATCHED, End(), None),
-        (TRANSFORMS, End(), None),
-        (USUAL, End(type=TEXT), "as std_msgs/msg/String, but the robot publishes geometry_msgs/msg/Twist"),
-        (USUAL, End(durability="transient_local"), "so that they do not connect; subscribe with volatile"),
-        (USUAL, End(demands=("a deadline", "a liveliness")), "with a deadline and a liveliness, which the robot does"),
-        (Qos("best_effort"), End(), "so that they do not connect; subscribe with best_effort"),
+        (USUAL, end(), None),
+        (USUAL, end(reliability="best_effort"), None),
+        (LATCHED, end(durability="transient_local"), None),
+        (LATCHED, end(), None),
+        (TRANSFORMS, end(), None),
+        (USUAL, end(type=TEXT), "as std_msgs/msg/String, but the robot publishes geometry_msgs/msg/Twist"),
+        (USUAL, end(durability="transient_local"), "so that they do not connect; subscribe with volatile"),
+        (USUAL, end(demands=("a deadline", "a liveliness")), "with a deadline and a liveliness, which the robot does"),
+        (Qos("best_effort"), end(), "so that they do not connect; subscribe with best_effort"),
     ],
 )
-def test_subscribers_that_cannot_connect_are_named(offered: Qos, end: End, problem: str | None) -> None:
-    found = list(subscriber_problems("/topic", TWIST, offered, [end]))
+def test_subscribers_that_cannot_connect_are_named(offered: Qos, subscriber: TopicEnd, problem: str | None) -> None:
+    found = list(subscriber_problems("/topic", TWIST, offered, [subscriber]))
 
     assert len(found) == (problem is not None)
     assert all(each.startswith("'/mover' subscribes to /topic") and str(problem) in each for each in found)
@@ -142,3 +167,240 @@ def test_messages_that_the_system_does_not_buffer_are_named(tmp_path: Path) -> N
     assert large_message_problem("/image", 921_600, limit) is None
     assert str(large_message_problem("/image", 6_220_800, limit)).endswith("make the messages smaller")
     assert large_message_problem("/image", 921_600, tmp_path / "missing") is None
+
+
+def joint(name: str, limit: float | None = None) -> Joint:
+    lower = None if limit is None else -limit
+    return Joint(name, "revolute", "base", name, Pose(), (0.0, 0.0, 1.0), lower, limit, max_velocity=limit)
+
+
+def duration(seconds: float) -> Message:
+    return {"sec": math.floor(seconds), "nanosec": round(seconds % 1 * 1e9)}
+
+
+def point(at: float, positions: Sequence[float], *more: Sequence[float]) -> Message:
+    names = ("positions", "velocities", "accelerations", "effort")
+    stated = zip_longest(names, (positions, *more), fillvalue=())
+    return {**{str(name): array("d", values) for name, values in stated}, "time_from_start": duration(at)}
+
+
+def trajectory(names: Sequence[str], *points: Message, stamp: float = 0.0) -> Message:
+    return {"header": {"stamp": duration(stamp), "frame_id": ""}, "joint_names": list(names), "points": list(points)}
+
+
+AT_REST = moment(2.0, joints={"a": 0.5, "b": -0.5})
+
+
+def receiver(*, needs_all: bool = True) -> TrajectoryReceiver:
+    return TrajectoryReceiver([joint("a"), joint("b")], needs_all=needs_all)
+
+
+def answered(it: TrajectoryReceiver, time: float) -> JointTargets:
+    targets = it.answer(moment(time, joints={"a": 0.5, "b": -0.5}))
+    assert targets is not None
+    return targets
+
+
+numbers = st.floats(-2, 2)
+triples = st.lists(st.tuples(numbers, numbers), min_size=3, max_size=3)
+
+
+@given(values=st.lists(triples, min_size=1, max_size=4), degree=st.sampled_from([1, 3, 5]), share=st.floats(0, 5))
+def test_trajectories_are_followed_as_in_ros_1(
+    values: list[list[tuple[float, float]]], degree: int, share: float
+) -> None:
+    groups = {1: 1, 3: 2, 5: 3}[degree]
+    stated = [group[:groups] for group in values]
+    points = [point(0.5 * (number + 1), *group) for number, group in enumerate(stated)]
+    ours = receiver(needs_all=False)
+    ours.take(trajectory(["b", "a"], *points), AT_REST)
+
+    start = [Waypoint(2.0, -0.5, 0.0, 0.0), Waypoint(2.0, 0.5, 0.0, 0.0)]
+    theirs = joint_curves(
+        ["b", "a"], start, [TrajectoryPoint(2.0 + 0.5 * (number + 1), *group) for number, group in enumerate(stated)]
+    )
+    time = 2.0 + 0.5 * share
+    found = answered(ours, time)
+    assert (dict(found.position), dict(found.velocity)) == (
+        {name: curve.at(time)[0] for name, curve in theirs.items()},
+        {name: curve.at(time)[1] for name, curve in theirs.items()},
+    )
+
+
+def test_a_controller_holds_its_joints_before_and_after_a_trajectory() -> None:
+    it = receiver()
+
+    assert answered(it, 0.0).position == {"a": 0.5, "b": -0.5}
+    it.take(trajectory(["a", "b"], point(1.0, [1.0, 1.0])), AT_REST)
+    assert answered(it, 2.5).position == {"a": 0.75, "b": 0.25}
+    assert answered(it, 9.0).position == {"a": 1.0, "b": 1.0}
+    assert answered(it, 9.0).velocity == {"a": 0.0, "b": 0.0}
+
+
+def test_joints_that_no_trajectory_names_are_left_as_they_are() -> None:
+    it = receiver(needs_all=False)
+    assert it.answer(AT_REST) is None
+
+    it.take(trajectory(["b"], point(1.0, [0.5])), AT_REST)
+    assert answered(it, 2.5).position == {"b": 0.0}
+
+
+def test_a_new_trajectory_starts_from_the_present_state_of_the_last_one() -> None:
+    it = receiver(needs_all=False)
+    it.take(trajectory(["a"], point(1.0, [1.5], [0.0])), AT_REST)
+    before = answered(it, 2.5)
+    it.take(trajectory(["a"], point(1.0, [0.0], [0.0])), moment(2.5, joints={"a": 9.0, "b": 0.0}))
+
+    assert answered(it, 2.5).position == before.position
+    assert answered(it, 2.5 + 1e-6).velocity["a"] == pytest.approx(before.velocity["a"], abs=1e-4)
+
+
+def test_a_stamp_sets_the_start_and_a_trajectory_that_has_begun_goes_on_from_its_own_points() -> None:
+    it = receiver(needs_all=False)
+    it.take(trajectory(["a"], point(1.0, [1.5]), stamp=5.0), AT_REST)
+    assert answered(it, 4.0).position["a"] == pytest.approx(1.0)
+
+    it.take(trajectory(["a"], point(0.0, [3.0]), point(2.0, [5.0]), stamp=1.0), AT_REST)
+    assert answered(it, 2.5).position["a"] == pytest.approx(4.5)
+
+
+def test_a_point_at_the_start_is_reached_at_once() -> None:
+    it = receiver(needs_all=False)
+    it.take(trajectory(["a"], point(0.0, [1.0])), AT_REST)
+
+    assert answered(it, 2.0).position == {"a": 1.0}
+
+
+def test_targets_stay_within_the_limits_of_joints() -> None:
+    it = TrajectoryReceiver([joint("a", 1.0)])
+    it.take(trajectory(["a"], point(0.1, [7.0])), AT_REST)
+
+    assert answered(it, 2.05).position == {"a": 1.0}
+    assert answered(it, 2.05).velocity == {"a": 1.0}
+
+
+NAN = math.nan
+
+
+@pytest.mark.parametrize(
+    ("message", "problem"),
+    [
+        (trajectory([], point(1.0, [])), "a trajectory without joint_names"),
+        (trajectory(["a", "b"]), "a trajectory without points"),
+        (trajectory(["a", "bb"], point(1.0, [0.0, 0.0])), "unknown joint 'bb'; did you mean 'b'?"),
+        (trajectory(["a"], point(1.0, [0.0])), "a trajectory without b; it needs all joints of the controller"),
+        (trajectory(["a", "b", "a"], point(1.0, [0.0] * 3)), "a joint twice in joint_names: a, b, a"),
+        (trajectory(["a", "b"], point(1.0, [0.0])), "points[0] has 1 positions for 2 joints"),
+        (trajectory(["a", "b"], point(1.0, [])), "points[0] has no positions"),
+        (trajectory(["a", "b"], point(1.0, [], [0.0, 0.0])), "points[0] has no positions"),
+        (trajectory(["a", "b"], point(1.0, [0.0, 0.0], [1.0])), "points[0] has 1 velocities for 2 joints"),
+        (trajectory(["a", "b"], point(1.0, [0.0, NAN])), "points[0].positions[1] is nan, which is not finite"),
+        (trajectory(["a", "b"], point(1.0, [0.0] * 2, [0.0] * 2, [0.0, math.inf])), "accelerations[1] is inf"),
+        (trajectory(["a", "b"], point(1.0, [0.0] * 2, [], [], [1.0] * 2)), "points[0] has efforts"),
+        (
+            trajectory(["a", "b"], point(1.0, [0.0] * 2), point(1.0, [1.0] * 2)),
+            "points[1] is at 1 s, not later than the point before, at 1 s",
+        ),
+        (trajectory(["a", "b"], point(0.5, [0.0] * 2), stamp=1.0), "ended at 1.5 s, before the present, 2 s"),
+        (trajectory(["a", "b"], point(1.0, [0.0] * 2, [0.0, 0.5])), "joint 'b' has the velocity 0.5"),
+    ],
+)
+def test_trajectories_that_a_controller_refuses(message: Message, problem: str) -> None:
+    it = receiver()
+    with pytest.raises(BadMessage) as raised:
+        it.take(message, AT_REST)
+    assert problem in str(raised.value)
+    assert answered(it, 2.0).position == {"a": 0.5, "b": -0.5}
+
+
+@pytest.mark.parametrize(
+    ("reading", "before", "after"),
+    [
+        ("position", {"a": 0.5, "b": -0.5}, {"a": 1.0, "b": -0.25}),
+        ("velocity", {"a": 0.0, "b": 0.0}, {"a": 1.0, "b": -0.25}),
+        ("effort", None, {"a": 3.0, "b": -0.25}),
+    ],
+)
+def test_values_are_passed_on_within_limits(reading: Any, before: dict[str, float] | None, after: Any) -> None:
+    it = ValuesReceiver([joint("a", 1.0), joint("b", 1.0)], reading)
+
+    held = it.answer(AT_REST)
+    assert (None if held is None else getattr(held, reading)) == before
+    it.take({"layout": {}, "data": array("d", [3.0, -0.25])}, AT_REST)
+    found = it.answer(AT_REST)
+    assert found is not None
+    assert getattr(found, reading) == after
+
+
+@pytest.mark.parametrize(
+    ("data", "problem"),
+    [([1.0], "1 values in data for 2 joints: a, b"), ([1.0, NAN], "data[1] is nan, which is not finite")],
+)
+def test_values_that_cannot_be(data: list[float], problem: str) -> None:
+    it = ValuesReceiver([joint("a"), joint("b")], "position")
+    with pytest.raises(BadMessage) as raised:
+        it.take({"data": array("d", data)}, AT_REST)
+    assert problem in str(raised.value)
+
+
+def test_controllers_have_the_topics_of_ros2_control(tmp_path: Path) -> None:
+    there = scene(tmp_path, ARM, robot=", base: fixed")
+    arm = JointController(trajectory=("shoulder_*", "elbow_joint"))
+    wrist = JointController(position=("wrist_2_joint", "wrist_1_joint"))
+    controllers = {"arm_controller": arm, "wrist": wrist}
+
+    found = {each.topic: each for each in channels(there, {"wrist": "/w"}, 100.0, controllers).subscriptions}
+    assert {topic: each.type for topic, each in found.items()} == {
+        "/arm_controller/joint_trajectory": "trajectory_msgs/msg/JointTrajectory",
+        "/w": "std_msgs/msg/Float64MultiArray",
+    }
+    assert arm.joints(there.model) == ("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint")
+    assert not list(controller_problems(there, controllers))
+
+    commands = ReceivedCommands(found.values())
+    commands.take("/w", {"data": array("d", [0.1, 0.2])}, "/node", resting(there))
+    answer = commands.answer(resting(there))
+    assert isinstance(answer, JointTargets)
+    assert answer.position["wrist_2_joint"] == 0.1
+    assert answer.position["elbow_joint"] == there.joint_positions["elbow_joint"]
+
+
+def test_without_controllers_any_joint_follows_trajectories_except_those_of_the_drive(tmp_path: Path) -> None:
+    arm = scene(tmp_path, ARM, robot=", base: fixed")
+    (subscription,) = channels(arm, {}, 100.0).subscriptions
+
+    assert subscription.topic == "/joint_trajectory"
+    assert topics_of(arm, {"joint_trajectory": "/arm/joint_trajectory"})["joint_trajectory"] == "/arm/joint_trajectory"
+    assert "joint_trajectory" not in topics_of(scene(tmp_path), {})
+
+
+def test_controllers_that_do_not_fit_the_robot_are_named(tmp_path: Path) -> None:
+    there = scene(tmp_path, ARM, robot=", base: fixed")
+    controllers = {
+        "joint_states": JointController(velocity=("wrist_1_joint",)),
+        "arm": JointController(trajectory=("elbow_joint", "elbow", "hip_*")),
+        "other": JointController(effort=("elbow_joint",)),
+    }
+    found = {(*map(str, path), message) for path, message in controller_problems(there, controllers)}
+
+    assert any(path == "joint_states" and "already the name of another topic" in said for path, *_, said in found)
+    assert ("other", "effort", "joint 'elbow_joint' already obeys the controller 'arm'") in found
+    assert any("no moving joint 'elbow'" in said for *_, said in found)
+    assert any("no moving joint matches 'hip_*'" in said for *_, said in found)
+
+
+def test_a_controller_has_one_kind() -> None:
+    for keys in ({}, {"position": ("a",), "velocity": ("b",)}):
+        with pytest.raises(ValidationError, match="needs exactly one of"):
+            JointController.model_validate(keys)
+
+
+def test_an_error_names_the_node_and_the_topic(tmp_path: Path) -> None:
+    there = scene(tmp_path, ARM, robot=", base: fixed")
+    commands = ReceivedCommands(channels(there, {}, 100.0).subscriptions)
+
+    with pytest.raises(ScriptError) as raised:
+        commands.take("/joint_trajectory", trajectory(["elbow"], point(1.0, [0.0])), "/planner", resting(there))
+    assert str(raised.value).startswith(
+        "'/planner' sent a bad command on /joint_trajectory: a trajectory of the unknown"
+    )

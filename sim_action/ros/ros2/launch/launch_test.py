@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any, Final, cast
+from typing import TYPE_CHECKING, Any, Final, cast
 
 from pydantic import PrivateAttr
 from typing_extensions import override
@@ -20,8 +20,10 @@ from sim_action.core.errors import (
     ModelError,
     Problem,
     RunError,
+    ScriptError,
     SourceProblem,
 )
+from sim_action.core.field_types import Placement
 from sim_action.core.process import Interruption
 from sim_action.core.records import dataclass
 from sim_action.core.wording import did_you_mean, escaped_line, warn
@@ -35,13 +37,14 @@ from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, sta
 from sim_action.robot.reading.loading import load_model
 from sim_action.ros.program_failures import shown_path, traceback_location
 from sim_action.ros.result_files import Case, read_suite
-from sim_action.ros.ros2.bridge_link import BridgeEnded
+from sim_action.ros.ros2.bridge_link import BridgeEnded, Endpoint
 from sim_action.ros.ros2.driven_nodes import DrivenNodes, Session, controller_of, robot_topics
+from sim_action.ros.ros2.graph import LATCHED
 from sim_action.ros.ros2.installation import find_ros
 from sim_action.ros.ros2.launch.launched_nodes import LaunchedNodes, LaunchSpec, RobotTopics
-from sim_action.ros.ros2.launch.spawned_robot import SpawnedRobot, spawned_robot
+from sim_action.ros.ros2.node_spec import Ros2Nodes
 from sim_action.ros.ros2.packages import Packages, workspace_of
-from sim_action.ros.ros2.spec import Ros2Commands, Ros2Nodes
+from sim_action.ros.ros2.spec import Ros2Commands
 from sim_action.runner.isolation.child_process import environment
 from sim_action.scenario.model import DrivenRobot, Scenario
 from sim_action.simulation.loop import SimulationRun, simulate
@@ -49,8 +52,86 @@ from sim_action.state.verdict import Judged, Verdict
 from sim_action.world import Physics, World
 from sim_action.world.scene import Scene
 
+if TYPE_CHECKING:
+    from sim_action.ros.ros2.bridge_link import Bridge
+    from sim_action.ros.ros2.launch.gazebo_programs import LeftOutProgram
+
+
+SPAWNERS: Final = frozenset({"ros_gz_sim/create", "ros_ign_gazebo/create"})
+_SOURCES: Final = ("-topic", "-string", "-file")
+_TEXT: Final = "std_msgs/msg/String"
+_MAX_WAIT_S: Final = 20.0
+_POLL_S: Final = 0.01
+
+
 _PHYSICS_RATE_HZ: Final = 200.0
 _MAX_SIM_TIME_S: Final = 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class SpawnedRobot:
+    """The robot of a launch test; `file`: its description."""
+
+    name: str
+    file: Path
+    pose: Placement
+
+
+def spawned_robot(programs: Sequence[LeftOutProgram], bridge: Bridge, folder: Path) -> SpawnedRobot:
+    """Return the robot that a launch spawns; `folder`: for its description. Raise ScriptError, BridgeEnded."""
+    spawned = [_options(each.args) for each in programs if each.program in SPAWNERS]
+    robots = [options for options in spawned if "-file" not in options] or spawned
+    if not robots:
+        raise ScriptError("the launch spawns no robot: no action runs 'create' of ros_gz_sim")
+    options = robots[0]
+    source = next((key for key in _SOURCES if key in options), None)
+    if source is None:
+        raise ScriptError("'create' of ros_gz_sim has none of -topic, -string and -file, so there is no robot to spawn")
+    name = options.get("-name", "robot")
+    if source == "-file":
+        return SpawnedRobot(name, Path(options[source]), _pose(options))
+    text = options[source] if source == "-string" else _heard("/" + options[source].lstrip("/"), bridge)
+    file = folder / "robot.urdf"
+    file.write_text(text, encoding="utf-8")
+    return SpawnedRobot(name, file, _pose(options))
+
+
+def _options(args: Sequence[str]) -> Mapping[str, str]:
+    """Return the options of `create` with their values; both `-x 1` and `--x=1` are allowed."""
+    found: dict[str, str] = {}
+    words = iter(args)
+    for word in words:
+        if word == "--ros-args":
+            break
+        if word.startswith("-"):
+            name, sign, value = word.partition("=")
+            found["-" + name.lstrip("-")] = value if sign else next(words, "")
+    return found
+
+
+def _pose(options: Mapping[str, str]) -> Placement:
+    """Return the pose. At a height of 0 or less, the robot stands on the ground. Raise ScriptError."""
+    names = {"-x": "x", "-y": "y", "-z": "z", "-R": "roll", "-P": "pitch", "-Y": "yaw"}
+    values: dict[str, float] = {}
+    for option, name in names.items():
+        try:
+            values[name] = float(options.get(option, 0.0))
+        except ValueError:
+            raise ScriptError(f"'create {option} {options[option]}': this is not a number") from None
+    return Placement.model_validate({**values, "z": values["z"] if values["z"] > 0 else None})
+
+
+def _heard(topic: str, bridge: Bridge) -> str:
+    """Return the text of a topic such as /robot_description. Raise ScriptError, BridgeEnded."""
+    number = len(bridge.heard)
+    bridge.open((), [Endpoint(topic, _TEXT, LATCHED)])
+    deadline = time.monotonic() + _MAX_WAIT_S
+    while time.monotonic() < deadline:
+        for place, message in bridge.take(())[0]:
+            if place == number:
+                return str(message["data"])
+        time.sleep(_POLL_S)
+    raise ScriptError(f"no description of the robot arrived on {topic} within {_MAX_WAIT_S:g} s of wall time")
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,11 +264,12 @@ class _LaunchTest:
         """Launch the test, and simulate its robot to the end. Raise RunError and others."""
         request = self._request
         words = (request.package, self._file.name, *request.arguments)
-        source = Ros2Commands(ros2=Ros2Nodes(launch=words, allow_losses=request.allows_losses))
+        asked = Ros2Nodes(launch=words, allow_losses=request.allows_losses)
+        rate = Ros2Commands(ros2=asked).rate
         workspace = Workspace(self._root, self._root, allow_outside=True)
         ros = self._packages.ros
         assert ros is not None
-        session = Session.open(source.ros2, ros, workspace, environment(request.pass_env), undo)
+        session = Session.open(asked, ros, workspace, environment(request.pass_env), undo)
         self._results = session.folder.path / "results.xml"
         nothing = RobotTopics(frozenset(), frozenset())
         spec = LaunchSpec(
@@ -206,13 +288,13 @@ class _LaunchTest:
         programs = launched.await_programs()
         session.bridge.await_start()
         robot = spawned_robot(programs, session.bridge, session.folder.path)
-        scenario, scene = self._scene(robot, workspace, source)
-        launched.topics = robot_topics(source, scene)
-        nodes = DrivenNodes(source, scene, session, launched)
-        scenario = scenario.model_copy(update={"commands": (GroupCommands.of(nodes, source.rate),)})
+        scenario, scene = self._scene(robot, workspace)
+        launched.topics = robot_topics(asked, rate, scene)
+        nodes = DrivenNodes(asked, rate, scene, session, launched)
+        scenario = scenario.model_copy(update={"commands": (GroupCommands.of(nodes, rate),)})
         return simulate(scenario, scene, self._look_at_interruption)
 
-    def _scene(self, robot: SpawnedRobot, workspace: Workspace, source: Ros2Commands) -> tuple[Scenario, Scene]:
+    def _scene(self, robot: SpawnedRobot, workspace: Workspace) -> tuple[Scenario, Scene]:
         """Return the scenario of the spawned robot, and its scene. Raise ModelError."""
         request = self._request
         driven = DrivenRobot(model=str(robot.file), pose=robot.pose)
@@ -222,7 +304,7 @@ class _LaunchTest:
             robot=driven,
             world=World(),
             physics=Physics(rate=_PHYSICS_RATE_HZ),
-            commands=(source,),
+            commands=(),
             sensors=(),
             expect=(),
             time_limit=request.sim_time_limit or _MAX_SIM_TIME_S,

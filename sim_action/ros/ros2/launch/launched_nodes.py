@@ -4,28 +4,36 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Literal
 
-from sim_action.core.errors import ControllersFinished, ScriptError, SourceProblem
+from sim_action.core.errors import ControllersFinished, Location, ScriptError, SourceProblem
+from sim_action.core.field_types import FrozenModel
 from sim_action.core.records import dataclass
+from sim_action.core.wording import did_you_mean, escaped_line
 from sim_action.ros.processes import descendants
-from sim_action.ros.ros2.launch.gazebo_programs import STAND_INS, LeftOutProgram, lost_parts, unheard_bridges
-from sim_action.ros.ros2.launch.launch_errors import LaunchErrors
-from sim_action.ros.ros2.launch.launch_events import Event, Events
-from sim_action.ros.ros2.launch.stand_in_packages import write_prefix
+from sim_action.ros.program_failures import ending_of, exit_text, shown_path
+from sim_action.ros.ros2.launch.gazebo_programs import (
+    STAND_INS,
+    LeftOutProgram,
+    lost_parts,
+    unheard_bridges,
+    write_prefix,
+)
 from sim_action.ros.ros2.lockstep import clock_of
-from sim_action.ros.ros2.node_group import Node
+from sim_action.ros.ros2.node_processes import Node
 
 if TYPE_CHECKING:
     from sim_action.core.workspace import Workspace
     from sim_action.ros.ros2.node_processes import NodeProcess, ProcessFolder
+    from sim_action.ros.ros2.node_spec import Ros2Nodes
     from sim_action.ros.ros2.packages import Packages
-    from sim_action.ros.ros2.spec import Ros2Nodes
+
 
 _LAUNCHER: Final = Path(__file__).with_name("launcher.py")
 # Wall time for reading a launch file and starting its processes, and for a timer that is due.
@@ -36,6 +44,10 @@ _MAX_SHUTDOWN_S: Final = 3.0
 _MAX_RESULTS_S: Final = 30.0
 _POLL_S: Final = 0.005
 _KEY: Final = "ros2"
+
+
+_MAX_DETAILS_CHARS: Final = 4_000
+_NO_MODULE: Final = re.compile(r"^ModuleNotFoundError: No module named '(launch\w*|ament_index_python)", re.MULTILINE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -262,3 +274,137 @@ class LaunchedNodes:
             self._processes[event.pid] = process
         order = (event.node, Path(event.program).name, event.process)
         self._new.append((order, Node(event.clock, process)))
+
+
+class Event(FrozenModel):
+    """One event of a launch.
+
+    Attributes:
+        time: sim time in s for which the launch is calm, or at which a timer is due.
+        pid: of the launcher for "calm", else of the process.
+        process: name of the process, such as "mover-1".
+        program: its path, or PACKAGE/PROGRAM if it is left out; the class of a node in a container.
+        node: full name of the node, if the launch file states it.
+        clock: number of the clock of the node; None: it has no clock of its own.
+        args: arguments of a program that is left out.
+        exit_code: negative for a signal.
+        kind: of a refusal: "package", "program", "argument", "start", or the class of an exception.
+        name: the package, program or argument that is not known; `names`: those that are.
+        package: the package that lacks a program.
+        message: the exception; the reason of a shutdown.
+        places: (file, line) of each call that led to the exception, the last one last.
+    """
+
+    event: Literal["calm", "timer", "process", "composed", "left out", "died", "refused", "shutdown"]
+    time: float = 0.0
+    pid: int = 0
+    process: str = ""
+    program: str = ""
+    node: str = ""
+    clock: int | None = None
+    args: tuple[str, ...] = ()
+    exit_code: int = 0
+    kind: str = ""
+    name: str = ""
+    names: tuple[str, ...] = ()
+    package: str = ""
+    message: str = ""
+    places: tuple[tuple[str, int], ...] = ()
+
+
+class Events:
+    """The events of one launch, in their order."""
+
+    def __init__(self, path: Path) -> None:
+        path.touch()
+        self._file = path.open("rb")
+        self._unread = b""
+
+    def new(self) -> list[Event]:
+        """Return the events since the last call."""
+        data = self._file.read()
+        if not data:
+            return []
+        *lines, self._unread = (self._unread + data).split(b"\n")
+        return [Event.model_validate(_plain(json.loads(line))) for line in lines]
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, list):
+        return tuple(map(_plain, value))
+    return {key: _plain(each) for key, each in value.items()} if isinstance(value, dict) else value
+
+
+class LaunchErrors:
+    """Makes errors from events; `workspace`: the folder of the user's own code."""
+
+    def __init__(self, workspace: Path) -> None:
+        self._workspace = workspace.resolve()
+
+    def of_refusal(self, event: Event, output: str) -> ScriptError:
+        """Return the error for a launch file that cannot be run as it is written."""
+        error = _error(f"the launch file cannot be run: {_why_refused(event)}", output)
+        error.location = self._place(event)
+        return error
+
+    def of_death(self, event: Event, output: str) -> ScriptError:
+        """Return the error for a process that has failed."""
+        code = event.exit_code
+        text = text_of(event.process, output)
+        ending = ending_of(f"{text}\n", self._workspace)
+        error = _error(f"the node '{event.process}' of the launch file ended with {exit_text(code)}{ending.said}", text)
+        error.location = ending.location
+        return error
+
+    def of_shutdown(self, event: Event, output: str) -> ScriptError:
+        """Return the error for a launch that its own actions have ended."""
+        return _error(f"the launch file ended the launch during the run: {event.message}", output)
+
+    def of_end(self, exit_code: int, output: str) -> ScriptError:
+        """Return the error for a launcher that ended without an event."""
+        if missing := _NO_MODULE.search(output):
+            return _error(
+                f"launch files need the Python package '{missing[1]}' of ROS 2, which this ROS 2 lacks (the wheels on "
+                "PyPI have none): use ROS 2 of /opt/ros or RoboStack, or list the nodes under 'nodes'",
+                output,
+            )
+        return _error(f"the launcher ended with {exit_text(exit_code)}, and its nodes ended with it", output)
+
+    def _place(self, event: Event) -> Location | None:
+        """Return the innermost place in the user's code that led to a refusal."""
+        for file, line in reversed(event.places):
+            path = Path(file).resolve()
+            if path.is_relative_to(self._workspace):
+                return Location(shown_path(path), line or None)
+        return None
+
+
+def text_of(process: str, output: str) -> str:
+    """Return the lines that one process has printed."""
+    prefix = f"[{process}] "
+    return "\n".join(line.removeprefix(prefix) for line in output.splitlines() if line.startswith(prefix))
+
+
+def _why_refused(event: Event) -> str:
+    near = did_you_mean(event.name, event.names)
+    if event.kind == "package":
+        return f"there is no package '{event.name}' in the workspace or ROS 2{near}"
+    if event.kind == "PackageNotFoundError":
+        # The first quoted word of its message is the package.
+        name = event.message.partition("'")[2].partition("'")[0]
+        return f"there is no package '{name}' in the workspace or ROS 2{did_you_mean(name, event.names)}"
+    if event.kind == "program":
+        return f"the package '{event.package}' has no executable '{event.name}'{near}"
+    if event.kind == "argument":
+        return f"it has no argument '{event.name}'{near}"
+    if event.kind == "start":
+        return f"'{event.name}' cannot be started: {event.message}"
+    return f"{event.kind}: {event.message.partition(chr(10))[0]}"
+
+
+def _error(message: str, output: str) -> ScriptError:
+    return ScriptError(escaped_line(message), details=output.strip("\n")[-_MAX_DETAILS_CHARS:])

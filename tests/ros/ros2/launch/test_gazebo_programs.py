@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.ros.ros2.launch.gazebo_programs import LeftOutProgram, lost_parts, unheard_bridges
+from sim_action.ros.ros2.installation import packages_of_prefix
+from sim_action.ros.ros2.launch.gazebo_programs import LeftOutProgram, lost_parts, unheard_bridges, write_prefix
 
 CREATE = "ros_gz_sim/create"
 SPAWNER = "controller_manager/spawner"
@@ -78,3 +79,14 @@ def test_bridged_topics_that_the_robot_does_not_publish() -> None:
     assert list(unheard_bridges([program], {"/scan"})) == [
         "the launch file bridges /depth to ROS 2, and the robot does not publish it"
     ]
+
+
+def test_packages_are_indexed_and_their_launch_files_compile(tmp_path: Path) -> None:
+    prefix = write_prefix(tmp_path / "gazebo")
+    assert {"ros_gz_sim", "ros_gz_bridge", "gazebo_ros"} <= set(packages_of_prefix(prefix))
+    files = {path.name: path.read_text() for path in prefix.rglob("*.launch.py")}
+    assert {"gz_sim.launch.py", "gz_spawn_model.launch.py", "gzserver.launch.py"} <= set(files)
+    for name, text in files.items():
+        compile(text, name, "exec")
+    assert "('gz', 'sim', '{gz_args}', '{ign_args}')" in files["gz_sim.launch.py"]
+    assert 'startswith("{")' in files["gz_sim.launch.py"]

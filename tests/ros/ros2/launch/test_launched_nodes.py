@@ -7,8 +7,7 @@ from typing import Any
 
 import pytest
 
-from sim_action.ros.ros2.launch.launch_errors import LaunchErrors, text_of
-from sim_action.ros.ros2.launch.launch_events import Event
+from sim_action.ros.ros2.launch.launched_nodes import Event, Events, LaunchErrors, text_of
 
 REFUSED = "the launch file cannot be run: "
 
@@ -80,3 +79,14 @@ def test_ends_of_the_launch(tmp_path: Path) -> None:
     assert str(errors.of_end(-9, "")) == "the launcher ended with SIGKILL, and its nodes ended with it"
     missing = errors.of_end(1, "Traceback\nModuleNotFoundError: No module named 'launch'\n")
     assert str(missing).startswith("launch files need the Python package 'launch' of ROS 2, which this ROS 2 lacks")
+
+
+def test_an_event_is_read_once_its_line_is_complete(tmp_path: Path) -> None:
+    events = Events(tmp_path / "events")
+    with (tmp_path / "events").open("ab", buffering=0) as file:
+        assert events.new() == []
+        file.write(b'{"event": "calm", "time": 0.5, "pid": 7}\n{"event": "refused", "places": [["a.py", ')
+        assert events.new() == [Event(event="calm", time=0.5, pid=7)]
+        file.write(b"3]]}\n")
+        assert events.new() == [Event(event="refused", places=(("a.py", 3),))]
+    events.close()

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from sim_action.ros.ros2.bridge_link import TopicEnd
-from sim_action.ros.ros2.diagnosis.logged_errors import LoggedErrors, errors_endpoint
+from sim_action.ros.ros2.driven_nodes import LoggedErrors, errors_endpoint
+from sim_action.ros.ros2.graph import TopicEnd
 
 
 def log(text: str, level: int = 40, line: int = 7, file: str = "") -> dict[str, object]:

@@ -11,7 +11,7 @@ from sim_action.core.errors import ScriptError
 from sim_action.core.field_types import Placement
 from sim_action.ros.ros2.bridge_link import Bridge
 from sim_action.ros.ros2.launch.gazebo_programs import LeftOutProgram
-from sim_action.ros.ros2.launch.spawned_robot import spawned_robot
+from sim_action.ros.ros2.launch.launch_test import spawned_robot
 
 CREATE = "ros_gz_sim/create"
 
