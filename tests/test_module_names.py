@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-IMPORT = re.compile(r"^from ((?:sim_action|tests|bench|action)(?:\.\w+)*) import (\w+)", re.MULTILINE)
+IMPORT = re.compile(r"^from ((?:sim_action|tests|tools|action)(?:\.\w+)*) import (\w+)", re.MULTILINE)
 FILES = [*ROOT.glob("tests/**/*.py"), *ROOT.glob("examples/**/*.py")]
 
 

@@ -16,7 +16,7 @@ import pytest
 import yaml
 
 from action.run import SUBCOMMANDS
-from docs.release import moving_tag, read_version
+from tools.release.__main__ import moving_tag, read_version
 
 ROOT = Path(__file__).parent.parent
 LOCKS = ROOT / "action/locks"
@@ -226,7 +226,7 @@ def test_the_actions_that_simulate_nothing_install_the_same_versions_without_eng
 
 
 def test_the_lock_file_of_the_checks_has_hashes_and_no_addresses() -> None:
-    packages = json.loads((ROOT / ".ci/workflows/package-lock.json").read_text(encoding="utf-8"))["packages"]
+    packages = json.loads((ROOT / "tools/workflows/package-lock.json").read_text(encoding="utf-8"))["packages"]
     assert all("integrity" in package and "resolved" not in package for path, package in packages.items() if path)
 
 
@@ -287,7 +287,7 @@ def test_a_bad_action_is_refused(good: str, bad: str, complaint: str, tmp_path: 
 
 def check_workflows(*files: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        ["node", ".ci/workflows/check.mjs", *files],
+        ["node", "tools/workflows/check.mjs", *files],
         cwd=ROOT,
         env={**os.environ, "PATH": f"{VENV}/bin:{os.environ['PATH']}"},
         capture_output=True,
@@ -347,9 +347,11 @@ def test_dependabot_proposes_all_actions_and_packages_and_waits_a_week() -> None
         *("/", "/examples/workflows", "/examples/demo/.github/workflows"),
         *(folder for folder in actions if folder != "/"),
     }
-    npm = {f"/{file.parent.relative_to(ROOT).as_posix()}" for file in ROOT.glob("*/package.json")} | {"/.ci/workflows"}
+    npm = {f"/{file.parent.relative_to(ROOT).as_posix()}" for file in ROOT.glob("*/package.json")} | {
+        "/tools/workflows"
+    }
     assert {folder for ecosystem, folder in watched if ecosystem == "npm"} == npm
-    assert {folder for ecosystem, folder in watched if ecosystem == "pip"} == {"/", "/.ci/release"}
+    assert {folder for ecosystem, folder in watched if ecosystem == "pip"} == {"/", "/tools/release"}
 
 
 def test_the_marketplace_takes_the_root_action() -> None:

@@ -15,7 +15,7 @@ LOCKS = {"jazzy": "requirements-ros2.lock", "kilted": "requirements-ros2-kilted.
 
 @pytest.mark.parametrize("distribution", WHEELS)
 def test_what_users_install_is_what_is_locked(distribution: str) -> None:
-    stated = (ROOT / f".ci/ros2/{distribution}.in").read_text(encoding="utf-8").splitlines()
+    stated = (ROOT / f"tools/ros2/{distribution}.in").read_text(encoding="utf-8").splitlines()
     assert tuple(line for line in stated if not line.startswith("#")) == WHEELS[distribution]
     locked = entries((ROOT / "action/locks" / LOCKS[distribution]).read_text(encoding="utf-8"))
     assert {name.partition("[")[0] for name in WHEELS[distribution]} <= {entry.name for entry in locked}

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import Final
 
-MODULES: Final = Path(__file__).parents[2] / ".ci/workflows/node_modules"
+MODULES: Final = Path(__file__).parents[2] / "tools/workflows/node_modules"
 
 ENVIRONMENT: Final = {**os.environ, "PATH": f"{sys.prefix}/bin:{os.environ['PATH']}"}
 """The machine's Node.js, or that of the virtual environment."""

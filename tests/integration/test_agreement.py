@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.robots import ROBOTS, WORKSPACE
 from sim_action.core import geometry
 from sim_action.engines import ENGINES
 from sim_action.robot.reading.loading import load_model
@@ -20,6 +19,7 @@ from sim_action.state.trace import Trace
 from sim_action.world import GRAVITY, Physics, World
 from sim_action.world.scene import Scene
 from tests.integration.engines import advance, on_every_engine, running
+from tools.bench.robots import ROBOTS, WORKSPACE
 
 SEPARATION = 0.160
 SECONDS = 10.0

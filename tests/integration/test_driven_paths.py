@@ -18,12 +18,12 @@ from typing import Final
 import numpy as np
 import pytest
 
-from bench.robots import BURGER, ROBOTS
 from sim_action.commands.pure_pursuit import Leg, Point
 from sim_action.core.permissions import Permissions
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.simulation.loop import SimulationRun, simulate
 from tests.integration.engines import on_every_engine
+from tools.bench.robots import BURGER, ROBOTS
 
 PATH: Final = ((1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.5, 0.5), (1.5, 0.5))
 RATE: Final = 120

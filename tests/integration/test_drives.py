@@ -22,12 +22,12 @@ from typing import Any, Final
 import numpy as np
 import pytest
 
-from bench.robots import BURGER, ROBOTS, KnownRobot
 from sim_action.core.permissions import Permissions
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.state.trace import FloatArray, Trace
 from tests.integration.engines import on_every_engine
+from tools.bench.robots import BURGER, ROBOTS, KnownRobot
 
 RATE: Final = 240
 Segment = dict[str, float]

@@ -9,7 +9,6 @@ from typing import Any, Final
 import pytest
 import yaml
 
-from bench.robots import ROBOTS, WORKSPACE, KnownRobot
 from sim_action.core.workspace import Workspace
 from sim_action.drives import recognise
 from sim_action.robot.model.kinematics import link_poses, robot_box
@@ -18,6 +17,7 @@ from sim_action.world import Physics, World
 from sim_action.world.scene import Scene
 from tests.integration.conftest import sim_action
 from tests.ros_workspace import ros_workspace
+from tools.bench.robots import ROBOTS, WORKSPACE, KnownRobot
 
 FAR: Final = 50.0
 TIGHT: Final = 2e-4

@@ -19,12 +19,12 @@ from typing import Final
 import numpy as np
 import pytest
 
-from bench.robots import ROBOTS
 from sim_action.core.permissions import Permissions
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.simulation.loop import simulate
 from sim_action.state.trace import FloatArray, Trace
 from tests.integration.engines import on_every_engine
+from tools.bench.robots import ROBOTS
 
 pytestmark = pytest.mark.pybullet
 

@@ -15,7 +15,6 @@ from typing import Any, Final
 import numpy as np
 import pytest
 
-from bench.robots import ROBOTS
 from sim_action.core import geometry
 from sim_action.core.geometry import Quaternion, Vector3
 from sim_action.core.permissions import Permissions
@@ -25,6 +24,7 @@ from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.state.trace import FloatArray
 from tests.integration.engines import on_every_engine
 from tests.robot.model.test_inverse_kinematics import INERTIAL, joint, limits
+from tools.bench.robots import ROBOTS
 
 EXAMPLE: Final = Path(__file__).parents[2] / "examples/ur5e_gripper/pick_and_place.sim.yml"
 OFF_LINE_M: Final = 2e-4

@@ -21,7 +21,6 @@ from typing import Final
 import numpy as np
 import pytest
 
-from bench.robots import ROBOTS
 from sim_action.core.permissions import Permissions
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.simulation.loop import SimulationRun, simulate
@@ -29,6 +28,7 @@ from sim_action.state.trace import FloatArray
 from tests.integration.engines import BALL, on_every_engine
 from tests.scenarios import LEAST, told
 from tests.traces import WHEELS
+from tools.bench.robots import ROBOTS
 
 Twist = dict[str, float]
 

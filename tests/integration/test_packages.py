@@ -104,7 +104,7 @@ def test_the_wheel_has_the_package_and_its_viewer_and_nothing_else(wheel: Path) 
 def test_the_sdist_has_what_builds_and_tests_it(packages: Path) -> None:
     with tarfile.open(packages / SDIST) as archive:
         names = {name.partition("/")[2] for name in archive.getnames()}
-    assert {"pyproject.toml", "hatch_build.py", "README.md", "LICENSE", VIEWER, "tests/test_docs.py"} <= names
+    assert {"pyproject.toml", "tools/hatch_build.py", "README.md", "LICENSE", VIEWER, "tests/test_docs.py"} <= names
     assert not [name for name in names if re.search(r"node_modules|__pycache__|\.venv|sim-results", name)]
 
 
@@ -261,8 +261,8 @@ def without_pythonpath() -> dict[str, str]:
 
 
 def test_the_tools_that_build_a_release_are_locked_with_their_hashes() -> None:
-    lock = (ROOT / ".ci/release/requirements.txt").read_text(encoding="utf-8")
-    wanted = (ROOT / ".ci/release/requirements.in").read_text(encoding="utf-8")
+    lock = (ROOT / "tools/release/requirements.txt").read_text(encoding="utf-8")
+    wanted = (ROOT / "tools/release/requirements.in").read_text(encoding="utf-8")
     needed = set(re.findall(r"^([\w-]+)>=", wanted, re.MULTILINE))
     assert needed <= set(re.findall(r"^([\w-]+)==", lock, re.MULTILINE))
     entries = re.findall(r"^[\w-]+==.*\\\n(?: +--hash=sha256:[0-9a-f]{64}(?: \\)?\n)+", lock, re.MULTILINE)

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.robots import QUADRUPED_STANCE
 from sim_action.app.init import files
 from sim_action.engines import installed
 from sim_action.scenario.loading import build_scene
 from sim_action.simulation.loop import SimulationRun, simulate
 from tests.scenarios import load
+from tools.bench.robots import QUADRUPED_STANCE
 
 EXAMPLE = (Path(__file__).parents[2] / "examples/quadruped/push.sim.yml").read_text(encoding="utf-8")
 STANCE = ", ".join(f"{name}: {angle}" for name, angle in QUADRUPED_STANCE.items())

@@ -27,8 +27,8 @@ def machine(tmp_path: Path) -> Machine:
     }.items():
         (source / name).parent.mkdir(parents=True, exist_ok=True)
         (source / name).write_text(text, encoding="utf-8")
-    (source / "docs").mkdir()
-    shutil.copy(ROOT / "docs/release.py", source / "docs")
+    (source / "tools/release").mkdir(parents=True)
+    shutil.copy(ROOT / "tools/release/__main__.py", source / "tools/release")
     git(tmp_path, "init", "--quiet", "--initial-branch=main", "source")
     git(source, "add", ".")
     git(source, "commit", "--quiet", "--message", "The tree of main")

@@ -11,10 +11,10 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from bench.robots import REFUSED, ROBOTS, WORKSPACE, KnownRobot
 from sim_action.core.errors import ModelError
 from sim_action.robot.reading.loading import load_model
 from tests.integration.conftest import sim_action
+from tools.bench.robots import REFUSED, ROBOTS, WORKSPACE, KnownRobot
 
 pytestmark = pytest.mark.pybullet
 

@@ -13,7 +13,6 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from bench.robots import DATA
 from sim_action.core.errors import ModelError, RefusedModel
 from sim_action.core.field_types import Placement
 from sim_action.core.workspace import Workspace
@@ -29,6 +28,7 @@ from sim_action.world.scene import Scene
 from tests.integration.conftest import sim_action
 from tests.robot.reading.sdf.models import INERTIAL, joint, link, sdf
 from tests.ros_workspace import written
+from tools.bench.robots import DATA
 
 # Poses as people write them in SDF: from the ground, with the wheels' axes along their own z.
 ROVER = """\

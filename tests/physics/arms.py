@@ -8,12 +8,12 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from bench.robots import ROBOTS, KnownRobot
 from sim_action.state.trace import FloatArray
 from tests.physics.case import Case, Run, Setup
 from tests.physics.measures import GRAVITY, Measure
 from tests.physics.oracles import pendulum_period
 from tests.physics.robots import arm, lift, pendulum
+from tools.bench.robots import ROBOTS, KnownRobot
 
 GROUP: Final = "arms"
 _BOLTED: Final[Mapping[str, object]] = {"base": "fixed"}

@@ -9,7 +9,6 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
-from bench.robots import ROBOTS
 from tests.physics.case import Case, Setup
 from tests.physics.caster import driven, rim_distance
 from tests.physics.measures import (
@@ -25,6 +24,7 @@ from tests.physics.measures import (
     travelled,
 )
 from tests.physics.robots import ROVER_SIDES, WHEEL_LOAD, box, car, caster_robot, rover
+from tools.bench.robots import ROBOTS
 
 GROUP: Final = "driving"
 _RACECAR: Final = next(known for known in ROBOTS if known.name == "racecar")

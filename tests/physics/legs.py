@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from bench.robots import QUADRUPED_STANCE, ROBOTS
 from tests.physics.case import Case, Run, Setup
 from tests.physics.measures import GRAVITY, Measure, final_speed, highest_tilt, rebound, travelled
 from tests.physics.robots import FEET, STANCE, quadruped
+from tools.bench.robots import QUADRUPED_STANCE, ROBOTS
 
 GROUP: Final = "legs"
 _KNOWN: Final = {known.name: known for known in ROBOTS}

@@ -12,11 +12,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
-from bench.robots import ROBOTS
 from tests.physics.case import Case, Setup
 from tests.physics.caster import driven
 from tests.physics.measures import curve_speed, ratio, spread, steady_turn
 from tests.physics.robots import ROVER_SIDES, SIX_WHEELS, rover
+from tools.bench.robots import ROBOTS
 
 GROUP: Final = "skid"
 YAWS_DEG: Final = (0, 1, 5, 20, 45)

@@ -1,0 +1,66 @@
+"""The style check finds each kind of violation, and none in what follows the rules."""
+
+from __future__ import annotations
+
+import click
+import pytest
+
+from tools.style import (
+    MAX_FOLDER_MODULES,
+    MAX_MODULE_LINES,
+    docstring_violations,
+    help_violations,
+    size_violations,
+    violations,
+)
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        '"""What it is."""',
+        'def f():\n    """Whether it is."""',
+        'class C:\n    def f(self):\n        """Of many."""',
+        'LIMIT = 3\n"""How many there may be."""',
+    ],
+)
+def test_docstrings_start_with_a_verb_or_a_noun(source: str) -> None:
+    (found,) = docstring_violations("a.py", source)
+    assert found.startswith(f"a.py:{source.count(chr(10)) + 1}: start the docstring with ")
+
+
+@pytest.mark.parametrize("source", ["", '"""Whatsapp messages."""', 'def f():\n    """Return what is left."""\n'])
+def test_other_docstrings_pass(source: str) -> None:
+    assert list(docstring_violations("a.py", source)) == []
+
+
+def test_help_texts_are_there_and_plain() -> None:
+    @click.group(help="Run tests.")
+    @click.option("--seed", help="Seed, whatever they say.")
+    @click.option("--quiet", is_flag=True)
+    def program() -> None: ...
+
+    @program.command(help="Of one run.")
+    @click.option("--only", help="Name of a scenario.")
+    @click.option("--report", help="Run and tell the result.")
+    def show() -> None: ...
+
+    assert list(help_violations(program, "x")) == [
+        "x --seed: avoid 'whatever' in the help text",
+        "x --quiet: write a help text",
+        "x show: avoid 'Of' in the help text",
+        "x show --report: avoid 'tell' in the help text",
+    ]
+
+
+def test_modules_and_folders_have_a_size() -> None:
+    fits = {f"a/m{number}.py": MAX_MODULE_LINES for number in range(MAX_FOLDER_MODULES)}
+    assert list(size_violations(fits)) == []
+    assert list(size_violations(fits | {"a/long.py": MAX_MODULE_LINES + 1})) == [
+        f"a/long.py:1: {MAX_MODULE_LINES + 1} lines; a module has at most {MAX_MODULE_LINES}",
+        f"a: {MAX_FOLDER_MODULES + 1} modules; a folder has at most {MAX_FOLDER_MODULES}",
+    ]
+
+
+def test_a_check_of_no_files_is_a_violation() -> None:
+    assert "sim_action, action, tools: no Python file found, nothing was checked there" in violations([])
