@@ -8,13 +8,22 @@ from pathlib import Path
 import numpy as np
 
 from sim_action.recording.replay.columns import Column
-from sim_action.recording.replay.marks import CircleMark, PolygonMark
 from sim_action.recording.replay.pictures import CameraData, PictureData, png_of
 from sim_action.recording.replay.replay_data import ContactData, Frames, Replay, SignalData
 from sim_action.recording.replay.replay_file import write_replay
 from sim_action.recording.replay.scans import ScanData
-from sim_action.recording.replay.scene_data import BodyData, JointMotion, LinkData, SceneData
-from sim_action.recording.replay.shapes import BoxShape, CylinderShape, MeshData, MeshShape
+from sim_action.recording.replay.scene_data import (
+    BodyData,
+    BoxShape,
+    CircleMark,
+    CylinderShape,
+    JointMotion,
+    LinkData,
+    MeshData,
+    MeshShape,
+    PolygonMark,
+    SceneData,
+)
 from sim_action.recording.replay.sightings import ObstacleData, SightingData
 
 GREY = (0.5, 0.5, 0.5)

@@ -16,7 +16,7 @@ from sim_action.core.errors import ExitCode, UsageError
 from sim_action.core.wording import system_reason
 from sim_action.reports import ReportOptions
 from sim_action.reports.console import Console
-from sim_action.reports.notebook import HtmlConsole, player_frame, report_frame
+from sim_action.reports.html.notebook import HtmlConsole, outcome_page, player_frame, report_frame
 from sim_action.reports.terminal import print_outcomes
 from sim_action.results import results_json
 from sim_action.results.artifacts import REPORT_FILE
@@ -83,8 +83,6 @@ class RunFolder:
 
     def player_of(self, outcome: RecordedOutcome) -> str:
         """Return a frame with the replay of an outcome for a notebook; empty if there is none, or it is too large."""
-        from sim_action.reports.html.outcome_page import outcome_page
-
         page = outcome_page(outcome, self._options) if outcome.replay is not None else None
         text = "" if page is None else page.text()
         return player_frame(text) if 0 < len(text) <= _MAX_EMBEDDED_BYTES else ""

@@ -9,7 +9,7 @@ from sim_action.core.discovery import compared_name
 from sim_action.core.errors import UsageError
 from sim_action.core.units import SHARE, parse
 from sim_action.core.wording import escaped_line, log_line, shown
-from sim_action.reports.gate_plan import Duration, plan_lines
+from sim_action.reports.gate_chances import Duration, plan_lines
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import RESULTS_FILE, Results
 from sim_action.scenario.source import Refused, Source

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from sim_action.core.errors import ExitCode
-from sim_action.reports import ReportRequest, open_reports, write_reports
+from sim_action.reports import ReportRequest
+from sim_action.reports.writing import open_reports, write_reports
 from sim_action.results.journal import read_journal
 
 

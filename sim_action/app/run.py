@@ -16,8 +16,9 @@ from sim_action.core.errors import ExitCode, InvalidScenario, SystemRefusal, Usa
 from sim_action.core.process import Interruption
 from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import note, warn
-from sim_action.reports import ReportOptions, ReportRequest, make_ready, open_reports, remove_earlier, write_reports
+from sim_action.reports import ReportOptions, ReportRequest
 from sim_action.reports.progress import GateKey, ProgressListener
+from sim_action.reports.writing import make_ready, open_reports, remove_earlier, write_reports
 from sim_action.results.artifacts import RunFiles, run_files
 from sim_action.results.events import Event, Listener
 from sim_action.results.journal import JOURNAL_FILE, Journal

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from types import MappingProxyType
 from typing import Final, TextIO
 
@@ -56,3 +58,29 @@ def shows_colours(stream: TextIO, environment: Mapping[str, str]) -> bool:
 def is_full_terminal(stream: TextIO, environment: Mapping[str, str]) -> bool:
     """Return True for a terminal that knows control sequences."""
     return stream.isatty() and environment.get("TERM", "").lower() not in _PLAIN_TERMINALS
+
+
+@contextmanager
+def open_console(stream: TextIO, environment: Mapping[str, str]) -> Iterator[Console]:
+    """Open a console on a stream; on GitHub, workflow commands in the printed text have no effect."""
+    on_github = environment.get("GITHUB_ACTIONS") == "true"
+    with _no_workflow_commands(stream) if on_github else _as_it_is(stream):
+        yield Console(stream, colourful=shows_colours(stream, environment))
+
+
+@contextmanager
+def _no_workflow_commands(stream: TextIO) -> Iterator[None]:
+    """Disable workflow commands while text is printed; the token that enables them again is random."""
+    token = os.urandom(16).hex()
+    stream.write(f"::stop-commands::{token}\n")
+    try:
+        yield
+    finally:
+        stream.write(f"::{token}::\n")
+        stream.flush()
+
+
+@contextmanager
+def _as_it_is(stream: TextIO) -> Iterator[None]:
+    yield
+    stream.flush()

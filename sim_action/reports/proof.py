@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Final, TextIO
 
 from sim_action.core.wording import counted, shortened
+from sim_action.reports.console import open_console
 from sim_action.reports.escaping import log_text
-from sim_action.reports.terminal import open_console
 from sim_action.results.proof import Finding, MutantResult, Proof, ProvenExpectation, ProvenScenario
 
 _SYMBOLS: Final[dict[Finding, str]] = {"notices": "✓", "checks nothing": "✗", "unknown": "·"}

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import os
 import sys
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Final, TextIO
 
 from sim_action.core.errors import ExitCode
 from sim_action.reports import ReportOptions
-from sim_action.reports.console import Console, shows_colours
+from sim_action.reports.console import Console, open_console
 from sim_action.reports.escaping import log_text, plain_text
 from sim_action.reports.formatting import (
     counts_text,
@@ -265,29 +263,3 @@ def _files(results: Results, options: ReportOptions) -> Iterator[tuple[str, Path
     recordings = (options.folder / name for outcome in results.outcomes for name in outcome.recordings)
     for folder in dict.fromkeys(recording.parent for recording in recordings):
         yield "recordings", folder
-
-
-@contextmanager
-def open_console(stream: TextIO, environment: Mapping[str, str]) -> Iterator[Console]:
-    """Open a console on a stream; on GitHub, workflow commands in the printed text have no effect."""
-    on_github = environment.get("GITHUB_ACTIONS") == "true"
-    with _no_workflow_commands(stream) if on_github else _as_it_is(stream):
-        yield Console(stream, colourful=shows_colours(stream, environment))
-
-
-@contextmanager
-def _no_workflow_commands(stream: TextIO) -> Iterator[None]:
-    """Disable workflow commands while text is printed; the token that enables them again is random."""
-    token = os.urandom(16).hex()
-    stream.write(f"::stop-commands::{token}\n")
-    try:
-        yield
-    finally:
-        stream.write(f"::{token}::\n")
-        stream.flush()
-
-
-@contextmanager
-def _as_it_is(stream: TextIO) -> Iterator[None]:
-    yield
-    stream.flush()

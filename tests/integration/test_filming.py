@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from sim_action.core.errors import SimulationUnstable
-from sim_action.recording.replay.build import make_replay, replay_of
+from sim_action.recording.replay.build import make_replay, replay_of, stored_signals
 from sim_action.recording.replay.replay_data import Replay
-from sim_action.recording.replay.signals import stored_signals
 from sim_action.scenario.loading import build_scene
 from sim_action.scenario.model import LoadedScenario
 from sim_action.simulation.loop import SimulationRun, simulate

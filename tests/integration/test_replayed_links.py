@@ -13,8 +13,7 @@ from sim_action.core.geometry import Pose
 from sim_action.core.workspace import Workspace
 from sim_action.recording.replay.build import replay_of
 from sim_action.recording.replay.replay_data import Replay
-from sim_action.recording.replay.scene_data import JointMotion
-from sim_action.recording.replay.shapes import MeshShape, PoseNumbers
+from sim_action.recording.replay.scene_data import JointMotion, MeshShape, PoseNumbers
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.robot.reading.loading import load_model
 from sim_action.state.command import JointTargets

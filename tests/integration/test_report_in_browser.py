@@ -20,9 +20,8 @@ from sim_action.recording.replay.columns import Column
 from sim_action.recording.replay.replay_data import SignalData
 from sim_action.reports import ReportOptions
 from sim_action.reports.html import document
-from sim_action.reports.html.outcome_page import outcome_page
+from sim_action.reports.html.notebook import outcome_page, player_frame, report_frame
 from sim_action.reports.html.report import page, write_html
-from sim_action.reports.notebook import player_frame, report_frame
 from sim_action.results.earlier_run import EarlierRun
 from sim_action.results.events import Finished
 from sim_action.results.journal import Journal

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from sim_action.reports.gate_plan import plan_lines
+from sim_action.reports.gate_chances import plan_lines
 from tests.outcomes import planned_gate
 
 

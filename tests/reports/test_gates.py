@@ -19,7 +19,7 @@ from sim_action.reports.junit import write_junit
 from sim_action.reports.links import rerun_command
 from sim_action.reports.scenario_groups import grouped_scenarios
 from sim_action.reports.terminal import print_results
-from sim_action.reports.unwritten_reports import complain_about
+from sim_action.reports.writing import complain_about
 from sim_action.results.outcome import Outcome
 from sim_action.results.over_variations import over_variations
 from sim_action.results.results_json import Results

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import pytest
 
 from sim_action.reports import console
-from sim_action.reports.notebook import _STYLES, HtmlConsole, player_frame, report_frame
+from sim_action.reports.html.notebook import _STYLES, HtmlConsole, player_frame, report_frame
 
 MIN_CONTRAST = 3.5
 THEMES = ["#ffffff", "#111111", "#1e1e1e"]

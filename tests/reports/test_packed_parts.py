@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sim_action.reports.packed_parts import PackedParts
+from sim_action.reports.junit import PackedParts
 
 
 def test_what_was_added_comes_back_in_its_order() -> None:

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from sim_action.core.errors import UsageError
-from sim_action.reports import ReportRequest, open_reports, workspace_of
+from sim_action.reports import ReportRequest, workspace_of
+from sim_action.reports.writing import open_reports
 from sim_action.results.output_folder import locked
 from tests.outcomes import outcome, results, stored
 

@@ -10,10 +10,11 @@ import pytest
 import yaml
 
 from sim_action.core.errors import ExitCode, Location
-from sim_action.reports import ReportOptions, console, notebook
+from sim_action.reports import ReportOptions, console
 from sim_action.reports.comparison import rows
 from sim_action.reports.formatting import counts_text, judged_text
 from sim_action.reports.github.step_outputs import outputs
+from sim_action.reports.html import notebook
 from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS
 from sim_action.results.comparison import compare_outcomes
 from sim_action.results.outcome import (

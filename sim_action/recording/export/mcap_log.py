@@ -1,19 +1,35 @@
-"""MCAP logs of ROS 2 messages: `--record mcap`."""
+"""MCAP logs of ROS 2 messages: `--record mcap`.
+
+Topics: /tf and /tf_static with all coordinate frames, /odom and /ground_truth/odom of the base, /clock, /joint_states,
+/cmd_vel, /wrench, /scan of a lidar and /imu; `ros2_markers` has those that are drawn.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, BinaryIO, ClassVar
+import re
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, BinaryIO, ClassVar, Final, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
+from sim_action.core import geometry
+from sim_action.core.geometry import ZERO, Pose, Quaternion, Vector3
+from sim_action.core.records import dataclass
+from sim_action.core.units import TIME_EPSILON_S
 from sim_action.recording.export.recorded_run import RecordedRun
-from sim_action.recording.export.ros2.markers import contacts, world_markers
-from sim_action.recording.export.ros2.messages import definition, full_name
-from sim_action.recording.export.ros2.robot_description import robot_description
-from sim_action.recording.export.ros2.state_topics import sensing, states
-from sim_action.recording.export.ros2.topics import Frames, Topic
-from sim_action.recording.export.ros2.transforms import odometry, transforms
+from sim_action.recording.export.ros2_markers import contacts, robot_description, world_markers
+from sim_action.recording.export.ros2_messages import CdrForm, Frames, Topic, definition, full_name, nanoseconds, stamps
+from sim_action.robot.model.kinematics import link_of_frame
+from sim_action.robot.model.link_motion import link_motion
+from sim_action.robot.model.robot_model import Joint, RobotModel
+from sim_action.sensors import MountedSensor
+from sim_action.sensors.lidar import Lidar
+from sim_action.state.command import WORLD_FRAME, LinkWrench
+from sim_action.state.trace import FloatArray, Trace
+from sim_action.state.trace_records import SensorRecord
+from sim_action.world import placed
 
 if TYPE_CHECKING:
     from mcap.writer import Writer
@@ -67,3 +83,328 @@ def _write_topics(writer: Writer, written: list[Topic]) -> None:
     for index in np.argsort(times, kind="stable").tolist():
         time = int(times[index])
         writer.add_message(of[index], time, messages[index], time)
+
+
+_NAMES: Final = {"lidar": "scan", "imu": "imu"}
+_UNKNOWN: Final = (0.0,) * 9
+
+
+def sensing(run: RecordedRun, frames: Frames) -> Iterator[Topic]:
+    """Yield a topic for each lidar and IMU in the trace; several of one kind are named by sensor."""
+    kept = [mounted for mounted in run.sensors if mounted.name in run.trace.sensors]
+    taken = set[str]()
+    for mounted in kept:
+        kind, record = mounted.sensor.key, run.trace.sensors[mounted.name]
+        if kind not in _NAMES:
+            continue
+        alone = sum(other.sensor.key == kind for other in kept) == 1
+        name = _free(f"/{_NAMES[kind]}" if alone else f"/{_plain(mounted.name)}/{_NAMES[kind]}", taken)
+        yield (_scan if kind == "lidar" else _imu)(name, frames.sensors[mounted.name], mounted, record)
+
+
+def _plain(name: str) -> str:
+    plain = re.sub(r"[^A-Za-z0-9_]", "_", name)
+    return plain if plain[:1].isalpha() else f"sensor_{plain}"
+
+
+def _free(name: str, taken: set[str]) -> str:
+    while name in taken:
+        name += "_"
+    taken.add(name)
+    return name
+
+
+def _scan(name: str, frame: str, mounted: MountedSensor, record: SensorRecord) -> Topic:
+    lidar, ranges = mounted.sensor, record.columns["ranges"]
+    assert isinstance(lidar, Lidar)
+    rays = ranges.shape[1]
+    last = lidar.first_angle + lidar.increment * (rays - 1)
+    form = CdrForm().gap("<i4", 2).string(frame).fixed("<f4", lidar.first_angle, last, lidar.increment)
+    form.fixed("<f4", 0.0, 1 / mounted.rate, lidar.min_range, lidar.range)
+    form.fixed("<u4", rays).gap("<f4", rays).fixed("<u4", 0)
+    messages = form.filled(len(record), stamps(record.time), ranges)
+    return Topic(name, "sensor_msgs/LaserScan", nanoseconds(record.time), messages)
+
+
+def _imu(name: str, frame: str, _: MountedSensor, record: SensorRecord) -> Topic:
+    columns = [record.columns[f"{key}"] for key in ("orientation_xyzw", "angular_velocity_xyz")]
+    acceleration = np.asarray(record.columns["linear_acceleration_xyz"])
+    form = CdrForm().gap("<i4", 2).string(frame).gap("<f8", 4).fixed("<f8", *_UNKNOWN)
+    form.gap("<f8", 3).fixed("<f8", *_UNKNOWN).gap("<f8", 3).fixed("<f8", *_UNKNOWN)
+    messages = form.filled(len(record), stamps(record.time), *columns, acceleration)
+    return Topic(name, "sensor_msgs/Imu", nanoseconds(record.time), messages)
+
+
+def states(run: RecordedRun) -> Iterator[Topic]:
+    """Yield /clock, and /joint_states, /cmd_vel and /wrench/LINK if the robot has joints, or got twists or wrenches."""
+    trace, twists = run.trace, run.twists
+    count, at = len(trace), nanoseconds(trace.time)
+    clock = CdrForm().gap("<i4", 2).filled(count, stamps(trace.time))
+    yield Topic("/clock", "rosgraph_msgs/Clock", at, clock)
+    if joints := len(trace.joint_names):
+        form = CdrForm().gap("<i4", 2).string("").strings(*trace.joint_names)
+        for _ in range(3):
+            form.fixed("<u4", joints).gap("<f8", joints)
+        columns = (trace.joint_position, trace.joint_velocity, trace.joint_effort)
+        yield Topic("/joint_states", "sensor_msgs/JointState", at, form.filled(count, stamps(trace.time), *columns))
+    if len(twists):
+        messages = CdrForm().gap("<f8", 6).filled(len(twists), twists.values)
+        yield Topic("/cmd_vel", "geometry_msgs/Twist", nanoseconds(twists.time), messages)
+    yield from _wrenches(run)
+
+
+def _wrenches(run: RecordedRun) -> Iterator[Topic]:
+    """Yield a topic for each link with a commanded wrench: the sum of its wrenches, in the link's own frame.
+
+    There is a message for each change of the command, and for each moment at which the wrench has changed in the frame
+    of the link because the link has turned.
+    """
+    turns, taken = _Turns(run.scene.model, run.trace), set[str]()
+    for link in dict.fromkeys(wrench.link for _, wrenches in run.wrenches for wrench in wrenches):
+        time, sums = list[float](), list[NDArray[np.float64]]()
+        ends = [*(moment for moment, _ in run.wrenches[1:]), np.inf]
+        for (start, wrenches), end in zip(run.wrenches, ends, strict=True):
+            mine = [wrench for wrench in wrenches if wrench.link == link]
+            for moment in turns.moments(mine, start, end):
+                row = turns.row(moment)
+                total = np.sum([turns.in_own_frame(wrench, row) for wrench in mine], axis=0)
+                if moment == start or not np.array_equal(total, sums[-1]):
+                    time.append(moment)
+                    sums.append(total)
+        form = CdrForm().gap("<i4", 2).string(link).gap("<f8", 6)
+        messages = form.filled(len(time), stamps(np.array(time)), np.array(sums))
+        name = _free(f"/wrench/{_plain(link)}", taken)
+        yield Topic(name, "geometry_msgs/WrenchStamped", nanoseconds(np.array(time)), messages)
+
+
+class _Turns:
+    """The orientations of links at the moments of a trace."""
+
+    def __init__(self, model: RobotModel, trace: Trace) -> None:
+        self._model, self._trace = model, trace
+        self._found: dict[str, NDArray[np.float64]] = {}
+
+    def moments(self, wrenches: Sequence[LinkWrench], start: float, end: float) -> list[float]:
+        """Return the times in s from `start` to before `end` at which wrenches on a link may change in its frame."""
+        if not wrenches:
+            return []
+        if not any(self._frame(each) != each.link and any((*each.force_xyz, *each.torque_xyz)) for each in wrenches):
+            return [start]
+        first, last = np.searchsorted(self._trace.time, (start + TIME_EPSILON_S, end - TIME_EPSILON_S))
+        return [start, *self._trace.time[first:last].tolist()]
+
+    def row(self, moment: float) -> int:
+        """Return the index of the first moment of the trace at or after a time in s."""
+        return min(int(np.searchsorted(self._trace.time, moment - TIME_EPSILON_S)), len(self._trace) - 1)
+
+    def in_own_frame(self, wrench: LinkWrench, row: int) -> NDArray[np.float64]:
+        """Return force and torque (6,) about the axes and the origin of the wrench's link, at the moment of a row."""
+        force, torque, frame = wrench.force_xyz, wrench.torque_xyz, self._frame(wrench)
+        if frame != wrench.link:
+            back = geometry.conjugate(self._orientation(row, wrench.link))
+            ahead = geometry.IDENTITY if frame == WORLD_FRAME else self._orientation(row, frame)
+            turn = geometry.multiply(back, ahead)
+            force, torque = geometry.rotate(turn, force), geometry.rotate(turn, torque)
+        return np.array([*force, *np.add(torque, np.cross(wrench.point_xyz, force))])
+
+    def _frame(self, wrench: LinkWrench) -> str:
+        return link_of_frame(self._model, wrench.frame)
+
+    def _orientation(self, row: int, link: str) -> Quaternion:
+        if link not in self._found:
+            self._found[link] = link_motion(self._model, self._trace, link).orientation_xyzw
+        x, y, z, w = self._found[link][row].tolist()
+        return x, y, z, w
+
+
+Link = tuple[str, str, FloatArray]
+"""Parent frame, child frame, and (T, 7) poses of the child in the parent; NaN where the child does not exist."""
+
+_TYPE: Final = "tf2_msgs/TFMessage"
+
+
+def transforms(run: RecordedRun, frames: Frames) -> Iterator[Topic]:
+    """Yield /tf with the moving frames at each moment, and /tf_static with the fixed ones."""
+    time = run.trace.time
+    yield Topic("/tf_static", _TYPE, nanoseconds(time[:1]), _messages(time[:1], [*_fixed(run, frames)]))
+    moving = [*_of_base(run, frames), *_of_joints(run), *_of_bodies(run, frames)]
+    messages = [message for start, end in _spans(moving) for message in _messages(time[start:end], moving, start)]
+    yield Topic("/tf", _TYPE, nanoseconds(time), messages)
+
+
+def _spans(links: Sequence[Link]) -> Iterator[tuple[int, int]]:
+    there = np.column_stack([~np.isnan(track[:, 0]) for _, _, track in links])
+    changes = np.flatnonzero((there[1:] != there[:-1]).any(axis=1)) + 1
+    return pairwise([0, *changes.tolist(), len(there)])
+
+
+def _messages(time: FloatArray, links: Sequence[Link], start: int = 0) -> list[bytes]:
+    told = [(parent, child, track[start : start + len(time)]) for parent, child, track in links]
+    return _filled(time, [link for link in told if not np.isnan(link[2][0, 0])])
+
+
+def _filled(time: FloatArray, links: Sequence[Link]) -> list[bytes]:
+    form = CdrForm().fixed("<u4", len(links))
+    columns: list[FloatArray] = []
+    for parent, child, placed_at in links:
+        form.gap("<i4", 2).string(parent).string(child).gap("<f8", 7)
+        columns += [stamps(time).astype(np.float64), placed_at]
+    return form.filled(len(time), *columns)
+
+
+def _of_base(run: RecordedRun, frames: Frames) -> Iterator[Link]:
+    """Yield map -> odom -> base; with wheel odometry, `odom` drifts so that the product is the true pose."""
+    trace = run.trace
+    truth = np.column_stack((trace.base_position_xyz, trace.base_orientation_xyzw))
+    measured = wheel_odometry(run)
+    if measured is None:
+        yield frames.odom, frames.base, truth
+        return
+    at = measured.latest(trace.time)
+    yield frames.map, frames.odom, composed(truth, inverted(at))
+    yield frames.odom, frames.base, at
+
+
+def _of_joints(run: RecordedRun) -> Iterator[Link]:
+    """Yield the links that joints move; a link of MJCF may have several joints in series."""
+    for child, joints in run.scene.model.joints_to.items():
+        moving = [joint for joint in joints if joint.moves]
+        if moving:
+            track = of_pose(joints[0].origin, len(run.trace))
+            for joint in moving:
+                track = composed(track, moved_by(joint, _positions(run, joint)))
+            yield joints[0].parent, child, track
+
+
+def _positions(run: RecordedRun, joint: Joint) -> FloatArray:
+    trace = run.trace
+    if joint.name not in trace.joint_names:
+        return np.full(len(trace), joint.home)
+    return trace.joint_position[:, trace.joint_names.index(joint.name)]
+
+
+def _of_bodies(run: RecordedRun, frames: Frames) -> Iterator[Link]:
+    return ((frames.map, frames.bodies[name], track) for name, track in run.bodies.items())
+
+
+def _fixed(run: RecordedRun, frames: Frames) -> Iterator[Link]:
+    scene = run.scene
+    if wheel_odometry(run) is None:
+        yield frames.map, frames.odom, of_pose(Pose())
+    for child, joints in scene.model.joints_to.items():
+        if not any(joint.moves for joint in joints):
+            yield joints[0].parent, child, of_pose(joints[0].origin)
+    for mounted in run.sensors:
+        if mounted.sensor.reads_wheels:
+            continue
+        link = scene.model.root if mounted.link is None else mounted.link
+        yield link, frames.sensors[mounted.name], of_pose(mounted.pose)
+    for body in scene.world.objects:
+        if body.name not in run.bodies:
+            yield frames.map, frames.bodies[body.name], of_pose(placed(body, scene.parts_of(body)))
+
+
+_ODOMETRY: Final = "nav_msgs/Odometry"
+_COVARIANCE: Final = (0.0,) * 36
+
+
+@dataclass(frozen=True, eq=False)
+class OdometryTrack:
+    """Odometry at N times.
+
+    Attributes:
+        time: (N,) s.
+        poses: (N, 7) of the base.
+        twists: (N, 6) of the base, in its own frame; linear, then angular.
+    """
+
+    time: FloatArray
+    poses: FloatArray
+    twists: FloatArray
+
+    def latest(self, time: FloatArray) -> FloatArray:
+        """Return (T, 7) the last odometry pose at or before each time."""
+        told = np.searchsorted(self.time, time + TIME_EPSILON_S, side="right") - 1
+        poses: FloatArray = self.poses[told.clip(0)]
+        return poses
+
+
+def wheel_odometry(run: RecordedRun) -> OdometryTrack | None:
+    """Return the readings of the first odometry sensor in the trace, or None."""
+    for record in run.trace.sensors.values():
+        if record.kind == "odometry" and len(record):
+            columns = record.columns
+            return OdometryTrack(
+                record.time,
+                np.column_stack((columns["position_xyz"], columns["orientation_xyzw"])),
+                np.column_stack((columns["linear_xyz"], columns["angular_xyz"])),
+            )
+    return None
+
+
+def odometry(run: RecordedRun, frames: Frames) -> Iterator[Topic]:
+    """Yield /odom, and with wheel odometry also /ground_truth/odom."""
+    measured, truth = wheel_odometry(run), _ground_truth(run)
+    if measured is None:
+        yield _odometry_topic("/odom", frames.odom, frames.base, truth, "ground truth")
+        return
+    yield _odometry_topic("/odom", frames.odom, frames.base, measured, "wheel odometry")
+    yield _odometry_topic("/ground_truth/odom", frames.map, frames.base, truth, "ground truth")
+
+
+def _ground_truth(run: RecordedRun) -> OdometryTrack:
+    trace = run.trace
+    turned = trace.base_orientation_xyzw
+    twists = [rotated_into(turned, vectors) for vectors in (trace.base_linear_xyz, trace.base_angular_xyz)]
+    return OdometryTrack(trace.time, np.column_stack((trace.base_position_xyz, turned)), np.column_stack(twists))
+
+
+def _odometry_topic(name: str, frame: str, child: str, told: OdometryTrack, source: str) -> Topic:
+    form = CdrForm().gap("<i4", 2).string(frame).string(child)
+    form.gap("<f8", 7).fixed("<f8", *_COVARIANCE).gap("<f8", 6).fixed("<f8", *_COVARIANCE)
+    messages = form.filled(len(told.time), stamps(told.time), told.poses, told.twists)
+    return Topic(name, _ODOMETRY, nanoseconds(told.time), messages, {"source": source})
+
+
+def of_pose(pose: Pose, count: int = 1) -> FloatArray:
+    """Return the same pose `count` times, (N, 7) x, y, z in m and quaternion x, y, z, w."""
+    return np.tile([*pose.position_xyz, *pose.orientation_xyzw], (count, 1))
+
+
+def composed(outer: FloatArray, inner: FloatArray) -> FloatArray:
+    """Return `geometry.compose` of each pair of poses (N, 7)."""
+    return _array(geometry.compose(_pose(outer), _pose(inner)))
+
+
+def inverted(poses: FloatArray) -> FloatArray:
+    """Return `geometry.inverse` of each pose (N, 7)."""
+    return _array(geometry.inverse(_pose(poses)))
+
+
+def rotated_into(orientations: FloatArray, vectors: FloatArray) -> FloatArray:
+    """Rotate vectors (N, 3) from the world frame into frames with orientations (N, 4)."""
+    back = geometry.conjugate(cast(Quaternion, tuple(orientations.T)))
+    return np.column_stack(geometry.rotate(back, cast(Vector3, tuple(vectors.T))))
+
+
+def moved_by(joint: Joint, positions: FloatArray) -> FloatArray:
+    """Return (N, 7) motions of the child link's frame from position zero to joint positions (N,) in rad or m."""
+    motion = np.zeros((len(positions), 7))
+    if joint.type == "prismatic":
+        motion[:, :3], motion[:, 6] = positions[:, None] * joint.axis_xyz, 1.0
+        return motion
+    motion[:, 3:6], motion[:, 6] = np.sin(positions / 2)[:, None] * joint.axis_xyz, np.cos(positions / 2)
+    if joint.anchor_xyz == ZERO:
+        return motion
+    to_anchor, back = Pose(joint.anchor_xyz), geometry.inverse(Pose(joint.anchor_xyz))
+    turned = composed(of_pose(to_anchor, len(positions)), motion)
+    return composed(turned, of_pose(back, len(positions)))
+
+
+def _pose(poses: FloatArray) -> Pose:
+    columns: Any = tuple(poses.T)
+    return Pose(columns[:3], columns[3:])
+
+
+def _array(pose: Pose) -> FloatArray:
+    return np.column_stack((*pose.position_xyz, *pose.orientation_xyzw))

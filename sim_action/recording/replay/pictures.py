@@ -16,7 +16,7 @@ from pydantic import AfterValidator, Field
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.recording.replay.scans import MAX_SENSORS, SensorName
-from sim_action.recording.replay.shapes import Number
+from sim_action.recording.replay.scene_data import Number
 from sim_action.state.readings import CameraImage
 
 if TYPE_CHECKING:

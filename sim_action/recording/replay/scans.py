@@ -13,7 +13,7 @@ from pydantic import Field
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.recording.replay.columns import Column, FloatArray, Index, Scale
-from sim_action.recording.replay.shapes import Length, Number, PoseNumbers, numbers
+from sim_action.recording.replay.scene_data import Length, Number, PoseNumbers, numbers
 from sim_action.state.readings import LidarScan, Reading
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from sim_action.core.geometry import Vector3
 from sim_action.core.records import dataclass
-from sim_action.recording.replay.shapes import MeshData
+from sim_action.recording.replay.scene_data import MeshData
 from sim_action.world.parts import GridPart, SurfacePart, grid_surface
 
 FloatArray = NDArray[np.float64]

@@ -25,7 +25,7 @@ from sim_action.reports.formatting import (
     taken_over_text,
     user_output,
 )
-from sim_action.reports.github.gate_section import gate_section
+from sim_action.reports.gate_chances import chance_tables
 from sim_action.reports.github.markdown import (
     MAX_IN_MESSAGE,
     code,
@@ -41,7 +41,7 @@ from sim_action.reports.github.markdown import (
     table,
 )
 from sim_action.reports.github.mermaid_chart import chart, load_replay, signal_of_verdict
-from sim_action.reports.links import replay_link, rerun_command
+from sim_action.reports.links import reason_time, replay_link, rerun_command
 from sim_action.reports.scenario_groups import ScenarioGroup, grouped_scenarios, worst_first
 from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome
@@ -388,3 +388,81 @@ def _remarks(outcome: Outcome) -> Iterator[str]:
 
 def _ending_block(text: str) -> str:
     return markdown_block(text if len(text) <= _MAX_IN_BLOCK else f"…{text[-_MAX_IN_BLOCK:]}")
+
+
+_MAX_RUNS: Final = 10
+_MAX_WARNINGS: Final = 20
+
+
+def gate_section(group: ScenarioGroup, options: ReportOptions) -> str:
+    """Return the section of a gate, or of runs that another call judges, without the details of any run."""
+    bad = group.not_passed
+    rows = [_gate_run_row(group, run, options) for run in bad[:_MAX_RUNS]]
+    warnings = list(_gate_warnings(group, options))
+    parts = [
+        f"### {group.display.icon} {markdown_text(group.name)}: {markdown_text(group.rate_text or group.gate_text)}",
+        " · ".join(part for part in _gate_subtitle(group, options) if part),
+        *_gate_claims(group, options),
+        f"{markdown_text(group.not_passed_text)}; the worst first:" if bad else "",
+        table(("Run", "Result", " Sim time"), rows) if rows else "",
+        left_out_note(len(bad), _MAX_RUNS, "run"),
+        "\n".join(warnings[:_MAX_WARNINGS]),
+        left_out_note(len(warnings), _MAX_WARNINGS, "warning"),
+        _gate_chances(group),
+    ]
+    return "\n\n".join(part for part in parts if part)
+
+
+def _gate_subtitle(group: ScenarioGroup, options: ReportOptions) -> Iterator[str]:
+    yield source_link(options, group.location)
+    yield markdown_text(group.engines)
+    if group.rate_text:
+        yield markdown_text(group.gate_text)
+
+
+def _gate_claims(group: ScenarioGroup, options: ReportOptions) -> Iterator[str]:
+    """Yield the reasons why the gate has no verdict, and a table of its claims."""
+    if group.gate is None:
+        if group.could_not_run:
+            yield message_text(group.ending)
+        return
+    for failure in group.gate.failures:
+        place = "" if failure.location is None else f"<br>\n{source_link(options, failure.location)}"
+        yield f"**{message_text(failure.title)}**: {message_text(failure.message)}{place}"
+    if group.gate.expectations:
+        found = (
+            row(
+                STATUS_DISPLAYS[expected.status].icon,
+                f"**{markdown_text(expected.name)}**<br>{source_link(options, expected.location)}",
+                message_text(expected.verdict.message),
+            )
+            for expected in group.gate.expectations
+        )
+        yield table(("", "Claim", "Found"), found)
+
+
+def _gate_chances(group: ScenarioGroup) -> str:
+    """Return the verdicts that robots of known rates get from the gate, folded."""
+    if group.planned is None:
+        return ""
+    (told,) = chance_tables([group.planned])
+    rows = (row(*map(markdown_text, each)) for each in told.rows)
+    columns = ("A robot that is ... good", *(f" {rate}" for rate in told.columns))
+    parts = [table(columns, rows) if told.rows else "", *map(markdown_text, told.remarks)]
+    return folded("The chances of robots with known rates", "\n\n".join(part for part in parts if part))
+
+
+def _gate_run_row(group: ScenarioGroup, run: Outcome, options: ReportOptions) -> str:
+    link = replay_link(run, options, reason_time(run))
+    seen = f"<br>replay: {code_of_link(link)}" if link else ""
+    return row(markdown_text(group.values(run)), f"{message_text(run.ending)}{seen}", moment(run.sim_time))
+
+
+def _gate_warnings(group: ScenarioGroup, options: ReportOptions) -> Iterator[str]:
+    """Yield the entries of a list: each warning once for all runs."""
+    icon = STATUS_DISPLAYS["warned"].icon
+    for expected, run, runs in group.warned:
+        seen = message_text(f"{expected.name}: {group.share_text(run, expected, runs)}")
+        yield f"- {icon} {seen}<br>{source_link(options, expected.location)}"
+    for warning, runs in group.warnings:
+        yield f"- {icon} {message_text(group.warning_text(warning, runs))}<br>{source_link(options, warning.location)}"

@@ -1,21 +1,51 @@
-"""The run of `--against`: an earlier run of the same scenarios, and what changed since."""
+"""The run of `--against`: an earlier run of the same scenarios, and what changed since in words and kinds to sort by."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import Literal
 
 from sim_action.core.records import dataclass
 from sim_action.core.wording import note
 from sim_action.reports.comparison import before_text, headline, limits_text, rows_of
-from sim_action.reports.html.changes import ScenarioChange
-from sim_action.results.comparison import Change, Comparison, compare_outcomes, paired_outcomes
+from sim_action.results.comparison import Change, ChangeKind, Comparison, compare_outcomes, paired_outcomes
 from sim_action.results.earlier_run import EarlierRun
 from sim_action.results.outcome import Outcome
 from sim_action.results.results_json import Results
 
-if TYPE_CHECKING:
-    from sim_action.reports.html.changes import ScenarioChangeKind
+ScenarioChangeKind = ChangeKind | Literal["less margin", "slower", "weaker", "moves differently", "unchanged"]
+"""The kind of change of a scenario or gate; the last five are those whose verdict is the one of before.
+
+- less margin: a margin, or that of the runs of a gate, is less than half of the one of before.
+- slower: the real-time factor is less than half of the one of before.
+- weaker: an expectation is gone, allows more, or no longer holds as a warning; or the pass rate of a gate fell.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class ScenarioChange:
+    """The change of a scenario or gate.
+
+    Attributes:
+        words: what changed, such as "newly fails; before: came true at 5.75 s".
+        limit: the limits now and before of the expectation that failed; empty if it fails with both.
+        world: how the scene of its replay differs, such as "pallet is new"; empty if it is the same or not known.
+        command: the first command that differs before the motions part, with both values and its time; empty if the
+            commands are the same, None if that is not known, or if the motions do not part.
+    """
+
+    kind: ScenarioChangeKind
+    words: str
+    limit: str = ""
+    world: str = ""
+    command: str | None = None
+
+    @property
+    def gist(self) -> str:
+        """The change in a few words, for a table; empty if nothing changed."""
+        kind = "" if self.kind == "unchanged" else self.kind
+        command = "other commands" if self.command else ""
+        return "; ".join(part for part in (kind, self.limit, self.world, command) if part)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,18 +1,43 @@
 """Other runs of a scenario, drawn as ghosts in its player: which ones there are, and where their motions part.
 
-A ghost has its motion and its signals. Its contacts and marks are not drawn.
+They are the run of `--against`, golden trajectories, the run in another engine, and a repetition. A ghost has its motion
+and its signals. Its contacts and marks are not drawn.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
 
-from sim_action.core.records import dataclass, field
-from sim_action.recording.replay.replay_data import Replay
+import numpy as np
+
+from sim_action.core import units
+from sim_action.core.records import dataclass, field, replace
+from sim_action.core.wording import shortened
+from sim_action.recording.replay.columns import Column
+from sim_action.recording.replay.replay_data import Frames, GoldenData, Replay
+from sim_action.recording.replay.replay_file import ReplayReader
+from sim_action.recording.replay.scene_data import BodyData, LinkData, PoseNumbers, SceneData
 from sim_action.reports.escaping import one_line
-from sim_action.reports.html.parting import Parting, Tolerance, parting, same_motion_text, with_zeros
-from sim_action.reports.html.replay_blocks import MAX_REPLAY_BYTES, PackedReplay, ReplayBlocks
+from sim_action.reports.html.document import Html, element, joined, text
+from sim_action.reports.html.parting import (
+    ANGLE_RAD,
+    POSITION_M,
+    Parting,
+    Tolerance,
+    commands_until,
+    parting,
+    same_motion_text,
+    with_zeros,
+)
+from sim_action.reports.html.replay_blocks import MAX_REPLAY_BYTES, PackedReplay, ReplayBlocks, replay_id, stored_replay
 from sim_action.results.outcome import Outcome
+
+if TYPE_CHECKING:
+    from sim_action.reports.html.base_run import Base, ScenarioChange
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,3 +124,214 @@ def engine_pairs(outcomes: Sequence[Outcome]) -> Iterator[tuple[Outcome, Outcome
     for several in known.values():
         for place, one in enumerate(several):
             yield from ((one, other) for other in several[place + 1 :] if other.engine != one.engine)
+
+
+BASE_RUN: Final = "base run"
+"""The label of the run of `--against`."""
+
+GOLDEN: Final = "golden trajectory"
+
+REPETITION: Final = "another repetition"
+"""The label of the first of several runs that differs."""
+
+
+class GhostSources:
+    """Finds the ghosts of each run of a page, and keeps them until there is room."""
+
+    def __init__(self, outcomes: Sequence[Outcome], ids: Mapping[int, str], folder: Path, base: Base | None) -> None:
+        """Start with the runs of a page.
+
+        Args:
+            outcomes: all outcomes.
+            ids: `id()` of an outcome -> the element id of its article.
+            folder: the folder from which outcomes name their replays.
+            base: the earlier run; None: there is none.
+        """
+        self._ids, self._folder, self._base = ids, folder, base
+        self._others: dict[int, Outcome] = {}
+        for one, other in engine_pairs(outcomes):
+            self._others |= {id(one): other, id(other): one}
+        self._readers = {kind: ReplayReader() for kind in ("base", "engine", "repetition")}
+        self._waiting = WaitingGhosts()
+        self.changes = {} if base is None else dict(base.changes)
+        """`id()` of an outcome -> what changed since the base run; complete after `since` of all outcomes."""
+        self.found: dict[str, list[Ghost]] = {}
+        """Element id of an article -> its ghosts."""
+
+    def since(self, identity: str, outcome: Outcome, replay: Replay | None) -> Html:
+        """Find the ghosts of a run; return what changed since the base run, and why its motion is not drawn."""
+        missing = ""
+        if replay is not None:
+            missing = self._find_base(identity, outcome, replay)
+            self._find_golden(identity, replay)
+            self._find_engine(identity, outcome, replay)
+            self._find_repetition(identity, outcome, replay)
+        told = self._told(identity, self.changes.get(id(outcome)))
+        words = Html("; ".join(map(text, told)))
+        return joined(Html(f"Since the {BASE_RUN}: {words}.") if words else "", missing)
+
+    def _told(self, identity: str, change: ScenarioChange | None) -> Iterator[str]:
+        """Yield what changed since the base run, the causes first."""
+        parts = [each.parting for each in self.found.get(identity, ()) if each.label == BASE_RUN and each.parting]
+        same = ""
+        if change is not None:
+            if change.world:
+                yield Html(f"in its world, {element('b', change.world)}")
+            if change.command:
+                yield Html(f"another command, {element('b', change.command)}")
+            same = ", after the same commands" if change.command == "" else ""
+        yield from (f"{part.told}{same}" for part in parts)
+        if change is not None:
+            yield change.words
+
+    def settle(self, blocks: ReplayBlocks) -> None:
+        """Add the ghosts found so far to the page, as far as they fit."""
+        self._waiting.settle(blocks)
+
+    def _find_base(self, identity: str, outcome: Outcome, replay: Replay) -> str:
+        base = self._base
+        old = None if base is None else base.before.get(id(outcome))
+        if base is None or old is None:
+            return ""
+        folder = base.run.folders.get(id(old))
+        theirs, missing = (None, "") if folder is None else stored_replay(old, folder, self._readers["base"])
+        is_same = old.digest is not None and old.digest == outcome.digest and old.engine == outcome.engine
+        if theirs is None:
+            if is_same:
+                return ""
+            return f"The motion of the {BASE_RUN} is not drawn: {missing[0].lower()}{missing[1:]}" if missing else ""
+
+        world, command = world_changes(replay.scene, theirs.scene), None
+        if not is_same:
+            block = f"ghost-{identity}"
+            found = ghost(BASE_RUN, block, replay, theirs, is_shown=old.status != outcome.status)
+            self._keep(identity, found)
+            self._waiting.add(block, theirs, replay)
+            if (part := found.parting) is not None and not part.is_end:
+                command = commands_until(replay, theirs, part.time)
+        if id(outcome) in self.changes:
+            self.changes[id(outcome)] = replace(self.changes[id(outcome)], world=world, command=command)
+        return ""
+
+    def _find_golden(self, identity: str, replay: Replay) -> None:
+        for number, golden in enumerate(replay.golden, start=1):
+            block, theirs = f"golden-{identity}-{number}", golden_replay(replay, golden)
+            label = GOLDEN if number == 1 else f"{GOLDEN} {number}"
+            tolerance = Tolerance(max(POSITION_M, golden.position or 0.0), max(ANGLE_RAD, golden.yaw or 0.0))
+            self._keep(identity, ghost(label, block, replay, theirs, tolerance))
+            self._waiting.add(block, theirs, replay)
+
+    def _find_engine(self, identity: str, outcome: Outcome, replay: Replay) -> None:
+        other = self._others.get(id(outcome))
+        if other is None or id(other) not in self._ids:
+            return
+        theirs, _ = stored_replay(other, self._folder, self._readers["engine"])
+        if theirs is not None:
+            limits = [Tolerance.of(each) for each in (outcome, other)]
+            tolerance = Tolerance(max(each.position for each in limits), max(each.angle for each in limits))
+            block = replay_id(self._ids[id(other)])
+            self._keep(identity, ghost(other.engine or "", block, replay, theirs, tolerance))
+
+    def _find_repetition(self, identity: str, outcome: Outcome, replay: Replay) -> None:
+        if outcome.repeats is None or outcome.repeats.replay is None:
+            return
+        other = outcome.model_copy(update={"replay": outcome.repeats.replay})
+        theirs, _ = stored_replay(other, self._folder, self._readers["repetition"])
+        if theirs is not None:
+            block = f"repetition-{identity}"
+            self._keep(identity, ghost(REPETITION, block, replay, theirs, is_shown=True))
+            self._waiting.add(block, theirs, replay)
+
+    def _keep(self, identity: str, found: Ghost) -> None:
+        self.found.setdefault(identity, []).append(found)
+
+
+_QUATERNION_SCALE = 1e-5
+
+
+def golden_replay(replay: Replay, golden: GoldenData) -> Replay:
+    """Return the motion of a golden trajectory for the robot of a run.
+
+    The file has the position and heading of the base link and perhaps some joints. So the robot is drawn level, and its
+    other joints are where they were at the start of the run.
+    """
+    count = golden.count
+    x, y, z, yaw = golden.base
+    half = yaw.decoded(count) / 2
+    turned, upright = (Column.encoded(part(half), _QUATERNION_SCALE) for part in (np.sin, np.cos))
+    level = Column(scale=1.0, first=0)
+    unknown = Column(scale=1.0, first=0, gaps=((0, count),))
+    known = dict(golden.joints)
+    frames = Frames(
+        time=golden.time,
+        base=(x, y, z, level, level, turned, upright),
+        joints=tuple(
+            known.get(number, column.model_copy(update={"deltas": (), "gaps": ()}))
+            for number, column in enumerate(replay.frames.joints)
+        ),
+        speed=unknown,
+        tilt=unknown,
+    )
+    # Nothing is known of the bodies.
+    scene = replay.scene.model_copy(update={"bodies": ()})
+    return Replay.model_construct(version=replay.version, scene=scene, joint_names=replay.joint_names, frames=frames)
+
+
+_MAX_NAMED: Final = 3
+_MAX_NAME: Final = 40
+
+
+def world_changes(ours: SceneData, theirs: SceneData) -> str:
+    """Return what differs from an earlier scene in words, such as "pallet is new"; empty if nothing does."""
+    return ", ".join(chain(_of_robot(ours, theirs), _of_bodies(ours.bodies, theirs.bodies)))
+
+
+def _of_robot(ours: SceneData, theirs: SceneData) -> Iterator[str]:
+    if ours.robot != theirs.robot:
+        yield f"the robot is {_name(ours.robot)}, not {_name(theirs.robot)}"
+    elif [_form(link) for link in ours.links] != [_form(link) for link in theirs.links]:
+        yield "the model of the robot differs"
+
+
+def _of_bodies(ours: Sequence[BodyData], theirs: Sequence[BodyData]) -> Iterator[str]:
+    before, now = ({body.name: body for body in several} for several in (theirs, ours))
+    both = [(before[name], body) for name, body in now.items() if name in before]
+    yield from _named([name for name in now if name not in before], "is new", "are new")
+    yield from _named([name for name in before if name not in now], "is gone", "are gone")
+    moved = [(new, words) for old, new in both if (words := _moved(old.pose, new.pose))]
+    yield from (f"{_name(body.name)} {words}" for body, words in moved[:_MAX_NAMED])
+    yield from _named([body.name for body, _ in moved[_MAX_NAMED:]], "starts elsewhere", "start elsewhere")
+    yield from _named(
+        [new.name for old, new in both if _form(old)["shapes"] != _form(new)["shapes"]],
+        "has another shape",
+        "have other shapes",
+    )
+
+
+def _form(owner: LinkData | BodyData) -> dict[str, Any]:
+    return owner.model_dump(exclude={"shapes": {"__all__": {"color", "opacity"}}})
+
+
+def _named(names: Sequence[str], one: str, several: str) -> Iterator[str]:
+    """Yield one part for bodies of which the same is said."""
+    if not names:
+        return
+    shown = [_name(name) for name in names[:_MAX_NAMED]]
+    left = len(names) - len(shown)
+    *first, last = [*shown, *([f"{left} more"] if left else [])]
+    told = f"{', '.join(first)} and {last}" if first else last
+    yield f"{told} {one if len(names) == 1 else several}"
+
+
+def _name(name: str) -> str:
+    return shortened(one_line(name), _MAX_NAME)
+
+
+def _moved(old: PoseNumbers, new: PoseNumbers) -> str:
+    """Return how far a pose is from an earlier one; empty if it is the same up to the tolerance of a motion."""
+    distance = math.dist(old[:3], new[:3])
+    dot = abs(sum(one * other for one, other in zip(old[3:], new[3:], strict=True)))
+    turned = 2 * math.acos(min(1.0, dot))
+    if distance > POSITION_M:
+        return f"starts {units.display(distance, 'm')} elsewhere"
+    return f"starts turned by {units.display(turned, 'rad')}" if turned > ANGLE_RAD else ""

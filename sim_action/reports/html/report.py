@@ -16,21 +16,18 @@ from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import counts_text, shard_text, speed_text
 from sim_action.reports.html.document import Html, Page, element, encoded, joined
 from sim_action.reports.html.gate_article import GroupPlace, gate_article, variations_article
-from sim_action.reports.html.ghost_sources import GhostSources
-from sim_action.reports.html.ghosts import Ghost
+from sim_action.reports.html.ghosts import Ghost, GhostSources
 from sim_action.reports.html.navigation import PageEntry, PagePlan, planned_page, scenario_list
 from sim_action.reports.html.replay_blocks import ReplayBlocks, packed, page_json, replay_id, stored_replay
-from sim_action.reports.html.scenario_article import article, drawn
-from sim_action.reports.html.sightings import first_seen
+from sim_action.reports.html.scenario_article import article, drawn, first_seen
 from sim_action.reports.html.sweep import sweep
-from sim_action.reports.html.top_view import SceneOutlines
+from sim_action.reports.html.top_view import RunLook, SceneOutlines, small_path
 from sim_action.reports.scenario_groups import grouped_scenarios
 from sim_action.results.artifacts import REPORT_FILE
 from sim_action.results.results_json import Results
 
 if TYPE_CHECKING:
     from sim_action.reports.html.base_run import Base
-    from sim_action.reports.html.small_path import RunLook
 
 MAX_PAGE_SCENARIOS: Final = 2_000
 """The number of scenarios on a page, the worst first; further scenarios are only counted."""
@@ -108,8 +105,6 @@ def _run_articles(
         recorded, missing = stored_replay(outcome, options.folder, reader)
         replay = recorded
         if replay is not None and plan.has_suite:
-            from sim_action.reports.html.small_path import RunLook, small_path
-
             looks[id(outcome)] = RunLook(small_path(replay, outcome.display_status), first_seen(replay))
         if replay is not None and not blocks.add(replay_id(identity), replay):
             replay, missing = None, "The replay of this run is not included: the size of the page is limited."

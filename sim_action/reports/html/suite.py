@@ -1,31 +1,27 @@
-"""The article of all scenarios: counts by status, and a table with a row for each scenario or gate, worst first."""
+"""The article of all scenarios: counts by status, failures that look alike, and a table with the worst rows first."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Final
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from math import isfinite
+from typing import TYPE_CHECKING, Final, TypeAlias
 
 from sim_action.core.wording import counted, shortened
-from sim_action.reports.html.alike import alike
-from sim_action.reports.html.changes import ScenarioChange
+from sim_action.reports.escaping import one_line
+from sim_action.reports.formatting import moment, quantity
 from sim_action.reports.html.document import Html, element, joined
 from sim_action.reports.html.navigation import PagePlan
-from sim_action.reports.html.suite_rows import (
-    duration_cell,
-    group_name_cell,
-    name_cell,
-    nearest_cell,
-    runs_table,
-    sort_margin,
-)
-from sim_action.reports.scenario_groups import ScenarioGroup
+from sim_action.reports.html.scenario_article import first_seen_words, status_mark
+from sim_action.reports.html.sweep import parameters
+from sim_action.reports.scenario_groups import ScenarioGroup, nearest_expectation, relative_margin
 from sim_action.reports.statuses import STATUS_DISPLAYS
-from sim_action.results.outcome import WORST_FIRST, DisplayStatus, Outcome
+from sim_action.results.outcome import WORST_FIRST, DisplayStatus, ExpectationOutcome, Outcome
+from sim_action.state.verdict import Verdict
 
 if TYPE_CHECKING:
-    from sim_action.reports.html.changes import ScenarioChangeKind
-    from sim_action.reports.html.small_path import RunLook
+    from sim_action.reports.html.base_run import ScenarioChange, ScenarioChangeKind
+    from sim_action.reports.html.top_view import RunLook
 
 _CHANGES: Final[tuple[ScenarioChangeKind, ...]] = (
     "newly fails",
@@ -213,3 +209,232 @@ def _wall_time(group: ScenarioGroup) -> float:
 
 def _rounded(value: float) -> str | None:
     return f"{value:.4g}" if value else None
+
+
+_MAX_TEXT: Final = 160
+_MAX_VALUE: Final = 40
+_HALF: Final = 50
+"""Half of the width of a bar of a margin, which is 100 % of the limit."""
+_LEAST_BAR: Final = 1.5
+_NO_VERDICT: Final = -2.0
+"""The margin by which runs without a verdict are sorted: before those that failed."""
+
+
+def name_cell(outcome: Outcome, identity: str) -> Html:
+    """Return the name of a scenario, linked to its article, and its file."""
+    link = element("a", one_line(outcome.name), href=f"#{identity}")
+    return element("th", link, _small(outcome.file), scope="row")
+
+
+def group_name_cell(group: ScenarioGroup, identity: str) -> Html:
+    """Return the name of a gate or of a scenario that is varied, with its counts and file.
+
+    `identity`: the element id of its article; of its worst run if it has none.
+    """
+    name = one_line(group.gate.name if group.gate is not None else group.name)
+    link = element("a", name, href=f"#{identity}")
+    file = (group.gate or group.outcomes[0]).file
+    counts = group.rate_text and f"gate: {group.rate_text}"
+    told = counts or (group.gate_text if group.is_part or group.gate is not None else group.passed)
+    return element("th", link, _small(f"{told} · {file}" if file else told), scope="row")
+
+
+def _small(words: str) -> Html:
+    return element("small", one_line(words), class_="faint") if words else Html("")
+
+
+def nearest_cell(outcome: Outcome) -> Html:
+    """Return the expectation nearest to its limit with its margin; for a run that did not pass, the reason."""
+    expected = nearest_expectation(outcome)
+    return element(
+        "td",
+        element("span", nearest_text(outcome, expected), class_="what") if outcome.status != "skipped" else "",
+        _margin(expected) if expected is not None else "",
+        class_="nearest",
+    )
+
+
+def nearest_text(outcome: Outcome, expected: ExpectationOutcome | None) -> str:
+    """Return the reason why a run did not pass; the name of the nearest expectation if it passed."""
+    if outcome.failures:
+        failure = outcome.failures[0]
+        return shortened(one_line(f"{failure.title}: {failure.message}"), _MAX_TEXT)
+    if expected is None:
+        return ""
+    return shortened(one_line(expected.verdict.message if expected.status != "passed" else expected.name), _MAX_TEXT)
+
+
+def _margin(expected: ExpectationOutcome) -> Html:
+    """Return the margin as text with its bar; a goal that was reached has the time of this in place of a margin."""
+    verdict = expected.verdict
+    if verdict.status == "passed" and verdict.goal and verdict.time is not None:
+        return element("span", f"reached at {moment(verdict.time)}", class_="margin")
+    if verdict.margin is None or verdict.cut_off:
+        return Html("")
+    # A count of contacts is 0 or 1: its margin says nothing.
+    words = "" if verdict.unit == "contacts" else quantity(verdict.margin, verdict.unit)
+    return element("span", margin_bar(relative_margin(expected)), element("span", words), class_="margin")
+
+
+def margin_bar(relative: float) -> Html:
+    """Return a bar to the right for a positive relative margin, to the left for a negative one."""
+    marks = [
+        element("rect", x=-_HALF, width=2 * _HALF, height=8, class_="scale"),
+        element("rect", x=-0.5, width=1, height=8, class_="limit"),
+    ]
+    if isfinite(relative):
+        length = max(_LEAST_BAR, round(_HALF * min(1.0, abs(relative)), 1))
+        held = relative >= 0
+        marks.append(
+            element("rect", x=0 if held else -length, width=length, height=8, class_="held" if held else "missed")
+        )
+    return element("svg", *marks, viewBox=f"{-_HALF} 0 {2 * _HALF} 8", aria_hidden="true", class_="margin-bar")
+
+
+def sort_margin(outcome: Outcome) -> str | None:
+    """Return the relative margin as text to sort by; None if nothing was measured."""
+    expected = nearest_expectation(outcome)
+    if expected is None:
+        return None if outcome.status in ("passed", "skipped") else f"{_NO_VERDICT:g}"
+    if expected.verdict.status == "passed" and expected.verdict.goal:
+        return None
+    relative = relative_margin(expected)
+    return f"{relative:.4g}" if isfinite(relative) else None
+
+
+def duration_cell(title: str, seconds: float, longest: float = 0.0) -> Html:
+    """Return a time in s, with a bar if the longest one is given; nothing for 0."""
+    if not seconds:
+        return element("td", class_="duration", data_title=title)
+    bar = ""
+    if longest > 0:
+        filled = element("rect", width=max(1.0, round(100 * seconds / longest, 1)), height=4)
+        bar = element(
+            "svg", filled, viewBox="0 0 100 4", preserveAspectRatio="none", aria_hidden="true", class_="share"
+        )
+    return element(
+        "td", f"{seconds:.1f} s" if seconds < 100 else f"{seconds:.0f} s", bar, class_="duration", data_title=title
+    )
+
+
+def runs_table(
+    group: ScenarioGroup, runs: Sequence[Outcome], ids: Mapping[int, str], paths: Mapping[int, Html]
+) -> Html:
+    """Return the runs of a group with their parameters as columns."""
+    columns = parameters(group.outcomes)
+    numbers = {id(run): number for number, run in enumerate(group.outcomes)}
+    longest = max(run.wall_time for run in group.outcomes)
+    titles = ("Run", *(column.label for column in columns), "Nearest limit", "Sim time", "Wall time", "Path")
+    head = element("tr", element("td"), *(element("th", title, scope="col") for title in titles))
+    rows = []
+    for run in runs:
+        number = numbers[id(run)]
+        values = [
+            element("td", shortened(column.texts[number], _MAX_VALUE), data_title=column.label) for column in columns
+        ]
+        link = element("a", f"run {number + 1}", href=f"#{ids[id(run)]}")
+        rows.append(
+            element(
+                "tr",
+                element("td", status_mark(run.display_status, neutral=run.is_sample)),
+                element("th", link, scope="row"),
+                *values,
+                nearest_cell(run),
+                duration_cell("Sim time", run.simulated),
+                duration_cell("Wall time", run.wall_time, longest),
+                element("td", paths.get(id(run), ""), class_="path"),
+            )
+        )
+    table = element("table", element("thead", head), element("tbody", joined(*rows)))
+    return element("div", table, class_="wide runs")
+
+
+_Failed: TypeAlias = tuple[Outcome, ExpectationOutcome]
+"""A failed run, and the expectation that failed first."""
+
+_MAX_KINDS: Final = 8
+_MAX_NAMES: Final = 12
+
+
+def alike(
+    groups: Iterable[ScenarioGroup],
+    ids: Mapping[int, str],
+    looks: Mapping[int, RunLook],
+    changes: Mapping[int, ScenarioChange],
+) -> Html:
+    """Return the list of failures that several scenarios share, the most frequent first; empty without any.
+
+    Args:
+        groups: the scenarios.
+        ids: `id()` of an outcome -> the element id of its article.
+        looks: `id()` of an outcome -> what its replay shows.
+        changes: `id()` of an outcome -> its change since an earlier run.
+    """
+    kinds: dict[tuple[str, str], list[_Failed]] = {}
+    for outcome, expected in _failures(groups):
+        body = expected.verdict.body
+        kinds.setdefault((body, "" if body else expected.name), []).append((outcome, expected))
+    # Variations of one scenario stand together in the table.
+    several = [failures for failures in kinds.values() if len(_scenarios(failures)) > 1]
+    several.sort(key=len, reverse=True)
+    if not several:
+        return Html("")
+    items = [_item(failures, ids, looks, _shared(failures, changes)) for failures in several[:_MAX_KINDS]]
+    return joined(element("h3", "Failures that look alike"), element("ul", *items, class_="remarks alike"))
+
+
+def _failures(groups: Iterable[ScenarioGroup]) -> Iterator[_Failed]:
+    """Yield each failed run that counts by itself, with the expectation that failed first."""
+    for group in groups:
+        if group.gate is not None or group.is_part:
+            continue
+        for outcome in group.outcomes:
+            failed = [each for each in outcome.expectations if each.failed and not each.verdict.cut_off]
+            if failed:
+                yield outcome, min(failed, key=_time)
+
+
+def _scenarios(failures: Iterable[_Failed]) -> set[tuple[str, str]]:
+    return {(outcome.file, outcome.group or outcome.name) for outcome, _ in failures}
+
+
+def _time(expected: ExpectationOutcome) -> float:
+    time = expected.verdict.time
+    return float("inf") if time is None else time
+
+
+def _kind(failures: Iterable[_Failed]) -> str:
+    """Return the words for failures of one kind, such as "touched pallet, or came too near"."""
+    expected = [each for _, each in failures]
+    if not (body := expected[0].verdict.body):
+        return f"failed {expected[0].name}"
+    near = [_is_apart(each.verdict) for each in expected]
+    if all(near):
+        return f"came too near to {body}"
+    return f"touched {body}{', or came too near' if any(near) else ''}"
+
+
+def _is_apart(verdict: Verdict) -> bool:
+    return verdict.unit == "m" and verdict.measured is not None and verdict.measured > 0.0
+
+
+def _shared(failures: Sequence[_Failed], changes: Mapping[int, ScenarioChange]) -> str:
+    worlds = {change.world if (change := changes.get(id(each))) else "" for each, _ in failures}
+    return worlds.pop() if len(worlds) == 1 else ""
+
+
+def _item(failures: Sequence[_Failed], ids: Mapping[int, str], looks: Mapping[int, RunLook], shared: str) -> Html:
+    noun = "scenario" if len(_scenarios(failures)) == len(failures) else "run"
+    told: list[str] = [element("b", f"{counted(len(failures), noun)} {one_line(_kind(failures))}")]
+    told += [". Since the base run, ", element("b", shared), ": "] if shared else [": "]
+    for number, (outcome, expected) in enumerate(failures[:_MAX_NAMES]):
+        name, time = one_line(outcome.name), expected.verdict.time
+        place = ids.get(id(outcome))
+        told += ["; " if number else "", name if place is None else element("a", name, href=f"#{place}")]
+        told += [] if time is None else [f" at {moment(time)}"]
+        # Without a body, the words name the expectation.
+        if body := expected.verdict.body:
+            seen = look.seen.get(body) if (look := looks.get(id(outcome))) else None
+            told.append(f" ({one_line(expected.assertion)}{'' if seen is None else f', {first_seen_words(seen)}'})")
+    more = len(failures) - _MAX_NAMES
+    return element("li", *told, f" and {more} more" if more > 0 else "")

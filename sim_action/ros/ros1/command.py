@@ -15,7 +15,8 @@ from sim_action.core.errors import ExitCode, InvalidScenario, Location, Problem
 from sim_action.core.process import Interruption
 from sim_action.core.records import dataclass
 from sim_action.core.wording import did_you_mean, escaped_line, warn
-from sim_action.reports import ReportOptions, ReportRequest, make_ready, open_reports, write_reports
+from sim_action.reports import ReportOptions, ReportRequest
+from sim_action.reports.writing import make_ready, open_reports, write_reports
 from sim_action.results.artifacts import copy_or_reason, replay_path, trace_paths
 from sim_action.results.events import Finished
 from sim_action.results.journal import Journal

@@ -12,7 +12,7 @@ from sim_action.core.geometry import Pose
 from sim_action.core.records import dataclass
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.drives import Drive, recognise
-from sim_action.recording.export.ros2.robot_description import urdf_of
+from sim_action.recording.export.ros2_markers import urdf_of
 from sim_action.robot.model.kinematics import joint_motion
 from sim_action.robot.model.robot_model import Joint, RobotModel
 from sim_action.ros import topic_names

@@ -9,7 +9,7 @@ import pytest
 
 from sim_action.assertions.upright import Upright
 from sim_action.commands.waypoints import Waypoint, WaypointCommands
-from sim_action.recording.replay.commanded_path import MAX_PATH_POINTS, commanded_path
+from sim_action.recording.replay.build import MAX_PATH_POINTS, commanded_path
 from sim_action.simulation.recorder import TWIST_NAMES
 from sim_action.state.trace_records import CommandedValues
 from tests.traces import START, expectation, scenario

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from sim_action.core.geometry import quaternion_from_rpy
+from sim_action.recording.replay.build import Track, frames_of, thinned
 from sim_action.recording.replay.columns import MAX_MOMENTS
-from sim_action.recording.replay.frames import Track, frames_of, thinned
 from sim_action.recording.replay.replay_data import Frames
 from sim_action.state.trace_records import BodyRecord
 from tests.traces import trace

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from sim_action.recording.replay.columns import Column
-from sim_action.recording.replay.golden import GoldenData
+from sim_action.recording.replay.replay_data import GoldenData
 
 STILL = Column(scale=1.0, first=0)
 TIMES = Column(scale=0.1, first=0, deltas=(1, 1))

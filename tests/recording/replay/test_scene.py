@@ -10,8 +10,15 @@ import pytest
 from sim_action.core.field_types import Placement
 from sim_action.core.records import replace
 from sim_action.recording.replay.scene import scenery
-from sim_action.recording.replay.scene_data import LinkData, SceneData
-from sim_action.recording.replay.shapes import BoxShape, CylinderShape, EllipsoidShape, MeshData, MeshShape
+from sim_action.recording.replay.scene_data import (
+    BoxShape,
+    CylinderShape,
+    EllipsoidShape,
+    LinkData,
+    MeshData,
+    MeshShape,
+    SceneData,
+)
 from sim_action.scenario.loading import build_scene
 from sim_action.world import World
 from sim_action.world.parts import BoxPart

@@ -19,8 +19,14 @@ from sim_action.assertions.stay_within import StayWithin
 from sim_action.assertions.upright import Upright
 from sim_action.core.records import replace
 from sim_action.core.workspace import Workspace
-from sim_action.recording.replay.build import replay_of
-from sim_action.recording.replay.signals import coarse, stored_golden, stored_marks, stored_signal, stored_signals
+from sim_action.recording.replay.build import (
+    coarse,
+    replay_of,
+    stored_golden,
+    stored_marks,
+    stored_signal,
+    stored_signals,
+)
 from sim_action.state.golden_trajectory import Golden
 from sim_action.state.verdict import Signal
 from tests.traces import START, expectation, scenario, scene, trace

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sim_action.core.geometry import Pose, quaternion_from_rpy
-from sim_action.recording.replay.surface_distance import distance_to
+from sim_action.recording.replay.sightings import distance_to
 from sim_action.world.parts import BoxPart, CylinderPart, GridPart, HullPart, Part, SpherePart, SurfacePart
 
 TURNED = Pose((1.0, 0.0, 0.0), quaternion_from_rpy(0.0, 0.0, math.pi / 2))

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.recording.replay.shapes import MeshData
+from sim_action.recording.replay.scene_data import MeshData
 from sim_action.recording.replay.surfaces import (
     MAX_GRID_SAMPLES,
     Budget,

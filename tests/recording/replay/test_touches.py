@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from sim_action.recording.replay.build import joined_touches, strongest_touches
 from sim_action.recording.replay.columns import Column
 from sim_action.recording.replay.replay_data import MAX_CONTACTS
-from sim_action.recording.replay.touches import joined_touches, strongest_touches
 from sim_action.state.observation import Contact
 from tests.traces import contact
 

@@ -11,10 +11,10 @@ from typing import Any
 import pytest
 
 from sim_action.recording.replay.sightings import SightingData
-from sim_action.reports.html.alike import alike
-from sim_action.reports.html.changes import ScenarioChange
+from sim_action.reports.html.base_run import ScenarioChange
 from sim_action.reports.html.document import Html
-from sim_action.reports.html.small_path import RunLook
+from sim_action.reports.html.suite import alike
+from sim_action.reports.html.top_view import RunLook
 from sim_action.reports.scenario_groups import grouped_scenarios
 from sim_action.results.outcome import Outcome
 from tests.outcomes import outcome

@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from sim_action.reports.html.base_run import scenario_changes
-from sim_action.reports.html.changes import ScenarioChange
+from sim_action.reports.html.base_run import ScenarioChange, scenario_changes
 from sim_action.results.comparison import compare_outcomes
 from sim_action.results.outcome import Outcome
 from tests.outcomes import outcome

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from sim_action.recording.replay.columns import Column
-from sim_action.recording.replay.golden import GoldenData
+from sim_action.recording.replay.replay_data import GoldenData
 from sim_action.reports import ReportOptions
 from sim_action.reports.html.document import Page
 from sim_action.reports.html.report import page, write_html

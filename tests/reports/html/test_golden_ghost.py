@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 
 from sim_action.recording.replay.columns import Column, TextColumn
-from sim_action.recording.replay.golden import GoldenData
-from sim_action.recording.replay.replay_data import ChannelData, Replay
-from sim_action.reports.html.ghosts import motion_of
-from sim_action.reports.html.golden_ghost import golden_replay
+from sim_action.recording.replay.replay_data import ChannelData, GoldenData, Replay
+from sim_action.reports.html.ghosts import golden_replay, motion_of
 from sim_action.reports.html.parting import parting
 from tests.replays import drive
 

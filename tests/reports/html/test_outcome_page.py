@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from sim_action.reports import ReportOptions
-from sim_action.reports.html.outcome_page import outcome_page
+from sim_action.reports.html.notebook import outcome_page
 from tests.outcomes import outcome
 from tests.replays import drive, kept
 

@@ -9,7 +9,7 @@ from html import unescape
 import pytest
 
 from sim_action.recording.replay.sightings import BlindData, ObstacleData, SightingData
-from sim_action.reports.html.sightings import direction, sightings
+from sim_action.reports.html.scenario_article import direction, sightings
 from tests.replays import drive
 
 LIDAR = SightingData(sensor="front", kind="lidar", time=0.4, distance=1.42, angle=-0.0349)

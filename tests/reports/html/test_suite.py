@@ -7,12 +7,11 @@ from dataclasses import replace
 
 import pytest
 
-from sim_action.reports.html.changes import ScenarioChange
+from sim_action.reports.html.base_run import ScenarioChange
 from sim_action.reports.html.document import Html
 from sim_action.reports.html.navigation import planned_page
-from sim_action.reports.html.small_path import RunLook, small_path
-from sim_action.reports.html.suite import suite_article
-from sim_action.reports.html.suite_rows import margin_bar, nearest_cell, sort_margin
+from sim_action.reports.html.suite import margin_bar, nearest_cell, sort_margin, suite_article
+from sim_action.reports.html.top_view import RunLook, small_path
 from sim_action.reports.scenario_groups import grouped_scenarios
 from sim_action.results.outcome import Failure, Outcome
 from tests.outcomes import outcome, unjudged

@@ -9,8 +9,17 @@ import numpy as np
 import pytest
 
 from sim_action.core.geometry import quaternion_from_rpy, rotate
-from sim_action.recording.replay.marks import ArrowMark, CircleMark, PolygonMark, PolylineMark
-from sim_action.recording.replay.shapes import BoxShape, CapsuleShape, CylinderShape, EllipsoidShape, MeshShape
+from sim_action.recording.replay.scene_data import (
+    ArrowMark,
+    BoxShape,
+    CapsuleShape,
+    CircleMark,
+    CylinderShape,
+    EllipsoidShape,
+    MeshShape,
+    PolygonMark,
+    PolylineMark,
+)
 from sim_action.reports.html.top_view import Frame, SceneOutlines, drawing, outline
 from tests.outcomes import outcome
 from tests.replays import GREY, HERE, MESH, drive

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from sim_action.recording.replay.scene_data import BodyData, SceneData
-from sim_action.reports.html.world_changes import world_changes
+from sim_action.reports.html.ghosts import world_changes
 from tests.replays import drive
 
 SCENE = drive().scene

@@ -29,7 +29,8 @@ from sim_action.core.records import dataclass
 from sim_action.core.wording import did_you_mean, escaped_line, warn
 from sim_action.core.workspace import Workspace
 from sim_action.engines import AutoOrEngine
-from sim_action.reports import ReportRequest, open_reports, write_reports
+from sim_action.reports import ReportRequest
+from sim_action.reports.writing import open_reports, write_reports
 from sim_action.results.events import Finished
 from sim_action.results.journal import Journal
 from sim_action.results.journal_records import Header, Planned

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from mcap_ros2._dynamic import serialize_dynamic
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from sim_action.recording.export.ros2.messages import _FIELDS, CdrForm, definition, full_name
+from sim_action.recording.export.ros2_messages import _FIELDS, CdrForm, definition, full_name
 
 DEFINITION = "string name\nuint8 flag\nfloat64[] values\nstring[] words\nfloat32 ratio\nint32 count\nfloat64 last\n"
 FLOATS = st.floats(allow_nan=False, width=32)

@@ -13,9 +13,10 @@ import pytest
 
 from sim_action.core.errors import ExitCode
 from sim_action.core.wording import log_line
-from sim_action.reports import REPORTS, ReportOptions, ReportRequest, make_ready, open_reports, write_reports
+from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line
 from sim_action.reports.statuses import STATUS_DISPLAYS
+from sim_action.reports.writing import REPORTS, make_ready, write_reports
 from sim_action.results.results_json import Results
 
 FULL = "/dev/full"
@@ -189,14 +190,6 @@ def test_without_free_descriptors_each_verdict_is_on_standard_output(
     shown = capfd.readouterr()
     assert PASSED_LINE in shown.out.splitlines()
     assert "too many open files" in shown.err
-
-
-def test_the_last_resort_is_imported_before_descriptors_can_run_out(tmp_path: Path) -> None:
-    request = ReportRequest(tmp_path / "out", None, junit_strict=False, verbosity="normal", silenced=frozenset(REPORTS))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.delitem(sys.modules, "sim_action.reports.unwritten_reports", raising=False)
-        with open_reports(request):
-            assert "sim_action.reports.unwritten_reports" in sys.modules
 
 
 def test_on_github_a_line_stands_for_an_annotation_that_cannot_be_imported(

@@ -1,4 +1,4 @@
-"""HTML for notebooks: the lines of the terminal report, and the frame of `report.html`.
+"""HTML for notebooks: the lines of the terminal report, the frame of `report.html`, and the player of one run.
 
 A notebook has a light or a dark theme, and its style sheet is unknown here. So each element has a style of its own,
 and each colour has a contrast of about 4 or more to white and to black.
@@ -6,12 +6,21 @@ and each colour has a contrast of about 4 or more to white and to black.
 
 from __future__ import annotations
 
+import platform
 from collections.abc import Mapping
 from html import escape
 from types import MappingProxyType
 from typing import Final
 
+from sim_action.core.provenance import platform_name
+from sim_action.core.records import replace
+from sim_action.core.version import __version__
+from sim_action.reports import ReportOptions
 from sim_action.reports.console import Console
+from sim_action.reports.html.document import Page
+from sim_action.reports.html.report import page
+from sim_action.results.outcome import Outcome
+from sim_action.results.results_json import Results
 
 _STYLES: Final[Mapping[str, str]] = MappingProxyType(
     {
@@ -86,3 +95,17 @@ def _frame(title: str, height: int, page: str) -> str:
 def _styled(text: str, style: str) -> str:
     css = _STYLES[style]
     return f'<span style="{css}">{escape(text)}</span>' if css else escape(text)
+
+
+def outcome_page(outcome: Outcome, options: ReportOptions) -> Page | None:
+    """Return the page of a run; None if it has no replay."""
+    results = Results(
+        sim_action=__version__,
+        python=platform.python_version(),
+        platform=platform_name(),
+        wall_time=outcome.wall_time,
+        # Without its gate and its other variations, a run counts by itself.
+        outcomes=(outcome.model_copy(update={"gate": None, "group": None}),),
+    )
+    made = page(results, options)
+    return replace(made, is_embedded=True) if made.has_replays else None
