@@ -72,6 +72,7 @@ def _columns(run: RecordedRun) -> Iterator[tuple[list[str], FloatArray]]:
 
 
 def _headed(columns: Iterable[tuple[str, str]], owner: str = "") -> list[str]:
+    # A spreadsheet may read a name of a model in the first place as a formula.
     of = f" of {owner}" if owner else ""
     return [f"{name}{of} [{unit}]" if unit else f"{name}{of}" for name, unit in columns]
 

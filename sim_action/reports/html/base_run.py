@@ -1,4 +1,4 @@
-"""The run of `--against`: an earlier run of the same scenarios, and what changed since in words and kinds to sort by."""
+"""The run of `--against`: an earlier run of the same scenarios, and what changed since, as words and kinds."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Other runs of a scenario, drawn as ghosts in its player: which ones there are, and where their motions part.
 
-They are the run of `--against`, golden trajectories, the run in another engine, and a repetition. A ghost has its motion
-and its signals. Its contacts and marks are not drawn.
+They are the run of `--against`, golden trajectories, the run in another engine, and a repetition. A ghost has its
+motion and its signals. Its contacts and marks are not drawn.
 """
 
 from __future__ import annotations
