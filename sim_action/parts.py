@@ -12,9 +12,8 @@ Example:
 
 from __future__ import annotations
 
-from sim_action.assertions.at_once import AtOnce
 from sim_action.assertions.clearance import Clearance
-from sim_action.assertions.combined import AllOf, AnyOf, Negation
+from sim_action.assertions.combined import AllOf, AnyOf, AtOnce, Negation
 from sim_action.assertions.contact import Grasped, Touch
 from sim_action.assertions.distance import PathLength, Travel
 from sim_action.assertions.effort import Effort

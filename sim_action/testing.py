@@ -12,7 +12,7 @@ import os
 import pickle
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, ClassVar, Final
+from typing import Any, ClassVar, Final, Self
 
 from pydantic import PydanticUserError
 from typing_extensions import override
@@ -20,7 +20,7 @@ from typing_extensions import override
 from sim_action.app.library import load, run
 from sim_action.app.library_results import Outcome
 from sim_action.assertions import ASSERTIONS, Assertion
-from sim_action.assertions.monitors import Monitor, State, begun, has_truth, is_decided, is_sampled
+from sim_action.assertions.monitors import Monitor, State
 from sim_action.core.errors import SimActionError
 from sim_action.core.permissions import Permissions
 from sim_action.core.records import dataclass, field, replace
@@ -278,20 +278,20 @@ class _Shown(Assertion):
 
 
 @dataclass(frozen=True, eq=False)
-class _Keeper:
+class _Keeper(Monitor):
     """The monitor that keeps the steps, and never ends a run."""
 
     seen: _Seen
     traces: tuple[Trace, ...] = field(default_factory=tuple)
 
-    state: ClassVar[State] = State.HOLDS
+    state = State.HOLDS
 
-    def observe(self, trace: Trace) -> _Keeper:
-        """See Monitor.observe."""
+    @override
+    def observe(self, trace: Trace) -> Self:
         return replace(self, traces=(*self.traces, trace))
 
+    @override
     def verdict(self) -> Verdict:
-        """See Monitor.verdict."""
         self.seen.traces = self.traces
         return Verdict(passed=True)
 
@@ -304,7 +304,7 @@ def _check_monitor(watched: _Watched, problems: _Problems) -> None:
         problems.add_if(f"its monitor begins as {began.name}; with is_goal {spec.is_goal}, it begins as {wanted.name}")
     with problems.of("verdict() before the first step"):
         problems.add_if(_why_no_verdict(watched.opened().verdict()))
-    whole = begun(watched.opened(), trace.first(0)).observe(trace)
+    whole = watched.opened().begin(trace.first(0)).observe(trace)
     problems.add_if(_why_no_verdict(whole.verdict()))
     _check_blocks(watched, whole, problems)
     with problems.of("signals()"):
@@ -314,22 +314,22 @@ def _check_monitor(watched: _Watched, problems: _Problems) -> None:
                 problems.add_if(f"its signal '{signal.name}' has {shapes}; both must have the same length")
     if spec.has_truth:
         with problems.of("truth()"):
-            problems.add_if(_why_no_truth(spec.monitor(watched.scene, watched.start), trace))
+            problems.add_if(_why_no_truth(spec.started(watched.scene, watched.start), trace))
 
 
 def _check_blocks(watched: _Watched, whole: Monitor, problems: _Problems) -> None:
     """Check the verdicts on a trace in blocks: all are those on the trace in one piece."""
     monitor, at, turn = watched.opened(), 0, 0
-    began, decided = monitor.state, None
+    decided: tuple[State, bool] | None = None
     while at < len(watched.trace):
         end = min(len(watched.trace), at + _BLOCKS[turn % len(_BLOCKS)])
         before, told = monitor, monitor.verdict()
-        monitor = begun(monitor, watched.trace.first(0)).observe(watched.trace.rows(slice(at, end)))
+        monitor = monitor.begin(watched.trace.first(0)).observe(watched.trace.rows(slice(at, end)))
         if not _is_same(before.verdict(), told):
             problems.add_if("observe() changes the monitor that it is called on; return a new one")
         if decided is not None and (monitor.state is not decided[0] or monitor.verdict().passed != decided[1]):
             problems.add_if(f"it was decided as {decided[0].name}, and later steps change that")
-        if decided is None and is_decided(monitor, began):
+        if decided is None and monitor.is_decided:
             decided = (monitor.state, monitor.verdict().passed)
         at, turn = end, turn + 1
     if monitor.state is not whole.state or not _is_same(monitor.verdict(), whole.verdict()):
@@ -373,12 +373,13 @@ def _why_no_verdict(verdict: object) -> str | None:
 
 def _why_no_truth(monitor: Monitor, trace: Trace) -> str | None:
     """Return what is wrong with the truth of a condition."""
-    if not has_truth(monitor):
+    try:
+        truth = monitor.truth(trace)
+    except NotImplementedError:
         return "has_truth is True, and its monitor has no truth()"
-    truth = monitor.truth(trace)
     if truth.holds.dtype != bool or truth.holds.shape != truth.time.shape:
         return f"truth() must give a bool for each time, found {truth.holds.dtype} of shape {truth.holds.shape}"
-    if not is_sampled(monitor) and len(truth.time) != len(trace):
+    if not monitor.is_sampled and len(truth.time) != len(trace):
         return f"truth() has {len(truth.time)} moments for {len(trace)} steps"
     return None
 

@@ -11,9 +11,9 @@ from abc import abstractmethod
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, ClassVar, Final, Self
 
-from sim_action.assertions.monitors import Monitor
+from sim_action.assertions.monitors import AdaptedMonitor, Monitor
 from sim_action.assertions.monitors.becoming import BecomingTrue, becoming_true
-from sim_action.assertions.monitors.window import signals_of
+from sim_action.assertions.monitors.window import Window
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.registry import Table
 from sim_action.core.workspace import Workspace
@@ -58,7 +58,7 @@ class Assertion(FrozenModel):
 
     @property
     def truth_channels(self) -> Channels:
-        """The channels that `ConditionMonitor.truth` reads."""
+        """The channels that `Monitor.truth` reads."""
         return self.channels
 
     @property
@@ -68,7 +68,7 @@ class Assertion(FrozenModel):
 
     @property
     def has_truth(self) -> bool:
-        """True if it is true or false at each moment; its monitor is then a ConditionMonitor."""
+        """True if it is true or false at each moment; its monitor has then `truth`."""
         return False
 
     @property
@@ -109,15 +109,19 @@ class Assertion(FrozenModel):
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """Open the monitor. `start` is the settled state at t = 0."""
 
+    def started(self, scene: Scene, start: Observation) -> Monitor:
+        """Open the monitor, also that of an installed package that does not derive from Monitor."""
+        return AdaptedMonitor.of(self.monitor(scene, start))
+
     def opened(self, scene: Scene, start: Observation, span: float | None = None) -> Monitor:
         """Open the monitor as an expectation uses it: a goal must become true, and hold for `span` in s."""
         if not (self.is_goal and self.has_truth):
-            return self.monitor(scene, start)
+            return self.started(scene, start)
         return self._becoming(scene, start, span)
 
     def _becoming(self, scene: Scene, start: Observation, span: float | None) -> BecomingTrue:
         explicit = span is not None or self.is_explicit
-        return becoming_true(self.monitor(scene, start), scene, start, span, self.hold_time, explicit=explicit)
+        return becoming_true(self.started(scene, start), scene, start, span, self.hold_time, explicit=explicit)
 
     def signals(
         self, scene: Scene, start: Observation, trace: Trace, after: float = 0.0, before: float = math.inf
@@ -126,7 +130,7 @@ class Assertion(FrozenModel):
 
         `trace` is the whole run and may be decimated. `after` and `before`, in s of sim time, bound the time window.
         """
-        return signals_of(self.monitor(scene, start), trace, after, before)
+        return Window(self.started(scene, start), after, before).signals(trace)
 
     def held(
         self, scene: Scene, start: Observation, trace: Trace, window: tuple[float, float], span: float | None
@@ -137,7 +141,7 @@ class Assertion(FrozenModel):
         """
         if not (self.is_goal and self.has_truth):
             return ()
-        return signals_of(self._becoming(scene, start, span), trace, *window)
+        return Window(self._becoming(scene, start, span), *window).signals(trace)
 
     def marks(self, scene: Scene, start: Observation) -> tuple[Mark, ...]:
         """Return the places in the world that belong to the assertion, for the 3-D view."""
@@ -206,7 +210,7 @@ ASSERTIONS: Final = Table[type[Assertion]](
         "stl": "sim_action.assertions.temporal_logic.stl_assertion:Stl",
         "any_of": "sim_action.assertions.combined:AnyOf",
         "all_of": "sim_action.assertions.combined:AllOf",
-        "at_once": "sim_action.assertions.at_once:AtOnce",
+        "at_once": "sim_action.assertions.combined:AtOnce",
         "not": "sim_action.assertions.combined:Negation",
         "assertion": "sim_action.assertions.user_assertion:UserAssertion",
     },

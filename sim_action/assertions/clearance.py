@@ -133,7 +133,7 @@ class Clearance(Assertion):
 
 
 @dataclass(frozen=True, slots=True)
-class ClearanceMonitor:
+class ClearanceMonitor(Monitor):
     """The fold of the least distance against both bounds, with the links and bodies that decided.
 
     Attributes:
@@ -142,8 +142,6 @@ class ClearanceMonitor:
         is_known: True if a distance was recorded before them.
         end: sim time of the last step, in s.
     """
-
-    is_momentary: ClassVar[bool] = False
 
     spec: Clearance
     goal: Goal = Goal()
@@ -155,21 +153,21 @@ class ClearanceMonitor:
     end: float = 0.0
 
     @property
+    @override
     def state(self) -> State:
-        """See Monitor.state."""
         return joined(self.invariant.state, State.HOLDS if self.spec.at_most is None else self.goal.state)
 
     @property
     def is_decided(self) -> bool:
-        """See DecidingMonitor.is_decided. A distance below `at_most` decides if there is no `at_least`."""
+        """See Monitor.is_decided. A distance below `at_most` decides if there is no `at_least`."""
         return self.state is State.BROKEN or (self.spec.at_least is None and self.state is State.HOLDS)
 
     def begin(self, trace: Trace) -> Self:
-        """See CumulativeMonitor.begin. Distances before the window do not count, but show that there are distances."""
+        """See Monitor.begin. Distances before the window do not count, but show that there are distances."""
         return replace(self, is_known=self.is_known or len(self._recorded(trace)) > 0)
 
+    @override
     def observe(self, trace: Trace) -> Self:
-        """See Monitor.observe."""
         record = self._recorded(trace)
         known = distances_known(trace, record, self.is_known or self.steps.moments > 0)
         end = float(trace.time[-1]) if len(trace) else self.end
@@ -184,7 +182,7 @@ class ClearanceMonitor:
         return (self.spec.watch, self.spec.close) if self.spec.is_goal else (self.spec.watch,)
 
     def truth(self, trace: Trace) -> Truth:
-        """See ConditionMonitor.truth. The moments are the steps: distances are not known at t = 0."""
+        """See Monitor.truth. The moments are the steps: distances are not known at t = 0."""
         import numpy as np
 
         time, record = trace.time[trace.time > TIME_EPSILON_S], trace.clearances.get(self.spec.close)
@@ -217,7 +215,7 @@ class ClearanceMonitor:
         )
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals. Returns the least distance so far."""
+        """See Monitor.signals. Returns the least distance so far."""
         name = "least distance" + (f" to {', '.join(self.spec.to)}" if self.spec.to else "")
         time, distance = least_so_far(trace, *self._watches)
         return (Signal(name, "m", time, distance, self.spec.at_least, self.spec.at_most),) if len(time) else ()

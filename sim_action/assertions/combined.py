@@ -1,10 +1,10 @@
-"""`any_of`, `all_of` and `not`: assertions that consist of other assertions."""
+"""`any_of`, `all_of`, `at_once` and `not`: assertions that consist of other assertions."""
 
 from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 from pydantic import Field
@@ -12,7 +12,8 @@ from typing_extensions import override
 
 from sim_action.assertions import Assertion, shortened_title
 from sim_action.assertions.monitors import Monitor
-from sim_action.assertions.monitors.combination import Combination, NegationMonitor
+from sim_action.assertions.monitors.combination import AtOnceMonitor, Combination, NegationMonitor
+from sim_action.assertions.monitors.window import Window
 from sim_action.core.wording import shown
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_errors import SpecProblems
@@ -152,16 +153,18 @@ class Joined(Several):
 
     @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        return self._combination(part.monitor(scene, start) for part in self.parts)
+        return self._combination(tuple(part.started(scene, start) for part in self.parts))
 
     def opened(self, scene: Scene, start: Observation, span: float | None = None) -> Monitor:
         """See Assertion.opened. Each part must become true by itself."""
         if span is not None:
             return super().opened(scene, start, span)
-        return self._combination(part.opened(scene, start) for part in self.parts)
+        return self._combination(tuple(part.opened(scene, start) for part in self.parts))
 
-    def _combination(self, monitors: Iterable[Monitor]) -> Combination:
-        return Combination.of((part.inner_title for part in self.parts), tuple(monitors), every=self.every)
+    def _combination(self, monitors: tuple[Monitor, ...]) -> Combination:
+        remembers = self.has_truth and any(monitor.is_sampled for monitor in monitors)
+        titles = (part.inner_title for part in self.parts)
+        return Combination.of(titles, monitors, remembers=remembers, every=self.every)
 
 
 class AllOf(Joined):
@@ -196,6 +199,51 @@ class AnyOf(Joined):
     @override
     def has_truth(self) -> bool:
         return all(part.has_truth for part in self.parts)
+
+
+class AtOnce(Several):
+    """All assertions of a list are true at one moment.
+
+    It is a goal. Each part is judged at each moment by itself: a goal such as `reach` is true while the robot is there,
+    an invariant such as `upright` is true while it is not broken, `settled` while the robot is at rest, and a sensor's
+    reading counts until the next one. An assertion that has no truth at a moment, such as `final_pose`, is refused.
+    """
+
+    key: ClassVar[str] = "at_once"
+
+    @property
+    @override
+    def is_goal(self) -> bool:
+        return True
+
+    @property
+    @override
+    def has_truth(self) -> bool:
+        return True
+
+    @property
+    @override
+    def channels(self) -> Channels:
+        return self.truth_channels
+
+    def problems(self, scene: Scene) -> SpecProblems:
+        """Yield the problems of all parts, and parts that have no truth at a moment."""
+        yield from super().problems(scene)
+        for place, part in self.placed_parts:
+            if not part.has_truth:
+                yield place, f"'{part.key}' is not true or false at a moment; use all_of, or another assertion"
+
+    def signals(
+        self, scene: Scene, start: Observation, trace: Trace, after: float = 0.0, before: float = math.inf
+    ) -> tuple[Signal, ...]:
+        """Return the number of conditions that are true, and the signals of all parts."""
+        counts = Window(self.monitor(scene, start), after, before).signals(trace)
+        return (*counts, *super().signals(scene, start, trace, after, before))
+
+    @override
+    def monitor(self, scene: Scene, start: Observation) -> Monitor:
+        monitors = tuple(part.started(scene, start) for part in self.parts)
+        return AtOnceMonitor.of((part.inner_title for part in self.parts), monitors, remembers=True)
 
 
 class Negation(Combined):
@@ -262,6 +310,6 @@ class Negation(Combined):
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
         """See Assertion.monitor. A double negation is the inner assertion itself."""
         if isinstance(self.part, Negation):
-            return self.part.part.monitor(scene, start)
-        monitor = self.part.monitor(scene, start)
+            return self.part.part.started(scene, start)
+        monitor = self.part.started(scene, start)
         return NegationMonitor(monitor, monitor.state)

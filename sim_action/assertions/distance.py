@@ -86,48 +86,46 @@ class PathLength(LengthBounds):
 
 
 @dataclass(frozen=True, slots=True)
-class PathLengthMonitor:
+class PathLengthMonitor(Monitor):
     """The fold of the arc length so far, and the last position."""
-
-    is_momentary: ClassVar[bool] = False
 
     bounds: Bounds
     position_xyz: Vector3
     length: float = 0.0
 
     @property
+    @override
     def state(self) -> State:
-        """See Monitor.state."""
         return self.bounds.state
 
     @property
+    @override
     def is_decided(self) -> bool:
-        """See DecidingMonitor.is_decided."""
         return self.bounds.is_decided
 
     def begin(self, trace: Trace) -> Self:
-        """See CumulativeMonitor.begin. The path before the window does not count."""
+        """See Monitor.begin. The path before the window does not count."""
         return replace(self, position_xyz=_last_position(trace)) if len(trace) else self
 
+    @override
     def observe(self, trace: Trace) -> Self:
-        """See Monitor.observe."""
         if not len(trace):
             return self
         lengths = trace.arc_length_from(self.position_xyz, self.length)
         bounds = self.bounds.observe(trace.time, lengths)
         return replace(self, bounds=bounds, position_xyz=_last_position(trace), length=float(lengths[-1]))
 
+    @override
     def truth(self, trace: Trace) -> Truth:
-        """See ConditionMonitor.truth."""
         return self.bounds.truth(trace.time, trace.arc_length_from(self.position_xyz, self.length))
 
+    @override
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals."""
         lengths = trace.arc_length_from(self.position_xyz, self.length)
         return (self.bounds.drawn("path length", trace.time, lengths),)
 
+    @override
     def verdict(self) -> Verdict:
-        """See Monitor.verdict."""
         return self.bounds.verdict()
 
 

@@ -117,14 +117,12 @@ def magnitude(signal: Callable[[Trace], FloatArray]) -> Callable[[Trace], FloatA
 
 
 @dataclass(frozen=True, slots=True)
-class RootMeanSquareMonitor:
+class RootMeanSquareMonitor(Monitor):
     """The fold of the squares of a signal. It is judged at the end, because later steps can lower the RMS.
 
     Attributes:
         squares: sum of the squares over `moments` steps, up to sim time `end` in s.
     """
-
-    is_momentary: ClassVar[bool] = False
 
     name: str
     signal: Callable[[Trace], FloatArray]
@@ -136,12 +134,12 @@ class RootMeanSquareMonitor:
     end: float | None = None
 
     @property
+    @override
     def state(self) -> State:
-        """See Monitor.state."""
         return State.HOLDS
 
+    @override
     def observe(self, trace: Trace) -> Self:
-        """See Monitor.observe."""
         if not len(trace):
             return self
         squares = float(self._squares(trace)[-1])
@@ -158,7 +156,7 @@ class RootMeanSquareMonitor:
         return Verdict(passed, measured, self.limit, self.limit - measured, self.unit, self.end, message)
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals. Each value is the RMS up to that step; the last one counts."""
+        """See Monitor.signals. Each value is the RMS up to that step; the last one counts."""
         import numpy as np
 
         means = self._squares(trace) / (self.moments + np.arange(1, len(trace) + 1))

@@ -63,7 +63,7 @@ class Energy(Assertion):
 
 
 @dataclass(frozen=True, slots=True)
-class EnergyMonitor:
+class EnergyMonitor(Monitor):
     """The fold of the work so far.
 
     Attributes:
@@ -71,8 +71,6 @@ class EnergyMonitor:
         velocities: velocity of each joint at that time, in rad/s or m/s.
         work: the work so far, in J.
     """
-
-    is_momentary: ClassVar[bool] = False
 
     joints: tuple[str, ...]
     braking: Braking
@@ -82,26 +80,26 @@ class EnergyMonitor:
     work: float = 0.0
 
     @property
+    @override
     def state(self) -> State:
-        """See Monitor.state."""
         return self.bounds.state
 
     def begin(self, trace: Trace) -> Self:
-        """See CumulativeMonitor.begin. Work before the window does not count."""
+        """See Monitor.begin. Work before the window does not count."""
         if not len(trace):
             return self
         velocities = tuple(trace.joint_velocity[-1, self._columns(trace)].tolist())
         return replace(self, time=float(trace.time[-1]), velocities=velocities)
 
+    @override
     def observe(self, trace: Trace) -> Self:
-        """See Monitor.observe."""
         if not len(trace):
             return self
         work = self._work_until(trace)
         return replace(self.begin(trace), bounds=self.bounds.observe(trace.time, work), work=float(work[-1]))
 
+    @override
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals."""
         return (self.bounds.drawn("work", trace.time, self._work_until(trace)),)
 
     def _work_until(self, trace: Trace) -> FloatArray:
@@ -112,8 +110,8 @@ class EnergyMonitor:
         work = np.cumsum(np.concatenate(([self.work], self._works(trace))))[1:]
         return np.asarray(work, dtype=np.float64)
 
+    @override
     def verdict(self) -> Verdict:
-        """See Monitor.verdict."""
         return self.bounds.verdict()
 
     def _works(self, trace: Trace) -> FloatArray:

@@ -99,7 +99,7 @@ class FinalPose(PoseTarget):
 
 
 @dataclass(frozen=True, slots=True)
-class FinalPoseMonitor:
+class FinalPoseMonitor(Monitor):
     """The monitor of the pose at the last step, and of the closest approach before it.
 
     Attributes:
@@ -110,7 +110,7 @@ class FinalPoseMonitor:
         end: sim time of the last step, in s.
     """
 
-    is_momentary: ClassVar[bool] = True
+    is_momentary = True
 
     spec: FinalPose
     origin: Pose
@@ -126,8 +126,8 @@ class FinalPoseMonitor:
         """See Monitor.state. It stays open until the end, because the pose may still change."""
         return State.HOLDS
 
+    @override
     def observe(self, trace: Trace) -> Self:
-        """See Monitor.observe."""
         if not len(trace):
             return self
         distance, angle_error = self._distance(trace), self._angle_error(trace)
@@ -140,8 +140,8 @@ class FinalPoseMonitor:
             end=float(trace.time[-1]),
         )
 
+    @override
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals."""
         name = f"distance to {self.nearest.place}"
         curves = self.nearest.drawn(name, trace.time, self._distance(trace), self._angle_error(trace))
         return tuple(curve.at_end() for curve in (curves if self.spec.place else curves[1:]))

@@ -221,7 +221,7 @@ class PathLimits:
 
 
 @dataclass(frozen=True, slots=True)
-class PathMonitor:
+class PathMonitor(Monitor):
     """The monitor of a robot along its path, up to the end of the path if `end` is required.
 
     Attributes:
@@ -229,8 +229,6 @@ class PathMonitor:
         squares, moments: sum of the squared errors in m^2 and number of steps.
         end: sim time of the last step, in s.
     """
-
-    is_momentary: ClassVar[bool] = False
 
     limits: PathLimits
     progress: Progress
@@ -242,8 +240,8 @@ class PathMonitor:
     end: float = 0.0
 
     @property
+    @override
     def state(self) -> State:
-        """See Monitor.state."""
         if self.limits.end is None:
             return self.worst.state
         # After the end is reached, no later step can lower the RMS.
@@ -251,19 +249,19 @@ class PathMonitor:
         return joined(self.worst.state, State.BROKEN if is_over else self.goal.state)
 
     @property
+    @override
     def is_decided(self) -> bool:
-        """See DecidingMonitor.is_decided."""
         return self.state is State.BROKEN or self.goal.state is State.HOLDS
 
     def begin(self, trace: Trace) -> Self:
-        """See CumulativeMonitor.begin. The progress advances; errors do not count."""
+        """See Monitor.begin. The progress advances; errors do not count."""
         progress = self.progress
         for place in self._places(trace):
             progress = progress.to(place)
         return replace(self, progress=progress)
 
+    @override
     def observe(self, trace: Trace) -> Self:
-        """See Monitor.observe."""
         import numpy as np
 
         if self.goal.state is State.HOLDS or not len(trace):
@@ -288,7 +286,7 @@ class PathMonitor:
         return replace(self, worst=worst, worst_along=way[int((time == worst.time).argmax())].foot.along)
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals. The curves end where the end of the path is reached."""
+        """See Monitor.signals. The curves end where the end of the path is reached."""
         import numpy as np
 
         way, limits = self._way(trace), self.limits

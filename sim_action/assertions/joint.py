@@ -111,10 +111,11 @@ class JointReading(Assertion):
 
 
 @dataclass(frozen=True, slots=True)
-class NearMonitor:
+class NearMonitor(Monitor):
     """The monitor of the distance of a reading from a value."""
 
-    is_momentary: ClassVar[bool] = True
+    is_goal = True
+    is_momentary = True
 
     name: str
     signal: Callable[[Trace], FloatArray]
@@ -122,20 +123,20 @@ class NearMonitor:
     nearest: ClosestApproach
 
     @property
+    @override
     def state(self) -> State:
-        """See Monitor.state."""
         return self.nearest.state
 
+    @override
     def observe(self, trace: Trace) -> Self:
-        """See Monitor.observe."""
         return replace(self, nearest=self.nearest.observe(trace.time, self._distance(trace)))
 
+    @override
     def truth(self, trace: Trace) -> Truth:
-        """See ConditionMonitor.truth."""
         return self.nearest.truth(trace.time, self._distance(trace))
 
+    @override
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals."""
         return self.nearest.drawn(f"{self.name} from {self.nearest.place}", trace.time, self._distance(trace))
 
     def verdict(self) -> Verdict:

@@ -128,7 +128,7 @@ class FeetOnGround(Feet):
 
 
 @dataclass(frozen=True, slots=True)
-class FeetMonitor:
+class FeetMonitor(Monitor):
     """The fold of the number of feet on the ground.
 
     Attributes:
@@ -139,7 +139,7 @@ class FeetMonitor:
         steps: the steps at which contacts are known.
     """
 
-    is_momentary: ClassVar[bool] = True
+    is_momentary = True
 
     footing: Footing
     at_least: int | None
@@ -151,12 +151,12 @@ class FeetMonitor:
     steps: Judged = Judged()
 
     @property
+    @override
     def state(self) -> State:
-        """See Monitor.state."""
         return joined(self.fewest.state, self.most.state)
 
+    @override
     def observe(self, trace: Trace) -> Self:
-        """See Monitor.observe."""
         if not len(trace) or not self.footing.is_known(trace):
             return self
         standing = self.footing.standing(trace)
@@ -171,14 +171,14 @@ class FeetMonitor:
             aloft = tuple(foot for foot, on in zip(self.footing.feet, there, strict=True) if not on)
         return replace(self, fewest=fewest, most=most, aloft=aloft, steps=counted(self.steps, trace))
 
+    @override
     def truth(self, trace: Trace) -> Truth:
-        """See ConditionMonitor.truth."""
         count = self._count(trace)
         holds = count >= (self.at_least or 0)
         return Truth(trace.time, holds if self.at_most is None else holds & (count <= self.at_most))
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals. Returns the number of feet on the ground."""
+        """See Monitor.signals. Returns the number of feet on the ground."""
         count = self._count(trace).astype(float)
         lower, upper = (None if limit is None else float(limit) for limit in (self.at_least, self.at_most))
         return (Signal("feet on the ground", "", trace.time, count, lower, upper),)
@@ -247,7 +247,7 @@ class SupportMargin(Feet):
 
 
 @dataclass(frozen=True, slots=True)
-class SupportMonitor:
+class SupportMonitor(Monitor):
     """The fold of the distance of the centre of mass to the edge of the support polygon.
 
     Attributes:
@@ -256,7 +256,7 @@ class SupportMonitor:
         steps: the steps at which contacts are known.
     """
 
-    is_momentary: ClassVar[bool] = True
+    is_momentary = True
 
     footing: Footing
     model: RobotModel
@@ -267,12 +267,12 @@ class SupportMonitor:
     steps: Judged = Judged()
 
     @property
+    @override
     def state(self) -> State:
-        """See Monitor.state."""
         return self.fold.state
 
+    @override
     def observe(self, trace: Trace) -> Self:
-        """See Monitor.observe."""
         if not len(trace) or not self.footing.is_known(trace):
             return self
         fold, standing = self.fold.observe(trace.time, self._margins(trace) - self.at_least), self.standing
@@ -281,12 +281,12 @@ class SupportMonitor:
             standing = tuple(foot for foot, on in zip(self.footing.feet, there, strict=True) if on)
         return replace(self, fold=fold, standing=standing, steps=counted(self.steps, trace))
 
+    @override
     def truth(self, trace: Trace) -> Truth:
-        """See ConditionMonitor.truth."""
         return Truth(trace.time, self._margins(trace) >= self.at_least)
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals. Returns the margin where a foot is on the ground."""
+        """See Monitor.signals. Returns the margin where a foot is on the ground."""
         import numpy as np
 
         margins = self._margins(trace)

@@ -203,7 +203,7 @@ class Matches(Assertion):
 
 
 @dataclass(frozen=True, eq=False)
-class MatchesMonitor:
+class MatchesMonitor(Monitor):
     """The comparison of a run with a golden trajectory. The run is interpolated linearly between steps.
 
     Attributes:
@@ -212,8 +212,6 @@ class MatchesMonitor:
         before: (1, 5 + J) the row of the last step.
         next: index of the first golden row that has not been compared.
     """
-
-    is_momentary: ClassVar[bool] = False
 
     name: str
     golden: Golden
@@ -237,12 +235,12 @@ class MatchesMonitor:
         """See Monitor.state. It never breaks, because the largest error may still come."""
         return State.HOLDS
 
+    @override
     def begin(self, trace: Trace) -> Self:
-        """See CumulativeMonitor.begin."""
         return replace(self, before=self._rows(trace)[-1:]) if len(trace) else self
 
+    @override
     def observe(self, trace: Trace) -> Self:
-        """See Monitor.observe."""
         import numpy as np
 
         if not len(trace):
@@ -250,7 +248,7 @@ class MatchesMonitor:
         return self._compared(np.concatenate((self.before, self._rows(trace))))
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals. Returns the errors at the golden times that the trace has."""
+        """See Monitor.signals. Returns the errors at the golden times that the trace has."""
         import numpy as np
 
         rows = np.concatenate((self.before, self._rows(trace)))
@@ -323,22 +321,22 @@ class MatchesMonitor:
 
 
 @dataclass(frozen=True, slots=True)
-class GoldenRewrite:
+class GoldenRewrite(Monitor):
     """The monitor while a golden file is rewritten. It passes if there was at least one step."""
 
     name: str
     seen: bool = False
 
     @property
+    @override
     def state(self) -> State:
-        """See Monitor.state."""
         return State.HOLDS
 
+    @override
     def observe(self, trace: Trace) -> Self:
-        """See Monitor.observe."""
         return replace(self, seen=self.seen or len(trace) > 0)
 
+    @override
     def verdict(self) -> Verdict:
-        """See Monitor.verdict."""
         message = f"{self.name} is written from this run" if self.seen else "no physics step to write"
         return Verdict(self.seen, None, None, None, "", None, message)

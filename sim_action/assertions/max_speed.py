@@ -65,14 +65,14 @@ class MaxSpeed(MotionAssertion):
 
 
 @dataclass(frozen=True, slots=True)
-class SpeedMonitor:
+class SpeedMonitor(Monitor):
     """The fold of the speed of the base, or of its turn rate (`turns`).
 
     Attributes:
         jump: the jump that broke the limit, as text; empty if no jump did.
     """
 
-    is_momentary: ClassVar[bool] = True
+    is_momentary = True
 
     bounds: Bounds
     motion: BaseMotion
@@ -80,21 +80,21 @@ class SpeedMonitor:
     jump: str = ""
 
     @property
+    @override
     def state(self) -> State:
-        """See Monitor.state."""
         return self.bounds.state
 
     @property
+    @override
     def is_decided(self) -> bool:
-        """See DecidingMonitor.is_decided."""
         return self.bounds.is_decided
 
     def begin(self, trace: Trace) -> Self:
-        """See CumulativeMonitor.begin. The step to the first moment of the window counts."""
+        """See Monitor.begin. The step to the first moment of the window counts."""
         return replace(self, motion=self.motion.after(trace))
 
+    @override
     def observe(self, trace: Trace) -> Self:
-        """See Monitor.observe."""
         values = self._values(self.motion, trace)
         bounds, jump = self.bounds.observe(trace.time, values), self.jump
         if bounds.is_decided and not self.is_decided:
@@ -103,17 +103,17 @@ class SpeedMonitor:
             jump = self.motion.jump(trace, step, turns=self.turns) if values[step] != reported[step] else ""
         return replace(self, bounds=bounds, motion=self.motion.after(trace), jump=jump)
 
+    @override
     def truth(self, trace: Trace) -> Truth:
-        """See ConditionMonitor.truth."""
         return self.bounds.truth(trace.time, self._values(self.motion, trace))
 
+    @override
     def verdict(self) -> Verdict:
-        """See Monitor.verdict."""
         found = self.bounds.verdict()
         return replace(found, message=f"{self.jump}: {found.message}") if self.jump else found
 
+    @override
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals."""
         values = self._values(self.motion.of_stored(), trace)
         return (self.bounds.drawn("turn rate" if self.turns else "speed", trace.time, values),)
 

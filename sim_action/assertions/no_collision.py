@@ -72,7 +72,7 @@ class NoCollision(Assertion):
 
 
 @dataclass(frozen=True, slots=True)
-class NoCollisionMonitor:
+class NoCollisionMonitor(Monitor):
     """The monitor of the first forbidden contact, with the force of all its points.
 
     The run ends at that contact, so there is no mean force yet, and the force of one step depends on the rate.
@@ -82,7 +82,7 @@ class NoCollisionMonitor:
         has_limb: True for an arm or a leg, whose links can touch each other.
     """
 
-    is_momentary: ClassVar[bool] = True
+    is_momentary = True
 
     allowed: frozenset[str]
     step: float
@@ -91,12 +91,12 @@ class NoCollisionMonitor:
     end: float | None = None
 
     @property
+    @override
     def state(self) -> State:
-        """See Monitor.state."""
         return State.HOLDS if self.first is None else State.BROKEN
 
+    @override
     def observe(self, trace: Trace) -> Self:
-        """See Monitor.observe."""
         if self.first is not None:
             return self
         # A stored trace is decimated: it may have contacts between its steps, or no step at all.
@@ -111,15 +111,15 @@ class NoCollisionMonitor:
         force = sum(other.force for other in points if (other.link, other.body) == (first.link, first.body))
         return first._replace(force=force)
 
+    @override
     def truth(self, trace: Trace) -> Truth:
-        """See ConditionMonitor.truth."""
         import numpy as np
 
         touches = touching_at(trace, times_of(self._forbidden_in(trace)), self.step)
         return Truth(touches.time, np.logical_not(touches.holds))
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals. Returns contact (0 or 1) at each step, and the mean force if there is any."""
+        """See Monitor.signals. Returns contact (0 or 1) at each step, and the mean force if there is any."""
         import numpy as np
 
         forbidden = self._forbidden_in(trace)

@@ -9,15 +9,9 @@ from typing_extensions import override
 
 from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import (
-    ConditionMonitor,
     Monitor,
     State,
     Truth,
-    begun,
-    has_truth,
-    is_decided,
-    is_plottable,
-    needed_until,
 )
 from sim_action.assertions.monitors.bounds import Bounds, SignalMonitor, bounds_title, check_order
 from sim_action.assertions.monitors.watched import MotionAssertion, Watched
@@ -219,7 +213,7 @@ class ObjectAssertion(Assertion):
 
 
 @dataclass(frozen=True, slots=True)
-class ObjectMonitor:
+class ObjectMonitor(Monitor):
     """The monitor of the motion of an object: that of the base of a trace, which gets the motion of the object.
 
     Attributes:
@@ -235,46 +229,44 @@ class ObjectMonitor:
     scene: Scene
     start: Observation
     appears: float
-    monitor: ConditionMonitor | None = None
+    monitor: Monitor | None = None
     known: tuple[tuple[float, ...], ...] = ()
     steps: Judged = Judged()
     end: float | None = None
 
     @property
     def is_momentary(self) -> bool:
-        """See PlottableMonitor.is_momentary. Speeds need the step before."""
+        """See Monitor.is_momentary. Speeds need the step before."""
         return not isinstance(self.spec.part, Settled)
 
     @property
-    def _began(self) -> State:
+    @override
+    def state(self) -> State:
+        if self.monitor is not None:
+            return self.monitor.state
         return State.PENDING if self.spec.is_goal else State.HOLDS
 
     @property
-    def state(self) -> State:
-        """See Monitor.state."""
-        return self._began if self.monitor is None else self.monitor.state
-
-    @property
+    @override
     def is_decided(self) -> bool:
-        """See DecidingMonitor.is_decided."""
-        return self.monitor is not None and is_decided(self.monitor, self._began)
+        return self.monitor is not None and self.monitor.is_decided
 
     @property
     def needed_until(self) -> float:
-        """See BoundedMonitor.needed_until. The run goes on for a step after the object appears."""
+        """See Monitor.needed_until. The run goes on for a step after the object appears."""
         there = self.appears + 1 / self.scene.physics.rate if self.appears else 0.0
-        return there if self.monitor is None else max(there, needed_until(self.monitor))
+        return there if self.monitor is None else max(there, self.monitor.needed_until)
 
+    @override
     def begin(self, trace: Trace) -> Self:
-        """See CumulativeMonitor.begin."""
         seen = self._seen(trace)
         if not len(seen):
             return replace(self, known=self._known(trace))
         opened = self._opened(seen)
-        return replace(self, monitor=begun(opened, seen), known=self._known(trace))
+        return replace(self, monitor=opened.begin(seen), known=self._known(trace))
 
+    @override
     def observe(self, trace: Trace) -> Self:
-        """See Monitor.observe."""
         end = float(trace.time[-1]) if len(trace) else self.end
         seen = self._seen(trace)
         if not len(seen):
@@ -283,19 +275,17 @@ class ObjectMonitor:
         return replace(self, end=end, monitor=monitor, steps=steps, known=self._known(trace))
 
     def truth(self, trace: Trace) -> Truth:
-        """See ConditionMonitor.truth. The moments are the steps at which the object is there."""
+        """See Monitor.truth. The moments are the steps at which the object is there."""
         seen = self._seen(trace)
         if not len(seen):
             return Truth(seen.time, seen.time < 0)
         return self._opened(seen).truth(seen)
 
+    @override
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals."""
         seen = self._seen(trace)
-        monitor = self._opened(seen) if len(seen) else None
-        if monitor is None or not is_plottable(monitor):
-            return ()
-        return tuple(replace(curve, name=f"{self._subject}{curve.name}") for curve in monitor.signals(seen))
+        curves = self._opened(seen).signals(seen) if len(seen) else ()
+        return tuple(replace(curve, name=f"{self._subject}{curve.name}") for curve in curves)
 
     def verdict(self) -> Verdict:
         """Return the verdict of the monitor; the message names the object."""
@@ -315,15 +305,13 @@ class ObjectMonitor:
         due = f"it is due at {self.appears:g} s, but the run ended at {self.end:.4g} s"
         return f"{self.spec.name} never appeared: {due}"
 
-    def _opened(self, seen: Trace) -> ConditionMonitor:
+    def _opened(self, seen: Trace) -> Monitor:
         """Return the monitor of the motion; it begins at the first step of `seen` if there is none yet."""
         if self.monitor is not None:
             return self.monitor
         x, y, z, qx, qy, qz, qw, vx, vy, vz, wx, wy, wz = seen.state[0, 1:14].tolist()
         start = replace(self.start, pose=Pose((x, y, z), (qx, qy, qz, qw)), twist=Twist((vx, vy, vz), (wx, wy, wz)))
-        monitor = self.spec.part.opened_on(self.spec.watched, self.scene, start)
-        assert has_truth(monitor), "all kinds are true or false at a moment"
-        return monitor
+        return self.spec.part.opened_on(self.spec.watched, self.scene, start)
 
     def _known(self, trace: Trace) -> tuple[tuple[float, ...], ...]:
         here = _present(trace, self.spec.name)

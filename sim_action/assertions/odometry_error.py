@@ -104,23 +104,21 @@ def _percent(share: float) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class OdometryMonitor:
+class OdometryMonitor(Monitor):
     """The fold of odometry errors. It keeps the true pose of the last step, because readings follow later.
 
     Attributes:
         limits: the limit of each error, by name.
         folds: the fold of each margin.
-        truth: (4,) the last step: sim time in s, x and y in m, yaw in rad.
+        true_pose: (4,) the last step: sim time in s, x and y in m, yaw in rad.
         way: distance travelled on the ground since t = 0, in m.
         readings: the readings that were judged; the one at t = 0 has no error by definition.
     """
 
-    is_momentary: ClassVar[bool] = False
-
     sensor: str
     limits: tuple[tuple[str, float], ...]
     folds: tuple[Invariant, ...]
-    truth: tuple[float, float, float, float]
+    true_pose: tuple[float, float, float, float]
     way: float = 0.0
     readings: Judged = Judged()
 
@@ -132,16 +130,16 @@ class OdometryMonitor:
         return cls(sensor, asked, (Invariant(),) * len(asked), (start.time, x, y, start.pose.yaw))
 
     @property
+    @override
     def state(self) -> State:
-        """See Monitor.state."""
         return joined(*(fold.state for fold in self.folds))
 
     def begin(self, trace: Trace) -> Self:
-        """See CumulativeMonitor.begin. The distance travelled counts; errors do not."""
+        """See Monitor.begin. The distance travelled counts; errors do not."""
         return self._moved(trace, self._ways(self._truths(trace))) if len(trace) else self
 
+    @override
     def observe(self, trace: Trace) -> Self:
-        """See Monitor.observe."""
         record = trace.sensors.get(self.sensor)
         truths = self._truths(trace)
         ways = self._ways(truths)
@@ -164,7 +162,7 @@ class OdometryMonitor:
         )
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals. The curves have the rate of the sensor."""
+        """See Monitor.signals. The curves have the rate of the sensor."""
         record, truths = trace.sensors.get(self.sensor), self._truths(trace)
         if record is None or not len(record):
             return ()
@@ -178,7 +176,7 @@ class OdometryMonitor:
         import numpy as np
 
         following = np.column_stack((trace.time, trace.base_position_xyz[:, :2], trace.yaw))
-        truths: FloatArray = np.vstack((self.truth, following))
+        truths: FloatArray = np.vstack((self.true_pose, following))
         return truths
 
     def _ways(self, truths: FloatArray) -> FloatArray:
@@ -191,7 +189,7 @@ class OdometryMonitor:
 
     def _moved(self, trace: Trace, ways: FloatArray) -> Self:
         time, x, y, yaw = self._truths(trace)[-1].tolist()
-        return replace(self, truth=(time, x, y, yaw), way=float(ways[-1]))
+        return replace(self, true_pose=(time, x, y, yaw), way=float(ways[-1]))
 
     def verdict(self) -> Verdict:
         """Return the verdict on the limit that broke first, else on the smallest relative margin."""

@@ -174,7 +174,7 @@ class Reach(PoseTarget):
 
 
 @dataclass(frozen=True, slots=True)
-class ReachMonitor:
+class ReachMonitor(Monitor):
     """The monitor of the distance from the point.
 
     Attributes:
@@ -182,7 +182,8 @@ class ReachMonitor:
         found: the orientation at the best step as text; empty if none is required.
     """
 
-    is_momentary: ClassVar[bool] = True
+    is_goal = True
+    is_momentary = True
 
     spec: Reach
     nearest: ClosestApproach
@@ -190,24 +191,24 @@ class ReachMonitor:
     found: str = ""
 
     @property
+    @override
     def state(self) -> State:
-        """See Monitor.state."""
         return self.nearest.state
 
+    @override
     def observe(self, trace: Trace) -> Self:
-        """See Monitor.observe."""
         nearest = self.nearest.observe(trace.time, *self._errors(trace))
         if self.angle is None or nearest.goal is self.nearest.goal:
             return replace(self, nearest=nearest)
         best = int((trace.time == nearest.goal.time).argmax())
         return replace(self, nearest=nearest, found=self.angle.found(trace, best))
 
+    @override
     def truth(self, trace: Trace) -> Truth:
-        """See ConditionMonitor.truth."""
         return self.nearest.truth(trace.time, *self._errors(trace))
 
+    @override
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals."""
         return self.nearest.drawn(f"distance to {self.nearest.place}", trace.time, *self._errors(trace))
 
     def verdict(self) -> Verdict:

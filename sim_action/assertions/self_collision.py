@@ -117,7 +117,7 @@ def _names(names: tuple[str, str], pair: tuple[str, str]) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class SelfCollisionMonitor:
+class SelfCollisionMonitor(Monitor):
     """The monitor of the first forbidden contact between links, with the force of all its points.
 
     Attributes:
@@ -125,7 +125,7 @@ class SelfCollisionMonitor:
         collides: True if links push each other away.
     """
 
-    is_momentary: ClassVar[bool] = True
+    is_momentary = True
 
     spec: SelfCollision
     step: float
@@ -134,26 +134,26 @@ class SelfCollisionMonitor:
     end: float | None = None
 
     @property
+    @override
     def state(self) -> State:
-        """See Monitor.state."""
         return State.HOLDS if self.first is None else State.BROKEN
 
+    @override
     def observe(self, trace: Trace) -> Self:
-        """See Monitor.observe."""
         if self.first is not None:
             return self
         end = float(trace.time[-1]) if len(trace) else self.end
         return replace(self, first=_summed(self.spec.forbidden(trace)), end=end)
 
+    @override
     def truth(self, trace: Trace) -> Truth:
-        """See ConditionMonitor.truth."""
         import numpy as np
 
         touches = touching_at(trace, times_of(self.spec.forbidden(trace)), self.step)
         return Truth(touches.time, np.logical_not(touches.holds))
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals. Returns contact (0 or 1) at each step."""
+        """See Monitor.signals. Returns contact (0 or 1) at each step."""
         import numpy as np
 
         times = times_of(self.spec.forbidden(trace))

@@ -136,7 +136,7 @@ def why_not_picked(column: ReadingColumn, which: str | None) -> str | None:
 
 
 @dataclass(frozen=True, slots=True)
-class SensorMonitor:
+class SensorMonitor(Monitor):
     """The fold of the margin to the closer of both bounds.
 
     Attributes:
@@ -148,8 +148,8 @@ class SensorMonitor:
         unit: SI symbol; empty before the first reading.
     """
 
-    is_momentary: ClassVar[bool] = True
-    is_sampled: ClassVar[bool] = True
+    is_momentary = True
+    is_sampled = True
 
     sensor: str
     reading: str
@@ -164,16 +164,21 @@ class SensorMonitor:
     readings: Judged = Judged()
 
     @property
+    @override
     def state(self) -> State:
-        """See Monitor.state."""
         return self._fold.state
+
+    @property
+    @override
+    def is_goal(self) -> bool:
+        return self.once
 
     @property
     def _fold(self) -> Goal | Invariant:
         return self.fold or (Goal() if self.once else Invariant())
 
+    @override
     def observe(self, trace: Trace) -> Self:
-        """See Monitor.observe."""
         record = trace.sensors.get(self.sensor)
         if record is None or not len(record):
             return self
@@ -197,7 +202,7 @@ class SensorMonitor:
         return margin
 
     def truth(self, trace: Trace) -> Truth:
-        """See ConditionMonitor.truth. The moments are the readings."""
+        """See Monitor.truth. The moments are the readings."""
         import numpy as np
 
         record = trace.sensors.get(self.sensor)
@@ -206,7 +211,7 @@ class SensorMonitor:
         return Truth(record.time, self._margin(picked(record.columns[self.reading], self.which)) >= 0)
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals. The curve has the sensor's rate; infinite readings are left out."""
+        """See Monitor.signals. The curve has the sensor's rate; infinite readings are left out."""
         import numpy as np
 
         record = trace.sensors.get(self.sensor)

@@ -102,7 +102,7 @@ class Motion(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class SettledMonitor:
+class SettledMonitor(Monitor):
     """The fold of the time at rest, and the fastest motion at the last step.
 
     Attributes:
@@ -110,7 +110,7 @@ class SettledMonitor:
         joints: the joints that count, each with the unit of its velocity.
     """
 
-    is_momentary: ClassVar[bool] = False
+    is_goal = True
 
     spec: Settled
     who: str
@@ -121,12 +121,12 @@ class SettledMonitor:
     last: str = ""
 
     @property
+    @override
     def state(self) -> State:
-        """See Monitor.state."""
         return self.rest.state
 
+    @override
     def observe(self, trace: Trace) -> Self:
-        """See Monitor.observe."""
         if not len(trace) or self.state is State.HOLDS:
             return self
         motions = list(self._motions(trace))
@@ -141,11 +141,11 @@ class SettledMonitor:
         )
 
     def truth(self, trace: Trace) -> Truth:
-        """See ConditionMonitor.truth. It is true while the robot is at rest, from the first step on."""
+        """See Monitor.truth. It is true while the robot is at rest, from the first step on."""
         return Truth(trace.time, _are_slow(list(self._motions(trace))))
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals. Returns the time at rest and the speeds with their limits."""
+        """See Monitor.signals. Returns the time at rest and the speeds with their limits."""
         motions = list(self._motions(trace))
         rest = self.rest.lasting(trace.time, _are_slow(motions))
         return (

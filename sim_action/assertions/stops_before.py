@@ -100,7 +100,7 @@ class StopsBefore(AtRest):
 
 
 @dataclass(frozen=True, slots=True)
-class StopsBeforeMonitor:
+class StopsBeforeMonitor(Monitor):
     """The fold of the time at rest with an allowed gap, and of the facts for the message.
 
     Attributes:
@@ -111,8 +111,6 @@ class StopsBeforeMonitor:
         met: gap in m when the robot had rested long enough.
         motion: the motion at the last step as text.
     """
-
-    is_momentary: ClassVar[bool] = False
 
     spec: StopsBefore
     rest: HoldTime
@@ -125,17 +123,17 @@ class StopsBeforeMonitor:
     end: float | None = None
 
     @property
+    @override
     def state(self) -> State:
-        """See Monitor.state."""
         return State.BROKEN if self.touch is not None else self.rest.state
 
     @property
     def is_decided(self) -> bool:
-        """See DecidingMonitor.is_decided. Only a contact decides, because a stopped robot may move on."""
+        """See Monitor.is_decided. Only a contact decides, because a stopped robot may move on."""
         return self.state is State.BROKEN
 
+    @override
     def observe(self, trace: Trace) -> Self:
-        """See Monitor.observe."""
         touches = (contact for contact in trace.contacts if contact.body == self.spec.body)
         seen = replace(
             self, touch=self.touch or next(touches, None), nearest=nearest_of(trace, self.spec.far, self.nearest)
@@ -162,7 +160,7 @@ class StopsBeforeMonitor:
         )
 
     def truth(self, trace: Trace) -> Truth:
-        """See ConditionMonitor.truth. It is true while the robot is at rest with an allowed gap, and without a touch.
+        """See Monitor.truth. It is true while the robot is at rest with an allowed gap, and without a touch.
 
         The moments are the steps: gaps are not known at t = 0.
         """
@@ -174,7 +172,7 @@ class StopsBeforeMonitor:
         return Truth(touching.time, rests & ~touching.holds)
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals. Returns the gap and the time at rest with an allowed gap."""
+        """See Monitor.signals. Returns the gap and the time at rest with an allowed gap."""
         lower, upper = self.spec.gap
         rest = self.rest.lasting(trace.time, self._rests(trace, self._gaps(trace)))
         return (

@@ -162,7 +162,7 @@ class UserAssertion(Assertion):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class UserMonitor:
+class UserMonitor(Monitor):
     """The monitor that keeps every step and calls the class of the user with all of them.
 
     Attributes:
@@ -176,19 +176,19 @@ class UserMonitor:
     decided: Verdict | None = None
 
     @property
+    @override
     def state(self) -> State:
-        """See Monitor.state."""
         if self.decided is None:
             return _BEGINNING[self.judge.kind]
         return State.HOLDS if self.decided.passed else State.BROKEN
 
     @property
+    @override
     def is_decided(self) -> bool:
-        """See DecidingMonitor.is_decided."""
         return self.decided is not None
 
+    @override
     def observe(self, trace: Trace) -> Self:
-        """See Monitor.observe."""
         if self.decided is not None or not len(trace):
             return self
         later = replace(self, seen=History.of(trace) if self.seen is None else self.seen.followed_by(trace))
@@ -198,8 +198,8 @@ class UserMonitor:
         decisive: VerdictStatus = "passed" if self.judge.kind == "goal" else "failed"
         return replace(later, decided=verdict) if verdict.status == decisive else later
 
+    @override
     def verdict(self) -> Verdict:
-        """See Monitor.verdict."""
         if self.decided is not None:
             return self.decided
         if self.seen is None:

@@ -6,7 +6,7 @@ import math
 from functools import cached_property
 from typing import TYPE_CHECKING, Final, Literal, Self
 
-from sim_action.assertions.monitors import Monitor, State, needed_until
+from sim_action.assertions.monitors import Monitor, State
 from sim_action.assertions.monitors.window import Window
 from sim_action.core.errors import BadStart, FileProblem
 from sim_action.core.records import dataclass, replace
@@ -130,7 +130,7 @@ class Panel:
         return min(_PERIOD_S, max(_LEAST_PERIOD_S, _LATER * wait))
 
     def _all_closed(self) -> bool:
-        return self._reached(needed_until(*self.monitors))
+        return self._reached(max((monitor.needed_until for monitor in self.monitors), default=0.0))
 
     def _reached(self, time: float) -> bool:
         return self._is_reached(time, self.time)
@@ -144,7 +144,7 @@ def _opened(index: int, expected: Expectation, scene: Scene, start: Observation)
         monitor = expected.assertion.opened(scene, start, expected.span)
     except FileProblem as error:
         raise BadStart([(("expect", index), str(error))]) from None
-    return Window.of(monitor, expected.after, expected.before)
+    return Window(monitor, expected.after, expected.before)
 
 
 def _time_to_goal(earlier: Monitor, now: Monitor, passed: float) -> float:

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from sim_action.assertions import ASSERTIONS, Assertion
-from sim_action.assertions.at_once import AtOnce
 from sim_action.assertions.clearance import Clearance
-from sim_action.assertions.combined import AllOf, AnyOf, Negation
+from sim_action.assertions.combined import AllOf, AnyOf, AtOnce, Negation
 from sim_action.assertions.contact import Grasped, Touch
 from sim_action.assertions.distance import PathLength, Travel
 from sim_action.assertions.effort import Effort

@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim_action.assertions.at_once import AtOnce
-from sim_action.assertions.combined import AllOf, AnyOf, Negation
+from sim_action.assertions.combined import AllOf, AnyOf, AtOnce, Negation
 from sim_action.assertions.distance import Travel
 from sim_action.assertions.final_pose import FinalPose
 from sim_action.assertions.monitors import State

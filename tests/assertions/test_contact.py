@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from sim_action.assertions.combined import Negation
 from sim_action.assertions.contact import Touch
-from sim_action.assertions.monitors import State, has_truth, is_decided
+from sim_action.assertions.monitors import State
 from sim_action.assertions.monitors.window import Window
 from sim_action.state.observation import Contact
 from sim_action.state.trace import Trace
@@ -78,11 +78,11 @@ def test_what_is_too_weak_is_not_enough() -> None:
 def test_what_is_too_strong_breaks_it_also_after_the_touch() -> None:
     opened = monitor(touch(at_most=5.0))
     gentle = opened.observe(seen(*[4.5] * WINDOW))
-    assert (opened.state, gentle.state, is_decided(gentle, opened.state)) == (State.HOLDS, State.HOLDS, False)
+    assert (opened.state, gentle.state, gentle.is_decided) == (State.HOLDS, State.HOLDS, False)
     passed = "touched ball with at most 4.5 N at 0.05 s, limit 5 N (0.225 N s within 50 ms)"
     assert gentle.verdict() == Verdict(True, 4.5, 5.0, 0.5, "N", 0.05, passed, body="ball")
     rough = gentle.observe(seen(4.5, 16.5, first=WINDOW + 1))
-    assert (rough.state, is_decided(rough, opened.state)) == (State.BROKEN, True)
+    assert (rough.state, rough.is_decided) == (State.BROKEN, True)
     failed = "touched ball with 5.5 N at 0.06 s, more than 5 N (0.275 N s within 50 ms)"
     assert rough.verdict() == Verdict(False, 5.5, 5.0, -0.5, "N", (WINDOW + 2) / RATE, failed, body="ball")
 
@@ -174,9 +174,9 @@ def test_a_load_that_is_there_from_the_first_step_on_does_not_become_true() -> N
 
 def test_a_force_looks_back_to_before_the_window_of_its_expectation() -> None:
     whole = seen(120.0, *[None] * 20)
-    early = Window.of(monitor(touch(at_most=5.0)), 12 / RATE, math.inf).observe(whole).verdict()
+    early = Window(monitor(touch(at_most=5.0)), 12 / RATE, math.inf).observe(whole).verdict()
     assert (early.passed, early.measured) == (False, 10.0)
-    late = Window.of(monitor(touch(at_most=5.0)), 13 / RATE, math.inf).observe(whole).verdict()
+    late = Window(monitor(touch(at_most=5.0)), 13 / RATE, math.inf).observe(whole).verdict()
     assert (late.passed, late.measured) == (True, 0.0)
 
 
@@ -200,7 +200,6 @@ def test_a_contact_without_a_force_keeps_no_upper_limit(limits: dict[str, Any]) 
     told = opened.verdict()
     message = "touched ball at 0.01 s, with no computed force (neither gives way), so no limit can hold"
     assert (told.passed, told.measured, told.message) == (False, None, message)
-    assert has_truth(opened)
     assert opened.truth(stuck).holds.tolist() == ["at_least" not in limits, False, False]
     assert judged(touch(), stuck).passed
 
@@ -220,7 +219,7 @@ def test_a_contact_without_a_force_meets_no_lower_limit(limits: dict[str, Any]) 
 
 
 def test_without_a_limit_a_touch_decides() -> None:
-    assert is_decided(monitor(touch()).observe(seen(1.0)), State.PENDING)
+    assert monitor(touch()).observe(seen(1.0)).is_decided
 
 
 LOST = [None] * 12

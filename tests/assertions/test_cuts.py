@@ -14,9 +14,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from sim_action.assertions import ASSERTIONS, Assertion
-from sim_action.assertions.at_once import AtOnce
 from sim_action.assertions.clearance import Clearance
-from sim_action.assertions.combined import AllOf, AnyOf, Negation
+from sim_action.assertions.combined import AllOf, AnyOf, AtOnce, Negation
 from sim_action.assertions.contact import Grasped, Touch
 from sim_action.assertions.distance import PathLength, Travel
 from sim_action.assertions.effort import Effort
@@ -26,7 +25,7 @@ from sim_action.assertions.follow_path import FollowPath, PathEnd, PathPoint
 from sim_action.assertions.joint import JointReading, JointWithin
 from sim_action.assertions.legs import FeetOnGround, SupportMargin
 from sim_action.assertions.max_speed import MaxSpeed
-from sim_action.assertions.monitors import Monitor, State, is_decided
+from sim_action.assertions.monitors import Monitor, State
 from sim_action.assertions.monitors.window import Window
 from sim_action.assertions.no_collision import NoCollision
 from sim_action.assertions.object import Moved, ObjectAssertion
@@ -354,9 +353,8 @@ def test_a_run_that_is_over_stays_over(spec: Assertion, seed: int) -> None:
 @given(st.sampled_from(SPECS), seeds)
 def test_what_is_decided_is_as_it_will_be_judged(spec: Assertion, seed: int) -> None:
     seen, opened = random_trace(seed), monitor(spec)
-    began = opened.state
     last = opened.observe(seen).verdict().passed
     for start in range(STEPS):
         opened = opened.observe(piece(seen, start, start + 1))
-        if is_decided(opened, began):
+        if opened.is_decided:
             assert opened.verdict().passed == last == (opened.state is State.HOLDS)

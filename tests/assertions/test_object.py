@@ -136,7 +136,7 @@ def test_an_object_that_never_appeared_was_not_judged(keys: dict[str, Any]) -> N
     assert verdict.message == "ball never appeared: it is due at 0.2 s, but the run ended at 0.1 s"
     opened = spec(**keys).monitor(at, START)
     assert opened.state is (State.PENDING if spec(**keys).is_goal else State.HOLDS)
-    assert Window.of(opened, 0.0, math.inf).observe(seen).needed_until == 0.2 + 1 / at.physics.rate
+    assert Window(opened, 0.0, math.inf).observe(seen).needed_until == 0.2 + 1 / at.physics.rate
 
 
 def test_without_recorded_poses_nothing_was_judged() -> None:
@@ -145,9 +145,9 @@ def test_without_recorded_poses_nothing_was_judged() -> None:
 
 
 def test_a_window_does_not_move_the_start() -> None:
-    opened = Window.of(spec(moved={"at_least": 0.2}).monitor(where(), START), 0.2, math.inf)
+    opened = Window(spec(moved={"at_least": 0.2}).monitor(where(), START), 0.2, math.inf)
     assert opened.observe(ball([(0, 0, 0), (0.1, 0, 0), (0.15, 0, 0), (0.2, 0, 0)])).verdict().passed
-    rest = Window.of(spec(settled={"for": 0.1}).monitor(where(), START), 0.2, math.inf)
+    rest = Window(spec(settled={"for": 0.1}).monitor(where(), START), 0.2, math.inf)
     assert rest.observe(ball([(0, 0, 0), (0.1, 0, 0), (0.2, 0, 0), (0.2, 0, 0), (0.2, 0, 0)])).verdict().measured == (
         pytest.approx(0.1)
     )

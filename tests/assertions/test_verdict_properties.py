@@ -18,9 +18,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from sim_action.assertions import ASSERTIONS, Assertion
-from sim_action.assertions.at_once import AtOnce
 from sim_action.assertions.clearance import Clearance
-from sim_action.assertions.combined import AllOf, AnyOf, Negation
+from sim_action.assertions.combined import AllOf, AnyOf, AtOnce, Negation
 from sim_action.assertions.contact import Touch
 from sim_action.assertions.distance import PathLength, Travel
 from sim_action.assertions.effort import Effort
@@ -75,7 +74,7 @@ def judged(
 ) -> Verdict:
     """The verdict of an expectation on a run."""
     opened = spec.opened(replace(SCENE, acted_on=acted_on, **keys), MOVABLE)
-    return Window.of(opened, *window).observe(seen).verdict()
+    return Window(opened, *window).observe(seen).verdict()
 
 
 @examples(300)
@@ -86,7 +85,7 @@ def test_what_passes_was_judged_inside_its_window(
     if spec.hold_time or not (spec.is_goal and spec.has_truth):
         span = None
     opened = spec.opened(replace(SCENE, acted_on=acted_on), MOVABLE, span)
-    verdict = Window.of(opened, *window).observe(random_trace(seed)).verdict()
+    verdict = Window(opened, *window).observe(random_trace(seed)).verdict()
     assert verdict.judged is not None
     if verdict.passed:
         assert verdict.judged.moments >= 1

@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 
 from sim_action.assertions import ASSERTIONS, Assertion
-from sim_action.assertions.at_once import AtOnce
-from sim_action.assertions.combined import Combined, Negation
+from sim_action.assertions.combined import AtOnce, Combined, Negation
 from sim_action.assertions.monitors import State
-from sim_action.assertions.monitors.window import signals_of
+from sim_action.assertions.monitors.window import Window
 from sim_action.core.geometry import Pose, Twist
 from sim_action.core.permissions import Permissions
 from sim_action.reports import ReportOptions
@@ -68,7 +67,7 @@ def shown(expected: Expectation, scene: Scene, start: Observation, trace: Trace)
     signals = expected.signals(scene, start, trace)
     # The time for which a goal holds, and the number of conditions, are goals of their own.
     held = expected.assertion.held(scene, start, trace, (expected.after, expected.before), expected.span)
-    counts = signals_of(expected.assertion.monitor(scene, start), trace, expected.after, expected.before)
+    counts = Window(expected.assertion.monitor(scene, start), expected.after, expected.before).signals(trace)
     goals = [(True, False)] * len((*held, *(counts if isinstance(expected.assertion, AtOnce) else ())))
     goals += [
         (not upper, not lower) if contrary else (lower, upper)

@@ -6,8 +6,13 @@ by block; a stored trace is fed in one piece. The verdict is the same.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from enum import Enum
-from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol, Self, TypeGuard, TypeVar
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, Self
+
+from typing_extensions import override
+
+from sim_action.core.records import dataclass, replace
 
 if TYPE_CHECKING:
     import numpy as np
@@ -28,68 +33,6 @@ class State(Enum):
     BROKEN = "it failed, and no later step can change that"
 
 
-class Monitor(Protocol):
-    """A fold over the physics steps of a run. It is frozen; `observe` returns its successor."""
-
-    @property
-    def state(self) -> State:
-        """The result so far."""
-
-    def observe(self, trace: Trace) -> Self:
-        """Return the monitor after the steps of `trace`, which has every physics step."""
-
-    def verdict(self) -> Verdict:
-        """Return the verdict as if the run ended now."""
-
-
-class CumulativeMonitor(Monitor, Protocol):
-    """A monitor that accumulates from the previous step, so it must know where its time window begins."""
-
-    def begin(self, trace: Trace) -> Self:
-        """Return the monitor after the steps before the time window, including the step at which it opens."""
-
-
-class DecidingMonitor(Monitor, Protocol):
-    """A monitor that reports itself when it is decided.
-
-    Any other goal is decided when it comes true, and any other invariant when it breaks.
-    """
-
-    @property
-    def is_decided(self) -> bool:
-        """True if no later step can change the result."""
-
-
-class BoundedMonitor(Monitor, Protocol):
-    """A monitor with a quantity over a finite time. It must see all of that time before a passing verdict is final."""
-
-    @property
-    def needed_until(self) -> float:
-        """The sim time in s up to which the run must go on; 0 before the first step, and when it is decided.
-
-        After the first step it never grows, so a run that may end stays one that may end.
-        """
-
-
-class ConditionalMonitor(Monitor, Protocol):
-    """A monitor that may hold only because a premise never held."""
-
-    @property
-    def unmet_premises(self) -> tuple[str, ...]:
-        """The premises that never held, as text."""
-
-
-class PlottableMonitor(Monitor, Protocol):
-    """A monitor that can return its signals as curves."""
-
-    @property
-    def is_momentary(self) -> bool:
-        """True if each point of the curves depends on one step only. Such curves are valid outside the window."""
-
-    def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """Return the curves that `observe(trace)` would judge. `trace` is not empty and may be decimated."""
-
-
 class Truth(NamedTuple):
     """The truth of a condition: at each of (N,) s of sim time, rising, (N,) True or False."""
 
@@ -97,81 +40,166 @@ class Truth(NamedTuple):
     holds: NDArray[np.bool_]
 
 
-class ConditionMonitor(Monitor, Protocol):
-    """A monitor whose assertion is true or false at each moment."""
+class Fold(ABC):
+    """A condition, as far as it is known after the steps so far."""
+
+    __slots__ = ()
+
+    @property
+    @abstractmethod
+    def state(self) -> State:
+        """The result so far."""
+
+    @property
+    def is_goal(self) -> bool:
+        """True if it is decided as soon as it holds. An invariant holds from the beginning."""
+        return False
+
+    @property
+    def is_decided(self) -> bool:
+        """True if no later step can change the result: a goal came true, or anything is broken."""
+        return self.state is State.BROKEN or (self.is_goal and self.state is State.HOLDS)
+
+    @property
+    def needed_until(self) -> float:
+        """The sim time in s up to which the run must go on; 0 before the first step, and when it is decided.
+
+        A monitor with a quantity over a finite time must see all of that time before a passing verdict is final. After
+        the first step it never grows, so a run that may end stays one that may end.
+        """
+        return 0.0
+
+
+class Monitor(Fold):
+    """A fold over the physics steps of a run. It is frozen; `observe` returns its successor."""
+
+    __slots__ = ()
+
+    @property
+    def unmet_premises(self) -> tuple[str, ...]:
+        """The premises that never held, as text. The monitor may hold only for that reason."""
+        return ()
+
+    @property
+    def is_sampled(self) -> bool:
+        """True if its truth has moments between the steps: those of a sensor. The last one counts until the next."""
+        return False
+
+    @property
+    def is_momentary(self) -> bool:
+        """True if each point of its signals depends on one step only. Such curves are valid outside the window."""
+        return False
+
+    def begin(self, trace: Trace) -> Self:
+        """Return the monitor after the steps before the time window, including the step at which it opens.
+
+        Only a monitor that accumulates from the previous step needs to know them.
+        """
+        return self
+
+    @abstractmethod
+    def observe(self, trace: Trace) -> Self:
+        """Return the monitor after the steps of `trace`, which has every physics step."""
+
+    @abstractmethod
+    def verdict(self) -> Verdict:
+        """Return the verdict as if the run ended now."""
 
     def truth(self, trace: Trace) -> Truth:
         """Return the truth at the moments of `trace`, which follows the steps observed so far.
 
         The moments are the steps, or the readings of a sensor. Limits that must hold throughout count at each moment.
+        Raises NotImplementedError if the assertion is not true or false at a moment, see `Assertion.has_truth`.
         """
+        raise NotImplementedError(type(self).__name__)
+
+    def signals(self, trace: Trace) -> tuple[Signal, ...]:
+        """Return the curves that `observe(trace)` would judge. `trace` is not empty and may be decimated."""
+        return ()
 
 
-class SampledMonitor(ConditionMonitor, Protocol):
-    """A condition with moments between the steps: those of a sensor. The last one counts until the next one."""
+@dataclass(frozen=True)
+class AdaptedMonitor(Monitor):
+    """A monitor of an installed package that does not derive from Monitor: what it lacks is as in Monitor.
+
+    Attributes:
+        began: its state before the first step.
+    """
+
+    monitor: Any
+    began: State
+
+    @classmethod
+    def of(cls, monitor: Any) -> Monitor:
+        """Return the monitor, which has seen no step, with all that a Monitor has."""
+        if isinstance(monitor, Monitor) and (monitor.is_goal or _states(monitor, "is_decided")):
+            return monitor
+        began = monitor.state
+        return monitor if isinstance(monitor, Monitor) and began is State.HOLDS else cls(monitor, began)
 
     @property
+    @override
+    def state(self) -> State:
+        state: State = self.monitor.state
+        return state
+
+    @property
+    @override
+    def is_goal(self) -> bool:
+        return self.began is State.PENDING
+
+    @property
+    @override
+    def is_decided(self) -> bool:
+        return bool(self._own("is_decided"))
+
+    @property
+    @override
+    def needed_until(self) -> float:
+        return float(self._own("needed_until"))
+
+    @property
+    @override
+    def unmet_premises(self) -> tuple[str, ...]:
+        return tuple(self._own("unmet_premises"))
+
+    @property
+    @override
     def is_sampled(self) -> bool:
-        """True if it has such moments."""
+        return bool(self._own("is_sampled"))
+
+    @property
+    @override
+    def is_momentary(self) -> bool:
+        return bool(self._own("is_momentary"))
+
+    @override
+    def begin(self, trace: Trace) -> Self:
+        return replace(self, monitor=self.monitor.begin(trace)) if _states(self.monitor, "begin") else self
+
+    @override
+    def observe(self, trace: Trace) -> Self:
+        return replace(self, monitor=self.monitor.observe(trace))
+
+    @override
+    def verdict(self) -> Verdict:
+        verdict: Verdict = self.monitor.verdict()
+        return verdict
+
+    @override
+    def truth(self, trace: Trace) -> Truth:
+        truth: Truth = self._own("truth")(trace)
+        return truth
+
+    @override
+    def signals(self, trace: Trace) -> tuple[Signal, ...]:
+        return tuple(self._own("signals")(trace))
+
+    def _own(self, name: str) -> Any:
+        """Return an attribute of the monitor, or else the default of Monitor."""
+        return getattr(self.monitor if _states(self.monitor, name) else super(), name)
 
 
-AnyMonitor = TypeVar("AnyMonitor", bound=Monitor)
-
-
-def has_truth(monitor: Monitor) -> TypeGuard[ConditionMonitor]:
-    """Return True if the monitor has `truth`."""
-    return hasattr(type(monitor), "truth")
-
-
-def is_sampled(monitor: Monitor) -> bool:
-    """Return True if the truth of the monitor has moments between the steps."""
-    return bool(getattr(monitor, "is_sampled", False))
-
-
-def is_cumulative(monitor: Monitor) -> TypeGuard[CumulativeMonitor]:
-    """Return True if the monitor has `begin`. An isinstance check with the protocol would be much slower."""
-    return hasattr(type(monitor), "begin")
-
-
-def begun(monitor: AnyMonitor, trace: Trace) -> AnyMonitor:
-    """Return the monitor after the steps before its window, if it is cumulative."""
-    # A narrowed type would be that of the protocol alone.
-    cumulative: Any = monitor
-    return cumulative.begin(trace) if is_cumulative(monitor) else monitor
-
-
-def is_deciding(monitor: Monitor) -> TypeGuard[DecidingMonitor]:
-    """Return True if the monitor has `is_decided`."""
-    return hasattr(type(monitor), "is_decided")
-
-
-def is_decided(monitor: Monitor, began: State) -> bool:
-    """Return True if no later step can change the result of a monitor that began in the state `began`."""
-    if is_deciding(monitor):
-        return monitor.is_decided
-    return monitor.state is State.BROKEN or (began is State.PENDING and monitor.state is State.HOLDS)
-
-
-def is_bounded(monitor: Monitor) -> TypeGuard[BoundedMonitor]:
-    """Return True if the monitor has `needed_until`."""
-    return hasattr(type(monitor), "needed_until")
-
-
-def needed_until(*monitors: Monitor) -> float:
-    """Return the latest sim time in s that one of the monitors needs; 0 if none needs any."""
-    return max((monitor.needed_until for monitor in monitors if is_bounded(monitor)), default=0.0)
-
-
-def unmet_premises(*monitors: Monitor) -> tuple[str, ...]:
-    """Return the premises that never held in any of the monitors."""
-    return tuple(premise for monitor in monitors if is_conditional(monitor) for premise in monitor.unmet_premises)
-
-
-def is_conditional(monitor: Monitor) -> TypeGuard[ConditionalMonitor]:
-    """Return True if the monitor has `unmet_premises`."""
-    return hasattr(type(monitor), "unmet_premises")
-
-
-def is_plottable(monitor: Monitor) -> TypeGuard[PlottableMonitor]:
-    """Return True if the monitor has `signals`."""
-    return hasattr(type(monitor), "signals")
+def _states(monitor: Any, name: str) -> bool:
+    default = getattr(Monitor, name)
+    return getattr(type(monitor), name, default) is not default

@@ -8,9 +8,11 @@ disturbance began. Without commands and disturbances it must hold for a time fro
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, ClassVar, Final, Self
+from typing import TYPE_CHECKING, Any, Final, Self
 
-from sim_action.assertions.monitors import ConditionMonitor, Monitor, State, begun, has_truth, is_deciding
+from typing_extensions import override
+
+from sim_action.assertions.monitors import Monitor, State
 from sim_action.assertions.monitors.goals import HoldTime, joined
 from sim_action.core import units
 from sim_action.core.records import dataclass, replace
@@ -103,7 +105,7 @@ def _least_motion(scene: Scene, name: str) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class BecomingTrue:
+class BecomingTrue(Monitor):
     """The monitor of a goal that must become true. The goal sees the run from the moment on at which it may count.
 
     Attributes:
@@ -118,10 +120,8 @@ class BecomingTrue:
         at_start: True if it was true at the first moment; None before the first moment.
     """
 
-    is_momentary: ClassVar[bool] = False
-
-    goal: ConditionMonitor
-    probe: ConditionMonitor
+    goal: Monitor
+    probe: Monitor
     rest: Rest | None
     hold: HoldTime | None
     early: HoldTime
@@ -131,8 +131,8 @@ class BecomingTrue:
     at_start: bool | None = None
 
     @property
+    @override
     def state(self) -> State:
-        """See Monitor.state."""
         if not self.is_open:
             limits = State.BROKEN if self.probe.state is State.BROKEN else State.HOLDS
             return joined(limits, self.early.state)
@@ -141,21 +141,20 @@ class BecomingTrue:
         return self.hold.state
 
     @property
+    @override
     def is_decided(self) -> bool:
-        """See DecidingMonitor.is_decided."""
         judge = self.goal if self.is_open else self.probe
-        has_no_limits = not is_deciding(judge) or judge.is_decided
-        return self.state is State.BROKEN or (self.state is State.HOLDS and has_no_limits)
+        return self.state is State.BROKEN or (self.state is State.HOLDS and judge.is_decided)
 
     def begin(self, trace: Trace) -> Self:
-        """See CumulativeMonitor.begin. A goal that was false before the window has been false once."""
+        """See Monitor.begin. A goal that was false before the window has been false once."""
         if not len(trace):
             return self
-        later = self if self.is_open else replace(self._opened(trace)[0], probe=begun(self.probe, trace))
-        return replace(later, goal=begun(later.goal, trace))
+        later = self if self.is_open else replace(self._opened(trace)[0], probe=self.probe.begin(trace))
+        return replace(later, goal=later.goal.begin(trace))
 
+    @override
     def observe(self, trace: Trace) -> Self:
-        """See Monitor.observe."""
         if not len(trace):
             return self
         if self.is_open:
@@ -169,9 +168,9 @@ class BecomingTrue:
                 later = replace(later, is_open=False)
         if later.is_open:
             before = trace.between(-math.inf, opening - 2 * TIME_EPSILON_S)
-            later = replace(later, goal=begun(self.goal, before))
+            later = replace(later, goal=self.goal.begin(before))
             return later.judged_on(trace.between(opening, math.inf))
-        return replace(later, goal=begun(self.goal, trace), probe=self.probe.observe(trace))
+        return replace(later, goal=self.goal.begin(trace), probe=self.probe.observe(trace))
 
     def judged_on(self, trace: Trace) -> Self:
         """Return the monitor after steps at which the goal counts."""
@@ -190,7 +189,7 @@ class BecomingTrue:
         return replace(self, at_start=at_start, is_open=opening < math.inf), opening
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals. Returns the time for which the goal has held, if it must hold for a time."""
+        """See Monitor.signals. Returns the time for which the goal has held, if it must hold for a time."""
         truth = self.goal.truth(trace)
         hold = self.early if self.hold is None and self.rest is None and truth.holds[:1].any() else self.hold
         if hold is None or not len(truth.time):
@@ -246,7 +245,6 @@ def becoming_true(
     `span`: the time in s for which the goal must hold; `own_span`: the time in s that the goal checks by itself;
     `explicit`: True if the user gave one of them.
     """
-    assert has_truth(goal), "the assertion says so"
     return BecomingTrue(
         goal,
         goal,

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import TYPE_CHECKING, Self
 
-from sim_action.assertions.monitors import Monitor, State, Truth, begun, has_truth, is_plottable
+from typing_extensions import override
+
+from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.goals import Goal, Invariant, joined
 from sim_action.core import units
 from sim_action.core.records import dataclass, replace
@@ -41,7 +43,7 @@ class Bounds:
 
     @property
     def is_decided(self) -> bool:
-        """See DecidingMonitor.is_decided. A lower bound that was reached decides, unless there is an upper bound."""
+        """See Monitor.is_decided. A lower bound that was reached decides, unless there is an upper bound."""
         return self.state is State.BROKEN or (self.at_most is None and self.state is State.HOLDS)
 
     @property
@@ -106,72 +108,72 @@ class Bounds:
 
 
 @dataclass(frozen=True, slots=True)
-class SignalMonitor:
+class SignalMonitor(Monitor):
     """The monitor of a signal that is computed from each step alone. `name` is the label of its curve."""
 
-    is_momentary: ClassVar[bool] = True
+    is_momentary = True
 
     name: str
     signal: Callable[[Trace], FloatArray]
     bounds: Bounds
 
     @property
+    @override
     def state(self) -> State:
-        """See Monitor.state."""
         return self.bounds.state
 
     @property
+    @override
     def is_decided(self) -> bool:
-        """See DecidingMonitor.is_decided."""
         return self.bounds.is_decided
 
+    @override
     def observe(self, trace: Trace) -> Self:
-        """See Monitor.observe."""
         # Nothing changes any more after a goal without an upper bound has come true.
         if self.bounds.is_met:
             return self
         return replace(self, bounds=self.bounds.observe(trace.time, self.signal(trace)))
 
+    @override
     def verdict(self) -> Verdict:
-        """See Monitor.verdict."""
         return self.bounds.verdict()
 
+    @override
     def truth(self, trace: Trace) -> Truth:
-        """See ConditionMonitor.truth."""
         return self.bounds.truth(trace.time, self.signal(trace))
 
+    @override
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals."""
         return (self.bounds.drawn(self.name, trace.time, self.signal(trace)),)
 
 
 @dataclass(frozen=True, slots=True)
-class AllLimits:
+class AllLimits(Monitor):
     """A monitor that passes if all of its monitors pass."""
 
     monitors: tuple[Monitor, ...]
 
     @property
+    @override
     def state(self) -> State:
-        """See Monitor.state."""
         return joined(*(monitor.state for monitor in self.monitors))
 
     @property
+    @override
     def is_momentary(self) -> bool:
-        """See PlottableMonitor.is_momentary."""
-        return all(monitor.is_momentary for monitor in self.monitors if is_plottable(monitor))
+        return all(monitor.is_momentary for monitor in self.monitors)
 
+    @override
     def begin(self, trace: Trace) -> Self:
-        """See CumulativeMonitor.begin."""
-        return replace(self, monitors=tuple(begun(monitor, trace) for monitor in self.monitors))
+        return replace(self, monitors=tuple(monitor.begin(trace) for monitor in self.monitors))
 
+    @override
     def observe(self, trace: Trace) -> Self:
-        """See Monitor.observe."""
         return replace(self, monitors=tuple(monitor.observe(trace) for monitor in self.monitors))
 
+    @override
     def truth(self, trace: Trace) -> Truth:
-        """See ConditionMonitor.truth."""
-        return all_true(trace, [monitor.truth(trace) for monitor in self.monitors if has_truth(monitor)])
+        return all_true(trace, [monitor.truth(trace) for monitor in self.monitors])
 
     def verdict(self) -> Verdict:
         """Return the verdict of the limit that broke first, else of the limit with the smallest relative margin."""
@@ -180,8 +182,8 @@ class AllLimits:
         return min((v for v in verdicts if not v.passed), key=lambda v: v.time or 0.0, default=nearest)
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals. Returns the curves of all monitors."""
-        return tuple(signal for monitor in self.monitors if is_plottable(monitor) for signal in monitor.signals(trace))
+        """See Monitor.signals. Returns the curves of all monitors."""
+        return tuple(signal for monitor in self.monitors for signal in monitor.signals(trace))
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,32 +227,32 @@ class OneSidedBound:
 
 
 @dataclass(frozen=True, slots=True)
-class IntervalsMonitor:
+class IntervalsMonitor(Monitor):
     """The monitor of several intervals. The verdict names the first broken bound, else the closest one."""
 
-    is_momentary: ClassVar[bool] = True
+    is_momentary = True
 
     sides: tuple[OneSidedBound, ...]
 
     @property
+    @override
     def state(self) -> State:
-        """See Monitor.state."""
         broken = any(side.fold.state is State.BROKEN for side in self.sides)
         return State.BROKEN if broken else State.HOLDS
 
+    @override
     def observe(self, trace: Trace) -> Self:
-        """See Monitor.observe."""
         return replace(self, sides=tuple(side.observe(trace) for side in self.sides))
 
+    @override
     def truth(self, trace: Trace) -> Truth:
-        """See ConditionMonitor.truth."""
         import numpy as np
 
         margins = [side.sign * (side.bound - side.interval.signal(trace)) for side in self.sides]
         return Truth(trace.time, np.all([margin >= 0 for margin in margins], axis=0))
 
+    @override
     def verdict(self) -> Verdict:
-        """See Monitor.verdict."""
         passed = self.state is State.HOLDS
         broken = [side for side in self.sides if side.fold.state is State.BROKEN]
         side = min(broken, key=OneSidedBound.time) if broken else min(self.sides, key=OneSidedBound.margin)
@@ -268,7 +270,7 @@ class IntervalsMonitor:
         return Verdict(passed, measured, side.bound, margin, unit, time, f"{message} at {time:.2f} s")
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals. Returns one curve for each interval."""
+        """See Monitor.signals. Returns one curve for each interval."""
         intervals = dict.fromkeys(side.interval for side in self.sides)
         return tuple(
             Signal(one.name, one.unit, trace.time, one.signal(trace), one.lower, one.upper) for one in intervals

@@ -1,121 +1,159 @@
-"""The monitors of `any_of`, `all_of` and `not`: they judge the monitors of other assertions."""
+"""The algebra of conditions: all or any of several, at any time or at the same moment, and the contrary of one.
+
+`any_of`, `all_of`, `at_once` and `not` judge the monitors of other assertions. The formulas of `stl` join their
+parts by the same rules.
+"""
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Iterable, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Final, Self
+from typing import TYPE_CHECKING, Any, Final, Self
 
-from sim_action.assertions.monitors import (
-    ConditionMonitor,
-    Monitor,
-    State,
-    Truth,
-    begun,
-    has_truth,
-    is_decided,
-    is_sampled,
-    needed_until,
-    unmet_premises,
-)
-from sim_action.assertions.monitors.goals import joined, joined_by_any
+from typing_extensions import override
+
+from sim_action.assertions.monitors import Fold, Monitor, State, Truth
+from sim_action.assertions.monitors.goals import Goal
 from sim_action.assertions.monitors.window import counted
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
-from sim_action.state.verdict import Judged, VerdictStatus
+from sim_action.state.verdict import Judged, Signal, Verdict
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
     from sim_action.state.trace import Trace
-    from sim_action.state.verdict import Verdict
+    from sim_action.state.verdict import VerdictStatus
+
+
+class Junction(Fold):
+    """All of several folds must hold (`every`), or at least one. It is decided as early as they allow.
+
+    All is cached, because each level of nesting would otherwise double the work.
+    """
+
+    every: bool
+
+    @property
+    @abstractmethod
+    def folds(self) -> Sequence[Fold]:
+        """The folds that are joined."""
+
+    @cached_property
+    def state(self) -> State:
+        """See Fold.state. A fold that holds is enough for any of them only if it is decided: it may still break."""
+        if not self.every and self._decisive in self._results:
+            return State.HOLDS
+        states = {state for state, _ in self._results}
+        if State.BROKEN in states and (self.every or len(states) == 1):
+            return State.BROKEN
+        return State.PENDING if State.PENDING in states else State.HOLDS
+
+    @cached_property
+    @override
+    def is_decided(self) -> bool:
+        return self._decisive in self._results or all(decided for _, decided in self._results)
+
+    @cached_property
+    @override
+    def needed_until(self) -> float:
+        if self.is_decided:
+            return 0.0
+        pairs = zip(self.folds, self._results, strict=True)
+        return max(fold.needed_until for fold, (_, decided) in pairs if not decided)
+
+    @property
+    def _decisive(self) -> tuple[State, bool]:
+        return State.BROKEN if self.every else State.HOLDS, True
+
+    @cached_property
+    def _results(self) -> list[tuple[State, bool]]:
+        """The state of each fold, and True if it is decided."""
+        return [(fold.state, fold.is_decided) for fold in self.folds]
+
+
+UNKNOWN: Final = -1
+"""The truth of a condition before its first moment, where 1 is true and 0 is false."""
 
 
 @dataclass(frozen=True)
-class Combination:
-    """The monitor of several assertions: all of them must hold (`every`), or at least one.
-
-    The state is cached, because each level of nesting would otherwise double the work.
+class Parts(Monitor):
+    """The monitors of several assertions.
 
     Attributes:
-        began: the state of each monitor before the first step.
-        steps: the steps so far.
-        before: the truth of each monitor at the last step, 1, 0 or UNKNOWN, if there is a sensor among them.
+        remembers: True if the truth of each at the last step is needed: that of a sensor lasts until the next reading.
+        before: these truths, 1, 0 or UNKNOWN.
     """
 
     titles: tuple[str, ...]
     monitors: tuple[Monitor, ...]
-    began: tuple[State, ...]
-    every: bool
-    steps: Judged = Judged()
-    before: tuple[int, ...] = ()
+    remembers: bool
+    before: tuple[int, ...]
 
     @classmethod
-    def of(cls, titles: Iterable[str], monitors: tuple[Monitor, ...], *, every: bool) -> Self:
+    def of(cls, titles: Iterable[str], monitors: tuple[Monitor, ...], *, remembers: bool, **fields: Any) -> Self:
         """Return the monitor before the first step."""
-        began = tuple(monitor.state for monitor in monitors)
-        return cls(tuple(titles), monitors, began, every, before=(UNKNOWN,) * len(monitors))
-
-    @cached_property
-    def state(self) -> State:
-        """See Monitor.state."""
-        states = [monitor.state for monitor in self.monitors]
-        return joined(*states) if self.every else joined_by_any(zip(states, self._decided, strict=True))
-
-    @cached_property
-    def is_decided(self) -> bool:
-        """See DecidingMonitor.is_decided."""
-        alone = State.BROKEN if self.every else State.HOLDS
-        pairs = zip(self.monitors, self._decided, strict=True)
-        return all(self._decided) or any(decided and monitor.state is alone for monitor, decided in pairs)
-
-    @cached_property
-    def needed_until(self) -> float:
-        """See BoundedMonitor.needed_until."""
-        if self.is_decided:
-            return 0.0
-        return needed_until(*(m for m, decided in zip(self.monitors, self._decided, strict=True) if not decided))
+        return cls(tuple(titles), monitors, remembers, (UNKNOWN,) * len(monitors), **fields)
 
     @property
+    @override
     def unmet_premises(self) -> tuple[str, ...]:
-        """See ConditionalMonitor.unmet_premises."""
-        return unmet_premises(*self.monitors)
+        return tuple(premise for monitor in self.monitors for premise in monitor.unmet_premises)
 
-    @cached_property
-    def _decided(self) -> list[bool]:
-        return [is_decided(monitor, began) for monitor, began in zip(self.monitors, self.began, strict=True)]
-
+    @override
     def begin(self, trace: Trace) -> Self:
-        """See CumulativeMonitor.begin."""
-        monitors = tuple(begun(monitor, trace) for monitor in self.monitors)
+        monitors = tuple(monitor.begin(trace) for monitor in self.monitors)
         return replace(self, monitors=monitors, before=self._last_truths(trace))
 
+    def _last_truths(self, trace: Trace) -> tuple[int, ...]:
+        return tuple(self._truths(trace)[:, -1].tolist()) if self.remembers and len(trace) else self.before
+
+    def _truths(self, trace: Trace) -> NDArray[np.int8]:
+        """Return (P, T) the truth of each of P parts at the steps of a trace: 1, 0 or UNKNOWN.
+
+        A reading of a sensor counts from the step after it on.
+        """
+        import numpy as np
+
+        rows = []
+        for monitor, last in zip(self.monitors, self.before, strict=True):
+            truth = monitor.truth(trace)
+            # A sensor is read at a step, before the robot moves on: the reading comes with the steps after it.
+            until = trace.time + (-TIME_EPSILON_S if monitor.is_sampled else TIME_EPSILON_S)
+            rows.append(np.concatenate(([last], truth.holds)).astype(np.int8)[np.searchsorted(truth.time, until)])
+        return np.array(rows)
+
+
+@dataclass(frozen=True)
+class Combination(Junction, Parts):
+    """The monitor of `any_of` and `all_of`. Its results are cached.
+
+    Attributes:
+        steps: the steps so far.
+    """
+
+    every: bool = True
+    steps: Judged = Judged()
+
+    @property
+    @override
+    def folds(self) -> Sequence[Fold]:
+        return self.monitors
+
+    @override
     def observe(self, trace: Trace) -> Self:
-        """See Monitor.observe."""
         monitors = tuple(monitor.observe(trace) for monitor in self.monitors)
         return replace(self, monitors=monitors, steps=counted(self.steps, trace), before=self._last_truths(trace))
 
-    @cached_property
-    def _remembers(self) -> bool:
-        return all(map(has_truth, self.monitors)) and any(map(is_sampled, self.monitors))
-
-    def _last_truths(self, trace: Trace) -> tuple[int, ...]:
-        if not self._remembers or not len(trace):
-            return self.before
-        return tuple(self._truths(trace)[:, -1].tolist())
-
-    def _truths(self, trace: Trace) -> NDArray[np.int8]:
-        return truths([monitor for monitor in self.monitors if has_truth(monitor)], trace, self.before)
-
     def truth(self, trace: Trace) -> Truth:
-        """See ConditionMonitor.truth. All parts, or at least one, are true at the same moment."""
+        """See Monitor.truth. At least one part is true; `all_of` has no truth, see `at_once`."""
         import numpy as np
 
-        each = self._truths(trace)
-        known = (each != UNKNOWN).all(axis=0)
-        holds = np.asarray((each > 0).all(axis=0) if self.every else (each > 0).any(axis=0))
-        return Truth(trace.time[known], holds[known])
+        truths = self._truths(trace)
+        known = (truths != UNKNOWN).all(axis=0)
+        return Truth(trace.time[known], np.asarray((truths > 0).any(axis=0))[known])
 
     def verdict(self) -> Verdict:
         """Return the verdict of the deciding part, with a message about all parts."""
@@ -136,26 +174,6 @@ class Combination:
 _WORST_FIRST: Final[tuple[VerdictStatus, ...]] = ("failed", "not_exercised", "passed")
 
 
-UNKNOWN: Final = -1
-"""The truth of a condition before its first moment, where 1 is true and 0 is false."""
-
-
-def truths(monitors: Sequence[ConditionMonitor], trace: Trace, before: Sequence[int]) -> NDArray[np.int8]:
-    """Return (P, T) the truth of each of P conditions at the steps of a trace: 1, 0 or UNKNOWN.
-
-    `before`: (P,) the truth at the step before them. A reading of a sensor counts from the step after it on.
-    """
-    import numpy as np
-
-    rows = []
-    for monitor, last in zip(monitors, before, strict=True):
-        truth = monitor.truth(trace)
-        # A sensor is read at a step, before the robot moves on: the reading comes with the steps after it.
-        until = trace.time + (-TIME_EPSILON_S if is_sampled(monitor) else TIME_EPSILON_S)
-        rows.append(np.concatenate(([last], truth.holds)).astype(np.int8)[np.searchsorted(truth.time, until)])
-    return np.array(rows)
-
-
 def _decisive(verdicts: Sequence[Verdict], candidates: Sequence[int], *, least: bool, last: bool) -> int:
     """Return the index of the deciding verdict: by margin if the units agree, else by time."""
     margins = {n: margin for n in candidates if (margin := verdicts[n].margin) is not None}
@@ -166,8 +184,77 @@ def _decisive(verdicts: Sequence[Verdict], candidates: Sequence[int], *, least: 
 
 
 @dataclass(frozen=True)
-class NegationMonitor:
-    """The monitor of the inner assertion with the opposite result. The state is cached, as in Combination.
+class AtOnceMonitor(Parts):
+    """The fold of the number of parts that are true at the same moment.
+
+    Attributes:
+        best: the fold of the number of true parts minus the number of parts.
+        missing: the titles of the parts that were not true at the best step.
+        end: sim time of the last step, in s.
+    """
+
+    is_goal = True
+
+    best: Goal = Goal()
+    missing: tuple[str, ...] = ()
+    end: float = 0.0
+
+    @property
+    @override
+    def state(self) -> State:
+        return self.best.state
+
+    @override
+    def observe(self, trace: Trace) -> Self:
+        if not len(trace):
+            return self
+        truths = self._truths(trace)
+        holds = truths > 0
+        best = self.best.observe(trace.time, (holds.sum(axis=0) - len(holds)).astype(float))
+        missing = self.missing
+        if best is not self.best:
+            at_best = holds[:, int((trace.time == best.time).argmax())]
+            missing = tuple(title for title, holds in zip(self.titles, at_best, strict=True) if not holds)
+        return replace(
+            self,
+            monitors=tuple(monitor.observe(trace) for monitor in self.monitors),
+            before=tuple(truths[:, -1].tolist()),
+            best=best,
+            missing=missing,
+            end=float(trace.time[-1]),
+        )
+
+    @override
+    def truth(self, trace: Trace) -> Truth:
+        import numpy as np
+
+        truths = self._truths(trace)
+        known = (truths != UNKNOWN).all(axis=0)
+        return Truth(trace.time[known], np.asarray((truths > 0).all(axis=0))[known])
+
+    def signals(self, trace: Trace) -> tuple[Signal, ...]:
+        """See Monitor.signals. Returns the number of true conditions at each step."""
+        count = (self._truths(trace) > 0).sum(axis=0).astype(float)
+        return (Signal("conditions that are true", "", trace.time, count, lower=float(len(self.monitors))),)
+
+    def verdict(self) -> Verdict:
+        """Return the verdict. `measured` is the greatest number of parts that were true at one moment."""
+        total, best = len(self.monitors), self.best
+        if best.margin is None or best.time is None:
+            return Verdict(False, None, float(total), None, "", None, "no physics step to measure")
+        count, passed = total + round(best.margin), best.state is State.HOLDS
+        message = (
+            f"all {total} were true at {best.time:.2f} s"
+            if passed
+            else f"at most {count or 'none'} of {total} were true at the same moment in {self.end:.1f} s, first at "
+            f"{best.time:.2f} s; not true then: {', '.join(self.missing)}"
+        )
+        return Verdict(passed, float(count), float(total), best.margin, "", best.time, message)
+
+
+@dataclass(frozen=True)
+class NegationMonitor(Monitor):
+    """The monitor of the inner assertion with the opposite result. The state is cached, as in Junction.
 
     Attributes:
         began: the state of the inner monitor before the first step.
@@ -179,8 +266,8 @@ class NegationMonitor:
     steps: Judged = Judged()
 
     @cached_property
+    @override
     def state(self) -> State:
-        """See Monitor.state."""
         if self.monitor.state is State.BROKEN:
             return State.HOLDS
         if self.monitor.state is State.HOLDS and self.is_decided:
@@ -188,33 +275,32 @@ class NegationMonitor:
         return State.HOLDS if self.began is State.PENDING else State.PENDING
 
     @cached_property
+    @override
     def is_decided(self) -> bool:
-        """See DecidingMonitor.is_decided."""
-        return is_decided(self.monitor, self.began)
+        return self.monitor.is_decided
 
     @property
+    @override
     def is_sampled(self) -> bool:
-        """See SampledMonitor.is_sampled."""
-        return is_sampled(self.monitor)
+        return self.monitor.is_sampled
 
     @cached_property
+    @override
     def needed_until(self) -> float:
-        """See BoundedMonitor.needed_until."""
-        return 0.0 if self.is_decided else needed_until(self.monitor)
+        return 0.0 if self.is_decided else self.monitor.needed_until
 
+    @override
     def begin(self, trace: Trace) -> Self:
-        """See CumulativeMonitor.begin."""
-        return replace(self, monitor=begun(self.monitor, trace))
+        return replace(self, monitor=self.monitor.begin(trace))
 
+    @override
     def observe(self, trace: Trace) -> Self:
-        """See Monitor.observe."""
         return replace(self, monitor=self.monitor.observe(trace), steps=counted(self.steps, trace))
 
+    @override
     def truth(self, trace: Trace) -> Truth:
-        """See ConditionMonitor.truth."""
         import numpy as np
 
-        assert has_truth(self.monitor), "the assertion says so"
         truth = self.monitor.truth(trace)
         return Truth(truth.time, np.logical_not(truth.holds))
 

@@ -6,7 +6,6 @@ A margin is the distance of a signal to its limit. It is positive on the allowed
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from typing import TYPE_CHECKING, Final, Self
 
 from sim_action.assertions.monitors import State, Truth
@@ -77,18 +76,6 @@ def joined(*states: State) -> State:
     return State.HOLDS
 
 
-def joined_by_any(parts: Iterable[tuple[State, bool]]) -> State:
-    """Return the state of several monitors, at least one of which must hold; each comes with its `is_decided`.
-
-    While another part is pending, a part that holds but is not decided is not enough, because it may still break.
-    """
-    known = tuple(parts)
-    if any(state is State.HOLDS and decided for state, decided in known):
-        return State.HOLDS
-    states = {state for state, _ in known}
-    return State.BROKEN if states == {State.BROKEN} else State.PENDING if State.PENDING in states else State.HOLDS
-
-
 @dataclass(frozen=True, slots=True)
 class ClosestApproach:
     """A goal: a distance, and optionally the error of an angle, come within their tolerances.
@@ -118,7 +105,7 @@ class ClosestApproach:
 
     @property
     def state(self) -> State:
-        """See Monitor.state."""
+        """The state of the goal."""
         return self.goal.state
 
     def observe(self, time: FloatArray, distance: FloatArray, angle_error: FloatArray | None = None) -> Self:
@@ -189,7 +176,7 @@ class HoldTime:
 
     @property
     def state(self) -> State:
-        """See Monitor.state."""
+        """The state of the goal."""
         return self.goal.state
 
     @property

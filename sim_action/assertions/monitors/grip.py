@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, ClassVar, Final, Self
+from typing import TYPE_CHECKING, Final, Self
 
-from sim_action.assertions.monitors import FORCE_WINDOW_S, State, Truth
+from typing_extensions import override
+
+from sim_action.assertions.monitors import FORCE_WINDOW_S, Monitor, State, Truth
 from sim_action.assertions.monitors.goals import Goal, HoldTime
 from sim_action.assertions.monitors.window import counted
 from sim_action.core import geometry, units
@@ -88,7 +90,7 @@ class _Grip:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class GraspMonitor:
+class GraspMonitor(Monitor):
     """The fold of the time for which the object is held, and of the squeeze.
 
     Attributes:
@@ -102,7 +104,7 @@ class GraspMonitor:
         end: sim time of the last step, in s.
     """
 
-    is_momentary: ClassVar[bool] = False
+    is_goal = True
 
     spec: Grasped
     model: RobotModel
@@ -116,16 +118,16 @@ class GraspMonitor:
     end: float = 0.0
 
     @property
+    @override
     def state(self) -> State:
-        """See Monitor.state."""
         return self.stretch.state
 
     def begin(self, trace: Trace) -> Self:
-        """See CumulativeMonitor.begin. The window reaches back to before the time window of the expectation."""
+        """See Monitor.begin. The window reaches back to before the time window of the expectation."""
         return replace(self, before=self._window(trace)) if self._is_known(trace) else self
 
+    @override
     def observe(self, trace: Trace) -> Self:
-        """See Monitor.observe."""
         if not self._is_known(trace):
             return self
         grip = self._grip(trace)
@@ -140,14 +142,14 @@ class GraspMonitor:
             end=float(trace.time[-1]),
         )
 
+    @override
     def truth(self, trace: Trace) -> Truth:
-        """See ConditionMonitor.truth."""
         if not self._is_known(trace):
             return Truth(trace.time, trace.time < -math.inf)
         return Truth(trace.time, self._sound_squeeze(self._grip(trace)) >= self.least)
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals. Returns the squeeze, which is 0 without a grip, and the time of the grip."""
+        """See Monitor.signals. Returns the squeeze, which is 0 without a grip, and the time of the grip."""
         if not self._is_known(trace):
             return ()
         squeeze = self._sound_squeeze(self._grip(trace))

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, ClassVar, Final, Self
+from typing import TYPE_CHECKING, Final, Self
 
-from sim_action.assertions.monitors import State, Truth
+from typing_extensions import override
+
+from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.bounds import Bounds
 from sim_action.assertions.monitors.contact_force import Forces, MeanForce, duration_text, times_of
 from sim_action.assertions.monitors.goals import HoldTime, joined
@@ -30,7 +32,7 @@ _MAX_CONTACT_GAP_S: Final = 0.05
 
 
 @dataclass(frozen=True, slots=True)
-class TouchMonitor:
+class TouchMonitor(Monitor):
     """The fold of the contacts over all steps; a stored trace may have fewer steps than contacts.
 
     Attributes:
@@ -47,8 +49,6 @@ class TouchMonitor:
         end: sim time of the last step, in s.
     """
 
-    is_momentary: ClassVar[bool] = False
-
     spec: Touch
     step: float
     stretch: HoldTime
@@ -63,8 +63,8 @@ class TouchMonitor:
     end: float | None = None
 
     @property
+    @override
     def state(self) -> State:
-        """See Monitor.state."""
         limits = joined(self.force.invariant.state, self.impulse.invariant.state)
         if self.unknown is not None and self.spec.has_most:
             limits = State.BROKEN
@@ -72,15 +72,15 @@ class TouchMonitor:
 
     @property
     def is_decided(self) -> bool:
-        """See DecidingMonitor.is_decided. A contact decides, unless it may still become too strong."""
+        """See Monitor.is_decided. A contact decides, unless it may still become too strong."""
         return self.state is State.BROKEN or (self.state is State.HOLDS and not self.spec.has_most)
 
     def begin(self, trace: Trace) -> Self:
-        """See CumulativeMonitor.begin. The mean force looks back to before the window of the expectation."""
+        """See Monitor.begin. The mean force looks back to before the window of the expectation."""
         return replace(self, mean=self._forces(trace)[0])
 
+    @override
     def observe(self, trace: Trace) -> Self:
-        """See Monitor.observe."""
         meant, others = self._sorted(trace)
         touches = times_of(meant)
         end = float(trace.time[-1]) if len(trace) else self.end
@@ -156,7 +156,7 @@ class TouchMonitor:
         return moments, np.insert(np.ones(len(time), dtype=bool), begins, np.zeros(len(begins), dtype=bool))
 
     def truth(self, trace: Trace) -> Truth:
-        """See ConditionMonitor.truth. It is true at each step at which the force is within its limits.
+        """See Monitor.truth. It is true at each step at which the force is within its limits.
 
         Without a lower limit, a goal also needs a contact at that step. A contact that may be older than the run has no
         known mean force before the end of a window, but at least the one so far: such moments are left out.
@@ -178,7 +178,7 @@ class TouchMonitor:
         return Truth(touches.time[known], holds[known])
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals. Returns duration, mean force, impulse, contact (0 or 1) and least distance."""
+        """See Monitor.signals. Returns duration, mean force, impulse, contact (0 or 1) and least distance."""
         import numpy as np
 
         spec, body, over = self.spec, self.spec.body, duration_text(self.mean.window)

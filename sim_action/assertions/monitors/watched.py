@@ -14,17 +14,7 @@ from pydantic import Field
 from typing_extensions import override
 
 from sim_action.assertions import Assertion
-from sim_action.assertions.monitors import (
-    Monitor,
-    State,
-    Truth,
-    begun,
-    has_truth,
-    is_decided,
-    is_plottable,
-    needed_until,
-    unmet_premises,
-)
+from sim_action.assertions.monitors import AdaptedMonitor, Monitor, State, Truth
 from sim_action.core.geometry import Pose, Twist
 from sim_action.core.records import dataclass, replace
 from sim_action.core.yaml_errors import SpecProblems
@@ -156,12 +146,11 @@ class MotionAssertion(Assertion):
 
     def monitor_of(self, watched: Watched, scene: Scene, start: Observation) -> Monitor:
         """Open the monitor of a frame, such as that of a body of the world. `start` is the state at t = 0."""
-        monitor = self.opened_on(watched, scene, watched.at_start(start))
+        monitor = AdaptedMonitor.of(self.opened_on(watched, scene, watched.at_start(start)))
         if watched.motion is None:
             return monitor
         subject = watched.who if self.names_frame else watched.subject
-        kind = WatchedCondition if has_truth(monitor) else WatchedMonitor
-        return kind(watched, monitor, monitor.state, f"{subject}{self.subject_ends}")
+        return WatchedMonitor(watched, monitor, f"{subject}{self.subject_ends}")
 
     @override
     def marks(self, scene: Scene, start: Observation) -> tuple[Mark, ...]:
@@ -191,51 +180,49 @@ class MotionAssertion(Assertion):
 
 
 @dataclass(frozen=True, slots=True)
-class WatchedMonitor:
+class WatchedMonitor(Monitor):
     """The monitor of a frame other than the base link in the world: it hands on the motion of that frame.
 
     Attributes:
         monitor: the monitor of the base of the traces that it gets.
-        began: its state before the first step.
         subject: the beginning of messages.
     """
 
     watched: Watched
     monitor: Monitor
-    began: State
     subject: str
 
     @property
+    @override
     def is_momentary(self) -> bool:
-        """See PlottableMonitor.is_momentary."""
-        return is_plottable(self.monitor) and self.monitor.is_momentary
+        return self.monitor.is_momentary
 
     @property
+    @override
     def state(self) -> State:
-        """See Monitor.state."""
         return self.monitor.state
 
     @property
+    @override
     def is_decided(self) -> bool:
-        """See DecidingMonitor.is_decided."""
-        return is_decided(self.monitor, self.began)
+        return self.monitor.is_decided
 
     @property
+    @override
     def needed_until(self) -> float:
-        """See BoundedMonitor.needed_until."""
-        return needed_until(self.monitor)
+        return self.monitor.needed_until
 
     @property
+    @override
     def unmet_premises(self) -> tuple[str, ...]:
-        """See ConditionalMonitor.unmet_premises."""
-        return unmet_premises(self.monitor)
+        return self.monitor.unmet_premises
 
+    @override
     def begin(self, trace: Trace) -> Self:
-        """See CumulativeMonitor.begin."""
-        return replace(self, monitor=begun(self.monitor, self.watched.seen(trace)))
+        return replace(self, monitor=self.monitor.begin(self.watched.seen(trace)))
 
+    @override
     def observe(self, trace: Trace) -> Self:
-        """See Monitor.observe."""
         return replace(self, monitor=self.monitor.observe(self.watched.seen(trace)))
 
     def verdict(self) -> Verdict:
@@ -243,19 +230,11 @@ class WatchedMonitor:
         verdict = self.monitor.verdict()
         return verdict if verdict.time is None else replace(verdict, message=f"{self.subject}{verdict.message}")
 
+    @override
+    def truth(self, trace: Trace) -> Truth:
+        return self.monitor.truth(self.watched.seen(trace))
+
+    @override
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        """See PlottableMonitor.signals."""
-        if not is_plottable(self.monitor):
-            return ()
         curves = self.monitor.signals(self.watched.seen(trace))
         return tuple(replace(curve, name=f"{self.subject}{curve.name}") for curve in curves)
-
-
-@dataclass(frozen=True, slots=True)
-class WatchedCondition(WatchedMonitor):
-    """The same for a monitor whose assertion is true or false at each moment."""
-
-    def truth(self, trace: Trace) -> Truth:
-        """See ConditionMonitor.truth."""
-        assert has_truth(self.monitor), "only such monitors get here"
-        return self.monitor.truth(self.watched.seen(trace))

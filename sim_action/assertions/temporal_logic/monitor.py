@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple, Self
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Final, NamedTuple, Self
 
 import numpy as np
+from typing_extensions import override
 
-from sim_action.assertions.monitors import State
-from sim_action.assertions.monitors.goals import joined, joined_by_any
+from sim_action.assertions.monitors import Fold, Monitor, State
+from sim_action.assertions.monitors.combination import Junction
 from sim_action.assertions.temporal_logic.formula import (
     Always,
     And,
@@ -49,7 +49,7 @@ _MAX_POINTS: Final = 60
 
 
 @dataclass(frozen=True, slots=True)
-class StlMonitor:
+class StlMonitor(Monitor):
     """The monitor of a whole formula.
 
     Attributes:
@@ -58,8 +58,6 @@ class StlMonitor:
         premises: each premise of an implication as text, and the search for a moment at which it holds.
         first, last: the sim times in s of the first and the last step; None before the first one.
     """
-
-    is_momentary: ClassVar[bool] = False
 
     formula: Formula
     part: Part
@@ -80,26 +78,26 @@ class StlMonitor:
         return cls(formula, open_formula(formula), reader, comparison_units, found)
 
     def begin(self, trace: Trace) -> Self:
-        """See CumulativeMonitor.begin. Contact forces are means over the last steps, and readings last."""
+        """See Monitor.begin. Contact forces are means over the last steps, and readings last."""
         return replace(self, reader=self.reader.begun(trace))
 
     @property
+    @override
     def state(self) -> State:
-        """See Monitor.state."""
         return self.part.state
 
     @property
+    @override
     def is_decided(self) -> bool:
-        """See DecidingMonitor.is_decided."""
         return self.part.is_decided
 
     @property
     def needed_until(self) -> float:
-        """See BoundedMonitor.needed_until. The largest end of the finite intervals that are not decided yet."""
+        """See Monitor.needed_until. The largest end of the finite intervals that are not decided yet."""
         return self.part.needed_until
 
+    @override
     def observe(self, trace: Trace) -> Self:
-        """See Monitor.observe."""
         if not len(trace):
             return self
         samples, reader = self.reader.read(trace), self.reader.after(trace)
@@ -111,12 +109,12 @@ class StlMonitor:
         return replace(self, part=part, reader=reader, premises=found, first=first, last=last)
 
     @property
+    @override
     def unmet_premises(self) -> tuple[str, ...]:
-        """See ConditionalMonitor.unmet_premises."""
         return tuple(text for text, premise in self.premises if premise.outcome()[0] < 0)
 
     def signals(self, trace: Trace) -> tuple[Curve, ...]:
-        """See PlottableMonitor.signals. Returns the compared quantities and the robustness."""
+        """See Monitor.signals. Returns the compared quantities and the robustness."""
         samples, found = self.reader.read(trace), set(self.units.values())
         if not len(samples):
             return ()
@@ -192,33 +190,19 @@ def open_formula(formula: Formula, *, contrary: bool = False) -> Part:
 
 
 @dataclass(frozen=True)
-class BooleanPart:
-    """All of several parts (`every`), or any of them. The state is cached."""
+class BooleanPart(Junction, Part):
+    """All of several parts (`every`), or any of them."""
 
     parts: tuple[Part, ...]
     every: bool
 
-    @cached_property
-    def state(self) -> State:
-        """See Monitor.state."""
-        if self.every:
-            return joined(*(part.state for part in self.parts))
-        return joined_by_any((part.state, part.is_decided) for part in self.parts)
+    @property
+    @override
+    def folds(self) -> Sequence[Fold]:
+        return self.parts
 
-    @cached_property
-    def is_decided(self) -> bool:
-        """See DecidingMonitor.is_decided."""
-        alone = State.BROKEN if self.every else State.HOLDS
-        known = [part.state for part in self.parts if part.is_decided]
-        return alone in known or len(known) == len(self.parts)
-
-    @cached_property
-    def needed_until(self) -> float:
-        """See BoundedMonitor.needed_until."""
-        return 0.0 if self.is_decided else max(part.needed_until for part in self.parts)
-
-    def observe(self, samples: Samples) -> BooleanPart:
-        """See Part.observe."""
+    @override
+    def observe(self, samples: Samples) -> Self:
         return replace(self, parts=tuple(part.observe(samples) for part in self.parts))
 
     def outcome(self) -> Outcome:

@@ -1,13 +1,15 @@
-"""Temporal operators as folds: steps whose future is known are judged, the others are kept."""
+"""Formulas as folds: each is judged at the first step, as far as it is known."""
 
 from __future__ import annotations
 
 import math
-from typing import Final, NamedTuple, Protocol, Self
+from abc import abstractmethod
+from typing import Final, NamedTuple, Self
 
 import numpy as np
+from typing_extensions import override
 
-from sim_action.assertions.monitors import State
+from sim_action.assertions.monitors import Fold, State
 from sim_action.assertions.temporal_logic.formula import Formula, Interval, Until, finite_horizon, horizon
 from sim_action.assertions.temporal_logic.robustness import Cause, cause, robustness, seen_from, until_operands
 from sim_action.assertions.temporal_logic.samples import Samples
@@ -42,24 +44,16 @@ class Outcome(NamedTuple):
     judged: Judged
 
 
-class Part(Protocol):
+class Part(Fold):
     """A formula at the first step, as far as it is known."""
 
-    @property
-    def state(self) -> State:
-        """See Monitor.state."""
+    __slots__ = ()
 
-    @property
-    def is_decided(self) -> bool:
-        """See DecidingMonitor.is_decided."""
-
-    @property
-    def needed_until(self) -> float:
-        """See BoundedMonitor.needed_until."""
-
-    def observe(self, samples: Samples) -> Part:
+    @abstractmethod
+    def observe(self, samples: Samples) -> Self:
         """Return the part after more steps."""
 
+    @abstractmethod
     def outcome(self) -> Outcome:
         """Return the result as if the run ended now."""
 
@@ -124,23 +118,19 @@ def with_judged(judged: Judged, rows: Samples, first: int, margins: FloatArray) 
 
 
 @dataclass(frozen=True, slots=True)
-class Extreme:
-    """The least robustness of a formula over an interval (`always`), or the greatest (`eventually`).
+class Operator(Part):
+    """The fold of a temporal operator: steps whose future is known are judged, the others are kept.
 
     Attributes:
-        strong: as in `robustness`.
-        reach: lookahead of the formula in s; infinite if it is judged at the end of the run.
+        reach: lookahead of the inner formulas in s; infinite if they are judged at the end of the run.
         begin: sim time of the first step, in s.
         open: samples whose future is not known yet.
-        found: the extreme among the steps whose future is known.
-        judged: the judged steps among them.
+        found: the best step so far, among those whose future is known.
+        judged: the judged steps of the interval among them.
         closed: True if the future of all steps of the interval is known.
     """
 
     formula: Formula
-    interval: Interval
-    greatest: bool
-    strong: bool
     reach: float
     begin: float | None = None
     open: SampleChain | None = None
@@ -148,43 +138,27 @@ class Extreme:
     judged: Judged = Judged()
     closed: bool = False
 
-    @classmethod
-    def of(cls, formula: Formula, interval: Interval, *, greatest: bool) -> Self:
-        """Return the fold before the first step. A step is the witness of a goal only with evidence (`strong`)."""
-        return cls(formula, interval, greatest, greatest, lookahead(formula))
-
-    @classmethod
-    def at_once(cls, formula: Formula) -> Self:
-        """Return the fold of a formula that is judged at the first step."""
-        return cls(formula, _AT_ONCE, True, False, lookahead(formula))
+    @property
+    @abstractmethod
+    def window(self) -> Interval:
+        """The interval of the operator."""
 
     @property
-    def state(self) -> State:
-        """See Monitor.state. A formula that is judged at the end of the run counts as holding until then."""
-        if self._is_settled:
-            return State.HOLDS if self.greatest else State.BROKEN
-        if not self.greatest or math.isinf(self.reach):
-            return State.HOLDS
-        return State.BROKEN if self.closed else State.PENDING
+    @abstractmethod
+    def ahead(self) -> float:
+        """The time in s, from the first step on, that it looks ahead at least."""
+
+    @abstractmethod
+    def folded(self, rows: Samples, end: int) -> Self:
+        """Return the fold after the rows before `end`."""
 
     @property
-    def is_decided(self) -> bool:
-        """See DecidingMonitor.is_decided."""
-        return self.closed or self._is_settled
-
-    @property
+    @override
     def needed_until(self) -> float:
-        """See BoundedMonitor.needed_until."""
-        if self.begin is None or self.is_decided:
-            return 0.0
-        return self.begin + self.interval.bound + finite_horizon(self.formula)
+        return 0.0 if self.begin is None or self.is_decided else self.begin + self.ahead
 
-    @property
-    def _is_settled(self) -> bool:
-        return self.found is not None and (self.found.value >= 0) == self.greatest
-
+    @override
     def observe(self, samples: Samples) -> Self:
-        """See Part.observe."""
         if self.closed or not len(samples):
             return self
         begin = float(samples.time[0]) if self.begin is None else self.begin
@@ -197,24 +171,80 @@ class Extreme:
         return replace(
             later.folded(rows, end),
             open=SampleChain(rows.between(end, len(rows))) if end < len(rows) else None,
-            closed=begin + self.interval.end <= known + TIME_ROUNDING_S,
+            closed=begin + self.window.end <= known + TIME_ROUNDING_S,
         )
 
+    def at_end(self) -> Self:
+        """Return the fold as if the run ended now."""
+        if self.open is None or self.closed:
+            return self
+        rows = self.open.whole()
+        return self.folded(rows, len(rows))
+
+    def rows_inside(self, rows: Samples, end: int) -> tuple[int, int]:
+        """Return the index of the first row in the interval, and the end index of those before `end`."""
+        assert self.begin is not None
+        first = int(rows.at_or_after(self.begin + self.window.start))
+        return first, min(end, int(rows.after(self.begin + self.window.end)))
+
+
+@dataclass(frozen=True, slots=True)
+class Extreme(Operator):
+    """The least robustness of a formula over an interval (`always`), or the greatest (`eventually`)."""
+
+    interval: Interval = _AT_ONCE
+    greatest: bool = True
+    # See `robustness`: a step is the witness of a goal only with evidence.
+    strong: bool = False
+
+    @classmethod
+    def of(cls, formula: Formula, interval: Interval, *, greatest: bool) -> Self:
+        """Return the fold before the first step."""
+        return cls(formula, lookahead(formula), interval=interval, greatest=greatest, strong=greatest)
+
+    @classmethod
+    def at_once(cls, formula: Formula) -> Self:
+        """Return the fold of a formula that is judged at the first step."""
+        return cls(formula, lookahead(formula))
+
+    @property
+    @override
+    def window(self) -> Interval:
+        return self.interval
+
+    @property
+    @override
+    def ahead(self) -> float:
+        return self.interval.bound + finite_horizon(self.formula)
+
+    @property
+    def state(self) -> State:
+        """See Fold.state. A formula that is judged at the end of the run counts as holding until then."""
+        if self._is_settled:
+            return State.HOLDS if self.greatest else State.BROKEN
+        if not self.greatest or math.isinf(self.reach):
+            return State.HOLDS
+        return State.BROKEN if self.closed else State.PENDING
+
+    @property
+    @override
+    def is_decided(self) -> bool:
+        return self.closed or self._is_settled
+
+    @property
+    def _is_settled(self) -> bool:
+        return self.found is not None and (self.found.value >= 0) == self.greatest
+
+    @override
     def outcome(self) -> Outcome:
-        """See Part.outcome."""
-        last = self
-        if self.open is not None and not self.closed:
-            rows = self.open.whole()
-            last = self.folded(rows, len(rows))
+        last = self.at_end()
         if last.found is None:
             return Outcome(-math.inf if self.greatest else math.inf, None, last.judged)
         return Outcome(last.found.value, last.found.cause, last.judged)
 
+    @override
     def folded(self, rows: Samples, end: int) -> Self:
-        """Return the fold after the rows before `end`."""
-        assert self.begin is not None
-        first = int(rows.at_or_after(self.begin + self.interval.start))
-        last = min(end, int(rows.after(self.begin + self.interval.end)))
+        first, last = self.rows_inside(rows, end)
         if first >= last:
             return self
         margins = robustness(self.formula, rows.between(first, len(rows)), strong=self.strong)[: last - first]
@@ -228,38 +258,36 @@ class Extreme:
 
 
 @dataclass(frozen=True, slots=True)
-class UntilFold:
+class UntilFold(Operator):
     """An `until`: the condition that must hold before, and the best step of the other condition.
 
     Attributes:
         contrary: True for the negation, an invariant that breaks when the `until` comes true.
-        reach: lookahead of both formulas in s.
-        begin: sim time of the first step, in s.
-        open: samples whose future is not known yet.
         held: the least robustness of `before` over all steps whose future is known.
-        found: the best step so far.
-        judged: the judged steps of the interval whose future is known.
-        closed: True if the future of all steps of the interval is known.
     """
 
     formula: Until
-    contrary: bool
-    reach: float
-    begin: float | None = None
-    open: SampleChain | None = None
+    contrary: bool = False
     held: BestMoment | None = None
-    found: BestMoment | None = None
-    judged: Judged = Judged()
-    closed: bool = False
 
     @classmethod
     def of(cls, formula: Until, *, contrary: bool) -> Self:
         """Return the fold before the first step."""
-        return cls(formula, contrary, lookahead(formula.before, formula.then))
+        return cls(formula, lookahead(formula.before, formula.then), contrary=contrary)
 
     @property
+    @override
+    def window(self) -> Interval:
+        return self.formula.interval
+
+    @property
+    @override
+    def ahead(self) -> float:
+        return finite_horizon(self.formula)
+
+    @property
+    @override
     def state(self) -> State:
-        """See Monitor.state."""
         came_true = self._came_true
         if self.contrary:
             return State.BROKEN if came_true else State.HOLDS
@@ -278,49 +306,26 @@ class UntilFold:
         return value > 0 if self.contrary else value >= 0
 
     @property
+    @override
     def is_decided(self) -> bool:
-        """See DecidingMonitor.is_decided."""
         return self._came_true or self.closed or self.is_lost
-
-    @property
-    def needed_until(self) -> float:
-        """See BoundedMonitor.needed_until."""
-        if self.begin is None or self.is_decided:
-            return 0.0
-        return self.begin + finite_horizon(self.formula)
-
-    def observe(self, samples: Samples) -> Self:
-        """See Part.observe."""
-        if self.closed or not len(samples):
-            return self
-        begin = float(samples.time[0]) if self.begin is None else self.begin
-        rows = samples if self.open is None else Samples.concatenate((self.open.samples, samples))
-        known = float(rows.time[-1]) - self.reach
-        end = int(rows.after(known))
-        later = replace(self, begin=begin).folded(rows, end)
-        waiting = SampleChain(rows.between(end, len(rows))) if end < len(rows) else None
-        return replace(later, open=waiting, closed=begin + self.formula.interval.end <= known + TIME_ROUNDING_S)
 
     def outcome(self) -> Outcome:
         """See Part.outcome. A `before` that fails before the interval decides, at one step."""
-        last = self
-        if self.open is not None and not self.closed:
-            last = self.folded(self.open.samples, len(self.open.samples))
+        last = self.at_end()
         best, judged = last.found, last.judged
         if not judged.moments and last.held is not None and last.is_lost:
             best, judged = last.held, Judged(1, last.held.time, last.held.time)
         value = -math.inf if best is None else best.value
         return Outcome(-value if self.contrary else value, None if best is None else best.cause, judged)
 
+    @override
     def folded(self, rows: Samples, end: int) -> Self:
-        """Return the fold after the rows before `end`."""
-        assert self.begin is not None
         if end == 0:
             return self
         sign = -1 if self.contrary else 1
         before, then = (sign * part[:end] for part in until_operands(self.formula, rows, contrary=self.contrary))
-        first = int(rows.at_or_after(self.begin + self.formula.interval.start))
-        last = min(end, int(rows.after(self.begin + self.formula.interval.end)))
+        first, last = self.rows_inside(rows, end)
         held = self._least(rows, before)
         if first >= last:
             return replace(self, held=held)

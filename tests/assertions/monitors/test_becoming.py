@@ -12,9 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_action.assertions import Assertion
-from sim_action.assertions.at_once import AtOnce
 from sim_action.assertions.clearance import Clearance
-from sim_action.assertions.combined import AllOf, AnyOf, Negation
+from sim_action.assertions.combined import AllOf, AnyOf, AtOnce, Negation
 from sim_action.assertions.contact import Touch
 from sim_action.assertions.distance import Travel
 from sim_action.assertions.joint import JointReading
@@ -316,16 +315,16 @@ def test_a_goal_holds_for_its_time_exactly_if_it_was_true_so_long(x: Sequence[fl
 def test_without_commands_the_time_before_the_window_does_not_count() -> None:
     """It stood there for a second, but was away when the window opened."""
     seen = way(0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0)
-    window = Window.of(opened(HOME, driven=False), 2.0, math.inf).observe(seen)
+    window = Window(opened(HOME, driven=False), 2.0, math.inf).observe(seen)
     assert (window.state, window.verdict().passed) == (State.PENDING, False)
-    stays = Window.of(opened(HOME, driven=False), 2.0, math.inf).observe(way(*[0.0] * 7))
+    stays = Window(opened(HOME, driven=False), 2.0, math.inf).observe(way(*[0.0] * 7))
     assert (stays.verdict().passed, stays.verdict().time) == (True, 3.0)
 
 
 def test_a_limit_does_not_count_before_the_window() -> None:
     near = JointReading(name=WHEELS[0], at_least=0.0, at_most=1.0)
     seen = trace([0.0, 1.0, 2.0, 3.0], position=[2.0, 2.0, 0.5, 0.5])
-    window = Window.of(opened(near), 2.0, math.inf).observe(seen)
+    window = Window(opened(near), 2.0, math.inf).observe(seen)
     assert (window.state, window.verdict().passed) == (State.HOLDS, True)
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 import pickle
 from collections import Counter
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple, Self
+from typing import Self
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from pydantic import ValidationError
 
 from sim_action.assertions.combined import AllOf, Negation
 from sim_action.assertions.distance import Travel
-from sim_action.assertions.monitors import Monitor, State, is_bounded, is_deciding, needed_until
+from sim_action.assertions.monitors import Monitor, State
 from sim_action.assertions.monitors.window import Window
 from sim_action.assertions.temporal_logic.formula import Always, Eventually, Formula, Interval
 from sim_action.assertions.temporal_logic.monitor import BooleanPart
@@ -182,8 +183,7 @@ def test_how_long_the_run_must_go_on(text: str, expected: list[float]) -> None:
     opened = monitor(stl(text))
     combined = [monitor(AllOf(parts=(stl(text), Travel(at_most=9.0)))), monitor(Negation(part=stl(text)))]
     for index, needed in enumerate(expected):
-        assert is_bounded(opened)
-        assert [needed_until(one) for one in (opened, *combined)] == [needed] * 3
+        assert [one.needed_until for one in (opened, *combined)] == [needed] * 3
         step = piece(FAST, index, index + 1)
         opened, combined = opened.observe(step), [one.observe(step) for one in combined]
 
@@ -195,9 +195,9 @@ def test_nothing_is_needed_after_the_window() -> None:
 
 
 def test_a_window_with_an_end_is_watched_until_it_closes_unless_all_is_decided() -> None:
-    limit = Window.of(monitor(Travel(at_most=9.0)), 0.0, 3.5)
+    limit = Window(monitor(Travel(at_most=9.0)), 0.0, 3.5)
     assert [limit.observe(FAST.first(count)).needed_until for count in (1, 4)] == [3.5, 0.0]
-    goal = Window.of(monitor(Travel(at_least=1.0)), 0.0, 3.5)
+    goal = Window(monitor(Travel(at_least=1.0)), 0.0, 3.5)
     assert goal.observe(trace([0.0, 1.0], x=[0.0, 1.0])).needed_until == 0.0
 
 
@@ -205,9 +205,9 @@ def test_a_window_with_an_end_is_watched_until_it_closes_unless_all_is_decided()
 @given(plain_formulas, walks)
 def test_the_needed_time_never_grows_and_ends_with_the_decision(formula: Formula, walk: list[tuple[int, int]]) -> None:
     opened = [folded(formula, walk[:length], []) for length in range(1, len(walk) + 1)]
-    needed = [needed_until(one) for one in opened]
+    needed = [one.needed_until for one in opened]
     assert needed == sorted(needed, reverse=True)
-    assert all(is_deciding(one) and not (one.is_decided and until) for one, until in zip(opened, needed, strict=True))
+    assert not any(one.is_decided and until for one, until in zip(opened, needed, strict=True))
 
 
 def test_what_is_judged_at_the_end_is_judged() -> None:
@@ -378,7 +378,6 @@ def test_pieces_say_what_the_whole_says_and_a_decision_stands(
     said, decided = [], False
     for length in range(len(walk) + 1):
         early = folded(formula, walk[:length], [])
-        assert is_deciding(early)
         said.append(early.state)
         if decided:
             assert said[-1] is said[-2]
@@ -451,7 +450,8 @@ def test_a_long_formula_has_a_short_title_and_pickles_after_use() -> None:
     assert pickle.loads(pickle.dumps(spec)) == spec
 
 
-class _Asked(NamedTuple):
+@dataclass(frozen=True)
+class _Asked(Part):
     """A part that is never known, which counts how often it is asked for its state; more than 100 times is an error."""
 
     asked: Counter[str]
