@@ -13,8 +13,14 @@ from typing import Final, Protocol
 
 from sim_action.core.errors import ControllersFinished
 from sim_action.core.records import dataclass
-from sim_action.ros.processes import ChildProcesses, descendants, is_result_written, process_name, rostest_result_path
-from sim_action.ros.quiescence import WatchedProcesses
+from sim_action.ros.processes import (
+    ChildProcesses,
+    WatchedProcesses,
+    descendants,
+    is_result_written,
+    process_name,
+    rostest_result_path,
+)
 
 # Wall time that nodes may compute between two ticks, and that processes may take to become nodes.
 MAX_SETTLE_S: Final = 10.0

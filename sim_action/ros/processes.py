@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import os
+import resource
+import time
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
+from functools import cached_property
 from pathlib import Path, PurePath
 from typing import Final
 
@@ -11,6 +15,20 @@ _PROC: Final = Path("/proc")
 _READ_BYTES: Final = 65536
 _MAX_HEADER_BYTES: Final = 64
 _RESULT: Final = b"--gtest_output=xml:"
+
+
+_STAT_BYTES: Final = 1024
+_ENDED: Final = (FileNotFoundError, ProcessLookupError)
+# A process that has ended, and that its parent has not waited for, has no work left either.
+_SLEEPING: Final = (b"S", b"I", b"Z")
+# The time of looking at a thread without a pause, and one pause.
+_BUSY_WAIT_S: Final = 2e-4
+_NAP_S: Final = 5e-5
+# The part of the time for which a busy process runs; one that waits runs for less than a thousandth.
+_BUSY_PART: Final = 0.02
+_NANOSECONDS: Final = 1e9
+# /proc/PID/task has one link per thread, and two of its own: its name and its dot.
+_OWN_LINKS: Final = 2
 
 
 class ChildProcesses:
@@ -86,3 +104,191 @@ def process_name(pid: int) -> str:
         words = (_PROC / str(pid) / "cmdline").read_bytes().decode(errors="replace").split("\0")
         return " ".join(PurePath(word).name for word in words[:2] if word)
     return f"process {pid}"
+
+
+class WatchedThread:
+    """A thread, with its files. They stay open, because opening takes as long as ten reads.
+
+    Raises OSError when the thread has ended.
+    """
+
+    def __init__(self, pid: int, tid: int) -> None:
+        self.pid, self.tid = pid, tid
+        self._stat = os.open(f"/proc/{pid}/task/{tid}/stat", os.O_RDONLY | os.O_CLOEXEC)
+        try:
+            self._schedstat = os.open(f"/proc/{pid}/task/{tid}/schedstat", os.O_RDONLY | os.O_CLOEXEC)
+        except OSError:
+            os.close(self._stat)
+            raise
+
+    @cached_property
+    def name(self) -> str:
+        """The name that the thread has given itself; empty if it has ended."""
+        with suppress(OSError):
+            return Path(f"/proc/{self.pid}/task/{self.tid}/comm").read_text(errors="replace").strip()
+        return ""
+
+    def is_asleep(self) -> bool:
+        """Return True if the thread waits for something. Raises OSError when it has ended."""
+        # The name of the program comes first, in brackets, and may hold any characters.
+        return os.pread(self._stat, _STAT_BYTES, 0).rpartition(b") ")[2][:1] in _SLEEPING
+
+    def ran(self) -> bytes:
+        """Return how long and how often the thread has run, as text. Raises OSError when it has ended."""
+        return os.pread(self._schedstat, _STAT_BYTES, 0)
+
+    def close(self) -> None:
+        """Close the files."""
+        os.close(self._stat)
+        os.close(self._schedstat)
+        # Another file may get the numbers.
+        self._stat = self._schedstat = -1
+
+
+class WatchedProcesses:
+    """The processes to wait for; `spared`: id of the thread of this process that waits, and so may run.
+
+    Attributes:
+        at_rest: the threads when all processes waited last -> how long and how often each has run.
+    """
+
+    def __init__(self, spared: int) -> None:
+        _allow_many_files()
+        self._spared = spared
+        self._threads: dict[int, dict[int, WatchedThread]] = {}
+        self.at_rest: Mapping[WatchedThread, bytes] = {}
+
+    def watch(self, pids: Iterable[int]) -> None:
+        """Watch exactly these processes from now on."""
+        wanted = set(pids)
+        for pid in set(self._threads) - wanted:
+            self._forget(pid)
+        for pid in wanted - set(self._threads):
+            self._threads[pid] = {}
+
+    def wait(self, patience: float) -> bool:
+        """Wait until all processes wait. Return False if that takes longer than `patience` seconds."""
+        deadline = time.monotonic() + patience
+        while not self._is_quiet(deadline):
+            if time.monotonic() > deadline:
+                return False
+        return True
+
+    def stirred(self) -> frozenset[WatchedThread]:
+        """Return the threads that have run since all processes waited last, although nothing was sent to them."""
+        found = set[WatchedThread]()
+        for thread, ran in self.at_rest.items():
+            with suppress(OSError):
+                if thread.ran() != ran:
+                    found.add(thread)
+        return frozenset(found)
+
+    def busy(self, seconds: float) -> frozenset[int]:
+        """Return the processes that run for a notable part of some s of wall time, or else those that do not sleep.
+
+        On a machine with too much load, a process that never sleeps may hardly run.
+        """
+        before = dict(self._run_times())
+        time.sleep(seconds)
+        least, after = _BUSY_PART * seconds * _NANOSECONDS, list(self._run_times())
+        found = frozenset(thread.pid for thread, ran in after if ran - before.get(thread, 0) >= least)
+        return found or frozenset(thread.pid for thread, _ in after if _is_awake(thread))
+
+    def awakenings(self) -> dict[int, int]:
+        """Return how often processes ran since the last `wait` found all quiet: id -> runs of its busiest thread."""
+        found: dict[int, int] = {}
+        for thread, ran in self.at_rest.items():
+            with suppress(OSError):
+                if (now := thread.ran()) != ran:
+                    found[thread.pid] = max(found.get(thread.pid, 0), _runs(now) - _runs(ran))
+        return found
+
+    def _run_times(self) -> Iterable[tuple[WatchedThread, int]]:
+        for thread in [thread for pid in tuple(self._threads) for thread in self._threads_of(pid)]:
+            with suppress(OSError):
+                yield thread, int(thread.ran().split()[0])
+
+    def _is_quiet(self, deadline: float) -> bool:
+        """Return True if no thread ran while all were looked at. If one runs, wait until it sleeps and return False.
+
+        A thread that sleeps at the second look, and has not run since the first, slept in between: it would have had to
+        run in order to fall asleep. So there was a moment, between the last of the first looks and the first of the
+        second looks, at which all threads slept, and at that moment there were no other threads.
+        """
+        threads = [thread for pid in tuple(self._threads) for thread in self._threads_of(pid)]
+        thread = None
+        try:
+            before: list[bytes] = []
+            for thread in threads:
+                before.append(thread.ran())  # noqa: PERF401 - the except block needs the thread
+            if not all(map(self._knows_all_of, tuple(self._threads))):
+                return False
+            for thread, ran in zip(threads, before, strict=True):
+                if not thread.is_asleep() or thread.ran() != ran:
+                    _wait_for(thread, deadline)
+                    return False
+        except OSError:
+            assert thread is not None
+            self._forget_thread(thread)
+            return False
+        self.at_rest = dict(zip(threads, before, strict=True))
+        return True
+
+    def _threads_of(self, pid: int) -> Iterable[WatchedThread]:
+        """Return the current threads of a process."""
+        if not self._knows_all_of(pid):
+            try:
+                self._find_threads(pid)
+            except _ENDED:
+                self._forget(pid)
+                return ()
+        return tuple(self._threads[pid].values())
+
+    def _knows_all_of(self, pid: int) -> bool:
+        """Return True if the process has as many threads as are known."""
+        try:
+            entries = os.stat(f"/proc/{pid}/task").st_nlink  # noqa: PTH116 - looked at thousands of times
+        except OSError:
+            return False
+        return entries == _OWN_LINKS + len(self._threads[pid]) + (pid == os.getpid())
+
+    def _find_threads(self, pid: int) -> None:
+        found = {int(name) for name in os.listdir(f"/proc/{pid}/task")} - {self._spared}  # noqa: PTH208 - strings
+        known = self._threads[pid]
+        for tid in set(known) - found:
+            self._forget_thread(known[tid])
+        for tid in found - set(known):
+            with suppress(*_ENDED):
+                known[tid] = WatchedThread(pid, tid)
+
+    def _forget_thread(self, thread: WatchedThread) -> None:
+        self._threads[thread.pid].pop(thread.tid).close()
+
+    def _forget(self, pid: int) -> None:
+        for thread in self._threads.pop(pid).values():
+            thread.close()
+
+
+def _is_awake(thread: WatchedThread) -> bool:
+    try:
+        return not thread.is_asleep()
+    except OSError:
+        return False
+
+
+def _runs(ran: bytes) -> int:
+    return int(ran.split()[2])
+
+
+def _allow_many_files() -> None:
+    _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
+
+
+def _wait_for(thread: WatchedThread, deadline: float) -> None:
+    """Wait until the thread sleeps; the others need no look before that. Raises OSError when it has ended."""
+    began = time.monotonic()
+    while not thread.is_asleep() and (now := time.monotonic()) < deadline:
+        # Most threads sleep soon. A nap leaves the processor to the others; after a yield, this one might wait long.
+        if now - began > _BUSY_WAIT_S:
+            time.sleep(_NAP_S)

@@ -12,7 +12,7 @@ from contextlib import ExitStack, contextmanager
 
 import pytest
 
-from sim_action.ros.quiescence import WatchedProcesses
+from sim_action.ros.processes import WatchedProcesses
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="it reads Linux's /proc"),
@@ -209,7 +209,7 @@ def test_who_is_woken_by_a_message_has_answered_it_when_all_is_quiet(text: str) 
 LOOKS_WITH_FEW_FILES = """\
 import resource, sys, threading
 resource.setrlimit(resource.RLIMIT_NOFILE, (64, resource.getrlimit(resource.RLIMIT_NOFILE)[1]))
-from sim_action.ros.quiescence import WatchedProcesses
+from sim_action.ros.processes import WatchedProcesses
 looking = WatchedProcesses(spared=threading.get_native_id())
 looking.watch([int(sys.argv[1])])
 print(looking.wait(20))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import socket
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -25,13 +24,12 @@ from sim_action.results.masking import Mask
 from sim_action.results.outcome import Outcome
 from sim_action.ros.ros1.catkin_packages import find_launch_file
 from sim_action.ros.ros1.installation import Ros, find_ros
-from sim_action.ros.ros1.launch.launch_process import Launch, Watch
+from sim_action.ros.ros1.launch.launch_process import Launch, Watch, free_port
 from sim_action.ros.ros1.launch.overlay import Overlay, build_overlay, scratch_parent
 from sim_action.ros.ros1.launch_request import REPLAY_FILE, REQUEST_FILE, TRACE_FILE, LaunchRequest, SimulationRequest
 from sim_action.ros.ros1.verdicts.findings import LOGS, RESULTS, Findings, LaunchFolders, Run, collect_findings
 from sim_action.ros.ros1.verdicts.judge import Judge
-from sim_action.ros.ros1.verdicts.launch_tags import LaunchTags
-from sim_action.ros.ros1.verdicts.rostest_files import TestTag, test_tags
+from sim_action.ros.ros1.verdicts.launch_tags import LaunchTags, TestTag, test_tags
 from sim_action.runner.isolation.child_process import environment
 
 # Sim time of a launch without tests and without a limit; wall time of each test in addition to its own limit.
@@ -122,13 +120,6 @@ class LaunchCall:
 
     def _invalid(self, message: str) -> InvalidScenario:
         return InvalidScenario([Problem(Location(self.request.file), escaped_line(message))])
-
-
-def free_port() -> int:
-    """Return a free port for a master."""
-    with socket.socket() as probe:
-        probe.bind(("localhost", 0))
-        return int(probe.getsockname()[1])
 
 
 def _wall_limit(tags: Sequence[TestTag]) -> float:

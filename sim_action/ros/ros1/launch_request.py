@@ -11,19 +11,29 @@ request.json                the request for every simulation
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import count
 from pathlib import Path
 from typing import Final, Literal
 
 from pydantic import Field, ValidationError
 
+from sim_action.core.errors import Location
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.files import read_at_most
 from sim_action.core.records import dataclass
+from sim_action.core.wording import counted, escaped_line
 from sim_action.results.outcome import Failure
-from sim_action.ros.ros1.losses import OPTION
+from sim_action.scenario.claim_audit import NOT_SIMULATED, AuditWarning
 from sim_action.world.world_files.losses import Loss
+
+OPTION: Final = "--allow-losses"
+
+TITLE: Final = "not simulated"
+"""The title of failures."""
+
+_MAX_REPORTED: Final = 20
+
 
 FOLDER_VARIABLE: Final = "SIM_ACTION_ROS_RUN"
 """The environment variable that holds the folder of the call."""
@@ -39,6 +49,29 @@ _MOST_BYTES: Final = 16_000_000
 End = Literal["test finished", "nodes finished", "time limit", "failed"]
 
 Program = Literal["rostest", "roslaunch"]
+
+
+def loss_failures(losses: Iterable[Loss]) -> tuple[Failure, ...]:
+    """Return a failure for each of the first losses, and one that counts the rest."""
+    return tuple(
+        Failure(kind="invalid", title=TITLE, message=f"{loss.message}; to run without it: {OPTION}", location=place)
+        for loss, place in ((loss, loss.location) for loss in _first(losses))
+    )
+
+
+def loss_warnings(losses: Iterable[Loss], otherwise: Location) -> tuple[AuditWarning, ...]:
+    """Return a warning for each of the first losses, and one that counts the rest; `otherwise`: for unknown places."""
+    found = _first(losses)
+    return tuple(
+        AuditWarning(rule=NOT_SIMULATED, message=loss.message, location=loss.location or otherwise) for loss in found
+    )
+
+
+def _first(losses: Iterable[Loss]) -> Iterator[Loss]:
+    found = [Loss(message=escaped_line(loss.message), location=loss.location) for loss in dict.fromkeys(losses)]
+    yield from found[:_MAX_REPORTED]
+    if more := found[_MAX_REPORTED:]:
+        yield Loss(message=f"{counted(len(more), 'more part')} of the launch", location=more[0].location)
 
 
 class SimulationRequest(FrozenModel):

@@ -5,8 +5,8 @@ wiki.ros.org/urdf/XML/Transmission; the interface is named at the joint, in olde
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Final
+from collections.abc import Callable, Mapping
+from typing import Any, Final
 from xml.etree.ElementTree import Element
 
 from sim_action.core.records import dataclass
@@ -15,9 +15,6 @@ from sim_action.core.wording import did_you_mean
 from sim_action.robot.model.robot_model import Reading
 from sim_action.robot.reading.control_tags import interfaces_of
 
-if TYPE_CHECKING:
-    from sim_action.ros.ros1.node.control import Opener
-
 INTERFACES: Final[Mapping[Reading, str]] = {
     "position": "hardware_interface/PositionJointInterface",
     "velocity": "hardware_interface/VelocityJointInterface",
@@ -25,29 +22,26 @@ INTERFACES: Final[Mapping[Reading, str]] = {
 }
 """Kind of command to a joint -> name of the interface in ros_control."""
 
-_FORWARD: Final = "sim_action.ros.ros1.node.control.joint_controllers"
+_JOINTS: Final = "sim_action.ros.ros1.node.control.joint_controllers"
 
-_JOINT_STATES: Final = "sim_action.ros.ros1.node.control.joint_controllers:open_joint_states"
-_TRAJECTORY: Final = "sim_action.ros.ros1.node.control.trajectory"
-
-CONTROLLERS: Final[Table[Opener]] = Table(
+CONTROLLERS: Final[Table[Callable[[Any], Any]]] = Table(
     "controller",
     {
-        "joint_state_controller/JointStateController": _JOINT_STATES,
+        "joint_state_controller/JointStateController": f"{_JOINTS}:open_joint_states",
         "diff_drive_controller/DiffDriveController": "sim_action.ros.ros1.node.control.diff_drive:open_diff_drive",
-        "position_controllers/JointPositionController": f"{_FORWARD}:open_position",
-        "position_controllers/JointGroupPositionController": f"{_FORWARD}:open_group_position",
-        "velocity_controllers/JointVelocityController": f"{_FORWARD}:open_velocity",
-        "velocity_controllers/JointGroupVelocityController": f"{_FORWARD}:open_group_velocity",
-        "velocity_controllers/JointPositionController": f"{_FORWARD}:open_servo_on_velocity",
-        "effort_controllers/JointEffortController": f"{_FORWARD}:open_effort",
-        "effort_controllers/JointGroupEffortController": f"{_FORWARD}:open_group_effort",
-        "effort_controllers/JointPositionController": f"{_FORWARD}:open_servo",
-        "effort_controllers/JointGroupPositionController": f"{_FORWARD}:open_group_servo",
-        "effort_controllers/JointVelocityController": f"{_FORWARD}:open_motor",
-        "position_controllers/JointTrajectoryController": f"{_TRAJECTORY}:open_on_position",
-        "velocity_controllers/JointTrajectoryController": f"{_TRAJECTORY}:open_on_velocity",
-        "effort_controllers/JointTrajectoryController": f"{_TRAJECTORY}:open_on_effort",
+        "position_controllers/JointPositionController": f"{_JOINTS}:open_position",
+        "position_controllers/JointGroupPositionController": f"{_JOINTS}:open_group_position",
+        "velocity_controllers/JointVelocityController": f"{_JOINTS}:open_velocity",
+        "velocity_controllers/JointGroupVelocityController": f"{_JOINTS}:open_group_velocity",
+        "velocity_controllers/JointPositionController": f"{_JOINTS}:open_servo_on_velocity",
+        "effort_controllers/JointEffortController": f"{_JOINTS}:open_effort",
+        "effort_controllers/JointGroupEffortController": f"{_JOINTS}:open_group_effort",
+        "effort_controllers/JointPositionController": f"{_JOINTS}:open_servo",
+        "effort_controllers/JointGroupPositionController": f"{_JOINTS}:open_group_servo",
+        "effort_controllers/JointVelocityController": f"{_JOINTS}:open_motor",
+        "position_controllers/JointTrajectoryController": f"{_JOINTS}:open_on_position",
+        "velocity_controllers/JointTrajectoryController": f"{_JOINTS}:open_on_velocity",
+        "effort_controllers/JointTrajectoryController": f"{_JOINTS}:open_on_effort",
     },
 )
 """Type of a controller -> function that opens its replacement."""

@@ -10,8 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Final
 
-from sim_action.ros.processes import ChildProcesses, descendants
-from sim_action.ros.quiescence import WatchedProcesses, WatchedThread
+from sim_action.ros.processes import ChildProcesses, WatchedProcesses, WatchedThread, descendants
 from sim_action.ros.ros2.bridge_link import Bridge, Endpoint
 from sim_action.ros.ros2.graph import Graph, TopicEnd, subscriber_problems
 from sim_action.ros.ros2.messages import clock_message

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 from sim_action.core.geometry import Pose, Quaternion, Twist, Vector3
-from sim_action.ros.message_values import diagonal, seconds_and_nanoseconds
+from sim_action.ros.robot_topics import diagonal, seconds_and_nanoseconds
 from sim_action.sensors.camera import Camera
 from sim_action.state.observation import JointState
 from sim_action.state.readings import CameraImage, ImuReading, LidarScan

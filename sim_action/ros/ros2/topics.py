@@ -15,8 +15,8 @@ from sim_action.drives import Drive, recognise
 from sim_action.recording.export.ros2_markers import urdf_of
 from sim_action.robot.model.kinematics import joint_motion
 from sim_action.robot.model.robot_model import Joint, RobotModel
-from sim_action.ros import topic_names
-from sim_action.ros.message_values import in_frame_of
+from sim_action.ros import robot_topics
+from sim_action.ros.robot_topics import COMMANDS, JOINTS, ODOMETRY, Schedule, in_frame_of, plain_name
 from sim_action.ros.ros2 import messages
 from sim_action.ros.ros2.graph import LATCHED, TRANSFORMS, USUAL, Qos
 from sim_action.ros.ros2.messages import OPTICAL, Message, PlacedFrame
@@ -27,8 +27,6 @@ from sim_action.ros.ros2.received_commands import (
     controller_subscription,
     twist_subscription,
 )
-from sim_action.ros.schedule import Schedule
-from sim_action.ros.topic_names import COMMANDS, JOINTS, ODOMETRY, plain_name
 from sim_action.scenario.model import DrivenRobot
 from sim_action.sensors.camera import Camera
 from sim_action.sensors.imu import Imu
@@ -183,7 +181,7 @@ def topics_of(
     `joint_states` (with joints), the names of controllers, or else `joint_trajectory` (with joints that are not those
     of the drive), and the names of sensors.
     """
-    usual = dict(topic_names.ROBOT_TOPICS)
+    usual = dict(robot_topics.ROBOT_TOPICS)
     usual |= {name: controller.topic(name) for name, controller in controllers.items()}
     if not controllers and _free_joints(scene):
         usual[TRAJECTORIES] = "/joint_trajectory"
@@ -193,7 +191,7 @@ def topics_of(
         del usual[ODOMETRY]
     if not scene.model.moving_joints:
         del usual[JOINTS]
-    return topic_names.topics_of(scene.sensors, stated, usual)
+    return robot_topics.topics_of(scene.sensors, stated, usual)
 
 
 def topic_problems(
@@ -201,7 +199,7 @@ def topic_problems(
 ) -> SpecProblems:
     """Yield problems of stated topics, by their keys: unknown names, and topics that are used twice."""
     topics = topics_of(scene, stated, controllers)
-    yield from topic_names.topic_problems(stated, topics)
+    yield from robot_topics.topic_problems(stated, topics)
     for name in (each for each in stated if each in topics):
         if topics[name] in _OF_ALL_ROBOTS:
             yield (name,), f"'{topics[name]}' is a topic that every robot has; choose another one"

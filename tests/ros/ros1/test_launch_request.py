@@ -4,7 +4,19 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from sim_action.ros.ros1.launch_request import RUN_FILE, SimulationResult, new_run_folder, run_folders
+from sim_action.core.errors import Location
+from sim_action.ros.ros1.launch_request import (
+    RUN_FILE,
+    SimulationResult,
+    loss_failures,
+    loss_warnings,
+    new_run_folder,
+    run_folders,
+)
+from sim_action.world.world_files.losses import Loss
+
+HERE = Location("a.launch")
+WALL = Loss(message="the wall is left out", location=Location("a.world", 3))
 
 
 def test_each_start_has_a_folder_of_its_own_in_the_order_of_starts(tmp_path: Path) -> None:
@@ -26,3 +38,25 @@ def test_what_cannot_be_understood_is_nothing(tmp_path: Path) -> None:
     assert SimulationResult.read(tmp_path) is None
     (tmp_path / RUN_FILE).write_text('{"end": "tired"}')
     assert SimulationResult.read(tmp_path) is None
+
+
+def test_a_loss_is_a_failure_with_its_place_and_the_option() -> None:
+    (failure,) = loss_failures([WALL, WALL])
+
+    assert (failure.kind, failure.location) == ("invalid", Location("a.world", 3))
+    assert failure.message == "the wall is left out; to run without it: --allow-losses"
+
+
+def test_an_allowed_loss_is_a_warning_with_a_place() -> None:
+    placed, unplaced = loss_warnings([WALL, Loss(message="a\nplugin")], HERE)
+
+    assert str(placed) == "the wall is left out [not-simulated]"
+    assert placed.location == Location("a.world", 3)
+    assert (unplaced.message, unplaced.location) == ("a\\nplugin", HERE)
+
+
+def test_many_losses_are_counted() -> None:
+    losses = [Loss(message=f"part {number}") for number in range(30)]
+
+    assert len(loss_failures(losses)) == 21
+    assert loss_warnings(losses, HERE)[-1].message == "10 more parts of the launch"

@@ -9,7 +9,7 @@ from typing import Final, cast
 
 import pytest
 
-from sim_action.ros.quiescence import WatchedThread
+from sim_action.ros.processes import WatchedThread
 from sim_action.ros.ros2.bridge_link import Endpoint
 from sim_action.ros.ros2.graph import Graph, Qos, TopicEnd
 from sim_action.ros.ros2.lockstep import Readiness, UnorderedNodes

@@ -14,7 +14,7 @@ from sim_action.core.errors import SourceProblem
 from sim_action.ros.ros2 import started_nodes
 from sim_action.ros.ros2.started_nodes import DOMAINS, Domain, parameter_file
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="nodes are watched by Linux's /proc")
+linux = pytest.mark.skipif(sys.platform != "linux", reason="nodes are watched by Linux's /proc")
 
 
 @pytest.mark.parametrize("text", ["1e3", "nan", "infinity", "0x1p3", "yes", "1", "", "a b", "caf\u00e9", "x " * 80])
@@ -38,6 +38,7 @@ def name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     return str(tmp_path)[-80:]
 
 
+@linux
 def test_each_has_its_own_until_it_is_closed(name: str) -> None:
     held = [Domain.free(name), Domain.free(name)]
     assert {each.number for each in held} == {5, 6}
@@ -51,6 +52,7 @@ def test_each_has_its_own_until_it_is_closed(name: str) -> None:
     held[1].close()
 
 
+@linux
 def test_a_domain_is_locked_for_processes_with_other_folders_for_temporary_files(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -65,6 +67,7 @@ def test_a_domain_is_locked_for_processes_with_other_folders_for_temporary_files
         each.close()
 
 
+@linux
 def test_ports_in_use_belong_to_domains() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))

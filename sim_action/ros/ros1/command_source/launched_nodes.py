@@ -4,36 +4,35 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import shutil
-import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
+from itertools import pairwise
 from os import path
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from pathlib import Path, PurePath
+from typing import Any, Final, Literal
 
-from sim_action.commands import ClosedLoop
 from sim_action.commands.stderr_tail import StderrTail
-from sim_action.core.errors import ScriptError, SourceProblem, UsageError
+from sim_action.core.errors import ScriptError, SourceProblem
+from sim_action.core.field_types import FrozenModel
 from sim_action.core.records import dataclass
+from sim_action.core.wording import did_you_mean, escaped_line
 from sim_action.ros.processes import children
-from sim_action.ros.ros1.catkin_packages import find_launch_file, workspace_of
-from sim_action.ros.ros1.command import free_port
-from sim_action.ros.ros1.command_source.file_problems import Packages, why_no_ros
-from sim_action.ros.ros1.command_source.launch_events import Event, Events, LaunchErrors
-from sim_action.ros.ros1.command_source.node_spec import launch_text
-from sim_action.ros.ros1.installation import Ros, find_ros
+from sim_action.ros.program_failures import signal_name, traceback_location
+from sim_action.ros.ros1.installation import Ros
 from sim_action.ros.ros1.launch.launch_process import Launch
 from sim_action.ros.ros1.launch.overlay import Overlay, build_overlay, scratch_parent
-from sim_action.ros.ros1.verdicts.launch_output import callback_errors
-from sim_action.ros.topic_names import topics_of
-
-if TYPE_CHECKING:
-    from sim_action.ros.ros1.command_source.spec import RosCommands, RosNodes
-    from sim_action.ros.ros1.node.robot_node import RobotNode
-    from sim_action.world.scene import Scene
+from sim_action.ros.ros1.verdicts.launch_output import (
+    Death,
+    callback_errors,
+    cleaned_output,
+    last_exception,
+    refusal,
+    xacro_error,
+)
 
 _LAUNCHER: Final = Path(__file__).with_name("launcher.py")
 # Packages whose nodes would wait forever for Gazebo, or for controllers of its plugins.
@@ -46,7 +45,24 @@ _MAX_START_S: Final = 60.0
 _MAX_NOTICE_S: Final = 5.0
 _MAX_SHUTDOWN_S: Final = 5.0
 
-_KEY: Final = "ros1"
+KEY: Final = "ros1"
+
+
+_EMPTY_WORLD: Final = "empty.world"
+_OTHER_MODEL: Final = frozenset({"-file", "-database", "-sdf"})
+_WITH_VALUES: Final = frozenset({"--namespace", "--timeout", "--shutdown-timeout"})
+_COMMANDS: Final = frozenset({"load", "unload", "start", "stop", "spawn", "kill", "list", "reload-libraries"})
+
+REPLACED_CONTROLLERS: Final[Mapping[str, str]] = {
+    "joint_state_controller/JointStateController": "the robot publishes joint_states",
+    "diff_drive_controller/DiffDriveController": "the drive of the scenario follows the twists",
+}
+"""Type of a controller -> the reason why its absence is not a loss."""
+
+
+_MAX_DETAILS_CHARS: Final = 4_000
+# The exception of roslaunch for a missing package.
+_NOT_FOUND: Final = "ResourceNotFound"
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,7 +199,7 @@ class LaunchedNodes:
                 left = ", ".join(dict.fromkeys(event.left_out))
                 self.notes.append(f"not launched, because sim-action is the simulator: {left}")
             if event.losses and not self._allows_losses:
-                raise SourceProblem(f"{'; '.join(event.losses)}; to run without it, set allow_losses: true", _KEY)
+                raise SourceProblem(f"{'; '.join(event.losses)}; to run without it, set allow_losses: true", KEY)
             self.losses += event.losses
 
 
@@ -192,73 +208,183 @@ def _made(folder: Path) -> Path:
     return folder
 
 
-def variables(nodes: LaunchedNodes, port: int) -> Mapping[str, str]:
-    """Return the environment variables that make a process a node of this launch."""
-    wanted = ("ROS_HOSTNAME", "ROS_HOME", "ROS_PACKAGE_PATH", "ROS_ROOT")
-    master = {"ROS_MASTER_URI": f"http://localhost:{port}", "ROS_LOG_DIR": str(nodes.folder / "log")}
-    return {**{name: nodes.overlay.variables[name] for name in wanted}, **master}
+class ReplacedNode(FrozenModel):
+    """A node that is not launched: package and type, and its arguments in one text."""
+
+    program: str
+    args: str = ""
 
 
-def open_nodes(source: RosCommands, scene: Scene) -> ClosedLoop:
-    """Launch the nodes of a source and return its controller. Raises SourceProblem, ScriptError."""
-    if why := why_no_ros():
-        raise SourceProblem(why, _KEY)
-    spec, ros, port = source.ros1, find_ros(), free_port()
-    workspace = workspace_of(spec.workspace, scene.workspace)
-    arguments = spec.launch[2:] if spec.launch else ()
-    file = _file_of(spec, workspace)
-    launching = LaunchSpec(ros, workspace, file, arguments, port, scene.model.urdf, spec.allow_losses)
+def lost_nodes(nodes: Sequence[ReplacedNode], world: str, types: Mapping[str, str]) -> Iterator[str]:
+    """Yield a message for each part of a launch file that the scenario does not replace.
+
+    Args:
+        nodes: the nodes that are not launched.
+        world: the name of the world; empty if there is none.
+        types: name of a controller -> its type.
+    """
+    worlds = [world, *(word for node in nodes for word in _words(node) if word.endswith(".world"))]
+    for name in dict.fromkeys(worlds):
+        if name and PurePath(name).name != _EMPTY_WORLD:
+            yield f"the world '{PurePath(name).name}' of the launch file is not simulated: add its objects to 'world'"
+    spawned = [node for node in nodes if node.program == "gazebo_ros/spawn_model"]
+    robots = [node for node in spawned if not _OTHER_MODEL.intersection(_words(node))] or spawned
+    for node in spawned:
+        if node is not robots[0]:
+            name = _after(_words(node), "-model")
+            yield f"the model '{name}' is not spawned: the scenario has one robot, and its objects are in 'world'"
+    for name in _controllers(nodes):
+        if (kind := types.get(name, "")) not in REPLACED_CONTROLLERS:
+            yield f"the controller '{name}' ({kind or 'without a type'}) does not run: drive joints with other commands"
+
+
+def _controllers(nodes: Sequence[ReplacedNode]) -> Iterator[str]:
+    """Yield the names of the controllers that nodes of the controller manager would load."""
+    for node in nodes:
+        words = _words(node)
+        if node.program == "controller_manager/controller_manager" and words[:1] not in (["spawn"], ["load"]):
+            continue
+        if node.program in {"controller_manager/spawner", "controller_manager/controller_manager"}:
+            options = {index + 1 for index, word in enumerate(words) if word in _WITH_VALUES}
+            kept = (word for index, word in enumerate(words) if index not in options)
+            yield from (word for word in kept if not word.startswith("-") and word not in _COMMANDS)
+
+
+def _words(node: ReplacedNode) -> list[str]:
     try:
-        nodes = LaunchedNodes(launching)
-    except UsageError as error:
-        # Such as messages that genpy cannot generate.
-        raise SourceProblem(str(error), _KEY) from None
-    try:
-        node = _joined(nodes, ros, port, source, scene)
-    except BaseException:
-        nodes.close()
-        raise
-    return ClosedLoop(
-        node.tick,
-        sensors=node.sensors,
-        close=node.close,
-        notes=node.notes,
-        losses=nodes.losses,
-        repeats=True,
-        transcript=node.transcript,
-        not_reproducible=node.not_reproducible,
-    )
+        return shlex.split(node.args)
+    except ValueError:
+        return node.args.split()
 
 
-def _file_of(spec: RosNodes, workspace: Path) -> Callable[[Overlay, Path], Path]:
-    """Return a function that finds or writes the launch file, once there is an overlay."""
-
-    def named(overlay: Overlay, folder: Path) -> Path:
-        if spec.launch is None:
-            (folder / "nodes.launch").write_text(launch_text(spec.nodes or ()), encoding="utf-8")
-            return folder / "nodes.launch"
-        package = Packages.around(workspace).folder(spec.launch[0])
-        found = find_launch_file(package, spec.launch[1]) if package else None
-        if package is None or found is None:
-            raise SourceProblem(f"'{'/'.join(spec.launch[:2])}' does not exist any more", _KEY)
-        return Path(overlay.variables["ROS_PACKAGE_PATH"]) / spec.launch[0] / found.relative_to(package)
-
-    return named
+def _after(words: Sequence[str], option: str) -> str:
+    return next((after for word, after in pairwise(words) if word == option), "")
 
 
-def _joined(nodes: LaunchedNodes, ros: Ros, port: int, source: RosCommands, scene: Scene) -> RobotNode:
-    """Make the simulation one more node. Raises ScriptError."""
-    os.environ.update(variables(nodes, port))
-    # At the end: the other packages of the distribution are for another Python.
-    sys.path += [str(ros.modules), str(nodes.folder / "overlay/modules")]
-    try:
-        from sim_action.ros.ros1.node.robot_node import RobotNode, RobotSpec
-    except ImportError as error:
-        version = ".".join(map(str, sys.version_info[:3]))
-        raise ScriptError(
-            f"Python {version} cannot import the rospy of {ros.modules}: {error}; run sim-action with the Python that "
-            f"ROS was installed for, for example in an environment made by {ros.python} -m venv"
-        ) from None
-    nodes.await_start()
-    robot = RobotSpec(scene.model, source.rate, scene.sensors, topics_of(scene.sensors, source.ros1.topics))
-    return RobotNode(nodes, robot, source.ros1.start_within)
+class Event(FrozenModel):
+    """One event of a launch.
+
+    Attributes:
+        left_out: nodes of Gazebo as package/type, once the launch file is read.
+        left_out_args: their arguments.
+        world: the world that the launch file names; empty if it names none.
+        types: NAME=TYPE of each controller that has parameters.
+        pid: of the launcher, when all nodes are started; of a node that has ended.
+        core: ids of the processes of ROS itself, which hold no results.
+        exit_code: negative for a signal; None: unknown.
+        required: True if the launch ends with this node.
+        kind, message: of the exception by which roslaunch refused the launch file.
+    """
+
+    event: Literal["read", "started", "refused", "died"]
+    left_out: tuple[str, ...] = ()
+    left_out_args: tuple[str, ...] = ()
+    world: str = ""
+    types: tuple[str, ...] = ()
+    pid: int = 0
+    core: tuple[int, ...] = ()
+    node: str = ""
+    exit_code: int | None = None
+    program: str = ""
+    required: bool = False
+    kind: str = ""
+    message: str = ""
+
+    @property
+    def losses(self) -> tuple[str, ...]:
+        """The parts of the launch file that the scenario does not replace."""
+        pairs = zip(self.left_out, self.left_out_args, strict=True)
+        nodes = [ReplacedNode(program=program, args=args) for program, args in pairs]
+        types = dict(text.split("=", 1) for text in self.types)
+        return tuple(lost_nodes(nodes, self.world, types))
+
+    @property
+    def death(self) -> Death:
+        """The ended node of an event "died"."""
+        return Death(self.node, self.exit_code or 0, self.program)
+
+    @property
+    def is_failure(self) -> bool:
+        """True if the event ends the run with an error."""
+        return self.event == "refused" or (self.event == "died" and (self.required or self.exit_code != 0))
+
+
+class Events:
+    """The events of one launch, in their order."""
+
+    def __init__(self, path: Path) -> None:
+        path.touch()
+        self._file = path.open("rb")
+        self._unread = b""
+
+    def new(self) -> list[Event]:
+        """Return the events since the last call."""
+        *lines, self._unread = (self._unread + self._file.read()).split(b"\n")
+        return [Event.model_validate(_plain(json.loads(line))) for line in lines]
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+def _plain(data: dict[str, Any]) -> dict[str, Any]:
+    return {key: tuple(value) if isinstance(value, list) else value for key, value in data.items()}
+
+
+class LaunchErrors:
+    """Makes errors from the ends of launches and nodes, with the last output.
+
+    Args:
+        workspace: the folder of the user's own code.
+    """
+
+    def __init__(self, workspace: Path, overlay: Overlay, words: StderrTail) -> None:
+        self._workspace, self._overlay, self._words = workspace, overlay, words
+
+    def of_event(self, event: Event) -> ScriptError:
+        """Return the error for a node that has ended, or for a launch file that was refused."""
+        if event.event == "refused":
+            # The launcher is about to leave: its output is complete after that.
+            self._words.close()
+            return self._error(f"nothing was launched: {self._why_refused(event)}")
+        text, death = self._text(), event.death
+        if not event.exit_code:
+            return self._error(f"the node '{death.node}' finished during the run, and it is required")
+        said = last_exception(text, death.program)
+        required = "; it is required" if event.required else ""
+        where = traceback_location(_after_mention(text, death.program), self._workspace) if said else None
+        error = self._error(f"{death}{required}{f': {said}' if said else ''}")
+        error.location = where
+        return error
+
+    def of_end(self, exit_code: int | None) -> ScriptError:
+        """Return the error for a launcher that ended without an event."""
+        how = f" by {signal_name(-exit_code)}" if exit_code is not None and exit_code < 0 else ""
+        return self._error(f"roslaunch ended{how} during the run, and its nodes ended with it")
+
+    def of_delay(self, what: str) -> ScriptError:
+        """Return the error for a step that takes too long."""
+        return self._error(what)
+
+    def _why_refused(self, event: Event) -> str:
+        if event.kind == _NOT_FOUND:
+            name = event.message.partition("\n")[0].strip()
+            near = did_you_mean(name, self._overlay.packages)
+            return f"it needs the package '{name}', which is neither in the workspace nor in ROS{near}"
+        text = self._shown()
+        return xacro_error(text) or refusal(text) or event.message.strip().partition("\n")[0] or event.kind
+
+    def _text(self) -> str:
+        return cleaned_output(self._words.all())
+
+    def _shown(self, text: str | None = None) -> str:
+        return (self._text() if text is None else text).replace(f"{self._overlay.variables['ROS_PACKAGE_PATH']}/", "")
+
+    def _error(self, message: str) -> ScriptError:
+        details = self._shown().strip("\n")[-_MAX_DETAILS_CHARS:]
+        return ScriptError(escaped_line(self._shown(message)), details=details)
+
+
+def _after_mention(text: str, program: str) -> str:
+    start = text.rfind("Traceback (most recent call last)", 0, max(0, text.rfind(f'/{Path(program).name}", line ')))
+    return text[start:] if start >= 0 else text

@@ -12,8 +12,10 @@ import yaml
 from pydantic import AfterValidator, BeforeValidator, Field, GetJsonSchemaHandler, JsonValue, model_validator
 from pydantic_core import CoreSchema
 
-from sim_action.core.field_types import FrozenModel
+from sim_action.core.field_types import FrozenModel, NamesFile, PositiveSeconds
 
+# In s: as long as anybody can mean.
+_MAX_START_S: Final = 86_400
 _BASE: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _GRAPH: Final = re.compile(r"[~/]?[A-Za-z][A-Za-z0-9_]*(?:/[A-Za-z0-9_]+)*")
 
@@ -83,6 +85,42 @@ class NodeSpec(FrozenModel):
         """The name of the node."""
         plain = re.sub(r"\W", "_", PurePosixPath(self.type).stem)
         return self.name or (plain if plain[:1].isalpha() else f"node_{plain}")
+
+
+class RosNodes(FrozenModel):
+    """The nodes to launch, and the names of the robot's topics."""
+
+    launch: Annotated[
+        tuple[str, ...] | None,
+        Field(
+            min_length=1,
+            description="launch file: its package, its name, and NAME:=VALUE for each argument",
+        ),
+    ] = None
+    nodes: Annotated[
+        tuple[NodeSpec, ...] | None,
+        Field(min_length=1, description="list of nodes, instead of a launch file; each is a map or package/type"),
+    ] = None
+    allow_losses: Annotated[
+        bool, Field(description="run without parts of the launch file that are not simulated; they are warnings then")
+    ] = False
+    workspace: Annotated[
+        str | None,
+        NamesFile(),
+        Field(
+            min_length=1,
+            description="folder of the catkin workspace; default: the nearest one around the scenario, else its "
+            "repository",
+        ),
+    ] = None
+    topics: Annotated[
+        dict[str, GraphName],
+        Field(description="cmd_vel, odom, joint_states, or the name of a sensor -> topic name"),
+    ] = Field(default_factory=dict)
+    start_within: Annotated[
+        PositiveSeconds,
+        Field(le=_MAX_START_S, description="wall time that nodes may take to start; sim time waits for them"),
+    ] = 10.0
 
 
 def launch_text(nodes: Iterable[NodeSpec]) -> str:

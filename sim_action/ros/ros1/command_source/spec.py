@@ -8,51 +8,12 @@ from pydantic import Field
 from typing_extensions import override
 
 from sim_action.commands import CommandSource, Controller
-from sim_action.core.field_types import FrozenModel, NamesFile, PositiveHertz, PositiveSeconds
+from sim_action.core.field_types import PositiveHertz
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.ros.ros1.command_source.node_spec import GraphName, NodeSpec
-from sim_action.ros.topic_names import topic_problems, topics_of
+from sim_action.ros.robot_topics import topic_problems, topics_of
+from sim_action.ros.ros1.command_source.node_spec import RosNodes
 from sim_action.world.scene import Scene
-
-# In s: as long as anybody can mean.
-_MAX_START_S = 86_400
-
-
-class RosNodes(FrozenModel):
-    """The nodes to launch, and the names of the robot's topics."""
-
-    launch: Annotated[
-        tuple[str, ...] | None,
-        Field(
-            min_length=1,
-            description="launch file: its package, its name, and NAME:=VALUE for each argument",
-        ),
-    ] = None
-    nodes: Annotated[
-        tuple[NodeSpec, ...] | None,
-        Field(min_length=1, description="list of nodes, instead of a launch file; each is a map or package/type"),
-    ] = None
-    allow_losses: Annotated[
-        bool, Field(description="run without parts of the launch file that are not simulated; they are warnings then")
-    ] = False
-    workspace: Annotated[
-        str | None,
-        NamesFile(),
-        Field(
-            min_length=1,
-            description="folder of the catkin workspace; default: the nearest one around the scenario, else its "
-            "repository",
-        ),
-    ] = None
-    topics: Annotated[
-        dict[str, GraphName],
-        Field(description="cmd_vel, odom, joint_states, or the name of a sensor -> topic name"),
-    ] = Field(default_factory=dict)
-    start_within: Annotated[
-        PositiveSeconds,
-        Field(le=_MAX_START_S, description="wall time that nodes may take to start; sim time waits for them"),
-    ] = 10.0
 
 
 class RosCommands(CommandSource):
@@ -118,6 +79,6 @@ class RosCommands(CommandSource):
 
     def open(self, scene: Scene) -> Controller:
         """See CommandSource.open. Raises SourceProblem if ROS is not installed, ScriptError."""
-        from sim_action.ros.ros1.command_source.launched_nodes import open_nodes
+        from sim_action.ros.ros1.command_source.driven_nodes import open_nodes
 
-        return open_nodes(self, scene)
+        return open_nodes(self.ros1, self.rate, scene)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -32,6 +33,13 @@ _MAX_TEST_SHUTDOWN_S: Final = 3.0
 # roslaunch looks for ended nodes ten times per second, and reports none after an interrupt.
 _NOTICE_S: Final = 0.5
 _MAX_OUTPUT_BYTES: Final = 100_000_000
+
+
+def free_port() -> int:
+    """Return a free port for a master."""
+    with socket.socket() as probe:
+        probe.bind(("localhost", 0))
+        return int(probe.getsockname()[1])
 
 
 class Launch:

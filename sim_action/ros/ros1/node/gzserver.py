@@ -24,17 +24,20 @@ from sim_action.results.outcome import Failure
 from sim_action.ros.lockstep import Lockstep, TestFinished
 from sim_action.ros.ros1.gazebo_plugins import DRIVE_PLUGINS
 from sim_action.ros.ros1.gazebo_worlds import BadWorld, MissingWorld, find_world, model_folders, read_world
-from sim_action.ros.ros1.launch_request import End, SimulationRequest, SimulationResult
-from sim_action.ros.ros1.losses import TITLE
+from sim_action.ros.ros1.launch_request import TITLE, End, SimulationRequest, SimulationResult
 from sim_action.ros.ros1.master import Master
-from sim_action.ros.ros1.node.bridge import Pace, Session
-from sim_action.ros.ros1.node.change_services import ForceServices, ModelServices
-from sim_action.ros.ros1.node.current_state import CurrentState
-from sim_action.ros.ros1.node.episode import Episode, EpisodeFactory
+from sim_action.ros.ros1.node.episode import Episode, EpisodeFactory, Pace, Session
 from sim_action.ros.ros1.node.episode_record import EpisodeRecord
-from sim_action.ros.ros1.node.query_services import QueryServices
+from sim_action.ros.ros1.node.services import ForceServices, ModelServices, QueryServices
 from sim_action.ros.ros1.node.topics import GazeboTopics, Traffic
-from sim_action.ros.ros1.node.world_models import ChangeQueue, JointEfforts, SpawnedRobot, WorldChanged, WorldModels
+from sim_action.ros.ros1.node.world_models import (
+    ChangeQueue,
+    CurrentState,
+    JointEfforts,
+    SpawnedRobot,
+    WorldChanged,
+    WorldModels,
+)
 from sim_action.scenario.claim_audit import NOT_REPRODUCIBLE
 from sim_action.simulation.loop import SimulationRun
 from sim_action.world import World

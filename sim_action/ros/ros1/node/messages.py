@@ -8,7 +8,7 @@ from sensor_msgs.msg import Image, Imu, LaserScan
 from std_msgs.msg import Header
 
 from sim_action.core import geometry
-from sim_action.ros.message_values import diagonal, seconds_and_nanoseconds
+from sim_action.ros.robot_topics import diagonal, seconds_and_nanoseconds
 from sim_action.state.readings import CameraImage, ImuReading, LidarScan
 
 

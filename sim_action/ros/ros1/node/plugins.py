@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from contextlib import ExitStack
-from typing import Any, Final, Protocol
+from typing import Any, Final
 from xml.etree.ElementTree import Element
 
 from sim_action.core.records import dataclass
 from sim_action.robot.model.robot_model import RobotModel
-from sim_action.ros.ros1.gazebo_plugins import Plugin
-from sim_action.ros.ros1.node.current_state import ModelFrame
-from sim_action.ros.ros1.node.internal_sensors import OnDemandSensor
+from sim_action.ros.robot_topics import Schedule
+from sim_action.ros.ros1.node.internal_parts import OnDemandSensor
 from sim_action.ros.ros1.node.topics import Publisher, Subscription, Traffic
-from sim_action.ros.schedule import Schedule
+from sim_action.ros.ros1.node.world_models import ModelFrame
 from sim_action.sensors import MountedSensor, Sensor
 from sim_action.state.command import Answer, commands_of
 from sim_action.state.observation import Observation
@@ -152,13 +151,6 @@ class Device:
         """Publish if it is due and a node subscribes."""
         if self.schedule.is_due(tick) and any(publisher.has_subscribers for publisher in self.publishers):
             self.publish(seconds, seen)
-
-
-class Opener(Protocol):
-    """The type of functions that open a plugin."""
-
-    def __call__(self, plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
-        """Open the topics of a plugin."""
 
 
 def schedule_of(rate: float) -> Schedule:

@@ -21,10 +21,10 @@ from sim_action.core.geometry import Pose, Twist
 from sim_action.core.records import dataclass
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.ros.lockstep import Lockstep
-from sim_action.ros.message_values import in_frame_of
+from sim_action.ros.robot_topics import COMMANDS, JOINTS, ODOMETRY, Schedule, in_frame_of
 from sim_action.ros.ros1.command_source.launched_nodes import LaunchedNodes
 from sim_action.ros.ros1.master import Master
-from sim_action.ros.ros1.node.internal_sensors import states_in, states_sensor
+from sim_action.ros.ros1.node.internal_parts import states_in, states_sensor
 from sim_action.ros.ros1.node.messages import (
     header,
     image_message,
@@ -34,10 +34,7 @@ from sim_action.ros.ros1.node.messages import (
     twist_message,
     twist_of,
 )
-from sim_action.ros.ros1.node.topics import GazeboTopics, Publisher, Subscription, Traffic
-from sim_action.ros.ros1.node.wall_clock import WallClockWatch
-from sim_action.ros.schedule import Schedule
-from sim_action.ros.topic_names import COMMANDS, JOINTS, ODOMETRY
+from sim_action.ros.ros1.node.topics import GazeboTopics, Publisher, Subscription, Traffic, WallClockWatch
 from sim_action.state.command import Answer
 from sim_action.state.observation import Observation
 from sim_action.state.readings import OdometryReading

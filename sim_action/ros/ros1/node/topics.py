@@ -6,6 +6,7 @@ a third one in any order. A delivery returns once the message is sent, so that t
 
 from __future__ import annotations
 
+import os
 import select
 import threading
 import warnings
@@ -14,7 +15,8 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from io import BytesIO
 from operator import attrgetter
-from typing import Any, Final
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
 
 import rospy
 from gazebo_msgs.msg import LinkStates, ModelStates
@@ -22,9 +24,15 @@ from rosgraph_msgs.msg import Clock
 from rospy.msg import serialize_message
 
 from sim_action.core.geometry import Pose, Twist
-from sim_action.ros.ros1.node.current_state import States
+from sim_action.ros.program_failures import shown_path
+from sim_action.ros.ros1.launch.ros_patches import SLEEPERS
 from sim_action.ros.ros1.node.messages import pose_message, time_of, twist_message
+from sim_action.ros.ros1.node.world_models import States
 from sim_action.state.reproducibility import Transcript
+
+if TYPE_CHECKING:
+    from sim_action.ros.lockstep import Lockstep
+
 
 GROUND: Final = "ground_plane"
 """Gazebo's name of the ground."""
@@ -235,3 +243,35 @@ class GazeboTopics:
 def _columns(states: States) -> tuple[list[str], list[object], list[object]]:
     poses, twists = zip(*states.values(), strict=True)
     return list(states), list(map(pose_message, poses)), list(map(twist_message, twists))
+
+
+class WallClockWatch:
+    """Reports such nodes to the lock-step. The patches of ROS write a file for each process that sleeps."""
+
+    def __init__(self, traffic: Traffic, lockstep: Lockstep) -> None:
+        self._traffic, self._lockstep = traffic, lockstep
+        self._folder = Path(os.environ["ROS_LOG_DIR"], SLEEPERS)
+        # Those of earlier simulations of this launch.
+        self._known = self._noted()
+
+    def look(self) -> None:
+        """Report new ones. Call it at the begin of a tick, before anything is published."""
+        for node in sorted(self._traffic.unasked()):
+            self._lockstep.suspect(node, "it sent a command while the clock stood still")
+        for name in sorted(self._noted() - self._known):
+            self._known.add(name)
+            self._report(self._folder / name)
+
+    def _noted(self) -> set[str]:
+        """Return the names of the files of processes."""
+        try:
+            names = os.listdir(self._folder)  # noqa: PTH208 - read at each tick
+        except OSError:
+            return set()
+        # The simulation itself sleeps while it waits for nodes.
+        return {name for name in names if name.isdigit() and name != str(os.getpid())}
+
+    def _report(self, path: Path) -> None:
+        node, file, line = path.read_text(encoding="utf-8").splitlines()
+        place = shown_path(Path(file).resolve())
+        self._lockstep.suspect(node, f"it calls time.sleep again and again at {place}:{line}, instead of rospy.sleep")

@@ -18,7 +18,7 @@ from sim_action.ros.ros1.launch_request import (
     run_folders,
 )
 from sim_action.ros.ros1.verdicts.launch_output import CallbackError, callback_errors, cleaned_output
-from sim_action.ros.ros1.verdicts.rostest_files import TestTag
+from sim_action.ros.ros1.verdicts.launch_tags import TestTag
 
 RESULTS: Final = "results"
 """Folder of the results of rostest and its tests, in the folder of the call."""

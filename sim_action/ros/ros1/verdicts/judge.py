@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import re
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path, PurePath
 from typing import Any, Final
 
@@ -13,14 +14,23 @@ from sim_action.core.version import __version__
 from sim_action.core.wording import escaped_line
 from sim_action.engines import ENGINES
 from sim_action.results.outcome import ExpectationOutcome, Failure, Outcome, status_of
-from sim_action.ros.program_failures import exception_line, shown_path, traceback_location
+from sim_action.ros.program_failures import exception_line, shown_path, signal_name, traceback_location
 from sim_action.ros.result_files import Case
-from sim_action.ros.ros1.launch_request import LaunchRequest
-from sim_action.ros.ros1.losses import TITLE, loss_failures, loss_warnings
-from sim_action.ros.ros1.verdicts.absent_nodes import AbsentNodes
-from sim_action.ros.ros1.verdicts.failure_causes import LAUNCH_ERROR, cause_of, how_far, time_out
+from sim_action.ros.ros1.command_source.file_problems import Packages, program_problem
+from sim_action.ros.ros1.launch_request import TITLE, LaunchRequest, loss_failures, loss_warnings
 from sim_action.ros.ros1.verdicts.findings import Findings, Run, TestFindings
-from sim_action.ros.ros1.verdicts.launch_output import deaths, output_tail
+from sim_action.ros.ros1.verdicts.launch_output import (
+    Death,
+    NotLaunched,
+    deaths,
+    last_exception,
+    missing_package,
+    nodes_not_launched,
+    output_tail,
+    refusal,
+    required_deaths,
+    xacro_error,
+)
 from sim_action.ros.ros1.verdicts.launch_tags import LaunchTags
 from sim_action.scenario.claim_audit import AuditWarning
 from sim_action.state.verdict import Judged, Verdict
@@ -29,6 +39,27 @@ from sim_action.world.world_files.losses import Loss
 _MAX_CALLBACKS: Final = 3
 
 _RESULT_FIELDS: Final = ("end", "sim_time", "real_time_factor", "travelled", "digest", "engine", "notes")
+
+
+LAUNCH_ERROR: Final = "launch error"
+"""The title of a failure of roslaunch itself."""
+
+_SIMULATION_NODE: Final = "gazebo"
+_TIME_OUT: Final = re.compile(r"max time \[([\d.]+)s\] allotted for test")
+_NO_NODE: Final = re.compile(r"Test node \[(\S+)/(\S+)\] does not exist or is not executable")
+_NO_PACKAGE: Final = re.compile(r"Package \[(\S+)\] for test node")
+
+
+_FALSE: Final = frozenset({"", "false", "0"})
+
+WINDOW_PACKAGES: Final[Mapping[str, str]] = {
+    "rviz": "it draws what others publish",
+    "rqt_.*": "it draws what others publish, or sends what a person types",
+    "plotjuggler.*": "it draws what others publish",
+    "image_view": "it shows images to a person",
+    "joint_state_publisher_gui": "it sends what a person sets",
+}
+"""Package of a program with a window, as a regular expression -> the reason why its absence is not a loss."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,3 +253,148 @@ def _expected(name: str, assertion: str, where: Location, verdict: Verdict) -> E
     return ExpectationOutcome(
         name=name or "unnamed", assertion=assertion, severity="error", location=where, verdict=verdict
     )
+
+
+def how_far(run: Run | None) -> str:
+    """Return how far the robot moved until the end, as text."""
+    if run is None or run.result is None:
+        return "the simulation did not start" if run is None else "the simulation wrote no result"
+    result = run.result
+    if result.travelled is None:
+        return "no robot was spawned"
+    silent = ", and no node had sent it a command" if result.first_command is None else ""
+    return f"the robot had moved {result.travelled:.2f} m at sim time {result.sim_time:.1f} s{silent}"
+
+
+def time_out(test: TestFindings, found: Findings) -> str | None:
+    """Return the message of a test that a limit ended; None if no limit ended it."""
+    result = test.run.result if test.run else None
+    if result is not None and result.end == "time limit":
+        return f"did not finish within {found.sim_time_limit:g} s of sim time: {how_far(test.run)}"
+    if test.launched is not None and (limit := _TIME_OUT.search(test.launched.text)):
+        return f"did not finish within its time-limit of {float(limit[1]):g} s of wall time: {how_far(test.run)}"
+    if found.ending == "wall limit" and not (test.methods and test.methods.cases):
+        return f"did not finish within the wall limit of the call: {how_far(test.run)}"
+    return None
+
+
+def cause_of(test: TestFindings, found: Findings, where: Location | None) -> Failure:
+    """Return the reason why a test or a whole launch has no verdict; `where`: its place in the launch file."""
+    return next(_causes(test, found, where))
+
+
+def _causes(test: TestFindings, found: Findings, where: Location | None) -> Iterator[Failure]:
+    if found.ending == "interrupted":
+        yield Failure(kind="interrupted", title="interrupted", message="the call was interrupted", location=where)
+    if found.ending == "output limit":
+        message = "the nodes printed more than the allowed 100 MB"
+        yield _failure("crash", "output limit", message, where, found)
+    if found.ending == "over" and found.exit_code is not None and found.exit_code < 0:
+        message = f"the launcher was ended by {signal_name(-found.exit_code)}; {how_far(test.run)}"
+        yield _failure("crash", "launcher ended", message, where, found)
+    if test.launched is not None:
+        yield from _of_launch(test.launched.text, where)
+    run = test.run
+    if run is not None and run.result is not None and run.result.failure is not None:
+        yield run.result.failure
+    yield from _of_file(found, where)
+    if run is not None and run.result is None:
+        yield from _of_simulation(found, where)
+    yield from _of_processes(test, found, where)
+    far = how_far(run)
+    yield _failure("crash", "no result", f"the test left no result; {far}", where, found)
+
+
+def _of_launch(text: str, where: Location | None) -> Iterator[Failure]:
+    """Yield failures that rostest finds before it starts anything."""
+    if found := _NO_NODE.search(text):
+        package, node = found.groups()
+        message = (
+            f"the test '{node}' does not exist in the package '{package}', or is not executable: run chmod +x {node} "
+            f"and git update-index --chmod=+x {node}"
+        )
+        yield Failure(kind="invalid", title="no such test", message=escaped_line(message), location=where)
+    if found := _NO_PACKAGE.search(text):
+        message = f"there is no package '{found[1]}' in the workspace or in ROS"
+        yield Failure(kind="invalid", title="no such package", message=escaped_line(message), location=where)
+    if "Duplicate tests named" in text:
+        message = "several tests of this file have this name; give each test its own test-name"
+        yield Failure(kind="invalid", title="duplicate test name", message=message, location=where)
+
+
+def _of_file(found: Findings, where: Location | None) -> Iterator[Failure]:
+    if wrong := xacro_error(found.text):
+        yield _failure("invalid", "xacro error", wrong, where, found)
+    if name := missing_package(found.text):
+        message = f"the launch file needs the package '{name}', which is neither in the workspace nor in ROS"
+        yield _failure("invalid", "no such package", message, where, found)
+    if wrong := refusal(found.text):
+        yield _failure("invalid", LAUNCH_ERROR, wrong, where, found)
+
+
+def _of_simulation(found: Findings, where: Location | None) -> Iterator[Failure]:
+    for death in deaths(found.text):
+        if death.node == _SIMULATION_NODE:
+            yield _failure("crash", "simulation ended", _described(death, found), where, found)
+
+
+def _of_processes(test: TestFindings, found: Findings, where: Location | None) -> Iterator[Failure]:
+    for death in required_deaths(found.text):
+        message = f"{_described(death, found)}; it is required"
+        yield _failure("script", "a required node died", message, where, found)
+    for death in deaths(found.text):
+        if death.node == test.name:
+            yield _failure("script", "the test died", _described(death, found), where, found)
+
+
+def _described(death: Death, found: Findings) -> str:
+    exception = last_exception(found.text, death.program)
+    return f"{death}: {exception}" if exception else str(death)
+
+
+def _failure(kind: str, title: str, message: str, where: Location | None, found: Findings) -> Failure:
+    details = output_tail(found.text)
+    return Failure.model_validate(
+        {"kind": kind, "title": title, "message": escaped_line(message), "location": where, "details": details}
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class AbsentNodes:
+    """The nodes that were not started.
+
+    Attributes:
+        failures: of required nodes; they are errors in any case.
+        losses: of other nodes.
+    """
+
+    failures: tuple[Failure, ...] = ()
+    losses: tuple[Loss, ...] = ()
+
+    @classmethod
+    def of(cls, text: str, tags: LaunchTags, workspace: Path) -> AbsentNodes:
+        """Return the nodes that the output of a launch reports."""
+        nodes = [node for node in nodes_not_launched(text) if not _has_window(node.package)]
+        if not nodes:
+            return cls()
+        packages = Packages.around(workspace.resolve())
+        failures, losses = list[Failure](), list[Loss]()
+        for node in nodes:
+            tag = tags.node(node.package, node.program)
+            place = tag.place if tag else Location(tags.file)
+            message = _message(node, tag.given.get("name", node.program) if tag else node.program, packages)
+            if tag and tag.given.get("required", "").strip().lower() not in _FALSE:
+                message = f"{message}; the node is required"
+                failures.append(Failure(kind="invalid", title="no such node", message=message, location=place))
+            else:
+                losses.append(Loss(message=message, location=place))
+        return cls(tuple(failures), tuple(losses))
+
+
+def _has_window(package: str) -> bool:
+    return any(re.fullmatch(pattern, package) for pattern in WINDOW_PACKAGES)
+
+
+def _message(node: NotLaunched, name: str, packages: Packages) -> str:
+    reason = packages.missing_message(node.package) or program_problem(node.package, node.program, packages)
+    return escaped_line(f"the node '{name}' ({node.package}/{node.program}) was not started: {reason or node.reason}")

@@ -7,8 +7,11 @@ from pathlib import Path
 import pytest
 
 from sim_action.ros.ros1.launch_request import LaunchRequest
+from tests.ros.ros1.cart import CART, CART_LAUNCH, CART_TEST, CLUMSY
 from tests.ros.ros1.launches import launched, needs_ros, package, told
+from tests.ros.ros1.machine import MACHINE, MACHINE_LAUNCH, MACHINE_TEST
 from tests.ros.ros1.probe import PROBE, PROBE_TEST
+from tests.ros.ros1.rover import PACKAGE, ROVER, TEST, YARD, YARD_TEST
 
 pytestmark = [needs_ros, pytest.mark.process]
 
@@ -25,3 +28,59 @@ def test_topics_and_services_are_gazebos(tmp_path: Path) -> None:
     run = told(found)
     assert run.end == "test finished"
     assert run.in_step
+
+
+def test_planar_move_and_controllers(tmp_path: Path) -> None:
+    files = {"machine.urdf": MACHINE, "machine.test": MACHINE_LAUNCH, "test_machine.py": MACHINE_TEST}
+    package(tmp_path / "ws", "machine", files)
+
+    request = LaunchRequest("rostest", "machine", "machine.test", workspace=tmp_path / "ws", allows_losses=True)
+    found = launched(tmp_path / "run", request)
+
+    (test,) = found.tests
+    assert test.methods is not None, found.text
+    assert {case.name: case.text for case in test.methods.cases if case.problem} == {}, found.text
+    assert len(test.methods.cases) == 5
+    run = told(found)
+    assert run.in_step
+    notes = "\n".join(run.notes)
+    lost = "\n".join(loss.message for loss in run.losses)
+    assert "the plugin smoke_machine of the robot is not supported" in lost
+    assert "'grip' has the type position_controllers/GripperActionController, which is not supported" in lost
+    assert "joint 'spin' has hardware_interface/VelocityJointInterface, but the controller needs" in notes
+    assert "'/m/disc_speed': its gains are not used; a servo of the engine" in notes
+    assert "planar move (kinematic)" in notes
+
+
+def test_a_diff_drive_controller_and_a_callback_that_raises_the_same_every_time(tmp_path: Path) -> None:
+    files = {"cart.urdf": CART, "cart.test": CART_LAUNCH, "test_cart.py": CART_TEST, "clumsy.py": CLUMSY}
+    folder = package(tmp_path / "ws", "cart", files)
+
+    request = LaunchRequest("rostest", "cart", "cart.test", workspace=tmp_path / "ws")
+    found = launched(tmp_path / "run", request)
+    first, second = told(found), told(launched(tmp_path / "again", request))
+
+    (test,) = found.tests
+    assert test.methods is not None, found.text
+    assert {case.name: case.text for case in test.methods.cases if case.problem} == {}, found.text
+    (raised,) = test.callbacks
+    assert (raised.node, raised.exception) == ("clumsy", "AttributeError: 'Point' object has no attribute 'nothing'")
+    assert raised.times > 1
+    assert raised.location is not None
+    assert (Path.cwd() / raised.location.file, raised.location.line) == ((folder / "clumsy.py").resolve(), 7)
+    assert first.digest == second.digest
+    assert first.messages == second.messages
+
+
+def test_robots_in_sdf(tmp_path: Path) -> None:
+    files = {"models/rover/model.sdf": ROVER, "yard.world": YARD, "yard.test": YARD_TEST, "test_yard.py": TEST}
+    package(tmp_path / "ws", "yard", files)
+    (tmp_path / "ws/src/yard/package.xml").write_text(PACKAGE)
+
+    found = launched(tmp_path / "run", LaunchRequest("rostest", "yard", "yard.test", workspace=tmp_path / "ws"))
+
+    (test,) = found.tests
+    assert test.methods is not None, found.text
+    assert {case.name: case.text for case in test.methods.cases if case.problem} == {}, found.text
+    assert len(test.methods.cases) == 2
+    assert told(found).in_step

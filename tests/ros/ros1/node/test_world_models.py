@@ -12,18 +12,28 @@ from hypothesis import strategies as st
 
 from sim_action.core.field_types import Placement
 from sim_action.core.geometry import Pose, Twist, quaternion_from_rpy, rotate
+from sim_action.robot.model.robot_model import Joint, Link, RobotModel
 from sim_action.ros.ros1.node.world_models import (
     Alter,
     ChangeQueue,
     JointEfforts,
+    ModelFrame,
     SpawnedRobot,
     WorldModels,
+    link_state,
+    twist_at,
 )
 from sim_action.state.command import Answer, JointTargets, commands_of
+from sim_action.state.observation import JointState
 from sim_action.world import Body, Disturbance, World
 
 HERE, THERE, AWAY = Pose((1.0, 2.0, 0.5)), Pose((3.0, 0.0, 0.5)), Pose((-4.0, 0.0, 0.1))
 ROBOT = SpawnedRobot("rover", "<robot/>", Pose())
+
+
+HINGE = Joint("hinge", "continuous", "base", "arm", Pose((0.0, 0.0, 1.0)), (0.0, 0.0, 1.0))
+TIP = Joint("tip", "fixed", "arm", "hand", Pose((2.0, 0.0, 0.0)), (0.0, 0.0, 1.0))
+MODEL = RobotModel("m", "", (Link("base", 1.0), Link("arm", 1.0), Link("hand", 1.0)), (HINGE, TIP), "")
 
 
 def box(name: str, pose: Pose = HERE) -> Body:
@@ -214,3 +224,35 @@ def test_wheels_that_a_twist_turns_are_the_drives() -> None:
 
     assert efforts_in(efforts.added_to(None, 0.0, frozenset({"wheel"}))) == {"wheel": 2.0}
     assert efforts_in(efforts.added_to(Twist(), 0.1, frozenset({"wheel"}))) == {}
+
+
+def test_a_model_whose_base_link_is_not_at_its_origin() -> None:
+    frame = ModelFrame(Pose((1.0, 0.0, 0.2)))
+    turned = Pose((0.0, 0.0, 0.2), quaternion_from_rpy(0, 0, math.pi / 2))
+
+    assert frame.pose(turned).position_xyz == pytest.approx((0, -1, 0))
+    assert frame.base_pose(frame.pose(turned)).position_xyz == pytest.approx(turned.position_xyz)
+    # The origin goes around the base link at a radius of 1 m.
+    assert frame.twist(turned, Twist((0.0, 0.0, 0.0), (0.0, 0.0, 2.0))).linear_xyz == pytest.approx((2, 0, 0))
+
+
+def test_a_point_away_from_what_turns_goes_around_it() -> None:
+    twist = Twist((1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+    assert twist_at(twist, (0.0, 3.0, 0.0)).linear_xyz == pytest.approx((-2, 0, 0))
+
+
+def test_a_link_moves_with_the_base_and_with_its_joint() -> None:
+    base = Pose((5.0, 0.0, 0.0), quaternion_from_rpy(0, 0, math.pi / 2)), Twist((0.1, 0.0, 0.0), (0.0, 0.0, 1.0))
+    joints = {"hinge": JointState(math.pi / 2, 3.0, 0.0)}
+
+    pose, twist = link_state(MODEL, base, joints, "hand")
+
+    assert pose.position_xyz == pytest.approx((3, 0, 1))
+    assert pose.yaw == pytest.approx(math.pi)
+    assert twist.angular_xyz == pytest.approx((0, 0, 4), abs=1e-5)
+    assert twist.linear_xyz == pytest.approx((0.1, -8, 0), abs=1e-4)
+
+
+def test_a_link_that_there_is_not() -> None:
+    with pytest.raises(KeyError):
+        link_state(MODEL, (Pose(), Twist()), {}, "foot")

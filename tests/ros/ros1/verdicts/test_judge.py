@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -11,16 +12,24 @@ from sim_action.core.errors import Location
 from sim_action.results.outcome import Failure, Outcome
 from sim_action.ros.result_files import Case, Suite
 from sim_action.ros.ros1.launch_request import LaunchRequest, Program, SimulationResult
-from sim_action.ros.ros1.verdicts import findings
+from sim_action.ros.ros1.verdicts import findings, judge
 from sim_action.ros.ros1.verdicts.findings import Findings, Run
-from sim_action.ros.ros1.verdicts.judge import Judge, _with_callbacks
+from sim_action.ros.ros1.verdicts.judge import AbsentNodes, Judge, _with_callbacks
 from sim_action.ros.ros1.verdicts.launch_output import CallbackError
 from sim_action.ros.ros1.verdicts.launch_tags import LaunchTag, LaunchTags
 from sim_action.world.world_files.losses import Loss
+from tests.ros.ros1.launches import package
 
 WORLD = LaunchTag("arg", {"name": "world_name", "value": "$(find p)/no.world"}, Location("a.launch", 2))
 LOSS = Loss(message="<actor> is not simulated", location=Location("a.world", 5))
 ABSENT = "ERROR: cannot launch node of type [nowhere/no.py]: nowhere\n"
+
+
+ERROR = "ERROR: cannot launch node of type [{}]: {}\n"
+PLACE = Location("a.launch", 3)
+
+# ROS is looked for with its own Python.
+looks_for_ros = pytest.mark.process
 
 
 def judged(
@@ -141,3 +150,56 @@ def test_a_failure_names_three_callbacks_that_raised() -> None:
     raised = tuple(CallbackError("/node", f"Error: {number}", None, 1) for number in range(4))
     said = _with_callbacks("0 != 1", findings.TestFindings("t", callbacks=raised))
     assert said == "; ".join(("0 != 1", *map(str, raised[:3])))
+
+
+def absent(folder: Path, text: str, **given: str) -> AbsentNodes:
+    tag = LaunchTag("node", {"pkg": "pkg", "type": "no.py", "name": "driver", **given}, PLACE)
+    return AbsentNodes.of(text, LaunchTags("a.launch", (tag,)), folder)
+
+
+@looks_for_ros
+def test_a_required_node_that_does_not_exist_is_an_invalid_launch(tmp_path: Path) -> None:
+    package(tmp_path, "pkg", {"now.py": ""})
+    found = absent(tmp_path, ERROR.format("pkg/no.py", "Cannot locate node"), required="true")
+
+    (failure,) = found.failures
+    assert (failure.kind, failure.location, found.losses) == ("invalid", PLACE, ())
+    assert failure.message == (
+        "the node 'driver' (pkg/no.py) was not started: the package 'pkg' has no node 'no.py'; "
+        "did you mean 'now.py'? (allowed: now.py); add the file, or correct its name; the node is required"
+    )
+
+
+@pytest.mark.parametrize("required", ["false", "0", ""])
+@looks_for_ros
+def test_another_node_is_a_loss(required: str, tmp_path: Path) -> None:
+    package(tmp_path, "pkg", {"no.py": ""}).joinpath("no.py").chmod(0o644)
+    found = absent(tmp_path, ERROR.format("pkg/no.py", "Cannot locate node"), required=required)
+
+    (loss,) = found.losses
+    assert (loss.location, found.failures) == (PLACE, ())
+    assert "'no.py' of 'pkg' is not executable; run chmod +x no.py" in loss.message
+
+
+@looks_for_ros
+def test_a_node_of_an_unknown_place_is_at_the_launch_file(tmp_path: Path) -> None:
+    (loss,) = absent(tmp_path, ERROR.format("elsewhere/x", "elsewhere")).losses
+    assert loss.location == Location("a.launch")
+    assert "elsewhere" in loss.message
+
+
+@pytest.mark.parametrize("name", ["rviz", "rqt_graph", "rqt_robot_steering", "image_view"])
+@looks_for_ros
+def test_a_window_that_is_not_installed_is_no_loss(name: str, tmp_path: Path) -> None:
+    assert absent(tmp_path, ERROR.format(f"{name}/{name}", name)) == AbsentNodes()
+
+
+def test_every_window_has_a_reason() -> None:
+    for pattern, reason in judge.WINDOW_PACKAGES.items():
+        assert re.compile(pattern)
+        assert reason
+
+
+@looks_for_ros
+def test_a_launch_that_starts_everything_lacks_nothing(tmp_path: Path) -> None:
+    assert absent(tmp_path, "process[driver-1]: started with pid [7]\n") == AbsentNodes()

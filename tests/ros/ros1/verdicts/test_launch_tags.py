@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from sim_action.core.errors import Location
+from sim_action.ros.ros1.verdicts import launch_tags
 from sim_action.ros.ros1.verdicts.launch_tags import LaunchTags
 from tests.ros_workspace import written
 
@@ -26,6 +27,15 @@ INNER = """\
   <node name="gazebo" pkg="gazebo_ros" type="gzserver" args="-e ode $(find pkg)/worlds/other.world"/>
   <include file="$(find other)/launch/inner.launch"/>
 </launch>
+"""
+
+
+TEXT = """\
+<launch>
+  <node pkg="a" type="b" name="c"/>
+  <test test-name="moves" pkg="robot" type="moves.py" time-limit="30.0" retry="2"/>
+  <group><test pkg="robot"
+    type="turns.py" test-name="turns_$(arg side)_far"/></group>
 """
 
 
@@ -57,3 +67,28 @@ def test_a_broken_file_has_the_tags_before_the_error(tmp_path: Path) -> None:
     path = written(tmp_path / "a.launch", '<launch><node pkg="p" type="t"/></lunch>')
     assert LaunchTags.read(path, {}).node("p", "t") is not None
     assert LaunchTags.read(tmp_path / "none.launch", {}).tags == ()
+
+
+def tags_of_tests(folder: Path, text: str) -> tuple[launch_tags.TestTag, ...]:
+    path = folder / "x.test"
+    path.write_text(text)
+    return launch_tags.test_tags(path)
+
+
+def test_each_test_has_its_line_and_its_limit(tmp_path: Path) -> None:
+    first, second = tags_of_tests(tmp_path, TEXT + "</launch>")
+    assert first == launch_tags.TestTag(3, "moves", "robot", "moves.py", 30.0, 2)
+    assert (second.line, second.time_limit, second.retry) == (4, launch_tags.DEFAULT_TIME_LIMIT_S, 0)
+
+
+def test_what_is_no_xml_has_those_before(tmp_path: Path) -> None:
+    assert [tag.name for tag in tags_of_tests(tmp_path, TEXT)] == ["moves", "turns_$(arg side)_far"]
+    assert launch_tags.test_tags(tmp_path / "nowhere.test") == ()
+
+
+def test_a_name_with_arguments_in_it_is_found_again(tmp_path: Path) -> None:
+    first, second = tags_of_tests(tmp_path, TEXT)
+    assert second.is_called("turns_left_far")
+    assert not second.is_called("turns_left")
+    assert first.is_called("moves")
+    assert not first.is_called("movesX")

@@ -6,7 +6,7 @@ The parameters of a controller are in the namespace of its name (wiki.ros.org/ro
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 import rospy
 
@@ -102,10 +102,3 @@ class Controller:
     device: Device | None = None
     subscriptions: tuple[Subscription, ...] = ()
     begin: Callable[[], None] = _nothing
-
-
-class Opener(Protocol):
-    """The type of functions that open a controller."""
-
-    def __call__(self, setup: ControllerSetup) -> Controller:
-        """Open the topics of a controller. Raises BadController."""

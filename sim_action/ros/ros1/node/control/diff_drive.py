@@ -13,7 +13,7 @@ from sim_action.core import geometry
 from sim_action.core.geometry import Pose
 from sim_action.core.records import dataclass
 from sim_action.drives.wheels import wheel
-from sim_action.ros.message_values import diagonal, in_frame_of
+from sim_action.ros.robot_topics import diagonal, in_frame_of
 from sim_action.ros.ros1.node.control import BadController, Controller, ControllerSetup, Parameters
 from sim_action.ros.ros1.node.messages import header, pose_message, twist_message
 from sim_action.ros.ros1.node.plugins import TICKS, Device

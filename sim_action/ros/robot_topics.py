@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
-from typing import Final
+from typing import Final, Self
 
+from sim_action.core import geometry
+from sim_action.core.records import dataclass
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.world.scene import Fitting
@@ -27,6 +30,12 @@ _SENSOR_TOPICS: Final = {
     "camera": "image_raw",
     "contact": "contact",
 }
+
+
+_EPSILON = 1e-9
+
+
+_BILLION: Final = 1_000_000_000
 
 
 def topics_of(
@@ -70,3 +79,51 @@ def _topic(sensor: Fitting, sensors: Sequence[Fitting]) -> str:
     kind = _SENSOR_TOPICS[sensor.kind]
     is_alone = sum(other.kind == sensor.kind for other in sensors) == 1
     return f"/{kind}" if is_alone and sensor.kind != "camera" else f"/{plain_name(sensor.name)}/{kind}"
+
+
+@dataclass(frozen=True, slots=True)
+class Schedule:
+    """The ticks at which something is due.
+
+    Attributes:
+        rate: times per second, in Hz; at most `ticks`.
+        ticks: ticks per second, in Hz.
+    """
+
+    rate: float
+    ticks: float
+
+    @classmethod
+    def of(cls, rate: float, ticks: float) -> Self:
+        """Return the schedule of a rate; 0, or more than there are ticks, means every tick."""
+        return cls(rate if 0 < rate < ticks else ticks, ticks)
+
+    def is_due(self, tick: int) -> bool:
+        """Return True if it is due at a tick, counted from 0."""
+        return tick == 0 or self._count(tick) != self._count(tick - 1)
+
+    @property
+    def is_even(self) -> bool:
+        """True if all intervals are equal."""
+        interval = self.ticks / self.rate
+        return abs(interval - round(interval)) < _EPSILON
+
+    def _count(self, tick: int) -> int:
+        return math.floor(tick * self.rate / self.ticks + _EPSILON)
+
+
+def seconds_and_nanoseconds(time: float) -> tuple[int, int]:
+    """Return a sim time in s as whole seconds and the rest in ns, rounded to 1 ns: 0.57 s is not 0.569999999."""
+    return divmod(round(time * _BILLION), _BILLION)
+
+
+def in_frame_of(pose: geometry.Pose, twist: geometry.Twist) -> geometry.Twist:
+    """Return a twist in the world frame, in the frame of a pose (nav_msgs/Odometry's child frame)."""
+    back = geometry.conjugate(pose.orientation_xyzw)
+    return geometry.Twist(geometry.rotate(back, twist.linear_xyz), geometry.rotate(back, twist.angular_xyz))
+
+
+def diagonal(variances: Sequence[float]) -> tuple[float, ...]:
+    """Return a square covariance matrix, row by row, with these variances on its diagonal."""
+    size = len(variances)
+    return tuple(float(variances[row]) if row == column else 0.0 for row in range(size) for column in range(size))

@@ -1,0 +1,203 @@
+"""Drive plugins: move the base by twists from a topic, and publish odometry."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Final
+
+from geometry_msgs.msg import Transform, TransformStamped, Vector3
+from geometry_msgs.msg import Twist as TwistMessage
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import Imu as ImuMessage
+from sensor_msgs.msg import JointState, LaserScan
+from tf2_msgs.msg import TFMessage
+
+from sim_action.core.geometry import Pose, Twist, quaternion_from_rpy
+from sim_action.ros.robot_topics import diagonal, in_frame_of
+from sim_action.ros.ros1.gazebo_plugins import Plugin
+from sim_action.ros.ros1.node.internal_parts import states_in
+from sim_action.ros.ros1.node.messages import header, imu_message, pose_message, scan_message, twist_message, twist_of
+from sim_action.ros.ros1.node.plugins import TICKS, Device, Wiring, schedule_of
+from sim_action.ros.ros1.node.topics import Subscription
+from sim_action.sensors import MountedSensor
+from sim_action.sensors.imu import Imu
+from sim_action.sensors.lidar import Lidar
+from sim_action.state.observation import Observation
+from sim_action.state.readings import ImuReading, LidarScan
+
+_UNKNOWN: Final = 1e12
+
+
+def open_drive(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
+    """Open gazebo_ros_diff_drive or gazebo_ros_skid_steer_drive. Odometry is the true motion."""
+    subscription = wiring.subscribe(plugin.topic("commandTopic", default="cmd_vel"), TwistMessage, twist_of)
+    wiring.add_mover(lambda _seconds, _seen: subscription.value)
+    yield odometry_device(plugin, wiring, child=wiring.model.root, rate=0.0)
+    if plugin.own.flag("publishWheelJointState", default=False):
+        yield _wheel_states(plugin, wiring)
+
+
+def _wheel_states(plugin: Plugin, wiring: Wiring) -> Device:
+    """Return the publisher of the positions of the wheels."""
+    publisher = wiring.publisher(f"{plugin.space}/joint_states", JointState)
+    moving = {joint.name for joint in wiring.model.moving_joints}
+    names = [name for tag in ("leftJoint", "rightJoint") for name in plugin.own.texts(tag) if name in moving]
+
+    def publish(seconds: float, seen: Observation) -> None:
+        positions = [seen.joints[name].position for name in names]
+        publisher.send(JointState(header=header(seconds, ""), name=names, position=positions))
+
+    return Device(schedule_of(plugin.own.number("updateRate", default=0.0)), (publisher,), publish)
+
+
+def _variances(plugin: Plugin) -> tuple[float, ...]:
+    """Return the variances of odometry, as the plugins of Gazebo state them: x, y and yaw are known."""
+    if plugin.name == "gazebo_ros_skid_steer_drive":
+        x, y = (plugin.own.number(f"covariance_{axis}", default=1e-4) for axis in "xy")
+        yaw = plugin.own.number("covariance_yaw", default=0.01)
+    else:
+        x, y, yaw = 1e-5, 1e-5, 1e-3
+    return x, y, _UNKNOWN, _UNKNOWN, _UNKNOWN, yaw
+
+
+def odometry_device(plugin: Plugin, wiring: Wiring, *, child: str, rate: float) -> Device:
+    """Return the publisher of odometry and of its frame; `child`, `rate`: defaults of the plugin."""
+    own = plugin.own
+    covariance = diagonal(_variances(plugin))
+    odometry = wiring.publisher(plugin.topic("odometryTopic", default="odom"), Odometry)
+    frame, base = own.text("odometryFrame", default="odom"), own.text("robotBaseFrame", default=child)
+    publishes_tf = own.flag("publishTf", "publishOdomTF", "broadcastTF", default=True)
+    frames = wiring.publisher("/tf", TFMessage) if publishes_tf else None
+    schedule = schedule_of(own.number("updateRate", "odometryRate", default=rate))
+
+    def publish(seconds: float, seen: Observation) -> None:
+        message = Odometry(header=header(seconds, frame), child_frame_id=base)
+        pose, twist = wiring.frame.pose(seen.pose), wiring.frame.twist(seen.pose, seen.twist)
+        message.pose.pose = pose_message(pose)
+        message.twist.twist = twist_message(in_frame_of(pose, twist))
+        message.pose.covariance = covariance
+        if plugin.name == "gazebo_ros_skid_steer_drive":
+            message.twist.covariance = covariance
+        odometry.send(message)
+        if frames is not None:
+            at = message.pose.pose
+            moved = Transform(Vector3(at.position.x, at.position.y, at.position.z), at.orientation)
+            frames.send(TFMessage([TransformStamped(message.header, base, moved)]))
+
+    return Device(schedule, (odometry, *([frames] if frames else [])), publish)
+
+
+def open_planar_move(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
+    """Open gazebo_ros_planar_move. A command holds until the next one, or for `cmdTimeout` s if it is set."""
+    subscription = wiring.subscribe(plugin.topic("commandTopic", default="cmd_vel"), TwistMessage, twist_of)
+    wiring.add_mover(CommandWithTimeout(subscription, plugin.own.number("cmdTimeout", default=-1.0)))
+    yield odometry_device(plugin, wiring, child="base_footprint", rate=20.0)
+
+
+class CommandWithTimeout:
+    """The last twist, for `timeout` s of sim time after it came; negative: forever."""
+
+    def __init__(self, subscription: Subscription, timeout: float) -> None:
+        self._subscription, self._timeout = subscription, timeout
+        self._count = 0
+        self._since = 0.0
+
+    def __call__(self, seconds: float, _: Observation) -> Twist | None:
+        """See Mover."""
+        if self._subscription.count != self._count:
+            self._count, self._since = self._subscription.count, seconds
+        twist: Twist | None = self._subscription.value
+        is_over = 0 <= self._timeout < seconds - self._since
+        return Twist() if is_over and twist is not None else twist
+
+
+def open_laser(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
+    """Open gazebo_ros_laser or gazebo_ros_gpu_laser."""
+    sensor, name = plugin.sensor, f"laser {plugin.topic('topicName', default='scan')}"
+    publisher = wiring.publisher(plugin.topic("topicName", default="scan"), LaserScan)
+    frame = plugin.own.text("frameName", default=plugin.link)
+    schedule = schedule_of(sensor.number("update_rate", default=0.0))
+
+    def publish(seconds: float, seen: Observation) -> None:
+        scan = seen.sensors[name]
+        if not isinstance(scan, LidarScan):
+            return
+        publisher.send(scan_message(scan, header(seconds, frame), 1 / schedule.rate))
+
+    lidar = wiring.on_schedule(_lidar(plugin), publisher, schedule)
+    rate = schedule.rate if schedule.is_even else TICKS
+    mounted = MountedSensor(lidar, name, plugin.link, _pose(plugin), rate, trace=False)
+    yield Device(schedule, (publisher,), publish, mounted)
+
+
+def _lidar(plugin: Plugin) -> Lidar:
+    sensor, sweep = plugin.sensor, "ray/scan/horizontal"
+    first, last = (sensor.number(f"{sweep}/{end}_angle", default=0.0) for end in ("min", "max"))
+    return Lidar(
+        rays=max(1, round(sensor.number(f"{sweep}/samples", default=1))),
+        field_of_view=min(max(last - first, 1e-6), 2 * math.pi),
+        angle_min=first,
+        min_range=sensor.number("ray/range/min", default=0.0),
+        range=sensor.number("ray/range/max", default=10.0),
+        noise=sensor.number("ray/noise/stddev", default=plugin.own.number("gaussianNoise", default=0.0)),
+    )
+
+
+def _pose(plugin: Plugin) -> Pose:
+    words = (plugin.sensor.text("pose") or "0 0 0 0 0 0").split()
+    x, y, z, roll, pitch, yaw = map(float, words)
+    return Pose((x, y, z), quaternion_from_rpy(roll, pitch, yaw))
+
+
+def open_imu(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
+    """Open gazebo_ros_imu, which names its link, or gazebo_ros_imu_sensor, which belongs to a sensor on a link."""
+    topic = plugin.topic("topicName", default="imu")
+    link = plugin.own.text("bodyName", default=plugin.link or wiring.model.root)
+    frame = plugin.own.text("frameName", default=link)
+    rate = plugin.own.number("updateRate", "updateRateHZ", default=plugin.sensor.number("update_rate", default=0.0))
+    publisher, schedule = wiring.publisher(topic, ImuMessage), schedule_of(rate)
+    noise = plugin.own.number("gaussianNoise", default=0.0)
+    sensor = MountedSensor(
+        wiring.on_demand(Imu(gyro_noise=noise, accelerometer_noise=noise), publisher),
+        f"imu {topic}",
+        link,
+        Pose(),
+        schedule.rate if schedule.is_even else TICKS,
+        trace=False,
+    )
+
+    def publish(seconds: float, seen: Observation) -> None:
+        reading = seen.sensors[sensor.name]
+        if not isinstance(reading, ImuReading):
+            return
+        publisher.send(imu_message(reading, header(seconds, frame), noise))
+
+    yield Device(schedule, (publisher,), publish, sensor)
+
+
+def open_ground_truth(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
+    """Open gazebo_ros_p3d."""
+    link, frame = plugin.own.text("bodyName", default=wiring.model.root), plugin.own.text("frameName", default="world")
+    publisher = wiring.publisher(plugin.topic("topicName", default="odom"), Odometry)
+
+    def publish(seconds: float, seen: Observation) -> None:
+        pose, twist = states_in(seen).links[link]
+        message = Odometry(header=header(seconds, frame), child_frame_id=link)
+        message.pose.pose, message.twist.twist = pose_message(pose), twist_message(twist)
+        publisher.send(message)
+
+    yield Device(schedule_of(plugin.own.number("updateRate", default=0.0)), (publisher,), publish, reads_links=True)
+
+
+def open_joint_states(plugin: Plugin, wiring: Wiring) -> Iterable[Device]:
+    """Open gazebo_ros_joint_state_publisher; without names, it publishes all moving joints."""
+    publisher = wiring.publisher(plugin.topic("topicName", default="joint_states"), JointState)
+    moving = [joint.name for joint in wiring.model.moving_joints]
+    names = [name for name in plugin.own.texts("jointName") if name in moving] or moving
+
+    def publish(seconds: float, seen: Observation) -> None:
+        positions, velocities, efforts = zip(*(seen.joints[name] for name in names), strict=True)
+        publisher.send(JointState(header(seconds, ""), names, positions, velocities, efforts))
+
+    yield Device(schedule_of(plugin.own.number("updateRate", default=0.0)), (publisher,), publish)
