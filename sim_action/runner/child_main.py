@@ -44,9 +44,10 @@ from sim_action.runner.process_output import dump_stack_before, redirect_output
 from sim_action.runner.user_code import guarded
 from sim_action.scenario.loading import build_scene, checked
 from sim_action.scenario.model import LoadedScenario, Scenario
+from sim_action.scenario.mutation import Mutation
 from sim_action.simulation.loop import SimulationRun, simulate
 from sim_action.simulation.recorder import RunRecorder
-from sim_action.simulation.seams import seams_of
+from sim_action.simulation.seams import UNTOUCHED, Seams
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -261,13 +262,22 @@ def _checked(loaded: LoadedScenario) -> LoadedScenario:
     return replace(loaded, model=again.model)
 
 
+def _seams(mutation: Mutation | None, scene: Scene) -> Seams:
+    if mutation is None:
+        return UNTOUCHED
+    # Only `sim-action prove` needs it.
+    from sim_action.simulation.mutations import MutantSeams
+
+    return MutantSeams(mutation, scene)
+
+
 def _simulated(loaded: LoadedScenario, scene: Scene, footage: RunRecorder, progress: _Progress) -> SimulationRun:
     """Return the run, in the process that started it only. Raise RunError, ModelError, InvalidScenario."""
     born, own = os.getpid(), {1: "standard output", 2: "standard error", progress.descriptor: "progress"}
     guard = guarded(progress.say) if loaded.scenario.runs_user_code else nullcontext()
     try:
         with guard:
-            run = simulate(loaded.scenario, scene, progress, footage, seams_of(loaded.mutation, scene))
+            run = simulate(loaded.scenario, scene, progress, footage, _seams(loaded.mutation, scene))
     except BadStart as error:
         problems = [loaded.document.problem(*problem) for problem in error.by_keys]
         raise InvalidScenario([*problems, *error.elsewhere]) from None

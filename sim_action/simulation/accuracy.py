@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
-from typing import TYPE_CHECKING, Final
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any, Final
 
-from sim_action.core import units
+import numpy as np
+from typing_extensions import override
+
+from sim_action.core import geometry, units
 from sim_action.drives import Drive
-from sim_action.drives.wheels import steering_joint
+from sim_action.drives.wheels import steering_joint, wheel
+from sim_action.simulation.guards import Guard
 from sim_action.state.observation import Clash, Overlap
-from sim_action.state.trace import Trace
+from sim_action.state.trace import FloatArray, Trace
 from sim_action.world import GROUND
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
     from sim_action.robot.model.robot_model import RobotModel
     from sim_action.simulation.energy import EnergyWatch
-    from sim_action.simulation.wheel_slip import WheelSlip
-
 LEAST_FRICTION: Final = 0.2
 """With a smaller coefficient, wheels may slip in ordinary driving."""
 
@@ -25,8 +27,13 @@ _MAX_MASS_RATIO: Final = 100.0
 
 _MAX_DEPTH_M: Final = 0.005
 
+_LEAST_SLIDE: Final = 0.01
+"""The share of the rolled distance from which sliding is reported as slip."""
 
-class AccuracyWatch:
+_LEAST_WAY_M: Final = 1e-3
+
+
+class AccuracyWatch(Guard):
     """Collects the facts of a run on which the notes depend."""
 
     def __init__(self, scene: Scene, drive: Drive | None = None, springs: Collection[str] = ()) -> None:
@@ -42,8 +49,8 @@ class AccuracyWatch:
         # The robot is one body, so its pairs consist of one name.
         self._unequal: dict[frozenset[str], tuple[str, float]] = {}
 
-    def add(self, trace: Trace, touching: Iterable[Overlap | Clash]) -> None:
-        """Add the next moments, at full rate, and the contacts of the last of them."""
+    @override
+    def judged(self, trace: Trace, touching: Iterable[Overlap | Clash]) -> None:
         if self._energy is not None:
             self._energy.add(trace)
         if self._slip is not None:
@@ -71,8 +78,8 @@ class AccuracyWatch:
             pair = frozenset({touch.body} if isinstance(touch, Overlap) else {touch.body, touch.other})
             self._unequal.setdefault(pair, (_names(touch), max(one, other) / min(one, other)))
 
-    def notes(self) -> Iterator[str]:
-        """Yield the notes."""
+    @override
+    def notes(self, end: float) -> Iterator[str]:
         if self._energy is not None and (note := self._energy.note()) is not None:
             yield note
         if self._slip is not None:
@@ -116,8 +123,6 @@ def wheel_slip(scene: Scene, drive: Drive | None) -> WheelSlip | None:
     lowest = min(frictions, default=1.0)
     if lowest >= LEAST_FRICTION:
         return None
-    from sim_action.simulation.wheel_slip import WheelSlip
-
     return WheelSlip(scene, gears, lowest)
 
 
@@ -129,3 +134,44 @@ def _names(touch: Overlap | Clash) -> str:
 
 def _body(name: str) -> str:
     return "the ground" if name == GROUND else f"body '{name}'"
+
+
+class WheelSlip:
+    """Measures how far the rims of wheels roll, and how far the wheels move and slide over the ground."""
+
+    def __init__(self, scene: Scene, gears: Mapping[str, float], friction: float) -> None:
+        """`gears`: the rolling distance in m for 1 rad of each wheel joint; `friction`: of the wheels, for the note."""
+        self._friction, self._step_s = friction, 1 / scene.physics.rate
+        self._wheels = [(wheel(scene.model, name), abs(gear)) for name, gear in gears.items()]
+        self._rolled = self._moved = self._slid = 0.0
+
+    def add(self, trace: Trace) -> None:
+        """Add the next moments, at full rate."""
+        columns = {name: place for place, name in enumerate(trace.joint_names)}
+        for found, radius in self._wheels:
+            speed = trace.joint_velocity[:, columns[found.joint]]
+            arm = _turned(trace.base_orientation_xyzw, found.position_xyz)
+            axle = _turned(trace.base_orientation_xyzw, found.axis_xyz)
+            centre = trace.base_linear_xyz + np.cross(trace.base_angular_xyz, arm)
+            turning = trace.base_angular_xyz + axle * speed[:, None]
+            rim = centre + np.cross(turning, (0.0, 0.0, -radius))
+            share = self._step_s / len(self._wheels)
+            self._rolled += share * float(np.abs(radius * speed).sum())
+            self._moved += share * float(np.hypot(centre[:, 0], centre[:, 1]).sum())
+            self._slid += share * float(np.hypot(rim[:, 0], rim[:, 1]).sum())
+
+    def notes(self) -> Iterator[str]:
+        """Yield the notes after a run."""
+        wheels = f"the model gives wheels a friction of {self._friction:g}"
+        if max(self._rolled, self._moved) < _LEAST_WAY_M:
+            yield f"{wheels}: they will slip if the robot accelerates or turns fast"
+            return
+        rolled, moved, slid = (units.display(way, "m", 3) for way in (self._rolled, self._moved, self._slid))
+        way = f"rims rolled {rolled}, the wheels moved {moved} and slid {slid} over the ground (mean of the wheels)"
+        slips = self._slid > _LEAST_SLIDE * max(self._rolled, self._moved)
+        yield f"wheels {'slipped' if slips else 'did not slip'}: {way}; {wheels}"
+
+
+def _turned(orientations: FloatArray, vector_xyz: geometry.Vector3) -> FloatArray:
+    columns: Any = tuple(orientations.T)
+    return np.column_stack(geometry.rotate(columns, vector_xyz))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from sim_action.scenario.claim_audit import LOGGED_ERROR, NOT_REPRODUCIBLE, NOT_
 from sim_action.scenario.model import Scenario
 from sim_action.simulation.accuracy import AccuracyWatch, links_with_springs
 from sim_action.simulation.controllers import Controls, padded
-from sim_action.simulation.model_notes import about_drive, about_links, about_model_of_drive, noted_drive
+from sim_action.simulation.guards import NO_BODIES, Guard, Tunnelling, Watchdog
 from sim_action.simulation.monitors import End, Panel
 from sim_action.simulation.recorder import RunRecorder, moving_bodies
 from sim_action.simulation.run_audit import Motion, RunFacts, audit_run, unreached_events
@@ -29,14 +29,16 @@ from sim_action.simulation.seams import UNTOUCHED, Seams
 from sim_action.simulation.sensors import Sensing
 from sim_action.simulation.start_checks import (
     Spawns,
+    about_drive,
+    about_links,
+    about_model_of_drive,
     fell_while_settling,
     moved_while_settling,
+    noted_drive,
     opened_on_top,
     raised_to_stand,
     refuse_bad_start,
 )
-from sim_action.simulation.tunnelling import Tunnelling
-from sim_action.simulation.watchdog import Watchdog
 from sim_action.state.observation import Observation
 from sim_action.state.reproducibility import Digest
 from sim_action.state.trace import FloatArray, Trace
@@ -45,10 +47,6 @@ from sim_action.state.trace_records import BodyRecord
 from sim_action.state.verdict import Verdict
 from sim_action.world.ground import GROUND
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from sim_action.simulation.pinning import Pinning
-    from sim_action.state.observation import Observation
 
 Progress = Callable[[float], None]
 """Receives the sim time in s during the run."""
@@ -165,8 +163,7 @@ class _Loop:
         self._placed = backend.observe(0, contacts=False)
         self._judged = channels
         self._watchdog = Watchdog.of(scene, self._placed)
-        self._tunnelling: Tunnelling | None = None
-        self._pinning: Pinning | None = None
+        self._guards: list[Guard] = [self._watchdog]
         self._body_poses: FloatArray | None = None
         motion = seams.motion(drive.open(scene.model, scenario.physics.rate, scene.world.weight) if drive else None)
         self._motion, noted = motion, noted_drive(scenario, scene, drive)
@@ -197,11 +194,7 @@ class _Loop:
         start = self._backend.observe(0, contacts=self._judged.contacts)
         opening: tuple[Trace, ...] = (self._first_moment(start),)
         placed = self._placed_bodies()
-        self._tunnelling = self._tunnelling_from(start, placed)
-        if any(body.path for body in self._scene.world.objects):
-            from sim_action.simulation.pinning import Pinning
-
-            self._pinning = Pinning(self._scene, start.twist.linear_xyz)
+        self._guards += self._guards_from(start, placed)
         raised = raised_to_stand(self._scene, self._placed.pose)
         moved = moved_while_settling(self._scene, self._placed.pose, start.pose)
         fell = fell_while_settling(self._scene, self._placed.pose, start.pose)
@@ -209,7 +202,6 @@ class _Loop:
         panel = Panel.open(self._scenario, self._scene, start, runs_on=self._runs_on)
         digest = Digest()
         motion = Motion(Rest.of(self._scene, start))
-        accuracy = AccuracyWatch(self._scene, self._drive, self._springs)
         footage.begin(start, placed, opening[0])
         started, earlier = time.perf_counter(), panel
         while panel.end is None:
@@ -222,7 +214,9 @@ class _Loop:
                     seen, opening = seen.rows(slice(len(opening), None)), ()
                 digest.add(seen)
                 motion = motion.after(seen)
-                accuracy.add(seen, self._backend.touching())
+                touching = self._backend.touching()
+                for guard in self._guards:
+                    guard.judged(seen, touching)
                 is_last = panel.end is not None or failure is not None
                 if len(seen):
                     stored, bodies = self._sensing.stored(seen), self._body_poses
@@ -243,7 +237,7 @@ class _Loop:
         told = {finding.message for finding in findings}
         missed = (message for _, message in unreached_events(self._scenario, panel.time))
         unreached = (message for message in missed if message not in told)
-        notes = (*unreached, *accuracy.notes(), *self._crossings(panel.time))
+        notes = (*unreached, *(note for guard in self._guards for note in guard.notes(panel.time)))
         return SimulationRun(
             trace=kept,
             verdicts=panel.verdicts(),
@@ -279,17 +273,7 @@ class _Loop:
 
     def _all_notes(self) -> tuple[str, ...]:
         of_drive = self._motion.notes if self._motion else ()
-        return (*self._notes, *of_drive, *self._controls.notes, *self._sensing.notes, *self._pins())
-
-    def _crossings(self, end: float) -> Iterator[str]:
-        if self._pinning is not None:
-            from sim_action.simulation.path_crossings import path_crossings
-
-            yield from path_crossings(self._scene, end)
-
-    def _pins(self) -> Iterator[str]:
-        if self._pinning is not None:
-            yield from self._pinning.notes
+        return (*self._notes, *of_drive, *self._controls.notes, *self._sensing.notes)
 
     def _settle(self) -> None:
         """Let the robot come to rest before t = 0, with braked wheels and held joints."""
@@ -331,15 +315,13 @@ class _Loop:
         told = self._backend.collect()
         if readings := self._sensing.collect():
             told = replace(told, sensors=readings)
-        trace, unstable = self._watchdog.watch(told)
-        missed = None
-        if self._tunnelling is not None:
+        if self._scene.world.objects:
             self._body_poses = self._backend.collect_bodies()
-            trace, missed = self._tunnelling.watch(trace, self._body_poses)
-        squeezed = None
-        if self._pinning is not None:
-            trace, squeezed = self._pinning.watch(trace)
-        return trace, squeezed or missed or unstable or failure
+        for guard in self._guards:
+            told, missed = guard.watch(told, NO_BODIES if self._body_poses is None else self._body_poses)
+            # A later guard sees only the moments that the earlier ones have left: its error comes first.
+            failure = missed or failure
+        return told, failure
 
     def _placed_bodies(self) -> FloatArray:
         bodies = self._scene.world.objects
@@ -358,10 +340,20 @@ class _Loop:
         found = BodyRecord(np.zeros(1), np.array([pose.position_xyz]), np.array([pose.orientation_xyzw]))
         return found.appearing(arrivals(self._scene).get(body, 0.0))
 
-    def _tunnelling_from(self, start: Observation, placed: FloatArray) -> Tunnelling | None:
-        if not self._scene.world.objects:
-            return None
-        return Tunnelling(self._scene, start, placed, solid_terrain=self._backend.solid_terrain)
+    def _guards_from(self, start: Observation, placed: FloatArray) -> Iterator[Guard]:
+        """Yield the guards of a run that starts with this observation and these poses of bodies."""
+        scene, objects = self._scene, self._scene.world.objects
+        if objects:
+            yield Tunnelling(scene, start, placed, solid_terrain=self._backend.solid_terrain)
+        is_crossed = any(body.path for body in objects)
+        if is_crossed:
+            # Few worlds have bodies on paths.
+            from sim_action.simulation.bodies_on_paths import Crossings, Pinning
+
+            yield Pinning(scene, start.twist.linear_xyz)
+        yield AccuracyWatch(scene, self._drive, self._springs)
+        if is_crossed:
+            yield Crossings(scene)
 
 
 def _fastest(trace: Trace) -> float:

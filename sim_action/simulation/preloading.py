@@ -12,7 +12,6 @@ from sim_action.drives import recognise
 from sim_action.engines import ENGINES, chosen
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.scenario.model import LoadedScenario, Scenario
-from sim_action.simulation.accuracy import LEAST_FRICTION
 
 
 def preload(scenarios: Iterable[LoadedScenario]) -> None:
@@ -42,7 +41,7 @@ def needed_modules(scenarios: Iterable[LoadedScenario]) -> set[str]:
 def _of_world(loaded: LoadedScenario) -> Iterator[str]:
     world = loaded.scenario.world
     if any(body.path for body in world.objects):
-        yield from ("simulation.path_crossings", "simulation.pinning", "engines.path_contacts")
+        yield from ("simulation.bodies_on_paths", "engines.path_contacts")
     if not (loaded.scenario.commands or world.disturbances):
         yield "simulation.energy"
 
@@ -51,13 +50,10 @@ def _of_claims(scenario: Scenario, model: RobotModel) -> Iterator[str]:
     # An arm has at least two motors on a fixed base, a leg three: only then are links checked against each other.
     few = 1 if scenario.robot.base == "fixed" else 2
     if len(model.motor_joints) > few or any(assertion.key == "no_collision" for assertion in scenario.assertions):
-        yield "robot.self_collision"
+        yield "robot.model.link_pairs"
 
 
 def _of_robot(scenario: Scenario, model: RobotModel) -> Iterator[str]:
-    turning = (model.links_by_name[joint.child] for joint in model.moving_joints)
-    if scenario.commands and any(link.surface.friction < LEAST_FRICTION for link in turning):
-        yield "simulation.wheel_slip"
     modules = ENGINES[chosen(scenario.backend)].feature_modules
     if " damping=" in model.urdf and "damped joints" in modules:
         yield modules["damped joints"]

@@ -217,8 +217,7 @@ class EveryStep:
     def _link_poses(self, scene: Scene, rows: FloatArray) -> dict[str, FloatArray]:
         if not self._links:
             return {}
-        from sim_action.robot.model.link_motion import link_frames
-        from sim_action.simulation.swept_search import frames_of
+        from sim_action.robot.model.link_motion import frames_of, link_frames
 
         frames = link_frames(scene.model, frames_of(rows[:, 1:4], rows[:, 4:8]), rows[:, 8:])
         return {

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, ClassVar, Final
 if TYPE_CHECKING:
     from sim_action.commands import Controller
     from sim_action.drives import DriveMotion
-    from sim_action.scenario.mutation import Mutation
     from sim_action.sensors import Measure
     from sim_action.state.command import JointTargets
     from sim_action.world.scene import Scene
@@ -42,13 +41,3 @@ class Seams:
 
 UNTOUCHED: Final = Seams()
 """The seams of every run that has no mutation."""
-
-
-def seams_of(mutation: Mutation | None, scene: Scene) -> Seams:
-    """Return the seams of a run in a scene."""
-    if mutation is None:
-        return UNTOUCHED
-    # Only `sim-action prove` needs it.
-    from sim_action.simulation.mutations import MutantSeams
-
-    return MutantSeams(mutation, scene)

@@ -1,5 +1,7 @@
 """Checks at the start and at each spawn: no body overlaps another one, and the robot settles without a fall.
 
+At the start the model gets notes, too: on its drive, its links, and what it states otherwise.
+
 An engine pushes overlapping bodies apart, the faster the deeper they overlap: 2 cm move a TurtleBot3 by 4 cm, 12 cm
 throw it at 5 m/s. Measurements after that say nothing about the robot.
 """
@@ -7,7 +9,7 @@ throw it at 5 m/s. Measurements after that say nothing about the robot.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from collections.abc import Set as AbstractSet
 from typing import Final, Self
 
@@ -16,6 +18,9 @@ from sim_action.core.errors import BadStart, Problem, RunError
 from sim_action.core.geometry import Pose
 from sim_action.core.records import dataclass, replace
 from sim_action.core.yaml_errors import SpecProblem, SpecProblems
+from sim_action.drives import Drive, DriveMotion, recognise
+from sim_action.drives.ignored_statements import ignored_statements
+from sim_action.drives.wheels import axis_in_base, opposed_note
 from sim_action.engines.engine import Engine
 from sim_action.scenario.model import Scenario
 from sim_action.scenario.world_checks import DEPTH, Clashes
@@ -23,6 +28,8 @@ from sim_action.state.observation import Clash, Overlap
 from sim_action.world import GROUND, placed
 from sim_action.world.parts import GridPart, height_at
 from sim_action.world.scene import Scene
+
+BOLTED: Final = "the base is fixed: twists turn the wheels, but the robot does not move"
 
 # A base that moves by less has only come to rest.
 _MAX_TILT_RAD: Final = math.radians(2)
@@ -211,3 +218,44 @@ class Spawns:
                 "engine would throw them apart; let it appear at another place or time",
                 keys=("world", "objects", self.indices[body], "appears"),
             )
+
+
+def noted_drive(scenario: Scenario, scene: Scene, drive: Drive | None) -> Drive | None:
+    """Return the drive whose wheels commands turn or sensors read."""
+    if drive is None and any(mounted.sensor.reads_wheels for mounted in scenario.sensors):
+        return scenario.robot.drive or recognise(scene.model)
+    return drive
+
+
+def about_drive(scenario: Scenario, scene: Scene, drive: Drive | None) -> Iterator[str]:
+    """Yield notes on a drive."""
+    if drive is not None:
+        yield ("" if scenario.robot.drive else "recognised: ") + drive.describe(scene.model, scene.world.weight)
+        if scene.bolted and any(source.gives_twists(scene) for source in scenario.commands):
+            yield BOLTED
+
+
+def about_links(scenario: Scenario, scene: Scene) -> Iterator[str]:
+    """Yield a note if links of the robot pass through each other, and nothing watches them."""
+    # The episodes of ROS nodes expect nothing.
+    keys = {assertion.key for assertion in scenario.assertions}
+    # Most robots that drive have fewer motors than an arm; the rest of the check is imported for others.
+    if keys and "self_collision" not in keys and len(scene.model.motor_joints) > (1 if scene.bolted else 2):
+        from sim_action.robot.model.link_pairs import unwatched_note
+
+        note = unwatched_note(scene.model, scene.robot, bolted=scene.bolted)
+        yield from () if note is None else (note,)
+
+
+def about_model_of_drive(
+    scenario: Scenario, scene: Scene, drive: Drive | None, motion: DriveMotion | None
+) -> Iterator[str]:
+    """Yield notes on what the model states about a drive, and the drive does otherwise; `motion`: if it is open."""
+    if drive is not None:
+        joints = (motion or drive.open(scene.model, scenario.physics.rate, scene.world.weight)).joints
+        axes = {name: axis_in_base(scene.model, scene.model.joints_by_name[name]) for name in sorted(joints)}
+        turning = {name: axis for name, axis in axes.items() if scene.model.joints_by_name[name].type == "continuous"}
+        if (note := opposed_note(turning)) is not None:
+            yield note
+        if scenario.robot.drive is None:
+            yield from ignored_statements(scene.model, drive.source(scene.model), joints)

@@ -20,9 +20,9 @@ from sim_action.core.convex import hull_distance
 from sim_action.core.geometry import Pose
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import first_step
-from sim_action.robot.model.link_motion import link_frames
+from sim_action.robot.model.link_motion import Frames, frames_of, link_frames
 from sim_action.simulation.convex_pieces import Obstacle, Piece, link_pieces, part_pieces, part_soups, turned
-from sim_action.simulation.tunnelling import FIXED, Block, Miss, Parts
+from sim_action.simulation.fast_motion import FIXED, Block, Miss, Parts
 from sim_action.state.trace import FloatArray
 from sim_action.world import MAX_SPEED, placed
 
@@ -37,16 +37,6 @@ _SMALL_SWING: Final = 0.1
 _TOUCH_M: Final = 1e-7
 
 _Known = NDArray[np.bool_]
-
-Frames = Pose
-"""A pose whose numbers are columns (T,): the poses of one frame at T moments."""
-
-
-def frames_of(positions_xyz: FloatArray, orientations_xyzw: FloatArray) -> Frames:
-    """Return the poses of positions (T, 3) and unit quaternions (T, 4)."""
-    position: Any = tuple(positions_xyz.T)
-    orientation: Any = tuple(orientations_xyzw.T)
-    return Pose(position, orientation)
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ import pytest
 
 from sim_action.core.field_types import Placement
 from sim_action.robot.model.robot_spec import Robot
-from sim_action.simulation.watchdog import Watchdog
+from sim_action.simulation.guards import Watchdog
 from sim_action.state.command import JointTargets
 from sim_action.world import GRAVITY, Body, Cylinder, Ground, Sphere, World
 from tests.integration.engines import (

@@ -13,12 +13,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_action.core.errors import MissedContact, SimulationUnstable
+from sim_action.core.errors import MissedContact, RunError, SimulationUnstable
 from sim_action.core.geometry import quaternion_from_rpy, rotate
 from sim_action.core.permissions import Permissions
 from sim_action.scenario.loading import build_scene, load_scenario
+from sim_action.simulation.guards import Tunnelling
 from sim_action.simulation.loop import SimulationRun, simulate
-from sim_action.simulation.tunnelling import Tunnelling
 from sim_action.state.trace import FloatArray
 from sim_action.world import World
 from tests.integration.engines import at, on_every_engine, running, scene_of
@@ -96,7 +96,7 @@ def robot_shot(folder: Path, engine: str, shot: Shot, **wall: Any) -> Simulation
     )
 
 
-def body_shot(folder: Path, engine: str, shot: Shot, **wall: Any) -> tuple[FloatArray, MissedContact | None]:
+def body_shot(folder: Path, engine: str, shot: Shot, **wall: Any) -> tuple[FloatArray, RunError | None]:
     """Shoots a body of the world; its places (T + 1, 3) at each step, and the error."""
     ball = {"name": "shot", "sphere": {"radius": shot.radius}, "mass": 0.5}
     ball |= {"pose": {"x": shot.start, "y": shot.aside, "z": HEIGHT}}

@@ -12,7 +12,7 @@ import pytest
 from sim_action.engines import installed
 from sim_action.scenario.loading import build_scene
 from sim_action.simulation.loop import SimulationRun, simulate
-from sim_action.simulation.model_notes import BOLTED
+from sim_action.simulation.start_checks import BOLTED
 from tests.scenarios import load
 
 DRIVES: Final = Path(__file__).parents[2] / "examples/drives"

@@ -13,7 +13,7 @@ from sim_action.drives import recognise
 from sim_action.scenario.mutation import Mutation
 from sim_action.sensors import Sight
 from sim_action.simulation.mutations import MutantSeams, heavier, partners, without_motor
-from sim_action.simulation.seams import UNTOUCHED, seams_of
+from sim_action.simulation.seams import UNTOUCHED
 from sim_action.state.command import Answer, JointTargets, LinkWrench
 from sim_action.state.readings import ImuReading
 from tests.traces import WHEELS, scene
@@ -28,12 +28,11 @@ def answered(mutation: Mutation, answer: Answer) -> Answer:
 
 
 def test_without_a_mutation_nothing_is_wrapped() -> None:
-    assert seams_of(None, scene()) is UNTOUCHED
     controller, here = OpenLoop(lambda _: None), scene()
     assert UNTOUCHED.controller(controller) is controller
     assert UNTOUCHED.scene(here) is here
     assert not UNTOUCHED.runs_on
-    assert seams_of(Mutation(), here).runs_on
+    assert MutantSeams(Mutation(), here).runs_on
 
 
 @pytest.mark.parametrize(

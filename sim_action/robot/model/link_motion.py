@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 # Keeps the rates of a ball joint finite where its angles about x and z cannot be told apart.
 _POLE: Final = 1e-30
 
+Frames = Pose
+"""A pose whose numbers are columns (T,): the poses of one frame at T moments."""
+
 
 @dataclass(frozen=True, eq=False)
 class LinkMotion:
@@ -84,6 +87,13 @@ def link_motion(model: RobotModel, trace: Trace, link: str) -> LinkMotion:
     groups = (pose.position_xyz, pose.orientation_xyzw, twist.linear_xyz, twist.angular_xyz)
     rows = [np.column_stack([np.broadcast_to(column, count) for column in group]) for group in groups]
     return LinkMotion(*rows)
+
+
+def frames_of(positions_xyz: FloatArray, orientations_xyzw: FloatArray) -> Frames:
+    """Return the poses of positions (T, 3) and unit quaternions (T, 4)."""
+    position: Any = tuple(positions_xyz.T)
+    orientation: Any = tuple(orientations_xyzw.T)
+    return Pose(position, orientation)
 
 
 def link_frames(model: RobotModel, base: Pose, positions: FloatArray) -> dict[str, Pose]:

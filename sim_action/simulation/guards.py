@@ -1,34 +1,54 @@
-"""The watchdog: it checks at every step that the state is physically possible, else the run has no verdict.
+"""The guards of a run: each looks at every physics step, and ends a run that can have no verdict.
 
-It detects values that are not numbers, speeds that explode (in an engine they often stay finite, see
-`world.MAX_SPEED`), and a robot that falls through the ground: such a robot would stay upright for ever.
+The watchdog checks that the state is physically possible. It detects values that are not numbers, speeds that explode
+(in an engine they often stay finite, see `world.MAX_SPEED`), and a robot that falls through the ground: such a robot
+would stay upright for ever.
 
 The ground fills all space below z = 0. The distance from the base link's origin to the nearest collision shape is at
 most the sum of the joint offsets on the way there. If the origin is deeper than that, the shape is inside the ground.
 One more metre is allowed for a fast fall within one step, and for meshes away from their own origin. Smaller sinking
 is not detected. A fixed base cannot sink.
+
+Tunnelling: an engine looks for contacts at the poses of each step only. A ball of 4 cm that moves 25 cm in a step can
+be in front of a thin wall at one step and behind it at the next. Such a run would pass `no_collision`. No expectation
+sees a contact between two bodies of the world. So a body whose centre moves into or through another one in such a step
+is reported also if they touch at an end of the step: the engine may push it out on the far side. Few runs are that
+fast, see `fast_motion`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from typing import Final, Self
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING, Final, Self
 
 import numpy as np
+from typing_extensions import override
 
-from sim_action.core.errors import SimulationUnstable
+from sim_action.core import units
+from sim_action.core.errors import MissedContact, RunError, SimulationUnstable
 from sim_action.core.records import dataclass
 from sim_action.robot.model.robot_model import Joint, RobotModel
-from sim_action.state.observation import Observation
+from sim_action.simulation.fast_motion import Block, Miss, Parts
+from sim_action.state.observation import Clash, Observation, Overlap
 from sim_action.state.trace import FloatArray, Trace
-from sim_action.world import MAX_SPEED, Physics
+from sim_action.world import MAX_PHYSICS_RATE_HZ, MAX_SPEED, Physics
 from sim_action.world.scene import Scene
+
+if TYPE_CHECKING:
+    from sim_action.simulation.swept_search import SweptSearch
+
+NO_BODIES: Final = np.empty((0, 0, 7))
+"""The poses of no bodies."""
 
 _SINK_MARGIN_M: Final = 1.0
 # Three components of at most this size have a norm below 1.
 _IN_EACH_DIRECTION: Final = 1 / math.sqrt(3) - 1e-9
 _ANY_NUMBER: Final = float(np.finfo(np.float64).max)
+
+# A contact is seen early enough to push a body back if the body is not further inside than half of its size.
+_STEPS_WITHIN: Final = 2
+_LEAST_SIZE_M: Final = 1e-6
 
 _EXPLODES: Final = (
     "usual causes: an inertia that is too small for the forces, time steps that are too long (raise physics.rate), "
@@ -38,6 +58,24 @@ _SINKS: Final = (
     "usual causes: no collision shape that carries the robot, a start below the ground (robot.pose.z), "
     "an inertia that does not fit mass and size, time steps that are too long (raise physics.rate)"
 )
+
+
+class Guard:
+    """A guard of one run. It gets every block of steps in order, from t = 0 on."""
+
+    def watch(self, trace: Trace, bodies: FloatArray) -> tuple[Trace, RunError | None]:
+        """Return the moments before the first one that can have no verdict, and its error.
+
+        :param bodies: the poses (T, M, 7) of the bodies with a mass; rows beyond the end of `trace` are ignored.
+        """
+        return trace, None
+
+    def judged(self, trace: Trace, touching: Iterable[Overlap | Clash]) -> None:
+        """Take the moments that the expectations have judged, and the contacts of the last of them."""
+
+    def notes(self, end: float) -> Iterable[str]:
+        """Return notes on a run that ended at this sim time in s."""
+        return ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,7 +113,7 @@ class _Watch:
 
 
 @dataclass(frozen=True, eq=False)
-class Watchdog:
+class Watchdog(Guard):
     """The bounds of a physical state.
 
     Attributes:
@@ -98,8 +136,8 @@ class Watchdog:
         centre[1:4] = position
         return cls(physics, model, _depth(scene, position[2]), centre, _safe(physics, model.moving_joints))
 
-    def watch(self, trace: Trace) -> tuple[Trace, SimulationUnstable | None]:
-        """Return the moments that are physical, and the error of the next one."""
+    @override
+    def watch(self, trace: Trace, bodies: FloatArray = NO_BODIES) -> tuple[Trace, RunError | None]:
         # Comparisons with NaN are False.
         plainly = (np.abs(trace.state - self.centre) <= self.safe).all()
         if plainly and (trace.base_position_xyz[:, 2] > -self.depth).all():
@@ -183,3 +221,67 @@ def _way_to_shape(model: RobotModel) -> float:
 
 def _stroke(joint: Joint) -> float:
     return max(abs(joint.lower or 0.0), abs(joint.upper or 0.0)) if joint.type == "prismatic" else 0.0
+
+
+class Tunnelling(Guard):
+    """Watches a run for bodies that pass through others within one step."""
+
+    def __init__(self, scene: Scene, start: Observation, bodies: FloatArray, *, solid_terrain: bool) -> None:
+        """Begin at t = 0.
+
+        :param bodies: the poses (M, 7) of the bodies with a mass at t = 0, in the order of the world.
+        :param solid_terrain: True if the engine fills heightfields below their surface.
+        """
+        self._rate = scene.physics.rate
+        self._last, self._last_bodies = Trace.of_observation(start).state[0], bodies
+        self._parts = Parts(scene, solid_terrain=solid_terrain)
+        self._calm = self._parts.calm_state()
+        self._search: SweptSearch | None = None
+
+    @override
+    def watch(self, trace: Trace, bodies: FloatArray) -> tuple[Trace, RunError | None]:
+        count = len(trace)
+        if not count:
+            return trace, None
+        if (np.abs(trace.state[:, 8 : 8 + len(self._calm)]) <= self._calm).all():
+            self._last = trace.state[-1]
+            return trace, None
+        poses = np.concatenate((self._last_bodies[None], bodies[:count]))
+        block = Block(self._last, trace, poses)
+        self._last, self._last_bodies = trace.state[-1], poses[-1]
+        pairs = self._parts.fast_pairs(block)
+        if not pairs:
+            return trace, None
+        miss = self._searcher().first_miss(block, pairs)
+        if miss is None:
+            return trace, None
+        error = self._error(miss, float(trace.time[miss.row]))
+        return trace.first(miss.row) if miss.row else trace.rows(slice(0)), error
+
+    def _searcher(self) -> SweptSearch:
+        """Return the search, which few runs need."""
+        if self._search is None:
+            from sim_action.simulation.swept_search import SweptSearch
+
+            self._search = SweptSearch(self._parts)
+        return self._search
+
+    def _error(self, miss: Miss, time: float) -> MissedContact:
+        way, extent = (units.display(length, "m", 3) for length in (miss.way, miss.extent))
+        thick = f"{units.display(miss.thickness, 'm', 3)} thick" if miss.thickness else "a surface without thickness"
+        speed = units.display(miss.way * self._rate, "m/s", 3)
+        seen = "with a contact that came too late" if miss.is_late else "without a contact"
+        # A multiple of the present rate suits all ticks that suit it.
+        size = max(miss.extent + miss.thickness, _LEAST_SIZE_M)
+        wanted = math.ceil(_STEPS_WITHIN * miss.way / size) * self._rate
+        remedy = (
+            f"set physics.rate to {wanted:.10g} Hz or more"
+            if wanted <= MAX_PHYSICS_RATE_HZ
+            else f"no physics.rate up to {MAX_PHYSICS_RATE_HZ:,.0f} Hz would see it: make it slower or thicker"
+        )
+        return MissedContact(
+            f"{miss.mover} passed through {miss.body} {seen}, in the step that ends at {time:.4f} s: it "
+            f"moved {way} ({speed} at {self._rate:g} Hz), but it is only {extent} long in that direction, and "
+            f"{miss.body} is {thick}; {remedy}",
+            keys=("physics", "rate"),
+        )

@@ -19,8 +19,8 @@ from sim_action.robot.model.robot_model import Joint, JointType, Link, RobotMode
 from sim_action.robot.reading.urdf import read_urdf
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.scenario.model import DrivenRobot
+from sim_action.simulation.guards import Watchdog
 from sim_action.simulation.loop import SimulationRun, simulate
-from sim_action.simulation.watchdog import Watchdog
 from sim_action.state.observation import Observation
 from sim_action.state.trace import Trace
 from sim_action.world import MAX_SPEED, Physics

@@ -1,44 +1,30 @@
-"""Find bodies that pass through others within one physics step, so that the engine sees no contact.
+"""Bounds on the motion of links and bodies in a step: which of them are fast enough to pass through each other.
 
-An engine looks for contacts at the poses of each step only. A ball of 4 cm that moves 25 cm in a step can be in front
-of a thin wall at one step and behind it at the next. Such a run would pass `no_collision`, so it has no verdict.
-No expectation sees a contact between two bodies of the world. So a body whose centre moves into or through another one
-in such a step is reported also if they touch at an end of the step: the engine may push it out on the far side.
-
-Few runs are that fast. The speeds of each block of steps give an upper bound on the motion of each link and body in a
-step. Only if it exceeds the width of the link or body and of what it may meet, `swept_search` looks at each step.
+The speeds of each block of steps give an upper bound on the motion of each link and body in a step. Only if it exceeds
+the width of the link or body and of what it may meet, `swept_search` looks at each step.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
-from sim_action.core import units
-from sim_action.core.errors import MissedContact
 from sim_action.engines.motion_bound import motion_factors
 from sim_action.robot.model.robot_model import Shape
-from sim_action.state.observation import Observation
 from sim_action.state.trace import FloatArray, Trace
-from sim_action.world import MAX_PHYSICS_RATE_HZ, MAX_SPEED, Body, path_of
+from sim_action.world import MAX_SPEED, Body, path_of
 from sim_action.world.body_path import PosePath
 from sim_action.world.parts import BoxPart, CylinderPart, Part, SpherePart, reach
 from sim_action.world.scene import Scene
 
-if TYPE_CHECKING:
-    from sim_action.simulation.swept_search import SweptSearch
-
 FIXED: Final = -1
 """The number of the obstacle that is all fixed bodies."""
 
-# A contact is seen early enough to push a body back if the body is not further inside than half of its size.
-_STEPS_WITHIN: Final = 2
 # A mesh is several hulls, each thinner than the mesh, and its bounding box may be skew.
 _HULL_SHARE: Final = 0.1
-_LEAST_SIZE_M: Final = 1e-6
 
 
 class Miss(NamedTuple):
@@ -182,73 +168,6 @@ class Block:
             self.moved = np.sqrt(np.square(np.diff(poses[:, :, :3], axis=0)).sum(axis=2))
             alike = np.abs((poses[1:, :, 3:] * poses[:-1, :, 3:]).sum(axis=2))
             self.turned = 2 * np.arccos(np.minimum(alike, 1.0))
-
-
-class Tunnelling:
-    """Watches a run for bodies that pass through others within one step. It gets every block of steps in order."""
-
-    def __init__(self, scene: Scene, start: Observation, bodies: FloatArray, *, solid_terrain: bool) -> None:
-        """Begin at t = 0.
-
-        :param bodies: the poses (M, 7) of the bodies with a mass at t = 0, in the order of the world.
-        :param solid_terrain: True if the engine fills heightfields below their surface.
-        """
-        self._rate = scene.physics.rate
-        self._last, self._last_bodies = Trace.of_observation(start).state[0], bodies
-        self._parts = Parts(scene, solid_terrain=solid_terrain)
-        self._calm = self._parts.calm_state()
-        self._search: SweptSearch | None = None
-
-    def watch(self, trace: Trace, bodies: FloatArray) -> tuple[Trace, MissedContact | None]:
-        """Return the moments before the first missed contact, and its error.
-
-        :param bodies: the poses (T, M, 7) of the bodies with a mass; rows beyond the end of `trace` are ignored.
-        """
-        count = len(trace)
-        if not count:
-            return trace, None
-        if (np.abs(trace.state[:, 8 : 8 + len(self._calm)]) <= self._calm).all():
-            self._last = trace.state[-1]
-            return trace, None
-        poses = np.concatenate((self._last_bodies[None], bodies[:count]))
-        block = Block(self._last, trace, poses)
-        self._last, self._last_bodies = trace.state[-1], poses[-1]
-        pairs = self._parts.fast_pairs(block)
-        if not pairs:
-            return trace, None
-        miss = self._searcher().first_miss(block, pairs)
-        if miss is None:
-            return trace, None
-        error = self._error(miss, float(trace.time[miss.row]))
-        return trace.first(miss.row) if miss.row else trace.rows(slice(0)), error
-
-    def _searcher(self) -> SweptSearch:
-        """Return the search, which few runs need."""
-        if self._search is None:
-            from sim_action.simulation.swept_search import SweptSearch
-
-            self._search = SweptSearch(self._parts)
-        return self._search
-
-    def _error(self, miss: Miss, time: float) -> MissedContact:
-        way, extent = (units.display(length, "m", 3) for length in (miss.way, miss.extent))
-        thick = f"{units.display(miss.thickness, 'm', 3)} thick" if miss.thickness else "a surface without thickness"
-        speed = units.display(miss.way * self._rate, "m/s", 3)
-        seen = "with a contact that came too late" if miss.is_late else "without a contact"
-        # A multiple of the present rate suits all ticks that suit it.
-        size = max(miss.extent + miss.thickness, _LEAST_SIZE_M)
-        wanted = math.ceil(_STEPS_WITHIN * miss.way / size) * self._rate
-        remedy = (
-            f"set physics.rate to {wanted:.10g} Hz or more"
-            if wanted <= MAX_PHYSICS_RATE_HZ
-            else f"no physics.rate up to {MAX_PHYSICS_RATE_HZ:,.0f} Hz would see it: make it slower or thicker"
-        )
-        return MissedContact(
-            f"{miss.mover} passed through {miss.body} {seen}, in the step that ends at {time:.4f} s: it "
-            f"moved {way} ({speed} at {self._rate:g} Hz), but it is only {extent} long in that direction, and "
-            f"{miss.body} is {thick}; {remedy}",
-            keys=("physics", "rate"),
-        )
 
 
 def _least_width(shape: Shape) -> float:
