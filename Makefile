@@ -81,15 +81,15 @@ viewer: ## what report.html draws runs in 3D with; without Node.js it draws them
 	else echo "There is no Node.js of at least 20 with npm: report.html is made without its 3D viewer"; fi
 
 lint-viewer: ## types of all scripts of report.html
-	@if $(HAS_NODE); then $(MAKE) --no-print-directory web/node_modules/.installed && cd web && $(WITH_NODE) npm run --silent check; \
+	@if $(HAS_NODE); then $(MAKE) --no-print-directory tools/viewer/node_modules/.installed && cd tools/viewer && $(WITH_NODE) npm run --silent check; \
 	else echo "There is no Node.js of at least 20 with npm: types of report.html's scripts are not checked"; fi
 
-web/node_modules/.installed: web/package.json web/package-lock.json
-	$(WITH_NODE) npm ci --prefix web --loglevel error >/dev/null
+tools/viewer/node_modules/.installed: tools/viewer/package.json tools/viewer/package-lock.json
+	$(WITH_NODE) npm ci --prefix tools/viewer --loglevel error >/dev/null
 	@touch $@
 
-$(VIEWER): web/node_modules/.installed web/build.mjs $(wildcard web/src/*.ts)
-	$(WITH_NODE) node web/build.mjs
+$(VIEWER): tools/viewer/node_modules/.installed tools/viewer/build.mjs $(wildcard tools/viewer/src/*.ts)
+	$(WITH_NODE) node tools/viewer/build.mjs
 
 lint-workflows: $(VENV)/.dev $(VENV)/.node ## actions, workflows and Dockerfile: schemas, GitHub's own parser, actionlint, security
 	$(BIN)/check-jsonschema --builtin-schema vendor.github-actions $(ACTIONS)
@@ -192,4 +192,4 @@ for-tests: $(VENV)/.dev
 	@$(MAKE) --no-print-directory --jobs 2 $(VENV)/.node $(VENV)/.ros2
 
 clean:
-	rm -rf $(VENV) tools/workflows/node_modules web/node_modules $(VIEWER) sim-results docs/_site
+	rm -rf $(VENV) tools/workflows/node_modules tools/viewer/node_modules $(VIEWER) sim-results docs/_site

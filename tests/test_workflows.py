@@ -347,9 +347,7 @@ def test_dependabot_proposes_all_actions_and_packages_and_waits_a_week() -> None
         *("/", "/examples/workflows", "/examples/demo/.github/workflows"),
         *(folder for folder in actions if folder != "/"),
     }
-    npm = {f"/{file.parent.relative_to(ROOT).as_posix()}" for file in ROOT.glob("*/package.json")} | {
-        "/tools/workflows"
-    }
+    npm = {f"/{file.parent.relative_to(ROOT).as_posix()}" for file in ROOT.glob("tools/*/package.json")}
     assert {folder for ecosystem, folder in watched if ecosystem == "npm"} == npm
     assert {folder for ecosystem, folder in watched if ecosystem == "pip"} == {"/", "/tools/release"}
 

@@ -25,18 +25,18 @@ class ViewerBuildHook(BuildHookInterface[Any]):
         root = Path(self.root)
         # An editable installation reads the tree itself, and `make viewer` is for that.
         if version != "editable" and not (root / VIEWER).exists():
-            self._build(root / "web")
+            self._build(root / "tools/viewer")
         if (root / VIEWER).exists():
             build_data["artifacts"].append(VIEWER)
 
-    def _build(self, web: Path) -> None:
+    def _build(self, sources: Path) -> None:
         npm = shutil.which("npm")
-        if npm is None or shutil.which("node") is None or not web.is_dir():
+        if npm is None or shutil.which("node") is None or not sources.is_dir():
             self.app.display_warning("there is no Node.js: report.html is packaged without its 3D viewer")
             return
         try:
             for command in (("ci", "--ignore-scripts"), ("run", "--silent", "build")):
-                subprocess.run([npm, *command], cwd=web, check=True, capture_output=True, text=True)
+                subprocess.run([npm, *command], cwd=sources, check=True, capture_output=True, text=True)
         except subprocess.CalledProcessError as error:
             last = "\n".join(error.stderr.splitlines()[-5:])
             self.app.display_warning(f"report.html is packaged without its 3D viewer: {last}")

@@ -55,7 +55,7 @@ def packages(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
             for step in ("Build the viewer", "Build the sdists"):
                 ran = machine.run("build", step, source)
                 assert ran.returncode == 0, ran.stdout[-2000:] + ran.stderr[-2000:]
-            assert machine.called("npm") == ["ci --prefix web"] * 2
+            assert machine.called("npm") == ["ci --prefix tools/viewer"] * 2
     return machine.temp / "dist1"
 
 
@@ -194,7 +194,7 @@ LISTING = 'while test "$1" != --output-file; do shift; done; echo "{}" > "$2"'
 
 
 def test_the_text_and_the_list_of_packages_are_written(tmp_path: Path) -> None:
-    shutil.copytree(ROOT / "docs", tmp_path / "docs", ignore=shutil.ignore_patterns("_site"))
+    shutil.copytree(ROOT / "tools/release", tmp_path / "tools/release")
     (tmp_path / "CHANGELOG.md").write_text(f"## {__version__} (2026-11-30)\n\nThe text.\n")
     (tmp_path / "pyproject.toml").write_text((ROOT / "pyproject.toml").read_text(encoding="utf-8"), encoding="utf-8")
     for name in ("dist1", "plugin1", "viewer1"):

@@ -1,4 +1,4 @@
-"""`report.html` in a real browser: Chromium, driven by web/tests/check.mjs."""
+"""`report.html` in a real browser: Chromium, driven by tools/viewer/tests/check.mjs."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from tests.replays import drive, kept, seen
 from tests.reports.html.gates import grid_of_runs, inconclusive_gate
 
 ROOT = Path(__file__).parents[2]
-WEB = ROOT / "web"
+WEB = ROOT / "tools/viewer"
 # `make test` brings Node.js along where the machine has none.
 NODE = shutil.which("node", path=f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}")
 BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
@@ -48,7 +48,7 @@ missing = next(
         for there, words in (
             (NODE, "there is no Node.js"),
             (BROWSER, "there is neither chromium nor google-chrome"),
-            ((WEB / "node_modules").exists(), "`npm ci` has not been run in web/"),
+            ((WEB / "node_modules").exists(), "`npm ci` has not been run in tools/viewer/"),
             (document.viewer(), "the viewer has not been built: `make viewer`"),
         )
         if not there

@@ -1,4 +1,4 @@
-"""The 3D viewer of report.html, built from web/: always the same bytes, from sources that name no registry."""
+"""The 3D viewer of report.html, built from tools/viewer/: always the same bytes, from sources that name no registry."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from pathlib import Path
 
 import pytest
 
-WEB = Path(__file__).parents[2] / "web"
+WEB = Path(__file__).parents[2] / "tools/viewer"
 NODE = shutil.which("node", path=f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}")
 
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     if NODE is None or not (WEB / "node_modules").exists():
-        pytest.skip("`npm ci` has not been run in web/, or there is no Node.js")
+        pytest.skip("`npm ci` has not been run in tools/viewer/, or there is no Node.js")
     return build(tmp_path_factory.mktemp("built") / "viewer3d.json")
 
 

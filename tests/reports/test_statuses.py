@@ -133,7 +133,7 @@ def test_not_exercised_has_a_colour_of_its_own() -> None:
 
 @pytest.mark.parametrize("status", EXPECTATION_STATUSES)
 def test_the_types_of_the_viewer_have_each_status(status: ExpectationStatus) -> None:
-    types = (ROOT / "web/src/page.d.ts").read_text(encoding="utf-8")
+    types = (ROOT / "tools/viewer/src/page.d.ts").read_text(encoding="utf-8")
     unions = re.findall(r'^  status: (.*"failed");$', types, re.MULTILINE)
     assert len(unions) == 2
     assert all(f'"{status}"' in union for union in unions)

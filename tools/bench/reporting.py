@@ -68,7 +68,7 @@ def opening_cost() -> float:
     return float(printed.stdout) / 1000
 
 
-def opening_command(web: Path = ROOT / "web") -> list[str]:
+def opening_command(web: Path = ROOT / "tools/viewer") -> list[str]:
     """Return Node.js, the script that opens a page, and the browser. Raises NotMeasuredError naming what is missing."""
     node = shutil.which("node", path=f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}")
     if node is None:

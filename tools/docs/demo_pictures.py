@@ -78,7 +78,7 @@ def take(page: Path, picture: str, size: tuple[int, int], colours: str, selector
     browser = shutil.which("chromium") or shutil.which("google-chrome")
     if browser is None:
         raise SystemExit("there is neither chromium nor google-chrome to take pictures with")
-    script, target = ROOT / "web/tests/screenshot.mjs", DEMO / "images" / picture
+    script, target = ROOT / "tools/viewer/tests/screenshot.mjs", DEMO / "images" / picture
     subprocess.run(["node", script, page, target, *map(str, size), browser, colours, selector], check=True)
     # 256 colours are enough for these pages, and a third of the size.
     with Image.open(target) as image:

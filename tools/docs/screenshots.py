@@ -111,7 +111,7 @@ def main() -> None:
 
     def take(page: Path, picture: str, size: tuple[int, int], *seen: str) -> None:
         path = ROOT / "docs/images" / picture
-        script = ROOT / "web/tests/screenshot.mjs"
+        script = ROOT / "tools/viewer/tests/screenshot.mjs"
         subprocess.run(["node", script, page, path, *map(str, size), browser, colours, *seen], check=True)
         # A third of the size, and no difference to be seen.
         Image.open(path).convert("RGB").quantize(256).save(path, optimize=True)

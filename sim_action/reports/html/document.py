@@ -62,7 +62,7 @@ LIVE_SCRIPT: Final = "live.js"
 _LIVE_STYLE: Final = "live.css"
 
 VIEWER: Final = "viewer3d.json"
-"""The 3D viewer, built from `web/`; it is missing in a checkout where it was not built."""
+"""The 3D viewer, built from `tools/viewer/`; it is missing in a checkout where it was not built."""
 
 _REMARK: Final = re.compile(r"/\*\*.*?\*/|^ *// [^\n]*$", re.DOTALL | re.MULTILINE)
 _INDENT: Final = re.compile(r"^ +|\n+(?=\n)", re.MULTILINE)

@@ -15,7 +15,7 @@ import { lean } from "./shaders.mjs";
 const here = fileURLToPath(new URL(".", import.meta.url));
 // Whoever hands three.js on hands its licence on.
 const licence = readFileSync(`${here}node_modules/three/LICENSE`, "utf8").trim();
-const file = process.argv[2] ?? `${here}../sim_action/reports/viewer/viewer3d.json`;
+const file = process.argv[2] ?? `${here}../../sim_action/reports/viewer/viewer3d.json`;
 
 const built = await build({
   entryPoints: ["src/view3d.ts"],
