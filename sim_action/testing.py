@@ -124,16 +124,17 @@ def _check_part(spec: Assertion | Sensor, table: Table[Any], problems: _Problems
 
 
 def _why_not_installed(spec: Assertion | Sensor, table: Table[Any]) -> str | None:
-    if spec.key in table:
-        return f"sim-action has {table.kind} '{spec.key}' itself; choose another key"
-    if spec.key not in table.installed():
+    name = spec.key
+    if name in table:
+        return f"sim-action has {table.kind} '{name}' itself; choose another key"
+    if name not in table.installed():
         where = f'[project.entry-points."{table.group}"]'
         return f"no installed package has it; name the class below {where}, and install the package (pip install -e .)"
     try:
-        found = table.load(spec.key)
+        found = table.load(name)
     except PackageProblem as problem:
         return str(problem)
-    return None if found is type(spec) else f"{table.installed()[spec.key]} is another class: {found.__module__}"
+    return None if found is type(spec) else f"{table.installed()[name]} is another class: {found.__module__}"
 
 
 def _why_not_frozen(spec: Assertion | Sensor, _: Table[Any]) -> str | None:
@@ -226,7 +227,7 @@ def _watched(spec: Assertion, scenario: Scenario) -> list[_Watched]:
     if isinstance(source, Refused):
         raise source.error
     loaded = checked(source, Permissions(outside=True), evaluate=True)
-    kept = [each for each in loaded.scenario.expect if each.assertion.key == spec.key]
+    kept = [each for each in loaded.scenario.expect if type(each.assertion) is type(spec)]
     shown = [_Shown.model_construct(inner=each.assertion, seen=_Seen()) for each in kept]
     expect = tuple(
         replace(each, assertion=spy, after=0.0, before=math.inf, span=None)

@@ -17,8 +17,10 @@ from sim_action.assertions.monitors.window import Window
 from sim_action.core.field_types import FrozenModel
 from sim_action.core.registry import Table
 from sim_action.core.workspace import Workspace
+from sim_action.core.yaml_document import KeyPath
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.trace_channels import Channels
+from sim_action.world.claims import Ceiling, ClaimFinding, Findings, JudgedRun, Setting
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -44,6 +46,21 @@ class Assertion(FrozenModel):
 
     measured_unit: ClassVar[str | None] = None
     """The unit of what it measures, an SI symbol; None if the scenario or the run decides it."""
+
+    ceilings: ClassVar[tuple[Ceiling, ...]] = ()
+    """The greatest values that its limits can have in any run."""
+
+    sees_shapes: ClassVar[bool] = False
+    """True if it judges contacts or distances, which only links with a collision shape have."""
+
+    has_golden: ClassVar[bool] = False
+    """True if it compares the run with a golden trajectory."""
+
+    more_moments: ClassVar[str] = "run for longer"
+    """The advice for a run in which it was judged at one moment only."""
+
+    slow_modules: ClassVar[tuple[str, ...]] = ()
+    """Modules that its monitor imports, and that few runs need."""
 
     @classmethod
     def __pydantic_init_subclass__(cls, **_: object) -> None:
@@ -169,9 +186,49 @@ class Assertion(FrozenModel):
         """Yield everything that does not fit the sensors of the scenario. `kinds` maps sensor name to kind."""
         yield from ()
 
+    @property
+    def names_links(self) -> bool:
+        """True if it judges only the links of the robot that the user names."""
+        return False
+
+    @property
+    def is_over_time(self) -> bool:
+        """True if an invariant is judged at many moments, so that one moment is a remark."""
+        return True
+
+    def claims(self, setting: Setting) -> Findings:
+        """Yield the findings of the audit of claims that are visible without the robot model."""
+        yield from self.limits_beyond(setting)
+
+    def limits_beyond(self, setting: Setting, *, of_base: bool = True) -> Findings:
+        """Yield the limits that no run exceeds; without `of_base`, only those that hold for any link or body."""
+        for ceiling in self.ceilings:
+            if (of_base or not ceiling.is_of_base) and (finding := ceiling.finding(self, setting)) is not None:
+                yield finding
+
+    def robot_claims(self, scene: Scene) -> Findings:
+        """Yield the findings of the audit of claims that need the robot model or other files."""
+        yield from ()
+
+    def run_claims(self, run: JudgedRun) -> Findings:
+        """Yield the findings of the audit of claims after a run; only an entry of `expect` itself is asked."""
+        yield from ()
+
+    def standstill(self, run: JudgedRun) -> ClaimFinding | None:
+        """Return the finding that what it judges never moved in a run that passed, else None."""
+        return None
+
+    def placed_leaves(self) -> Iterator[tuple[KeyPath, Assertion]]:
+        """Yield the assertions that judge the robot, each with the keys that lead to its value.
+
+        They are the parts of a combined assertion, or the assertion itself.
+        """
+        yield (self.key,), self
+
     def leaves(self) -> Iterator[Assertion]:
         """Yield the assertions that judge the robot: the parts of a combined assertion, or the assertion itself."""
-        yield self
+        for _, leaf in self.placed_leaves():
+            yield leaf
 
 
 def shortened_title(title: str) -> str:

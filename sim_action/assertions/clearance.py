@@ -18,11 +18,12 @@ from sim_action.core import units
 from sim_action.core.field_types import PositiveMetres
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
-from sim_action.core.wording import FirstFew, did_you_mean
+from sim_action.core.wording import FirstFew, did_you_mean, quoted
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.joint_selection import links_with_shapes
 from sim_action.state.trace_channels import Channels, ClearanceWatch
 from sim_action.state.verdict import Judged, Mark, Polyline, Signal, Verdict
+from sim_action.world.claims import ClaimFinding, Findings
 from sim_action.world.distance_lines import distance_lines
 from sim_action.world.ground import GROUND
 from sim_action.world.scene import Scene
@@ -43,6 +44,7 @@ class Clearance(Assertion):
 
     key: ClassVar[str] = "clearance"
     measured_unit: ClassVar[str | None] = "m"
+    sees_shapes: ClassVar[bool] = True
 
     at_least: Annotated[PositiveMetres | None, Field(description="an invariant: minimum distance")] = None
     at_most: Annotated[PositiveMetres | None, Field(description="a goal: the distance must fall to this value")] = None
@@ -63,6 +65,21 @@ class Clearance(Assertion):
     def chosen(self) -> tuple[str, ...] | None:
         """The names of the links whose distance counts; None for all."""
         return self.links if self.link is None else (self.link,)
+
+    @property
+    @override
+    def names_links(self) -> bool:
+        return self.chosen is not None
+
+    @override
+    def robot_claims(self, scene: Scene) -> Findings:
+        """Yield a distance between named links and bodies that cannot move."""
+        objects = scene.world.objects
+        moving = {body.name for body in objects if body.mass is not None or body.path}
+        bodies = {body.name for body in objects} if self.to is None else set(self.to)
+        if self.chosen and scene.bolted_links.issuperset(self.chosen) and moving.isdisjoint(bodies):
+            message = f"clearance checks nothing: neither {quoted(self.chosen)} nor the bodies can move"
+            yield ClaimFinding("fixed-base", (), f"{message}; name a link or a body that moves")
 
     @property
     @override

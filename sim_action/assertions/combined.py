@@ -16,6 +16,7 @@ from sim_action.assertions.monitors.combination import AtOnceMonitor, Combinatio
 from sim_action.assertions.monitors.window import Window
 from sim_action.core.wording import shown
 from sim_action.core.workspace import Workspace
+from sim_action.core.yaml_document import KeyPath
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Mark, Signal
@@ -26,15 +27,12 @@ if TYPE_CHECKING:
     from sim_action.state.trace import Trace
 
 
-Place = tuple[str | int, ...]
-
-
 class Combined(Assertion):
     """The base class of assertions whose YAML value is one assertion or several."""
 
     @classmethod
     @abstractmethod
-    def entries(cls, data: Any) -> Sequence[tuple[Place, Any]]:
+    def entries(cls, data: Any) -> Sequence[tuple[KeyPath, Any]]:
         """Return each assertion in the YAML value with its keys. Raises ValueError for another kind of value."""
 
     @classmethod
@@ -49,13 +47,13 @@ class Combined(Assertion):
 
     @property
     @abstractmethod
-    def placed_parts(self) -> Sequence[tuple[Place, Assertion]]:
+    def placed_parts(self) -> Sequence[tuple[KeyPath, Assertion]]:
         """The parts with the keys that lead to each."""
 
     @override
-    def leaves(self) -> Iterator[Assertion]:
-        for _, part in self.placed_parts:
-            yield from part.leaves()
+    def placed_leaves(self) -> Iterator[tuple[KeyPath, Assertion]]:
+        for place, part in self.placed_parts:
+            yield from (((self.key, *place, *path), leaf) for path, leaf in part.placed_leaves())
 
     @property
     @override
@@ -114,7 +112,7 @@ class Several(Combined):
 
     @classmethod
     @override
-    def entries(cls, data: Any) -> Sequence[tuple[Place, Any]]:
+    def entries(cls, data: Any) -> Sequence[tuple[KeyPath, Any]]:
         if not isinstance(data, tuple) or not data:
             raise ValueError(f"expected a list of assertions, each starting with '- ', found {shown(data)}")
         return [((index,), entry) for index, entry in enumerate(data)]
@@ -131,7 +129,7 @@ class Several(Combined):
 
     @property
     @override
-    def placed_parts(self) -> Sequence[tuple[Place, Assertion]]:
+    def placed_parts(self) -> Sequence[tuple[KeyPath, Assertion]]:
         return [((index,), part) for index, part in enumerate(self.parts)]
 
     @property
@@ -261,7 +259,7 @@ class Negation(Combined):
 
     @classmethod
     @override
-    def entries(cls, data: Any) -> Sequence[tuple[Place, Any]]:
+    def entries(cls, data: Any) -> Sequence[tuple[KeyPath, Any]]:
         return [((), data)]
 
     @classmethod
@@ -277,7 +275,7 @@ class Negation(Combined):
 
     @property
     @override
-    def placed_parts(self) -> Sequence[tuple[Place, Assertion]]:
+    def placed_parts(self) -> Sequence[tuple[KeyPath, Assertion]]:
         return [((), self.part)]
 
     @property

@@ -30,6 +30,7 @@ from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.joint_selection import link_name_problems, links_named, links_with_shapes, matches_name
 from sim_action.state.trace_channels import Channels, ClearanceWatch
 from sim_action.world import MAX_PHYSICS_RATE_HZ
+from sim_action.world.claims import ClaimFinding, Findings, JudgedRun
 from sim_action.world.ground import GROUND
 from sim_action.world.scene import Scene
 
@@ -74,6 +75,7 @@ class Touch(Assertion):
     """
 
     key: ClassVar[str] = "contact"
+    sees_shapes: ClassVar[bool] = True
     bare_value: ClassVar[str | None] = "with"
 
     body: Annotated[str, Field(alias="with", min_length=1, description="name of the object; may be the whole value")]
@@ -104,6 +106,18 @@ class Touch(Assertion):
     def _can_be(self) -> Self:
         check_order(self.at_least, self.at_most, "N")
         return self
+
+    @property
+    @override
+    def names_links(self) -> bool:
+        return self.link is not None
+
+    @override
+    def run_claims(self, run: JudgedRun) -> Findings:
+        if not self.is_goal and run.verdict.passed and run.verdict.measured == 0:
+            message = f"the robot never pressed against {self.body}, so the limit was compared with 0 only"
+            use = f"let it touch {self.body}, or use no_collision if it must not"
+            yield ClaimFinding("never-touched", (), f"{message}; {use}")
 
     @property
     def impulse_limits(self) -> tuple[float | None, float | None]:

@@ -14,6 +14,8 @@ from sim_action.core.field_types import NonNegativeMetres, PositiveMetres
 from sim_action.core.geometry import Vector3
 from sim_action.core.records import dataclass, replace
 from sim_action.state.verdict import Circle, Mark, Signal
+from sim_action.world.claims import UNSTABLE, Ceiling, Findings
+from sim_action.world.link_range import ROUNDING_M, LinkRange
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -58,6 +60,9 @@ class Travel(LengthBounds):
     """
 
     key: ClassVar[str] = "travel"
+    ceilings: ClassVar[tuple[Ceiling, ...]] = (
+        Ceiling("at_most", "m", f"{UNSTABLE}max_distance", lambda setting: setting.physics.max_distance),
+    )
 
     @override
     def opened_on(self, watched: Watched, scene: Scene, start: Observation) -> Monitor:
@@ -70,6 +75,10 @@ class Travel(LengthBounds):
         x, y, _ = start.pose.position_xyz
         return tuple(Circle(x, y, radius) for radius in (self.at_least, self.at_most) if radius)
 
+    @override
+    def range_claims(self, limits: LinkRange) -> Findings:
+        yield from limits.too_wide(2 * limits.radius + ROUNDING_M, "its start", {"at_most": self.at_most})
+
 
 class PathLength(LengthBounds):
     """The length of the driven path reaches `at_least`, or never exceeds `at_most`.
@@ -78,6 +87,14 @@ class PathLength(LengthBounds):
     """
 
     key: ClassVar[str] = "path_length"
+    ceilings: ClassVar[tuple[Ceiling, ...]] = (
+        Ceiling(
+            "at_most",
+            "m",
+            "no path is longer at physics.max_speed until time_limit",
+            lambda setting: setting.physics.max_speed * setting.time_limit,
+        ),
+    )
 
     @override
     def opened_on(self, watched: Watched, scene: Scene, start: Observation) -> Monitor:

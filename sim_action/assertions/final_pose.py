@@ -16,6 +16,8 @@ from sim_action.core import geometry, units
 from sim_action.core.geometry import Pose
 from sim_action.core.records import dataclass, replace
 from sim_action.state.verdict import Mark, Signal, Verdict, line
+from sim_action.world.claims import Findings
+from sim_action.world.link_range import ROUNDING_M, LinkRange
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -42,32 +44,41 @@ class FinalPose(PoseTarget):
 
     @model_validator(mode="after")
     def _is_somewhere(self) -> Self:
-        if not self.place and self.yaw is None and self.orientation is None:
+        if not self.coordinates and self.yaw is None and self.orientation is None:
             raise ValueError("give at least one of 'x', 'y', 'z', 'yaw' and 'orientation'")
         return self
 
     @property
-    def place(self) -> dict[str, float]:
-        """The given coordinates, by axis."""
-        given = {"x": self.x, "y": self.y, "z": self.z}
-        return {axis: value for axis, value in given.items() if value is not None}
-
-    @property
     def place_text(self) -> str:
         """The place as text, such as "(2, 0)" or "x = 2 m"; empty if no coordinate is given."""
-        if "x" in self.place and "y" in self.place:
-            return f"({', '.join(f'{value:g}' for value in self.place.values())})"
-        return ", ".join(f"{axis} = {units.display(value, 'm')}" for axis, value in self.place.items())
+        if "x" in self.coordinates and "y" in self.coordinates:
+            return f"({', '.join(f'{value:g}' for value in self.coordinates.values())})"
+        return ", ".join(f"{axis} = {units.display(value, 'm')}" for axis, value in self.coordinates.items())
+
+    @property
+    @override
+    def is_over_time(self) -> bool:
+        return False
+
+    @override
+    def range_claims(self, limits: LinkRange) -> Findings:
+        if self.coordinates:
+            most = limits.farthest(self.coordinates)
+            if self.relative:
+                most = 2 * limits.radius + ROUNDING_M + math.hypot(*self.coordinates.values())
+            yield from limits.too_wide(most, "this place", {"tolerance": self.tolerance})
+        if not self.relative:
+            yield from super().range_claims(limits)
 
     @override
     def title_of(self, watched: Watched) -> str:
-        within = f"within {units.display(self.tolerance, 'm')}" if self.place else ""
+        within = f"within {units.display(self.tolerance, 'm')}" if self.coordinates else ""
         start = "from the start" if self.relative else ""
         return " ".join(filter(None, (self.key_of(watched), self.place_text, self.facing, within, start)))
 
     @override
     def opened_on(self, watched: Watched, scene: Scene, start: Observation) -> Monitor:
-        place = f"{self.place_text}{watched.inside}" if self.place else ""
+        place = f"{self.place_text}{watched.inside}" if self.coordinates else ""
         angle = self._angle(watched.name, start)
         return FinalPoseMonitor(self, self._origin(watched.name, start), self.approach(place, angle), angle)
 
@@ -144,12 +155,12 @@ class FinalPoseMonitor(Monitor):
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         name = f"distance to {self.nearest.place}"
         curves = self.nearest.drawn(name, trace.time, self._distance(trace), self._angle_error(trace))
-        return tuple(curve.at_end() for curve in (curves if self.spec.place else curves[1:]))
+        return tuple(curve.at_end() for curve in (curves if self.spec.coordinates else curves[1:]))
 
     def verdict(self) -> Verdict:
         """Return the verdict on distance or angle, whichever is worse relative to its tolerance."""
         spec = self.spec
-        errors = [(self.distance, spec.tolerance, "m")] if spec.place else []
+        errors = [(self.distance, spec.tolerance, "m")] if spec.coordinates else []
         errors += [] if self.angle is None else [(self.angle_error, self.angle.tolerance, "rad")]
         error, limit, unit = max(errors, key=lambda error: error[0] / error[1])
         if self.end is None:
@@ -160,7 +171,7 @@ class FinalPoseMonitor(Monitor):
 
     def _errors(self) -> str:
         found = []
-        if self.spec.place:
+        if self.spec.coordinates:
             near, _ = units.display_apart(self.distance, self.spec.tolerance, "m")
             found.append(f"{near} from {self.nearest.place}")
         if self.angle is not None:
@@ -185,7 +196,7 @@ class FinalPoseMonitor(Monitor):
         cosine, sine = math.cos(self.origin.yaw), math.sin(self.origin.yaw)
         x, y, z = from_origin.T
         axes = {"x": cosine * x + sine * y, "y": cosine * y - sine * x, "z": z}
-        squares = [(axes[axis] - value) ** 2 for axis, value in self.spec.place.items()]
+        squares = [(axes[axis] - value) ** 2 for axis, value in self.spec.coordinates.items()]
         return np.asarray(np.sqrt(sum(squares, np.zeros(len(trace)))), dtype=np.float64)
 
     def _angle_error(self, trace: Trace) -> FloatArray | None:

@@ -25,6 +25,8 @@ from sim_action.core.wording import did_you_mean, shown
 from sim_action.core.workspace import PathError, Workspace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.verdict import Circle, Mark, Polyline, Signal, Verdict
+from sim_action.world.claims import Findings
+from sim_action.world.link_range import LinkRange
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -111,6 +113,25 @@ class FollowPath(MotionAssertion):
         if (twice := _twice([point.place for point in self.path or ()])) is not None:
             raise ValueError(f"point {twice + 1} of the path equals the point before it; remove one of them")
         return self
+
+    @property
+    @override
+    def is_over_time(self) -> bool:
+        return self.max_error is not None
+
+    @override
+    def range_claims(self, limits: LinkRange) -> Findings:
+        places = [dict(zip("xyz", point.place, strict=False)) for point in self.path or ()]
+        if places and not self.smooth:
+            most = max(map(limits.farthest, places))
+            yield from limits.too_wide(most, "this path", {"max_error": self.max_error, "rms": self.rms})
+        for index, place in enumerate(places):
+            is_end = self.end is not None and index == len(places) - 1
+            errors = (self.max_error, self.end.tolerance if self.end is not None and is_end else None)
+            tolerance = min((error for error in errors if error is not None), default=math.inf)
+            if findings := list(limits.out_of_reach(("path", index), place, tolerance)):
+                yield findings[0]
+                return
 
     @override
     def title_of(self, watched: Watched) -> str:

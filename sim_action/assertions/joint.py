@@ -17,9 +17,17 @@ from sim_action.core.field_types import JointEffort, JointPosition, JointQuantit
 from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.robot.model.joint_selection import as_written, chosen, name_problem, reading_of, unit_problem
+from sim_action.robot.model.joint_selection import (
+    as_written,
+    bare_angle,
+    chosen,
+    name_problem,
+    reading_of,
+    unit_problem,
+)
 from sim_action.robot.model.robot_model import READINGS, Reading
 from sim_action.state.verdict import Signal
+from sim_action.world.claims import ClaimFinding, Findings
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -96,6 +104,12 @@ class JointReading(Assertion):
                 units.parse(0.0 if written is None else written, dimension)
             except units.UnitError as error:
                 yield (key,), str(error)
+
+    @override
+    def robot_claims(self, scene: Scene) -> Findings:
+        for key, written in self._asked().items() if self.reading == "position" else ():
+            if (problem := bare_angle(scene.model, (self.name,), written)) is not None:
+                yield ClaimFinding("bare-angle", (key,), problem)
 
     @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:
@@ -214,6 +228,13 @@ class JointWithin(Assertion):
                 for index, written in enumerate(bounds):
                     if (misfit := unit_problem(joint, reading, written)) is not None:
                         yield (reading, name, index), misfit
+
+    @override
+    def robot_claims(self, scene: Scene) -> Findings:
+        for name, bounds in self.position.items():
+            for index, bound in enumerate(bounds):
+                if (problem := bare_angle(scene.model, (name,), bound)) is not None:
+                    yield ClaimFinding("bare-angle", ("position", name, index), problem)
 
     @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:

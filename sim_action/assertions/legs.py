@@ -22,6 +22,7 @@ from sim_action.robot.model.joint_selection import link_name_problems, links_nam
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Judged, Signal, Verdict
+from sim_action.world.claims import ClaimFinding, Findings, JudgedRun
 from sim_action.world.ground import GROUND
 from sim_action.world.scene import Scene
 
@@ -110,6 +111,12 @@ class FeetOnGround(Feet):
         named = (("at least", self.at_least), ("at most", self.at_most))
         bounds = ", ".join(f"{name} {value}" for name, value in named if value is not None)
         return f"feet_on_ground {bounds or 'all'} of {', '.join(self.links)}"
+
+    @override
+    def run_claims(self, run: JudgedRun) -> Findings:
+        if self.at_most and run.verdict.passed and run.verdict.measured == 0:
+            message = "no foot was ever on the ground, so the limit was compared with 0 only"
+            yield ClaimFinding("never-touched", (), f"{message}; use at_most: 0 if it must be so")
 
     def problems(self, scene: Scene) -> SpecProblems:
         """Yield the problems of feet, and numbers that cannot be reached or exceeded."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
 
 from pydantic import Field, model_validator
@@ -28,7 +29,7 @@ from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import shown
 from sim_action.core.workspace import PathError
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.robot.model.joint_selection import as_written, chosen, tolerance_problems
+from sim_action.robot.model.joint_selection import as_written, bare_angle, chosen, tolerance_problems
 from sim_action.robot.model.robot_model import Joint
 from sim_action.state.golden_trajectory import (
     RESOLUTION,
@@ -40,6 +41,7 @@ from sim_action.state.golden_trajectory import (
 )
 from sim_action.state.observation import Observation
 from sim_action.state.verdict import Judged, Mark, Polyline, Signal, Verdict
+from sim_action.world.claims import HEADINGS, SINGLE_ROW, Ceiling, ClaimFinding, Findings
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -59,6 +61,12 @@ _MAX_NAMED: Final = 3
 _SAME_TIME_S: Final = 1e-3
 
 
+def single_row(name: str, golden: Golden) -> str:
+    """Return the problem of a golden file with one row."""
+    when = f"at {golden.time[0]:g} s"
+    return f"{name} has one row, {when}, so it compares no motion; record a longer run or window"
+
+
 class Matches(Assertion):
     """The run equals an earlier one, the golden trajectory in the CSV file that `trace` names, within tolerances.
 
@@ -71,6 +79,8 @@ class Matches(Assertion):
     """
 
     key: ClassVar[str] = "matches"
+    has_golden: ClassVar[bool] = True
+    ceilings: ClassVar[tuple[Ceiling, ...]] = (Ceiling("yaw", "rad", HEADINGS),)
 
     trace: Annotated[
         str,
@@ -150,6 +160,21 @@ class Matches(Assertion):
                 self.golden_in(scene)
         except (GoldenError, PathError) as error:
             yield ("trace",), str(error)
+
+    @override
+    def robot_claims(self, scene: Scene) -> Findings:
+        for name, tolerance in self.joints.items():
+            if (problem := bare_angle(scene.model, (name,), tolerance)) is not None:
+                yield ClaimFinding("bare-angle", ("joints", name), problem)
+        if scene.bolted and not self.joints:
+            message = "only the base is compared, but it is fixed and never moves; add tolerances in 'joints'"
+            yield ClaimFinding("fixed-base", (), message)
+        if scene.workspace.updates_golden:
+            return
+        with suppress(GoldenError, PathError, ValueError):  # reported as problems
+            golden = self.golden_in(scene)
+            if len(golden.rows) < 2:
+                yield ClaimFinding(SINGLE_ROW, ("trace",), single_row(self.file_in(scene), golden))
 
     def golden_in(self, scene: Scene) -> Golden:
         """Return the golden trajectory of a scene. Raises GoldenError."""

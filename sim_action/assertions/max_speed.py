@@ -14,6 +14,7 @@ from sim_action.assertions.monitors.watched import MotionAssertion, Watched
 from sim_action.core import units
 from sim_action.core.field_types import NonNegativeMetresPerSecond, NonNegativeRadiansPerSecond
 from sim_action.core.records import dataclass, replace
+from sim_action.world.claims import UNSTABLE, Ceiling
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -32,6 +33,10 @@ class MaxSpeed(MotionAssertion):
     """
 
     key: ClassVar[str] = "max_speed"
+    ceilings: ClassVar[tuple[Ceiling, ...]] = (
+        Ceiling("linear", "m/s", f"{UNSTABLE}max_speed", lambda setting: setting.physics.max_speed),
+        Ceiling("angular", "rad/s", f"{UNSTABLE}max_turn_rate", lambda setting: setting.physics.max_turn_rate),
+    )
 
     linear: Annotated[NonNegativeMetresPerSecond | None, Field(description="an invariant")] = None
     angular: Annotated[NonNegativeRadiansPerSecond | None, Field(description="an invariant")] = None

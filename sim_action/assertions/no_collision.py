@@ -16,6 +16,7 @@ from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Signal, Verdict
+from sim_action.world.claims import ClaimFinding, Findings, Setting
 from sim_action.world.ground import GROUND
 from sim_action.world.scene import Scene
 
@@ -34,6 +35,8 @@ class NoCollision(Assertion):
 
     key: ClassVar[str] = "no_collision"
     measured_unit: ClassVar[str | None] = "contacts"
+    sees_shapes: ClassVar[bool] = True
+    slow_modules: ClassVar[tuple[str, ...]] = ("robot.model.link_pairs",)
 
     allow: Annotated[
         tuple[str, ...], Field(description="objects that may be touched, and links of the robot that may touch")
@@ -62,6 +65,32 @@ class NoCollision(Assertion):
             if name not in names:
                 hint = did_you_mean(name, names) if hinted.one_more() else ""
                 yield ("allow", index), f"'{name}' is neither an object nor a link{hint}"
+
+    @override
+    def claims(self, setting: Setting) -> Findings:
+        """Yield a world in which nothing may be touched that is not allowed."""
+        bodies = setting.world.objects
+        touchable = [body for body in bodies if body.name not in (*self.allow, GROUND)]
+        if any(body.appears is None or body.appears < setting.end for body in touchable):
+            return
+        reason = (
+            f"every object that may not be touched appears only after the check, which ends at {setting.end:g} s"
+            if touchable
+            else "allow names every object of the world"
+            if bodies
+            else "the world has no objects, and the ground never counts"
+        )
+        use = "add an object to world.objects, or remove no_collision"
+        message = f"{reason}, so the robot cannot touch anything; {use}"
+        yield ClaimFinding("nothing-to-touch", (), message)
+
+    @override
+    def robot_claims(self, scene: Scene) -> Findings:
+        # Only the engine knows the shapes of an MJCF model.
+        shaped = set() if scene.model.mjcf else {link.name for link in scene.model.links if link.collisions}
+        if shaped and shaped <= set(self.allow):
+            message = "allow names every link with a collision shape, so no touch counts; remove links from allow"
+            yield ClaimFinding("nothing-to-touch", (), message)
 
     @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:

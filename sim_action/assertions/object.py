@@ -13,6 +13,7 @@ from sim_action.assertions.monitors import (
     State,
     Truth,
 )
+from sim_action.assertions.monitors.becoming import Rest
 from sim_action.assertions.monitors.bounds import Bounds, SignalMonitor, bounds_title, check_order
 from sim_action.assertions.monitors.watched import MotionAssertion, Watched
 from sim_action.assertions.monitors.window import counted
@@ -31,6 +32,7 @@ from sim_action.robot.model.kinematics import link_of_frame, why_no_frame
 from sim_action.robot.model.robot_model import WORLD
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Judged, Mark, Signal, Verdict
+from sim_action.world.claims import ClaimFinding, Findings, JudgedRun, Setting
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -196,6 +198,22 @@ class ObjectAssertion(Assertion):
             yield (part.key, "joints"), "an object has no joints; remove 'joints'"
         if part.frame != WORLD and (problem := why_no_frame(scene.model, part.frame)) is not None:
             yield (part.key, "frame"), problem
+
+    @override
+    def claims(self, setting: Setting) -> Findings:
+        findings = self.part.limits_beyond(setting, of_base=False)
+        yield from (finding.below((self.part.key,)) for finding in findings)
+
+    @override
+    def standstill(self, run: JudgedRun) -> ClaimFinding | None:
+        if not isinstance(self.part, Upright | StayWithin) or run.scene.world.disturbances:
+            return None
+        seen = motion_of(self, run.scene, run.trace)
+        if not len(seen) or Rest.of_trace(seen).base_moved(seen).any():
+            return None
+        message = f"{self.name} never moved by 1 mm or 0.1 deg{self.watched.inside}, so only its start was checked"
+        use = f"let the robot move {self.name}, or use 'moved: {{at_most: 1 cm}}' if it must stay"
+        return ClaimFinding("object-never-moved", (), f"{message}; {use}")
 
     @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:

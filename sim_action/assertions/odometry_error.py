@@ -11,6 +11,7 @@ from typing_extensions import override
 from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import Monitor, State
 from sim_action.assertions.monitors.goals import Invariant, joined
+from sim_action.assertions.sensor import MORE_READINGS
 from sim_action.core import units
 from sim_action.core.field_types import PositiveMetres, PositiveRadians, PositiveShare
 from sim_action.core.records import dataclass, replace
@@ -18,6 +19,7 @@ from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Judged, Signal, Verdict
+from sim_action.world.claims import HEADINGS, Ceiling
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -47,6 +49,8 @@ class OdometryError(Assertion):
     """
 
     key: ClassVar[str] = "odometry_error"
+    ceilings: ClassVar[tuple[Ceiling, ...]] = (Ceiling("yaw", "rad", HEADINGS),)
+    more_moments: ClassVar[str] = MORE_READINGS
 
     position: Annotated[PositiveMetres | None, Field(description="maximum position error")] = None
     yaw: Annotated[PositiveRadians | None, Field(description="maximum heading error")] = None

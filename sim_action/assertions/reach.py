@@ -16,6 +16,8 @@ from sim_action.core.field_types import FrozenModel, Metres, PositiveMetres, Pos
 from sim_action.core.geometry import Quaternion, Vector3
 from sim_action.core.records import dataclass, replace
 from sim_action.state.verdict import Mark, Signal, goal
+from sim_action.world.claims import HEADINGS, ORIENTATIONS, Ceiling, Findings
+from sim_action.world.link_range import LinkRange
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -82,6 +84,10 @@ class PoseTarget(MotionAssertion):
     """The base class of assertions on a place with a heading or an orientation."""
 
     names_frame: ClassVar[bool] = True
+    ceilings: ClassVar[tuple[Ceiling, ...]] = (
+        Ceiling("yaw_tolerance", "rad", HEADINGS),
+        Ceiling("orientation.tolerance", "rad", ORIENTATIONS),
+    )
 
     x: Annotated[Metres | None, Field(description="default: any")] = None
     y: Annotated[Metres | None, Field(description="default: any")] = None
@@ -98,6 +104,16 @@ class PoseTarget(MotionAssertion):
         if self.yaw is not None and self.orientation is not None:
             raise ValueError("give 'yaw' or 'orientation', not both; 'orientation' has a yaw of its own")
         return self
+
+    @property
+    def coordinates(self) -> dict[str, float]:
+        """The given coordinates, by axis."""
+        given = {"x": self.x, "y": self.y, "z": self.z}
+        return {axis: value for axis, value in given.items() if value is not None}
+
+    @override
+    def range_claims(self, limits: LinkRange) -> Findings:
+        yield from limits.out_of_reach((), self.coordinates, self.tolerance)
 
     @property
     def facing(self) -> str:

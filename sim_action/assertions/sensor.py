@@ -23,6 +23,7 @@ from sim_action.robot.model.joint_selection import as_written
 from sim_action.state.readings import READING_COLUMNS, ReadingColumn, columns_of
 from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Judged, Signal, Verdict
+from sim_action.world.claims import ClaimFinding, Findings, JudgedRun, Setting
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -38,6 +39,11 @@ _STATISTICS = ("min", "max", "mean")
 _DIMENSIONS = tuple(column.dimension for columns in READING_COLUMNS.values() for column in columns.values())
 
 _AXES: Final = "xyzw"
+# Readings that are infinite where nothing is in range.
+_DISTANCES: Final = frozenset({"ranges", "depth"})
+
+MORE_READINGS: Final = "raise the sensor's rate, or run for longer"
+"""The advice for a run with one reading."""
 
 
 class SensorReading(Assertion):
@@ -50,6 +56,7 @@ class SensorReading(Assertion):
     """
 
     key: ClassVar[str] = "sensor"
+    more_moments: ClassVar[str] = MORE_READINGS
 
     name: Annotated[str, Field(min_length=1, description="name of the sensor in the scenario")]
     reading: Annotated[str, Field(min_length=1, description="a column of its readings")]
@@ -118,6 +125,29 @@ class SensorReading(Assertion):
                 units.parse(0.0 if written is None else written, dimension)
             except units.UnitError as error:
                 yield (key,), str(error)
+
+    @override
+    def claims(self, setting: Setting) -> Findings:
+        """Yield a minimum distance that is greater than the range of its sensor."""
+        key, far = setting.ranges.get((self.name, self.reading), ("", math.inf))
+        if self.at_least is None or self.once or self.which == "max":
+            return
+        if key and (least := units.parse(self.at_least, units.LENGTH)) > far:
+            reach, limit = units.display(far, "m"), units.display(least, "m")
+            message = f"{self.name} sees {reach} far, so nothing between {reach} and {limit} is noticed"
+            yield ClaimFinding("limit-beyond-range", ("at_least",), f"{message}; raise its '{key}'")
+
+    @override
+    def run_claims(self, run: JudgedRun) -> Findings:
+        """Yield a minimum distance that every reading met because it was infinite."""
+        verdict = run.verdict
+        if self.reading not in _DISTANCES or self.which == "max":
+            return
+        # The measured value is the least reading; an infinite one is None.
+        if verdict.status == "passed" and not verdict.goal and verdict.measured is None:
+            message = f"{self.name} saw nothing in range in the whole run, so no distance was compared"
+            use = "let the robot come near an object, or raise the range of the sensor"
+            yield ClaimFinding("nothing-in-range", (), f"{message}; {use}")
 
     @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:

@@ -18,6 +18,7 @@ from sim_action.core import units
 from sim_action.core.field_types import PositiveMetresPerSecond, PositiveRadiansPerSecond, PositiveSeconds
 from sim_action.core.records import dataclass, replace
 from sim_action.state.verdict import Signal, Verdict
+from sim_action.world.claims import ClaimFinding, Findings
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -71,6 +72,17 @@ class Settled(AtRest, MotionAssertion):
     @override
     def has_truth(self) -> bool:
         return True
+
+    @property
+    @override
+    def judges_motion_alone(self) -> bool:
+        return not self.joints
+
+    @override
+    def fixed_base_claims(self) -> Findings:
+        if self.joints is False:
+            message = "only the base must come to rest, but it is fixed and never moves; remove 'joints: false'"
+            yield ClaimFinding("fixed-base", ("joints",), message)
 
     @override
     def title_of(self, watched: Watched) -> str:

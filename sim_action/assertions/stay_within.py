@@ -14,6 +14,8 @@ from sim_action.assertions.monitors.watched import MotionAssertion, Watched
 from sim_action.core import units
 from sim_action.core.field_types import Metres
 from sim_action.state.verdict import Mark, box, line, rectangle
+from sim_action.world.claims import ClaimFinding, Findings
+from sim_action.world.link_range import LinkRange
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -53,6 +55,13 @@ class StayWithin(MotionAssertion):
     @override
     def has_truth(self) -> bool:
         return True
+
+    @override
+    def range_claims(self, limits: LinkRange) -> Findings:
+        if limits.is_within(self.intervals):
+            most = f"{units.display(limits.radius, 'm')} from joint '{limits.joint}'"
+            message = f"{limits.who} cannot leave these bounds: it is never more than {most}; give narrower bounds"
+            yield ClaimFinding("unreachable-limit", (), message)
 
     @override
     def title_of(self, watched: Watched) -> str:

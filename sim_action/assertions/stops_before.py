@@ -42,6 +42,7 @@ class StopsBefore(AtRest):
     """
 
     key: ClassVar[str] = "stops_before"
+    sees_shapes: ClassVar[bool] = True
 
     body: Annotated[str, Field(min_length=1, description="name of the object")]
     gap: Annotated[tuple[NonNegativeMetres, NonNegativeMetres], Field(description="a goal: [lower, upper]")]

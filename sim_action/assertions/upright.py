@@ -13,6 +13,7 @@ from sim_action.assertions.monitors.bounds import Bounds, SignalMonitor
 from sim_action.assertions.monitors.watched import MotionAssertion, Watched
 from sim_action.core import units
 from sim_action.core.field_types import PositiveRadians
+from sim_action.world.claims import Ceiling
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ class Upright(MotionAssertion):
 
     key: ClassVar[str] = "upright"
     measured_unit: ClassVar[str | None] = "rad"
+    ceilings: ClassVar[tuple[Ceiling, ...]] = (Ceiling("max_tilt", "rad", "a tilt is at most 180 deg"),)
 
     max_tilt: Annotated[PositiveRadians, Field(description="an invariant: must not be exceeded")] = math.radians(20)
 

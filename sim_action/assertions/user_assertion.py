@@ -98,6 +98,11 @@ class UserAssertion(Assertion):
         return data
 
     @property
+    @override
+    def is_over_time(self) -> bool:
+        return False
+
+    @property
     def file(self) -> str:
         """Path of the Python file, relative to the scenario."""
         return self.path.rpartition(":")[0]

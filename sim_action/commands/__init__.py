@@ -17,6 +17,7 @@ from sim_action.core.yaml_document import KeyPath
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.command import Answer, JointTargets
 from sim_action.state.transmission import Transmission
+from sim_action.world.claims import Findings, Setting
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -116,6 +117,14 @@ class CommandSource(Transmission):
 
     def problems(self, workspace: Workspace) -> SpecProblems:
         """Yield problems with the files that it names. No code of the user is run."""
+        yield from ()
+
+    def claims(self, setting: Setting) -> Findings:
+        """Yield the findings of the audit of claims that are visible without the robot model."""
+        yield from ()
+
+    def robot_claims(self, scene: Scene, setting: Setting) -> Findings:
+        """Yield the findings of the audit of claims that need the robot model."""
         yield from ()
 
     @property

@@ -31,6 +31,7 @@ from sim_action.robot.model.joint_selection import joints_set_by, selects, setti
 from sim_action.robot.model.kinematics import beyond_limits, too_fast, too_strong
 from sim_action.robot.model.robot_model import Joint, Reading, RobotModel
 from sim_action.state.command import JointTargets
+from sim_action.world.claims import Findings, Setting, late_points
 from sim_action.world.scene import Scene
 
 Interpolation = Literal["linear", "minimum_jerk", "hold"]
@@ -111,6 +112,10 @@ class JointCommands(CommandSource):
         """Yield points that are not in the order of time, and joints with two kinds of targets."""
         yield from order_problems(self.points)
         yield from mixed_target_problems(self.points)
+
+    @override
+    def claims(self, setting: Setting) -> Findings:
+        yield from late_points(("joints",), [point.at for point in self.points], setting)
 
     @override
     def model_problems(self, scene: Scene) -> SpecProblems:

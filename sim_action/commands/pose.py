@@ -27,6 +27,7 @@ from sim_action.core.geometry import Pose
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.command import JointTargets
+from sim_action.world.claims import Findings, Setting, late_points
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -204,6 +205,10 @@ class PoseCommands(LinkCommands):
         ways = (way for way in self._ways(start) if way.end > way.start)
         moving = tuple(way for way in ways if any(distances(way.origin, way.goal)))
         return LinkPath(moving, start, BLENDS[self.pose.interpolation])
+
+    @override
+    def robot_claims(self, scene: Scene, setting: Setting) -> Findings:
+        yield from late_points(("pose", "waypoints"), self.arrivals(scene), setting)
 
     def arrivals(self, scene: Scene) -> tuple[float, ...]:
         """Return the sim time in s of arrival at each waypoint, or at those before one that cannot be reached in time.

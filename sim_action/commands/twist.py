@@ -18,6 +18,7 @@ from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.command import Command
 from sim_action.world import MAX_PHYSICS_RATE_HZ
+from sim_action.world.claims import MANY_S, ClaimFinding, Findings, Setting
 from sim_action.world.scene import Scene
 
 # Sim time is step / rate, so equal times may differ by rounding.
@@ -78,6 +79,23 @@ class TwistCommands(CommandSource):
             if segment.duration is not None and (problem := missed_by_ticks(start, segment.duration, self.rate)):
                 yield ("twist", index, "for"), problem
             start = end
+
+    @override
+    def claims(self, setting: Setting) -> Findings:
+        start, limit = 0.0, setting.time_limit
+        for index, segment in enumerate(self.twist):
+            if start >= limit:
+                message = f"this segment begins at {start:g} s, but the run ends at {limit:g} s (time_limit)"
+                use = "shorten the segments before it, or remove it"
+                yield ClaimFinding("segment-beyond-run", ("twist", index), f"{message}; {use}")
+            elif segment.duration is not None and segment.duration > limit:
+                message = f"this segment lasts {segment.duration:g} s, but the run ends at {limit:g} s (time_limit)"
+                hint = f"; '{segment.duration:g} ms' meant?" if segment.duration >= MANY_S else ""
+                yield ClaimFinding("segment-beyond-run", ("twist", index, "for"), f"{message}{hint}")
+            elif segment.duration is not None:
+                start += segment.duration
+                continue
+            return
 
     @property
     def _ends(self) -> tuple[float, ...]:

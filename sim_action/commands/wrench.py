@@ -22,6 +22,7 @@ from sim_action.core.yaml_document import KeyPath
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.kinematics import why_no_frame
 from sim_action.state.command import WORLD_FRAME, LinkWrench
+from sim_action.world.claims import ClaimFinding, Findings, Setting
 from sim_action.world.disturbance import NewtonMetres, Newtons
 from sim_action.world.scene import Scene
 
@@ -85,6 +86,12 @@ class WrenchCommands(LinkCommands):
     @override
     def begins(self) -> tuple[KeyPath, float]:
         return ("wrench", "at"), self.wrench.at
+
+    @override
+    def claims(self, setting: Setting) -> Findings:
+        if not any((*(self.wrench.force or ()), *(self.wrench.torque or ()))):
+            message = "the force and the torque are zero, so the wrench does nothing; change them, or remove it"
+            yield ClaimFinding("silent-controller", ("wrench",), message)
 
     def model_problems(self, scene: Scene) -> SpecProblems:
         """Yield an unknown link or frame, a link that nothing moves, and a duration without a tick."""

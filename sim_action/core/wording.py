@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from itertools import islice
 from typing import Final
@@ -18,6 +18,7 @@ _MAX_NAMES_COMPARED: Final = 1_000
 _MIN_BEGINNING_CHARS: Final = 3
 _MAX_NAME_CHARS: Final = 100
 _MAX_NAMES_LISTED: Final = 30
+_MAX_NAMES_QUOTED: Final = 5
 _MAX_HINTS: Final = 10
 _VOWELS: Final = frozenset("aeiou")
 
@@ -45,6 +46,12 @@ def system_reason(error: Exception) -> str:
         return "out of memory"
     reason = (error.strerror if isinstance(error, OSError) else None) or str(error) or type(error).__name__
     return reason[:1].lower() + reason[1:]
+
+
+def quoted(names: Sequence[str]) -> str:
+    """Return names in quotes: the first five, and the number of the others."""
+    more = len(names) - _MAX_NAMES_QUOTED
+    return ", ".join(f"'{name}'" for name in names[:_MAX_NAMES_QUOTED]) + (f" and {more} more" if more > 0 else "")
 
 
 def note(message: str) -> None:

@@ -59,6 +59,12 @@ class Drive(FrozenModel):
     key: ClassVar[str]
     """The name in YAML."""
 
+    moves_base: ClassVar[bool] = False
+    """True if the motion is imposed on the base, so that friction of its wheels does not matter."""
+
+    slips: ClassVar[bool] = False
+    """True if its wheels slip sideways whenever the robot turns."""
+
     @classmethod
     def recognise(cls, model: RobotModel) -> Self | None:
         """Return a drive of this kind if the model states one, or its wheels look like one, else None."""

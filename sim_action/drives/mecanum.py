@@ -67,6 +67,7 @@ class MecanumDrive(Drive):
     """
 
     key: ClassVar[str] = "mecanum"
+    moves_base: ClassVar[bool] = True
 
     left: Annotated[Pair, Field(description="joints of the wheels on the left: front, rear")]
     right: Annotated[Pair, Field(description="joints of the wheels on the right: front, rear")]

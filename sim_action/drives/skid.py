@@ -55,6 +55,7 @@ class SkidSteer(TwoSidedDrive):
     """
 
     key: ClassVar[str] = "skid"
+    slips: ClassVar[bool] = True
     title: ClassVar[str] = "skid steer"
     plugins: ClassVar[tuple[Kind, ...]] = SKID_PLUGINS
 

@@ -17,6 +17,7 @@ from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line
 from sim_action.results.artifacts import REPORT_FILE, namesake_number
 from sim_action.results.outcome import Outcome
+from sim_action.scenario.source import varies_seed
 
 # The characters that every shell treats alike between double quotes.
 _PLAIN: Final = re.compile(r"[\w .,:;=+/()\[\]-]+", re.ASCII)
@@ -41,7 +42,7 @@ def rerun_command(outcome: Outcome, options: ReportOptions) -> str:
     words = ["sim-action", "run", file, "--only", name if name.isprintable() else one_line(name)]
     # If the seed is varied, the name already selects it; --seed would draw other variations.
     seed = outcome.seed if outcome.scenario_seed is None else outcome.scenario_seed
-    if seed and not any(varied.key == "seed" for varied in outcome.variation):
+    if seed and not varies_seed(outcome.variation):
         words += ["--seed", str(seed)]
     if backend:
         words += ["--backend", backend]

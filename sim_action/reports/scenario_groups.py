@@ -12,8 +12,8 @@ from sim_action.core.wording import counted
 from sim_action.reports.formatting import moment, quantity
 from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS, StatusDisplay
 from sim_action.results.outcome import WORST_FIRST, DisplayStatus, ExpectationOutcome, Outcome
-from sim_action.scenario.claim_audit import AuditWarning
 from sim_action.scenario.variations.gate import PlannedGate, percent
+from sim_action.world.claims import AuditWarning
 
 # The relative margin of a failure without a margin.
 _NO_MARGIN: Final = -1.0

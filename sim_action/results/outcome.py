@@ -21,11 +21,11 @@ from sim_action.core.field_types import FrozenModel
 from sim_action.core.provenance import Provenance
 from sim_action.core.wording import escaped_line
 from sim_action.results.gate_statistics import GateStatistics
-from sim_action.scenario.claim_audit import AuditWarning
 from sim_action.scenario.model import Severity, Unexercised
 from sim_action.scenario.selection import Unmatched
 from sim_action.scenario.source import Refused, Variation
 from sim_action.state.verdict import Verdict
+from sim_action.world.claims import AuditWarning
 
 if TYPE_CHECKING:
     from sim_action.assertions import Assertion

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Sequence
 
 from sim_action.results.gates import judged_gate
 from sim_action.results.outcome import Outcome
-from sim_action.scenario.claim_audit import AuditWarning
 from sim_action.scenario.sharing import share_parts
 from sim_action.scenario.variations.gate import PlannedGate
+from sim_action.world.claims import AuditWarning
 
 
 def over_variations(

@@ -6,15 +6,15 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
-from sim_action.assertions.matches import Matches
+from sim_action.assertions.matches import Matches, single_row
 from sim_action.core.errors import InvalidScenario, Problem
 from sim_action.core.workspace import PathError
 from sim_action.results.written_files import is_foreign
-from sim_action.scenario.claim_audit import SINGLE_ROW, single_row
 from sim_action.scenario.model import Expectation, LoadedScenario
 from sim_action.scenario.source import Refused
 from sim_action.state.golden_trajectory import Golden, GoldenError, is_golden
 from sim_action.state.trace import Trace
+from sim_action.world.claims import SINGLE_ROW
 from sim_action.world.scene import Scene
 
 Plan = tuple[LoadedScenario, ...] | Refused

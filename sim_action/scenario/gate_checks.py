@@ -35,7 +35,7 @@ def _other_unit(claim: Quantile, scenario: Scenario) -> str | None:
     """Return the problem of a limit whose unit is not that of the measured value; None if either is not known."""
     _, stated = units.with_si_unit(claim.bound)
     named = [each for each in scenario.expect if each.name == claim.expectation]
-    found = named or [each for each in scenario.expect if each.assertion.key == claim.expectation]
+    found = named or [each for each in scenario.expect if claim.expectation == each.assertion.key]
     if not stated or len(found) != 1 or not (possible := _units_of(found[0])) or stated in possible:
         return None
     unit = possible[0]

@@ -25,21 +25,14 @@ from sim_action.robot.model.robot_model import RobotModel
 from sim_action.robot.reading.loading import ModelLibrary, check_text, load_model, package_problems, srdf_problems
 from sim_action.scenario import checks as scenario_checks
 from sim_action.scenario import world_checks
-from sim_action.scenario.claim_audit import (
-    AuditWarning,
-    ClaimFinding,
-    allowed_rules,
-    audit_scenario,
-    audit_scene,
-    unknown_rules,
-)
+from sim_action.scenario.claims import audit_robot, audit_scenario
 from sim_action.scenario.command_maps import Unfolded, unfolded
 from sim_action.scenario.files import read_only_scenario
 from sim_action.scenario.model import DrivenRobot, LoadedScenario, Scenario
 from sim_action.scenario.part_reader import PartReader
-from sim_action.scenario.robot_claims import audit_robot
 from sim_action.scenario.source import Refused, Source
 from sim_action.scenario.world_file import WorldLibrary, filled, with_robot_of_world
+from sim_action.world.claims import AuditWarning, ClaimFinding, allowed_rules, unknown_rules
 from sim_action.world.scene import Fitting, Scene, WorldPlaces
 from sim_action.world.shape_files import ShapeLibrary, read_surroundings
 
@@ -335,5 +328,4 @@ class _Loader:
             self._problems.note_all(path, source.model_problems(scene))
         for path, expectation in zip(self._parts.expect_paths, scenario.expect, strict=True):
             self._problems.note_all((*path, expectation.assertion.key), expectation.assertion.problems(scene))
-        self._take(audit_scene(scene, scenario, self._parts.expect_paths))
         self._take(audit_robot(scene, scenario, self._parts.expect_paths, self._parts.command_paths))

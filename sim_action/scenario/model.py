@@ -34,7 +34,6 @@ from sim_action.engines import ENGINES, AutoOrEngine
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.scenario.child_environment import MAX_SET, problem_of
-from sim_action.scenario.claim_audit import AuditWarning
 from sim_action.scenario.mutation import Mutation
 from sim_action.scenario.source import Source
 from sim_action.scenario.variations.draws import Choice, CsvColumn, Integers, LogUniform, Normal, Sobol, Uniform
@@ -43,6 +42,7 @@ from sim_action.scenario.variations.values import MAX_SEED
 from sim_action.sensors import MountedSensor
 from sim_action.state.trace_channels import Channels
 from sim_action.world import Physics, World
+from sim_action.world.claims import AuditWarning
 from sim_action.world.scene import Scene, WorldPlaces
 
 if TYPE_CHECKING:

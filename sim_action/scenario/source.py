@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -13,6 +14,7 @@ from sim_action.core.records import dataclass, replace
 from sim_action.core.workspace import Workspace
 from sim_action.core.yaml_document import Document
 from sim_action.scenario.variations.gate import PlannedGate
+from sim_action.scenario.variations.values import SEED
 
 MAX_KEYS: Final = 20
 """The largest number of varied keys."""
@@ -30,6 +32,11 @@ class Varied:
 
 Variation = Annotated[tuple[Varied, ...], Field(max_length=MAX_KEYS)]
 """The varied keys of a run, and their values."""
+
+
+def varies_seed(variation: Iterable[Varied]) -> bool:
+    """Return True if the seed is one of the varied keys."""
+    return SEED in (varied.key for varied in variation)
 
 
 @dataclass(frozen=True, slots=True)

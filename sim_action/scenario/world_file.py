@@ -17,8 +17,8 @@ from sim_action.core.yaml_document import KeyPath
 from sim_action.core.yaml_errors import ProblemList
 from sim_action.robot.documents.packages import Packages
 from sim_action.robot.model.robot_spec import IN_WORLD
-from sim_action.scenario.claim_audit import INCOMPLETE_WORLD, NOT_SIMULATED, AuditWarning
 from sim_action.scenario.model import Scenario
+from sim_action.world.claims import INCOMPLETE_WORLD, NOT_SIMULATED, AuditWarning
 from sim_action.world.scene import WorldPlaces
 
 if TYPE_CHECKING:

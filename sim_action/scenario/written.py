@@ -189,7 +189,8 @@ def _plain(value: object, label: str, path: KeyPath) -> object:
         value = value.tolist()
     if isinstance(value, FrozenModel):
         own = _keys_of(value, label, path)
-        return {value.key: own} if isinstance(value, Assertion | Drive | Sensor) else own
+        name = _part_key(value)
+        return own if name is None else {name: own}
     if isinstance(value, Mapping):
         return {_key(key, label, path): _below(key, each, label, (*path, str(key))) for key, each in value.items()}
     if isinstance(value, Sequence) and not isinstance(value, str | bytes):
@@ -197,8 +198,12 @@ def _plain(value: object, label: str, path: KeyPath) -> object:
     return value.as_posix() if isinstance(value, PurePath) else _scalar(value, label, path)
 
 
+def _part_key(value: object) -> str | None:
+    return value.key if isinstance(value, Assertion | Drive | Sensor) else None
+
+
 def _below(key: object, value: object, label: str, path: KeyPath) -> object:
-    if isinstance(value, Assertion | Drive | Sensor) and value.key == key:
+    if isinstance(value, FrozenModel) and key == _part_key(value):
         return _keys_of(value, label, path)
     return _plain(value, label, path)
 

@@ -99,6 +99,12 @@ class Sensor(FrozenModel):
             cls.runs_user_code = True
             know_columns(getattr(cls, "key", ""), cls.columns)
 
+    range_keys: ClassVar[Mapping[str, str]] = {}
+    """Columns of its readings that are distances -> the key that states the greatest one."""
+
+    is_picture: ClassVar[bool] = False
+    """True if a reading is a picture, which takes as much memory and time as thousands of other readings."""
+
     noises: ClassVar[tuple[str, ...]] = ()
     """The fields that make its readings random unless they are 0."""
 

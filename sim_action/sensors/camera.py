@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
@@ -40,6 +41,8 @@ class Camera(Sensor):
     """
 
     key: ClassVar[str] = "camera"
+    is_picture: ClassVar[bool] = True
+    range_keys: ClassVar[Mapping[str, str]] = {"depth": "far"}
 
     width: Annotated[int, Field(ge=1, le=1920, description="pixels")] = 160
     height: Annotated[int, Field(ge=1, le=1080, description="pixels")] = 120

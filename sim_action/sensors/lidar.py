@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final
 
 from pydantic import Field
@@ -43,6 +44,7 @@ class Lidar(Sensor):
     """
 
     key: ClassVar[str] = "lidar"
+    range_keys: ClassVar[Mapping[str, str]] = {"ranges": "range"}
     noises = ("noise",)
 
     rays: Annotated[int, Field(ge=1, le=100_000, description="rays per scan; a single ray points ahead")] = 360

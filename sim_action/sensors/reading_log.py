@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from sim_action.sensors import MountedSensor
     from sim_action.state.readings import Reading
 
-# Pictures take as much memory as thousands of other readings.
 _PICTURE_RATE: Final = 2.0
 _MAX_BYTES: Final = 32_000_000
 # The size of a reading without arrays, for example that of an IMU.
@@ -36,7 +35,7 @@ class ReadingLog:
     @classmethod
     def of(cls, mounted: MountedSensor) -> ReadingLog:
         """Return the empty log of a sensor."""
-        most = _PICTURE_RATE if mounted.sensor.key == "camera" else FRAME_RATE
+        most = _PICTURE_RATE if mounted.sensor.is_picture else FRAME_RATE
         return cls(mounted, max(1, math.ceil(mounted.rate / most - 1e-9)))
 
     def add(self, reading: Reading) -> None:

@@ -112,8 +112,7 @@ def _energy_watch(scene: Scene) -> EnergyWatch | None:
 
 def wheel_slip(scene: Scene, drive: Drive | None) -> WheelSlip | None:
     """Return the measurement for a drive; None if its wheels have enough friction, or do not move the robot."""
-    # The motion of mecanum wheels is imposed on the base.
-    if drive is None or scene.bolted or drive.key == "mecanum":
+    if drive is None or scene.bolted or drive.moves_base:
         return None
     motion, model = drive.wheel_motion(scene.model), scene.model
     gears = {} if motion is None else motion.gears

@@ -17,7 +17,6 @@ from sim_action.engines import ENGINES, chosen
 from sim_action.engines.engine import Engine
 from sim_action.engines.observers import arrivals
 from sim_action.robot.model.findings import announced, unannounced
-from sim_action.scenario.claim_audit import LOGGED_ERROR, NOT_REPRODUCIBLE, NOT_SIMULATED, ClaimFinding
 from sim_action.scenario.model import Scenario
 from sim_action.simulation.accuracy import AccuracyWatch, links_with_springs
 from sim_action.simulation.controllers import Controls, padded
@@ -45,6 +44,7 @@ from sim_action.state.trace import FloatArray, Trace
 from sim_action.state.trace_channels import Channels
 from sim_action.state.trace_records import BodyRecord
 from sim_action.state.verdict import Verdict
+from sim_action.world.claims import LOGGED_ERROR, NOT_REPRODUCIBLE, NOT_SIMULATED, ClaimFinding
 from sim_action.world.ground import GROUND
 from sim_action.world.scene import Scene
 
@@ -130,7 +130,7 @@ def _judged_channels(scenario: Scenario) -> Channels:
     channels = replace(channels, objects=objects)
     if not any(assertion.python_file for assertion in scenario.assertions):
         return channels
-    sensors = (mounted.name for mounted in scenario.sensors if mounted.sensor.key != "camera")
+    sensors = (mounted.name for mounted in scenario.sensors if not mounted.sensor.is_picture)
     return channels | Channels(bodies=frozenset(moving_bodies(scenario.world)), sensors=frozenset(sensors))
 
 

@@ -49,8 +49,10 @@ def _of_world(loaded: LoadedScenario) -> Iterator[str]:
 def _of_claims(scenario: Scenario, model: RobotModel) -> Iterator[str]:
     # An arm has at least two motors on a fixed base, a leg three: only then are links checked against each other.
     few = 1 if scenario.robot.base == "fixed" else 2
-    if len(model.motor_joints) > few or any(assertion.key == "no_collision" for assertion in scenario.assertions):
+    if len(model.motor_joints) > few:
         yield "robot.model.link_pairs"
+    for assertion in scenario.assertions:
+        yield from assertion.slow_modules
 
 
 def _of_robot(scenario: Scenario, model: RobotModel) -> Iterator[str]:
@@ -60,5 +62,5 @@ def _of_robot(scenario: Scenario, model: RobotModel) -> Iterator[str]:
     if "skid drive" not in modules:
         return
     drive = (scenario.robot.drive or recognise(model)) if scenario.commands else None
-    if drive is not None and drive.key == "skid":
+    if drive is not None and drive.slips:
         yield modules["skid drive"]

@@ -1,41 +1,34 @@
 """The audit of claims after a run: parts of the scenario that checked nothing, because they never came about.
 
-The rules are in `scenario/claim_audit.py`. A run that a broken expectation ended has only notes on
-events that it missed.
+The rules are in `world/claims.py`. Each assertion yields the findings about itself. A run that a broken expectation
+ended has only notes on events that it missed.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Final, Self
 
 from sim_action.assertions import Assertion
 from sim_action.assertions.monitors.becoming import Rest
-from sim_action.assertions.sensor import SensorReading
 from sim_action.core.geometry import Twist
 from sim_action.core.records import dataclass, field, replace
 from sim_action.core.yaml_document import KeyPath
-from sim_action.scenario.claim_audit import ClaimFinding
-from sim_action.scenario.model import Scenario
+from sim_action.scenario.model import Expectation, Scenario
 from sim_action.state.command import JointTargets
 from sim_action.state.trace import Trace
 from sim_action.state.verdict import Verdict
 from sim_action.world import World
+from sim_action.world.claims import ClaimFinding, JudgedRun
 from sim_action.world.scene import Scene
 
 # m/s, rad/s, N and N m: a smaller command is that of a robot at rest.
 _MIN_COMMAND: Final = 1e-6
 # rad and m: a position nearer to the start is no command to move.
 _MIN_TARGET: Final = 2e-3
-# A formula without "always" is about one moment; the others are judged at the end.
-_JUDGED_BY_NATURE: Final = frozenset({"stl", "final_pose", "assertion"})
 # s: a robot may not have moved yet when a shorter run ends.
 _SHORT_S: Final = 0.5
-_DISTANCES: Final = frozenset({"ranges", "depth"})
-_LIMITS_OF_CONTACT: Final = frozenset({"contact", "feet_on_ground"})
-_STATES_OF_OBJECTS: Final = frozenset({"upright", "stay_within"})
-_OF_SENSORS: Final = frozenset({"sensor", "odometry_error"})
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -128,147 +121,61 @@ class RunFacts:
 
 def audit_run(scenario: Scenario, scene: Scene, facts: RunFacts) -> Iterator[ClaimFinding]:
     """Yield the findings of all rules about a run."""
-    for index, (expected, premises) in enumerate(zip(scenario.expect, facts.unmet, strict=True)):
+    places = [("expect", index, expected.assertion.key) for index, expected in enumerate(scenario.expect)]
+    for place, premises in zip(places, facts.unmet, strict=True):
         for premise in premises:
-            told = f"the premise '{premise}' never held, so the implication checked nothing; drive until it holds"
-            yield ClaimFinding("premise-never-held", ("expect", index, expected.assertion.key), told)
-    for index, verdict in enumerate(facts.verdicts):
-        yield from _judged_once(scenario, index, verdict, facts.end)
-        yield from _nothing_in_range(scenario.expect[index].assertion, index, verdict)
-        yield from _never_touched(scenario.expect[index].assertion, index, verdict)
-        yield from _force_never_felt(scenario.expect[index].assertion, index, facts)
-    yield from _unmoved_links(scenario, scene, facts)
-    yield from _unmoved_objects(scenario, scene, facts)
+            message = f"the premise '{premise}' never held, so the implication checked nothing; drive until it holds"
+            yield ClaimFinding("premise-never-held", place, message)
+    standstills = list[ClaimFinding]()
+    for place, expected, verdict, unmet in zip(places, scenario.expect, facts.verdicts, facts.unmet, strict=True):
+        run = JudgedRun(scene, facts.trace, verdict, bool(unmet), facts.commands.gives_efforts)
+        for finding in (*_judged_once(scenario, expected, verdict, facts.end), *expected.assertion.run_claims(run)):
+            yield finding.below(place)
+        if verdict.status == "passed":
+            standstills += (finding.below(place) for finding in _standstills(expected.assertion, run))
+    # All links before all objects.
+    yield from sorted(standstills, key=lambda finding: finding.rule)
     yield from _undelivered(facts)
     unused = [] if facts.undelivered else list(_unused_drive(scenario, scene, facts))
     yield from unused
     if not unused and facts.commands.are_zero:
         yield from _silent_controllers(scenario, facts)
-    if (message := _standstill(scene, facts)) is not None:
-        yield ClaimFinding("never-moved", ("commands",), message)
+    if (standstill := _never_moved(scene, facts)) is not None:
+        yield ClaimFinding("never-moved", ("commands",), standstill)
     for path, message in unreached_events(scenario, facts.end):
         yield ClaimFinding("event-never-began", path, message)
 
 
-def _judged_once(scenario: Scenario, index: int, verdict: Verdict, end: float) -> Iterator[ClaimFinding]:
+def _judged_once(scenario: Scenario, expected: Expectation, verdict: Verdict, end: float) -> Iterator[ClaimFinding]:
     """Yield an invariant that was judged at one moment, although its window and the run have more."""
-    expected = scenario.expect[index]
-    key, judged = expected.assertion.key, verdict.judged
-    if verdict.goal or expected.severity != "error" or key in _JUDGED_BY_NATURE or _is_at_end(expected.assertion):
+    judged, step = verdict.judged, 1 / scenario.physics.rate
+    if verdict.goal or expected.severity != "error" or not expected.assertion.is_over_time:
         return
-    step = 1 / scenario.physics.rate
     if judged is None or judged.moments != 1 or min(expected.before, end) < 2 * step:
         return
     if expected.before - expected.after >= 2 * step:
-        remedy = "raise the sensor's rate, or run for longer" if key in _OF_SENSORS else "run for longer"
-        message = f"was judged at one moment only, at {judged.first or 0.0:.2f} s; {remedy}"
-        yield ClaimFinding("judged-once", ("expect", index, key), message)
+        message = f"was judged at one moment only, at {judged.first or 0.0:.2f} s; {expected.assertion.more_moments}"
+        yield ClaimFinding("judged-once", (), message)
 
 
-def _nothing_in_range(assertion: Assertion, index: int, verdict: Verdict) -> Iterator[ClaimFinding]:
-    """Yield a minimum distance that every reading met because it was infinite: the verdict has the least reading."""
-    if not isinstance(assertion, SensorReading) or assertion.reading not in _DISTANCES or assertion.which == "max":
-        return
-    if verdict.status == "passed" and not verdict.goal and verdict.measured is None:
-        message = f"{assertion.name} saw nothing in range in the whole run, so no distance was compared"
-        told = f"{message}; let the robot come near an object, or raise the range of the sensor"
-        yield ClaimFinding("nothing-in-range", ("expect", index, assertion.key), told)
-
-
-def _never_touched(assertion: Assertion, index: int, verdict: Verdict) -> Iterator[ClaimFinding]:
-    """Yield an upper limit of a contact force, or of feet on the ground, that held because there was no contact."""
-    if assertion.key not in _LIMITS_OF_CONTACT or not verdict.passed or verdict.measured != 0:
-        return
-    if assertion.key == "feet_on_ground":
-        if getattr(assertion, "at_most", 0):
-            told = (
-                "no foot was ever on the ground, so the limit was compared with 0 only; use at_most: 0 if it must be so"
-            )
-            yield ClaimFinding("never-touched", ("expect", index, assertion.key), told)
-        return
-    from sim_action.assertions.contact import Touch
-
-    if isinstance(assertion, Touch) and not assertion.is_goal:
-        message = f"the robot never pressed against {assertion.body}, so the limit was compared with 0 only"
-        told = f"{message}; let it touch {assertion.body}, or use no_collision if it must not"
-        yield ClaimFinding("never-touched", ("expect", index, assertion.key), told)
-
-
-def _force_never_felt(assertion: Assertion, index: int, facts: RunFacts) -> Iterator[ClaimFinding]:
-    """Yield a formula that held although a force in it was always 0. A premise that never held is found before."""
-    if assertion.key != "stl" or facts.verdicts[index].status != "passed" or facts.unmet[index]:
-        return
-    from sim_action.assertions.temporal_logic.formula import signals_of
-    from sim_action.assertions.temporal_logic.stl_assertion import Stl
-
-    assert isinstance(assertion, Stl)
-    for signal in signals_of(assertion.parsed):
-        *links, body = signal.names or ("",)
-        if signal.source != "pair" or signal.name != "force":
-            continue
-        if not any(each.body == body and (not links or each.link == links[0]) for each in facts.trace.contacts):
-            who = f"link '{links[0]}'" if links else "the robot"
-            message = f"{who} never pressed against {body}, so '{signal}' was always 0"
-            told = f"{message}; let it touch {body}, or use no_collision if it must not"
-            yield ClaimFinding("never-touched", ("expect", index, assertion.key), told)
-            return
-
-
-def _unmoved_objects(scenario: Scenario, scene: Scene, facts: RunFacts) -> Iterator[ClaimFinding]:
-    """Yield passed invariants on objects that never moved, unless the world has disturbances."""
-    for index, (expected, verdict) in enumerate(zip(scenario.expect, facts.verdicts, strict=True)):
-        leaves = [leaf for leaf in expected.assertion.leaves() if leaf.key == "object"]
-        if not leaves or verdict.status != "passed" or scene.world.disturbances:
-            continue
-        from sim_action.assertions.object import ObjectAssertion, motion_of
-
-        for leaf in leaves:
-            assert isinstance(leaf, ObjectAssertion)
-            if leaf.part.key not in _STATES_OF_OBJECTS:
-                continue
-            seen = motion_of(leaf, scene, facts.trace)
-            if len(seen) and not Rest.of_trace(seen).base_moved(seen).any():
-                message = (
-                    f"{leaf.name} never moved by 1 mm or 0.1 deg{leaf.watched.inside}, so only its start was checked"
-                )
-                use = f"let the robot move {leaf.name}, or use 'moved: {{at_most: 1 cm}}' if it must stay"
-                yield ClaimFinding("object-never-moved", ("expect", index, expected.assertion.key), f"{message}; {use}")
-                break
+def _standstills(assertion: Assertion, run: JudgedRun) -> Collection[ClaimFinding]:
+    """Return the findings that what the assertion judges never moved: the first one of each rule."""
+    findings = dict[str, ClaimFinding]()
+    for leaf in assertion.leaves():
+        if (finding := leaf.standstill(run)) is not None:
+            findings.setdefault(finding.rule, finding)
+    return findings.values()
 
 
 def _undelivered(facts: RunFacts) -> Iterator[ClaimFinding]:
     for index, first in facts.undelivered.items():
         message = f"no command of commands[{index}] took effect"
         if math.isinf(first):
-            told = f"{message}: all were lost; lower 'dropouts', or run for longer"
+            reason = "all were lost; lower 'dropouts', or run for longer"
         else:
             due = f"the first one was due at {first:.4g} s, but the run ended at {facts.end:.4g} s"
-            told = f"{message}: {due}; lower 'latency', 'jitter' or 'dropouts', or run for longer"
-        yield ClaimFinding("command-never-arrived", ("commands", index), told)
-
-
-def _unmoved_links(scenario: Scenario, scene: Scene, facts: RunFacts) -> Iterator[ClaimFinding]:
-    """Yield passed expectations about links that never moved, unless something pushed the robot."""
-    if scene.world.disturbances or facts.commands.gives_efforts:
-        return
-    for index, (expected, verdict) in enumerate(zip(scenario.expect, facts.verdicts, strict=True)):
-        leaves = (leaf for leaf in expected.assertion.leaves() if not getattr(leaf, "watches_base", True))
-        for leaf in leaves if verdict.status == "passed" else ():
-            from sim_action.assertions.monitors.watched import MotionAssertion
-
-            assert isinstance(leaf, MotionAssertion), "only these have links"
-            watched = leaf.watched(scene)
-            if not Motion(Rest.of_trace(watched.seen(facts.trace))).after(watched.seen(facts.trace)).base:
-                message = f"{watched.who} never moved by 1 mm or 0.1 deg in the frame '{watched.frame}'"
-                use = "so only its start was checked; command its joints, or run for longer"
-                yield ClaimFinding("link-never-moved", ("expect", index, expected.assertion.key), f"{message}, {use}")
-                break
-
-
-def _is_at_end(assertion: Assertion) -> bool:
-    if assertion.key == "effort":
-        return getattr(assertion, "at_most", None) is None
-    return assertion.key == "follow_path" and getattr(assertion, "max_error", None) is None
+            reason = f"{due}; lower 'latency', 'jitter' or 'dropouts', or run for longer"
+        yield ClaimFinding("command-never-arrived", ("commands", index), f"{message}: {reason}")
 
 
 def _unused_drive(scenario: Scenario, scene: Scene, facts: RunFacts) -> Iterator[ClaimFinding]:
@@ -292,7 +199,7 @@ def _silent_controllers(scenario: Scenario, facts: RunFacts) -> Iterator[ClaimFi
         yield ClaimFinding("silent-controller", ("commands",), message)
 
 
-def _standstill(scene: Scene, facts: RunFacts) -> str | None:
+def _never_moved(scene: Scene, facts: RunFacts) -> str | None:
     """Return the problem of a robot that did not move although it was commanded to, else None."""
     commands, motion = facts.commands, facts.motion
     least = "by 1 mm or 0.1 deg"

@@ -17,9 +17,9 @@ from sim_action.reports import ReportOptions
 from sim_action.results.outcome import Diagnostic, ExpectationOutcome, Failure, Measurement, Outcome, Repeats, Status
 from sim_action.results.results_json import Results
 from sim_action.results.shards import Shard
-from sim_action.scenario.claim_audit import AuditWarning
 from sim_action.scenario.source import Varied
 from sim_action.state.verdict import Judged, Verdict
+from sim_action.world.claims import AuditWarning
 
 GOLDEN = Path(__file__).parent / "golden"
 

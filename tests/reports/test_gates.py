@@ -23,7 +23,7 @@ from sim_action.reports.writing import complain_about
 from sim_action.results.outcome import Outcome
 from sim_action.results.over_variations import over_variations
 from sim_action.results.results_json import Results
-from sim_action.scenario.claim_audit import AuditWarning
+from sim_action.world.claims import AuditWarning
 from tests.outcomes import gate_results, outcome, planned_gate, runs_of_gate
 
 Golden = Callable[[str, str], None]

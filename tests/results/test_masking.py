@@ -14,8 +14,8 @@ from sim_action.core.errors import Location
 from sim_action.results.masking import MIN_CHARS, Mask
 from sim_action.results.outcome import Diagnostic, ExpectationOutcome, Failure, Outcome
 from sim_action.scenario.child_environment import missing_variable
-from sim_action.scenario.claim_audit import AuditWarning
 from sim_action.state.verdict import Verdict
+from sim_action.world.claims import AuditWarning
 
 HERE = Location("a.sim.yml", 3)
 SECRET = "open sesame"

@@ -20,10 +20,10 @@ from sim_action.results.outcome import (
     status_of,
 )
 from sim_action.results.over_variations import over_variations
-from sim_action.scenario.claim_audit import AuditWarning
 from sim_action.scenario.model import Severity, Unexercised
 from sim_action.scenario.selection import Unmatched
 from sim_action.state.verdict import Judged, Verdict
+from sim_action.world.claims import AuditWarning
 from tests.scenarios import LEAST, load
 
 PASSED, FAILED, NEVER = Verdict(True, judged=Judged(1, 0.0, 0.0)), Verdict(False), Verdict(False, judged=Judged())

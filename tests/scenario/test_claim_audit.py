@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_action.scenario.claim_audit import RULES
+from sim_action.world.claims import RULES
 from tests.scenarios import LEAST, load, told
 
 WALL = "world: {objects: [{name: wall, box: [0.1, 2.0, 0.5], pose: {x: 3.0}}]}\n"

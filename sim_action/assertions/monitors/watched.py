@@ -7,7 +7,7 @@ frame, as it is seen from the world, from the base link or from a link.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
 
 from pydantic import Field
@@ -15,12 +15,15 @@ from typing_extensions import override
 
 from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import AdaptedMonitor, Monitor, State, Truth
+from sim_action.assertions.monitors.becoming import Rest
 from sim_action.core.geometry import Pose, Twist
 from sim_action.core.records import dataclass, replace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.kinematics import link_of_frame, why_no_frame, why_no_link
 from sim_action.robot.model.robot_model import WORLD
 from sim_action.state.verdict import Mark, Signal, Verdict
+from sim_action.world.claims import ClaimFinding, Findings, JudgedRun, Setting
+from sim_action.world.link_range import LinkRange, range_of
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -118,6 +121,57 @@ class MotionAssertion(Assertion):
         """True if the motion of the base link in the world frame is judged."""
         return self.link is None and self.frame == WORLD
 
+    @property
+    def judges_motion_alone(self) -> bool:
+        """True if it judges nothing but the motion of the frame."""
+        return True
+
+    @override
+    def claims(self, setting: Setting) -> Findings:
+        yield from self.limits_beyond(setting, of_base=self.watches_base)
+
+    @override
+    def robot_claims(self, scene: Scene) -> Findings:
+        if not self.watches_base:
+            yield from self._rigid_link(scene)
+            if (limits := range_of(scene, self.link, self.frame)) is not None:
+                yield from self.range_claims(limits)
+        elif scene.bolted:
+            yield from self.fixed_base_claims()
+
+    def range_claims(self, limits: LinkRange) -> Findings:
+        """Yield places and distances that a link with these limits cannot come to."""
+        yield from ()
+
+    def fixed_base_claims(self) -> Findings:
+        """Yield the finding that the base of the robot, which is judged, is fixed."""
+        use = "judge a link with 'link', or its joints with joint or joint_within, or free the base"
+        message = f"{self.key} judges the base of the robot, but it is fixed and never moves; {use}"
+        yield ClaimFinding("fixed-base", (), message)
+
+    def _rigid_link(self, scene: Scene) -> Findings:
+        """Yield the finding that no joint moves the link relative to its frame."""
+        names = scene.model.links_by_name
+        link, frame = self.link or scene.model.root, link_of_frame(scene.model, self.frame)
+        if link not in names or (frame != WORLD and (link == frame or frame not in names)):
+            return  # reported as a problem
+        if self.judges_motion_alone and link in _held_with(frame, scene):
+            message = f"link '{link}' never moves in the frame '{self.frame}': no joint is between them"
+            use = "name a link or a frame that moves"
+            yield ClaimFinding("fixed-base", (), f"{self.key} checks nothing: {message}; {use}")
+
+    @override
+    def standstill(self, run: JudgedRun) -> ClaimFinding | None:
+        if self.watches_base or run.scene.world.disturbances or run.is_pushed:
+            return None
+        watched = self.watched(run.scene)
+        seen = watched.seen(run.trace)
+        if Rest.of_trace(seen).base_moved(seen).any():
+            return None
+        message = f"{watched.who} never moved by 1 mm or 0.1 deg in the frame '{watched.frame}'"
+        use = "so only its start was checked; command its joints, or run for longer"
+        return ClaimFinding("link-never-moved", (), f"{message}, {use}")
+
     def watched(self, scene: Scene) -> Watched:
         """Return the frame whose motion is judged."""
         if self.watches_base:
@@ -177,6 +231,16 @@ class MotionAssertion(Assertion):
                 ("frame",),
                 f"'{self.link or scene.model.root}' never moves in its own frame; name another frame or link",
             )
+
+
+def _held_with(frame: str, scene: Scene) -> Collection[str]:
+    """Return the links that never move relative to the world, or to a link."""
+    if frame == WORLD or frame in scene.bolted_links:
+        return scene.bolted_links
+    from sim_action.robot.model.link_pairs import rigid_bodies
+
+    holders = rigid_bodies(scene.model)
+    return [link for link, holder in holders.items() if holder == holders[frame]]
 
 
 @dataclass(frozen=True, slots=True)

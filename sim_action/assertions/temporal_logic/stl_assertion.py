@@ -29,6 +29,7 @@ from sim_action.assertions.temporal_logic.tokens import place
 from sim_action.core.wording import shown
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.trace_channels import Channels
+from sim_action.world.claims import Findings, JudgedRun, Setting
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -124,6 +125,32 @@ class Stl(Assertion):
     def _placed(self, found: Iterable[tuple[int, str]]) -> SpecProblems:
         for at, message in found:
             yield (), f"{message}; {place(self.formula, at)}"
+
+    @property
+    @override
+    def is_over_time(self) -> bool:
+        """True always but for a formula: without "always" it is about one moment."""
+        return False
+
+    @override
+    def claims(self, setting: Setting) -> Findings:
+        from sim_action.assertions.temporal_logic.formula_claims import audit_formula
+
+        yield from audit_formula(self.formula, self.parsed, setting.physics)
+
+    @override
+    def robot_claims(self, scene: Scene) -> Findings:
+        from sim_action.assertions.temporal_logic.formula_claims import audit_formula_of_robot
+
+        yield from audit_formula_of_robot(self.formula, self.parsed, scene)
+
+    @override
+    def run_claims(self, run: JudgedRun) -> Findings:
+        from sim_action.assertions.temporal_logic.formula_claims import audit_forces
+
+        # A premise that never held is a finding of its own.
+        if run.verdict.status == "passed" and not run.lacks_premise:
+            yield from audit_forces(self.parsed, run.trace)
 
     @override
     def monitor(self, scene: Scene, start: Observation) -> Monitor:

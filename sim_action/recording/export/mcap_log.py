@@ -7,6 +7,7 @@ Topics: /tf and /tf_static with all coordinate frames, /odom and /ground_truth/o
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, BinaryIO, ClassVar, Final, cast
@@ -93,11 +94,12 @@ def sensing(run: RecordedRun, frames: Frames) -> Iterator[Topic]:
     """Yield a topic for each lidar and IMU in the trace; several of one kind are named by sensor."""
     kept = [mounted for mounted in run.sensors if mounted.name in run.trace.sensors]
     taken = set[str]()
+    kinds = Counter(mounted.sensor.key for mounted in kept)
     for mounted in kept:
         kind, record = mounted.sensor.key, run.trace.sensors[mounted.name]
         if kind not in _NAMES:
             continue
-        alone = sum(other.sensor.key == kind for other in kept) == 1
+        alone = kinds[kind] == 1
         name = _free(f"/{_NAMES[kind]}" if alone else f"/{_plain(mounted.name)}/{_NAMES[kind]}", taken)
         yield (_scan if kind == "lidar" else _imu)(name, frames.sensors[mounted.name], mounted, record)
 

@@ -27,8 +27,8 @@ from sim_action.reports.links import file_and_line, rerun_command, source_url
 from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS
 from sim_action.results.outcome import DisplayStatus, ExpectationOutcome, Failure, Outcome
 from sim_action.results.results_json import Results
-from sim_action.scenario.claim_audit import AuditWarning
 from sim_action.state.verdict import Verdict
+from sim_action.world.claims import AuditWarning
 
 
 def article(

@@ -133,6 +133,12 @@ def unit_problem(joint: Joint, reading: Reading, written: float | str) -> str | 
     return None
 
 
+def bare_angle(model: RobotModel, names: Iterable[str], written: object) -> str | None:
+    """Return the problem of a bare angle of joints that cannot make a full turn; other joints may turn many times."""
+    limited = any(joint.is_limited_angle for joint in chosen(model, names))
+    return units.beyond_a_turn(written) if limited else None
+
+
 def tolerance_problems(model: RobotModel, tolerances: Mapping[str, float | str]) -> SpecProblems:
     """Yield names in a map of tolerances that no moving joint matches, and units that do not fit the joints."""
     hinted = FirstFew()

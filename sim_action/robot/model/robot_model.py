@@ -195,6 +195,11 @@ class Joint:
         return middle if math.isfinite(middle) else max(lower, min(upper, self.reference))
 
     @property
+    def is_limited_angle(self) -> bool:
+        """True if it turns, but not by a full turn."""
+        return self.type == "revolute" and self.lower is not None and self.upper is not None
+
+    @property
     def moves(self) -> bool:
         """Return True if the joint has a position."""
         return self.type in MOVING_TYPES or self.type == "ball"

@@ -24,7 +24,7 @@ from sim_action.core.files import read_at_most
 from sim_action.core.records import dataclass
 from sim_action.core.wording import counted, escaped_line
 from sim_action.results.outcome import Failure
-from sim_action.scenario.claim_audit import NOT_SIMULATED, AuditWarning
+from sim_action.world.claims import NOT_SIMULATED, AuditWarning
 from sim_action.world.world_files.losses import Loss
 
 OPTION: Final = "--allow-losses"

@@ -44,7 +44,6 @@ from sim_action.scenario.variations.values import (
     CsvFiles,
     ValueList,
     ValuesError,
-    is_of,
     value_list,
 )
 
@@ -273,7 +272,7 @@ def _keys(source: Source, base: Document, seed: int, runs: int | None) -> list[_
     problems: list[Problem] = []
     found: dict[str, tuple[KeyPath, ValueList]] = {}
     files = CsvFiles(source.workspace, document.file)
-    even = [written for written, values in stated.items() if is_of(Sobol, values)]
+    even = [written for written, values in stated.items() if Sobol.is_stated_by(values)]
     for written, values in stated.items():
         dimension = even.index(written) if written in even else 0
         try:

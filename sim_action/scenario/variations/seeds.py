@@ -10,7 +10,7 @@ from random import Random
 
 from sim_action.core.records import replace
 from sim_action.core.yaml_document import Document
-from sim_action.scenario.source import Source
+from sim_action.scenario.source import Source, varies_seed
 from sim_action.scenario.variations.dotted_keys import placed
 from sim_action.scenario.variations.values import DRAWN_SEED_BITS, MAX_SEED, SEED
 
@@ -25,7 +25,7 @@ def sampled(run: Source, sample: int, typed: int | None) -> Source:
     stated = _stated(run.document)
     if stated is None:
         return run
-    seed = stated if typed is None or _varies(run) else typed
+    seed = stated if typed is None or varies_seed(run.variation) else typed
     own = Random(f"sample {sample} of seed {seed}").getrandbits(DRAWN_SEED_BITS)
     data, _ = placed(run.document.data, (SEED,), own)
     return replace(run, document=replace(run.document, data=data), scenario_seed=seed)
@@ -33,11 +33,7 @@ def sampled(run: Source, sample: int, typed: int | None) -> Source:
 
 def overriding_seed(run: Source, typed: int | None) -> int | None:
     """Return the typed seed if it overrides that of the run, which is complete otherwise."""
-    return None if run.scenario_seed is not None or _varies(run) else typed
-
-
-def _varies(run: Source) -> bool:
-    return any(varied.key == SEED for varied in run.variation)
+    return None if run.scenario_seed is not None or varies_seed(run.variation) else typed
 
 
 def _stated(document: Document) -> int | None:

@@ -179,11 +179,6 @@ def _lines(name: str, text: str) -> Iterator[tuple[int, list[str]]]:
 _EXPECTED: Final = "expected a list of values, or a draw such as {uniform: [0, 1], samples: 10}"
 
 
-def is_of(way: type[Draw], stated: object) -> bool:
-    """Return True if the value of a key states a way to draw."""
-    return isinstance(stated, dict) and way.key in stated
-
-
 def value_list(
     key: str,
     stated: object,

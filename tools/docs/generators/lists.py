@@ -16,8 +16,8 @@ from sim_action.results.outcome import WORST_FIRST, DisplayStatus, Failure, Fail
 from sim_action.robot.model.findings import RULES
 from sim_action.runner.mutation.table import TABLE as MUTANTS
 from sim_action.scenario.child_environment import PASSED
-from sim_action.scenario.claim_audit import RULES as CLAIM_RULES
 from sim_action.state.readings import READING_COLUMNS, ReadingColumn
+from sim_action.world.claims import RULES as CLAIM_RULES
 from tools.docs.generators.markdown import table
 
 EXIT_CODES = {

@@ -38,9 +38,9 @@ from sim_action.ros.ros1.node.world_models import (
     WorldChanged,
     WorldModels,
 )
-from sim_action.scenario.claim_audit import NOT_REPRODUCIBLE
 from sim_action.simulation.loop import SimulationRun
 from sim_action.world import World
+from sim_action.world.claims import NOT_REPRODUCIBLE
 from sim_action.world.world_files.losses import Loss
 
 NAME: Final = "/gazebo"

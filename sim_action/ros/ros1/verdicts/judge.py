@@ -32,8 +32,8 @@ from sim_action.ros.ros1.verdicts.launch_output import (
     xacro_error,
 )
 from sim_action.ros.ros1.verdicts.launch_tags import LaunchTags
-from sim_action.scenario.claim_audit import AuditWarning
 from sim_action.state.verdict import Judged, Verdict
+from sim_action.world.claims import AuditWarning
 from sim_action.world.world_files.losses import Loss
 
 _MAX_CALLBACKS: Final = 3

@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterable, Iterator
 from functools import partial
 from itertools import permutations
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
-from sim_action.assertions.temporal_logic.formula import Comparison, Signal, comparisons, signals
+from sim_action.assertions.temporal_logic.formula import Comparison, Formula, Signal, comparisons, signals, signals_of
 from sim_action.assertions.temporal_logic.tokens import place
 from sim_action.assertions.temporal_logic.vacuity import (
     ANYTHING,
@@ -19,46 +19,69 @@ from sim_action.assertions.temporal_logic.vacuity import (
     constant_comparisons,
 )
 from sim_action.core import units
-from sim_action.core.yaml_document import KeyPath
 from sim_action.robot.model.link_pairs import rigid_bodies
-from sim_action.robot.model.robot_model import WORLD
-from sim_action.scenario.claim_audit import ClaimFinding
+from sim_action.robot.model.robot_model import WORLD, RobotModel
 from sim_action.world import GROUND, Physics
+from sim_action.world.claims import ClaimFinding, Findings
+from sim_action.world.link_range import ROUNDING_M, range_of
 
 if TYPE_CHECKING:
+    from sim_action.state.trace import Trace
     from sim_action.world.scene import Scene
 
 _AXES: Final = "xyz"
-_ROUNDING_M: Final = 1e-6
 
 
-def audit_formula(path: KeyPath, assertion: Any, physics: Physics) -> Iterator[ClaimFinding]:
+def audit_formula(text: str, formula: Formula, physics: Physics) -> Findings:
     """Yield the findings that are visible without the robot model: bare angles, and results that no run changes."""
-    bare = [each for each in bare_numbers(assertion.parsed) if _are_angles(each.signals)]
+    bare = [each for each in bare_numbers(formula) if _are_angles(each.signals)]
     wrong = [(each.at, problem) for each in bare if (problem := units.beyond_a_turn(each.number)) is not None]
     for at, problem in wrong:
-        yield ClaimFinding("bare-angle", path, f"{problem}; {place(assertion.formula, at)}")
+        yield ClaimFinding("bare-angle", (), f"{problem}; {place(text, at)}")
     if wrong:
         return
-    for constant in _constants(assertion, physics):
-        yield _always(path, assertion, constant)
+    for constant in _constants(formula, physics):
+        yield _always(text, constant)
 
 
-def audit_formula_of_robot(path: KeyPath, assertion: Any, scene: Scene) -> Iterator[ClaimFinding]:
+def audit_formula_of_robot(text: str, formula: Formula, scene: Scene) -> Findings:
     """Yield comparisons of values that never change, and of values beyond the reach of the links."""
-    known = {constant.at for constant in _constants(assertion, scene.physics)}
+    yield from _bare_joint_angles(formula, scene.model)
+    known = {constant.at for constant in _constants(formula, scene.physics)}
     places = _Places(scene)
-    for comparison in comparisons(assertion.parsed):
+    for comparison in comparisons(formula):
         compared = tuple(signals(comparison.left)) + tuple(signals(comparison.right))
         if comparison.at not in known and compared and all(map(places.is_constant, compared)):
             known.add(comparison.at)
-            yield _never_changes(path, assertion, comparison, compared)
-    for constant in constant_comparisons(assertion.parsed, partial(_in_reach, scene)):
+            yield _never_changes(text, comparison, compared)
+    for constant in constant_comparisons(formula, partial(_in_reach, scene)):
         if constant.at not in known:
-            yield _always(path, assertion, constant)
+            yield _always(text, constant)
 
 
-def _constants(assertion: Any, physics: Physics) -> Iterator[Constant]:
+def audit_forces(formula: Formula, trace: Trace) -> Findings:
+    """Yield the first force of a formula that held although the force was always 0."""
+    for signal in signals_of(formula):
+        *links, body = signal.names or ("",)
+        if signal.source != "pair" or signal.name != "force":
+            continue
+        if not any(touch.body == body and (not links or touch.link == links[0]) for touch in trace.contacts):
+            who = f"link '{links[0]}'" if links else "the robot"
+            message = f"{who} never pressed against {body}, so '{signal}' was always 0"
+            use = f"let it touch {body}, or use no_collision if it must not"
+            yield ClaimFinding("never-touched", (), f"{message}; {use}")
+            return
+
+
+def _bare_joint_angles(formula: Formula, model: RobotModel) -> Findings:
+    for number in bare_numbers(formula):
+        joints = [model.joints_by_name.get(signal.joint) for signal in number.signals if signal.name == "position"]
+        limited = any(joint is not None and joint.is_limited_angle for joint in joints)
+        if limited and (problem := units.beyond_a_turn(number.number)) is not None:
+            yield ClaimFinding("bare-angle", (), problem)
+
+
+def _constants(formula: Formula, physics: Physics) -> Iterator[Constant]:
     ranges = {
         "tilt": (0.0, math.pi),
         "roll": (-math.pi, math.pi),
@@ -70,21 +93,21 @@ def _constants(assertion: Any, physics: Physics) -> Iterator[Constant]:
         "distance": (0.0, math.inf),
         "force": (0.0, math.inf),
     }
-    return constant_comparisons(assertion.parsed, by_name(ranges))
+    return constant_comparisons(formula, by_name(ranges))
 
 
-def _always(path: KeyPath, assertion: Any, constant: Constant) -> ClaimFinding:
+def _always(text: str, constant: Constant) -> ClaimFinding:
     always = "always true ('>' and '>=' are the same)" if constant.is_true else "always false"
     message = f"'{constant.comparison}' is {always}, so it checks nothing; change its limit"
-    return ClaimFinding("unreachable-limit", path, f"{message}; {place(assertion.formula, constant.at)}")
+    return ClaimFinding("unreachable-limit", (), f"{message}; {place(text, constant.at)}")
 
 
-def _never_changes(path: KeyPath, assertion: Any, comparison: Comparison, compared: Iterable[Signal]) -> ClaimFinding:
+def _never_changes(text: str, comparison: Comparison, compared: Iterable[Signal]) -> ClaimFinding:
     names = [f"'{name}'" for name in dict.fromkeys(map(str, compared))]
     never = "never change" if len(names) > 1 else "never changes"
     message = f"a comparison checks nothing: {' and '.join(names)} {never} in this scenario"
     use = "name links or objects that move relative to each other"
-    return ClaimFinding("fixed-base", path, f"{message}; {use}; {place(assertion.formula, comparison.at)}")
+    return ClaimFinding("fixed-base", (), f"{message}; {use}; {place(text, comparison.at)}")
 
 
 def _are_angles(compared: Iterable[Signal]) -> bool:
@@ -129,8 +152,6 @@ class _Places:
 
 def _in_reach(scene: Scene, signal: Signal) -> Range:
     """Return the possible values of a place of a link, or of the distance between two links."""
-    from sim_action.scenario.reach_claims import range_of
-
     links = scene.model.links_by_name
     if not links.keys() >= set(signal.names) or not signal.names:
         return ANYTHING
@@ -138,13 +159,13 @@ def _in_reach(scene: Scene, signal: Signal) -> Range:
         found, axis = range_of(scene, signal.names[0], WORLD), _AXES.index(signal.name)
         if found is None or (signal.name == "z" and not found.has_height):
             return ANYTHING
-        middle, away = found.centre_xyz[axis], found.radius + _ROUNDING_M
+        middle, away = found.centre_xyz[axis], found.radius + ROUNDING_M
         return middle - away, middle + away
     if signal.name == "distance":
         low, high = 0.0, math.inf
         for first, second in permutations(signal.names):
             if (found := range_of(scene, second, first)) is not None:
-                middle, away = math.hypot(*found.centre_xyz), found.radius + _ROUNDING_M
+                middle, away = math.hypot(*found.centre_xyz), found.radius + ROUNDING_M
                 low, high = max(low, middle - away), min(high, middle + away)
         return low, high
     return ANYTHING

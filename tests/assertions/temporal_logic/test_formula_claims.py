@@ -8,8 +8,8 @@ from typing import Final
 
 import pytest
 
-from tests.scenario.test_reach_claims import ARMS, refused, scenario
 from tests.scenarios import load
+from tests.world.test_link_range import ARMS, refused, scenario
 
 WORLD: Final = (
     "world: {objects: [{name: wall, box: [0.1, 1, 1], pose: {x: 9, z: 0.5}},\n"

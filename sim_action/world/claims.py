@@ -1,0 +1,310 @@
+"""The audit of claims: rules against scenarios that pass although nothing was checked.
+
+An error is a claim that cannot fail in any world, and refuses the scenario. A warning is a claim that cannot fail in
+this scenario, and is shown in every report. Each finding carries the name of its rule. The key `allow` of a scenario
+lists rules whose findings are accepted.
+
+Assertions and command sources yield the findings about themselves, from `Setting` and from `JudgedRun`. They are
+collected in `scenario/claims.py`, and after a run in `simulation/run_audit.py`, with the rules about whole scenarios.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import reduce
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Final, Literal, Self
+
+from sim_action.core import units
+from sim_action.core.errors import Location
+from sim_action.core.field_types import FrozenModel
+from sim_action.core.records import dataclass, field, replace
+from sim_action.core.wording import did_you_mean
+from sim_action.core.yaml_document import Document, KeyPath
+from sim_action.core.yaml_errors import SpecProblems
+from sim_action.world import Physics, World
+
+if TYPE_CHECKING:
+    from sim_action.state.trace import Trace
+    from sim_action.state.verdict import Verdict
+    from sim_action.world.scene import Scene
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """One rule: the level of its findings, and their summary for the documents.
+
+    Attributes:
+        over_variations: True if a finding counts only if all variations of a scenario have it.
+    """
+
+    level: Literal["error", "warning"]
+    summary: str
+    over_variations: bool = False
+
+
+SINGLE_ROW: Final = "single-row-golden"
+"""The rule against golden files without a motion."""
+
+NOT_SIMULATED: Final = "not-simulated"
+"""The rule about parts of launch files and world files that are not simulated."""
+
+NOT_REPRODUCIBLE: Final = "not-reproducible"
+"""The rule about runs whose nodes could not be kept in lock-step with sim time."""
+
+LOGGED_ERROR: Final = "logged-error"
+"""The rule about errors that nodes log."""
+
+INCOMPLETE_WORLD: Final = "incomplete-world"
+"""The rule about files of a world that cannot be used, so that an obstacle is missing."""
+
+RULES: Final[Mapping[str, Rule]] = MappingProxyType(
+    {
+        "bare-angle": Rule("error", "an angle without a unit that is more than one turn: probably in degrees"),
+        "unreachable-limit": Rule(
+            "error",
+            "a limit that no run can exceed, such as a tilt of 180 deg, a speed at which the run already counts as "
+            "unstable (`physics.max_speed`), or a comparison that is always true",
+        ),
+        "unreachable-target": Rule(
+            "error", "a place of `reach`, `final_pose` or `follow_path` that is farther away than the link can reach"
+        ),
+        "warnings-only": Rule("error", "a scenario in which every expectation has `severity: warning`"),
+        SINGLE_ROW: Rule("error", "a golden file with one row: no motion is compared"),
+        "no-collision-shape": Rule(
+            "error",
+            "`no_collision`, `clearance`, `contact` or `stops_before` on a robot without a collision shape: "
+            "the engine sees no contact and no distance",
+        ),
+        "fixed-base": Rule(
+            "error",
+            "an assertion about the motion of a fixed base, such as `travel`, or `matches` without `joints`, or of a "
+            "link that no joint moves in its frame; a comparison of `stl`, or a `clearance`, between parts that never "
+            "move; a limit of `agreement` for such a base or a link fixed to it",
+        ),
+        "shapeless-links": Rule(
+            "warning", "such an assertion where moving links have a visual shape but no collision shape"
+        ),
+        "nothing-to-touch": Rule(
+            "warning", "`no_collision` where there is nothing that the robot may not touch during the check"
+        ),
+        "limit-beyond-range": Rule("warning", "a minimum distance of `sensor` that is greater than its sensor's range"),
+        "segment-beyond-run": Rule(
+            "warning", "a command segment or point that is longer or later than the run: probably in milliseconds"
+        ),
+        "premise-never-held": Rule(
+            "warning", "an implication (`a implies b`) whose premise never held, in any variation", over_variations=True
+        ),
+        "drive-never-commanded": Rule("warning", "a drive that no command source and no sensor used"),
+        "judged-once": Rule("warning", "an invariant that was judged at one moment, although the run has more"),
+        "nothing-in-range": Rule("warning", "an invariant of `sensor` whose ranges or depths were all infinite"),
+        "never-touched": Rule(
+            "warning",
+            "an upper limit of `contact`, or a `force` of `stl`, on a body that the robot did not touch, or of "
+            "`feet_on_ground` without a foot on the ground, in any variation",
+            over_variations=True,
+        ),
+        "silent-controller": Rule(
+            "warning",
+            "a controller (script, process, replay, ROS nodes) that gave no command other than zero; a wrench of zero",
+        ),
+        "command-never-arrived": Rule(
+            "warning",
+            "a command source with `latency`, `jitter` or `dropouts` whose commands all came too late or never",
+        ),
+        "never-moved": Rule("warning", "a robot that was commanded to move, and never moved"),
+        "link-never-moved": Rule(
+            "warning",
+            "an assertion on a `link` that held, although the link never moved in its frame, in any variation",
+            over_variations=True,
+        ),
+        "object-never-moved": Rule(
+            "warning",
+            "an `upright` or `stay_within` of `object` that held, although the object never moved, in any variation",
+            over_variations=True,
+        ),
+        NOT_SIMULATED: Rule(
+            "warning",
+            "a part of a world file that is not simulated; a part of a launch file, where `allow_losses` is true",
+        ),
+        NOT_REPRODUCIBLE: Rule(
+            "warning",
+            "ROS nodes that could not be kept in lock-step with sim time, so that another run may differ: "
+            "a node that is never quiet or acts by the wall clock, or `pace: realtime`",
+        ),
+        LOGGED_ERROR: Rule("warning", "a ROS 2 node that logged at the level ERROR or FATAL"),
+        INCOMPLETE_WORLD: Rule(
+            "error", "a model or a mesh of a world file that is not found or cannot be used: an obstacle is missing"
+        ),
+        "event-never-began": Rule(
+            "warning", "a disturbance, a wrench, a body or a path that is due after the end of the run"
+        ),
+    }
+)
+
+
+@dataclass(frozen=True, slots=True)
+class ClaimFinding:
+    """A finding of a rule: what was found, and what to change.
+
+    Attributes:
+        path: the keys that lead to the place, in a part of a scenario or in the scenario.
+    """
+
+    rule: str
+    path: KeyPath
+    message: str
+
+    def below(self, path: KeyPath) -> Self:
+        """Return the finding of a part of a scenario that stands at the keys `path`."""
+        return replace(self, path=(*path, *self.path))
+
+    @property
+    def is_error(self) -> bool:
+        """Return True if the finding refuses the scenario."""
+        return RULES[self.rule].level == "error"
+
+    def warning(self, document: Document) -> AuditWarning:
+        """Return the finding as reports show it."""
+        return AuditWarning(rule=self.rule, message=self.message, location=document.location(self.path))
+
+
+class AuditWarning(FrozenModel):
+    """A part of the scenario that checked nothing in this run, found by a rule of the audit of claims.
+
+    Attributes:
+        rule: the name of the rule, which `allow` in the scenario accepts.
+        message: what was found, and what to change.
+        location: the place in the scenario file.
+    """
+
+    rule: str
+    message: str
+    location: Location
+
+    def __str__(self) -> str:
+        return f"{self.message} [{self.rule}]"
+
+    @property
+    def is_over_variations(self) -> bool:
+        """True if it counts only if all variations of a scenario have it. Other versions may have other rules."""
+        return self.rule in RULES and RULES[self.rule].over_variations
+
+
+def allowed_rules(data: Mapping[str, Any]) -> frozenset[str]:
+    """Return the rules that the data of a scenario allows, before it is validated."""
+    stated = data.get("allow")
+    return frozenset(name for name in stated if isinstance(name, str)) if isinstance(stated, tuple) else frozenset()
+
+
+def unknown_rules(allow: Sequence[str]) -> SpecProblems:
+    """Yield the names in `allow` that are no rules."""
+    for index, name in enumerate(allow):
+        if name not in RULES:
+            yield ("allow", index), f"'{name}' is not a rule{did_you_mean(name, RULES)}"
+
+
+Findings = Iterator[ClaimFinding]
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """The scenario around an assertion or a command source, as far as its file says it.
+
+    Attributes:
+        time_limit: of the scenario, in s.
+        end: sim time in s at which the assertion is checked last, or at which a command can act last.
+        end_key: the key of the scenario that states this end for commands.
+        ranges: sensor and column of its readings -> the key that states their range, and the range in m.
+    """
+
+    world: World
+    physics: Physics
+    time_limit: float
+    end: float
+    end_key: str = "time_limit"
+    ranges: Mapping[tuple[str, str], tuple[str, float]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JudgedRun:
+    """A finished run, and its verdict on one expectation.
+
+    Attributes:
+        trace: the stored trace of the run.
+        lacks_premise: True if a premise of the expectation never held.
+        is_pushed: True if a command gave an effort or a wrench.
+    """
+
+    scene: Scene
+    trace: Trace
+    verdict: Verdict
+    lacks_premise: bool = False
+    is_pushed: bool = False
+
+
+def _half_a_turn(_: Setting) -> float:
+    return math.pi
+
+
+@dataclass(frozen=True, slots=True)
+class Ceiling:
+    """The greatest value that a quantity has in any run: a limit that is not below it checks nothing.
+
+    Attributes:
+        key: of the limit; that of an inner key has a dot.
+        unit: the SI unit of the limit.
+        why: the reason as a clause.
+        most: returns the value.
+    """
+
+    key: str
+    unit: str
+    why: str
+    most: Callable[[Setting], float] = _half_a_turn
+
+    @property
+    def is_of_base(self) -> bool:
+        """True if it holds only for the base, as the limits of a run do; angles end at half a turn anywhere."""
+        return self.unit != "rad"
+
+    def finding(self, part: object, setting: Setting) -> ClaimFinding | None:
+        """Return the finding about the limit of a part; None if a run can exceed it."""
+        names = self.key.split(".")
+        value: Any = reduce(lambda inner, name: getattr(inner, name, None), names, part)
+        most = self.most(setting)
+        if value is None or value < most:
+            return None
+        why = f"{self.why}, {units.display(most, self.unit)}" if self.is_of_base else self.why
+        return beyond(tuple(names), value, self.unit, why)
+
+
+HEADINGS: Final = "two headings are at most 180 deg apart"
+"""The reason for a ceiling of a difference of headings."""
+
+ORIENTATIONS: Final = "two orientations are at most 180 deg apart"
+"""The reason for a ceiling of a difference of orientations."""
+
+UNSTABLE: Final = "a run ends as unstable at physics."
+"""The beginning of the reason for a ceiling that a key of `physics` states."""
+
+
+def beyond(path: KeyPath, value: float, unit: str, why: str) -> ClaimFinding:
+    """Return the finding on a limit that cannot be exceeded; `why` is a clause, `value` has the SI unit `unit`."""
+    message = f"a limit of {units.display(value, unit)} cannot be exceeded, because {why}; give a smaller limit"
+    return ClaimFinding("unreachable-limit", path, message)
+
+
+MANY_S: Final = 100.0
+"""From this number on, a time in s is probably one in ms."""
+
+
+def late_points(path: KeyPath, times: Sequence[float | None], setting: Setting) -> Findings:
+    """Yield the first point with a time in s after the end of the run."""
+    for index, at in enumerate(times):
+        if at is not None and at > setting.end:
+            message = f"this point is at {at:g} s, but the run ends at {setting.end:g} s ({setting.end_key})"
+            hint = f"; '{at:g} ms' meant?" if at >= MANY_S else "; move it, or remove it"
+            yield ClaimFinding("segment-beyond-run", (*path, index, "at"), f"{message}{hint}")
+            return

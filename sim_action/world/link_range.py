@@ -1,0 +1,137 @@
+"""The places that a link can come to in a frame, for the audit of claims.
+
+The distance of a link from the first moving joint between its frame and the link is at most the sum of the distances
+between the joints: joints turn about these places, whatever their positions. Only such certain findings are reported.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import Final
+
+from sim_action.core import geometry, units
+from sim_action.core.geometry import Pose, Vector3
+from sim_action.core.records import dataclass
+from sim_action.core.yaml_document import KeyPath
+from sim_action.robot.model.kinematics import link_of_frame, link_poses
+from sim_action.robot.model.robot_model import WORLD, Joint, RobotModel
+from sim_action.world.claims import ClaimFinding, Findings, beyond
+from sim_action.world.scene import Scene
+
+# Limits of sliding joints give way a little; models and sums round.
+_SLACK: Final = 1.05
+
+ROUNDING_M: Final = 1e-6
+"""In m: the rounding of sums of distances."""
+
+
+@dataclass(frozen=True, slots=True)
+class LinkRange:
+    """All places that the origin of a link may come to in a frame.
+
+    Attributes:
+        who: the link in a sentence.
+        joint: name of the joint about which it moves.
+        centre_xyz: m, the place of that joint.
+        has_height: False if the z of the centre is unknown.
+        radius: m, the greatest distance from the centre.
+    """
+
+    who: str
+    frame: str
+    joint: str
+    centre_xyz: Vector3
+    has_height: bool
+    radius: float
+
+    def distance(self, place: Mapping[str, float]) -> float:
+        """Return the least distance in m from the centre of a place of which some coordinates are given."""
+        centre = dict(zip("xyz", self.centre_xyz, strict=True))
+        return math.hypot(*(at - centre[axis] for axis, at in place.items() if axis != "z" or self.has_height))
+
+    def farthest(self, place: Mapping[str, float]) -> float:
+        """Return the greatest distance in m of the link from such a place; infinite if it is unknown."""
+        return math.inf if "z" in place and not self.has_height else self.distance(place) + self.radius + ROUNDING_M
+
+    def is_within(self, bounds: Mapping[str, tuple[float, float]]) -> bool:
+        """Return True if the link stays between the bounds of the axes, in m."""
+        centre = dict(zip("xyz", self.centre_xyz, strict=True))
+        return ("z" not in bounds or self.has_height) and all(
+            lower <= centre[axis] - self.radius and centre[axis] + self.radius <= upper
+            for axis, (lower, upper) in bounds.items()
+        )
+
+    def too_wide(self, most: float, what: str, limits: Mapping[str, float | None]) -> Findings:
+        """Yield limits of the distance from `what`, which is at most `most`, in m by their key."""
+        for key, limit in limits.items():
+            if limit is not None and limit >= most:
+                why = f"{self.who} is never more than {units.display(most, 'm')} from {what}"
+                yield beyond((key,), limit, "m", why)
+
+    def out_of_reach(self, path: KeyPath, place: Mapping[str, float], tolerance: float) -> Findings:
+        """Yield a place, stated at `path`, that the link cannot come near enough to."""
+        away, most = self.distance(place), self.radius + ROUNDING_M
+        if place and away > most + tolerance:
+            far, longest = units.display_apart(away, most, "m")
+            reach = f"but {self.who} reaches at most {longest} from there"
+            use = f"move it, or the robot; check 'frame', which is {self.frame}"
+            message = f"this place is {far} from joint '{self.joint}', {reach}; {use}"
+            yield ClaimFinding("unreachable-target", path, message)
+
+
+def range_of(scene: Scene, link: str | None, frame: str) -> LinkRange | None:
+    """Return the places that a link, or the base link, may come to in a frame.
+
+    Return None if they are unlimited, or not known before a run.
+    """
+    who, link = link or "the base", link or scene.model.root
+    model, base, has_height = scene.model, Pose(), True
+    if frame == WORLD:
+        if not scene.bolted:
+            return None
+        placement = scene.placement
+        base = Pose((placement.x, placement.y, placement.z or 0.0), placement.orientation_xyzw)
+        has_height = placement.z is not None
+    start = model.root if frame == WORLD else link_of_frame(model, frame)
+    if start not in model.links_by_name or link not in model.links_by_name:
+        return None
+    chain = [joint for joint in _between(model, start, link) if joint.moves]
+    if not chain:
+        return None
+    poses = link_poses(model, {})
+    places = [geometry.compose(poses[joint.child], Pose(joint.anchor_xyz)).position_xyz for joint in chain]
+    slides = sum(_slide(joint) for joint in chain)
+    radius = sum(math.dist(*pair) for pair in pairwise([*places, poses[link].position_xyz])) + slides
+    seen = base if frame == WORLD else geometry.inverse(poses[start])
+    centre = geometry.compose(seen, Pose(places[0])).position_xyz
+    if not math.isfinite(radius):
+        return None
+    return LinkRange(who, frame, chain[0].name, centre, has_height, radius)
+
+
+def _between(model: RobotModel, start: str, link: str) -> list[Joint]:
+    """Return the joints on the way from one link to another."""
+    up, down = _to_root(model, start), _to_root(model, link)
+    while up and down and up[-1] is down[-1]:
+        up.pop()
+        down.pop()
+    return [*up, *reversed(down)]
+
+
+def _to_root(model: RobotModel, link: str) -> list[Joint]:
+    joints = list[Joint]()
+    while link != model.root:
+        joints += reversed(model.joints_to[link])
+        link = joints[-1].parent
+    return joints
+
+
+def _slide(joint: Joint) -> float:
+    """Return the greatest displacement of a joint in m; 0 if it turns, infinite without limits."""
+    if joint.type != "prismatic":
+        return 0.0
+    if joint.lower is None or joint.upper is None or joint.lower > joint.upper:
+        return math.inf
+    return _SLACK * max(abs(joint.lower), abs(joint.upper))
