@@ -345,4 +345,4 @@ def _referred(part: Any) -> Iterator[str]:
 SCHEMAS: Final[Mapping[str, Callable[[], Schema]]] = MappingProxyType(
     {"scenario": scenario_schema, "base": base_schema, "results": results_schema, "proof": proof_schema}
 )
-"""Each schema by the name that `sim-action schema` and the files in docs/ have for it."""
+"""Each schema by the name that `sim-action schema` and the published files have for it."""

@@ -59,10 +59,8 @@ def test_they_name_their_dialect_and_address_and_are_json() -> None:
 
 
 @pytest.mark.parametrize("name", SCHEMAS)
-def test_the_published_file_is_as_the_code_says(name: str) -> None:
-    published = ROOT / f"docs/{name}.schema.json"
-    assert published.read_text(encoding="utf-8") == schema_text(SCHEMAS[name]())
-    assert f'"{published.name}"' in (ROOT / "docs/conf.py").read_text(encoding="utf-8")
+def test_the_site_publishes_each_schema(name: str) -> None:
+    assert f'"{name}.schema.json"' in (ROOT / "docs/conf.py").read_text(encoding="utf-8")
 
 
 def test_the_entry_for_schemastore_names_the_published_schema_and_the_files_that_are_run() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import re
 import subprocess
@@ -15,7 +16,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from sim_action.app.init import write_scaffold
-from sim_action.app.schema import scenario_schema, schema_text
+from sim_action.app.schema import SCHEMAS, scenario_schema, schema_text
 from sim_action.robot.built_in import BUILT_IN
 from tests.app.typos import SCENARIO, TYPOS
 from tests.examples import EXAMPLES
@@ -23,14 +24,21 @@ from tests.integration.language_server import LanguageServer
 from tests.integration.node import ENVIRONMENT, MODULES
 
 ROOT: Final = Path(__file__).parents[2]
-OF_SCENARIOS: Final = ROOT / "docs/scenario.schema.json"
-OF_BASES: Final = ROOT / "docs/base.schema.json"
 BASES: Final = sorted(ROOT.glob("examples/**/*.base.yml"))
 
 
 @pytest.fixture(scope="module")
-def server() -> Iterator[LanguageServer]:
-    with LanguageServer({OF_SCENARIOS: "*.sim.yml", OF_BASES: "*.base.yml"}) as running:
+def schemas(tmp_path_factory: pytest.TempPathFactory) -> dict[Path, str]:
+    """The files of the schemas for scenarios and for bases -> the files that each is for."""
+    folder = tmp_path_factory.mktemp("schemas")
+    for name in ("scenario", "base"):
+        (folder / f"{name}.json").write_text(schema_text(SCHEMAS[name]()), encoding="utf-8")
+    return {folder / "scenario.json": "*.sim.yml", folder / "base.json": "*.base.yml"}
+
+
+@pytest.fixture(scope="module")
+def server(schemas: dict[Path, str]) -> Iterator[LanguageServer]:
+    with LanguageServer(schemas) as running:
         yield running
 
 
@@ -129,14 +137,14 @@ def run(*command: str | Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=ROOT, env=ENVIRONMENT, capture_output=True, text=True, check=False)
 
 
-def test_check_jsonschema_accepts_the_schemas_and_the_examples(tmp_path: Path) -> None:
+def test_check_jsonschema_accepts_the_schemas_and_the_examples(schemas: dict[Path, str], tmp_path: Path) -> None:
     check = f"{sys.prefix}/bin/check-jsonschema"
-    for schema, paths in ((OF_SCENARIOS, EXAMPLES), (OF_BASES, BASES)):
+    for schema, paths in zip(schemas, (EXAMPLES, BASES), strict=True):
         accepted = run(check, "--schemafile", schema, *paths)
         assert accepted.returncode == 0, accepted.stdout
     wrong = tmp_path / "wrong.sim.yml"
     wrong.write_text(SCENARIO.replace("time_limit: 30 s", "time_limit: 30 kg"), encoding="utf-8")
-    refused = run(check, "--schemafile", OF_SCENARIOS, wrong)
+    refused = run(check, "--schemafile", next(iter(schemas)), wrong)
     assert refused.returncode == 1
     assert "number, or text such as 20 s" in refused.stdout
 
@@ -151,8 +159,8 @@ for (const path of schemas) {
 """
 
 
-def test_ajv_compiles_the_schemas_in_its_strict_mode() -> None:
-    compiled = run("node", "-e", STRICT, MODULES / "ajv", OF_SCENARIOS, OF_BASES)
+def test_ajv_compiles_the_schemas_in_its_strict_mode(schemas: dict[Path, str]) -> None:
+    compiled = run("node", "-e", STRICT, MODULES / "ajv", *schemas)
     assert compiled.returncode == 0, compiled.stderr
 
 
@@ -160,17 +168,18 @@ def patterns(schema: Any) -> Iterator[str]:
     if isinstance(schema, dict):
         if isinstance(pattern := schema.get("pattern"), str):
             yield pattern
-        for each in schema.values():
-            yield from patterns(each)
+        for value in schema.values():
+            yield from patterns(value)
     elif isinstance(schema, list):
-        for each in schema:
-            yield from patterns(each)
+        for value in schema:
+            yield from patterns(value)
 
 
-# Of the files, which tests/test_docs.py keeps fresh: tests are collected half a second sooner than by making schemas.
-PATTERNS: Final = sorted(
-    {pattern for path in (OF_SCENARIOS, OF_BASES) for pattern in patterns(json.loads(path.read_text(encoding="utf-8")))}
-)
+@functools.cache
+def all_patterns() -> list[str]:
+    """The patterns of both schemas, made when they are needed: it takes half a second."""
+    return sorted({pattern for name in ("scenario", "base") for pattern in patterns(SCHEMAS[name]())})
+
 
 MATCHING: Final = """
 const patterns = JSON.parse(process.argv[1]).map((pattern) => new RegExp(pattern, "u"));
@@ -182,41 +191,26 @@ require("readline").createInterface({ input: process.stdin }).on("line", (line) 
 
 @pytest.fixture(scope="module")
 def matching() -> Iterator[subprocess.Popen[str]]:
-    command = ["node", "-e", MATCHING, json.dumps(PATTERNS)]
+    command = ["node", "-e", MATCHING, json.dumps(all_patterns())]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=ENVIRONMENT) as node:
         yield node
         node.kill()
 
 
-PIECES: Final = [
-    "0",
-    "7",
-    "1.5",
-    ".",
-    "-",
-    "+",
-    "e3",
-    " ",
-    "\n",
-    "\r",
-    "\u2028",
-    "\u00a0",
-    "a",
-    "é",
-    "機",
-    ":",
-    "/",
-    "_",
-]
-WORDS: Final = sorted({word for pattern in PATTERNS for word in re.findall(r"[A-Za-z%/^\\]+", pattern)})
+PIECES: Final = (*"07.-+ \n\r\u2028\u00a0aé機:/_", "1.5", "e3")
+
+
+def pieces() -> st.SearchStrategy[str]:
+    words = {word for pattern in all_patterns() for word in re.findall(r"[A-Za-z%/^\\]+", pattern)}
+    return st.lists(st.sampled_from([*PIECES, *sorted(words)]), max_size=6).map("".join)
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(st.text(max_size=6) | st.lists(st.sampled_from([*PIECES, *WORDS]), max_size=6).map("".join))
+@given(st.text(max_size=6) | st.deferred(pieces))
 def test_patterns_mean_the_same_in_python_and_in_ecmascript(matching: subprocess.Popen[str], text: str) -> None:
     assert matching.stdin is not None
     assert matching.stdout is not None
     matching.stdin.write(json.dumps(text) + "\n")
     matching.stdin.flush()
     found = json.loads(matching.stdout.readline())
-    assert found == [bool(re.search(pattern, text)) for pattern in PATTERNS]
+    assert found == [bool(re.search(pattern, text)) for pattern in all_patterns()]

@@ -1,4 +1,4 @@
-"""Write the generated parts of README.md and of the pages in docs/, and the JSON Schemas.
+"""Write the generated parts of README.md and of the pages in docs/, and the JSON Schemas, which are not committed.
 
 A generated part stands between `<!-- generated: NAME ARGUMENT ... -->` and `<!-- end -->`. BLOCKS has a function for
 each NAME. Its links start at the root of the repository, as in `](/examples/...)`, and become relative to the page.
@@ -68,9 +68,8 @@ def pages() -> list[Path]:
 
 
 def generated() -> dict[Path, str]:
-    """Return each generated file with the text that it should hold."""
-    texts = {path: _filled(path) for path in pages()}
-    return texts | {ROOT / f"docs/{name}.schema.json": schema_text(schema()) for name, schema in SCHEMAS.items()}
+    """Return each page with the text that it should hold."""
+    return {path: _filled(path) for path in pages()}
 
 
 def _filled(page: Path) -> str:
@@ -89,12 +88,14 @@ def _with_relative_links(text: str, page: Path) -> str:
 
 def main() -> None:
     """Write all generated parts, or with `--check` exit with 1 if one is stale."""
-    stale = {p: text for p, text in generated().items() if not p.exists() or p.read_text(encoding="utf-8") != text}
+    stale = {path: text for path, text in generated().items() if path.read_text(encoding="utf-8") != text}
     if "--check" in sys.argv:
         sys.exit(f"stale: {', '.join(str(p.relative_to(ROOT)) for p in stale)}; run: make docs" if stale else 0)
     for path, text in stale.items():
         path.write_text(text, encoding="utf-8")
         print(f"wrote {path.relative_to(ROOT)}")
+    for name, schema in SCHEMAS.items():
+        (ROOT / f"docs/{name}.schema.json").write_text(schema_text(schema()), encoding="utf-8")
 
 
 if __name__ == "__main__":
