@@ -253,7 +253,7 @@ ASSERTIONS: Final = Table[type[Assertion]](
         "stay_within": "sim_action.assertions.stay_within:StayWithin",
         "clearance": "sim_action.assertions.clearance:Clearance",
         "object": "sim_action.assertions.object:ObjectAssertion",
-        "grasped": "sim_action.assertions.contact:Grasped",
+        "grasped": "sim_action.assertions.grasped:Grasped",
         "feet_on_ground": "sim_action.assertions.legs:FeetOnGround",
         "support_margin": "sim_action.assertions.legs:SupportMargin",
         "follow_path": "sim_action.assertions.follow_path:FollowPath",

@@ -1,46 +1,47 @@
-"""`contact: {with: ball, link: hand, at_most: 20 N}` and `grasped`: the robot touches a body, or holds it."""
+"""`contact: {with: ball, link: hand, at_most: 20 N}`: the robot touches a body."""
 
 from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Self
 
 from pydantic import Field, model_validator
 from typing_extensions import override
 
 from sim_action.assertions import Assertion
-from sim_action.assertions.monitors import FORCE_WINDOW_S, Monitor
+from sim_action.assertions.monitors import FORCE_WINDOW_S, Monitor, State, Truth
 from sim_action.assertions.monitors.bounds import Bounds, bounds_title, check_bounds, check_order
-from sim_action.assertions.monitors.contact_force import MeanForce, duration_text
-from sim_action.assertions.monitors.goals import HoldTime
-from sim_action.assertions.monitors.grip import GraspMonitor
-from sim_action.assertions.monitors.touch import TouchMonitor
+from sim_action.assertions.monitors.contact_force import Forces, MeanForce, duration_text, times_of
+from sim_action.assertions.monitors.goals import HoldTime, joined
+from sim_action.assertions.monitors.proximity import NO_FORCE, least_so_far, nearest_of, touching_at, with_zeros
 from sim_action.core import units
 from sim_action.core.field_types import (
     FrozenModel,
-    PositiveMetresPerSecond,
     PositiveNewtons,
     PositiveNewtonSeconds,
     PositiveSeconds,
 )
+from sim_action.core.records import dataclass, replace
 from sim_action.core.units import STEP_EPSILON
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
-from sim_action.robot.model.joint_selection import link_name_problems, links_named, links_with_shapes, matches_name
+from sim_action.robot.model.joint_selection import links_with_shapes, matches_name
 from sim_action.state.trace_channels import Channels, ClearanceWatch
+from sim_action.state.verdict import Signal, Verdict
 from sim_action.world import MAX_PHYSICS_RATE_HZ
 from sim_action.world.claims import ClaimFinding, Findings, JudgedRun
 from sim_action.world.ground import GROUND
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from sim_action.state.observation import Contact, Observation
-
-
-# The least squeeze of a grip by default.
-_SHARE_OF_WEIGHT: Final = 0.1
-_MIN_SQUEEZE_N: Final = 1e-6
+    from sim_action.state.trace import FloatArray, Trace
+    from sim_action.state.trace_records import Nearness
 
 _PATTERN: Final = re.compile(r"[*?\[]")
 
@@ -222,72 +223,293 @@ class Touch(Assertion):
         )
 
 
-class Grasped(Assertion):
-    """Links of the robot hold an object between them: at least two press it from opposed sides, and it does not slide.
+# In MuJoCo, a body that is pushed loses contact for up to five steps at a time.
+_MAX_CONTACT_GAP_S: Final = 0.05
 
-    It is a goal. The object is held while three conditions are true, for the mean of the last 50 ms. At least two of
-    the links `by` press it. Their normal forces are opposed: at least half of their sum cancels, so two equal forces
-    differ by 120 deg or more. It does not move along any of them faster than `slip`. The squeeze is half of the forces
-    that cancel, which is the force of each of two fingers; it must be at least `at_least`. An object that is pushed
-    from one side, or that lies on a palm, is not held. An object that is squeezed while it still stands on a table is
-    held: to demand that it is lifted, add `object: {name: cube, moved: {up: 10 cm}}`.
+
+@dataclass(frozen=True, slots=True)
+class TouchMonitor(Monitor):
+    """The fold of the contacts over all steps; a stored trace may have fewer steps than contacts.
+
+    Attributes:
+        step: duration of a physics step in s of sim time.
+        stretch: the fold of the time for which the contact lasts and is strong enough.
+        mean: the mean force so far.
+        force: the fold of the mean force in N against its limits.
+        impulse: the fold of the impulse in N s against its limits.
+        first: sim time in s of the first contact.
+        unknown: sim time in s of the first contact without a force, see `Contact.has_force`; only if there are limits.
+        last: sim time in s of the last contact.
+        nearest: the least distance.
+        instead: another contact: of the body with another link if there is one, else the first of all.
+        end: sim time of the last step, in s.
     """
 
-    key: ClassVar[str] = "grasped"
-
-    object: Annotated[str, Field(min_length=1, description="name of the object, which must have a mass")]
-    by: Annotated[tuple[str, ...], Field(min_length=1, description="two or more links, or patterns such as '*_finger'")]
-    at_least: Annotated[
-        PositiveNewtons | None, Field(description="least squeeze; default: a tenth of the weight of the object")
-    ] = None
-    slip: Annotated[PositiveMetresPerSecond, Field(description="greatest speed of the object along a link")] = 0.05
-    span: Annotated[
-        PositiveSeconds | None, Field(alias="for", description="required duration; default: one physics step")
-    ] = None
-
-    @property
-    @override
-    def channels(self) -> Channels:
-        return Channels(objects=frozenset({self.object}), link_contacts=frozenset(self.by))
+    spec: Touch
+    step: float
+    stretch: HoldTime
+    mean: MeanForce
+    force: Bounds
+    impulse: Bounds
+    first: float | None = None
+    unknown: float | None = None
+    last: float | None = None
+    nearest: Nearness | None = None
+    instead: Contact | None = None
+    end: float | None = None
 
     @property
     @override
-    def is_goal(self) -> bool:
-        return True
+    def state(self) -> State:
+        limits = joined(self.force.invariant.state, self.impulse.invariant.state)
+        if self.unknown is not None and self.spec.has_most:
+            limits = State.BROKEN
+        return joined(limits, self.stretch.state) if self.spec.is_goal else limits
 
     @property
-    @override
-    def has_truth(self) -> bool:
-        return True
+    def is_decided(self) -> bool:
+        """See Monitor.is_decided. A contact decides, unless it may still become too strong."""
+        return self.state is State.BROKEN or (self.state is State.HOLDS and not self.spec.has_most)
 
-    @property
-    @override
-    def hold_time(self) -> float | None:
-        return self.span
-
-    @property
-    @override
-    def title(self) -> str:
-        force = "" if self.at_least is None else f" with at least {units.display(self.at_least, 'N')}"
-        span = "" if self.span is None else f" for {units.display(self.span, 's')}"
-        return f"grasped {self.object} by {', '.join(self.by)}{force}{span}"
-
-    def problems(self, scene: Scene) -> SpecProblems:
-        """Yield an unknown object, one without a mass, unknown links, and a single link."""
-        bodies = {body.name: body for body in scene.world.objects}
-        body = bodies.get(self.object)
-        if body is None:
-            yield ("object",), f"the world has no body '{self.object}'{did_you_mean(self.object, bodies)}"
-        elif body.mass is None:
-            yield ("object",), f"'{self.object}' has no mass, so the robot cannot hold it; give it one"
-        unknown = list(link_name_problems(scene.model, "by", self.by))
-        yield from unknown
-        links = links_named(scene.model, self.by)
-        if not unknown and len(links) < 2:
-            yield ("by",), f"only '{links[0]}' is named, and it takes two links to hold an object; add another one"
+    def begin(self, trace: Trace) -> Self:
+        """See Monitor.begin. The mean force looks back to before the window of the expectation."""
+        return replace(self, mean=self._forces(trace)[0])
 
     @override
-    def monitor(self, scene: Scene, start: Observation) -> Monitor:
-        mass = next((body.mass for body in scene.world.objects if body.name == self.object), None) or 0.0
-        least = self.at_least or max(_MIN_SQUEEZE_N, _SHARE_OF_WEIGHT * mass * scene.world.weight)
-        return GraspMonitor(self, scene.model, links_named(scene.model, self.by), least, HoldTime(self.span or 0.0))
+    def observe(self, trace: Trace) -> Self:
+        meant, others = self._sorted(trace)
+        touches = times_of(meant)
+        end = float(trace.time[-1]) if len(trace) else self.end
+        first = float(touches[0]) if self.first is None and len(touches) else self.first
+        unknown = self.unknown
+        if unknown is None and (self.spec.has_least or self.spec.has_most):
+            unknown = next((contact.time for contact in meant if not contact.has_force), None)
+        nearest = nearest_of(trace, self.spec.watch, self.nearest)
+        seen = replace(self, end=end, first=first, unknown=unknown, instead=self._instead_of(others), nearest=nearest)
+        if self.spec.has_least or self.spec.has_most:
+            seen = seen.pressed(*self.mean.observe(trace, meant))
+        return seen.touched(touches) if len(touches) and not self.spec.has_least else seen
+
+    def _sorted(self, trace: Trace) -> tuple[list[Contact], list[Contact]]:
+        """Return the contacts between the named link and body, and the others."""
+        meant: list[Contact] = []
+        others: list[Contact] = []
+        for contact in trace.contacts:
+            (meant if self.spec.is_meant(contact) else others).append(contact)
+        return meant, others
+
+    def _forces(self, trace: Trace) -> tuple[MeanForce, Forces]:
+        return self.mean.observe(trace, filter(self.spec.is_meant, trace.contacts))
+
+    def _instead_of(self, others: list[Contact]) -> Contact | None:
+        known = others if self.instead is None else [self.instead, *others]
+        of_body = (contact for contact in known if contact.body == self.spec.body)
+        return next(of_body, next(iter(known), None))
+
+    def pressed(self, mean: MeanForce, forces: Forces) -> Self:
+        """Return the fold after these mean forces."""
+        time, force = forces
+        seen = replace(
+            self,
+            mean=mean,
+            force=self.force.observe(time, force),
+            impulse=self.impulse.observe(time, self._impulses(force)),
+        )
+        if not self.spec.has_least:
+            return seen
+        return replace(seen, stretch=self.stretch.observe(time, self._is_strong(force)))
+
+    def _impulses(self, force: FloatArray) -> FloatArray:
+        return force * self.mean.window
+
+    def _is_strong(self, force: FloatArray) -> NDArray[np.bool_]:
+        """Return True where a mean force is not less than the lower limits."""
+        import numpy as np
+
+        least, impulse = self.spec.at_least or 0.0, self.spec.impulse_limits[0] or 0.0
+        return np.asarray((force - least >= 0) & (self._impulses(force) - impulse >= 0))
+
+    def _is_gentle(self, force: FloatArray) -> NDArray[np.bool_]:
+        """Return True where a mean force is not more than the upper limits."""
+        import numpy as np
+
+        most, impulse = self.spec.at_most, self.spec.impulse_limits[1]
+        gentle = np.ones(len(force), dtype=bool) if most is None else np.asarray(most - force >= 0)
+        return gentle if impulse is None else gentle & np.asarray(impulse - self._impulses(force) >= 0)
+
+    def touched(self, time: FloatArray) -> Self:
+        """Return the fold after these steps with a contact, (N,) s."""
+        return replace(self, stretch=self.stretch.observe(*self._touching(time)), last=float(time[-1]))
+
+    def _touching(self, time: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+        """Return times in s and True for contact: all of `time`, and False one step before each new contact."""
+        import numpy as np
+
+        longest = max(_MAX_CONTACT_GAP_S, 1.5 * self.step)
+        begins = np.flatnonzero(np.diff(time, prepend=-np.inf if self.last is None else self.last) > longest)
+        # `time` has no steps without contact: insert one before each new contact.
+        moments = np.insert(time, begins, time[begins] - self.step)
+        return moments, np.insert(np.ones(len(time), dtype=bool), begins, np.zeros(len(begins), dtype=bool))
+
+    def truth(self, trace: Trace) -> Truth:
+        """See Monitor.truth. It is true at each step at which the force is within its limits.
+
+        Without a lower limit, a goal also needs a contact at that step. A contact that may be older than the run has no
+        known mean force before the end of a window, but at least the one so far: such moments are left out.
+        """
+        import numpy as np
+
+        meant, _ = self._sorted(trace)
+        touches = touching_at(trace, times_of(meant), self.step)
+        if not (self.spec.has_least or self.spec.has_most):
+            return touches
+        time, force = self.mean.observe(trace, meant)[1]
+        force = force[np.searchsorted(time, touches.time - self.step / 2)]
+        gentle, strong = self._is_gentle(force), self._is_strong(force)
+        if self.spec.has_most:
+            blind = times_of(contact for contact in meant if not contact.has_force)
+            gentle &= ~touching_at(trace, blind, self.step).holds
+        known = ~self.mean.is_filling(touches.time, meant) | ~gentle | (strong & (not self.spec.has_most))
+        holds = gentle & (touches.holds if self.spec.is_goal and not self.spec.has_least else strong)
+        return Truth(touches.time[known], holds[known])
+
+    def signals(self, trace: Trace) -> tuple[Signal, ...]:
+        """See Monitor.signals. Returns duration, mean force, impulse, contact (0 or 1) and least distance."""
+        import numpy as np
+
+        spec, body, over = self.spec, self.spec.body, duration_text(self.mean.window)
+        meant, _ = self._sorted(trace)
+        touches = times_of(meant)
+        moments, force = self.mean.observe(trace, meant)[1]
+        has_force = not meant or any(contact.has_force for contact in meant)
+        pressing = [self.force.drawn(f"force on {body}, mean over {over}", moments, force)] if has_force else []
+        if spec.impulse is not None and has_force:
+            impulse = self.impulse.drawn(f"impulse on {body} within {over}", moments, self._impulses(force))
+            pressing.insert(0 if spec.at_least is None and spec.at_most is None else 1, impulse)
+        contact = with_zeros(trace.time, touches, np.ones(len(touches)), self.step)
+        touching = Signal(f"touching {body}", "contacts", *contact, lower=1.0 if spec.is_goal else None)
+        asked: list[Signal] = []
+        if spec.span is not None:
+            strong = (moments, self._is_strong(force)) if spec.has_least else self._touching_at(touches, trace)
+            asked = [Signal(f"time touching {body}", "s", strong[0], self.stretch.lasting(*strong), lower=spec.span)]
+        asked += [*pressing, touching] if spec.has_least or spec.has_most else [touching, *pressing]
+        return (*asked, *self._nearness(trace))
+
+    def _touching_at(self, touches: FloatArray, trace: Trace) -> tuple[FloatArray, NDArray[np.bool_]]:
+        return self._touching(touches) if len(touches) else (trace.time, trace.time < 0)
+
+    def _nearness(self, trace: Trace) -> Iterator[Signal]:
+        time, distance = (None, None) if self.spec.watch is None else least_so_far(trace, self.spec.watch)
+        if time is not None and distance is not None and len(time):
+            yield Signal(f"least distance to {self.spec.body}", "m", time, distance)
+
+    def verdict(self) -> Verdict:
+        """Return the verdict on an exceeded limit, else on a missing requirement, else on the strictest one."""
+        limits = [one for one in (self.force, self.impulse) if one.at_least is not None or one.at_most is not None]
+        broken = [one for one in limits if one.invariant.state is State.BROKEN]
+        if broken:
+            return self._at_most(min(broken, key=lambda one: one.invariant.time or 0.0))
+        if self.unknown is not None and self.spec.has_most:
+            bounds = next(one for one in limits if one.at_most is not None)
+            return self._no_force(bounds.unit, bounds.at_most, self.unknown)
+        return self._reached(limits) if self.spec.is_goal else self._at_most(min(limits, key=_relative_margin))
+
+    def _reached(self, limits: list[Bounds]) -> Verdict:
+        """Return the verdict on a goal whose upper limits were kept."""
+        spec = self.spec
+        goals = [one for one in limits if one.at_least is not None]
+        pending = [one for one in goals if one.goal.state is State.PENDING]
+        if self.first is None and (pending or not goals):
+            return self._counted()
+        if pending or (goals and spec.span is None):
+            return self._at_least((pending or goals)[0])
+        return self._counted() if spec.span is None else self._lasting(spec.span)
+
+    def _no_force(self, unit: str, limit: float | None, time: float) -> Verdict:
+        message = f"touched {self.spec.body} at {time:.2f} s, {NO_FORCE}, so no limit can hold"
+        return Verdict(False, None, limit, None, unit, time, message)
+
+    def _counted(self) -> Verdict:
+        body = self.spec.body
+        if self.first is not None:
+            message = f"touched {body} at {self.first:.2f} s"
+            return Verdict(True, 1.0, 1.0, 0.0, "contacts", self.first, message, body=body)
+        if self.end is None:
+            return Verdict(False, None, 1.0, None, "contacts", None, "no physics step to measure")
+        message = f"did not touch {body} in {self.end:.1f} s; {self._near()}{self._instead()}"
+        return Verdict(False, 0.0, 1.0, -1.0, "contacts", self.end, message)
+
+    def _at_least(self, bounds: Bounds) -> Verdict:
+        fold, limit, unit = bounds.goal, bounds.at_least or 0.0, bounds.unit
+        if fold.margin is None or fold.time is None:
+            return Verdict(False, None, limit, None, unit, None, "no physics step to measure")
+        passed, value = fold.state is State.HOLDS, limit + fold.margin
+        if not passed and value <= 0 and self.unknown is not None:
+            return self._no_force(unit, limit, self.unknown)
+        found, wanted = units.display_apart(value, limit, unit)
+        reached = f"{found}{'' if passed else f' of {wanted}'} at {fold.time:.2f} s"
+        message = f"touched {self.spec.body} with {reached}{self._meaning(value, unit)}{self._kept() if passed else ''}"
+        return Verdict(passed, value, limit, fold.margin, unit, fold.time, message)
+
+    def _at_most(self, bounds: Bounds) -> Verdict:
+        fold, limit, unit = bounds.invariant, bounds.at_most or 0.0, bounds.unit
+        if fold.margin is None or fold.time is None:
+            return Verdict(False, None, limit, None, unit, None, "no physics step to measure")
+        passed, value, body = fold.state is State.HOLDS, limit - fold.margin, self.spec.body
+        if self.first is None and value <= 0:
+            message = f"did not touch {body}; {self._near()}to demand a touch, add `contact: {self._as_goal()}`"
+            return Verdict(passed, value, limit, fold.margin, unit, self.end, message)
+        found, allowed = units.display_apart(value, limit, unit)
+        compared = (
+            f"at most {found} at {fold.time:.2f} s, limit" if passed else f"{found} at {fold.time:.2f} s, more than"
+        )
+        message = f"touched {body} with {compared} {allowed}{self._meaning(value, unit)}"
+        return Verdict(passed, value, limit, fold.margin, unit, fold.time, message, body=body)
+
+    def _meaning(self, value: float, unit: str) -> str:
+        """Return a text that relates a mean force and an impulse, one of which is `value`, to the window."""
+        window = self.mean.window
+        if unit == "N":
+            return f" ({units.display(value * window, 'N s')} within {duration_text(window)})"
+        return f" (within {duration_text(window)}: {units.display(value / window, 'N')} on average)"
+
+    def _kept(self) -> str:
+        """Return the upper limits that were kept, for the message about a goal."""
+        told = []
+        for bounds in (self.force, self.impulse):
+            if bounds.at_most is not None and bounds.invariant.margin is not None:
+                value = bounds.at_most - bounds.invariant.margin
+                found, allowed = units.display_apart(value, bounds.at_most, bounds.unit)
+                told.append(f"; at most {found}, limit {allowed}{self._meaning(value, bounds.unit)}")
+        return "".join(told)
+
+    def _as_goal(self) -> str:
+        keys = {"with": self.spec.body, **({} if self.spec.link is None else {"link": self.spec.link})}
+        return f"{{{', '.join(f'{key}: {value}' for key, value in keys.items())}}}"
+
+    def _lasting(self, span: float) -> Verdict:
+        touch = self.stretch
+        lasted, wanted = units.display_apart(touch.longest, span, "s")
+        how_long = lasted if touch.state is State.HOLDS else f"{lasted} of {wanted}"
+        message = f"touched {self.spec.body} for {how_long}, from {touch.began:.2f} s on{self._kept()}"
+        passed, margin = touch.state is State.HOLDS, touch.longest - span
+        return Verdict(passed, touch.longest, span, margin, "s", touch.goal.time, message)
+
+    def _near(self) -> str:
+        if self.nearest is None:
+            return ""
+        return f"came within {units.display(self.nearest.distance, 'm')} at {self.nearest.time:.2f} s; "
+
+    def _instead(self) -> str:
+        other = self.instead
+        if other is None:
+            return "touched nothing else"
+        if other.body == self.spec.body:
+            return f"{other.link} touched it at {other.time:.2f} s"
+        return f"{other.link} touched {other.body} at {other.time:.2f} s"
+
+
+def _relative_margin(bounds: Bounds) -> float:
+    if bounds.at_most is None or bounds.invariant.margin is None:
+        return math.inf
+    return bounds.invariant.margin / bounds.at_most

@@ -11,12 +11,13 @@ import pytest
 from sim_action.assertions import ASSERTIONS, Assertion
 from sim_action.assertions.clearance import Clearance
 from sim_action.assertions.combined import AllOf, AnyOf, AtOnce, Negation
-from sim_action.assertions.contact import Grasped, Touch
+from sim_action.assertions.contact import Touch
 from sim_action.assertions.distance import PathLength, Travel
 from sim_action.assertions.effort import Effort
 from sim_action.assertions.energy import Energy
 from sim_action.assertions.final_pose import FinalPose
 from sim_action.assertions.follow_path import FollowPath, PathEnd, PathPoint
+from sim_action.assertions.grasped import Grasped
 from sim_action.assertions.joint import JointReading, JointWithin
 from sim_action.assertions.legs import FeetOnGround, SupportMargin
 from sim_action.assertions.max_speed import MaxSpeed

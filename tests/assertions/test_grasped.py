@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim_action.assertions.contact import Grasped
+from sim_action.assertions.grasped import Grasped
 from sim_action.core.geometry import Vector3
 from sim_action.state.trace import Trace
 from sim_action.state.trace_records import BodyRecord, ContactRecord, LinkTouch

@@ -387,7 +387,6 @@ UNUSED_IN_A_RUN = (
     "assertions.contact",
     "assertions.monitors.contact_force",
     "assertions.monitors.proximity",
-    "assertions.monitors.touch",
     "drives.ackermann",
     "drives.mecanum",
     "drives.skid",

@@ -9,7 +9,7 @@ from itertools import permutations
 from typing import TYPE_CHECKING, Final
 
 from sim_action.assertions.temporal_logic.formula import Comparison, Formula, Signal, comparisons, signals, signals_of
-from sim_action.assertions.temporal_logic.tokens import place
+from sim_action.assertions.temporal_logic.parser import place
 from sim_action.assertions.temporal_logic.vacuity import (
     ANYTHING,
     Constant,

@@ -29,8 +29,7 @@ from sim_action.assertions.temporal_logic.formula import (
     signals_of,
 )
 from sim_action.assertions.temporal_logic.operators import Extreme, Outcome, Part, UntilFold, lookahead
-from sim_action.assertions.temporal_logic.robustness import Cause, values
-from sim_action.assertions.temporal_logic.samples import Samples
+from sim_action.assertions.temporal_logic.robustness import Cause, Samples, values
 from sim_action.assertions.temporal_logic.signal_reader import SignalReader
 from sim_action.assertions.temporal_logic.vacuity import premises
 from sim_action.core import units

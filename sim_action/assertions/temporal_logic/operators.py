@@ -11,8 +11,7 @@ from typing_extensions import override
 
 from sim_action.assertions.monitors import Fold, State
 from sim_action.assertions.temporal_logic.formula import Formula, Interval, Until, finite_horizon, horizon
-from sim_action.assertions.temporal_logic.robustness import Cause, cause, robustness, seen_from, until_operands
-from sim_action.assertions.temporal_logic.samples import Samples
+from sim_action.assertions.temporal_logic.robustness import Cause, Samples, cause, robustness, seen_from, until_operands
 from sim_action.core.records import dataclass, replace
 from sim_action.state.trace import FloatArray
 from sim_action.state.verdict import Judged

@@ -15,8 +15,8 @@ from sim_action.assertions.monitors.base_motion import BaseMotion
 from sim_action.assertions.monitors.contact_force import MeanForce
 from sim_action.assertions.sensor import picked
 from sim_action.assertions.temporal_logic.formula import Signal
-from sim_action.assertions.temporal_logic.samples import Samples
-from sim_action.assertions.temporal_logic.signal_sources import watch_of
+from sim_action.assertions.temporal_logic.formula_signals import watch_of
+from sim_action.assertions.temporal_logic.robustness import Samples
 from sim_action.core.records import dataclass, field, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.robot.model.link_motion import LinkMotion, link_motion

@@ -12,7 +12,6 @@ from typing_extensions import override
 
 from sim_action.assertions import Assertion, shortened_title
 from sim_action.assertions.monitors import Monitor
-from sim_action.assertions.temporal_logic.dimensions import dimension_problems, margin_unit
 from sim_action.assertions.temporal_logic.formula import (
     Always,
     Eventually,
@@ -23,9 +22,14 @@ from sim_action.assertions.temporal_logic.formula import (
     everything,
     finite_horizon,
 )
-from sim_action.assertions.temporal_logic.parser import parse
-from sim_action.assertions.temporal_logic.signal_sources import channels_of, name_problems, sensor_problems
-from sim_action.assertions.temporal_logic.tokens import place
+from sim_action.assertions.temporal_logic.formula_signals import (
+    channels_of,
+    dimension_problems,
+    margin_unit,
+    name_problems,
+    sensor_problems,
+)
+from sim_action.assertions.temporal_logic.parser import parse, place
 from sim_action.core.wording import shown
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.state.trace_channels import Channels

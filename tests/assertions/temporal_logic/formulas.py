@@ -29,7 +29,7 @@ from sim_action.assertions.temporal_logic.formula import (
     horizon,
     signals,
 )
-from sim_action.assertions.temporal_logic.samples import Samples
+from sim_action.assertions.temporal_logic.robustness import Samples
 
 X, Y = Signal("x"), Signal("y")
 SIGNALS = (

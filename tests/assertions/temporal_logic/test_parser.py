@@ -26,8 +26,7 @@ from sim_action.assertions.temporal_logic.formula import (
     Sum,
     Until,
 )
-from sim_action.assertions.temporal_logic.parser import MAX_DEPTH, parse
-from sim_action.assertions.temporal_logic.tokens import MAX_CHARACTERS, FormulaError
+from sim_action.assertions.temporal_logic.parser import MAX_CHARACTERS, MAX_DEPTH, FormulaError, parse
 from tests.assertions.temporal_logic.formulas import formulas
 from tests.soak import examples
 

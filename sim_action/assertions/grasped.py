@@ -1,30 +1,116 @@
-"""The monitor of `grasped`: the forces of links on an object, and its motion along them."""
+"""`grasped: {object: cube, by: "*_finger"}`: the robot holds an object between its links."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final, Self
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
 
+from pydantic import Field
 from typing_extensions import override
 
+from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import FORCE_WINDOW_S, Monitor, State, Truth
 from sim_action.assertions.monitors.goals import Goal, HoldTime
 from sim_action.assertions.monitors.window import counted
 from sim_action.core import geometry, units
+from sim_action.core.field_types import (
+    PositiveMetresPerSecond,
+    PositiveNewtons,
+    PositiveSeconds,
+)
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
+from sim_action.core.wording import did_you_mean
+from sim_action.core.yaml_errors import SpecProblems
+from sim_action.robot.model.joint_selection import link_name_problems, links_named
 from sim_action.robot.model.robot_model import RobotModel
+from sim_action.state.trace_channels import Channels
 from sim_action.state.verdict import Judged, Signal, Verdict
+from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from sim_action.assertions.contact import Grasped
+    from sim_action.state.observation import Observation
     from sim_action.state.trace import FloatArray, Trace
 
 # Of the forces of all links, at least this share must cancel: two equal forces do so from 120 deg on.
 _MIN_BALANCE: Final = 0.5
+# The least squeeze of a grip by default.
+_SHARE_OF_WEIGHT: Final = 0.1
+_MIN_SQUEEZE_N: Final = 1e-6
+
+
+class Grasped(Assertion):
+    """Links of the robot hold an object between them: at least two press it from opposed sides, and it does not slide.
+
+    It is a goal. The object is held while three conditions are true, for the mean of the last 50 ms. At least two of
+    the links `by` press it. Their normal forces are opposed: at least half of their sum cancels, so two equal forces
+    differ by 120 deg or more. It does not move along any of them faster than `slip`. The squeeze is half of the forces
+    that cancel, which is the force of each of two fingers; it must be at least `at_least`. An object that is pushed
+    from one side, or that lies on a palm, is not held. An object that is squeezed while it still stands on a table is
+    held: to demand that it is lifted, add `object: {name: cube, moved: {up: 10 cm}}`.
+    """
+
+    key: ClassVar[str] = "grasped"
+
+    object: Annotated[str, Field(min_length=1, description="name of the object, which must have a mass")]
+    by: Annotated[tuple[str, ...], Field(min_length=1, description="two or more links, or patterns such as '*_finger'")]
+    at_least: Annotated[
+        PositiveNewtons | None, Field(description="least squeeze; default: a tenth of the weight of the object")
+    ] = None
+    slip: Annotated[PositiveMetresPerSecond, Field(description="greatest speed of the object along a link")] = 0.05
+    span: Annotated[
+        PositiveSeconds | None, Field(alias="for", description="required duration; default: one physics step")
+    ] = None
+
+    @property
+    @override
+    def channels(self) -> Channels:
+        return Channels(objects=frozenset({self.object}), link_contacts=frozenset(self.by))
+
+    @property
+    @override
+    def is_goal(self) -> bool:
+        return True
+
+    @property
+    @override
+    def has_truth(self) -> bool:
+        return True
+
+    @property
+    @override
+    def hold_time(self) -> float | None:
+        return self.span
+
+    @property
+    @override
+    def title(self) -> str:
+        force = "" if self.at_least is None else f" with at least {units.display(self.at_least, 'N')}"
+        span = "" if self.span is None else f" for {units.display(self.span, 's')}"
+        return f"grasped {self.object} by {', '.join(self.by)}{force}{span}"
+
+    def problems(self, scene: Scene) -> SpecProblems:
+        """Yield an unknown object, one without a mass, unknown links, and a single link."""
+        bodies = {body.name: body for body in scene.world.objects}
+        body = bodies.get(self.object)
+        if body is None:
+            yield ("object",), f"the world has no body '{self.object}'{did_you_mean(self.object, bodies)}"
+        elif body.mass is None:
+            yield ("object",), f"'{self.object}' has no mass, so the robot cannot hold it; give it one"
+        unknown = list(link_name_problems(scene.model, "by", self.by))
+        yield from unknown
+        links = links_named(scene.model, self.by)
+        if not unknown and len(links) < 2:
+            yield ("by",), f"only '{links[0]}' is named, and it takes two links to hold an object; add another one"
+
+    @override
+    def monitor(self, scene: Scene, start: Observation) -> Monitor:
+        mass = next((body.mass for body in scene.world.objects if body.name == self.object), None) or 0.0
+        least = self.at_least or max(_MIN_SQUEEZE_N, _SHARE_OF_WEIGHT * mass * scene.world.weight)
+        return GraspMonitor(self, scene.model, links_named(scene.model, self.by), least, HoldTime(self.span or 0.0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -6,8 +6,8 @@ import dataclasses
 
 import pytest
 
-from sim_action.assertions.temporal_logic.dimensions import dimension_problems, margin_unit
 from sim_action.assertions.temporal_logic.formula import Comparison
+from sim_action.assertions.temporal_logic.formula_signals import dimension_problems, margin_unit
 from sim_action.assertions.temporal_logic.parser import parse
 from tests.traces import burger
 
