@@ -61,7 +61,7 @@ ENGINES: Final[dict[str, EngineRow]] = {
         install_hint="PyBullet has wheels only for Python 3.11 on Linux x86-64: pip install pybullet",
         mjcf_problem="PyBullet reads most of MJCF without its joints",
         feature_modules={
-            "damped joints": "engines.pybullet.joint_damping",
+            "damped joints": "engines.pybullet.passive_joints",
             "skid drive": "engines.pybullet.sliding",
         },
     ),

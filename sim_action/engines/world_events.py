@@ -8,6 +8,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final, Protocol, Self
 
+from typing_extensions import override
+
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist
 from sim_action.core.units import first_step
@@ -67,7 +69,7 @@ class WorldEvents:
             mover.reach(step)
 
 
-class _Travel:
+class _Travel(_Mover):
     """A body on its path."""
 
     def __init__(self, control: BodyControl, body: Body, rate: float) -> None:
@@ -78,8 +80,8 @@ class _Travel:
         self._ahead = -1, self._path.pose(0.0)
         self._rests = False
 
+    @override
     def reach(self, step: int) -> None:
-        """See _Mover.reach."""
         known, pose = self._ahead
         here = pose if known == step else self._path.pose(step / self._rate)
         ahead = self._path.pose((step + 1) / self._rate)
@@ -90,7 +92,7 @@ class _Travel:
         self._control.set_pose(self._name, here, geometry.twist_between(here, ahead, 1 / self._rate))
 
 
-class _Absence:
+class _Absence(_Mover):
     """A body that is absent until its time."""
 
     def __init__(self, control: BodyControl, body: Body, rate: float, number: int) -> None:
@@ -101,8 +103,8 @@ class _Absence:
         self._away = Pose((x, y, number * _PARKING_HEIGHT_M), self._pose.orientation_xyzw)
         self._is_there = False
 
+    @override
     def reach(self, step: int) -> None:
-        """See _Mover.reach."""
         if not self._is_there:
             self._is_there = step >= self._first
             self._control.set_pose(self._name, self._pose if self._is_there else self._away, _AT_REST)

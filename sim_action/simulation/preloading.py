@@ -41,7 +41,7 @@ def needed_modules(scenarios: Iterable[LoadedScenario]) -> set[str]:
 def _of_world(loaded: LoadedScenario) -> Iterator[str]:
     world = loaded.scenario.world
     if any(body.path for body in world.objects):
-        yield from ("simulation.bodies_on_paths", "engines.path_contacts")
+        yield "simulation.bodies_on_paths"
     if not (loaded.scenario.commands or world.disturbances):
         yield "simulation.energy"
 

@@ -84,7 +84,7 @@ def _in_engine(model: RobotModel, path: Path) -> Iterator[str]:
         # What is a thousand kilometres long leaves no digits for what is not.
         if not any(finding.rule == "absurd-size" for finding in model.findings):
             # Against damping, links get moments of inertia that the model does not state.
-            with patch("sim_action.engines.pybullet.joint_damping.calm", return_value=()):
+            with patch("sim_action.engines.pybullet.passive_joints.calm", return_value=()):
                 read = PyBulletEngine(scene)
             with closing(read):
                 yield from _differences(model, read._client, read._robot, fixed=scene.bolted)

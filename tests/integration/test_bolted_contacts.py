@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from sim_action.core.errors import InvalidScenario, MissedContact
 from sim_action.core.field_types import Placement
 from sim_action.core.permissions import Permissions
-from sim_action.engines.path_contacts import MIN_OVERLAP_M
+from sim_action.engines.observers import MIN_OVERLAP_M
 from sim_action.robot.model.robot_spec import Robot
 from sim_action.scenario.loading import build_scene, load_scenario
 from sim_action.simulation.loop import SimulationRun, simulate

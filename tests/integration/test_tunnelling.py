@@ -130,7 +130,7 @@ shots = st.builds(
 ).filter(lambda shot: shot.depths(np.array([[shot.start, shot.aside, HEIGHT]]))[0] < -0.05)
 
 
-def check(shot: Shot, places: FloatArray, *, missed: MissedContact | None) -> None:
+def check(shot: Shot, places: FloatArray, *, missed: RunError | None) -> None:
     """A way that leads through the wall has a pose in the wall, or is an error; an error is nothing else."""
     deepest, touches = shot.deepest_between(places), bool((shot.depths(places) > -1e-6).any())
     if missed is not None:

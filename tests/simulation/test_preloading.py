@@ -40,14 +40,13 @@ def test_a_robot_that_nothing_drives_may_keep_its_energy(tmp_path: Path) -> None
 
 
 def test_a_body_on_a_path_may_touch_and_pin_the_robot(tmp_path: Path) -> None:
-    paths = {"simulation.bodies_on_paths", "engines.path_contacts"}
-    assert needed(tmp_path, DRIVEN + ON_PATH) == paths
+    assert needed(tmp_path, DRIVEN + ON_PATH) == {"simulation.bodies_on_paths"}
 
 
 @pytest.mark.parametrize(
     ("old", "new", "module"),
     [
-        ("</joint>", '<dynamics damping="0.1"/></joint>', "engines.pybullet.joint_damping"),
+        ("</joint>", '<dynamics damping="0.1"/></joint>', "engines.pybullet.passive_joints"),
     ],
 )
 def test_a_model_that_needs_care(old: str, new: str, module: str, tmp_path: Path) -> None:

@@ -12,18 +12,19 @@ from typing import Any
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from typing_extensions import override
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist, Vector3
-from sim_action.engines.body_control import RobotInertia, Target, base_wrench
+from sim_action.engines.body_control import BodyControl, RobotInertia, Target, base_wrench
 from sim_action.engines.mujoco.names import engine_name
 from sim_action.engines.mujoco.queries import Objects
 from sim_action.engines.mujoco.scene import CompiledScene
 from sim_action.state.command import BasePush
 
 
-class MuJoCoBodyControl:
-    """See BodyControl."""
+class MuJoCoBodyControl(BodyControl):
+    """The bodies of a MuJoCo model."""
 
     def __init__(self, compiled: CompiledScene, objects: Objects) -> None:
         self._model, self._data, self._objects = compiled.model, compiled.data, objects
@@ -31,12 +32,12 @@ class MuJoCoBodyControl:
         self._moving: dict[str, Twist] = {}
         self._pressed: set[int] = set()
 
+    @override
     def pose(self, body: str) -> Pose:
-        """See BodyControl.pose."""
         return self._objects.pose(body)
 
+    @override
     def set_pose(self, body: str, pose: Pose, twist: Twist) -> None:
-        """See BodyControl.set_pose."""
         if self._objects.set_pose(body, pose, twist):
             return
         if twist == Twist():
@@ -44,8 +45,8 @@ class MuJoCoBodyControl:
         else:
             self._moving[body] = twist
 
+    @override
     def apply_force(self, target: Target, force_xyz: Vector3, torque_xyz: Vector3, point_xyz: Vector3 | None) -> None:
-        """See BodyControl.apply_force."""
         body = self._number(target)
         turning: Any = torque_xyz
         if point_xyz is not None:
@@ -55,14 +56,14 @@ class MuJoCoBodyControl:
         self._data.xfrc_applied[body] += [*force_xyz, *turning]
         self._pressed.add(body)
 
+    @override
     def clear_forces(self) -> None:
-        """See BodyControl.clear_forces."""
         for body in self._pressed:
             self._data.xfrc_applied[body] = 0.0
         self._pressed.clear()
 
+    @override
     def add_velocity(self, target: Target, velocity_xyz: Vector3) -> None:
-        """See BodyControl.add_velocity."""
         first = int(self._model.body_dofadr[self._number(target)])
         self._data.qvel[first : first + 3] += velocity_xyz
 

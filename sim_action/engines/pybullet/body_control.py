@@ -6,17 +6,18 @@ import math
 from collections.abc import Mapping, Sequence
 
 import pybullet
+from typing_extensions import override
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist, Vector3
-from sim_action.engines.body_control import RobotInertia, Target, base_wrench
+from sim_action.engines.body_control import BodyControl, RobotInertia, Target, base_wrench
 from sim_action.engines.pybullet.queries import link_pose
 from sim_action.engines.pybullet.scene import BASE
 from sim_action.state.command import BasePush
 
 
-class PyBulletBodyControl:
-    """See BodyControl. Contacts do not move a body without a mass, but its velocity acts on what touches it."""
+class PyBulletBodyControl(BodyControl):
+    """The bodies of PyBullet. Contacts do not move a body without a mass, but its velocity acts on what touches it."""
 
     def __init__(
         self, client: int, robot: int, links: Mapping[str, int], objects: Mapping[str, Sequence[tuple[int, Pose]]]
@@ -24,14 +25,14 @@ class PyBulletBodyControl:
         """`objects`: body -> PyBullet number and pose in the body of each of its pieces."""
         self._client, self._robot, self._links, self._objects = client, robot, links, objects
 
+    @override
     def pose(self, body: str) -> Pose:
-        """See BodyControl.pose."""
         number, piece = self._objects[body][0]
         found = Pose(*pybullet.getBasePositionAndOrientation(number, self._client))
         return geometry.compose(found, geometry.inverse(piece))
 
+    @override
     def set_pose(self, body: str, pose: Pose, twist: Twist) -> None:
-        """See BodyControl.set_pose."""
         for number, piece in self._objects[body]:
             at = geometry.compose(pose, piece)
             arm = geometry.rotate(pose.orientation_xyzw, piece.position_xyz)
@@ -41,8 +42,8 @@ class PyBulletBodyControl:
             pybullet.resetBasePositionAndOrientation(number, at.position_xyz, at.orientation_xyzw, self._client)
             pybullet.resetBaseVelocity(number, velocity, twist.angular_xyz, self._client)
 
+    @override
     def apply_force(self, target: Target, force_xyz: Vector3, torque_xyz: Vector3, point_xyz: Vector3 | None) -> None:
-        """See BodyControl.apply_force."""
         body, link = self._number(target)
         at = self._middle(body, link)
         if point_xyz is not None:
@@ -52,11 +53,12 @@ class PyBulletBodyControl:
         pybullet.applyExternalForce(body, link, force_xyz, at.position_xyz, world, self._client)
         pybullet.applyExternalTorque(body, link, torque_xyz, world, self._client)
 
+    @override
     def clear_forces(self) -> None:
-        """See BodyControl.clear_forces; PyBullet clears them itself after each step."""
+        """Do nothing: PyBullet clears them itself after each step."""
 
+    @override
     def add_velocity(self, target: Target, velocity_xyz: Vector3) -> None:
-        """See BodyControl.add_velocity."""
         body, _ = self._number(target)
         (vx, vy, vz), turning = pybullet.getBaseVelocity(body, self._client)
         dx, dy, dz = velocity_xyz

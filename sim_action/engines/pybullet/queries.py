@@ -1,4 +1,4 @@
-"""Queries to PyBullet about the present state: link poses, body poses, distances, overlaps and rays.
+"""Queries to PyBullet about the present state: link poses, body poses, distances, contacts, overlaps and rays.
 
 Rays hit flat surfaces exactly; on round ones PyBullet stops within 1 mm of the surface. They hit only what is in the
 collision groups that they ask for, and the robot has a group of its own.
@@ -9,6 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from operator import itemgetter
 from typing import Any, Final
 
@@ -20,7 +21,9 @@ from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Twist, Vector3
 from sim_action.engines.observers import Nearest, ReadPoses
 from sim_action.engines.pybullet.scene import BASE
-from sim_action.state.observation import Clash, Overlap
+from sim_action.state.observation import Clash, Contact, Overlap
+from sim_action.state.trace_records import LinkTouch
+from sim_action.world import GROUND
 
 
 def link_pose(client: int, robot: int, link: int) -> Pose:
@@ -93,7 +96,7 @@ class Distances:
         self._links = {name: index for index, name in links.items()}
 
     def near(self, body: str, links: Collection[str] | None, within: float) -> dict[str, float]:
-        """See LinkDistances."""
+        """Return the distances of links to a body, as `LinkDistances` does."""
         found: dict[str, float] = {}
         points = (point for number in self._bodies[body] for point in self._points(number, links, within))
         for point in points:
@@ -103,7 +106,7 @@ class Distances:
         return found
 
     def nearest(self, body: str, links: Collection[str]) -> dict[str, Nearest]:
-        """See NearestPoints."""
+        """Return the nearest points of links to a body, as `NearestPoints` does."""
         found: dict[str, Nearest] = {}
         for link, number in itertools.product(links, self._bodies[body]):
             index, client = self._links[link], self._client
@@ -200,7 +203,7 @@ def hide_from_rays(client: int, robot: int, *, fixed: bool) -> None:
 
 
 def cast_rays(client: int, start_xyz: Vector3, ends_xyz: NDArray[np.float64]) -> NDArray[np.float64]:
-    """See EngineQueries.cast_rays."""
+    """Return the fraction of each ray at which it hits a surface, as `EngineQueries.cast_rays` does."""
     shares: NDArray[np.float64] = np.empty(len(ends_xyz))
     for first in range(0, len(ends_xyz), _MAX_RAYS_PER_CALL):
         # PyBullet reads lists faster than arrays.
@@ -216,3 +219,41 @@ def cast_rays(client: int, start_xyz: Vector3, ends_xyz: NDArray[np.float64]) ->
 
 def _join(client: int, robot: int, link: int, mask: int) -> None:
     pybullet.setCollisionFilterGroupMask(robot, link, _ROBOT, mask, client)
+
+
+class Contacts:
+    """Reads the contacts of the last step."""
+
+    def __init__(
+        self,
+        client: int,
+        robot: int,
+        links: Mapping[int, str],
+        bodies: Mapping[int, str],
+        unforced: tuple[AbstractSet[int], AbstractSet[int]],
+    ) -> None:
+        """`links`, `bodies`: PyBullet number -> name; a body may have several numbers.
+
+        `unforced`: links that cannot move and bodies on paths. PyBullet reports some of these pairs, without a force.
+        """
+        self._client, self._robot, self._links, self._bodies = client, robot, links, bodies
+        self._immovable, self._on_paths = unforced
+
+    def of_step(self, time: float, *, ground: bool) -> Iterator[Contact]:
+        """Yield the present contacts of the robot, with or without the ground."""
+        for point in self._points():
+            body, distance, force = self._bodies[point[2]], point[8], point[9]
+            if (ground or body != GROUND) and (point[3] not in self._immovable or point[2] not in self._on_paths):
+                link, depth = self._links[point[3]], max(0.0, -distance)
+                yield Contact(time, link, body, point[5], force, depth=depth, normal_xyz=point[7])
+
+    def of_links(self) -> Iterator[LinkTouch]:
+        """Yield the present contact points of links with bodies of the world and the ground."""
+        for point in self._points():
+            yield LinkTouch(self._links[point[3]], self._bodies[point[2]], point[5], point[7], point[9])
+
+    def _points(self) -> Iterator[Any]:
+        for point in pybullet.getContactPoints(self._robot, physicsClientId=self._client):
+            # Points are reported from a gap of 2 cm on; a contact carries a force or overlaps.
+            if point[2] in self._bodies and (point[9] > 0 or point[8] <= 0):
+                yield point

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose
 from sim_action.core.workspace import Workspace
+from sim_action.engines.link_contacts import SelfWatch, reaches
 from sim_action.engines.observers import Nearest
-from sim_action.engines.self_collision import SelfWatch, reaches
 from sim_action.robot.model.kinematics import link_poses
 from sim_action.robot.model.link_pairs import touchable_pairs
 from sim_action.robot.model.robot_model import RobotModel

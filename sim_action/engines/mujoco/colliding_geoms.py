@@ -4,24 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import product
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import mujoco
 import numpy as np
+from typing_extensions import override
 
 from sim_action.core.errors import EngineError
-from sim_action.core.records import replace
+from sim_action.engines.link_contacts import LinkContacts, SelfPairs, SelfWatch, refuse_start_inside
 from sim_action.engines.mujoco.contact_pairs import Collider
 from sim_action.engines.mujoco.names import engine_name
 from sim_action.engines.observers import Nearest
-from sim_action.engines.self_collision import SelfPairs, SelfWatch, refuse_start_inside
 from sim_action.robot.model.link_pairs import LinkPair, touchable_pairs
 from sim_action.state.observation import SelfContact
-from sim_action.state.trace import Trace
 from sim_action.world.scene import Scene
-
-if TYPE_CHECKING:
-    from sim_action.engines.mujoco.scene import CompiledScene
 
 Recorder = Callable[[int], None]
 """Records something of the present state, given the number of its step."""
@@ -105,20 +101,22 @@ class _Distances:
         return found
 
 
-class SelfCollision:
+class SelfCollision(LinkContacts):
     """The contacts between links of the robot."""
 
-    def __init__(self, scene: Scene, compiled: CompiledScene) -> None:
-        """Raises EngineError if no pair of links counts, BadStart if links that collide start inside each other."""
-        self._scene, self._links = scene, compiled.links
-        self._model, self._data = compiled.model, compiled.data
-        self._order = {link.name: place for place, link in enumerate(scene.model.links)}
-        pairs = geom_pairs(scene, compiled.colliders)
-        self._distances = _Distances(self._model, pairs)
-        found = self._distances.sorted_at_home(scene)
-        self.notes, self._counted = found.notes, found.counted
-        self._watch: SelfWatch | None = None
-        self._found: list[SelfContact] = []
+    def __init__(
+        self, scene: Scene, model: Any, data: Any, links: Mapping[int, str], robot: Iterable[Collider]
+    ) -> None:
+        """Raises EngineError if no pair of links counts, BadStart if links that collide start inside each other.
+
+        :param links: geom -> name of its link.
+        :param robot: the geoms of the robot.
+        """
+        super().__init__(scene)
+        self._links, self._model, self._data = links, model, data
+        self._distances = _Distances(model, geom_pairs(scene, robot))
+        pairs = self._distances.sorted_at_home(scene)
+        self.notes, self._counted = pairs.notes, pairs.counted
         self._collides = scene.robot.self_collision
         if self._collides:
             refuse_start_inside(self._counted, self.nearest)
@@ -139,15 +137,8 @@ class SelfCollision:
 
         return record
 
-    def added_to(self, trace: Trace) -> Trace:
-        """Return a trace with the contacts since the last call."""
-        if self._watch is not None:
-            return replace(trace, self_contacts=self._watch.collect())
-        found, self._found = tuple(self._found), []
-        return replace(trace, self_contacts=found)
-
+    @override
     def nearest(self, link: str, other: str) -> Nearest | None:
-        """See NearestOfLinks."""
         return self._distances.nearest(self._data, link, other)
 
     def _present(self, time: float) -> Iterator[SelfContact]:
@@ -158,5 +149,6 @@ class SelfCollision:
         columns = contacts.geom, contacts.efc_address, contacts.pos, contacts.dist
         for (one, other), row, (x, y, z), distance in zip(*(column.tolist() for column in columns), strict=True):
             if one in links and other in links and row >= 0:
-                link, other_link = sorted((links[one], links[other]), key=self._order.__getitem__)
-                yield SelfContact(time, link, other_link, (x, y, z), float(forces[row]), max(0.0, -distance))
+                yield SelfContact(
+                    time, *self._in_order(links[one], links[other]), (x, y, z), float(forces[row]), max(0.0, -distance)
+                )

@@ -15,13 +15,13 @@ import numpy as np
 
 from sim_action.core import units
 from sim_action.core.errors import BadStart, EngineError
-from sim_action.core.records import dataclass
-from sim_action.engines.observers import Nearest
-from sim_action.engines.path_contacts import MIN_OVERLAP_M
+from sim_action.core.records import dataclass, replace
+from sim_action.engines.observers import MIN_OVERLAP_M, Nearest
 from sim_action.robot.model.link_pairs import NO_PAIRS, LinkPair
 from sim_action.robot.model.robot_model import Joint, RobotModel, Shape
 from sim_action.state.observation import SelfContact
-from sim_action.state.trace import FloatArray
+from sim_action.state.trace import FloatArray, Trace
+from sim_action.world.scene import Scene
 
 NearestOfLinks = Callable[[str, str], Nearest | None]
 """(link, other) -> distance in m and a place in the present state; None for links without shapes."""
@@ -122,6 +122,31 @@ class SelfWatch:
         """Return the contacts since the last call."""
         found, self._found = tuple(self._found), []
         return found
+
+
+class LinkContacts:
+    """The contacts between links of the robot: those of the engine, or the overlaps of links that do not collide."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        self._order = {link.name: place for place, link in enumerate(scene.model.links)}
+        self._watch: SelfWatch | None = None
+        self._found: list[SelfContact] = []
+
+    def nearest(self, link: str, other: str) -> Nearest | None:
+        """Return the distance of two links, as `NearestOfLinks` does."""
+        raise NotImplementedError
+
+    def added_to(self, trace: Trace) -> Trace:
+        """Return a trace with the contacts since the last call."""
+        if self._watch is not None:
+            return replace(trace, self_contacts=self._watch.collect())
+        contacts, self._found = tuple(self._found), []
+        return replace(trace, self_contacts=contacts)
+
+    def _in_order(self, one: str, other: str) -> tuple[str, str]:
+        """Return two links in the order of the model."""
+        return (one, other) if self._order[one] <= self._order[other] else (other, one)
 
 
 def reaches(model: RobotModel, pairs: Sequence[LinkPair], joints: Sequence[str]) -> FloatArray:

@@ -12,14 +12,13 @@ from itertools import combinations
 from typing import Final, Self
 
 import pybullet
+from typing_extensions import override
 
 from sim_action.core.errors import BadStart, EngineError
-from sim_action.core.records import replace
+from sim_action.engines.link_contacts import LinkContacts, SelfPairs, SelfWatch, refuse_start_inside
 from sim_action.engines.observers import Nearest
-from sim_action.engines.self_collision import SelfPairs, SelfWatch, refuse_start_inside
 from sim_action.robot.model.link_pairs import touchable_pairs
 from sim_action.state.observation import SelfContact
-from sim_action.state.trace import Trace
 from sim_action.state.trace_channels import Channels
 from sim_action.world.scene import Scene
 
@@ -37,7 +36,7 @@ def _closing_after_errors(client: int) -> Iterator[None]:
         raise
 
 
-class SelfCollision:
+class SelfCollision(LinkContacts):
     """The contacts between links of one robot."""
 
     @classmethod
@@ -54,15 +53,12 @@ class SelfCollision:
             return cls(client, robot, scene, links)
 
     def __init__(self, client: int, robot: int, scene: Scene, links: Mapping[str, int]) -> None:
-        """See `of`; all joints are at home."""
+        """Prepare the contacts; all joints are at home, see `of`."""
+        super().__init__(scene)
         self._client, self._robot, self._rate = client, robot, scene.physics.rate
         self._links, self._names = links, {number: name for name, number in links.items()}
-        self._order = {link.name: place for place, link in enumerate(scene.model.links)}
-        self._scene = scene
         self._pairs = SelfPairs.of(touchable_pairs(scene.model), self.nearest)
         self.notes = self._pairs.notes
-        self._watch: SelfWatch | None = None
-        self._found: list[SelfContact] = []
         if scene.robot.self_collision:
             self._collide_only({frozenset(pair) for pair in self._pairs.counted})
 
@@ -91,15 +87,8 @@ class SelfCollision:
         watch = self._watch = SelfWatch(self._scene.model, counted, joints, self._rate, self.nearest)
         return [lambda step: watch.record(step, row()[positions])]
 
-    def added_to(self, trace: Trace) -> Trace:
-        """Return a trace with the contacts since the last call."""
-        if self._watch is not None:
-            return replace(trace, self_contacts=self._watch.collect())
-        found, self._found = tuple(self._found), []
-        return replace(trace, self_contacts=found)
-
+    @override
     def nearest(self, link: str, other: str) -> Nearest | None:
-        """See NearestOfLinks."""
         one, two, client = self._links[link], self._links[other], self._client
         points = pybullet.getClosestPoints(self._robot, self._robot, _ANYWHERE_M, one, two, physicsClientId=client)
         return min((Nearest(point[8], point[5]) for point in points), default=None)
@@ -108,6 +97,6 @@ class SelfCollision:
         for point in pybullet.getContactPoints(self._robot, self._robot, physicsClientId=self._client):
             # Points are reported from a gap of 2 cm on; a contact carries a force or overlaps.
             if point[9] > 0 or point[8] <= 0:
-                one, other = sorted((self._names[point[3]], self._names[point[4]]), key=self._order.__getitem__)
-                depth = max(0.0, -point[8])
-                self._found.append(SelfContact(step / self._rate, one, other, point[5], point[9], depth))
+                links = self._in_order(self._names[point[3]], self._names[point[4]])
+                contact = SelfContact(step / self._rate, *links, point[5], point[9], max(0.0, -point[8]))
+                self._found.append(contact)
