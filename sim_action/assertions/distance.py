@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 from pydantic import Field, model_validator
 from typing_extensions import override
 
-from sim_action.assertions.monitors import Monitor, State, Truth
-from sim_action.assertions.monitors.bounds import Bounds, SignalMonitor, bounds_title, check_bounds
+from sim_action.assertions.monitors import Monitor
+from sim_action.assertions.monitors.bounds import Bounds, BoundsMonitor, SignalMonitor, bounds_title, check_bounds
 from sim_action.assertions.monitors.watched import MotionAssertion, Watched
 from sim_action.core.field_types import NonNegativeMetres, PositiveMetres
 from sim_action.core.geometry import Vector3
@@ -20,8 +20,7 @@ from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
     from sim_action.state.observation import Observation
-    from sim_action.state.trace import Trace
-    from sim_action.state.verdict import Verdict
+    from sim_action.state.trace import FloatArray, Trace
 
 
 class LengthBounds(MotionAssertion):
@@ -103,22 +102,12 @@ class PathLength(LengthBounds):
 
 
 @dataclass(frozen=True, slots=True)
-class PathLengthMonitor(Monitor):
+class PathLengthMonitor(BoundsMonitor):
     """The fold of the arc length so far, and the last position."""
 
     bounds: Bounds
     position_xyz: Vector3
     length: float = 0.0
-
-    @property
-    @override
-    def state(self) -> State:
-        return self.bounds.state
-
-    @property
-    @override
-    def is_decided(self) -> bool:
-        return self.bounds.is_decided
 
     def begin(self, trace: Trace) -> Self:
         """See Monitor.begin. The path before the window does not count."""
@@ -128,22 +117,17 @@ class PathLengthMonitor(Monitor):
     def observe(self, trace: Trace) -> Self:
         if not len(trace):
             return self
-        lengths = trace.arc_length_from(self.position_xyz, self.length)
+        lengths = self.values(trace)
         bounds = self.bounds.observe(trace.time, lengths)
         return replace(self, bounds=bounds, position_xyz=_last_position(trace), length=float(lengths[-1]))
 
     @override
-    def truth(self, trace: Trace) -> Truth:
-        return self.bounds.truth(trace.time, trace.arc_length_from(self.position_xyz, self.length))
-
-    @override
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        lengths = trace.arc_length_from(self.position_xyz, self.length)
-        return (self.bounds.drawn("path length", trace.time, lengths),)
+        return (self.bounds.drawn("path length", trace.time, self.values(trace)),)
 
     @override
-    def verdict(self) -> Verdict:
-        return self.bounds.verdict()
+    def values(self, trace: Trace) -> FloatArray:
+        return trace.arc_length_from(self.position_xyz, self.length)
 
 
 def _last_position(trace: Trace) -> Vector3:

@@ -8,8 +8,8 @@ from pydantic import Field
 from typing_extensions import override
 
 from sim_action.assertions import Assertion, shortened_title
-from sim_action.assertions.monitors import Monitor, State
-from sim_action.assertions.monitors.bounds import Bounds
+from sim_action.assertions.monitors import Monitor
+from sim_action.assertions.monitors.bounds import Bounds, BoundsMonitor
 from sim_action.core import units
 from sim_action.core.field_types import NonNegativeJoules
 from sim_action.core.records import dataclass, replace
@@ -21,7 +21,6 @@ from sim_action.world.scene import Scene
 if TYPE_CHECKING:
     from sim_action.state.observation import Observation
     from sim_action.state.trace import FloatArray, Trace
-    from sim_action.state.verdict import Verdict
 
 
 Braking = Literal["free", "costs", "regained"]
@@ -63,7 +62,7 @@ class Energy(Assertion):
 
 
 @dataclass(frozen=True, slots=True)
-class EnergyMonitor(Monitor):
+class EnergyMonitor(BoundsMonitor):
     """The fold of the work so far.
 
     Attributes:
@@ -79,11 +78,6 @@ class EnergyMonitor(Monitor):
     velocities: tuple[float, ...]
     work: float = 0.0
 
-    @property
-    @override
-    def state(self) -> State:
-        return self.bounds.state
-
     def begin(self, trace: Trace) -> Self:
         """See Monitor.begin. Work before the window does not count."""
         if not len(trace):
@@ -95,24 +89,20 @@ class EnergyMonitor(Monitor):
     def observe(self, trace: Trace) -> Self:
         if not len(trace):
             return self
-        work = self._work_until(trace)
+        work = self.values(trace)
         return replace(self.begin(trace), bounds=self.bounds.observe(trace.time, work), work=float(work[-1]))
 
     @override
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
-        return (self.bounds.drawn("work", trace.time, self._work_until(trace)),)
+        return (self.bounds.drawn("work", trace.time, self.values(trace)),)
 
-    def _work_until(self, trace: Trace) -> FloatArray:
-        """Return (T,) J, the work up to each step."""
+    def values(self, trace: Trace) -> FloatArray:
+        """See BoundsMonitor.values. Returns (T,) J, the work up to each step."""
         import numpy as np
 
         # One running sum: otherwise rounding would depend on the block size.
         work = np.cumsum(np.concatenate(([self.work], self._works(trace))))[1:]
         return np.asarray(work, dtype=np.float64)
-
-    @override
-    def verdict(self) -> Verdict:
-        return self.bounds.verdict()
 
     def _works(self, trace: Trace) -> FloatArray:
         """Return (T,) J, the work of each step: effort times mean velocity times step duration, over all joints."""

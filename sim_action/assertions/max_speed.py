@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 from pydantic import Field, model_validator
 from typing_extensions import override
 
-from sim_action.assertions.monitors import Monitor, State, Truth
+from sim_action.assertions.monitors import Monitor
 from sim_action.assertions.monitors.base_motion import BaseMotion
-from sim_action.assertions.monitors.bounds import AllLimits, Bounds
+from sim_action.assertions.monitors.bounds import AllLimits, Bounds, BoundsMonitor
 from sim_action.assertions.monitors.watched import MotionAssertion, Watched
 from sim_action.core import units
 from sim_action.core.field_types import NonNegativeMetresPerSecond, NonNegativeRadiansPerSecond
@@ -70,7 +70,7 @@ class MaxSpeed(MotionAssertion):
 
 
 @dataclass(frozen=True, slots=True)
-class SpeedMonitor(Monitor):
+class SpeedMonitor(BoundsMonitor):
     """The fold of the speed of the base, or of its turn rate (`turns`).
 
     Attributes:
@@ -84,33 +84,19 @@ class SpeedMonitor(Monitor):
     turns: bool = False
     jump: str = ""
 
-    @property
-    @override
-    def state(self) -> State:
-        return self.bounds.state
-
-    @property
-    @override
-    def is_decided(self) -> bool:
-        return self.bounds.is_decided
-
     def begin(self, trace: Trace) -> Self:
         """See Monitor.begin. The step to the first moment of the window counts."""
         return replace(self, motion=self.motion.after(trace))
 
     @override
     def observe(self, trace: Trace) -> Self:
-        values = self._values(self.motion, trace)
+        values = self.values(trace)
         bounds, jump = self.bounds.observe(trace.time, values), self.jump
         if bounds.is_decided and not self.is_decided:
             step = int((trace.time == bounds.invariant.time).argmax())
             reported = trace.turn_rate if self.turns else trace.speed
             jump = self.motion.jump(trace, step, turns=self.turns) if values[step] != reported[step] else ""
         return replace(self, bounds=bounds, motion=self.motion.after(trace), jump=jump)
-
-    @override
-    def truth(self, trace: Trace) -> Truth:
-        return self.bounds.truth(trace.time, self._values(self.motion, trace))
 
     @override
     def verdict(self) -> Verdict:
@@ -121,6 +107,10 @@ class SpeedMonitor(Monitor):
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         values = self._values(self.motion.of_stored(), trace)
         return (self.bounds.drawn("turn rate" if self.turns else "speed", trace.time, values),)
+
+    @override
+    def values(self, trace: Trace) -> FloatArray:
+        return self._values(self.motion, trace)
 
     def _values(self, motion: BaseMotion, trace: Trace) -> FloatArray:
         return motion.turn_rate(trace) if self.turns else motion.speed(trace)

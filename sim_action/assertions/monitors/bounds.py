@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Self
 
@@ -107,15 +108,19 @@ class Bounds:
         return Verdict(passed, measured, limit, fold.margin, self.unit, fold.time, message)
 
 
-@dataclass(frozen=True, slots=True)
-class SignalMonitor(Monitor):
-    """The monitor of a signal that is computed from each step alone. `name` is the label of its curve."""
+class BoundsMonitor(Monitor):
+    """A monitor that compares one signal with bounds."""
 
-    is_momentary = True
+    __slots__ = ()
 
-    name: str
-    signal: Callable[[Trace], FloatArray]
-    bounds: Bounds
+    @property
+    @abstractmethod
+    def bounds(self) -> Bounds:
+        """The fold of the signal."""
+
+    @abstractmethod
+    def values(self, trace: Trace) -> FloatArray:
+        """Return (T,) the signal at the steps of `trace`, in the unit of the bounds."""
 
     @property
     @override
@@ -128,19 +133,34 @@ class SignalMonitor(Monitor):
         return self.bounds.is_decided
 
     @override
-    def observe(self, trace: Trace) -> Self:
-        # Nothing changes any more after a goal without an upper bound has come true.
-        if self.bounds.is_met:
-            return self
-        return replace(self, bounds=self.bounds.observe(trace.time, self.signal(trace)))
-
-    @override
     def verdict(self) -> Verdict:
         return self.bounds.verdict()
 
     @override
     def truth(self, trace: Trace) -> Truth:
-        return self.bounds.truth(trace.time, self.signal(trace))
+        return self.bounds.truth(trace.time, self.values(trace))
+
+
+@dataclass(frozen=True, slots=True)
+class SignalMonitor(BoundsMonitor):
+    """The monitor of a signal that is computed from each step alone. `name` is the label of its curve."""
+
+    is_momentary = True
+
+    name: str
+    signal: Callable[[Trace], FloatArray]
+    bounds: Bounds
+
+    @override
+    def values(self, trace: Trace) -> FloatArray:
+        return self.signal(trace)
+
+    @override
+    def observe(self, trace: Trace) -> Self:
+        # Nothing changes any more after a goal without an upper bound has come true.
+        if self.bounds.is_met:
+            return self
+        return replace(self, bounds=self.bounds.observe(trace.time, self.signal(trace)))
 
     @override
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
