@@ -16,6 +16,7 @@ from sim_action.assertions.monitors.proximity import distances_known, least_so_f
 from sim_action.assertions.monitors.window import counted
 from sim_action.core import units
 from sim_action.core.field_types import PositiveMetres
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.core.wording import FirstFew, did_you_mean, quoted
@@ -81,10 +82,7 @@ class Clearance(Assertion):
             message = f"clearance checks nothing: neither {quoted(self.chosen)} nor the bodies can move"
             yield ClaimFinding("fixed-base", (), f"{message}; name a link or a body that moves")
 
-    @property
-    @override
-    def has_truth(self) -> bool:
-        return True
+    has_truth: ClassVar[bool] = True
 
     @property
     @override
@@ -200,8 +198,6 @@ class ClearanceMonitor(Monitor):
 
     def truth(self, trace: Trace) -> Truth:
         """See Monitor.truth. The moments are the steps: distances are not known at t = 0."""
-        import numpy as np
-
         time, record = trace.time[trace.time > TIME_EPSILON_S], trace.clearances.get(self.spec.close)
         distance = np.full(len(time), math.inf)
         if record is not None and len(record):

@@ -209,15 +209,9 @@ class AtOnce(Several):
 
     key: ClassVar[str] = "at_once"
 
-    @property
-    @override
-    def is_goal(self) -> bool:
-        return True
+    is_goal: ClassVar[bool] = True
 
-    @property
-    @override
-    def has_truth(self) -> bool:
-        return True
+    has_truth: ClassVar[bool] = True
 
     @property
     @override

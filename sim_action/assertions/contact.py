@@ -23,6 +23,7 @@ from sim_action.core.field_types import (
     PositiveNewtonSeconds,
     PositiveSeconds,
 )
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import STEP_EPSILON
 from sim_action.core.wording import did_you_mean
@@ -36,7 +37,6 @@ from sim_action.world.ground import GROUND
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     from sim_action.state.observation import Contact, Observation
@@ -157,10 +157,7 @@ class Touch(Assertion):
         """See Assertion.is_goal. An upper limit alone does not demand a touch."""
         return self.has_least or self.span is not None or not self.has_most
 
-    @property
-    @override
-    def has_truth(self) -> bool:
-        return True
+    has_truth: ClassVar[bool] = True
 
     @property
     @override
@@ -324,15 +321,11 @@ class TouchMonitor(Monitor):
 
     def _is_strong(self, force: FloatArray) -> NDArray[np.bool_]:
         """Return True where a mean force is not less than the lower limits."""
-        import numpy as np
-
         least, impulse = self.spec.at_least or 0.0, self.spec.impulse_limits[0] or 0.0
         return np.asarray((force - least >= 0) & (self._impulses(force) - impulse >= 0))
 
     def _is_gentle(self, force: FloatArray) -> NDArray[np.bool_]:
         """Return True where a mean force is not more than the upper limits."""
-        import numpy as np
-
         most, impulse = self.spec.at_most, self.spec.impulse_limits[1]
         gentle = np.ones(len(force), dtype=bool) if most is None else np.asarray(most - force >= 0)
         return gentle if impulse is None else gentle & np.asarray(impulse - self._impulses(force) >= 0)
@@ -343,8 +336,6 @@ class TouchMonitor(Monitor):
 
     def _touching(self, time: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
         """Return times in s and True for contact: all of `time`, and False one step before each new contact."""
-        import numpy as np
-
         longest = max(_MAX_CONTACT_GAP_S, 1.5 * self.step)
         begins = np.flatnonzero(np.diff(time, prepend=-np.inf if self.last is None else self.last) > longest)
         # `time` has no steps without contact: insert one before each new contact.
@@ -357,8 +348,6 @@ class TouchMonitor(Monitor):
         Without a lower limit, a goal also needs a contact at that step. A contact that may be older than the run has no
         known mean force before the end of a window, but at least the one so far: such moments are left out.
         """
-        import numpy as np
-
         meant, _ = self._sorted(trace)
         touches = touching_at(trace, times_of(meant), self.step)
         if not (self.spec.has_least or self.spec.has_most):
@@ -375,8 +364,6 @@ class TouchMonitor(Monitor):
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         """See Monitor.signals. Returns duration, mean force, impulse, contact (0 or 1) and least distance."""
-        import numpy as np
-
         spec, body, over = self.spec, self.spec.body, duration_text(self.mean.window)
         meant, _ = self._sorted(trace)
         touches = times_of(meant)

@@ -41,10 +41,7 @@ class LengthBounds(MotionAssertion):
     def is_goal(self) -> bool:
         return self.at_least is not None
 
-    @property
-    @override
-    def has_truth(self) -> bool:
-        return True
+    has_truth: ClassVar[bool] = True
 
     @override
     def title_of(self, watched: Watched) -> str:

@@ -14,6 +14,7 @@ from sim_action.assertions.monitors import Monitor, State
 from sim_action.assertions.monitors.bounds import AllLimits, Bounds, SignalMonitor
 from sim_action.core import units
 from sim_action.core.field_types import JointEffort
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.joint_selection import (
@@ -135,8 +136,6 @@ class Effort(Assertion):
 
 def magnitude(signal: Callable[[Trace], FloatArray]) -> Callable[[Trace], FloatArray]:
     """Return the absolute value of a signal, (T,)."""
-    import numpy as np
-
     return lambda trace: np.abs(signal(trace))
 
 
@@ -181,14 +180,10 @@ class RootMeanSquareMonitor(Monitor):
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         """See Monitor.signals. Each value is the RMS up to that step; the last one counts."""
-        import numpy as np
-
         means = self._squares(trace) / (self.moments + np.arange(1, len(trace) + 1))
         return (Signal(self.name, self.unit, trace.time, np.sqrt(means), upper=self.limit).at_end(),)
 
     def _squares(self, trace: Trace) -> FloatArray:
         """Return (T,) the sum of squares up to each step."""
-        import numpy as np
-
         # One running sum: otherwise rounding would depend on the block size.
         return np.asarray(np.cumsum(np.concatenate(([self.squares], self.signal(trace) ** 2)))[1:], dtype=np.float64)

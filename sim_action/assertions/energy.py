@@ -12,6 +12,7 @@ from sim_action.assertions.monitors import Monitor
 from sim_action.assertions.monitors.bounds import Bounds, BoundsMonitor
 from sim_action.core import units
 from sim_action.core.field_types import NonNegativeJoules
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.joint_selection import choice_problems, chosen, motor_problems
@@ -98,16 +99,12 @@ class EnergyMonitor(BoundsMonitor):
 
     def values(self, trace: Trace) -> FloatArray:
         """See BoundsMonitor.values. Returns (T,) J, the work up to each step."""
-        import numpy as np
-
         # One running sum: otherwise rounding would depend on the block size.
         work = np.cumsum(np.concatenate(([self.work], self._works(trace))))[1:]
         return np.asarray(work, dtype=np.float64)
 
     def _works(self, trace: Trace) -> FloatArray:
         """Return (T,) J, the work of each step: effort times mean velocity times step duration, over all joints."""
-        import numpy as np
-
         columns = self._columns(trace)
         velocities = np.vstack((np.asarray(self.velocities), trace.joint_velocity[:, columns]))
         seconds = np.diff(trace.time, prepend=self.time)

@@ -14,6 +14,7 @@ from sim_action.assertions.monitors.watched import Watched
 from sim_action.assertions.reach import PoseTarget, TargetAngle
 from sim_action.core import geometry, units
 from sim_action.core.geometry import Pose
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.state.verdict import Mark, Signal, Verdict, line
 from sim_action.world.claims import Findings
@@ -190,8 +191,6 @@ class FinalPoseMonitor(Monitor):
 
     def _distance(self, trace: Trace) -> FloatArray:
         """Return (T,) m, over the given axes, in the frame of `origin`."""
-        import numpy as np
-
         from_origin = trace.base_position_xyz - np.asarray(self.origin.position_xyz)
         cosine, sine = math.cos(self.origin.yaw), math.sin(self.origin.yaw)
         x, y, z = from_origin.T

@@ -21,6 +21,7 @@ from sim_action.core import units
 from sim_action.core.errors import FileProblem
 from sim_action.core.field_types import FrozenModel, Metres, NamesFile, PositiveMetres
 from sim_action.core.files import read_at_most
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import did_you_mean, shown
 from sim_action.core.workspace import PathError, Workspace
@@ -425,8 +426,6 @@ class PathMonitor(Monitor):
 
     @override
     def observe(self, trace: Trace) -> Self:
-        import numpy as np
-
         if self.goal.state is State.HOLDS or not len(trace):
             return self
         way = self._way(trace)
@@ -450,8 +449,6 @@ class PathMonitor(Monitor):
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         """See Monitor.signals. The curves end where the end of the path is reached."""
-        import numpy as np
-
         way, limits = self._way(trace), self.limits
         time, errors = trace.time[: len(way)], np.array([one.foot.distance for one in way])
         curves = [Signal("distance from the path", "m", time, errors, upper=limits.max_error)]

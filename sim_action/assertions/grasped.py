@@ -18,6 +18,7 @@ from sim_action.core.field_types import (
     PositiveNewtons,
     PositiveSeconds,
 )
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.core.wording import did_you_mean
@@ -29,7 +30,6 @@ from sim_action.state.verdict import Judged, Signal, Verdict
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     from sim_action.state.observation import Observation
@@ -70,15 +70,9 @@ class Grasped(Assertion):
     def channels(self) -> Channels:
         return Channels(objects=frozenset({self.object}), link_contacts=frozenset(self.by))
 
-    @property
-    @override
-    def is_goal(self) -> bool:
-        return True
+    is_goal: ClassVar[bool] = True
 
-    @property
-    @override
-    def has_truth(self) -> bool:
-        return True
+    has_truth: ClassVar[bool] = True
 
     @property
     @override
@@ -133,8 +127,6 @@ class _Sample:
 
     def followed_by(self, later: _Sample) -> _Sample:
         """Return these moments, as far as they are before `later`, and those of `later`."""
-        import numpy as np
-
         before = self.rows(self.time < later.time[0] - TIME_EPSILON_S)
         pairs = ((before.time, later.time), (before.force, later.force), (before.place, later.place))
         return _Sample(*(np.concatenate(pair) for pair in pairs))
@@ -164,8 +156,6 @@ class _Grip:
     @property
     def fastest(self) -> FloatArray:
         """The greatest speed along a link that presses the object, (T,) m/s; NaN while it is not known."""
-        import numpy as np
-
         return np.asarray(np.where(self.touching, self.slip, 0.0).max(axis=1))
 
     def is_sound(self, slip: float) -> NDArray[np.bool_]:
@@ -277,14 +267,10 @@ class GraspMonitor(Monitor):
         return known and len(trace) > 0
 
     def _sound_squeeze(self, grip: _Grip) -> FloatArray:
-        import numpy as np
-
         return np.where(grip.is_sound(self.spec.slip), grip.squeeze, 0.0)
 
     def _nearest(self, grip: _Grip) -> tuple[int, float, str]:
         """Return the best moment so far: the one with most links, and then the greatest squeeze."""
-        import numpy as np
-
         count, squeeze = grip.touching.sum(axis=1), grip.squeeze
         at = int(np.lexsort((squeeze, np.minimum(count, 2)))[-1])
         found = min(2, int(count[at])), float(squeeze[at])
@@ -310,8 +296,6 @@ class GraspMonitor(Monitor):
 
     def _grip(self, trace: Trace) -> _Grip:
         """Return the grip at each moment. Sums run step by step, so that they do not depend on how a trace is cut."""
-        import numpy as np
-
         known = self._joined(trace)
         first = len(known.time) - len(trace)
         rows = np.arange(first, len(known.time))
@@ -335,8 +319,6 @@ class GraspMonitor(Monitor):
         return _Grip(strength > 0, strength.sum(axis=1), np.sqrt((vector * vector).sum(axis=1)), slip)
 
     def _sample(self, trace: Trace) -> _Sample:
-        import numpy as np
-
         from sim_action.robot.model.link_motion import link_motion
 
         at = trace.objects[self.spec.object].position_xyz

@@ -77,10 +77,7 @@ class JointReading(Assertion):
     def is_goal(self) -> bool:
         return self.at_most is None or self.at_least is not None
 
-    @property
-    @override
-    def has_truth(self) -> bool:
-        return True
+    has_truth: ClassVar[bool] = True
 
     @property
     @override
@@ -205,10 +202,7 @@ class JointWithin(Assertion):
         for name, bounds in self.effort.items():
             yield "effort", name, bounds
 
-    @property
-    @override
-    def has_truth(self) -> bool:
-        return True
+    has_truth: ClassVar[bool] = True
 
     @property
     @override

@@ -16,6 +16,7 @@ from sim_action.assertions.monitors.window import counted
 from sim_action.core import units
 from sim_action.core.field_types import Metres
 from sim_action.core.geometry import Vector3
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
@@ -28,7 +29,6 @@ from sim_action.world.ground import GROUND
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     from sim_action.state.observation import Observation
@@ -48,10 +48,7 @@ class Feet(Assertion):
         Field(min_length=1, description="what feet may stand on; default: the ground and every object without a mass"),
     ] = None
 
-    @property
-    @override
-    def has_truth(self) -> bool:
-        return True
+    has_truth: ClassVar[bool] = True
 
     @property
     @override
@@ -164,15 +161,11 @@ class Footing:
 
     def standing(self, trace: Trace) -> NDArray[np.bool_]:
         """Return (F, T) True where a foot is on the ground."""
-        import numpy as np
-
         moments = (self._points(trace, foot)[0] for foot in self.feet)
         return np.array([np.bincount(moment, minlength=len(trace)) > 0 for moment in moments])
 
     def points(self, trace: Trace) -> tuple[NDArray[np.intp], FloatArray]:
         """Return the contact points of all feet: the index (N,) of the moment, rising, and the place (N, 3) in m."""
-        import numpy as np
-
         found = [self._points(trace, foot) for foot in self.feet]
         moment = np.concatenate([moments for moments, _ in found])
         order = np.argsort(moment, kind="stable")
@@ -180,8 +173,6 @@ class Footing:
 
     def level(self, points_xyz: FloatArray) -> FloatArray:
         """Return points (N, 3) as seen along gravity, (N, 2) m."""
-        import numpy as np
-
         x, y, z = self.up_xyz
         # The axis that is least vertical gives a direction that is level.
         axis = np.eye(3)[int(np.argmin(np.abs((x, y, z))))]
@@ -192,8 +183,6 @@ class Footing:
         return np.column_stack([(points_xyz * direction).sum(axis=1) for direction in (first, second)])
 
     def _points(self, trace: Trace, foot: str) -> tuple[NDArray[np.intp], FloatArray]:
-        import numpy as np
-
         record = trace.link_contacts[foot]
         allowed = np.array([body in self.bodies for body in record.bodies], dtype=np.bool_)[record.body]
         moment = record.moment(trace.time)
@@ -211,8 +200,6 @@ def support_margins(centre_xy: FloatArray, moment: NDArray[np.intp], points_xy: 
     :param moment: the index (N,) of the moment of each point of the polygons, rising.
     :param points_xy: the points of the polygons, (N, 2) m.
     """
-    import numpy as np
-
     margins = np.full(len(centre_xy), -math.inf)
     counts = np.bincount(moment, minlength=len(centre_xy))
     starts = np.cumsum(counts) - counts
@@ -228,8 +215,6 @@ def support_margins(centre_xy: FloatArray, moment: NDArray[np.intp], points_xy: 
 
 def _margins(centre: FloatArray, points: FloatArray) -> FloatArray:
     """Return the same (T,) for polygons (T, K, 2) of as many points."""
-    import numpy as np
-
     ways = points[:, None, :, :] - points[:, :, None, :]
     lengths = np.sqrt((ways * ways).sum(axis=3))
     arms = centre[:, None, :] - points
@@ -307,8 +292,6 @@ class FeetMonitor(Monitor):
         return (Signal("feet on the ground", "", trace.time, count, lower, upper),)
 
     def _count(self, trace: Trace) -> NDArray[np.intp]:
-        import numpy as np
-
         if not self.footing.is_known(trace):
             return np.zeros(len(trace), dtype=np.intp)
         return np.asarray(self.footing.standing(trace).sum(axis=0))
@@ -410,15 +393,11 @@ class SupportMonitor(Monitor):
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         """See Monitor.signals. Returns the margin where a foot is on the ground."""
-        import numpy as np
-
         margins = self._margins(trace)
         shown = np.where(np.isfinite(margins), margins, np.nan)
         return (Signal("support margin", "m", trace.time, shown, lower=self.at_least),)
 
     def _margins(self, trace: Trace) -> FloatArray:
-        import numpy as np
-
         from sim_action.robot.model.link_motion import centre_of_mass
 
         if not self.footing.is_known(trace):

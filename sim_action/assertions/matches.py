@@ -24,6 +24,7 @@ from sim_action.core.field_types import (
     PositiveMetres,
     PositiveRadians,
 )
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import shown
 from sim_action.core.workspace import PathError
@@ -125,10 +126,7 @@ class Matches(Assertion):
         within += [f"{name} {as_written(tolerance)}" for name, tolerance in self.joints.items()]
         return shortened_title(f"{self.key} {self.trace} within {', '.join(within)}")
 
-    @property
-    @override
-    def reads_file(self) -> bool:
-        return True
+    reads_file: ClassVar[bool] = True
 
     def file_in(self, scene: Scene) -> str:
         """Return the golden file of a scene, relative to the scenario. Raises GoldenError."""
@@ -244,8 +242,6 @@ class Tolerance:
 
     def errors(self, rows: FloatArray, golden: FloatArray) -> FloatArray:
         """Return (N,) errors in `unit` between rows with the same times."""
-        import numpy as np
-
         difference = rows[:, self.columns] - golden[:, self.columns]
         difference = wrapped(difference) if self.turns else difference
         return np.asarray(np.sqrt(np.square(difference).sum(axis=1)), dtype=np.float64)
@@ -329,16 +325,12 @@ class MatchesMonitor(Monitor):
 
     @override
     def observe(self, trace: Trace) -> Self:
-        import numpy as np
-
         if not len(trace):
             return self
         return self._compared(np.concatenate((self.before, self._rows(trace))))
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         """See Monitor.signals. Returns the errors at the golden times that the trace has."""
-        import numpy as np
-
         rows = np.concatenate((self.before, self._rows(trace)))
         due = self.golden.rows
         due = due[(due[:, 0] >= rows[0, 0]) & (due[:, 0] <= rows[-1, 0])]
@@ -395,8 +387,6 @@ class MatchesMonitor(Monitor):
 
     def _compared(self, rows: FloatArray) -> Self:
         """Return the monitor after rows; the first row is that of the last step before."""
-        import numpy as np
-
         end = int(np.searchsorted(self.golden.time, rows[-1, 0], side="right"))
         later = replace(self, before=rows[-1:], next=max(self.next, end))
         due = self.golden.rows[self.next : end]

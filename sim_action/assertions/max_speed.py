@@ -47,10 +47,7 @@ class MaxSpeed(MotionAssertion):
             raise ValueError("give 'linear', 'angular' or both")
         return self
 
-    @property
-    @override
-    def has_truth(self) -> bool:
-        return True
+    has_truth: ClassVar[bool] = True
 
     @override
     def title_of(self, watched: Watched) -> str:

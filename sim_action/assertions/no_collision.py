@@ -11,6 +11,7 @@ from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import FORCE_WINDOW_S, Monitor, State, Truth
 from sim_action.assertions.monitors.contact_force import MeanForce, duration_text, times_of
 from sim_action.assertions.monitors.proximity import strength, touching_at, with_zeros
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
@@ -47,10 +48,7 @@ class NoCollision(Assertion):
     def channels(self) -> Channels:
         return Channels(contacts=True)
 
-    @property
-    @override
-    def has_truth(self) -> bool:
-        return True
+    has_truth: ClassVar[bool] = True
 
     @property
     @override
@@ -142,15 +140,11 @@ class NoCollisionMonitor(Monitor):
 
     @override
     def truth(self, trace: Trace) -> Truth:
-        import numpy as np
-
         touches = touching_at(trace, times_of(self._forbidden_in(trace)), self.step)
         return Truth(touches.time, np.logical_not(touches.holds))
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         """See Monitor.signals. Returns contact (0 or 1) at each step, and the mean force if there is any."""
-        import numpy as np
-
         forbidden = self._forbidden_in(trace)
         touches = with_zeros(trace.time, times_of(forbidden), np.ones(len(times_of(forbidden))), self.step)
         touching = Signal("touching something", "contacts", *touches, upper=0.0)

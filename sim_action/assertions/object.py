@@ -24,6 +24,7 @@ from sim_action.assertions.upright import Upright
 from sim_action.core import units
 from sim_action.core.field_types import NonNegativeMetres, PositiveMetres, Without
 from sim_action.core.geometry import Pose, Twist
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.core.wording import did_you_mean
@@ -69,10 +70,7 @@ class Moved(MotionAssertion):
     def is_goal(self) -> bool:
         return self.at_least is not None or self.up is not None
 
-    @property
-    @override
-    def has_truth(self) -> bool:
-        return True
+    has_truth: ClassVar[bool] = True
 
     @override
     def title_of(self, watched: Watched) -> str:
@@ -345,8 +343,6 @@ def motion_of(spec: ObjectAssertion, scene: Scene, trace: Trace, known: tuple[tu
 
     Their base has the motion of the object. Its speed is the distance from the step before.
     """
-    import numpy as np
-
     from sim_action.robot.model.link_motion import LinkMotion, link_motion
 
     here = _present(trace, spec.name)
@@ -368,8 +364,6 @@ def motion_of(spec: ObjectAssertion, scene: Scene, trace: Trace, known: tuple[tu
 
 def _present(trace: Trace, name: str) -> Trace:
     """Return the steps at which an object is there."""
-    import numpy as np
-
     record = trace.objects.get(name)
     if record is None or not len(record):
         return trace.rows(slice(0))
@@ -379,8 +373,6 @@ def _present(trace: Trace, name: str) -> Trace:
 
 def _poses(trace: Trace, name: str) -> FloatArray:
     """Return time and pose (T, 8) of an object."""
-    import numpy as np
-
     record = trace.objects[name]
     return np.column_stack((record.time, record.position_xyz, record.orientation_xyzw))
 
@@ -390,8 +382,6 @@ def _rates(rows: FloatArray) -> tuple[FloatArray, FloatArray]:
 
     They are 0 between rows of the same time.
     """
-    import numpy as np
-
     from sim_action.core import geometry
 
     before, after = rows[:-1], rows[1:]

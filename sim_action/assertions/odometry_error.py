@@ -14,6 +14,7 @@ from sim_action.assertions.monitors.goals import Invariant, joined
 from sim_action.assertions.sensor import MORE_READINGS
 from sim_action.core import units
 from sim_action.core.field_types import PositiveMetres, PositiveRadians, PositiveShare
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
@@ -23,7 +24,6 @@ from sim_action.world.claims import HEADINGS, Ceiling
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     from sim_action.state.observation import Observation
@@ -177,16 +177,12 @@ class OdometryMonitor(Monitor):
 
     def _truths(self, trace: Trace) -> FloatArray:
         """Return (1 + T, 4): the last step before and the steps of the trace."""
-        import numpy as np
-
         following = np.column_stack((trace.time, trace.base_position_xyz[:, :2], trace.yaw))
         truths: FloatArray = np.vstack((self.true_pose, following))
         return truths
 
     def _ways(self, truths: FloatArray) -> FloatArray:
         """Return (1 + T,) m travelled up to each step; one running sum, so that block sizes do not matter."""
-        import numpy as np
-
         steps = np.hypot(*np.diff(truths[:, 1:3], axis=0).T)
         ways: FloatArray = np.cumsum(np.concatenate(([self.way], steps)))
         return ways
@@ -232,8 +228,6 @@ def _shown(error: float, limit: float, unit: str) -> tuple[str, str]:
 
 def _errors(record: SensorRecord, truths: FloatArray, ways: FloatArray) -> dict[str, FloatArray]:
     """Return (N,) errors of the readings, by name. The true pose is interpolated between the steps of the trace."""
-    import numpy as np
-
     before, after, share = _around(record.time, truths[:, 0])
     (x, y), (to_x, to_y) = truths[before, 1:3].T, truths[after, 1:3].T
     yaw = truths[before, 3] + share * _turn(truths[after, 3] - truths[before, 3])
@@ -254,8 +248,6 @@ def _around(wanted: FloatArray, time: FloatArray) -> tuple[NDArray[np.intp], NDA
 
     A time that equals that of a step has this step on both sides. So the result does not depend on the block size.
     """
-    import numpy as np
-
     last = len(time) - 1
     after = np.minimum(np.searchsorted(time, wanted - _SAME_TIME_S), last)
     before = np.where(time[after] > wanted + _SAME_TIME_S, np.maximum(after - 1, 0), after)
@@ -265,7 +257,5 @@ def _around(wanted: FloatArray, time: FloatArray) -> tuple[NDArray[np.intp], NDA
 
 def _turn(angle: FloatArray) -> FloatArray:
     """Return the angles wrapped to [-pi, pi)."""
-    import numpy as np
-
     turned: FloatArray = np.remainder(angle + np.pi, 2 * np.pi) - np.pi
     return turned

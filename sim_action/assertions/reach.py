@@ -159,15 +159,9 @@ class Reach(PoseTarget):
     x: Metres
     y: Metres
 
-    @property
-    @override
-    def is_goal(self) -> bool:
-        return True
+    is_goal: ClassVar[bool] = True
 
-    @property
-    @override
-    def has_truth(self) -> bool:
-        return True
+    has_truth: ClassVar[bool] = True
 
     @override
     def title_of(self, watched: Watched) -> str:

@@ -13,6 +13,7 @@ from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.contact_force import times_of
 from sim_action.assertions.monitors.proximity import touching_at, with_zeros
 from sim_action.core import units
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.wording import FirstFew, did_you_mean
 from sim_action.core.yaml_errors import SpecProblems
@@ -64,10 +65,7 @@ class SelfCollision(Assertion):
     def channels(self) -> Channels:
         return Channels(self_contacts=True)
 
-    @property
-    @override
-    def has_truth(self) -> bool:
-        return True
+    has_truth: ClassVar[bool] = True
 
     @property
     @override
@@ -147,15 +145,11 @@ class SelfCollisionMonitor(Monitor):
 
     @override
     def truth(self, trace: Trace) -> Truth:
-        import numpy as np
-
         touches = touching_at(trace, times_of(self.spec.forbidden(trace)), self.step)
         return Truth(touches.time, np.logical_not(touches.holds))
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         """See Monitor.signals. Returns contact (0 or 1) at each step."""
-        import numpy as np
-
         times = times_of(self.spec.forbidden(trace))
         touches = with_zeros(trace.time, times, np.ones(len(times)), self.step)
         return (Signal("touching itself", "contacts", *touches, upper=0.0),)

@@ -15,6 +15,7 @@ from sim_action.assertions.monitors.bounds import check_bounds
 from sim_action.assertions.monitors.goals import Goal, Invariant
 from sim_action.core import units
 from sim_action.core.field_types import SensorQuantity
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import Dimension
 from sim_action.core.wording import did_you_mean
@@ -82,10 +83,7 @@ class SensorReading(Assertion):
     def is_goal(self) -> bool:
         return self.once
 
-    @property
-    @override
-    def has_truth(self) -> bool:
-        return True
+    has_truth: ClassVar[bool] = True
 
     @property
     @override
@@ -221,8 +219,6 @@ class SensorMonitor(Monitor):
         return replace(self, fold=fold, value=value, unit=self._unit_of(record), readings=readings)
 
     def _margin(self, values: FloatArray) -> FloatArray:
-        import numpy as np
-
         margin = np.full(len(values), math.inf)
         # A missing bound is not an infinite one, because the value may be infinite too.
         if self.at_least is not None:
@@ -233,8 +229,6 @@ class SensorMonitor(Monitor):
 
     def truth(self, trace: Trace) -> Truth:
         """See Monitor.truth. The moments are the readings."""
-        import numpy as np
-
         record = trace.sensors.get(self.sensor)
         if record is None or not len(record):
             return Truth(np.empty(0), np.empty(0, dtype=bool))
@@ -242,8 +236,6 @@ class SensorMonitor(Monitor):
 
     def signals(self, trace: Trace) -> tuple[Signal, ...]:
         """See Monitor.signals. The curve has the sensor's rate; infinite readings are left out."""
-        import numpy as np
-
         record = trace.sensors.get(self.sensor)
         if record is None or not len(record):
             return ()
@@ -284,8 +276,6 @@ class SensorMonitor(Monitor):
 
 def picked(column: Any, which: str | None) -> FloatArray:
     """Return (N,) one number per reading, from a column (N,) or (N, ...)."""
-    import numpy as np
-
     values = np.asarray(column, dtype=np.float64)
     if which is None:
         return values

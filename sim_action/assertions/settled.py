@@ -16,13 +16,13 @@ from sim_action.assertions.monitors.goals import HoldTime
 from sim_action.assertions.monitors.watched import MotionAssertion, Watched
 from sim_action.core import units
 from sim_action.core.field_types import PositiveMetresPerSecond, PositiveRadiansPerSecond, PositiveSeconds
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.state.verdict import Signal, Verdict
 from sim_action.world.claims import ClaimFinding, Findings
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     from sim_action.state.observation import Observation
@@ -63,15 +63,9 @@ class Settled(AtRest, MotionAssertion):
         Field(description="true: joints must be at rest too; default: only if the base is fixed, without 'link'"),
     ] = None
 
-    @property
-    @override
-    def is_goal(self) -> bool:
-        return True
+    is_goal: ClassVar[bool] = True
 
-    @property
-    @override
-    def has_truth(self) -> bool:
-        return True
+    has_truth: ClassVar[bool] = True
 
     @property
     @override
@@ -193,6 +187,4 @@ class SettledMonitor(Monitor):
 
 
 def _are_slow(motions: Sequence[Motion]) -> NDArray[np.bool_]:
-    import numpy as np
-
     return np.asarray(np.all([motion.speed <= motion.limit for motion in motions], axis=0))

@@ -51,10 +51,7 @@ class StayWithin(MotionAssertion):
         given = {"x": self.x, "y": self.y, "z": self.z}
         return {axis: interval for axis, interval in given.items() if interval is not None}
 
-    @property
-    @override
-    def has_truth(self) -> bool:
-        return True
+    has_truth: ClassVar[bool] = True
 
     @override
     def range_claims(self, limits: LinkRange) -> Findings:

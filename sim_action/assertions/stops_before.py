@@ -15,6 +15,7 @@ from sim_action.assertions.monitors.proximity import distances, nearest_of, touc
 from sim_action.assertions.settled import AtRest
 from sim_action.core import units
 from sim_action.core.field_types import NonNegativeMetres
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.core.wording import did_you_mean
@@ -25,7 +26,6 @@ from sim_action.world.distance_lines import distance_lines
 from sim_action.world.scene import Scene
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     from sim_action.state.observation import Contact, Observation
@@ -52,15 +52,9 @@ class StopsBefore(AtRest):
         check_interval("gap", *self.gap, "m")
         return self
 
-    @property
-    @override
-    def is_goal(self) -> bool:
-        return True
+    is_goal: ClassVar[bool] = True
 
-    @property
-    @override
-    def has_truth(self) -> bool:
-        return True
+    has_truth: ClassVar[bool] = True
 
     @property
     @override
@@ -143,8 +137,6 @@ class StopsBeforeMonitor(Monitor):
 
     def moved(self, trace: Trace, gaps: FloatArray) -> Self:
         """Return the monitor after these steps; `gaps`: (T,) m, infinite where greater than allowed."""
-        import numpy as np
-
         rest = self.rest.observe(trace.time, self._rests(trace, gaps))
         met = self.met
         if met is None and rest.state is State.HOLDS:
@@ -165,8 +157,6 @@ class StopsBeforeMonitor(Monitor):
 
         The moments are the steps: gaps are not known at t = 0.
         """
-        import numpy as np
-
         times = np.unique([contact.time for contact in trace.contacts if contact.body == self.spec.body])
         touching = touching_at(trace, times, 2 * TIME_EPSILON_S)
         rests = self._rests(trace, self._gaps(trace))[len(trace) - len(touching.time) :]
@@ -183,8 +173,6 @@ class StopsBeforeMonitor(Monitor):
 
     def _known_gaps(self, trace: Trace) -> tuple[FloatArray, FloatArray]:
         """Return (N,) s and (N,) m: all recorded gaps up to the first contact."""
-        import numpy as np
-
         time, gaps = distances(trace, self.spec.near, self.spec.far)
         touch = next((contact for contact in trace.contacts if contact.body == self.spec.body), None)
         if touch is None:
@@ -194,8 +182,6 @@ class StopsBeforeMonitor(Monitor):
 
     def _rests(self, trace: Trace, gaps: FloatArray) -> NDArray[np.bool_]:
         """Return (T,) True where the robot is at rest with an allowed gap."""
-        import numpy as np
-
         lower, upper = self.spec.gap
         slow = (self.base.speed(trace) <= self.spec.speed) & (self.base.turn_rate(trace) <= self.spec.turn_rate)
         return np.asarray(slow & (gaps >= lower) & (gaps <= upper))
@@ -244,8 +230,6 @@ class StopsBeforeMonitor(Monitor):
         return f"at {self.end or 0.0:.2f} s it was {self.motion},"
 
     def _gaps(self, trace: Trace) -> FloatArray:
-        import numpy as np
-
         gaps = np.full(len(trace), np.inf)
         record = trace.clearances.get(self.spec.near)
         if record is not None:

@@ -29,10 +29,7 @@ class Upright(MotionAssertion):
 
     max_tilt: Annotated[PositiveRadians, Field(description="an invariant: must not be exceeded")] = math.radians(20)
 
-    @property
-    @override
-    def has_truth(self) -> bool:
-        return True
+    has_truth: ClassVar[bool] = True
 
     @override
     def title_of(self, watched: Watched) -> str:

@@ -16,6 +16,7 @@ from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import Monitor, State
 from sim_action.core.errors import Location, ScriptError
 from sim_action.core.field_types import NamesFile
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.user_scripts import (
     ANYTHING,
@@ -117,10 +118,7 @@ class UserAssertion(Assertion):
         """Name of the class in that file."""
         return self.path.rpartition(":")[2]
 
-    @property
-    @override
-    def reads_file(self) -> bool:
-        return True
+    reads_file: ClassVar[bool] = True
 
     @property
     def channels(self) -> Channels:
@@ -257,8 +255,6 @@ class Judge:
 
 def _plain(answer: object) -> Verdict:
     """Return the verdict with Python numbers instead of numpy's. Raises TypeError with the reason if it is invalid."""
-    import numpy as np
-
     if not isinstance(answer, Verdict):
         raise TypeError(f"{with_article(type(answer).__name__)}; it returns a sim_action.Verdict or None")
     if not isinstance(answer.passed, bool | np.bool_):
@@ -297,8 +293,6 @@ class _Rows:
 
     def added(self, count: int, rows: FloatArray) -> _Rows:
         """Return a buffer with `rows` after the first `count`; a copy if other rows are already there."""
-        import numpy as np
-
         end = count + len(rows)
         store = self
         if self.filled != count or end > len(self.rows):
@@ -324,8 +318,6 @@ class History:
     @classmethod
     def of(cls, trace: Trace) -> Self:
         """Return a history that begins with these steps."""
-        import numpy as np
-
         store = _Rows(np.empty((0, trace.state.shape[1])), 0)
         return cls(store.added(0, trace.state), len(trace), _beside(trace))
 

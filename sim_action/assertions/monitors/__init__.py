@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, Self
 
 from typing_extensions import override
 
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     from sim_action.state.trace import FloatArray, Trace

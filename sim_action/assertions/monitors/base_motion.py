@@ -11,6 +11,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Final, Self
 
 from sim_action.core import geometry, units
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.world.scene import Scene
@@ -91,8 +92,6 @@ class BaseMotion:
         self, trace: Trace, reported: FloatArray, velocity: slice, ways: _Ways, correction: float
     ) -> FloatArray:
         """Return the reported values (T,), with the mean value of the step in place of each jump."""
-        import numpy as np
-
         if not len(trace):
             return reported
         rows = self._rows(trace)
@@ -109,8 +108,6 @@ class BaseMotion:
 
     def _rows(self, trace: Trace) -> FloatArray:
         """Return the states (T, 14) or, with the one before them, (T + 1, 14)."""
-        import numpy as np
-
         rows = trace.state[:, :14]
         # The first step of `trace` may be known already: t = 0, or the step at which a time window opens.
         before = [row for row in self.known if row[0] < rows[0, 0] - TIME_EPSILON_S]
@@ -119,8 +116,6 @@ class BaseMotion:
 
 def _distances(before: FloatArray, after: FloatArray) -> FloatArray:
     """Return the distances (T,) in m between the positions of states (T, 14)."""
-    import numpy as np
-
     found: FloatArray = np.sqrt(np.square(after[:, 1:4] - before[:, 1:4]).sum(axis=1))
     return found
 

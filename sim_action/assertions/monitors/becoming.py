@@ -15,12 +15,12 @@ from typing_extensions import override
 from sim_action.assertions.monitors import Monitor, State
 from sim_action.assertions.monitors.goals import HoldTime, joined
 from sim_action.core import units
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.state.verdict import Signal, Verdict
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     from sim_action.state.observation import Observation
@@ -57,8 +57,6 @@ class Rest:
     @classmethod
     def of(cls, scene: Scene, start: Observation) -> Self:
         """Return the state in `start`."""
-        import numpy as np
-
         return cls(
             np.array(start.pose.position_xyz),
             np.array(start.pose.orientation_xyzw),
@@ -69,8 +67,6 @@ class Rest:
     @classmethod
     def of_trace(cls, trace: Trace) -> Self:
         """Return the state of the base at the first moment of a trace; no joint counts."""
-        import numpy as np
-
         return cls(trace.base_position_xyz[0], trace.base_orientation_xyzw[0], np.empty(0), np.empty(0))
 
     def moved(self, trace: Trace) -> NDArray[np.bool_]:
@@ -79,8 +75,6 @@ class Rest:
 
     def base_moved(self, trace: Trace) -> NDArray[np.bool_]:
         """Return (T,) True where the base is away from its pose at t = 0."""
-        import numpy as np
-
         away = np.linalg.norm(trace.base_position_xyz - self.base_position_xyz, axis=1)
         # |<p, q>| of unit quaternions is the cosine of half the angle between them.
         cosine = np.abs(trace.base_orientation_xyzw @ self.base_orientation_xyzw)
@@ -88,8 +82,6 @@ class Rest:
 
     def joints_moved(self, trace: Trace) -> NDArray[np.bool_]:
         """Return (T,) True where a joint is away from its position at t = 0."""
-        import numpy as np
-
         if not self.joint_position.size or len(trace.joint_names) != self.joint_position.size:
             return np.zeros(len(trace), dtype=np.bool_)
         away = np.abs(trace.joint_position - self.joint_position) > self.joint_limits

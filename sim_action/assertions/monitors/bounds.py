@@ -12,6 +12,7 @@ from typing_extensions import override
 from sim_action.assertions.monitors import Monitor, State, Truth
 from sim_action.assertions.monitors.goals import Goal, Invariant, joined
 from sim_action.core import units
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.state.verdict import Signal, Verdict
 
@@ -62,8 +63,6 @@ class Bounds:
 
     def truth(self, time: FloatArray, signal: FloatArray) -> Truth:
         """Return True where the signal, (T,) in `unit`, is within both bounds."""
-        import numpy as np
-
         holds = np.isfinite(signal)
         if self.at_least is not None:
             holds &= signal - self.at_least >= 0
@@ -266,8 +265,6 @@ class IntervalsMonitor(Monitor):
 
     @override
     def truth(self, trace: Trace) -> Truth:
-        import numpy as np
-
         margins = [side.sign * (side.bound - side.interval.signal(trace)) for side in self.sides]
         return Truth(trace.time, np.all([margin >= 0 for margin in margins], axis=0))
 
@@ -299,8 +296,6 @@ class IntervalsMonitor(Monitor):
 
 def all_true(trace: Trace, truths: Sequence[Truth]) -> Truth:
     """Return True where all conditions are true; each has the steps of `trace`."""
-    import numpy as np
-
     return Truth(trace.time, np.all([truth.holds for truth in truths], axis=0))
 
 

@@ -16,12 +16,12 @@ from typing_extensions import override
 from sim_action.assertions.monitors import Fold, Monitor, State, Truth
 from sim_action.assertions.monitors.goals import Goal
 from sim_action.assertions.monitors.window import counted
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import TIME_EPSILON_S
 from sim_action.state.verdict import Judged, Signal, Verdict
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     from sim_action.state.trace import Trace
@@ -115,8 +115,6 @@ class Parts(Monitor):
 
         A reading of a sensor counts from the step after it on.
         """
-        import numpy as np
-
         rows = []
         for monitor, last in zip(self.monitors, self.before, strict=True):
             truth = monitor.truth(trace)
@@ -149,8 +147,6 @@ class Combination(Junction, Parts):
 
     def truth(self, trace: Trace) -> Truth:
         """See Monitor.truth. At least one part is true; `all_of` has no truth, see `at_once`."""
-        import numpy as np
-
         truths = self._truths(trace)
         known = (truths != UNKNOWN).all(axis=0)
         return Truth(trace.time[known], np.asarray((truths > 0).any(axis=0))[known])
@@ -226,8 +222,6 @@ class AtOnceMonitor(Parts):
 
     @override
     def truth(self, trace: Trace) -> Truth:
-        import numpy as np
-
         truths = self._truths(trace)
         known = (truths != UNKNOWN).all(axis=0)
         return Truth(trace.time[known], np.asarray((truths > 0).all(axis=0))[known])
@@ -299,8 +293,6 @@ class NegationMonitor(Monitor):
 
     @override
     def truth(self, trace: Trace) -> Truth:
-        import numpy as np
-
         truth = self.monitor.truth(trace)
         return Truth(truth.time, np.logical_not(truth.holds))
 

@@ -11,11 +11,11 @@ import math
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Final, NamedTuple, Self
 
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.units import STEP_EPSILON
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     from sim_action.state.observation import Contact, SelfContact
@@ -34,8 +34,6 @@ class Forces(NamedTuple):
 
 def times_of(contacts: Iterable[Contact | SelfContact]) -> FloatArray:
     """Return (N,) s, rising: the steps that have one of these contacts."""
-    import numpy as np
-
     return np.array(list(dict.fromkeys(contact.time for contact in contacts)))
 
 
@@ -82,8 +80,6 @@ class MeanForce:
         `contacts` are the relevant ones of the trace. A stored trace has fewer steps than contacts: there are also
         moments between its steps, as long as a contact is in the window.
         """
-        import numpy as np
-
         rows = np.rint(trace.time * self.rate).astype(np.int64)
         known = dict(self.recent)
         seen = self._by_step(contacts)
@@ -102,8 +98,6 @@ class MeanForce:
 
         An engine that has not settled knows no contacts at t = 0: such a contact may be older, so its mean is unknown.
         """
-        import numpy as np
-
         if any(step <= 0 for step, _ in self.recent) or not len(time) or time[0] > self.window:
             return np.zeros(len(time), dtype=bool)
         touched = {*dict(self.recent), *self._by_step(contacts)}
@@ -120,8 +114,6 @@ class MeanForce:
 
     def _near_contacts(self, known: dict[int, float], first: int, last: int) -> tuple[NDArray[np.int64], FloatArray]:
         """Return all steps from `first` to `last` that have a contact in their window, and their mean forces."""
-        import numpy as np
-
         at, forces = (np.array(column) for column in zip(*sorted(known.items()), strict=True))
         # Between two runs of steps, there is no contact in the window.
         cuts = np.flatnonzero(np.diff(at) > self._reach) + 1
@@ -139,8 +131,6 @@ class MeanForce:
 
     def _means(self, force: FloatArray) -> FloatArray:
         """Return the mean force at each step but the first ones, which are only in the windows of the others."""
-        import numpy as np
-
         steps, reach = self._steps, self._reach
         whole, part = int(steps), steps - int(steps)
         sums = _sliding_sums(force, whole)[reach - whole + 1 :]
@@ -153,8 +143,6 @@ def _with_rows(
     rows: NDArray[np.int64], steps: NDArray[np.int64], mean: FloatArray
 ) -> tuple[NDArray[np.int64], FloatArray]:
     """Return the steps and their mean forces with those of `rows` that are not among them: they have no force."""
-    import numpy as np
-
     at = np.searchsorted(steps, rows)
     others = rows[np.append(steps, -1)[at] != rows]
     if not len(others):

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Final, Self
 
 from sim_action.assertions.monitors import State, Truth
 from sim_action.core import units
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.state.verdict import Signal, Verdict
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     from sim_action.state.trace import FloatArray
@@ -191,8 +191,6 @@ class HoldTime:
 
     def observe(self, time: FloatArray, holds: NDArray[np.bool_]) -> Self:
         """Return the fold after these steps; `time` in s and `holds`, each (T,)."""
-        import numpy as np
-
         if not len(time):
             return self
         since = self._since(time, holds)
@@ -202,14 +200,10 @@ class HoldTime:
 
     def lasting(self, time: FloatArray, holds: NDArray[np.bool_]) -> FloatArray:
         """Return (T,) s for which the condition has held at each step; 0 where it does not hold."""
-        import numpy as np
-
         return np.where(holds, np.round(time - self._since(time, holds), _DIGITS), 0.0)
 
     def _since(self, time: FloatArray, holds: NDArray[np.bool_]) -> FloatArray:
         """Return (T,) s of sim time since which the condition holds, where it holds."""
-        import numpy as np
-
         held_before = np.concatenate(([self.since is not None], holds[:-1]))
         begins = np.where(holds & ~held_before, time, -math.inf)
         first = begins[0] if self.since is None else self.since

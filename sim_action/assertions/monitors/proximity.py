@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from sim_action.assertions.monitors import Truth
 from sim_action.core import units
+from sim_action.core.lazy_numpy import np
 
 if TYPE_CHECKING:
     from sim_action.state.observation import Contact
@@ -26,8 +27,6 @@ def nearest_of(trace: Trace, watch: ClearanceWatch | None, before: Nearness | No
 
 def recorded(trace: Trace, *watches: ClearanceWatch) -> ClearanceRecord:
     """Return all moments that several watches of the same bodies recorded."""
-    import numpy as np
-
     from sim_action.state.trace_records import ClearanceRecord
 
     records = [trace.clearances[watch] for watch in watches if len(trace.clearances.get(watch, ()))]
@@ -46,8 +45,6 @@ def distances_known(trace: Trace, record: ClearanceRecord, known: bool) -> Trace
 
 def distances(trace: Trace, *watches: ClearanceWatch) -> tuple[FloatArray, FloatArray]:
     """Return (N,) s and (N,) m: all distances that several watches of the same bodies recorded."""
-    import numpy as np
-
     records = [trace.clearances[watch] for watch in watches if watch in trace.clearances]
     if not records:
         return np.empty(0), np.empty(0)
@@ -57,8 +54,6 @@ def distances(trace: Trace, *watches: ClearanceWatch) -> tuple[FloatArray, Float
 
 def least_so_far(trace: Trace, *watches: ClearanceWatch) -> tuple[FloatArray, FloatArray]:
     """Return (N,) s and (N,) m: the running minimum at each step that lowers it, and at the last step."""
-    import numpy as np
-
     time, distance = distances(trace, *watches)
     if not len(time):
         return time, distance
@@ -81,8 +76,6 @@ def touching_at(trace: Trace, time: FloatArray, step: float) -> Truth:
 
     The first moment is the first step: an engine that has not settled knows no contacts at t = 0.
     """
-    import numpy as np
-
     steps = trace.time[trace.time > step / 2]
     # Two computations of the time of a step differ by rounding.
     at = np.searchsorted(time, steps - step / 2)
@@ -91,8 +84,6 @@ def touching_at(trace: Trace, time: FloatArray, step: float) -> Truth:
 
 def with_zeros(moments: FloatArray, time: FloatArray, values: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
     """Return a curve that is zero at all `moments` without a value, and one step around each run of values."""
-    import numpy as np
-
     if not len(time):
         return moments, np.zeros(len(moments))
     beside = np.concatenate((moments, time - step, time + step))

@@ -17,6 +17,7 @@ from sim_action.assertions import Assertion
 from sim_action.assertions.monitors import AdaptedMonitor, Monitor, State, Truth
 from sim_action.assertions.monitors.becoming import Rest
 from sim_action.core.geometry import Pose, Twist
+from sim_action.core.lazy_numpy import np
 from sim_action.core.records import dataclass, replace
 from sim_action.core.yaml_errors import SpecProblems
 from sim_action.robot.model.kinematics import link_of_frame, why_no_frame, why_no_link
@@ -66,8 +67,6 @@ class Watched:
         """Return a trace whose base has the motion that is judged."""
         if self.motion is None:
             return trace
-        import numpy as np
-
         at = self.motion(trace)
         columns = (at.position_xyz, at.orientation_xyzw, at.linear_xyz, at.angular_xyz)
         return replace(trace, state=np.column_stack((trace.time, *columns, trace.state[:, 14:])))

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from operator import mul
 from typing import Final, Self
 
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Quaternion, Vector3
-from sim_action.core.least_squares import damped_least_squares, square_sum
 from sim_action.core.records import dataclass
 from sim_action.robot.model.kinematics import joint_motion
 from sim_action.robot.model.robot_model import Joint, RobotModel
@@ -394,3 +394,35 @@ class _Search:
 
     def _leaves(self, column: int, value: float, step: float) -> bool:
         return value >= self._chain.upper[column] if step > 0 else step < 0 and value <= self._chain.lower[column]
+
+
+# The least square of a diagonal element, as a share of the damping: rounding may make it negative.
+_LEAST_SHARE: Final = 1e-12
+
+
+def damped_least_squares(columns: Sequence[Sequence[float]], error: Sequence[float], damping: float) -> list[float]:
+    """Return x with the least |J x - e|^2 + damping |x|^2; `columns` are those of J.
+
+    It is J' (J J' + damping)^-1 e, by the Cholesky decomposition of the matrix in brackets.
+    """
+    rows = list(zip(*columns, strict=True)) if columns else [()] * len(error)
+    factor: list[list[float]] = []
+    solved: list[float] = []
+    for index, row in enumerate(rows):
+        parts: list[float] = []
+        for above, other in zip(factor, rows, strict=False):
+            total = math.fsum(map(mul, row, other)) - math.fsum(map(mul, parts, above))
+            parts.append(total / above[-1])
+        total = math.fsum(map(mul, row, row)) + damping - math.fsum(map(mul, parts, parts))
+        parts.append(math.sqrt(max(total, _LEAST_SHARE * damping)))
+        factor.append(parts)
+        solved.append((error[index] - math.fsum(map(mul, parts, solved))) / parts[-1])
+    for index in reversed(range(len(rows))):
+        below = [factor[row][index] for row in range(index + 1, len(rows))]
+        solved[index] = (solved[index] - math.fsum(map(mul, below, solved[index + 1 :]))) / factor[index][index]
+    return [math.fsum(map(mul, column, solved)) for column in columns]
+
+
+def square_sum(parts: Sequence[float]) -> float:
+    """Return the sum of the squares."""
+    return math.fsum(map(mul, parts, parts))

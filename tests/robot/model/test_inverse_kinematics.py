@@ -19,7 +19,15 @@ from hypothesis import strategies as st
 from sim_action.core import geometry
 from sim_action.core.geometry import Pose, Vector3
 from sim_action.core.workspace import Workspace
-from sim_action.robot.model.inverse_kinematics import REACHED_M, Chain, Values, reach, search
+from sim_action.robot.model.inverse_kinematics import (
+    REACHED_M,
+    Chain,
+    Values,
+    damped_least_squares,
+    reach,
+    search,
+    square_sum,
+)
 from sim_action.robot.model.kinematics import link_poses
 from sim_action.robot.model.robot_model import RobotModel
 from sim_action.robot.model.robot_spec import Robot
@@ -296,3 +304,30 @@ def test_a_follower_of_a_follower_has_the_offsets_of_both(tmp_path: Path) -> Non
     assert found.yaw == pytest.approx(0.05 + 0.2 + 0.8)
     x, y = 0.3 * math.cos(0.05) + 0.2 * math.cos(0.25), 0.3 * math.sin(0.05) + 0.2 * math.sin(0.25)
     assert found.position_xyz == pytest.approx((x, y, 0.0))
+
+
+numbers = st.floats(-10, 10)
+vectors = st.tuples(numbers, numbers, numbers)
+
+
+@given(st.lists(vectors, min_size=1, max_size=5), vectors, st.floats(1e-3, 10))
+@examples(20)
+def test_every_derivative_is_zero(
+    columns: list[tuple[float, float, float]], error: tuple[float, float, float], damping: float
+) -> None:
+    found = damped_least_squares(columns, error, damping)
+    rest = [
+        math.fsum(column[row] * part for column, part in zip(columns, found, strict=True)) - error[row]
+        for row in range(3)
+    ]
+    for column, part in zip(columns, found, strict=True):
+        derivative = math.fsum(a * b for a, b in zip(column, rest, strict=True)) + damping * part
+        assert derivative == pytest.approx(0.0, abs=1e-6)
+
+
+def test_without_columns_nothing_moves() -> None:
+    assert damped_least_squares([], (1.0, 2.0, 3.0), 0.1) == []
+
+
+def test_the_square_of_a_vector() -> None:
+    assert square_sum((3.0, 4.0)) == 25.0

@@ -1,0 +1,23 @@
+"""numpy, imported when it is first used: `--help` and `validate` load every assertion, and need no arrays."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import numpy as np
+else:
+
+    class _Later:
+        """The module numpy: each attribute is looked up once."""
+
+        def __getattr__(self, name: str) -> Any:
+            import numpy as np
+
+            value = getattr(np, name)
+            setattr(self, name, value)
+            return value
+
+    np = _Later()
+
+__all__ = ["np"]
