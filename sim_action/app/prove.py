@@ -17,10 +17,9 @@ from sim_action.core.records import dataclass
 from sim_action.core.version import __version__
 from sim_action.core.wording import counted, escaped_line, note, system_reason
 from sim_action.reports import ReportOptions, ReportRequest, workspace_of
-from sim_action.reports.github.proof import write_proof_annotations, write_proof_outputs, write_proof_summary
 from sim_action.reports.html.proof_page import ShownScenario, write_proof_page
 from sim_action.reports.progress import ProgressListener
-from sim_action.reports.proof import print_proof
+from sim_action.reports.proof import print_proof, write_proof_annotations, write_proof_outputs, write_proof_summary
 from sim_action.reports.writing import open_reports
 from sim_action.results.artifacts import REPORT_FILE
 from sim_action.results.events import RunEnded

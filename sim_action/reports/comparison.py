@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Final, Literal, TextIO
 
 from sim_action.core import units
 from sim_action.core.records import dataclass
 from sim_action.core.wording import counted, shortened
-from sim_action.reports.console import Console, open_console
-from sim_action.reports.escaping import log_text, markdown_text
+from sim_action.reports.console import BAD, GOOD, Console, Line, Sign, open_console
+from sim_action.reports.escaping import markdown_text
 from sim_action.reports.formatting import measurements, moment, quantity, speed_text
 from sim_action.reports.github.markdown import code, row, table
 from sim_action.reports.statuses import STATUS_DISPLAYS
@@ -249,11 +249,13 @@ def _margins_text(smaller: SmallerMargin) -> str:
     return f"{smaller.expectation}: margin {old}{of_old}, now {new}{of_new}"
 
 
-_LOOK_SYMBOLS: Final[dict[Look, str]] = {"bad": "✗", "warning": "!", "note": "·", "good": "✓"}
-_ASCII_LOOK_SYMBOLS: Final[dict[Look, str]] = {"bad": "x", "warning": "!", "note": "-", "good": "+"}
-_LOOK_STYLES: Final[dict[Look, str]] = {"bad": "bold red", "warning": "yellow", "note": "dim", "good": "green"}
+_SIGNS: Final[dict[Look, Sign]] = {
+    "bad": BAD,
+    "warning": Sign("!", "!", "⚠️", "yellow"),
+    "note": Sign("·", "-", "📝", "dim"),
+    "good": GOOD,
+}
 _MAX_TERMINAL_ROWS: Final = 200
-_Line = Sequence[tuple[str, str]]
 _MAX_TERMINAL_TEXT: Final = 300
 
 
@@ -264,38 +266,30 @@ def print_comparison(comparison: Comparison, environment: Mapping[str, str], str
             shown.print(*line)
 
 
-def _terminal_lines(comparison: Comparison, shown: Console) -> Iterator[_Line]:
+def _terminal_lines(comparison: Comparison, shown: Console) -> Iterator[Line]:
     found = rows(comparison)
     if len(found) > _MAX_TERMINAL_ROWS:
         yield [(f"{len(found) - _MAX_TERMINAL_ROWS} more changes are not shown", "dim")]
     listed = found[:_MAX_TERMINAL_ROWS]
     width = max((len(each.what) for each in listed), default=0)
-    encoding = shown.encoding
-    symbols = _LOOK_SYMBOLS if log_text("✗·✓", encoding) == "✗·✓" else _ASCII_LOOK_SYMBOLS
     for each in reversed(listed):
-        yield _terminal_line(each, symbols[each.look], width, encoding)
+        sign = _SIGNS[each.look]
+        yield [
+            (f"{sign.on(shown)} {each.what.ljust(width)}  ", sign.style),
+            (each.outcome.name, "bold"),
+            (f"  {each.outcome.location}" if each.outcome.location else "", "dim"),
+            (f"  {shortened(each.detail, _MAX_TERMINAL_TEXT)}" if each.detail else "", ""),
+        ]
     if comparison.is_empty:
-        yield [(NOTHING_COMPARED, _LOOK_STYLES["bad"])]
+        yield [(NOTHING_COMPARED, BAD.style)]
     bad = comparison.failures or comparison.is_empty
     worst: Look = "bad" if bad else "warning" if comparison.warnings else "good"
-    yield [(headline(comparison), _LOOK_STYLES[worst])]
-
-
-def _terminal_line(each: Row, symbol: str, width: int, encoding: str) -> _Line:
-    place = f"  {each.outcome.location}" if each.outcome.location else ""
-    parts = (
-        (f"{symbol} {each.what.ljust(width)}  ", _LOOK_STYLES[each.look]),
-        (each.outcome.name, "bold"),
-        (place, "dim"),
-        (f"  {shortened(each.detail, _MAX_TERMINAL_TEXT)}" if each.detail else "", ""),
-    )
-    return [(log_text(text, encoding).replace("\n", " "), style) for text, style in parts]
+    yield [(headline(comparison), _SIGNS[worst].style)]
 
 
 MAX_CHARACTERS: Final = 60_000
 """The largest size of the Markdown; GitHub accepts 65,536 characters in a comment."""
 
-_LOOK_ICONS: Final[dict[Look, str]] = {"bad": "❌", "warning": "⚠️", "note": "📝", "good": "✅"}
 _FRAME_CHARACTERS: Final = 2_000
 _MAX_MARKDOWN_TEXT: Final = 300
 _MAX_NAME: Final = 100
@@ -346,7 +340,7 @@ def _markdown_row(each: Row) -> str:
     name = f"**{_markdown_cell(each.outcome.name, _MAX_NAME)}**"
     if each.outcome.file:
         name += f"<br><sub>{code(shortened(each.outcome.file, _MAX_NAME))}</sub>"
-    return row(_LOOK_ICONS[each.look], each.what, name, _markdown_cell(each.detail, _MAX_MARKDOWN_TEXT))
+    return row(_SIGNS[each.look].icon, each.what, name, _markdown_cell(each.detail, _MAX_MARKDOWN_TEXT))
 
 
 def _markdown_cell(text: str, most: int) -> str:

@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from types import MappingProxyType
 from typing import Final, TextIO
+
+from sim_action.core.records import dataclass
+from sim_action.reports.escaping import log_text
+
+Line = Sequence[tuple[str, str]]
+"""The parts of a line and their styles."""
 
 _CODES: Final = MappingProxyType(
     {
@@ -26,8 +32,29 @@ _CODES: Final = MappingProxyType(
 _PLAIN_TERMINALS: Final = ("dumb", "unknown")
 
 
+@dataclass(frozen=True, slots=True)
+class Sign:
+    """The sign of a kind of entry: a character for terminals with and without Unicode, an emoji, and a style."""
+
+    symbol: str
+    ascii_symbol: str
+    icon: str
+    style: str
+
+    def on(self, console: Console) -> str:
+        """Return the character for a console."""
+        return self.symbol if console.can_show(_SIGNS) else self.ascii_symbol
+
+
+GOOD: Final = Sign("✓", "+", "✅", "green")
+BAD: Final = Sign("✗", "x", "❌", "bold red")
+
+_SIGNS: Final = "✗·✓"
+"""A console that cannot show one of these characters gets those of ASCII for all signs."""
+
+
 class Console:
-    """A stream for lines whose parts have styles.
+    """A stream for lines whose parts have styles; no text acts as markup or as a control sequence.
 
     Attributes:
         encoding: the encoding of the stream.
@@ -38,12 +65,19 @@ class Console:
         self.encoding = stream.encoding or "utf-8"
 
     def print(self, *parts: tuple[str, str]) -> None:
-        """Print a line of parts with their styles. The terminal wraps it, so that paths can be copied as a whole."""
+        """Print parts with their styles on one line. The terminal wraps it, so that paths can be copied as a whole."""
         self._stream.write("".join(self._styled(*part) for part in parts) + "\n")
 
+    def can_show(self, symbols: str) -> bool:
+        """Return True if the encoding has all of these characters."""
+        return log_text(symbols, self.encoding) == symbols
+
     def _styled(self, text: str, style: str) -> str:
-        code = _CODES[style]
+        text, code = self._shown(text), _CODES[style]
         return f"\x1b[{code}m{text}\x1b[0m" if code and text and self._colourful else text
+
+    def _shown(self, text: str) -> str:
+        return log_text(text, self.encoding).replace("\n", " ")
 
 
 def shows_colours(stream: TextIO, environment: Mapping[str, str]) -> bool:

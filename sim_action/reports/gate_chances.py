@@ -11,7 +11,7 @@ from sim_action.core.statistics.sequential import Expected, SequentialTest
 from sim_action.core.units import is_bare
 from sim_action.core.wording import counted
 from sim_action.reports.console import Console, shows_colours
-from sim_action.reports.escaping import log_text, one_line
+from sim_action.reports.escaping import one_line
 from sim_action.scenario.source import Refused, Source
 from sim_action.scenario.variations.gate import (
     MAX_RUNS_OF_GATE,
@@ -66,10 +66,10 @@ def chance_tables(gates: Iterable[PlannedGate]) -> list[ChanceTable]:
 def print_chances(gates: Iterable[PlannedGate], stream: TextIO, environment: Mapping[str, str]) -> None:
     """Print the tables to a stream."""
     console = Console(stream, colourful=shows_colours(stream, environment))
-    for each in chance_tables(gates):
-        console.print((_printable(each.title, console), "bold"))
-        for line in each.lines():
-            console.print((_printable(f"{_INDENT}{line}", console), "dim"))
+    for table in chance_tables(gates):
+        console.print((table.title, "bold"))
+        for line in table.lines():
+            console.print((f"{_INDENT}{line}", "dim"))
     stream.flush()
 
 
@@ -183,10 +183,6 @@ def values_beyond(claim: Quantile, runs: int) -> int | None:
 def chance(probability: float) -> str:
     """Return a probability for people, such as "0.41"."""
     return f"{probability:.2f}"
-
-
-def _printable(text: str, console: Console) -> str:
-    return log_text(text, console.encoding)
 
 
 _POWERS: Final = (0.8, 0.9)

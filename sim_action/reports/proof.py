@@ -1,4 +1,4 @@
-"""The report of `sim-action prove` on a terminal, and its words, which other reports use, too."""
+"""The report of `sim-action prove`: its words, a terminal, and GitHub with job summary, annotations and outputs."""
 
 from __future__ import annotations
 
@@ -6,34 +6,37 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final, TextIO
 
+from sim_action.core.errors import Location
 from sim_action.core.wording import counted, shortened
-from sim_action.reports.console import open_console
-from sim_action.reports.escaping import log_text
+from sim_action.reports import ReportOptions
+from sim_action.reports.console import BAD, GOOD, Console, Line, Sign, open_console
+from sim_action.reports.escaping import markdown_block, markdown_text
+from sim_action.reports.github.annotations import Annotation, print_annotations
+from sim_action.reports.github.job_summary import MAX_BYTES, append_summary
+from sim_action.reports.github.markdown import code, fitting, folded, message_text, row, source_link, table
+from sim_action.reports.github.step_outputs import append_outputs
+from sim_action.reports.statuses import Level
+from sim_action.results.artifacts import REPORT_FILE
 from sim_action.results.proof import Finding, MutantResult, Proof, ProvenExpectation, ProvenScenario
 
-_SYMBOLS: Final[dict[Finding, str]] = {"notices": "✓", "checks nothing": "✗", "unknown": "·"}
-_ASCII_SYMBOLS: Final[dict[Finding, str]] = {"notices": "+", "checks nothing": "x", "unknown": "-"}
-_STYLES: Final[dict[Finding, str]] = {"notices": "green", "checks nothing": "bold red", "unknown": "dim"}
+_SIGNS: Final[dict[Finding, Sign]] = {
+    "notices": GOOD,
+    "checks nothing": BAD,
+    "unknown": Sign("·", "-", "❔", "dim"),
+}
 _MOST_NAMES: Final = 6
 _MOST_SENSITIVITY: Final = 10.0
 _MOST_TEXT: Final = 300
-
-_Line = Sequence[tuple[str, str]]
 
 
 def print_proof(proof: Proof, environment: Mapping[str, str], stream: TextIO | None = None) -> None:
     """Print the findings on a stream (default: standard output), and at last the counts."""
     with open_console(stream or sys.stdout, environment) as shown:
-        is_full = log_text("✗·✓", shown.encoding) == "✗·✓"
-        for line in _lines(proof, _SYMBOLS if is_full else _ASCII_SYMBOLS):
-            shown.print(*((log_text(text, shown.encoding).replace("\n", " "), style) for text, style in line))
-
-
-def _lines(proof: Proof, symbols: Mapping[Finding, str]) -> Iterator[_Line]:
-    for scenario in proof.scenarios:
-        yield from _of_scenario(scenario, symbols)
-        yield ()
-    yield [(headline(proof), "bold red" if proof.useless else "green" if proof.all_notice else "yellow")]
+        for scenario in proof.scenarios:
+            for line in _of_scenario(scenario, shown):
+                shown.print(*line)
+            shown.print()
+        shown.print((headline(proof), "bold red" if proof.useless else "green" if proof.all_notice else "yellow"))
 
 
 def headline(proof: Proof) -> str:
@@ -53,7 +56,7 @@ def headline(proof: Proof) -> str:
     return start + ", ".join(told) + (f"; {counted(unproven, 'scenario')} not mutated" if unproven else "")
 
 
-def _of_scenario(scenario: ProvenScenario, symbols: Mapping[Finding, str]) -> Iterator[_Line]:
+def _of_scenario(scenario: ProvenScenario, shown: Console) -> Iterator[Line]:
     place = f"  {scenario.file}" + (f":{scenario.line}" if scenario.line is not None else "")
     yield [(scenario.name, "bold"), (place, "dim")]
     if not scenario.is_proven:
@@ -61,23 +64,16 @@ def _of_scenario(scenario: ProvenScenario, symbols: Mapping[Finding, str]) -> It
         if scenario.location is not None and scenario.location.line is not None:
             yield [("      ", ""), (str(scenario.location), "cyan")]
     else:
-        yield from _of_expectations(scenario, symbols)
+        for expected in scenario.expectations:
+            sign = _SIGNS[expected.finding]
+            finding = f": {finding_text(expected, scenario)}"
+            yield [(f"  {sign.on(shown)} ", sign.style), (expected.name, ""), (finding, "")]
+            if expected.finding == "checks nothing":
+                yield [("      ", ""), (str(expected.location), "cyan")]
         yield from _of_mutants(scenario)
 
 
-def _of_expectations(scenario: ProvenScenario, symbols: Mapping[Finding, str]) -> Iterator[_Line]:
-    for expected in scenario.expectations:
-        look = _STYLES[expected.finding]
-        yield [
-            (f"  {symbols[expected.finding]} ", look),
-            (expected.name, ""),
-            (f": {finding_text(expected, scenario)}", ""),
-        ]
-        if expected.finding == "checks nothing":
-            yield [("      ", ""), (str(expected.location), "cyan")]
-
-
-def _of_mutants(scenario: ProvenScenario) -> Iterator[_Line]:
+def _of_mutants(scenario: ProvenScenario) -> Iterator[Line]:
     for suggestion, survivors in by_suggestion(scenario):
         yield from _of_survivors(suggestion, survivors)
     for words, mutants in (
@@ -149,10 +145,124 @@ def _names(names: Sequence[str]) -> str:
     return ", ".join(names[:_MOST_NAMES]) + more
 
 
-def _of_survivors(suggestion: str, survivors: Sequence[MutantResult]) -> Iterator[_Line]:
+def _of_survivors(suggestion: str, survivors: Sequence[MutantResult]) -> Iterator[Line]:
     """Yield the mutants that one expectation would have noticed, and then this expectation; or those without one."""
     for survivor in survivors:
         yield [("  ! ", "yellow"), (survivor.name, ""), (f": {survivor_text(survivor)}", "")]
     yield [(f"      {suggestion_title(suggestion, survivors)}", "dim")]
     for line in suggestion.splitlines():
         yield [("        ", ""), (line, "cyan")]
+
+
+_MAX_NAME: Final = 100
+# An upper bound for the size of the headline, the folds and the remark on what is not shown.
+_FRAME: Final = 4_000
+
+
+def write_proof_summary(proof: Proof, options: ReportOptions) -> None:
+    """Append the findings to the file named by `GITHUB_STEP_SUMMARY`, if it is set. Raise OSError."""
+    append_summary(lambda most_bytes: proof_summary(proof, options, most_bytes), options.environment)
+
+
+def proof_summary(proof: Proof, options: ReportOptions, most_bytes: int = MAX_BYTES) -> str:
+    """Return the findings as Markdown in at most `most_bytes`; scenarios without a remark come last, and are folded."""
+    room = most_bytes - _FRAME
+    if room < 0:
+        return ""
+    ordered = sorted(proof.scenarios, key=lambda scenario: not _has_remark(scenario))
+    sections = fitting((_section(scenario, options) for scenario in ordered), room)
+    open_ones = sum(map(_has_remark, ordered[: len(sections)]))
+    left = len(ordered) - len(sections)
+    parts = [
+        f"## {_summary_title(proof)}",
+        f"{markdown_text(headline(proof))}; {counted(proof.runs, 'run')} in {proof.wall_time:.0f} s",
+        *sections[:open_ones],
+        folded(f"Scenarios without a remark ({len(sections) - open_ones})", "\n\n".join(sections[open_ones:]))
+        if len(sections) > open_ones
+        else "",
+        f"_{counted(left, 'more scenario')} not shown: the size of the summary is limited._" if left else "",
+    ]
+    return "\n\n".join(part for part in parts if part) + "\n\n"
+
+
+def _summary_title(proof: Proof) -> str:
+    if proof.interrupted:
+        return "🛑 Proof interrupted"
+    if not proof.scenarios:
+        return "⚠️ No scenarios were run"
+    if proof.useless:
+        return f"❌ {counted(proof.useless, 'expectation')} {'checks' if proof.useless == 1 else 'check'} nothing"
+    if any(map(_has_remark, proof.scenarios)):
+        return "⚠️ No expectation is known to check nothing"
+    return "✅ Every expectation notices something"
+
+
+def _has_remark(scenario: ProvenScenario) -> bool:
+    return (
+        not scenario.is_proven
+        or any(each.finding != "notices" for each in scenario.expectations)
+        or bool(scenario.survivors)
+    )
+
+
+def _section(scenario: ProvenScenario, options: ReportOptions) -> str:
+    place = source_link(options, Location(scenario.file, scenario.line, None)) if scenario.file else ""
+    parts = [f"### {markdown_text(shortened(scenario.name, _MAX_NAME))}", place]
+    if not scenario.is_proven:
+        where = "" if scenario.location is None else f"<br>{source_link(options, scenario.location)}"
+        parts.append(f"not mutated: {message_text(scenario.reason)}{where}")
+    if scenario.expectations:
+        rows = (_row(expected, scenario, options) for expected in scenario.expectations)
+        parts.append(table(("", "Expectation", "Finding"), rows))
+    parts += _survivors(scenario)
+    return "\n\n".join(part for part in parts if part)
+
+
+def _row(expected: ProvenExpectation, scenario: ProvenScenario, options: ReportOptions) -> str:
+    name = markdown_text(shortened(expected.name, _MAX_NAME))
+    place = f"<br>{source_link(options, expected.location)}" if expected.finding == "checks nothing" else ""
+    return row(_SIGNS[expected.finding].icon, name + place, message_text(finding_text(expected, scenario)))
+
+
+def _survivors(scenario: ProvenScenario) -> Iterator[str]:
+    """Yield each group of survivors, followed by the expectation to paste."""
+    for suggestion, survivors in by_suggestion(scenario):
+        yield "\n".join(f"- {code(each.name)}: {message_text(survivor_text(each))}" for each in survivors)
+        yield suggestion_title(suggestion, survivors).capitalize()
+        if suggestion:
+            yield markdown_block(suggestion, "yaml")
+
+
+def write_proof_annotations(proof: Proof, options: ReportOptions, *, strict: bool) -> None:
+    """Print an annotation at each expectation that checks nothing, if this is GitHub Actions.
+
+    They are warnings, and invalid scenarios are errors. `strict`: all are errors, and each unknown expectation and each
+    scenario that is not mutated has one, too.
+    """
+    if options.environment.get("GITHUB_ACTIONS") != "true":
+        return
+    print_annotations(list(_annotations(proof, "error" if strict else "warning", strict=strict)), options)
+
+
+def _annotations(proof: Proof, level: Level, *, strict: bool) -> Iterator[Annotation]:
+    for scenario in proof.scenarios:
+        for expected in scenario.unproven if strict else scenario.useless:
+            message = f"{scenario.name}: {expected.name}: {finding_text(expected, scenario)}"
+            yield Annotation(level, f"{expected.finding}: {expected.name}", message, expected.location)
+        if scenario.is_refused or (strict and not scenario.is_proven):
+            yield Annotation("error", f"not mutated: {scenario.name}", scenario.reason, scenario.location)
+
+
+def write_proof_outputs(proof: Proof, options: ReportOptions) -> None:
+    """Append the outputs to the file named by `GITHUB_OUTPUT`, if it is set. Raise OSError."""
+    append_outputs(proof_outputs(proof, options), options.environment)
+
+
+def proof_outputs(proof: Proof, options: ReportOptions) -> dict[str, str]:
+    """Return name -> value of the outputs of the action `prove`."""
+    return {
+        "unproven": str(proof.useless),
+        "survivors": str(proof.survivors),
+        "not-mutated": str(sum(not scenario.is_proven for scenario in proof.scenarios)),
+        "report-path": "" if "report" in options.silenced else str((options.folder / REPORT_FILE).absolute()),
+    }

@@ -10,7 +10,7 @@ from typing import Final, TextIO
 from sim_action.core.errors import ExitCode
 from sim_action.reports import ReportOptions
 from sim_action.reports.console import Console, open_console
-from sim_action.reports.escaping import log_text, plain_text
+from sim_action.reports.escaping import plain_text
 from sim_action.reports.formatting import (
     counts_text,
     judged_text,
@@ -52,14 +52,13 @@ def print_outcomes(outcomes: Iterable[Outcome], options: ReportOptions, shown: C
 
 
 class _Printer:
-    """Print lines on a console; `_line` escapes every text, so that no text acts as markup."""
+    """Print lines on a console."""
 
     def __init__(self, console: Console, options: ReportOptions) -> None:
         self._console = console
         self._options = options
         self._verbosity = options.verbosity
-        self._encoding = console.encoding
-        self._shows_symbols = log_text(_ALL_SYMBOLS, self._encoding) == _ALL_SYMBOLS
+        self._shows_symbols = console.can_show(_ALL_SYMBOLS)
         self._bar = "│" if self._shows_symbols else "|"
         self._margin = ""
         self._announced = set[str]()
@@ -241,8 +240,7 @@ class _Printer:
             self._line("    ", (f"{self._bar} {line}", "dim"))
 
     def _line(self, indent: str = "", *parts: tuple[str, str]) -> None:
-        shown = ((log_text(text, self._encoding).replace("\n", " "), style) for text, style in parts)
-        self._console.print((f"{self._margin if parts else ''}{indent}", ""), *shown)
+        self._console.print((f"{self._margin if parts else ''}{indent}", ""), *parts)
 
 
 def _after(text: str) -> str:

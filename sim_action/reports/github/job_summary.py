@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
 from typing import Final
@@ -61,13 +61,17 @@ _MAX_DRAWN: Final = 8
 
 def write_summary(results: Results, options: ReportOptions) -> None:
     """Append the summary to the file named by `GITHUB_STEP_SUMMARY`, if it is set."""
-    name = options.environment.get("GITHUB_STEP_SUMMARY")
+    append_summary(lambda most_bytes: summary(results, options, most_bytes), options.environment)
+
+
+def append_summary(text: Callable[[int], str], environment: Mapping[str, str]) -> None:
+    """Append a text to the file named by `GITHUB_STEP_SUMMARY`, if it is set; `text` gets its largest size in bytes."""
+    name = environment.get("GITHUB_STEP_SUMMARY")
     if not name:
         return
     file = Path(name)
     written = file.stat().st_size if file.exists() else 0
-    text = summary(results, options, MAX_BYTES - written)
-    append_whole(file, text.encode("utf-8", errors="replace"))
+    append_whole(file, text(MAX_BYTES - written).encode("utf-8", errors="replace"))
 
 
 def summary(results: Results, options: ReportOptions, most_bytes: int = MAX_BYTES) -> str:

@@ -67,7 +67,7 @@ class HtmlConsole(Console):
         """Add a line of parts with their styles; the first part has the spaces before the text."""
         (margin, _), *rest = parts
         indent = len(margin) + _HANGING_CH
-        text = "".join(_styled(*part) for part in rest) or "<br>"
+        text = "".join(_styled(self._shown(words), style) for words, style in rest) or "<br>"
         self._lines.append(f'<div style="padding-left: {indent}ch; text-indent: -{_HANGING_CH}ch">{text}</div>')
 
     def html(self) -> str:

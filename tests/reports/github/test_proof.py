@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from sim_action.reports import ReportOptions
-from sim_action.reports.github.proof import (
+from sim_action.reports.proof import (
     proof_outputs,
     proof_summary,
     write_proof_annotations,
