@@ -236,6 +236,61 @@ def joined(*parts: str) -> Html:
     return Html("\n".join([part if isinstance(part, Html) else text(part) for part in parts if part]))
 
 
+def titled(title: str, *parts: str) -> Html:
+    """Return parts below a heading; empty if there is no part."""
+    return joined(element("h3", title), *parts) if any(parts) else Html("")
+
+
+def faint(words: str) -> Html:
+    """Return a paragraph of minor importance; empty without words."""
+    return element("p", words, class_="faint") if words else Html("")
+
+
+def bullets(items: Sequence[str], kind: str = "") -> Html:
+    """Return a list of remarks; empty without items."""
+    return element("ul", *items, class_=f"remarks {kind}".rstrip()) if items else Html("")
+
+
+def reasons(sections: Sequence[str]) -> Html:
+    """Return a frame around reasons, see `reason`; empty without any."""
+    return element("div", joined(*sections), class_="reasons") if sections else Html("")
+
+
+def reason(kind: str, title: Html, words: str, *parts: str) -> Html:
+    """Return a reason for a status: `title` is a heading, `words` is the message."""
+    return element("section", title, element("p", words, class_="what"), *parts, class_=f"reason {kind}")
+
+
+def values(named: Iterable[tuple[str, str]], kind: str) -> Html:
+    """Return a list of the label and value pairs with a value; empty if there is none."""
+    pairs = [element("div", element("dt", name), element("dd", value)) for name, value in named if value]
+    return element("dl", *pairs, class_=kind) if pairs else Html("")
+
+
+def table(titles: Iterable[str], rows: Html, *, kind: str | None = None, around: str = "wide") -> Html:
+    """Return a table; its first column has no title."""
+    head = element("tr", element("td"), *(element("th", title, scope="col") for title in titles))
+    whole = element("table", element("thead", head), element("tbody", rows), class_=kind)
+    return element("div", whole, class_=around)
+
+
+def article(identity: str, kind: str, header: Sequence[str], body: Html) -> Html:
+    """Return an article of the page; its header has a heading with the id `IDENTITY-name`."""
+    return element(
+        "article",
+        element("header", *header),
+        body,
+        id=identity,
+        class_=f"scenario {kind}".rstrip(),
+        aria_labelledby=f"{identity}-name",
+    )
+
+
+def heading(identity: str, name: str) -> Html:
+    """Return the name of an article, as its header has it."""
+    return element("h2", name, id=f"{identity}-name")
+
+
 def _attribute(key: str, value: str | float | bool | None) -> str:
     name = _attribute_name(key)
     return f" {name}" if value is True else f' {name}="{text(str(value))}"'

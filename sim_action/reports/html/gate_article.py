@@ -10,8 +10,20 @@ from sim_action.core.wording import counted, shortened
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import moment, quantity
-from sim_action.reports.html.document import Html, element, joined
-from sim_action.reports.html.scenario_article import failure_sections, named_figures, source, status_line, status_mark
+from sim_action.reports.html.document import (
+    Html,
+    article,
+    element,
+    faint,
+    heading,
+    joined,
+    reason,
+    reasons,
+    table,
+    titled,
+    values,
+)
+from sim_action.reports.html.scenario_article import failure_sections, source, status_line, status_mark
 from sim_action.reports.html.sweep import Parameter, parameters
 from sim_action.reports.scenario_groups import ScenarioGroup, nearest_expectation
 from sim_action.reports.statuses import STATUS_DISPLAYS
@@ -46,75 +58,45 @@ def gate_article(
     """Return the article of a gate; `gate` is its outcome, `since` what changed since an earlier run."""
     kind = gate.display_status
     statistics = gate.statistics
-    return _article(
-        place.identity,
-        kind,
-        element(
-            "header",
-            status_line(kind, f"Gate: {STATUS_DISPLAYS[kind].headline[0].lower()}{STATUS_DISPLAYS[kind].headline[1:]}"),
-            element("h2", one_line(gate.name), id=f"{place.identity}-name"),
-            _origin_line(group, options),
-            element("p", since, class_="since") if since else "",
-        ),
+    header = (
+        status_line(kind, f"Gate: {STATUS_DISPLAYS[kind].headline[0].lower()}{STATUS_DISPLAYS[kind].headline[1:]}"),
+        heading(place.identity, one_line(gate.name)),
+        _origin_line(group, options),
+        element("p", since, class_="since") if since else "",
+    )
+    body = joined(
         rate_figure(statistics, group.planned, kind) if statistics is not None and statistics.runs else "",
-        _failures(gate, options),
-        _conditions(gate.expectations),
+        reasons(failure_sections(gate, options)),
+        titled("Conditions", _conditions(gate.expectations)),
         _counts(statistics) if statistics is not None else "",
         _plot_place(place),
         _runs(group, place),
     )
+    return article(place.identity, f"group {kind}", header, body)
 
 
 def variations_article(group: ScenarioGroup, place: GroupPlace, options: ReportOptions) -> Html:
     """Return the article that shows all variations of a scenario together, or the runs of a part of a gate."""
     kind = group.status
-    return _article(
-        place.identity,
-        kind,
-        element(
-            "header",
-            status_line(kind, group.gate_text if group.is_part else f"Variations: {group.passed}"),
-            element("h2", one_line(group.name), id=f"{place.identity}-name"),
-            _origin_line(group, options),
-        ),
-        _plot_place(place),
-        _runs(group, place),
+    header = (
+        status_line(kind, group.gate_text if group.is_part else f"Variations: {group.passed}"),
+        heading(place.identity, one_line(group.name)),
+        _origin_line(group, options),
     )
-
-
-def _article(identity: str, kind: str, header: Html, *parts: str) -> Html:
-    return element(
-        "article",
-        header,
-        joined(*parts),
-        id=identity,
-        class_=f"scenario group {kind}",
-        aria_labelledby=f"{identity}-name",
-    )
+    return article(place.identity, f"group {kind}", header, joined(_plot_place(place), _runs(group, place)))
 
 
 def _origin_line(group: ScenarioGroup, options: ReportOptions) -> Html:
-    told = [source(group.location, options), counted(len(group.outcomes), "run"), group.engines]
-    return element("p", Html(" · ".join(element("span", part) for part in told if part)), class_="faint")
-
-
-def _failures(gate: Outcome, options: ReportOptions) -> Html:
-    return element("div", joined(*failure_sections(gate, options)), class_="reasons") if gate.failures else Html("")
+    parts = [source(group.location, options), counted(len(group.outcomes), "run"), group.engines]
+    return faint(Html(" · ".join(element("span", part) for part in parts if part)))
 
 
 def _conditions(judged: Sequence[ExpectationOutcome]) -> Html:
-    if not judged:
-        return Html("")
-    told = [
-        element(
-            "section",
-            element("h3", status_mark(each.status), " ", one_line(each.name)),
-            element("p", each.verdict.message, class_="what"),
-            class_=f"reason {each.status}",
-        )
-        for each in judged
-    ]
-    return joined(element("h3", "Conditions"), element("div", joined(*told), class_="reasons"))
+    sections = []
+    for expected in judged:
+        title = element("h3", status_mark(expected.status), " ", one_line(expected.name))
+        sections.append(reason(expected.status, title, expected.verdict.message))
+    return reasons(sections)
 
 
 def _counts(statistics: GateStatistics) -> Html:
@@ -129,7 +111,7 @@ def _counts(statistics: GateStatistics) -> Html:
         "not exercised": str(statistics.not_exercised),
         "decision": decision,
     }
-    return joined(element("h3", "Counts"), named_figures(named))
+    return titled("Counts", values(named.items(), "figures"))
 
 
 def _plot_place(place: GroupPlace) -> Html:
@@ -221,31 +203,28 @@ def _runs(group: ScenarioGroup, place: GroupPlace) -> Html:
     left = len(group.outcomes) - len(runs)
     rest = rows[SHOWN_RUNS:]
     fold = element("details", element("summary", f"All {len(runs)} runs"), _table(columns, rest), class_="rest")
-    more = element("p", f"{counted(left, 'more run')} in results.json.", class_="faint")
-    title = element("h3", "Runs, the worst first")
-    return joined(title, _table(columns, rows[:SHOWN_RUNS]), fold if rest else "", more if left else "")
+    more = faint(f"{counted(left, 'more run')} in results.json.") if left else ""
+    return titled("Runs, the worst first", _table(columns, rows[:SHOWN_RUNS]), fold if rest else "", more)
 
 
 def _table(columns: Sequence[Parameter], rows: Sequence[Html]) -> Html:
     titles = ("Run", *(column.label for column in columns), "Nearest limit", "Margin", "Replay")
-    head = element("tr", element("td"), *(element("th", title, scope="col") for title in titles))
-    table = element("table", element("thead", head), element("tbody", joined(*rows)))
-    return element("div", table, class_="wide runs")
+    return table(titles, joined(*rows), around="wide runs")
 
 
 def _row(run: Outcome, index: int, columns: Sequence[Parameter], place: GroupPlace) -> Html:
     identity = place.ids[id(run)]
     expected = nearest_expectation(run)
     verdict = None if expected is None else expected.verdict
-    values = [(column.label, shortened(column.texts[index], _MAX_TEXT)) for column in columns]
-    reason = next((failure.title for failure in run.failures), "") if expected is None else one_line(expected.name)
+    parts = [(column.label, shortened(column.texts[index], _MAX_TEXT)) for column in columns]
+    nearest = next((failure.title for failure in run.failures), "") if expected is None else one_line(expected.name)
     # A count of contacts is 0 or 1: its margin says nothing.
     margin = "" if verdict is None or verdict.unit == "contacts" else quantity(verdict.margin, verdict.unit)
     if verdict is not None and verdict.status == "passed" and verdict.goal:
         margin = f"at {moment(verdict.time)}" if verdict.time is not None else quantity(verdict.margin, verdict.unit)
     link = element("a", f"run {index + 1}", href=f"#{identity}")
     replay = "" if run.status == "skipped" else "yes" if identity in place.replayed else "not in this report"
-    cells = [*values, ("Nearest limit", reason), ("Margin", margin), ("Replay", replay)]
+    cells = [*parts, ("Nearest limit", nearest), ("Margin", margin), ("Replay", replay)]
     return element(
         "tr",
         element("td", status_mark(run.display_status, neutral=run.is_sample)),

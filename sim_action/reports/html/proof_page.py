@@ -16,7 +16,21 @@ from sim_action.recording.replay.replay_file import ReplayReader
 from sim_action.reports import ReportOptions
 from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import moment
-from sim_action.reports.html.document import Html, Page, element, encoded, joined
+from sim_action.reports.html.document import (
+    Html,
+    Page,
+    article,
+    element,
+    encoded,
+    faint,
+    heading,
+    joined,
+    reason,
+    reasons,
+    table,
+    titled,
+    values,
+)
 from sim_action.reports.html.ghosts import Ghost, ghost
 from sim_action.reports.html.navigation import PageEntry
 from sim_action.reports.html.replay_blocks import ReplayBlocks, page_json, replay_id, stored_replay
@@ -206,36 +220,26 @@ def _scenario_article(runs: _Runs, still: Html, options: ReportOptions) -> Html:
     links = {result.name: each for each, result in zip(runs.survivors, scenario.survivors, strict=True)}
     words = _status_text(runs.shown)
     place = source(Location(scenario.file, scenario.line), options) if scenario.file else ""
-    return element(
-        "article",
-        element(
-            "header",
-            element("p", f"{words[0].upper()}{words[1:]}", class_=f"status {entry.status}"),
-            element("h2", entry.name, id=f"{entry.identity}-name"),
-            element("p", place, class_="faint"),
-        ),
-        joined(
-            _reasons(scenario, links, options),
-            _expectations(scenario, options),
-            _others(scenario),
-            element("h3", "The run without a mutant") if still else "",
-            element("div", still, class_="stage") if still else "",
-        ),
-        id=entry.identity,
-        class_=f"scenario {entry.status}",
-        aria_labelledby=f"{entry.identity}-name",
+    header = (
+        element("p", f"{words[0].upper()}{words[1:]}", class_=f"status {entry.status}"),
+        heading(entry.identity, entry.name),
+        element("p", place, class_="faint"),
     )
+    body = joined(
+        _reasons(scenario, links, options),
+        _expectations(scenario, options),
+        titled("Mutants", values(_others(scenario), "facts")),
+        titled("The run without a mutant", element("div", still, class_="stage") if still else ""),
+    )
+    return article(entry.identity, entry.status, header, body)
 
 
 def _reasons(scenario: ProvenScenario, links: dict[str, PageEntry], options: ReportOptions) -> Html:
     """Return why a scenario has no mutants, and its survivors with the expectations to paste."""
     told = []
     if not scenario.is_proven:
-        title = element("h3", "No mutants")
-        place = scenario.location
-        where = Html("") if place is None else element("p", source(place, options), class_="faint")
-        what = element("p", scenario.reason, class_="what")
-        told.append(element("section", title, what, where, class_="reason inconclusive"))
+        place = faint(source(scenario.location, options))
+        told.append(reason("inconclusive", element("h3", "No mutants"), scenario.reason, place))
     for suggestion, survivors in by_suggestion(scenario):
         each = [
             joined(
@@ -250,7 +254,7 @@ def _reasons(scenario: ProvenScenario, links: dict[str, PageEntry], options: Rep
 
 def _suggestion(suggestion: str, survivors: Sequence[MutantResult]) -> Html:
     words = suggestion_title(suggestion, survivors)
-    title = element("p", f"{words[0].upper()}{words[1:]}", class_="faint")
+    title = faint(f"{words[0].upper()}{words[1:]}")
     if not suggestion:
         return title
     shown = element("pre", element("code", suggestion), tabindex="0")
@@ -258,12 +262,8 @@ def _suggestion(suggestion: str, survivors: Sequence[MutantResult]) -> Html:
 
 
 def _expectations(scenario: ProvenScenario, options: ReportOptions) -> Html:
-    if not scenario.expectations:
-        return Html("")
-    head = element("tr", element("td"), *(element("th", title, scope="col") for title in ("Expectation", "Finding")))
-    rows = [_expectation_row(expected, scenario, options) for expected in scenario.expectations]
-    table = element("table", element("thead", head), element("tbody", *rows), class_="findings")
-    return joined(element("h3", "Expectations"), element("div", table, class_="wide"))
+    rows = Html("".join(_expectation_row(expected, scenario, options) for expected in scenario.expectations))
+    return titled("Expectations", table(("Expectation", "Finding"), rows, kind="findings") if rows else "")
 
 
 def _expectation_row(expected: ProvenExpectation, scenario: ProvenScenario, options: ReportOptions) -> Html:
@@ -281,60 +281,35 @@ def _expectation_row(expected: ProvenExpectation, scenario: ProvenScenario, opti
     )
 
 
-def _others(scenario: ProvenScenario) -> Html:
-    """Return the mutants without a remark: those that were noticed, changed little, did nothing or could not run."""
+def _others(scenario: ProvenScenario) -> Iterator[tuple[str, str]]:
+    """Yield the mutants without a remark: those that were noticed, changed little, did nothing or could not run."""
     little = [each for each in scenario.with_status("survived") if each.change is None]
     named = {
         "noticed": scenario.with_status("noticed"),
         "unnoticed, with little other motion": little,
         "no effect": scenario.with_status("no effect"),
     }
-    told = [
-        element("div", element("dt", words), element("dd", ", ".join(each.name for each in mutants)))
-        for words, mutants in named.items()
-        if mutants
-    ]
-    told += [
-        element(
-            "div", element("dt", "could not run"), element("dd", f"{each.name}: {shortened(each.reason, _MAX_REASON)}")
-        )
-        for each in scenario.with_status("could not run")
-    ]
+    yield from ((words, ", ".join(mutant.name for mutant in mutants)) for words, mutants in named.items())
+    for mutant in scenario.with_status("could not run"):
+        yield "could not run", f"{mutant.name}: {shortened(mutant.reason, _MAX_REASON)}"
     counts = {"left out": scenario.left_out, "not ended": scenario.unfinished}
-    told += [
-        element("div", element("dt", words), element("dd", str(count))) for words, count in counts.items() if count
-    ]
-    return joined(element("h3", "Mutants"), element("dl", *told, class_="facts")) if told else Html("")
+    yield from ((words, str(count)) for words, count in counts.items() if count)
 
 
 def _survivor_article(entry: PageEntry, result: MutantResult, original: PageEntry, still: Html) -> Html:
     """Return the article of a survivor; the run without a mutant is a ghost in its player."""
     about = element("p", "A mutant of ", element("a", original.name, href=f"#{original.identity}"), class_="faint")
-    text = survivor_text(result)
     outcome = entry.outcome
     ends = f"{moment(outcome.sim_time)} simulated" if outcome is not None and outcome.sim_time is not None else ""
-    return element(
-        "article",
-        element(
-            "header",
-            element("p", "Nothing noticed this", class_="status inconclusive"),
-            element("h2", entry.name, id=f"{entry.identity}-name"),
-            about,
-            element("p", ends, class_="faint") if ends else "",
-        ),
-        element(
-            "div",
-            element(
-                "section",
-                element("p", text, class_="what"),
-                _suggestion(result.suggestion, [result]),
-                class_="reason inconclusive",
-            ),
-            class_="reasons",
-        ),
+    status = element("p", "Nothing noticed this", class_="status inconclusive")
+    body = (
+        reasons([reason("inconclusive", Html(""), survivor_text(result), _suggestion(result.suggestion, [result]))]),
         element("h3", f"With the fault: {result.words}"),
         element("div", still, class_="stage"),
-        id=entry.identity,
-        class_="scenario survivor",
-        aria_labelledby=f"{entry.identity}-name",
+    )
+    return article(
+        entry.identity,
+        "survivor",
+        (status, heading(entry.identity, entry.name), about, faint(ends)),
+        Html("".join(body)),
     )

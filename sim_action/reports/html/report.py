@@ -19,7 +19,7 @@ from sim_action.reports.html.gate_article import GroupPlace, gate_article, varia
 from sim_action.reports.html.ghosts import Ghost, GhostSources
 from sim_action.reports.html.navigation import PageEntry, PagePlan, planned_page, scenario_list
 from sim_action.reports.html.replay_blocks import ReplayBlocks, packed, page_json, replay_id, stored_replay
-from sim_action.reports.html.scenario_article import article, drawn, first_seen
+from sim_action.reports.html.scenario_article import drawn, first_seen, run_article
 from sim_action.reports.html.sweep import sweep
 from sim_action.reports.html.top_view import RunLook, SceneOutlines, small_path
 from sim_action.reports.scenario_groups import grouped_scenarios
@@ -112,7 +112,7 @@ def _run_articles(
         since = ghosts.since(identity, outcome, replay)
         gate = plan.gates.get((outcome.file, outcome.gate), "")
         articles[identity] = encoded(
-            article(identity, outcome, results, options, still, gate=gate, replay=recorded, since=since)
+            run_article(identity, outcome, results, options, still, gate=gate, replay=recorded, since=since)
         )
     ghosts.settle(blocks)
     return articles, looks

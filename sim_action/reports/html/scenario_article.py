@@ -21,7 +21,20 @@ from sim_action.reports.formatting import (
     speed_text,
     user_output,
 )
-from sim_action.reports.html.document import Html, element, joined
+from sim_action.reports.html.document import (
+    Html,
+    article,
+    bullets,
+    element,
+    faint,
+    heading,
+    joined,
+    reason,
+    reasons,
+    table,
+    titled,
+    values,
+)
 from sim_action.reports.html.top_view import SceneOutlines, drawing
 from sim_action.reports.links import file_and_line, rerun_command, source_url
 from sim_action.reports.statuses import INFORMATION, STATUS_DISPLAYS
@@ -31,7 +44,7 @@ from sim_action.state.verdict import Verdict
 from sim_action.world.claims import AuditWarning
 
 
-def article(
+def run_article(
     identity: str,
     outcome: Outcome,
     results: Results,
@@ -55,28 +68,22 @@ def article(
         since: what changed since an earlier run.
     """
     kind = outcome.display_status
-    return element(
-        "article",
-        element(
-            "header",
-            status_line(kind, STATUS_DISPLAYS[kind].headline),
-            _gate_line(outcome, gate) if outcome.is_sample else "",
-            element("h2", one_line(outcome.name), id=f"{identity}-name"),
-            element("p", _origin_line(outcome, options), class_="faint"),
-            element("p", since, class_="since") if since else "",
-        ),
-        joined(
-            reasons(outcome, options, {} if replay is None else first_seen(replay)),
-            element("div", still, class_="stage"),
-            "" if replay is None else sightings(replay),
-            expectations(outcome, options),
-            measurements(outcome),
-            details(outcome, results, options),
-        ),
-        id=identity,
-        class_=f"scenario {kind}{' sample' if outcome.is_sample else ''}",
-        aria_labelledby=f"{identity}-name",
+    header = (
+        status_line(kind, STATUS_DISPLAYS[kind].headline),
+        _gate_line(outcome, gate) if outcome.is_sample else "",
+        heading(identity, one_line(outcome.name)),
+        element("p", _origin_line(outcome, options), class_="faint"),
+        element("p", since, class_="since") if since else "",
     )
+    body = joined(
+        run_reasons(outcome, options, {} if replay is None else first_seen(replay)),
+        element("div", still, class_="stage"),
+        "" if replay is None else sightings(replay),
+        expectations(outcome, options),
+        measurements(outcome),
+        details(outcome, results, options),
+    )
+    return article(identity, f"{kind}{' sample' if outcome.is_sample else ''}", header, body)
 
 
 def status_line(kind: DisplayStatus, words: str) -> Html:
@@ -93,17 +100,8 @@ def _gate_line(outcome: Outcome, gate: str) -> Html:
 def _origin_line(outcome: Outcome, options: ReportOptions) -> Html:
     """Return the line with the place in the scenario file, sim time, speed and engine."""
     simulated = f"{moment(outcome.sim_time)} simulated" if outcome.sim_time is not None else ""
-    told = [
-        element("span", part)
-        for part in (
-            source(outcome.location, options),
-            simulated,
-            speed_text(outcome.real_time_factor),
-            outcome.engine or "",
-        )
-        if part
-    ]
-    return Html(" · ".join(told))
+    parts = (source(outcome.location, options), simulated, speed_text(outcome.real_time_factor), outcome.engine or "")
+    return Html(" · ".join(element("span", part) for part in parts if part))
 
 
 def drawn(replay: Replay, outcome: Outcome, outlines: SceneOutlines) -> Html:
@@ -118,22 +116,22 @@ _MAX_WARNINGS = 100
 _MAX_MEASUREMENTS = 100
 
 
-def reasons(outcome: Outcome, options: ReportOptions, seen: Mapping[str, SightingData]) -> Html:
+def run_reasons(outcome: Outcome, options: ReportOptions, seen: Mapping[str, SightingData]) -> Html:
     """Return the reasons why a scenario did not pass, with measured value, limit, time and missing margin.
 
     `seen`: name of a body -> its first sighting.
     """
-    told = failure_sections(outcome, options)
-    told += [_missed_section(expected, seen.get(expected.verdict.body)) for expected in outcome.not_passed]
-    told += [_warning_section(warning, options) for warning in outcome.warnings[:_MAX_WARNINGS]]
-    return element("div", joined(*told), class_="reasons") if told else Html("")
+    sections = failure_sections(outcome, options)
+    sections += [_missed_section(expected, seen.get(expected.verdict.body)) for expected in outcome.not_passed]
+    sections += [_warning_section(warning, options) for warning in outcome.warnings[:_MAX_WARNINGS]]
+    return reasons(sections)
 
 
 def failure_sections(outcome: Outcome, options: ReportOptions) -> list[Html]:
     """Return the reasons why there is no verdict."""
-    told = [_failure_section(failure, options) for failure in outcome.failures[:_MAX_FAILURES]]
+    sections = [_failure_section(failure, options) for failure in outcome.failures[:_MAX_FAILURES]]
     left = len(outcome.failures) - _MAX_FAILURES
-    return [*told, element("p", f"{left} more errors are in results.json.", class_="faint")] if left > 0 else told
+    return [*sections, faint(f"{left} more errors are in results.json.")] if left > 0 else sections
 
 
 def status_mark(status: DisplayStatus, *, neutral: bool = False) -> Html:
@@ -147,22 +145,18 @@ def expectations(outcome: Outcome, options: ReportOptions) -> Html:
     """Return the table of all expectations in the order of the scenario file."""
     if not outcome.expectations:
         return Html("")
-    head = element("tr", element("td"), *(element("th", title, scope="col") for title in ("Expectation", *_NUMBERS)))
-    rows = [_expectation_row(expected, options) for expected in outcome.expectations]
-    table = element("table", element("thead", head), element("tbody", joined(*rows)))
-    return joined(element("h3", "Expectations"), element("div", table, class_="wide"))
+    rows = joined(*(_expectation_row(expected, options) for expected in outcome.expectations))
+    return titled("Expectations", table(("Expectation", *_NUMBERS), rows))
 
 
 def measurements(outcome: Outcome) -> Html:
     """Return the values that were measured without a limit; empty if there are none."""
-    if not outcome.measurements:
-        return Html("")
     mark = element("span", INFORMATION.symbol, class_="mark", role="img", aria_label=INFORMATION.word)
     items = [
         element("li", mark, " ", each.message, " ", _moment_link(each.time))
         for each in outcome.measurements[:_MAX_MEASUREMENTS]
     ]
-    return joined(element("h3", INFORMATION.headline), element("ul", *items, class_="remarks measured"))
+    return titled(INFORMATION.headline, bullets(items, "measured"))
 
 
 def _moment_link(time: float | None) -> Html:
@@ -170,44 +164,33 @@ def _moment_link(time: float | None) -> Html:
 
 
 def _failure_section(failure: Failure, options: ReportOptions) -> Html:
-    return element(
-        "section",
+    return reason(
+        "failed",
         element("h3", failure.title),
-        element("p", failure.message, class_="what"),
-        named_figures({"at": _moment_link(failure.time)}),
-        element("p", source(failure.location, options), class_="faint") if failure.location else "",
+        failure.message,
+        values([("at", _moment_link(failure.time))], "figures"),
+        faint(source(failure.location, options)),
         element("pre", failure.details) if failure.details.strip() else "",
-        class_="reason failed",
     )
 
 
 def _missed_section(expected: ExpectationOutcome, seen: SightingData | None) -> Html:
     verdict = expected.verdict
     word = STATUS_DISPLAYS[expected.status].word
-    cut = (
-        f"It counts as {word}: another expectation ended the run before this one was decided."
-        if verdict.cut_off
-        else ""
-    )
-    return element(
-        "section",
+    cut = f"It counts as {word}: another expectation ended the run before this one was decided."
+    return reason(
+        "cut" if verdict.cut_off else expected.status,
         element("h3", expected.name, element("small", " · a warning") if expected.warned else ""),
-        element("p", verdict.message or "It did not hold.", class_="what"),
+        verdict.message or "It did not hold.",
         _figures(verdict),
-        element("p", cut, class_="faint") if cut else "",
-        element("p", first_seen_words(seen), class_="faint") if seen is not None else "",
-        class_=f"reason {'cut' if verdict.cut_off else expected.status}",
+        faint(cut if verdict.cut_off else ""),
+        faint("" if seen is None else first_seen_words(seen)),
     )
 
 
 def _warning_section(warning: AuditWarning, options: ReportOptions) -> Html:
-    return element(
-        "section",
-        element("h3", warning.rule, element("small", " · a warning")),
-        element("p", warning.message, class_="what"),
-        element("p", source(warning.location, options), class_="faint"),
-        class_="reason warned",
-    )
+    title = element("h3", warning.rule, element("small", " · a warning"))
+    return reason("warned", title, warning.message, faint(source(warning.location, options)))
 
 
 def _figures(verdict: Verdict) -> Html:
@@ -216,13 +199,8 @@ def _figures(verdict: Verdict) -> Html:
     # The number of contacts above a limit of zero repeats the measured value.
     margin = 0.0 if verdict.margin is None or verdict.unit == "contacts" else verdict.margin
     missed = units.display(-margin, verdict.unit) if margin < 0 else ""
-    return named_figures({"measured": measured, "limit": limit, "missed by": missed, "at": _moment_link(verdict.time)})
-
-
-def named_figures(named: Mapping[str, str]) -> Html:
-    """Return a list of the label and value pairs with a value."""
-    told = [element("div", element("dt", name), element("dd", value)) for name, value in named.items() if value]
-    return element("dl", *told, class_="figures") if told else Html("")
+    named = {"measured": measured, "limit": limit, "missed by": missed, "at": _moment_link(verdict.time)}
+    return values(named.items(), "figures")
 
 
 def _expectation_row(expected: ExpectationOutcome, options: ReportOptions) -> Html:
@@ -264,29 +242,24 @@ def details(outcome: Outcome, results: Results, options: ReportOptions) -> Html:
 
 
 def _again(outcome: Outcome, options: ReportOptions) -> Html:
-    told = rerun_command(outcome, options)
-    if not told:
-        return Html("")
-    shown = element("pre", element("code", told))
-    return joined(element("h3", "Run it again"), element("div", shown, class_="command"))
+    command = rerun_command(outcome, options)
+    return titled(
+        "Run it again", element("div", element("pre", element("code", command)), class_="command") if command else ""
+    )
 
 
 def _said(title: str, remarks: Sequence[tuple[str, str]]) -> Html:
-    if not remarks:
-        return Html("")
     items = [
         element("li", element("b", level, " ") if level != "note" else "", message)
         for level, message in remarks[:_MAX_LINES]
     ]
     left = len(remarks) - _MAX_LINES
     more = [element("li", f"{left} more are in results.json.")] if left > 0 else []
-    return joined(element("h3", title), element("ul", *items, *more, class_="remarks"))
+    return titled(title, bullets([*items, *more]))
 
 
 def _printed(output: str) -> Html:
-    if not output.strip():
-        return Html("")
-    return joined(element("h3", "Output of your code"), element("pre", output, tabindex="0"))
+    return titled("Output of your code", element("pre", output, tabindex="0") if output.strip() else "")
 
 
 def _wall_time(outcome: Outcome) -> str:
@@ -316,8 +289,7 @@ def _facts(outcome: Outcome, results: Results) -> Html:
         "trace": outcome.trace or "",
         "recordings": ", ".join(outcome.recordings),
     }
-    told = [element("div", element("dt", name), element("dd", value)) for name, value in named.items() if value]
-    return joined(element("h3", "Run details"), element("dl", *told, class_="facts"))
+    return titled("Run details", values(named.items(), "facts"))
 
 
 def source(location: Location | None, options: ReportOptions) -> Html:
@@ -340,9 +312,7 @@ def sightings(replay: Replay) -> Html:
         names = ", ".join(one_line(name) for name in replay.unread)
         key = element("code", "trace: true")
         items.append(element("li", f"{_NOT_READ}: {names}. Add ", key, " to a sensor to see here what it measures."))
-    if not items:
-        return Html("")
-    return joined(element("h3", "What the sensors saw"), element("ul", *items, class_="remarks sightings"))
+    return titled("What the sensors saw", bullets(items, "sightings"))
 
 
 def first_seen(replay: Replay) -> dict[str, SightingData]:

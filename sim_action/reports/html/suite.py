@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final, TypeAlias
 from sim_action.core.wording import counted, shortened
 from sim_action.reports.escaping import one_line
 from sim_action.reports.formatting import moment, quantity
-from sim_action.reports.html.document import Html, element, joined
+from sim_action.reports.html.document import Html, article, bullets, element, heading, joined, table, titled
 from sim_action.reports.html.navigation import PagePlan
 from sim_action.reports.html.scenario_article import first_seen_words, status_mark
 from sim_action.reports.html.sweep import parameters
@@ -51,20 +51,13 @@ def suite_article(plan: PagePlan, looks: Mapping[int, RunLook], changes: Mapping
         looks: `id()` of an outcome -> what its replay shows.
         changes: `id()` of an outcome -> its change; empty: the table has no column for changes.
     """
-    table = _SuiteTable(plan, looks, changes)
-    return element(
-        "article",
-        element("header", element("h2", "All scenarios", id="suite-name")),
-        joined(
-            _status_counts(plan.groups),
-            alike(plan.groups, plan.ids, looks, changes),
-            table.drawn(),
-            element("p", _LEGEND, class_="faint legend-of-bars"),
-        ),
-        id="suite",
-        class_=f"scenario suite{' changed' if changes else ''}",
-        aria_labelledby="suite-name",
+    body = joined(
+        _status_counts(plan.groups),
+        alike(plan.groups, plan.ids, looks, changes),
+        _SuiteTable(plan, looks, changes).drawn(),
+        element("p", _LEGEND, class_="faint legend-of-bars"),
     )
+    return article("suite", f"suite{' changed' if changes else ''}", [heading("suite", "All scenarios")], body)
 
 
 _LEGEND: Final = (
@@ -190,8 +183,7 @@ class _SuiteTable:
 
     def _fold(self, group: ScenarioGroup, runs: list[Outcome]) -> Html:
         words = counted(len(group.outcomes), "variation" if group.gate is None and not group.is_part else "run")
-        table = runs_table(group, runs, self._plan.ids, self._paths)
-        fold = element("details", element("summary", words), table)
+        fold = element("details", element("summary", words), runs_table(group, runs, self._plan.ids, self._paths))
         return element("tr", element("td", fold, colspan=7 if self._changes else 6), class_="fold")
 
 
@@ -325,7 +317,6 @@ def runs_table(
     numbers = {id(run): number for number, run in enumerate(group.outcomes)}
     longest = max(run.wall_time for run in group.outcomes)
     titles = ("Run", *(column.label for column in columns), "Nearest limit", "Sim time", "Wall time", "Path")
-    head = element("tr", element("td"), *(element("th", title, scope="col") for title in titles))
     rows = []
     for run in runs:
         number = numbers[id(run)]
@@ -345,8 +336,7 @@ def runs_table(
                 element("td", paths.get(id(run), ""), class_="path"),
             )
         )
-    table = element("table", element("thead", head), element("tbody", joined(*rows)))
-    return element("div", table, class_="wide runs")
+    return table(titles, joined(*rows), around="wide runs")
 
 
 _Failed: TypeAlias = tuple[Outcome, ExpectationOutcome]
@@ -377,10 +367,8 @@ def alike(
     # Variations of one scenario stand together in the table.
     several = [failures for failures in kinds.values() if len(_scenarios(failures)) > 1]
     several.sort(key=len, reverse=True)
-    if not several:
-        return Html("")
     items = [_item(failures, ids, looks, _shared(failures, changes)) for failures in several[:_MAX_KINDS]]
-    return joined(element("h3", "Failures that look alike"), element("ul", *items, class_="remarks alike"))
+    return titled("Failures that look alike", bullets(items, "alike"))
 
 
 def _failures(groups: Iterable[ScenarioGroup]) -> Iterator[_Failed]:
